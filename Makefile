@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 export OPENBLAS_NUM_THREADS ?= 1
 # Processes of the tests: one more than cores, as some tests wait for most of their time.
 JOBS ?= $(shell expr $$(nproc) + 1)
-# They share what one of them compiled.
+# The processes share compiled bytecode.
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup demo test fast check docs release screenshots bench chaos world clean
@@ -34,7 +34,7 @@ check: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# This manual as build/docs/index.html, with the tutorials run; no network, and no warning.
+# This manual as build/docs/index.html, with the tutorials run; without network, and every warning is an error.
 docs: $(READY)
 	rm -rf build/docs
 	$(BIN)/python -m sphinx -W --keep-going -b html docs build/docs

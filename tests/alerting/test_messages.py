@@ -41,7 +41,7 @@ def test_message() -> None:
         "Cause: front_left.spring",
         "State: unacknowledged",
         "Severity: 700 of 1000 (high)",
-        "Raised: 2023-11-14T22:13:20Z (time 1)",
+        "Raised: 2023-11-14T22:13:20Z (occurrence 1)",
     ]
     assert (message.vehicle, message.what, message.severity, message.time) == ("car", "raised", 700, TIME)
     assert message.document["schema"] == "sprung.alert/1"

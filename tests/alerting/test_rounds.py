@@ -83,7 +83,7 @@ def test_shelves_end_before_the_round(all_active) -> None:
 
 
 def test_a_round_is_of_one_vehicle(all_active) -> None:
-    with pytest.raises(ParameterError, match="but this one of car, van: assess each alone"):
+    with pytest.raises(ParameterError, match="this one car, van: assess each separately"):
         play(all_active, [report("silent", vehicle="van")])
 
 

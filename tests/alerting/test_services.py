@@ -58,7 +58,7 @@ def test_subject_text_and_kind_arrive(service, what, severity, kind) -> None:
 def test_a_service_that_refuses_is_named_without_its_secret(service) -> None:
     handler, url = service
     handler.status = 500
-    with pytest.raises(SendError, match="the service json did not take the notification") as caught:
+    with pytest.raises(SendError, match="the service json did not accept the notification") as caught:
         ServiceSender(url.replace("json://", "json://user:secret@")).send(trial_message(0))
     assert "secret" not in str(caught.value)
 

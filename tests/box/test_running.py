@@ -161,5 +161,5 @@ def test_a_box_that_is_stopped_names_its_losses():
     stopping.set()
     assert send_live(box, blocks(1), stopping=stopping, on_problem=problems.append) is None
     assert [problem.partition(" as ")[0] for problem in problems] == [
-        "1 frames were dropped before the monitor had acknowledged them,"
+        "1 frame was dropped before the monitor had acknowledged them,"
     ]

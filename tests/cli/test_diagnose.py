@@ -177,4 +177,4 @@ def test_baseline_is_json(drives, baseline):
 
 
 def test_help_states_the_least_number_of_windows(sprung):
-    assert f"Least number of usable windows ({LEAST_WINDOWS};" in " ".join(sprung("baseline", "--help").out.split())
+    assert f"Minimum number of usable windows ({LEAST_WINDOWS};" in " ".join(sprung("baseline", "--help").out.split())

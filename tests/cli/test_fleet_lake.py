@@ -148,7 +148,7 @@ def test_windows_come_out_as_they_went_in(sprung, runs, tmp_path) -> None:
     assert imported(sprung, *paths, "--lake", lake).document()["vehicles"][0]["added"] == 0
     since = sprung("fleet", "archive", lake, "--export", tmp_path / "new", "--since", "2026-01-02")
     assert since.code == 2
-    assert "holds no window in that period" in since.err
+    assert "contains no window in that period" in since.err
 
 
 def test_facts_compaction_and_retention(sprung, runs, tmp_path) -> None:
@@ -171,7 +171,7 @@ def test_what_is_no_lake_is_refused(sprung, tmp_path) -> None:
     assert outcome.code == 3
     assert "holds no table: give the folder of a lake" in outcome.err
     outcome = sprung("fleet", "archive", tmp_path, "--since", "2026-01-01")
-    assert "give --export DIR, too" in outcome.err
+    assert "add --export DIR" in outcome.err
     damaged = tmp_path / "lake" / "_delta_log"
     damaged.mkdir(parents=True)
     (damaged / f"{0:020}.json").write_text("{")

@@ -262,7 +262,7 @@ def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
         (("replay", "none.csv", "--vehicle-id", "a/b", "--vehicle", "zafira"), "not a valid name"),
         (
             ("replay", "drive.csv", "--vehicle-id", "a", "--vehicle", "zafira", "--broker", "mqtt://127.0.0.1:1"),
-            "cannot be reached: connection refused",
+            "cannot be reached (connection refused)",
         ),
         (("replay", "none.csv", "--vehicle-id", "a", "--vehicle", "zafira"), "none.csv"),
         (("replay", "drive.csv", "--vehicle-id", "a", "--vehicle", "zafira", "--start", "noon"), "is not a time"),

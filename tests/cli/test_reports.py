@@ -121,7 +121,7 @@ def test_report_must_be_a_file_of_its_own(sprung, chain, tmp_path) -> None:
     for path, message in (
         (chain, "--report"),
         (tmp_path, "is a folder"),
-        (tmp_path / "none" / "r.html", "there is no folder"),
+        (tmp_path / "none" / "r.html", "does not exist: create it"),
     ):
         outcome = sprung("identify", chain, "--report", path)
         assert outcome.code == 2

@@ -1,4 +1,4 @@
-"""Services end in good order on a signal, and within a stated time whatever hangs."""
+"""Services stop cleanly on a signal, and within a stated time whatever hangs."""
 
 import os
 import signal
@@ -42,7 +42,7 @@ def ended(within, *, is_sound):
 def test_a_service_that_hangs_ends_with_its_children() -> None:
     status, log, child = ended(0.2, is_sound=False)
     assert status == 1
-    assert "not stopped in good order within 0.2 s, as the store or a disk does not answer: ended" in log
+    assert "no clean stop within 0.2 s, as the store or a disk does not answer: process ended" in log
     with pytest.raises(ProcessLookupError):
         os.kill(child, 0)
 

@@ -146,7 +146,7 @@ def _windows(generator: np.random.Generator, story: Story, now: int) -> list[Obs
         if k % 23 == 7:
             conditions = {"speed": 1.0, "standing": 0.8, "temperature": 9.0}
             nothing = np.zeros(0), np.zeros((0, 0))
-            reason = "the vehicle stood for 80 % of the time"
+            reason = "the vehicle stood still for 80 % of the time"
             windows.append(Observation(time, (), *nothing, conditions, {}, (), reason))
             continue
         share = min(1.0, 0.85 + 0.15 * (time - onset) / (present - onset)) if story.onset else 1.0

@@ -26,7 +26,7 @@ def test_after_a_repair_one_form_closes_an_alert(serve, visit) -> None:
     row = monitor.store.alerts.row(number)
     assert (row.is_active, row.is_acknowledged) == (False, True)
     page.goto("/alerts")
-    expect(page.locator(".precision")).to_contain_text("Of 13 alerts that the workshop looked at, 12 were right")
+    expect(page.locator(".precision")).to_contain_text("Of 13 alerts inspected by the workshop, 12 were right")
     expect(page.locator("#alert-list")).not_to_contain_text(depot.SOFT)
 
 
@@ -66,7 +66,7 @@ def test_an_alert_appears_without_a_reload(serve, visit) -> None:
     for page in pages:
         expect(page.get_by_text("tyre 40 % (37 to 43 %) softer").first).to_be_visible(timeout=30_000)
         assert page.evaluate("window.isTheSame")
-    expect(pages[0].get_by_role("heading", level=1)).to_contain_text("3 of 214 vehicles need someone today.")
+    expect(pages[0].get_by_role("heading", level=1)).to_contain_text("3 of 214 vehicles need attention today.")
 
 
 def test_log_in_and_out(serve, visit, watch) -> None:
@@ -77,7 +77,7 @@ def test_log_in_and_out(serve, visit, watch) -> None:
     page.get_by_label("Name").fill("Eve")
     page.get_by_label("Password").fill("wrong password")
     page.get_by_role("button", name="Log in").click()
-    expect(page.get_by_role("alert")).to_contain_text("name or password are wrong")
+    expect(page.get_by_role("alert")).to_contain_text("name or password is wrong")
     expect(page.get_by_label("Name")).to_have_value("Eve")
     page.get_by_label("Password").fill(PASSWORD)
     page.get_by_role("button", name="Log in").click()
@@ -95,7 +95,7 @@ def test_a_viewer_cannot_act(serve, visit, watch) -> None:
     page = visit(monitor, role="viewer")
     page.goto(f"/alerts/{number}")
     expect(page.locator("main form")).to_have_count(0)
-    expect(page.locator(".acts")).to_contain_text("Engineers act on it.")
+    expect(page.locator(".acts")).to_contain_text("Actions on it require the role engineer.")
     mark = page.evaluate("document.body.dataset.mark")
     forged = {"_mark": mark, "comment": "forged"}
     assert page.request.post(f"/alerts/{number}/acknowledge", form=forged).status == 403
@@ -137,13 +137,13 @@ def test_pages_work_without_scripts(serve, visit) -> None:
     expect(page.locator("tbody tr")).to_have_count(10)
     page.get_by_role("link", name=depot.SOFT, exact=True).click()
     expect(page.get_by_role("row", name=re.compile("front left spring")).first).to_contain_text("−4")
-    expect(page.get_by_text("The charts need scripts")).to_be_visible()
+    expect(page.get_by_text("The charts need JavaScript")).to_be_visible()
     page.get_by_role("link", name=re.compile("evidence, acknowledge, verdict")).click()
     page.locator(".quick").get_by_label("Comment").fill("no scripts here")
     page.get_by_role("button", name="Acknowledge").click()
     expect(page.locator("#alert-history")).to_contain_text("no scripts here")
     page.locator("summary", has_text="Assign").click()
-    page.get_by_label("To whom").fill("Bert")
+    page.get_by_label("Assignee").fill("Bert")
     page.get_by_role("button", name="Assign").click()
     expect(page.locator("#alert-head")).to_contain_text("Bert")
 

@@ -48,12 +48,12 @@ def free_port():
 REFUSED = ConnectionRefusedError(111, "Connection refused")
 NO_HOST = socket.gaierror(socket.EAI_NONAME, "Name or service not known")
 ERRORS = [
-    (NO_HOST, "unknown host: correct its name"),
-    (socket.gaierror(socket.EAI_AGAIN, "Temporary failure"), "its name cannot be resolved: check the name"),
-    (REFUSED, "connection refused: check that the broker is running on that port"),
-    (TimeoutError("timed out"), "the attempt timed out: check that its machine is on"),
-    (ssl.SSLError("WRONG_VERSION_NUMBER"), "TLS failed: .*: check ca, cert and key"),
-    (OSError(113, "No route to host"), "No route to host: check that it runs there"),
+    (NO_HOST, r"\(unknown host\): correct its name"),
+    (socket.gaierror(socket.EAI_AGAIN, "Temporary failure"), r"\(its name cannot be resolved\): check the name"),
+    (REFUSED, r"\(connection refused\): check that the broker is running on that port"),
+    (TimeoutError("timed out"), r"\(the attempt timed out\): check that its machine is on"),
+    (ssl.SSLError("WRONG_VERSION_NUMBER"), r"\(TLS failed: .*\): check ca, cert and key"),
+    (OSError(113, "No route to host"), r"\(No route to host\): check that it runs there"),
 ]
 
 
@@ -63,7 +63,7 @@ def test_each_cause_is_named_apart(made, monkeypatch: pytest.MonkeyPatch, error,
         raise error
 
     monkeypatch.setattr(socket, "create_connection", fail)
-    with pytest.raises(LinkError, match=f"^the broker mqtt://broker.example:1883 cannot be reached: {sentence}"):
+    with pytest.raises(LinkError, match=f"^the broker mqtt://broker.example:1883 cannot be reached {sentence}"):
         made("mqtt://broker.example").open(timeout=0.5)
 
 
@@ -80,7 +80,7 @@ def test_what_a_second_attempt_would_not_change_is_not_waited_for(made, monkeypa
 
 
 def test_refusal_of_a_real_port(made, free_port) -> None:
-    with pytest.raises(LinkError, match=f"127.0.0.1:{free_port} cannot be reached: connection refused"):
+    with pytest.raises(LinkError, match=rf"127.0.0.1:{free_port} cannot be reached \(connection refused\)"):
         made(f"mqtt://127.0.0.1:{free_port}").open(timeout=30.0)
 
 
@@ -107,7 +107,7 @@ def test_patience_has_an_end(made, free_port) -> None:
 def test_one_who_listens_and_says_nothing(made) -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
         link = made(f"mqtt://127.0.0.1:{mute.getsockname()[1]}")
-        with pytest.raises(LinkError, match="cannot be reached: no answer: check that it runs there"):
+        with pytest.raises(LinkError, match=r"cannot be reached \(no answer\): check that it runs there"):
             link.open(timeout=0.5)
 
 

@@ -71,7 +71,9 @@ def test_a_port_in_use_is_refused() -> None:
         one.bind(("127.0.0.1", 0))
         one.listen()
         port = one.getsockname()[1]
-        with pytest.raises(LinkError, match=rf"cannot listen at 127.0.0.1:{port}: .*: stop the program that listens"):
+        with pytest.raises(
+            LinkError, match=rf"cannot listen at 127.0.0.1:{port} \(.*\): stop the program that listens"
+        ):
             EmbeddedBroker("secret", port=port).open()
 
 

@@ -253,7 +253,7 @@ def test_a_vehicle_that_begins_anew_keeps_its_frames(dispatch, workers, store) -
     assert store.aside.find("car-1")[0].payload == b"of a newer program"
     (row,) = store.alerts.find(vehicle="car-1")
     assert row.cause == "monitor:state"
-    assert "it fails; monitoring begins anew with the baseline and the windows in the store" in row.text
+    assert "it fails; monitoring starts again from the baseline and the windows in the store" in row.text
     dispatch.give()
     opening = workers.opened["car-1"]
     assert (opening.state, opening.history.n_windows) == (None, 1)
@@ -279,7 +279,7 @@ def test_a_vehicle_that_cannot_be_opened_waits_longer_each_time(dispatch, worker
     assert times == [0.0, 0.5, 1.5, 3.5, 7.5, 15.5, 31.5, 63.5, 127.5, 255.5, 511.5, 811.5, 1111.5]
     assert aside(store) == []
     (row,) = store.alerts.find(vehicle="car-1")
-    assert (row.cause, row.text) == ("monitor:opening", "its frames wait, as it cannot be analysed: it fails")
+    assert (row.cause, row.text) == ("monitor:opening", "frames wait, as the vehicle cannot be opened: it fails")
     describe(store, "car-1", "another text")
     dispatch.describe("car-1")
     assert dispatch.give() == 1

@@ -175,7 +175,7 @@ def test_it_goes_on_from_its_state(car, drive, alike) -> None:
             assert alike(first, second)
     assert through.diagnosis is not None
     assert through.diagnosis.findings
-    with pytest.raises(ParameterError, match="start anew"):
+    with pytest.raises(ParameterError, match="start from scratch"):
         VehicleMonitor.from_state(car, {"schema": "other"})
     with pytest.raises(ParameterError, match="incomplete or invalid"):
         VehicleMonitor.from_state(car, {"schema": "sprung.vehicle-monitor/1"})
@@ -263,7 +263,7 @@ def test_a_recording_that_is_replayed_teaches_once(car, drive) -> None:
 @pytest.mark.parametrize(
     ("channel", "level", "note"),
     [
-        ("speed", 1e-3, "the vehicle stood for 100 % of the time"),
+        ("speed", 1e-3, "the vehicle stood still for 100 % of the time"),
         ("acc_fl", 1.0, "sensor acc_fl is dead: stays at 0 for 100 % of the time"),
     ],
 )

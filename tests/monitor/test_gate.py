@@ -28,7 +28,7 @@ def test_closed_for_two_seconds_after_an_error(gate, seconds) -> None:
 
 def test_open_after_a_vehicle_was_left_to_another_monitor(gate) -> None:
     def lose() -> None:
-        raise LeaseLostError("car-1 is left to another monitor")
+        raise LeaseLostError("car-1 was taken over by another monitor")
 
     assert gate.guard(lose) is None
     assert (gate.is_open, gate.trouble) == (True, "")

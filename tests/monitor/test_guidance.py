@@ -14,12 +14,12 @@ def said(n_vehicles=0, **site):
 def test_a_monitor_without_settings() -> None:
     settings = Site()
     assert start_in_words(settings, Address("127.0.0.1", 1883), http=settings.http_address, n_vehicles=0) == [
-        "boxes reach this monitor at mqtt://127.0.0.1:1883 (own broker, for programs of this user only)",
+        "boxes reach this monitor at mqtt://127.0.0.1:1883 (embedded, for programs of this user only)",
         "pages: http://127.0.0.1:8737/; no log-in is needed on this machine until there is an account (sprung accounts "
         "add)",
         "interface: http://127.0.0.1:8737/api, health: http://127.0.0.1:8737/health, figures for Prometheus: "
         "http://127.0.0.1:8737/metrics",
-        "store: sqlite:///sprung-data/sprung.sqlite; samples of the last 2 days: sprung-data/raw",
+        "store: sqlite:///sprung-data/sprung.sqlite; samples of the last 2 days in sprung-data/raw",
         "alerts go to this log and to MQTT only: add [[send.mail]] or [[send.webhook]] to the site file",
         "next: connect a box (sprung box --help), or replay a recording: sprung replay FILE --vehicle-id ID "
         "--vehicle V.toml --broker mqtt://127.0.0.1:1883; then sprung vehicles shows the progress",

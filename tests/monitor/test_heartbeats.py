@@ -28,8 +28,8 @@ def test_a_loop_that_turns_is_no_trouble(heartbeats, seconds) -> None:
 
 def test_loops_that_stand_still_are_named_with_the_time(heartbeats, seconds) -> None:
     seconds[0] += 16.0
-    assert heartbeats.troubles == ["the loop stands still: restart it (for 16 s)"]
+    assert heartbeats.troubles == ["the loop stands still: restart it (last pass 16 s ago)"]
     seconds[0] += 300.0
     assert len(heartbeats.troubles) == 2
     heartbeats.beat("station")
-    assert heartbeats.troubles == ["no notification is sent (for 316 s)"]
+    assert heartbeats.troubles == ["no notification is sent (last pass 316 s ago)"]

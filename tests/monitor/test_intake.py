@@ -269,8 +269,8 @@ def test_a_vehicle_has_at_most_a_thousand_boots_that_wait(intake, store, refusal
     intake.take([raw("car-1", boot, 0) for boot in range(1001)], now=0)
     assert refusals.counts == {("car-1", BOOTS): 1}
     assert caplog.messages == [
-        "messages on sprung/v1/car-1/raw are refused: boot 1000 of car-1, of which 1000 boots wait to be analysed: a "
-        "box must count its starts one by one, and send the oldest first"
+        "messages on sprung/v1/car-1/raw are refused: boot 1000 of car-1, while 1000 of its boots wait to be analysed: "
+        "a box must count its starts one by one, and send the oldest first"
     ]
     intake.take([state("car-1", [[2000, 1, 1]]), raw("car-1", 5, 1), raw("car-2", 1, 0)], now=0)
     assert refusals.counts == {("car-1", BOOTS): 2}

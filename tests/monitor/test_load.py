@@ -52,7 +52,8 @@ def test_health_says_that_the_loop_stands_still_though_it_hangs(bench) -> None:
     assert one.station.troubles() == []
     one.seconds += 16.0
     assert one.station.troubles() == [
-        "the loop of the monitor stands still: check its store and disk, restart it if it does not go on (for 16 s)"
+        "the main loop of the monitor has stopped: check its store and disk, restart it if it does not resume "
+        "(last pass 16 s ago)"
     ]
     assert one.station.figures()['sprung_heartbeat_age_seconds{loop="station"}'] == 16.0
     one.station.step()
@@ -104,7 +105,7 @@ def test_jobs_that_never_end_are_a_trouble(bench, drive, frames_of, monkeypatch:
     for _ in range(2):
         one.seconds += 120.5
         one.station.step()
-    assert one.station.troubles() == ["no job of the analysis ends: restart the monitor (for 241 s)"]
+    assert one.station.troubles() == ["no analysis job finishes: restart the monitor (last pass 241 s ago)"]
 
 
 def test_the_ages_of_the_last_message_and_window_are_figures(bench, drive, frames_of) -> None:

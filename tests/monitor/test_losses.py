@@ -107,7 +107,7 @@ def test_a_full_store_and_a_small_spool_are_a_loss_that_both_sides_name(lossy) -
     assert cursor.contiguous == 599
     assert 0 < cursor.lost <= loss.n_frames, "frames on the way when they were dropped have arrived"
     row = lost_alert(station)
-    assert row.text.startswith(f"{cursor.lost} frames of car-1, 2026-11-21 00:00 to 00:00 UTC, are lost: its box")
+    assert row.text.startswith(f"{cursor.lost} frames of car-1, 2026-11-21 00:00 to 00:00 UTC, are lost, as its box")
     assert row.document["evidence"] == {
         "frames": cursor.lost,
         "from": loss.begin,

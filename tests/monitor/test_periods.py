@@ -31,7 +31,7 @@ def test_what_is_no_time_is_refused(text) -> None:
 
 
 def test_a_period_ends_after_it_begins() -> None:
-    with pytest.raises(ParameterError, match="exchange since and until"):
+    with pytest.raises(ParameterError, match="swap since and until"):
         Period(NOON, NOON - 1)
 
 

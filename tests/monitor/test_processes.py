@@ -1,4 +1,4 @@
-"""Answers of a process that are too large, torn, or no outcome: the process is lost."""
+"""Answers of a process that are too large, truncated, or not an outcome: the process is lost."""
 
 import os
 import pickle
@@ -45,12 +45,12 @@ def test_an_answer_that_ends_midway_is_lost(pipe) -> None:
     there.close()
     found = received(here)
     assert isinstance(found, Lost)
-    assert "cannot be read" in found.reason
+    assert "unreadable" in found.reason
 
 
 @pytest.mark.parametrize(
     ("message", "words"),
-    [(b"no pickle", "cannot be read"), (pickle.dumps("text"), "no outcome"), (bytes(101), "cannot be read")],
+    [(b"no pickle", "unreadable"), (pickle.dumps("text"), "not an outcome"), (bytes(101), "unreadable")],
 )
 def test_what_is_no_outcome_is_lost(pipe, monkeypatch: pytest.MonkeyPatch, message, words) -> None:
     monkeypatch.setattr(processes, "_MOST_BYTES", 100)

@@ -34,7 +34,7 @@ def new_shards(postgresql_url):
 def test_shards_are_renewed_every_two_seconds_and_nothing_is_sent_after_the_patience(new_shards) -> None:
     made, seconds = new_shards
     own = made("a")
-    with pytest.raises(LeaseLostError, match="car-1 is left to another monitor"):
+    with pytest.raises(LeaseLostError, match="car-1 was taken over by another monitor"):
         own.fence("car-1")
     assert len(own.renew().gained) == 256
     assert own.holds("car-1")

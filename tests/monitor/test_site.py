@@ -166,7 +166,7 @@ def test_bad_files_are_refused_with_their_name(tmp_path: Path, content, message)
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     for path in (tmp_path / "site.toml", tmp_path):
-        with pytest.raises(ParameterError, match=r": (No such file|Is a dir).*: give the site file of the monitor"):
+        with pytest.raises(ParameterError, match=r"cannot be read \((No such file|Is a dir).*\): give the site"):
             read_site(path)
 
 

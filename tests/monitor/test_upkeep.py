@@ -160,7 +160,7 @@ def log(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch):
     logger.removeHandler(caplog.handler)
 
 
-AWAY = "the broker mqtt://broker:1883 cannot be reached: connection refused: check that it runs"
+AWAY = "the broker mqtt://broker:1883 cannot be reached (connection refused): check that it runs"
 
 
 def test_a_broker_that_is_away_is_logged_at_once_every_ten_minutes_and_when_it_is_back(bench, log) -> None:
@@ -210,7 +210,7 @@ def test_notifications_that_were_given_up_are_an_alert_until_that_sender_deliver
     again.look()
     sentence = own_alerts(again)["monitor:notifications"]
     assert sentence.startswith(
-        "notifications were given up after 20 attempts by mail 1: mail server away: correct [send]"
+        "notifications were given up after 20 attempts by mail 1: mail server away; correct [send]"
     )
     late = Delivery(1, sent=BEGUN + SECOND)
     again.store.alerts.put_delivery(1, "mail 1", late, senders=["mail 1"], now=BEGUN + SECOND)

@@ -114,7 +114,7 @@ def test_a_hanging_vehicle_is_stopped_and_tried_again_in_a_process_of_its_own(wo
     [
         ({"description": "kind = 1"}, [], ("vehicle file of car-1", Failure.VEHICLE)),
         ({"state": b"\xa0"}, [], ("schema", Failure.STATE)),
-        ({"history": History({"schema": "other"})}, [], ("start anew", Failure.STATE)),
+        ({"history": History({"schema": "other"})}, [], ("start from scratch", Failure.STATE)),
         ({}, [b"no frame at all"], ("checksum", Failure.FRAME)),
     ],
 )
@@ -152,7 +152,7 @@ def test_a_window_beyond_the_quota_is_refused_before_it_is_held(workers, opening
     found = outcome(some)
     assert (found.failure, found.n_consumed) == (Failure.QUOTA, 7)
     assert found.error.startswith(
-        "a window of 2 min of 5 channels at 200 Hz takes 1 MB, of at most 1 MB for a vehicle: send"
+        "a window of 2 min of 5 channels at 200 Hz takes 1 MB, more than the 1 MB allowed per vehicle: send"
     )
     some.submit("car-1", [])
     assert outcome(some).status.share == 0.0

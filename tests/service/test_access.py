@@ -255,7 +255,7 @@ def test_tokens_expire_and_are_revoked(serve, people, store) -> None:
     ("fields", "words"),
     [
         ({"name": ""}, "1 to 64 printable"),
-        ({"name": " eve"}, "without blanks"),
+        ({"name": " eve"}, "no blank at either end"),
         ({"name": "e\nve"}, "printable"),
         ({"role": "root"}, "role 'root' is unknown"),
         ({"password": "short"}, "10 to 200 characters"),

@@ -37,7 +37,7 @@ def send(client, mark, act, **fields):
 def test_a_list_of_alerts(log_in_page) -> None:
     client, _ = log_in_page("viewer")
     page = client.get("/alerts").text
-    assert "<h1>2 alerts wait for somebody.</h1>" in page
+    assert "<h1>2 alerts need attention.</h1>" in page
     assert '<a href="/alerts/1">front-left spring 20 % softer</a>' in page
     assert "bus-2" not in client.get("/alerts?vehicle=bus-1").text
     assert "No alert matches." in client.get("/alerts?state=shelved").text
@@ -49,7 +49,7 @@ def test_every_act_by_a_form(log_in_page, store) -> None:
         ("acknowledge", {"comment": "seen"}, "Acknowledged."),
         ("assign", {"assignee": "bert"}, "Assigned."),
         ("shelve", {"hours": "24", "comment": "part ordered"}, "Shelved"),
-        ("unshelve", {}, "Off the shelf."),
+        ("unshelve", {}, "No longer shelved."),
         ("comment", {"comment": "on its way"}, "Comment added."),
         ("close", {"comment": "it was a stone"}, "Cleared."),
     ]

@@ -142,7 +142,7 @@ def test_a_server_that_stops_ends_the_program(tmp_path) -> None:
     with pytest.raises(BusyError):
         desk.take(request)
     desk.close()
-    assert taken(desk, request).error in {"the server stops", "their process failed (exit code -9)"}
+    assert taken(desk, request).error in {"the server is stopping", "their process failed (exit code -9)"}
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ def send(admin):
 
 def test_an_account_is_added_changed_and_removed(send, store) -> None:
     text = send("/people/accounts", name="carl", role="viewer", password=PASSWORD).text
-    assert "The account is stored" in text
+    assert "The account is saved" in text
     assert '<th scope="row">carl</th>' in text
     password = store.accounts.find("carl").password
     assert "The role is changed" in send("/people/accounts/role", name="carl", role="engineer").text

@@ -124,7 +124,7 @@ def test_loops_that_stand_still_are_marked(client) -> None:
     loops = {each["name"]: (each["age"], each["limit"]) for each in client.get("/api/v1/site").json()["loops"]}
     assert loops == {"station": (0.5, 15.0), "analysis": (300.0, 240.0), "post mail 1": (2.0, 300.0)}
     text = client.get("/site", headers={"Accept": "text/html"}).text
-    assert text.count("stands still") == 1
+    assert text.count(" stopped</span>") == 1
     for words in (
         "12</td>",
         "123 kB</td>",
@@ -138,7 +138,7 @@ def test_loops_that_stand_still_are_marked(client) -> None:
 def test_healthy_site_says_so(serve) -> None:
     _, client = serve()
     text = client.get("/site", headers={"Accept": "text/html"}).text
-    assert "<h1>The monitor works: no trouble is known.</h1>" in text
+    assert "<h1>The monitor works: no problem is known.</h1>" in text
     assert "No monitor runs in this process" in text
 
 
@@ -149,7 +149,7 @@ def test_without_accounts_the_page_says_so_and_what_to_do(serve, people, store) 
         store.accounts.remove(name)
     for path in ("/site", "/people"):
         text = client.get(path, headers={"Accept": "text/html"}).text
-        assert "There are no accounts: the monitor answers this machine alone" in text
+        assert "There are no accounts: the monitor serves this machine only" in text
         assert "sprung accounts add NAME --role admin" in text
 
 
@@ -183,7 +183,7 @@ def test_a_certificate_is_shown_with_its_end(store, tmp_path: Path) -> None:
     (certificate,) = detail(NOW).certificates
     assert certificate.trouble == ""
     assert certificate.expires is not None
-    assert detail(NOW).sentence == "The monitor works: no trouble is known."
+    assert detail(NOW).sentence == "The monitor works: no problem is known."
     assert "expires at" in detail(certificate.expires - 1).troubles[0]
 
 

@@ -59,7 +59,7 @@ def windows():
     generator = np.random.default_rng(0)
     every = [(FIRST + k * MINUTES, drawn(generator, FIRST + k * MINUTES)) for k in range(12)]
     stood = FIRST + 12 * MINUTES
-    every.append((stood, inconclusive(stood, "the vehicle stood for 90 % of the time")))
+    every.append((stood, inconclusive(stood, "the vehicle stood still for 90 % of the time")))
     return every + [(NOW - k * MINUTES, drawn(generator, NOW - k * MINUTES, -0.2)) for k in range(10, 0, -1)]
 
 
@@ -157,7 +157,7 @@ def test_trends_have_gaps_bands_and_marks(observed, windows) -> None:
     assert seen.times[gap] == windows[12][0] + MINUTES
     spring = next(part for part in seen.parts if part.part == "front_left.spring")
     assert [spring.change[12], spring.change[13]] == [None, None]
-    assert seen.remarks[12:14] == ("the vehicle stood for 90 % of the time", "no data")
+    assert seen.remarks[12:14] == ("the vehicle stood still for 90 % of the time", "no data")
     baseline = learn([window for _, window in windows[:12]])
     residual, half = baseline.residual(windows[14][1])[SPRING], 1.96 * np.sqrt(COVARIANCE[0, 0])
     ends = [spring.change[15], spring.low[15], spring.high[15]]
@@ -233,7 +233,7 @@ def test_any_window_is_opened_again(observed, windows) -> None:
     first = vehicle_data.window_detail(observed, NAME, 1, 0)
     assert [mode.natural_frequency for mode in first.modes] == pytest.approx([1.2, 1.4, 1.6])
     stood = vehicle_data.window_detail(observed, NAME, 1, 12)
-    assert (stood.reason, stood.parts) == ("the vehicle stood for 90 % of the time", ())
+    assert (stood.reason, stood.parts) == ("the vehicle stood still for 90 % of the time", ())
     last = vehicle_data.window_detail(observed, NAME, 1, 22)
     assert (last.after, len(last.findings)) == (None, 1)
     with pytest.raises(ParameterError, match="unknown window 1/99"):
@@ -245,7 +245,7 @@ def test_pages_say_what_matters_first(observed, serve) -> None:
     for path, expected in (
         (f"/vehicles/{NAME}", "<h1>Front-left spring 20 % (19 to 21 %) softer; inspect at the next service.</h1>"),
         (f"/vehicles/{NAME}?range=24h&corner=rear_right", 'data-corner="rear_right"'),
-        (f"/vehicles/{NAME}/windows", "inconclusive: the vehicle stood for 90 % of the time"),
+        (f"/vehicles/{NAME}/windows", "inconclusive: the vehicle stood still for 90 % of the time"),
         (f"/vehicles/{NAME}/windows/1/22", "Front-left spring 20 %"),
         (f"/vehicles/{NAME}/data", f"No sensor fault in the last window of {NAME}."),
         (f"/vehicles/{NAME}/baseline", f"{NAME} is compared with its baseline 1."),
@@ -352,7 +352,8 @@ def test_programs_return_to_an_earlier_baseline(relearnt, log_in) -> None:
     assert (done.status_code, done.json()["number"]) == (202, relearnt.requests.open_commands()[0].id)
     assert done.json()["sentence"].startswith(f"{NAME} will return to its baseline 1 ('broken spring')")
     refused = client.post(f"{path}/7/rollback", json={"reason": "broken spring"}, headers=mark)
-    assert (refused.status_code, refused.json()["detail"]) == (409, f"{NAME} has no baseline 7: it has 1, 2")
+    detail = f"{NAME} has no baseline 7: it has 1, 2"
+    assert (refused.status_code, refused.json()["detail"]) == (409, detail)
     client, mark = log_in("viewer")
     assert client.post(f"{path}/1/rollback", json={"reason": "x"}, headers=mark).status_code == 403
 

@@ -127,7 +127,7 @@ def test_faults_are_named_with_their_shares() -> None:
     assert [row[-1] for row in inspection_table(inspect(whole)).rows] == [
         "half-dead 50 %",
         "stuck 10 %",
-        "1e+06, a filler, in 0.05 %",
+        "filler value 1e+06 in 0.05 %",
         "copies of earlier stretches 1.67 %",
         "3 spikes",
         "missing 0.05 %",

@@ -84,7 +84,7 @@ def test_a_damaged_backup_is_refused(url, site, tmp_path: Path) -> None:
     code, _, errors = run("restore", backup, site)
     assert (code, errors) == (1, f"nothing restored: {path} is damaged: use another backup")
     path.unlink()
-    assert "has other files than its SHA256SUMS" in run("restore", backup, site)[2]
+    assert "contains other files than SHA256SUMS lists" in run("restore", backup, site)[2]
     with open_store(url) as store:
         assert contents(store) == saved
 

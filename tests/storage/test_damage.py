@@ -13,7 +13,7 @@ from sprung.storage import Cursor, Progress, Store, StoredFrame, StoreError, ope
 from sprung.storage.database import Database
 from sprung.storage.store import check_address
 
-CANNOT_WRITE = "the store cannot write: .*: free space on its disk or make it writable, then it continues"
+CANNOT_WRITE = r"the store cannot write \(.*\): free space on its disk or make it writable, then it continues"
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from typing import Any
 
 from sprung.alerting.alerts import STEPS, Alert, Transition, severity_step, state_name
 
-_WORDS = {"updated": "still active", "unshelved": "off the shelf", "commented": "commented on"}
+_WORDS = {"updated": "still active", "unshelved": "no longer shelved", "commented": "commented on"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ def message_of(alert: Alert, transition: Transition) -> Message:
         f"Cause: {alert.cause}",
         f"State: {state_name(alert)}",
         f"Severity: {alert.severity} of 1000 ({step})",
-        f"Raised: {_written(alert.raised)} (time {alert.count})",
+        f"Raised: {_written(alert.raised)} (occurrence {alert.count})",
     ]
     if alert.cleared is not None:
         lines.append(f"Cleared: {_written(alert.cleared)}")
@@ -114,7 +114,7 @@ def addressed(message: Message, *, number: int, key: str = "", link: str = "", p
 
 
 def trial_message(time: int) -> Message:
-    """Return a notification that tries senders out at a time (UTC ns): no alert is behind it."""
+    """Return a notification to test senders, with its time (UTC ns); it belongs to no alert."""
     subject = "Sprung: test message, no alert"
     text = "This message tests the delivery of alerts. No alert was raised; there is nothing to do."
     document = {"schema": "sprung.alert/1", "time": _written(time), "what": "test", "subject": subject, "text": text}

@@ -28,11 +28,11 @@ def acknowledged(alert: Alert, who: str, now: int, comment: str = "") -> Transit
     Raises
     ------
     ParameterError
-        If it is acknowledged already, or never was active.
+        If it is acknowledged already, or was never active.
     """
     _check_who(alert, who, "acknowledge")
     if not alert.count:
-        raise ParameterError(f"{_name(alert)} never was active: there is nothing to acknowledge")
+        raise ParameterError(f"{_name(alert)} was never active: there is nothing to acknowledge")
     if alert.is_acknowledged:
         raise ParameterError(f"{_name(alert)} is acknowledged already: comment on it instead")
     return Transition(replace(alert, is_acknowledged=True, updated=now), "acknowledged", who, comment)
@@ -54,7 +54,7 @@ def shelved(alert: Alert, who: str, until: int, now: int, comment: str = "") -> 
     _check_who(alert, who, "shelve")
     if until <= now:
         raise ParameterError(
-            f"until={until} is not after now ({now}), both in UTC ns: shelve {_name(alert)} until a time to come"
+            f"until={until} is not after now ({now}), both in UTC ns: shelve {_name(alert)} until a later time"
         )
     return Transition(replace(alert, shelved_until=until, updated=now), "shelved", who, comment)
 

@@ -42,7 +42,7 @@ def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: 
         alert = _unheard(report, now)
     if (alert.vehicle, alert.cause) != (report.vehicle, report.cause):
         raise ParameterError(
-            f"report of {report.vehicle} {report.cause} meets the alert of {alert.vehicle} {alert.cause}: "
+            f"report of {report.vehicle} {report.cause} does not belong to the alert of {alert.vehicle} {alert.cause}: "
             "give the alert of the same vehicle and cause"
         )
     if alert.is_active:
@@ -128,7 +128,7 @@ def assess(
             by_cause[report.cause] = report
     vehicles = sorted({alert.vehicle for alert in alerts.values()} | {report.vehicle for report in by_cause.values()})
     if len(vehicles) > 1:
-        raise ParameterError(f"a round is of one vehicle, but this one of {', '.join(vehicles)}: assess each alone")
+        raise ParameterError(f"a round covers one vehicle, this one {', '.join(vehicles)}: assess each separately")
     ended = [shelf_ended(alert, now) for alert in alerts.values()]
     present = {transition.alert.cause: transition.alert for transition in ended}
     transitions = list(ended)

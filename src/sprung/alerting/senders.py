@@ -32,7 +32,7 @@ _VEHICLE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 
 
 class LogSender:
-    """Writes subject and text to a log, at a level by severity; alerts that cleared at INFO."""
+    """Writes subject and text to a log, at a level by severity; cleared alerts at INFO."""
 
     shows_pictures = False
 
@@ -48,7 +48,7 @@ class LogSender:
 
 
 class _Http(urllib.request.HTTPHandler):
-    """Opens connections that are watched."""
+    """Opens watched connections."""
 
     def __init__(self, watch: Watch) -> None:
         super().__init__()
@@ -59,7 +59,7 @@ class _Http(urllib.request.HTTPHandler):
 
 
 class _Https(urllib.request.HTTPSHandler):
-    """Opens encrypted connections that are watched."""
+    """Opens watched, encrypted connections."""
 
     def __init__(self, watch: Watch) -> None:
         super().__init__()
@@ -88,7 +88,7 @@ class WebhookSender:
     timeout
         Longest wait for the connection, and for each part of the response [s].
     limit
-        Longest time of a message in all [s]: a server that sends a byte a second is left then.
+        Longest total time for a message [s], which also ends a response of one byte a second.
     handlers
         Further handlers of `urllib.request`, such as one of proxies.
     name
@@ -152,7 +152,7 @@ class WebhookSender:
                 raise SendError(f"webhook at {self._where} took longer than {self._limit:g} s to answer") from error
             raise SendError(f"webhook at {self._where} gave no answer ({type(error).__name__})") from error
         except ValueError:
-            raise SendError(f"webhook at {self._where}: url or headers contain what HTTP does not allow") from None
+            raise SendError(f"webhook at {self._where}: url or headers contain text that HTTP forbids") from None
 
 
 class _Server(smtplib.SMTP):
@@ -179,7 +179,7 @@ class MailSender:
     timeout
         Longest wait for each part of an answer [s].
     limit
-        Longest time of a mail in all [s]: a server that sends a byte a second is left then.
+        Longest total time for a mail [s], which also ends an answer of one byte a second.
     name
         Name of the sender, see `Sender`.
 

@@ -46,7 +46,7 @@ class ServiceSender:
         Raises
         ------
         SendError
-            If apprise is not installed or does not know the service, or the service does not take the notification.
+            If apprise is not installed or does not know the service, or the service does not accept the notification.
         """
         try:
             apprise: Any = required("apprise", purpose=f"the service {self._kind}", extra="apprise")
@@ -57,4 +57,4 @@ class ServiceSender:
             raise SendError(f"apprise does not know the address of the service {self._kind}: correct its url")
         kind = "success" if message.what == "cleared" else _KINDS[severity_step(message.severity)]
         if not service.notify(title=message.subject, body=message.text, notify_type=kind):
-            raise SendError(f"the service {self._kind} did not take the notification: check its url and its network")
+            raise SendError(f"the service {self._kind} did not accept the notification: check its url and the network")

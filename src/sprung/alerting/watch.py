@@ -1,4 +1,4 @@
-"""A limit to the whole time of a conversation: time-outs of sockets are per part, and a server can drip."""
+"""A limit on the total time of a conversation: socket time-outs are per part, and a slow server can evade them."""
 
 import socket
 import threading
@@ -56,7 +56,7 @@ class Watch:
         self._connections.append(connection)
 
     def over(self, connect: Callable[..., C]) -> Callable[..., C]:
-        """Return a function that makes connections like another one, and watches them."""
+        """Return a function that opens connections as `connect` does, and watches them."""
 
         def watched(*arguments: Any, **options: Any) -> C:
             connection = connect(*arguments, **options)

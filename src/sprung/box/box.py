@@ -119,7 +119,7 @@ class Box:
     on_board
         Identification on the vehicle; None: samples are sent.
     clock
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     sleep
         Function that waits for a time [s].
     now
@@ -188,8 +188,8 @@ class Box:
             return f"{sentence}: its list of permissions (ACL) denies them to {vehicle!r}"
         known_by = f"the certificate {self._address.cert}" if self._address.cert else "the user"
         return (
-            f"{sentence}: {known_by} is that of {self._user!r}: use --vehicle-id {self._user}, or the credentials of "
-            f"{vehicle}"
+            f"{sentence}, as {known_by} is that of {self._user!r}: use --vehicle-id {self._user}, or the credentials "
+            f"of {vehicle}"
         )
 
     @property
@@ -463,7 +463,7 @@ class Box:
 
 
 def _quantities_in(text: str) -> dict[str, str]:
-    """Return the quantities of channels that an earlier start remembered; none if it is damaged."""
+    """Return the quantities of channels that an earlier start remembered; empty if they are damaged."""
     with suppress(ValueError):
         quantities = json.loads(text)
         if isinstance(quantities, dict) and all(isinstance(quantity, str) for quantity in quantities.values()):

@@ -9,7 +9,7 @@ from sprung.errors import ParameterError, SprungError
 from sprung.formats import ENDINGS, ReadSettings
 from sprung.recording import Recording
 
-#: Time between two looks at the folder, and for which a file must be unchanged before it is read [s].
+#: Time between two checks of the folder, and for which a file must be unchanged before it is read [s].
 SETTLED = 2.0
 
 

@@ -16,7 +16,7 @@ from sprung.recording import Recording
 _CONNECT, _LOOK, _PAUSE = 10.0, 0.2, 5.0
 # Messages that wait to be read, and bytes of one, at most.
 _MOST_WAITING, _LARGEST = 100_000, 1 << 16
-# Most different problems that are reported.
+# Largest number of different problems that are reported.
 _MOST_PROBLEMS = 100
 # A time before 2000 or after 2100 [s] is that of a clock that was not set, or in another unit.
 _YEAR_2000, _YEAR_2100 = 946_684_800, 4_102_444_800

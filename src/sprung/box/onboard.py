@@ -136,7 +136,7 @@ def on_board_in(folder: Path, vehicle: Vehicle, *, most_bytes: int) -> OnBoard:
     Parameters
     ----------
     folder
-        Folder, created where it does not exist.
+        Folder, created if it does not exist.
     vehicle
         Vehicle with its sensors.
     most_bytes

@@ -36,7 +36,7 @@ class ReplayTimes:
 
     @property
     def in_words(self) -> list[str]:
-        """Sentence about files without start time; none where the times are those of the files."""
+        """Sentence about files without start time; empty if the times are those of the files."""
         if not self.untimed:
             return []
         others = f" and {counted(len(self.untimed) - 1, 'other file')}" if self.untimed[1:] else ""

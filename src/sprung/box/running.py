@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from sprung._display import counted
 from sprung.box.box import Box, BoxSettings
 from sprung.box.sources import paced
 from sprung.errors import DataError
@@ -39,7 +40,7 @@ class Sent(NamedTuple):
 
 
 class Sender(Protocol):
-    """What sends blocks to a monitor: a `Box`."""
+    """Sender of blocks to a monitor: a `Box`."""
 
     @property
     def problem(self) -> str:
@@ -104,7 +105,7 @@ def box_of(
     Raises
     ------
     ParameterError
-        Where the vehicle cannot have that name.
+        If the vehicle cannot have that name.
 
     Notes
     -----
@@ -127,24 +128,24 @@ def send_live(
     Parameters
     ----------
     box
-        Box that is not yet open; it is closed in the end.
+        Box that is not yet open; it is closed at the end.
     blocks
         Blocks of the source.
     stopping
-        Event that stops the box. It is set in the end.
+        Event that stops the box. It is set at the end.
     on_problem
-        Function that receives each new problem with the link, and "" once it is over; in the end the losses of a box
+        Function that receives each new problem with the link, and "" once it is over; at the end the losses of a box
         that was stopped.
 
     Returns
     -------
     float or None
-        Duration of the samples sent [s]; None where it was stopped.
+        Duration of the samples sent [s]; None if it was stopped.
 
     Raises
     ------
     DataError
-        Where frames were dropped before they were acknowledged, and the source has ended.
+        If frames were dropped before they were acknowledged, and the source has ended.
     """
     taken = 0.0
     try:
@@ -187,7 +188,7 @@ def replay(
     blocks
         Blocks of recordings.
     pace
-        Speed, times real time; None: no limit.
+        Speed as a multiple of real time; None: no limit.
     patience
         Longest wait for the last acknowledgement [s].
     on_progress
@@ -201,7 +202,7 @@ def replay(
     Raises
     ------
     DataError
-        Where not all frames were acknowledged in time, the broker refuses them, or some were dropped before.
+        If not all frames were acknowledged in time, the broker refuses them, or some were dropped before.
     """
     sent = 0.0
     begin: int | None = None
@@ -218,10 +219,11 @@ def replay(
     is_drained, lost = box.drain(timeout=patience), losses_in_words(box.losses)
     if not is_drained:
         after = f"; {lost}" if lost else ""
+        waiting = counted(box.n_waiting, "frame")
         if box.problem:
-            raise DataError(f"{box.n_waiting} frames not acknowledged: {box.problem}{after}")
+            raise DataError(f"{waiting} not acknowledged: {box.problem}{after}")
         advice = "check that a monitor runs at its broker"
-        raise DataError(f"{box.n_waiting} frames not acknowledged after {patience:g} s: {advice}{after}")
+        raise DataError(f"{waiting} not acknowledged after {patience:g} s: {advice}{after}")
     if lost:
         raise DataError(f"{lost}; all others are acknowledged")
     return Sent(sent, begin, end)
@@ -236,9 +238,10 @@ def losses_in_words(losses: Sequence[Loss]) -> str:
     begin, end = span_of(losses)
     span = f", {span_in_words(begin, end)}," if begin else ""
     n_frames = sum(loss.n_frames for loss in losses)
+    dropped = f"{counted(n_frames, 'frame')}{span} {'was' if n_frames == 1 else 'were'} dropped"
     return (
-        f"{n_frames} frames{span} were dropped before the monitor had acknowledged them, as the spool was full or its "
-        "disk failed: give it more space, and send again what can be sent again"
+        f"{dropped} before the monitor had acknowledged them, as the spool was full or its disk failed: give it more "
+        "space, and send again what is still available"
     )
 
 

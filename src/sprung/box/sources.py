@@ -140,9 +140,9 @@ def paced(
     blocks
         Blocks in order of time; gaps between them are skipped.
     pace
-        Speed above 0, times real time; None: no limit.
+        Speed above 0, as a multiple of real time; None: no limit.
     clock
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     sleep
         Function that waits for a time [s].
 

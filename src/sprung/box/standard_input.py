@@ -8,6 +8,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung._checks import check_number
+from sprung._display import counted
 from sprung.box.resampling import BLOCK
 from sprung.errors import FormatError
 from sprung.formats.table import MISSING, Column, chosen_columns, is_number, is_time
@@ -169,9 +170,9 @@ def _values(text: str, number: int, columns: tuple[Column, ...]) -> list[float]:
     """Return the numbers of a line; NaN where one is missing."""
     fields = [_bare(field) for field in text.split(",")]
     if len(fields) != len(columns):
+        found = f"{counted(len(fields), 'value')} for {counted(len(columns), 'channel')} ({text[:60]!r})"
         raise FormatError(
-            f"line {number} of {_NAME} has {len(fields)} values for {len(columns)} channels: {text[:60]!r}: send one "
-            "for each, or nothing between commas where it is missing"
+            f"line {number} of {_NAME} has {found}: send one for each, or nothing between commas where it is missing"
         )
     values = []
     for field, column in zip(fields, columns, strict=True):

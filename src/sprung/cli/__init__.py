@@ -58,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _tolerant(stream: TextIO | None) -> TextIO:
-    """Return a stream that replaces what its encoding lacks by a question mark; a closed one discards its text."""
+    """Return a stream that writes "?" for characters that its encoding lacks; a closed one discards its text."""
     if stream is None:
         return open(os.devnull, "w", encoding="utf-8")
     if isinstance(stream, TextIOWrapper):

@@ -20,7 +20,8 @@ accounts_application = typer.Typer(invoke_without_command=True)
 tokens_application = typer.Typer(invoke_without_command=True)
 
 Role = Annotated[
-    str, option("ROLE", "viewer (looks), engineer (acts on alerts and baselines) or admin (manages accounts).")
+    str,
+    option("ROLE", "viewer (reads), engineer (also acts on alerts and baselines) or admin (also manages accounts)."),
 ]
 
 
@@ -45,13 +46,13 @@ def add_account(
     *,
     role: Role = "viewer",
     password_file: Annotated[
-        Path | None, option("FILE", "File with the password in its first line; -: standard input; omit to be asked.")
+        Path | None, option("FILE", "File whose first line is the password; - for standard input; omit to be prompted.")
     ] = None,
     store: StoreUrl = DEFAULT_STORE,
     who: Who = None,
     json: Json = None,
 ) -> None:
-    """Add an account, or give one another role and password; the store is created if needed."""
+    """Add an account, or change the role and password of one; the store is created if needed."""
     from sprung import service
     from sprung.storage import open_store
 
@@ -97,12 +98,12 @@ def add_token(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the program.", show_default=False)],
     *,
     role: Role = "viewer",
-    days: Annotated[float | None, option("D", "Days until it expires; omit for never.")] = None,
+    days: Annotated[float | None, option("D", "Days until the token expires; omit for no expiry.")] = None,
     store: StoreUrl = DEFAULT_STORE,
     who: Who = None,
     json: Json = None,
 ) -> None:
-    """Make a token for a program, and print its secret, which is not kept."""
+    """Create a token for a program, and print its secret, which is not stored."""
     from sprung import service
 
     with existing_store(store) as opened:
@@ -129,9 +130,9 @@ def remove_token(
 
 
 def _password(file: Path | None) -> str:
-    """Return the password in a file, or of the person at the terminal."""
+    """Return the password from a file, or from a prompt at the terminal."""
     if file is None and not sys.stdin.isatty():
-        raise ParameterError("no terminal to ask for a password: give --password-file FILE, or - for standard input")
+        raise ParameterError("no terminal to prompt for a password: give --password-file FILE, or - for standard input")
     if file is None:
         return str(typer.prompt("Password", hide_input=True, confirmation_prompt=True, err=True))
     try:
@@ -170,5 +171,5 @@ def _print_tokens(store: "Store", json: str | None, *, made: tuple[int, str] | N
     ]
     document = {"schema": "sprung.tokens/1", "tokens": entries}
     if write_result(document, json):
-        secret = [] if made is None else [f"secret of token {made[0]}, shown only now: {made[1]}"]
+        secret = [] if made is None else [f"secret of token {made[0]}, shown only once: {made[1]}"]
         show(tables.tokens_table(document) if entries else ["no tokens"], [*secret, *written([], json)])

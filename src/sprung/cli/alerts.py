@@ -20,7 +20,7 @@ application = typer.Typer(invoke_without_command=True)
 Number = Annotated[int, typer.Argument(metavar="NUMBER", help="Alert number.", show_default=False)]
 Comment = Annotated[str, option("TEXT", "Comment for the history.", "--comment", show_default=False)]
 Vehicle = Annotated[str | None, option("ID", "Only alerts of this vehicle.", "--vehicle")]
-Complete = Annotated[bool, typer.Option("--all", help="Include alerts that are normal again.")]
+Complete = Annotated[bool, typer.Option("--all", help="Include alerts that have returned to normal.")]
 
 
 @application.callback()
@@ -67,7 +67,7 @@ def shelve(
     comment: Comment = "",
     json: Json = None,
 ) -> None:
-    """Send no notifications of an alert for some hours."""
+    """Suspend the notifications of an alert for some hours."""
     from sprung.monitor import desk
 
     _act(partial(desk.shelve, hours=hours), number, store=store, who=who, comment=comment, json=json)
@@ -77,7 +77,7 @@ def shelve(
 def unshelve(
     number: Number, *, store: StoreUrl = DEFAULT_STORE, who: Who = None, comment: Comment = "", json: Json = None
 ) -> None:
-    """Send notifications of a shelved alert again."""
+    """Resume the notifications of a shelved alert."""
     from sprung.monitor import desk
 
     _act(desk.unshelve, number, store=store, who=who, comment=comment, json=json)
@@ -136,7 +136,7 @@ def verdict(
     who: Who = None,
     json: Json = None,
 ) -> None:
-    """State what the workshop found and did."""
+    """Record what the workshop found and did."""
     from sprung.monitor import desk
 
     with existing_store(store) as opened:
@@ -166,7 +166,7 @@ def history(number: Number, *, store: StoreUrl = DEFAULT_STORE, json: Json = Non
 
 
 def _act(act: Callable[..., None], number: int, *, store: str, who: str | None, comment: str, json: str | None) -> None:
-    """Apply an act of `sprung.monitor.desk` to an alert, and list all alerts."""
+    """Apply an operator action of `sprung.monitor.desk` to an alert, and list all alerts."""
     with existing_store(store) as opened:
         act(opened, number, who=who or getpass.getuser(), comment=comment, now=time.time_ns())
         _print_alerts(opened, json)

@@ -31,7 +31,7 @@ def baseline(
     allow_missing: AllowMissing = False,
     window: Minutes = 10.0,
     least_windows: Annotated[
-        int | None, option("N", "Least number of usable windows (6; 2 with --type).", "--windows", min=2)
+        int | None, option("N", "Minimum number of usable windows (6; 2 with --type).", "--windows", min=2)
     ] = None,
     of_type: TypeFile = None,
     previous: Annotated[Path | None, option("B.json", "Baseline to replace, such as after maintenance.")] = None,
@@ -42,7 +42,7 @@ def baseline(
         bool | None,
         option(
             None,
-            "Complete the vehicle file first. Default: where it fits badly or sensors are out of place.",
+            "Complete the vehicle file first. Default: if it fits badly or sensors are out of place.",
             "--calibrate/--no-calibrate",
             panel=INPUT,
         ),
@@ -58,7 +58,7 @@ def baseline(
     if previous is not None and not reason.strip():
         raise ParameterError("--previous requires --reason TEXT, such as 'new dampers'")
     if of_type is not None and calibrate:
-        raise ParameterError("--calibrate changes the vehicle file that the type's baseline is of: leave out one")
+        raise ParameterError("--calibrate changes the vehicle file on which the type's baseline rests: omit one")
     inputs = [*files, vehicle, *filter(None, (of_type,))]
     check_file("--out", out, inputs=inputs)
     check_file("--json", json, inputs=inputs)
@@ -101,7 +101,7 @@ def _calibration(
     *,
     is_wanted: bool | None,
 ) -> "Calibration | None":
-    """Return the calibration of a vehicle file: as wanted, or where it explains the windows badly."""
+    """Return the calibration of a vehicle file, if requested or if the file fits the windows badly; None otherwise."""
     from sprung.calibration import calibrate, calibrated_if_imperfect, chosen_windows, usable_spectra
 
     if is_wanted is False:

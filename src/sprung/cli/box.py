@@ -36,18 +36,18 @@ def box(
             "Source of samples: files, folder:DIR, stdin, can:INTERFACE:CHANNEL:FILE.dbc, mqtt:URL#TOPIC or simulator.",
         ),
     ] = "files",
-    spool: Annotated[Path, option("DIR", "Folder of frames that are not acknowledged.")] = Path("sprung-spool"),
+    spool: Annotated[Path, option("DIR", "Folder of frames not yet acknowledged.")] = Path("sprung-spool"),
     spool_megabytes: Annotated[
-        float, option("MB", "Largest size of the spool; the oldest frames are dropped first.")
+        float, option("MB", "Maximum size of the spool; the oldest frames are dropped first.")
     ] = 256.0,
     frame_seconds: Annotated[
-        float, option("S", "Length of a frame; at power-off at most as much is lost.", min=0, max=60)
+        float, option("S", "Length of a frame, and the most that a power cut loses.", min=0, max=60)
     ] = 10.0,
     channels: Annotated[str | None, option("A,B,..", "Channels or signals to send.")] = None,
     sampling_rate: SamplingRate = None,
     allow_missing: AllowMissing = False,
     pace: Annotated[
-        float | None, option("X", "Speed of a replay of files, times real time.", show_default="no limit")
+        float | None, option("X", "Speed of a replay of files, as a multiple of real time.", show_default="no limit")
     ] = None,
     on_board: Annotated[
         bool,
@@ -56,14 +56,14 @@ def box(
             help="Identify on the vehicle: send correlations and modes, and keep samples until they are requested.",
         ),
     ] = False,
-    ring_megabytes: Annotated[float, option("MB", "Largest size of the samples kept with --on-board.")] = 1024.0,
+    ring_megabytes: Annotated[float, option("MB", "Maximum size of the samples kept with --on-board.")] = 1024.0,
     log_format: LogFormat = "text",
 ) -> None:
     """Send a vehicle's samples to a monitor, from a source through a spool on disk.
 
     Runs until the source ends and everything is acknowledged, or until it is stopped.
 
-    Started again, it continues where it was.
+    After a restart it continues where it stopped.
     """
     from sprung.box import Listener, SourceSettings, open_source
     from sprung.box.running import box_of, send_live
@@ -103,14 +103,14 @@ def box(
 
 
 def _on_board(vehicle: "Vehicle", folder: Path, megabytes: float) -> "OnBoard":
-    """Return identification on the vehicle; it needs more of the package than a box that only sends."""
+    """Return the identification on board, which needs more of the package than a box that only sends."""
     from sprung.box.onboard import on_board_in
 
     return on_board_in(folder, vehicle, most_bytes=round(1e6 * megabytes))
 
 
 def _log_problem(problem: str) -> None:
-    """Log a problem with the link, or its end."""
+    """Log a problem with the link, or that it is over."""
     if problem:
         LOG.warning(problem)
     else:

@@ -31,7 +31,7 @@ def calibrate(
     file_format: FileFormat = "png",
     json: Json = None,
 ) -> None:
-    """Complete a vehicle file with what healthy drives teach: sensors, wheels, masses on mounts, modes of the body."""
+    """Complete a vehicle file from healthy drives: sensors, wheels, masses on mounts, modes of the body."""
     from sprung import tables
     from sprung.calibration import CalibrationSettings
     from sprung.calibration import calibrate as calibrated

@@ -1,4 +1,4 @@
-"""What options of several commands hold, checked before any long computation."""
+"""Checks of options that several commands share, made before any long computation."""
 
 import csv
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ def names(text: str | None) -> tuple[str, ...] | None:
         return None
     parts = [part.strip() for part in next(csv.reader([text], skipinitialspace=True), [])]
     if not parts or not all(parts) or len(set(parts)) < len(parts):
-        raise ParameterError(f"{text!r} is not a list of different names: separate them by commas, as in acc_fl,acc_fr")
+        raise ParameterError(f"{text!r} is not a list of distinct names: separate them by commas, as in acc_fl,acc_fr")
     return tuple(parts)
 
 
@@ -54,11 +54,11 @@ def check_file(option: str, path: str | Path | None, *, inputs: Sequence[str | P
     if Path(path).is_dir():
         raise ParameterError(f"{option} {path} is a folder: give the name of a file")
     if not Path(path).parent.is_dir():
-        raise ParameterError(f"{option} {path}: there is no folder {Path(path).parent}: create it")
+        raise ParameterError(f"{option} {path} needs the folder {Path(path).parent}, which does not exist: create it")
 
 
 def check_page(page: Path | None, *, inputs: Sequence[str | Path] = ()) -> None:
-    """Refuse a report that is no HTML file, or that cannot be written."""
+    """Refuse a report that is not an HTML file, or that cannot be written."""
     check_file("--report", page, inputs=inputs)
     if page is not None and page.suffix.lower() not in {".html", ".htm"}:
         raise ParameterError(f"--report {page} must be an HTML file: name it {page.with_suffix('.html').name}")

@@ -1,32 +1,32 @@
-"""What the shell offers after a Tab: shipped vehicles, and files that a command reads."""
+"""Shell completion of arguments: shipped vehicles, and files that a command reads."""
 
 from collections.abc import Collection
 from pathlib import Path
 
 
 def vehicles(incomplete: str) -> list[str]:
-    """Return shipped vehicles and vehicle files that begin as given."""
+    """Return the shipped vehicles and vehicle files that begin with a text."""
     from sprung.vehicles.files import VEHICLES
 
     return [*(name for name in VEHICLES if name.startswith(incomplete)), *_paths(incomplete, (".toml",))]
 
 
 def recordings(incomplete: str) -> list[str]:
-    """Return files of known formats that begin as given."""
+    """Return the files of known formats that begin with a text."""
     from sprung.formats import ENDINGS
 
     return _paths(incomplete, ENDINGS)
 
 
 def recordings_or_documents(incomplete: str) -> list[str]:
-    """Return files of known formats and JSON files that begin as given."""
+    """Return the files of known formats and JSON files that begin with a text."""
     from sprung.formats import ENDINGS
 
     return _paths(incomplete, (*ENDINGS, ".json"))
 
 
 def documents(incomplete: str) -> list[str]:
-    """Return JSON files that begin as given."""
+    """Return the JSON files that begin with a text."""
     return _paths(incomplete, (".json",))
 
 

@@ -24,12 +24,12 @@ def convert(
         list[Path],
         typer.Argument(
             metavar="IN... OUT",
-            help="Recordings, then the file to write, whose ending is its format, or a folder for several.",
+            help="Recordings, then the file to write, whose ending sets its format, or a folder for several.",
             show_default=False,
         ),
     ],
     *,
-    ending: Annotated[str, option(".END", "Ending of the files in a folder, which is their format.")] = ".parquet",
+    ending: Annotated[str, option(".END", "Ending of the files in a folder, which sets their format.")] = ".parquet",
     reading: "ReadSettings",
 ) -> None:
     """Convert recordings to another format, with units, names, start, calibration and comments."""
@@ -52,7 +52,7 @@ def convert(
 
 
 def _with_plain_names(recording: "Recording") -> "Recording":
-    """Return a recording whose names do not end with their unit, which is written apart."""
+    """Return a recording whose channel names do not end with the unit, which is written separately."""
     from sprung.formats.table import without_unit
 
     names = {channel.name: without_unit(channel.name) for channel in recording.channels}
@@ -60,7 +60,7 @@ def _with_plain_names(recording: "Recording") -> "Recording":
         return recording
     renamed = ", ".join(f"{name!r} {plain!r}" for name, plain in names.items() if name != plain)
     channels = tuple(replace(channel, name=names[channel.name]) for channel in recording.channels)
-    return recording.changed(f"renamed as their unit is stated apart: {renamed}", channels=channels)
+    return recording.changed(f"renamed as the unit is stated separately: {renamed}", channels=channels)
 
 
 def _targets(files: list[Path], out: Path, ending: str) -> list[Path]:

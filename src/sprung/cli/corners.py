@@ -48,7 +48,7 @@ def corners(
         bool | None,
         typer.Option(
             "--payload/--no-payload",
-            help="Also fit mass, inertias and centre of gravity of the payload. Default: except on a rig.",
+            help="Also fit mass, inertias and centre of gravity of the payload. Default: yes, except on a rig.",
             rich_help_panel=INPUT,
         ),
     ] = None,

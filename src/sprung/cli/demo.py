@@ -21,13 +21,13 @@ _GRACE = 10.0
 
 def demo(
     *,
-    pace: Annotated[float, option("X", "Speed, times real time.", min=1, max=120)] = 60.0,
+    pace: Annotated[float, option("X", "Speed, as a multiple of real time.", min=1, max=120)] = 60.0,
     minutes: Annotated[float, option("M", "Longest time to find both faults, in minutes.", min=0.1)] = 5.0,
     once: Annotated[
-        bool, typer.Option("--once", help="End after the findings, as without a terminal; else serve until Ctrl-C.")
+        bool, typer.Option("--once", help="End after the findings, as without a terminal; default: serve until Ctrl-C.")
     ] = False,
 ) -> None:
-    """Monitor a small simulated fleet, and show it on pages: a spring softens, a sensor dies, and both raise alerts.
+    """Monitor a small simulated fleet on web pages: a spring softens, a sensor dies, and both raise alerts.
 
     Three cars send frames by MQTT to a monitor in this terminal, which learns baselines from their first 40 minutes.
 
@@ -54,7 +54,8 @@ def demo(
         if not sentences:
             raise typer.Exit(130)
         if is_kept:
-            screen.print(f"the fleet drives on, see {demonstration.page}; Ctrl-C ends it", style="bold", soft_wrap=True)
+            words = f"the fleet keeps driving, see {demonstration.page}; Ctrl-C ends it"
+            screen.print(words, style="bold", soft_wrap=True)
             demonstration.run(stopping.is_set)
 
 

@@ -12,9 +12,9 @@ from sprung.cli.output import show
 
 def describe(
     *,
-    mass: Annotated[float, option("KG", "Mass of the car as it is driven.")],
-    wheelbase: Annotated[float, option("M", "Distance of the axles.")],
-    track: Annotated[float, option("M", "Mean distance of the wheels of an axle.")],
+    mass: Annotated[float, option("KG", "Mass of the car as driven.")],
+    wheelbase: Annotated[float, option("M", "Distance between the axles.")],
+    track: Annotated[float, option("M", "Mean distance between the wheels of an axle.")],
     tyre: Annotated[str, option("SIZE", "Size of the tyres, such as 205/55R16.")],
     out: Annotated[Path, option("V.toml", "Vehicle file to write.")],
     name: Annotated[str, option("NAME", "Name of the vehicle.", panel=INPUT)] = "car",
@@ -37,7 +37,7 @@ def describe(
         ),
     ] = "corners",
 ) -> None:
-    """Write a vehicle file from a data sheet, with guesses of what it does not state; complete it with calibrate."""
+    """Write a vehicle file from a data sheet, with guesses for what it does not state; complete it with calibrate."""
     from sprung.calibration import DataSheet, described
     from sprung.vehicles import structure, write_vehicle
     from sprung.vehicles.plausibility import plausibility_notes

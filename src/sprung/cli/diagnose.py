@@ -40,7 +40,7 @@ def diagnose(
         Path | None,
         option(
             "B.json",
-            "Baseline from sprung baseline. Default: that of --type, or left against right, with wide limits.",
+            "Baseline from sprung baseline. Default: that of --type, or left compared with right, with wide limits.",
         ),
     ] = None,
     of_type: TypeFile = None,
@@ -65,7 +65,7 @@ def diagnose(
     check_folder("--figures", figures)
     check_number("--hours-per-day", hours_per_day, above=0, at_most=24)
     if baseline is not None and of_type is not None:
-        raise ParameterError("--type compares a vehicle that has no baseline: give it or --baseline, not both")
+        raise ParameterError("--type is for a vehicle without its own baseline: give --type or --baseline, not both")
     description = read_vehicle(vehicle)
     type_baseline = None if of_type is None else type_of(description, of_type)
     normal = None if baseline is None else baseline_of(description, baseline)

@@ -23,7 +23,7 @@ def explained(run: Callable[[], object]) -> int:
 
 
 def _sentence(error: Exception) -> str:
-    """Word an error: what, where, what to do."""
+    """Return an error as a sentence: what, where, what to do."""
     if isinstance(error, typer.TyperException):
         context = getattr(error, "ctx", None)
         command = "sprung" if context is None else context.command_path

@@ -39,8 +39,8 @@ def rank(
         typer.Argument(
             metavar="CAR.json",
             help=(
-                "Results of sprung diagnose --json, one for each vehicle, made with one vehicle file. The name of the "
-                "file is that of the vehicle; files of one name in several folders are of one vehicle."
+                "Results of sprung diagnose --json, one for each vehicle, made with one vehicle file. Each is named "
+                "after its vehicle; files of the same name in several folders belong to one vehicle."
             ),
             show_default=False,
         ),
@@ -50,7 +50,7 @@ def rank(
         Path | None,
         option("T.json", "Write the baseline of the type, for --type of sprung baseline and diagnose.", panel=OUTPUT),
     ] = None,
-    rate: Annotated[float, option("SHARE", "Expected share of sound vehicles among those said to deviate.")] = 0.05,
+    rate: Annotated[float, option("SHARE", "Expected share of sound vehicles among those reported to deviate.")] = 0.05,
     json: Json = None,
 ) -> None:
     """Compare the vehicles of a type with each other, and learn what is normal for the type."""
@@ -91,7 +91,7 @@ def _windows_by_vehicle(files: list[Path]) -> "Mapping[str, list[Observation]]":
         own += [replace(window, vehicle=document.vehicle or "") for window in document.windows]
     if len(types) > 1:
         cases = ", ".join(f"{name!r} ({path})" for name, path in types.items())
-        raise ParameterError(f"the files are of the types {cases}: give those of one type")
+        raise ParameterError(f"the files belong to the types {cases}: give those of one type")
     return windows
 
 

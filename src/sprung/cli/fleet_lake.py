@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 def import_files(
     files: Files,
     *,
-    lake: Annotated[str, option("LAKE", "Folder or URL of the lake, which is made if there is none.")],
+    lake: Annotated[str, option("LAKE", "Folder or URL of the lake, created if it does not exist.")],
     vehicle_id: Annotated[
         str | None,
         option(
             "ID",
-            "Name of the vehicle of all files. Default: that in a file of the monitor's archive, else the name of the "
-            "folder that the file is in.",
+            "Vehicle of all files. Default: the one named in a file of the monitor's archive, otherwise the name of "
+            "the folder that the file is in.",
             panel=INPUT,
         ),
     ] = None,
@@ -38,7 +38,7 @@ def import_files(
         option(
             "TIME",
             "Time of the first sample of files without a start time, such as 2026-11-21T08:30 (UTC); further such "
-            "files of a vehicle follow each other.",
+            "files of a vehicle follow one another.",
             panel=INPUT,
         ),
     ] = None,
@@ -46,10 +46,10 @@ def import_files(
     window: Minutes = 10.0,
     json: Json = None,
 ) -> None:
-    """Add recordings to a lake, as the windows that sprung diagnose makes of them.
+    """Add recordings to a lake, cut into the windows that sprung diagnose uses.
 
-    Windows that the lake holds already are not added again. A file that cannot be read is listed, and the others are
-    imported; the exit code is 2 where none could be.
+    Windows already in the lake are not added again. A file that cannot be read is listed, and the others are
+    imported; the exit code is 2 if no file could be imported.
     """
     from sprung import tables
     from sprung._checks import check_number
@@ -82,7 +82,7 @@ def archive(
     ] = False,
     keep_days: Annotated[
         float | None,
-        option("DAYS", "Delete dates that ended longer ago; their files go a day later, for readers.", min=0),
+        option("DAYS", "Delete dates that ended longer ago; their files are removed a day later, for readers.", min=0),
     ] = None,
     export: Annotated[
         Path | None, option("DIR", "Write windows as recordings (Parquet), in a folder for each vehicle.", panel=OUTPUT)
@@ -92,7 +92,7 @@ def archive(
     until: Until = None,
     json: Json = None,
 ) -> None:
-    """Show what a lake holds, and compact, prune or export it."""
+    """Summarise a lake, and compact, prune or export it."""
     from sprung import tables
     from sprung.documents import lake_document
     from sprung.lake import Lake
@@ -100,9 +100,9 @@ def archive(
     check_file("--json", json)
     check_folder("--export", export)
     if export is None and (vehicle_id, since, until) != (None, None, None):
-        raise ParameterError("--vehicle-id, --since and --until choose what is exported: give --export DIR, too")
+        raise ParameterError("--vehicle-id, --since and --until choose what is exported: add --export DIR")
     opened = Lake(lake)
-    opened.table.open()  # raises where there is none
+    opened.table.open()  # raises if there is none
     paths = [] if export is None else _exported(opened, export, vehicle=vehicle_id, since=since, until=until)
     removed = None if keep_days is None else _pruned(opened, keep_days)
     with progress_bar() as report:
@@ -156,7 +156,7 @@ def _exported(lake: "Lake", folder: Path, *, vehicle: str | None, since: str | N
         paths = export_windows(lake.windows(vehicle=vehicle, since=period.since, until=period.until), folder)
     if not paths:
         whose = "" if vehicle is None else f" of {vehicle}"
-        raise ParameterError(f"{lake.location} holds no window{whose} in that period: sprung fleet archive lists them")
+        raise ParameterError(f"{lake.location} contains no window{whose} in that period: see `sprung fleet archive`")
     return paths
 
 

@@ -25,7 +25,7 @@ Vehicles = Annotated[
         "--vehicles",
     ),
 ]
-Out = Annotated[str, option("RESULTS", "Folder or URL of the tables of results; made if it is not there.", "--out")]
+Out = Annotated[str, option("RESULTS", "Folder or URL of the tables of results; created if missing.", "--out")]
 Steps = Annotated[
     str,
     option(
@@ -44,7 +44,7 @@ Master = Annotated[
     ),
 ]
 Learn = Annotated[
-    int, option("N", "Sound windows that the baseline of a vehicle is learnt from.", "--learn", min=2, panel=INPUT)
+    int, option("N", "Number of sound windows from which a baseline is learnt.", "--learn", min=2, panel=INPUT)
 ]
 _ALL = "identify,corners,baseline,diagnose"
 
@@ -65,14 +65,14 @@ def run(
     allow_missing: AllowMissing = False,
     false_alarms: Annotated[float, option("RATE", "False alarms per vehicle and day of driving.", panel=INPUT)] = 1e-3,
     false_discoveries: Annotated[
-        float, option("SHARE", "Expected share of sound vehicles among those said to have changed.", panel=INPUT)
+        float, option("SHARE", "Expected share of sound vehicles among those reported as changed.", panel=INPUT)
     ] = 0.05,
     hours_per_day: Annotated[float, option("H", "Hours of driving per day.", panel=INPUT)] = 8.0,
     minutes: Annotated[float, option("MINUTES", "Length of the windows in the lake.", "--window", panel=INPUT)] = 10.0,
     master: Master = "local[*]",
     json: Json = None,
 ) -> None:
-    """Analyse the windows of a fleet that have no results yet, and find the vehicles that have changed."""
+    """Analyse the windows of a fleet that have no results yet, and test the vehicles for changes."""
     from sprung import fleet, tables
     from sprung.documents import fleet_run_document
     from sprung.lake import Lake

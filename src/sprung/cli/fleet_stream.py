@@ -28,7 +28,7 @@ def stream(
     vehicles: Vehicles,
     out: Out,
     checkpoint: Annotated[
-        str, option("DIR", "Folder or URL of the progress of the stream, from where it continues.", "--checkpoint")
+        str, option("DIR", "Folder or URL for the progress of the stream, from which it continues.", "--checkpoint")
     ],
     kafka: Annotated[
         str | None, option("SERVERS", "Analyse frames from Kafka at HOST:PORT,.. instead.", "--kafka", panel=INPUT)
@@ -38,8 +38,8 @@ def stream(
         str | None,
         option("FOLDER", "Analyse frames in Parquet files with the columns key and value instead.", panel=INPUT),
     ] = None,
-    once: Annotated[bool, typer.Option("--once", help="End when what is there now is analysed.")] = False,
-    every: Annotated[float, option("SECONDS", "Time from one batch to the next.", min=1)] = 60.0,
+    once: Annotated[bool, typer.Option("--once", help="End once the present data are analysed.")] = False,
+    every: Annotated[float, option("SECONDS", "Time between the starts of two batches.", min=1)] = 60.0,
     steps: Steps = "identify,corners,baseline,diagnose",
     learn: Learn = 12,
     method: Annotated[
@@ -53,7 +53,7 @@ def stream(
         float,
         option(
             "MINUTES",
-            "Length of the windows: of a lake, or into which frames are joined.",
+            "Length of the windows in the lake, or of those into which frames are joined.",
             "--window",
             panel=INPUT,
             min=1,
@@ -61,14 +61,14 @@ def stream(
         ),
     ] = 10.0,
     packages: Annotated[
-        str | None, option("NAMES", "Packages of Spark to load, such as that for Kafka.", "--packages", panel=SPARK)
+        str | None, option("NAMES", "Packages of Spark to load, such as the one for Kafka.", "--packages", panel=SPARK)
     ] = None,
     master: Master = "local[*]",
     log_format: LogFormat = "text",
 ) -> None:
     """Analyse windows of a fleet as they arrive in a lake, or frames as they arrive from Kafka, each window once.
 
-    Runs until it is stopped, and ends with the present batch then. Started again, it continues where it was.
+    Runs until it is stopped, then finishes the current batch. After a restart it continues where it stopped.
     """
     from sprung import fleet
 
@@ -101,11 +101,11 @@ def stream(
         )
     finally:
         session.stop()
-    LOG.info("the stream has ended; nothing of it is lost")
+    LOG.info("the stream has ended; its progress is saved")
 
 
 def _check_source(lake: str | None, kafka: str | None, frames: str | None) -> None:
-    """Refuse none and several sources."""
+    """Require exactly one source."""
     if sum(source is not None for source in (lake, kafka, frames)) != 1:
         raise ParameterError("a stream needs one source: give a LAKE, --kafka or --frames")
 
@@ -127,7 +127,7 @@ def _source(
 
 
 def _log_batch(batch: "StreamBatch") -> None:
-    """Log what a batch has done."""
+    """Log the result of a batch."""
     windows = max(batch.n_windows.values(), default=0)
     LOG.info(
         f"batch {batch.number}: {windows} windows, {batch.n_vehicles} vehicles assessed",

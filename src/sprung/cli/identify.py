@@ -43,7 +43,7 @@ def identify(
         Literal["cov", "acs", "coss", "plscf", "fdd"],
         typer.Option(
             help="cov: correlations of whole records, which scatter least. acs: correlations averaged over segments."
-            " coss: averaged over segments of similar level, which shows dependence on amplitude. Second opinions:"
+            " coss: averaged over segments of similar level, which shows dependence on amplitude. For comparison:"
             " plscf (polynomials fitted to half spectra) and fdd (peaks of the singular values).",
             rich_help_panel=_SIZES,
         ),
@@ -55,14 +55,14 @@ def identify(
     block_rows: Annotated[int | None, option("I", "Number of block rows.", panel=_SIZES, min=2)] = None,
     max_order: Annotated[int | None, option("N", "Largest model order.", panel=_SIZES, min=2)] = None,
     stable_rate: Annotated[
-        float | None, option("D", "Least share of orders at which a mode is stable (0.2).", panel=_SIZES)
+        float | None, option("D", "Minimum share of orders at which a mode is stable (0.2).", panel=_SIZES)
     ] = None,
     references: Annotated[
         str | None,
         option(
             "A,B,..",
-            "Reference channels, with --setups those that stay in place; or disjoint: outputs and references from"
-            " disjoint sets of channels, against sensor noise in the band of the modes.",
+            "Reference channels (with --setups, those that stay in place), or disjoint: outputs and references from"
+            " disjoint sets of channels, which rejects sensor noise in the band of the modes.",
             panel=_SIZES,
         ),
     ] = None,
@@ -70,8 +70,8 @@ def identify(
         bool,
         typer.Option(
             "--setups",
-            help="Each file is a set-up of roving sensors: identify them one by one and glue the mode shapes over the"
-            " references. Files whose channels differ in names are set-ups without this.",
+            help="Each file is a set-up of roving sensors: identify them one by one and merge the mode shapes at the"
+            " references. Files whose channel names differ are treated as set-ups without this option.",
             rich_help_panel=_SIZES,
         ),
     ] = False,
@@ -87,7 +87,7 @@ def identify(
         bool,
         typer.Option(
             "--refine/--no-refine",
-            help="Refine the modes by the likelihood of the whole records' spectra, where it describes them.",
+            help="Refine the modes by the likelihood of the spectra of whole records, where it fits them.",
             rich_help_panel=_SIZES,
         ),
     ] = True,
@@ -102,7 +102,7 @@ def identify(
         float | None,
         option(
             "SECONDS",
-            "Remove periodic excitation: keep the cepstrum up to this quefrency. A short one (0.25) adds damping to"
+            "Remove periodic excitation: keep the cepstrum up to this quefrency. A low value (0.25) adds damping to"
             " lightly damped modes.",
             panel=_PREPARATION,
         ),
@@ -111,7 +111,7 @@ def identify(
         str | None,
         option(
             "F1,F2,..",
-            "Frequencies in Hz at which to take modes by hand: the nearest stable poles, or maxima with fdd.",
+            "Frequencies in Hz at which to pick modes by hand: the nearest stable poles, or maxima with fdd.",
             panel=_SIZES,
         ),
     ] = None,
@@ -239,7 +239,7 @@ def _settings(
 
 
 def _check_ladder(max_order: int | None, rows: tuple[int, int]) -> None:
-    """Refuse options that do not go with the ladder of --thesis."""
+    """Refuse options that conflict with the ladder of --thesis."""
     if max_order is not None:
         raise ParameterError(
             f"--max-order {max_order} does not apply with --thesis, whose ladder is over block rows: leave it out"

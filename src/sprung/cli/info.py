@@ -48,7 +48,7 @@ def info(files: Files, *, reading: "ReadSettings", json: Json = None) -> None:
 
 
 def _parts(path: Path, reading: "ReadSettings") -> "dict[str, ReadSettings]":
-    """Return what is inspected of a file, by its name: the file, or each group where they do not share a clock."""
+    """Return the settings for each inspected part by name: the file, or each group if the groups share no clock."""
     from sprung.documents.recordings import group_label
     from sprung.formats import groups
 

@@ -31,7 +31,7 @@ def monitor(
         str | None,
         option(
             "URL|embedded",
-            "Broker: mqtt://HOST:PORT, mqtts://HOST:PORT?ca=F&cert=F&key=F, or embedded: one for this machine only.",
+            "Broker: mqtt://HOST:PORT, mqtts://HOST:PORT?ca=F&cert=F&key=F, or embedded, for this machine only.",
             show_default="embedded",
         ),
     ] = None,
@@ -45,20 +45,20 @@ def monitor(
     ] = None,
     http: Annotated[
         str | None,
-        option("HOST:PORT", "Address of the pages, of /metrics and /health.", show_default="127.0.0.1:8737"),
+        option("HOST:PORT", "Address of the pages, /metrics and /health.", show_default="127.0.0.1:8737"),
     ] = None,
     test_senders: Annotated[
         bool,
-        typer.Option("--test-senders", help="Send a test message by each sender of the site file, and report results."),
+        typer.Option("--test-senders", help="Send a test message through each sender, and report the results."),
     ] = False,
     log_format: LogFormat = "text",
 ) -> None:
-    """Monitor vehicles until stopped: frames come by MQTT; modes, diagnoses and alerts go into a store.
+    """Monitor vehicles until stopped: receive frames by MQTT, and keep modes, diagnoses and alerts in a store.
 
-    Without options it runs a broker for this machine at port 1883, and keeps results in ./sprung-data. SIGTERM stops it
-    within 10 s, in good order unless its store does not answer.
+    Without options it runs a broker for this machine on port 1883, and keeps results in ./sprung-data. SIGTERM stops it
+    within 10 s, cleanly unless its store does not answer.
 
-    With --test-senders it monitors nothing, and exits with 1 if a message was not sent.
+    With --test-senders it monitors nothing, and exits with status 1 if a message was not sent.
     """
     from sprung.link import Link
     from sprung.monitor import Site, Station, Workers, read_site
@@ -104,7 +104,7 @@ def monitor(
 
 
 def _test_senders(site: "Site") -> None:
-    """Send test messages, and print what came of each."""
+    """Send test messages, and print the outcome of each."""
     from sprung.monitor.postman import try_senders
 
     outcomes = try_senders(site.send, now=time.time_ns())

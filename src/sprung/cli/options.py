@@ -29,7 +29,7 @@ AllowMissing = Annotated[
     bool,
     typer.Option(
         "--allow-missing",
-        help="Go on without sensors of the vehicle file that the recordings lack; the results then say which.",
+        help="Continue without sensors of the vehicle file that the recordings lack; the results list them.",
         rich_help_panel=INPUT,
     ),
 ]
@@ -67,6 +67,6 @@ Json = Annotated[
     ),
 ]
 Since = Annotated[
-    str | None, option("TIME", "Begin of the period, such as 2026-11-21 or 2026-11-21T08:30 (UTC).", "--since")
+    str | None, option("TIME", "Start of the period, such as 2026-11-21 or 2026-11-21T08:30 (UTC).", "--since")
 ]
 Until = Annotated[str | None, option("TIME", "End of the period, in the same form.", "--until")]

@@ -30,7 +30,7 @@ def write_json(document: "Document | Mapping[str, Any]", path: str) -> None:
 
 
 def write_result(document: "Document | Mapping[str, Any]", json: str | None) -> bool:
-    """Write a result where `--json` says, if given; return whether standard output is free for its tables."""
+    """Write a result to the path of `--json`, if given; return whether standard output is free for its tables."""
     if json is not None:
         write_json(document, json)
     return json != "-"

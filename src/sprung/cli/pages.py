@@ -29,9 +29,9 @@ def write_page(
     files
         Recordings, which are read once more for those facts.
     reading
-        What the command reads of the files.
+        Settings with which the command reads the files.
     others
-        Further files by their purpose; None for those that were not given.
+        Further files by purpose; None for those not given.
     has_recordings
         Whether the files are recordings; their channels are not listed otherwise.
     """

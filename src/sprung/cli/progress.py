@@ -9,7 +9,7 @@ from sprung.cli.output import printable
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """Yield a callback that receives the current step and the share that is done (0 to 1; 0 where unknown)."""
+    """Yield a callback that receives the current step and the share that is done (0 to 1; 0 if unknown)."""
     if not sys.stderr.isatty():
         yield lambda step, share: None
         return

@@ -24,15 +24,15 @@ _OPTIONS: dict[str, Any] = {
         str | None,
         option(
             "A,B,..",
-            "Groups of channels to read, of a file with several; the first gives the times. Listed by sprung info.",
+            "Groups of channels to read from a file with several; the first sets the times. sprung info lists them.",
             panel=_READING,
         ),
     ],
-    "begin": Annotated[float | None, option("SECONDS", "Beginning of the part to read.", "--from", panel=_READING)],
+    "begin": Annotated[float | None, option("SECONDS", "Start of the part to read.", "--from", panel=_READING)],
     "end": Annotated[float | None, option("SECONDS", "End of the part to read.", "--to", panel=_READING)],
     "sampling_rate": Annotated[
         float | None,
-        option("HZ", "Sampling rate of files without time, or whose time contradicts itself.", panel=_READING),
+        option("HZ", "Sampling rate of files without a time column, or with an inconsistent one.", panel=_READING),
     ],
     "time": Annotated[str | None, option("NAME", "Time column. Default: found by name and steps.", panel=_READING)],
     "time_unit": Annotated[str | None, option("UNIT", "Unit of the time column: s, ms, us or ns.", panel=_READING)],

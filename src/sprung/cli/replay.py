@@ -25,21 +25,23 @@ def replay(
     vehicle_id: VehicleId,
     vehicle: VehicleFile,
     broker: BrokerUrl = "mqtt://127.0.0.1:1883",
-    pace: Annotated[float | None, option("X", "Speed of the replay, times real time.", show_default="no limit")] = None,
+    pace: Annotated[
+        float | None, option("X", "Speed of the replay, as a multiple of real time.", show_default="no limit")
+    ] = None,
     reading: "ReadSettings",
     allow_missing: AllowMissing = False,
     start: Annotated[
         str | None,
-        option("TIME", "Start of files without time, such as 2026-11-21T08:30 (UTC).", show_default="they end now"),
+        option("TIME", "Start of files without times, such as 2026-11-21T08:30 (UTC).", show_default="they end now"),
     ] = None,
     spool: Annotated[
-        Path | None, option("DIR", "Folder that keeps frames until they are acknowledged; run again, it continues.")
+        Path | None, option("DIR", "Folder that keeps frames until they are acknowledged; a second run continues.")
     ] = None,
     patience: Annotated[float, option("SECONDS", "Longest wait for the last acknowledgement.", min=0)] = 60.0,
 ) -> None:
     """Send recordings to a monitor as a vehicle would, and wait until they are acknowledged.
 
-    Samples keep the time of the recording. The monitor passes over what it has analysed before.
+    Samples keep the times of the recording. The monitor skips what it has already analysed.
     """
     from sprung._checks import check_number
     from sprung.box import after, from_files

@@ -20,7 +20,7 @@ def report(
     vehicle: Annotated[str, typer.Argument(metavar="ID", help="Name of the vehicle.", show_default=False)],
     *,
     out: Annotated[
-        Path | None, option("FILE.html", "Page to write; .pdf with the extra pdf.", "--out", panel=OUTPUT)
+        Path | None, option("FILE.html", "Page to write; .pdf needs the extra pdf.", "--out", panel=OUTPUT)
     ] = None,
     since: Since = None,
     until: Until = None,

@@ -20,7 +20,7 @@ def reproduce(
     ] = None,
     *,
     out: Annotated[
-        Path, option("DIR", "Folder for the pages; created where it does not exist.", panel=OUTPUT, show_default=False)
+        Path, option("DIR", "Folder for the pages; created if it does not exist.", panel=OUTPUT, show_default=False)
     ],
     seeds: Annotated[int, option("N", "Number of runs where the thesis shows one.", min=2, max=10_000)] = 50,
     processes: Annotated[

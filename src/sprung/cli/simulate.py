@@ -36,7 +36,7 @@ simulate = typer.Typer(
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """Where the records of a command go.
+    """Output files of a command.
 
     Parameters
     ----------
@@ -315,7 +315,7 @@ def _vehicle(kind: Literal["road", "rail", "rig"], path_or_name: str) -> "Vehicl
 
 
 def _simulate_drives(vehicle: "Vehicle", settings: "DriveSettings", output: Output) -> None:
-    """Simulate and write drives; each wears what wears."""
+    """Simulate and write drives, with the wear of each carried over to the next."""
     from sprung.simulation import simulate_drive
     from sprung.simulation.runs import drive_document, drives_of_one_vehicle
 

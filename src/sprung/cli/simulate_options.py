@@ -9,7 +9,7 @@ from sprung.cli.completion import vehicles
 from sprung.cli.options import OUTPUT, option
 
 DRIVE, CONDITION = "Drive", "Condition"
-ROAD, WHEELS, VEHICLE, SENSORS = "Road", "Wheels", "Vehicle, against its file", "Sensors"
+ROAD, WHEELS, VEHICLE, SENSORS = "Road", "Wheels", "Deviations of the vehicle from its file", "Sensors"
 
 Out = Annotated[Path, option("FILE", "File to write: .csv, .parquet, .npz or .mat.", panel=OUTPUT, show_default=False)]
 Records = Annotated[
@@ -46,7 +46,7 @@ Payloads = Annotated[
     option(
         "KG[,X,Y]",
         "Payload on the body in kg, and its place X ahead and Y to the left of the centre of gravity in m: 80,-0.9,-0.4"
-        " is a passenger behind on the right. May be repeated.",
+        " is a passenger in the rear right seat. May be repeated.",
         "--payload",
         panel=CONDITION,
     ),
@@ -68,7 +68,7 @@ Nonlinear = Annotated[
 
 RoadClass = Annotated[str, option("A..H", "Roughness class of ISO 8608.", "--road", panel=ROAD)]
 RightRougher = Annotated[
-    float, option("DB", "Unevenness of the right track over that of the left one in dB.", panel=ROAD, min=-20, max=20)
+    float, option("DB", "Unevenness of the right track relative to the left one in dB.", panel=ROAD, min=-20, max=20)
 ]
 PotholeRate = Annotated[
     float | None,
@@ -92,7 +92,7 @@ Braking = Annotated[
     option(
         "M/S2",
         "Largest deceleration in m/s2: braking and accelerating (up to 0.7 of it) pitch the body. Default: a calm drive"
-        " that does not.",
+        " without pitching.",
         panel=DRIVE,
         min=0,
         max=10,
@@ -114,13 +114,13 @@ Height = Annotated[
 ]
 Unbalance = Annotated[
     float,
-    option("G.M", "Usual unbalance of a wheel in g m (5 g on a rim of 0.2 m are 1 g m).", panel=WHEELS, min=0),
+    option("G.M", "Typical unbalance of a wheel in g m (5 g on a rim of 0.2 m are 1 g m).", panel=WHEELS, min=0),
 ]
 RunOut = Annotated[
     list[float] | None,
     option(
         "MM",
-        "Usual radial run-out (amplitude) of a wheel in mm. Repeated: of the second, third .. harmonic of rotation.",
+        "Typical radial run-out (amplitude) of a wheel in mm. Repeated: of the second, third .. harmonic of rotation.",
         panel=WHEELS,
         min=0,
     ),
@@ -159,7 +159,7 @@ Scatter = Annotated[
     tuple[float, float, float] | None,
     option(
         "SPRINGS DAMPERS TYRES",
-        "Makers' scatter of parts, standard deviations in percent: 4 5 3 is a used car.",
+        "Manufacturing scatter of parts, standard deviations in percent, such as 4 5 3 for a used car.",
         panel=VEHICLE,
     ),
 ]
@@ -167,7 +167,7 @@ Wear = Annotated[
     list[str] | None,
     option(
         "CORNER.COMPONENT=-0.01",
-        "Part that changes with every drive, such as by 1 % of what is left; with --records each record is a drive."
+        "Part that wears with every drive, such as by 1 % of what is left; with --records each record is a drive."
         " May be repeated.",
         panel=VEHICLE,
     ),
@@ -176,8 +176,8 @@ Individual = Annotated[
     int,
     option(
         "N",
-        "Number of the vehicle among those of its type: the seed of its scatter, wheels and errors of sensors, which"
-        " are the same on all its drives.",
+        "Number of the vehicle among those of its type: the seed of its scatter, wheels and sensor errors, which are"
+        " the same on all its drives.",
         panel=VEHICLE,
         min=0,
     ),
@@ -206,17 +206,17 @@ NoiseDensity = Annotated[
     option("UG/RTHZ", "Noise of the accelerometers in micro-g per root Hz; MEMS have 20 to 300.", panel=SENSORS, min=0),
 ]
 Bits = Annotated[int | None, option("N", "Resolution of the accelerometers in bits.", panel=SENSORS, min=1, max=32)]
-Range = Annotated[float, option("G", "Range of the accelerometers in g: +-2 g.", "--range", panel=SENSORS)]
-SpeedDelay = Annotated[float, option("S", "Age of the speed when it is updated in s.", panel=SENSORS, min=0)]
+Range = Annotated[float, option("G", "Range of the accelerometers in g; 2 means +-2 g.", "--range", panel=SENSORS)]
+SpeedDelay = Annotated[float, option("S", "Delay of the speed at its update in s.", panel=SENSORS, min=0)]
 SpeedRate = Annotated[
-    float | None, option("HZ", "Updates of the speed per second, held in between, as by GPS.", panel=SENSORS)
+    float | None, option("HZ", "Updates of the speed per second, held in between, as from GPS.", panel=SENSORS)
 ]
-SpeedScale = Annotated[float, option("FACTOR", "Recorded over true speed.", panel=SENSORS)]
+SpeedScale = Annotated[float, option("FACTOR", "Ratio of recorded to true speed.", panel=SENSORS)]
 Also = Annotated[
     list[str] | None,
     option(
         "NAME",
-        "Further sensor at the centre of gravity, which the written vehicle file has, too: acc_x, acc_y, yaw_rate or"
+        "Further sensor at the centre of gravity, also added to the written vehicle file: acc_x, acc_y, yaw_rate or"
         " temperature. May be repeated.",
         panel=SENSORS,
     ),

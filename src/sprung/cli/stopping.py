@@ -1,4 +1,4 @@
-"""Signals that stop a service, in good order if it can, and within a stated time in any case."""
+"""Signals that stop a service: cleanly if possible, and within a stated time in any case."""
 
 import logging
 import multiprocessing
@@ -16,7 +16,7 @@ def stop_on_signals(*, within: float | None = None) -> threading.Event:
     ----------
     within
         Longest time from the first signal to the end of the process [s], after which it ends with status 1, its child
-        processes first; None: any.
+        processes first; None: no limit.
     """
     stopping = threading.Event()
 
@@ -30,14 +30,14 @@ def stop_on_signals(*, within: float | None = None) -> threading.Event:
             timer.start()
 
     for number in (signal.SIGINT, signal.SIGTERM):
-        # In a thread: the signal may come while this one holds the lock of the event, and would wait for itself.
+        # In a thread: if this one holds the lock of the event when the signal comes, it would deadlock.
         signal.signal(number, lambda *_: threading.Thread(target=stop).start())
     return stopping
 
 
 def _end(within: float) -> None:
-    """End the process whatever its threads wait for: what counts is in the store, transaction by transaction."""
-    LOG.error(f"not stopped in good order within {within:g} s, as the store or a disk does not answer: ended")
+    """End the process whatever its threads wait for: results are in the store, transaction by transaction."""
+    LOG.error(f"no clean stop within {within:g} s, as the store or a disk does not answer: process ended")
     for child in multiprocessing.active_children():
         child.kill()
         child.join(1.0)

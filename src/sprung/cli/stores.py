@@ -1,4 +1,4 @@
-"""The store of a monitor, as several commands take it."""
+"""The store of a monitor, as an option of several commands."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

@@ -42,7 +42,7 @@ def track(
     *,
     window: Annotated[
         float | None,
-        option("SECONDS", "Length of a window. Default: each file is one. JSON files: time between them.", panel=INPUT),
+        option("SECONDS", "Length of a window. Default: one per file. JSON files: time between them.", panel=INPUT),
     ] = None,
     vehicle: Annotated[
         str | None,
@@ -67,7 +67,7 @@ def track(
         float | None,
         option(
             "SECONDS",
-            "Longest absence of a mode that is followed. Default: 48 windows.",
+            "Longest absence after which a mode is still followed. Default: 48 windows.",
             panel=_TRACKING,
         ),
     ] = None,
@@ -128,7 +128,7 @@ def track(
         table = tables.tracks_table(tracked, start=start, has_times=has_times)
         show(*([table] if tracked.tracks else []), words, heading=f"{source}: {tables.tracks_in_words(tracked)}")
     if not tracked.tracks:
-        raise IdentificationError("no mode is in enough windows: use longer windows, or more of them")
+        raise IdentificationError("no mode was found in enough windows: use longer windows, or more of them")
 
 
 def _settings(band: tuple[float, float] | None, *, may_lack: bool) -> "IdentificationSettings":

@@ -1,4 +1,4 @@
-"""The demonstration: a small simulated fleet, its monitor and the pages of it."""
+"""The demonstration: a small simulated fleet, its monitor and the pages."""
 
 from sprung.demo.fleet import Member, drive_fleet
 from sprung.demo.scenario import CarState, Demonstration, open_demo

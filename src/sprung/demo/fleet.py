@@ -17,7 +17,7 @@ from sprung.vehicles import Vehicle, parse_fault
 
 #: Length of a piece of a drive, and of a block [s].
 PIECE, _BLOCK = 600.0, 5.0
-#: How long before the program the drives began [ns].
+#: Time from the start of the drives to that of the program [ns].
 _AGO = 3 * 3600 * 10**9
 
 
@@ -72,7 +72,7 @@ def drives(car: Vehicle, member: Member, start: int) -> Iterator[Recording]:
 def drive_fleet(address: Address, car: Vehicle, members: Sequence[Member], *, folder: Path, pace: float) -> None:
     """Drive a fleet of identical cars until the process is stopped.
 
-    The drives began three hours ago. They go on at a pace until they have reached the present, and then in real time.
+    The drives began three hours ago. They continue at a pace until they have reached the present, then in real time.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def drive_fleet(address: Address, car: Vehicle, members: Sequence[Member], *, fo
     folder
         Folder of the spools.
     pace
-        Speed of the drives, times real time.
+        Speed of the drives, as a multiple of real time.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to this process, too: its parent ends it
     begun = time.time_ns() - _AGO
@@ -114,7 +114,7 @@ def waiting_time(driven: float, pace: float) -> float:
     driven
         Length of the drive [s], which began three hours before the program.
     pace
-        Speed of the drive, times real time, until it has reached the present; more than 1.
+        Speed of the drive, as a multiple of real time, until it has reached the present; more than 1.
     """
     ago = _AGO / 1e9
     return max(driven / pace, driven - ago)

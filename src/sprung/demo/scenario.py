@@ -28,22 +28,22 @@ SOFT = Member("car-2", 2, fault="front_left.spring=-0.25", after=_AFTER)
 DEAD = Member("car-3", 3, dead_channel="acc_rr", after=_AFTER)
 FLEET = (HEALTHY, SOFT, DEAD)
 _EXPECTED = ((SOFT.name, "front_left.spring"), (DEAD.name, f"sensor:{DEAD.dead_channel}"))
-#: Time between looks at the alerts, and for which both alerts must have been active in the end [s].
+#: Time between checks of the alerts, and for which both alerts must have been active at the end [s].
 _LOOK, _SETTLED = 0.25, 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class CarState:
-    """What the monitor shows of a car.
+    """State of a car at the monitor.
 
     Parameters
     ----------
     name
         Name of the car.
     status
-        How far its monitoring is.
+        Progress of its monitoring.
     state
-        Its alerts in words; else what the monitor does or has found so far.
+        Its alerts in words; otherwise what the monitor does or has found so far.
     """
 
     name: str
@@ -96,7 +96,7 @@ class Demonstration:
         Raises
         ------
         DataError
-            Where an alert is missing in the end, or another one was raised.
+            If an alert is missing at the end, or another one was raised.
         """
         complete_since: float | None = None
         for seconds in self._looks(limit, is_stopped):
@@ -115,7 +115,7 @@ class Demonstration:
         self._station.run(is_stopped)
 
     def _looks(self, limit: float, is_stopped: Callable[[], bool]) -> Iterator[float]:
-        """Run the monitor, and yield the time since the start now and then."""
+        """Run the monitor, and yield the time since the start at intervals."""
         looked = 0.0
         while (now := time.monotonic()) - self._begun < limit and not is_stopped():
             self._station.step()
@@ -131,7 +131,7 @@ def open_demo(*, pace: float) -> Iterator[Demonstration]:
     Parameters
     ----------
     pace
-        Speed of the drives, times real time, until they have reached the present.
+        Speed of the drives, as a multiple of real time, until they have reached the present.
     """
     with tempfile.TemporaryDirectory(prefix="sprung-demo-") as scratch:
         folder = Path(scratch)

@@ -26,7 +26,7 @@ class ConditionDocument(Document):
 
 
 class BaselineDocument(Document):
-    """Normal state of one vehicle, as a file holds it."""
+    """Normal state of one vehicle, as stored in a file."""
 
     schema_name: Literal["sprung.baseline/1"] = Field(alias="schema")
     vehicle: str
@@ -212,7 +212,7 @@ def read_baseline(path: str | Path) -> Baseline:
     ParameterError
         If the file cannot be read.
     FormatError
-        If it holds something else.
+        If it contains something else.
 
     Examples
     --------

@@ -12,7 +12,7 @@ from sprung.documents.document import Document, checked, read_fields, write_docu
 
 
 class CalibrationDocument(Document):
-    """What drives taught about a vehicle; the vehicle file itself is written next to it."""
+    """Results of a calibration from drives; the vehicle file itself is written next to it."""
 
     schema_name: Literal["sprung.calibration/1"] = Field(alias="schema")
     vehicle: str
@@ -106,7 +106,7 @@ def read_calibration(path: str | Path) -> CalibrationDocument:
     ParameterError
         If the file cannot be read.
     FormatError
-        If it holds something else.
+        If it contains something else.
 
     Examples
     --------

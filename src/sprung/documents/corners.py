@@ -28,7 +28,7 @@ class ComponentEstimate(Document):
 
 
 class FitQuality(Document):
-    """How well the vehicle explains the spectra, and how its estimates depend on each other."""
+    """Quality of the fit to the spectra, and correlation of the estimates."""
 
     model_error: Number
     n_segments: int
@@ -39,7 +39,7 @@ class FitQuality(Document):
 
 
 class CornersDocument(Document):
-    """A fit of springs, dampers and tyres as a file holds it: without the model and the spectra it was fitted to."""
+    """A fit of springs, dampers and tyres as stored in a file: without the model and the spectra it was fitted to."""
 
     schema_name: Literal["sprung.corners/1"] = Field(alias="schema")
     corners: dict[str, dict[str, ComponentEstimate]]
@@ -177,7 +177,7 @@ def read_corners(path: str | Path) -> CornersDocument:
     ParameterError
         If the file cannot be read.
     FormatError
-        If it holds something else.
+        If it contains something else.
 
     Examples
     --------

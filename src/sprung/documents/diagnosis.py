@@ -115,7 +115,7 @@ class ResidualTestDocument(Document):
 
 
 class DiagnosisDocument(Document):
-    """A diagnosis as a file holds it: with the version of the baseline instead of the baseline itself."""
+    """A diagnosis as stored in a file: with the version of the baseline instead of the baseline itself."""
 
     schema_name: Literal["sprung.diagnosis/1"] = Field(alias="schema")
     vehicle: str | None
@@ -358,7 +358,7 @@ def read_diagnosis(path: str | Path) -> DiagnosisDocument:
     ParameterError
         If the file cannot be read.
     FormatError
-        If it holds something else.
+        If it contains something else.
 
     Examples
     --------

@@ -200,7 +200,9 @@ def read_fields(path: str | Path) -> dict[str, Any]:
     try:
         fields = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        raise ParameterError(f"{path}: {error.strerror}: give a JSON document that sprung wrote") from None
+        raise ParameterError(
+            f"{path} cannot be read ({error.strerror}): give a JSON document that sprung wrote"
+        ) from None
     except (ValueError, RecursionError):
         raise FormatError(f"{path} is not valid JSON: give a JSON document that sprung wrote") from None
     if not isinstance(fields, dict):
@@ -223,7 +225,7 @@ def checked(model: type[_Document], fields: Mapping[str, Any], *, source: str) -
     Raises
     ------
     FormatError
-        If the schema is another one, or a key is missing or holds something else.
+        If the schema is another one, or a key is missing or contains something else.
     """
     schema = schema_of(model)
     if fields.get("schema") != schema:

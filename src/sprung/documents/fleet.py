@@ -48,7 +48,7 @@ def fleet_document(
     rankings
         Name of each type, and the result of `sprung.diagnosis.rank_fleet`.
     rate
-        Expected share of sound vehicles among those that are said to deviate.
+        Expected share of sound vehicles among those reported to deviate.
     notes
         Sentences about types and vehicles that are not ranked.
 
@@ -75,7 +75,7 @@ def fleet_document(
 
 
 def _entry(ranked: RankedVehicle) -> dict[str, object]:
-    """Return a vehicle with what may be different in it."""
+    """Return a vehicle with its most likely deviation."""
     best = ranked.detection.candidates[0]
     return {
         "vehicle": ranked.vehicle,

@@ -46,7 +46,7 @@ class FleetRunDocument(Document):
 
 
 class FleetPlanDocument(Document):
-    """What a run over a lake has to do, and an estimate of its cost."""
+    """Work to be done by a run over a lake, and an estimate of its cost."""
 
     schema_name: Literal["sprung.fleet-plan/1"] = Field(alias="schema")
     windows: int

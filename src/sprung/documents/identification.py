@@ -76,7 +76,7 @@ class BandDocument(Document):
 
 
 class RefinedDocument(ModeValues):
-    """What the refinement changed in one mode: its values before, the change in standard deviations, why none."""
+    """Refinement of one mode: its values before, the change in standard deviations, or why there is none."""
 
     distance: Number
     reason: str | None
@@ -107,7 +107,7 @@ class SetUpsDocument(Document):
 
 
 class IdentificationDocument(Document):
-    """An identification as a file holds it: without stabilisation diagrams and spectra."""
+    """An identification as stored in a file: without stabilisation diagrams and spectra."""
 
     schema_name: Literal["sprung.identification/1"] = Field(alias="schema")
     method: str
@@ -274,7 +274,7 @@ def read_identification(path: str | Path) -> IdentificationDocument:
     ParameterError
         If the file cannot be read.
     FormatError
-        If it holds something else.
+        If it contains something else.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The documents of a lake: what it holds, `sprung.lake/1`, and what came of an import, `sprung.lake-import/1`."""
+"""The documents of a lake: its contents, `sprung.lake/1`, and the result of an import, `sprung.lake-import/1`."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -19,7 +19,7 @@ class LakeVehicle(Document):
 
 
 class LakeDocument(Document):
-    """What a lake holds, after what was done to it."""
+    """Contents of a lake, after what was done to it."""
 
     schema_name: Literal["sprung.lake/1"] = Field(alias="schema")
     lake: str
@@ -35,7 +35,7 @@ class LakeDocument(Document):
 
 
 class ImportedVehicle(Document):
-    """Windows of a vehicle that were added, and that the lake held already."""
+    """Windows of a vehicle that were added, and that were in the lake already."""
 
     vehicle: str
     files: int
@@ -51,7 +51,7 @@ class BadFile(Document):
 
 
 class LakeImportDocument(Document):
-    """What came of an import."""
+    """Result of an import."""
 
     schema_name: Literal["sprung.lake-import/1"] = Field(alias="schema")
     lake: str
@@ -119,7 +119,7 @@ def lake_document(
 def lake_import_document(
     lake: str, vehicles: Iterable[tuple[str, int, int, int]], bad_files: Iterable[tuple[Path, str]]
 ) -> LakeImportDocument:
-    """Return what came of an import as `sprung.lake-import/1`.
+    """Return the result of an import as `sprung.lake-import/1`.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ class AlertHistoryDocument(Document):
 
 
 class NotificationDocument(Document):
-    """What happened to an alert, as senders pass it on; a test message has the first five keys only.
+    """An event of an alert, as senders pass it on; a test message has the first five keys only.
 
     Times are nanoseconds UTC since 1970, but for `time`, which is ISO 8601.
     """
@@ -118,7 +118,7 @@ class AccountsDocument(Document):
 
 
 class TokenEntry(Document):
-    """A program that may use the interface; `secret` only of a token that was just made."""
+    """A program that may use the interface; `secret` only of a token that was just created."""
 
     number: int
     name: str
@@ -137,7 +137,7 @@ class TokensDocument(Document):
 
 
 class AsideEntry(Document):
-    """Frames in a row, or a state, that a monitor set aside; times are nanoseconds UTC since 1970."""
+    """Consecutive frames, or a state, that a monitor set aside; times are nanoseconds UTC since 1970."""
 
     vehicle: str
     kind: str
@@ -152,7 +152,7 @@ class AsideEntry(Document):
 
 
 class AsideDocument(Document):
-    """What the store of a monitor holds that was set aside."""
+    """Frames and states in the store of a monitor that were set aside."""
 
     schema_name: Literal["sprung.aside/1"] = Field(alias="schema")
     aside: tuple[AsideEntry, ...]

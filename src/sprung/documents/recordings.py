@@ -166,7 +166,7 @@ def read_inspections(path: str | Path) -> dict[str, Inspection]:
     ParameterError
         If the file cannot be read.
     FormatError
-        If it holds something else.
+        If it contains something else.
 
     Examples
     --------
@@ -257,7 +257,7 @@ def read_truth(path: str | Path) -> TruthDocument:
     ParameterError
         If the file cannot be read.
     FormatError
-        If it holds something else.
+        If it contains something else.
 
     Examples
     --------

@@ -136,7 +136,7 @@ def tracking_document(
     windows
         Its windows with their sources and reasons; None: unknown.
     start
-        Time of the first window, UTC in nanoseconds since 1970; None where unknown.
+        Time of the first window, UTC in nanoseconds since 1970; None if unknown.
     has_times
         Whether times are seconds since the first window, not numbers of windows.
     notes
@@ -231,7 +231,7 @@ def read_tracking(path: str | Path) -> TrackingDocument:
     ParameterError
         If the file cannot be read.
     FormatError
-        If it holds something else.
+        If it contains something else.
 
     Examples
     --------

@@ -17,7 +17,7 @@ from sprung.vehicles import Component
 
 
 class TypeBaselineDocument(Document):
-    """Normal state of the vehicles of a type, as a file holds it."""
+    """Normal state of the vehicles of a type, as stored in a file."""
 
     schema_name: Literal["sprung.type_baseline/1"] = Field(alias="schema")
     name: str
@@ -71,7 +71,7 @@ def type_baseline_document(type_baseline: TypeBaseline) -> TypeBaselineDocument:
 def type_baseline_from_document(
     document: TypeBaselineDocument | Mapping[str, Any], *, source: str = "the baseline of the type"
 ) -> TypeBaseline:
-    """Return the baseline of a type of a document.
+    """Return the baseline of a type from a document.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def read_type_baseline(path: str | Path) -> TypeBaseline:
     ParameterError
         If the file cannot be read.
     FormatError
-        If it holds something else.
+        If it contains something else.
 
     Examples
     --------

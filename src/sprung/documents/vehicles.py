@@ -19,9 +19,9 @@ class ExportDocument(Document):
 
 
 class ChangeEntry(Document):
-    """Mean change of a component against the baseline, and the loss that the baseline lets detect in 12 windows.
+    """Mean change of a component against the baseline, and the loss that is detectable in 12 windows.
 
-    `interval` holds what may move all corners together, `interval_by_chance` does not.
+    `interval` includes what may move all corners together, `interval_by_chance` does not.
     """
 
     component: str
@@ -58,7 +58,7 @@ class FaultEntry(Document):
 
 
 class VerdictEntry(Document):
-    """What the workshop found on an alert."""
+    """A verdict of the workshop on an alert."""
 
     time: int
     who: str

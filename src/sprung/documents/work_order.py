@@ -8,7 +8,7 @@ from sprung.documents.document import Document, Pair
 
 
 class WorkOrderDocument(Document):
-    """What a workshop is to inspect or repair, and why; times are nanoseconds UTC since 1970."""
+    """The inspection or repair that a workshop is to do, and the reason; times are nanoseconds UTC since 1970."""
 
     schema_name: Literal["sprung.work-order/1"] = Field(alias="schema")
     key: str

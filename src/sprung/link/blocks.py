@@ -36,7 +36,7 @@ class Block(Protocol):
 
     @property
     def start(self) -> int | None:
-        """Time of the first sample, UTC ns; None where unknown."""
+        """Time of the first sample, UTC ns; None if unknown."""
 
     @property
     def gaps(self) -> tuple[Gap, ...]:

@@ -25,7 +25,7 @@ def common_name(path: str | Path) -> str:
     Returns
     -------
     str
-        The name; empty where the file holds no certificate that can be read, or one without such a name.
+        The name; empty if the file holds no certificate that can be read, or one without such a name.
     """
     with suppress(OSError, ValueError, IndexError):
         for _, attributes in _fields(_contents(path)[4]):

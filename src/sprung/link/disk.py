@@ -1,4 +1,4 @@
-"""What a spool asks of the operating system, one system call each: tests put a disk that fails in its place."""
+"""System calls of a spool, one in each method, so that tests can substitute a disk that fails."""
 
 import fcntl
 import os
@@ -32,7 +32,7 @@ class Disk:
         return path.read_bytes()
 
     def open(self, path: Path) -> int:
-        """Return a file to append to, created where it is missing."""
+        """Return a file to append to, created if it is missing."""
         return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
 
     def write(self, handle: int, data: bytes) -> int:

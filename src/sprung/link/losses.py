@@ -1,4 +1,4 @@
-"""What a box had to drop before the monitor had it: which frames, and from when to when."""
+"""Frames that a box had to drop before the monitor had them, with their times."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ class Loss(NamedTuple):
     n_frames
         Number of them.
     begin, end
-        Times of the first sample and after the last one, UTC ns; 0 where unknown.
+        Times of the first sample and after the last one, UTC ns; 0 if unknown.
     """
 
     boot: int
@@ -41,7 +41,7 @@ class Loss(NamedTuple):
 
 
 def span_of(losses: Iterable[Loss]) -> tuple[int, int]:
-    """Return the times of the first sample and after the last one of losses, UTC ns; 0 where unknown."""
+    """Return the times of the first sample and after the last one of losses, UTC ns; 0 if unknown."""
     known = [(loss.begin, loss.end) for loss in losses if loss.begin]
     return min((begin for begin, _ in known), default=0), max((end for _, end in known), default=0)
 
@@ -59,7 +59,7 @@ def loss_of(boot: int, first: int, last: int, payloads: Iterable[bytes]) -> Loss
 
 
 def losses_in(document: Mapping[Any, Any]) -> list[Loss]:
-    """Return the losses that a state message of a box states; none where an older program wrote it.
+    """Return the losses that a state message of a box states; empty if an older program wrote it.
 
     Raises
     ------

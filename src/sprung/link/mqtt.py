@@ -144,7 +144,7 @@ class Link:
 
     @property
     def problem(self) -> str:
-        """Known reason why there is no connection, or why the broker refuses messages; empty if all is well."""
+        """Known reason why there is no connection, or why the broker refuses messages; empty if there is no problem."""
         if self._problem or not self._rejection:
             return self._problem
         return f"the broker {self._address} refuses messages: {self._rejection}"
@@ -174,7 +174,7 @@ class Link:
             return
         (self._is_connected if is_patient else self._is_decided).wait(timeout)
         if not self.is_connected:
-            problem = self.problem or self._unreachable("no answer: check that it runs there")
+            problem = self.problem or self._unreachable("(no answer): check that it runs there")
             self.close()
             raise LinkError(problem)
 
@@ -185,7 +185,7 @@ class Link:
         return bool(self._client.publish(topic, payload, qos=1, retain=is_retained).rc == self._mqtt.MQTT_ERR_SUCCESS)
 
     def close(self) -> None:
-        """Disconnect in good order: the will is not published."""
+        """Disconnect cleanly: the will is not published."""
         self._is_closed = True
         self._is_connected.clear()
         self._client.disconnect()
@@ -216,7 +216,7 @@ class Link:
     def _identify(self, client: Any, protocol: Any) -> None:
         """Set user and password: those of the address, or those of a monitor's broker that runs here now."""
         user, password = self._address.user, self._address.password
-        # The embedded broker stumbles over a password in a newer version, and without one asks for the older version.
+        # The embedded broker fails on a password in a newer version, and without one requests the older version.
         if not user and protocol == self._mqtt.MQTTv311:
             password = find_secret(self._address.host, self._address.port)
             user = LOCAL_USER if password else ""
@@ -234,7 +234,7 @@ class Link:
             return
         if reason.is_failure:
             advice = "check user, password and certificate"
-            self._refusal = f"the broker {self._address} refuses the connection: {reason}: {advice}"
+            self._refusal = f"the broker {self._address} refuses the connection ({reason}): {advice}"
             self._problem = self._refusal
             self._is_decided.set()
             return
@@ -262,10 +262,10 @@ class Link:
         if client is not self._client:
             return
         if self.is_connected:
-            self._problem = f"the broker {self._address} was lost: {reason}: check that it runs"
+            self._problem = f"the broker {self._address} was lost ({reason}): check that it runs"
         else:
             advice = "check that it is a broker, and user, password and certificate"
-            self._problem = self._refusal or f"the broker {self._address} closed the connection: {reason}: {advice}"
+            self._problem = self._refusal or f"the broker {self._address} closed the connection ({reason}): {advice}"
         self._is_connected.clear()
 
     def _failed(self, _client: Any, _data: Any) -> None:
@@ -277,7 +277,7 @@ class Link:
 
     def _unreachable(self, why: str) -> str:
         """Return the sentence for a broker that cannot be reached."""
-        return f"the broker {self._address} cannot be reached: {why}"
+        return f"the broker {self._address} cannot be reached {why}"
 
     def _published(self, _client: Any, _data: Any, _number: int, reason: Any, _properties: Any) -> None:
         """Record that the broker refused a message, until the next connection."""
@@ -289,16 +289,16 @@ def _why(error: BaseException | None) -> str:
     """Return why a connection failed, and what to do."""
     if isinstance(error, socket.gaierror):
         if error.errno == socket.EAI_AGAIN:
-            return "its name cannot be resolved: check the name, and the network of this machine"
-        return "unknown host: correct its name"
+            return "(its name cannot be resolved): check the name, and the network of this machine"
+        return "(unknown host): correct its name"
     if isinstance(error, ConnectionRefusedError):
-        return "connection refused: check that the broker is running on that port"
+        return "(connection refused): check that the broker is running on that port"
     if isinstance(error, TimeoutError):
-        return "the attempt timed out: check that its machine is on, and that no firewall blocks it"
+        return "(the attempt timed out): check that its machine is on, and that no firewall blocks it"
     if isinstance(error, ssl.SSLError):
         detail = getattr(error, "verify_message", None) or getattr(error, "reason", None) or error
-        return f"TLS failed: {detail}: check ca, cert and key, and that the host is named in its certificate"
-    return f"{getattr(error, 'strerror', None) or error or 'no answer'}: check that it runs there"
+        return f"(TLS failed: {detail}): check ca, cert and key, and that the host is named in its certificate"
+    return f"({getattr(error, 'strerror', None) or error or 'no answer'}): check that it runs there"
 
 
 def _context(address: Address) -> ssl.SSLContext:
@@ -308,5 +308,5 @@ def _context(address: Address) -> ssl.SSLContext:
         if address.cert:
             context.load_cert_chain(address.cert, address.key or None, password="")
     except (OSError, ssl.SSLError) as error:
-        raise ParameterError(f"a certificate of {address} cannot be used: {error}: check ca, cert and key") from None
+        raise ParameterError(f"a certificate of {address} cannot be used ({error}): check ca, cert and key") from None
     return context

@@ -46,7 +46,7 @@ class Spool:
     Parameters
     ----------
     folder
-        Folder of this spool alone; created where missing.
+        Folder of this spool alone; created if missing.
     most_bytes
         Largest size [bytes].
     is_synced
@@ -97,7 +97,7 @@ class Spool:
             self._losses = self._losses_before()
             self._lose_vanished()
         except OSError as error:
-            raise SpoolError(f"the spool {folder} cannot be used: {error.strerror}: give another folder") from None
+            raise SpoolError(f"the spool {folder} cannot be used ({error.strerror}): give another folder") from None
         self._seq = 0
         self._remembered = ""
         with suppress(OSError, ValueError):
@@ -130,7 +130,7 @@ class Spool:
 
     @property
     def losses(self) -> tuple[Loss, ...]:
-        """Frames dropped since this start, and before where the monitor had not heard of it, by rising boot."""
+        """Frames dropped since this start, and earlier ones unknown to the monitor, by rising boot."""
         return tuple(loss for _, loss in sorted(self._losses.items()))
 
     @property
@@ -282,7 +282,7 @@ class Spool:
         self._write_losses()
 
     def _write_losses(self) -> None:
-        """Write what the monitor has not heard of; on a disk that fails it is remembered until the end."""
+        """Write the losses unknown to the monitor; on a disk that fails they are remembered until the end."""
         lines = [" ".join(map(str, loss)) for loss in self.unreported_losses]
         with suppress(OSError):
             self._write_whole("losses", "\n".join(lines))

@@ -4,7 +4,7 @@ from sprung.errors import FormatError
 from sprung.link.messages import VEHICLE
 
 ROOT = "sprung/v1"
-#: Begin of the name of a shared subscription of MQTT 5.
+#: Beginning of the name of a shared subscription of MQTT 5.
 SHARED = "$share/sprung/"
 #: Kinds of messages from a vehicle, and to it.
 UPWARDS = ("raw", "corr", "modes", "event", "health", "meta", "state")

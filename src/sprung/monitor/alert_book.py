@@ -82,7 +82,7 @@ class AlertBook:
             self.put(reported(known, Report(vehicle, cause, severity, text), self._at_once, now), now=now)
 
     def report_own(self, vehicle: str, cause: str, text: str, *, now: int) -> None:
-        """Raise an alert that each monitor sees for itself: it stays until each has cleared its own."""
+        """Raise an alert that each monitor reports separately: it stays until each has cleared its own."""
         self._change_sentences(vehicle, cause, lambda sentences: sentences | {self._monitor: text}, now)
 
     def clear_own(self, vehicle: str, cause: str, *, now: int) -> None:
@@ -90,7 +90,7 @@ class AlertBook:
         self._change_sentences(vehicle, cause, lambda sentences: _without(sentences, {self._monitor}), now)
 
     def keep_reports_of(self, monitors: Collection[str], *, now: int) -> None:
-        """Clear what monitors that do not run any more reported by `report_own`: theirs are all but `monitors`."""
+        """Clear what monitors that have stopped reported by `report_own`: all except `monitors`."""
         for row in self._store.alerts.find(is_active=True):
             if gone := _sentences(alert_of(row)).keys() - set(monitors):
                 self._change_sentences(row.vehicle, row.cause, partial(_without, monitors=gone), now)
@@ -103,9 +103,9 @@ class AlertBook:
         vehicle
             Name of the vehicle.
         counts
-            Number of frames lost so far of each boot; what the alert counts already is not counted again.
+            Number of frames lost so far, by boot; those in the alert already are not counted again.
         begin, end
-            Times of the first sample and after the last one that were lost, UTC ns; 0 where unknown.
+            Times of the first sample and after the last one that were lost, UTC ns; 0 if unknown.
         now
             Present time, UTC ns.
         """
@@ -127,7 +127,7 @@ class AlertBook:
         span = {"from": min(begins, default=0), "to": max(end, before["to"] if is_active else 0)}
         when = f", {span_in_words(span['from'], span['to'])}," if span["from"] else ""
         sentence = (
-            f"{n_frames} frames of {vehicle}{when} are lost: its box had to drop them before they were stored here: "
+            f"{n_frames} frames of {vehicle}{when} are lost, as its box had to drop them before they were stored here: "
             "give its spool more space, and check its connection and the store of the monitor"
         )
         boots = dict(sorted((counted | dict(counts)).items())[-_MOST_BOOTS:])
@@ -151,9 +151,9 @@ class AlertBook:
         Parameters
         ----------
         holds
-            Function that returns whether this monitor works for a vehicle.
+            Function that returns whether this monitor is responsible for a vehicle.
         fence
-            Function that returns the context in which it writes about a vehicle.
+            Function that returns the context in which this monitor writes about a vehicle.
         now
             Present time, UTC ns.
         """
@@ -212,7 +212,7 @@ def row_of(alert: Alert) -> AlertRow:
 
 
 def _sentences(alert: Alert | None) -> dict[str, str]:
-    """Return the sentences of an active alert by the monitor that reports it; none of one that others raised."""
+    """Return the sentences of an active alert by reporting monitor; empty if it was raised otherwise."""
     return dict(alert.evidence.get("monitors", {})) if alert is not None and alert.is_active else {}
 
 

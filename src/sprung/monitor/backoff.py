@@ -1,4 +1,4 @@
-"""Growing times between attempts at what failed."""
+"""Increasing waits between attempts after failures."""
 
 from collections.abc import Callable
 
@@ -7,12 +7,12 @@ _LONGEST = 300.0
 
 
 class Backoff:
-    """Holds back what failed: not after the first failure, then for 1, 2, 4 .. 300 s.
+    """Delays further attempts: not after the first failure, then by 1, 2, 4 .. 300 s.
 
     Parameters
     ----------
     timer
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     """
 
     def __init__(self, timer: Callable[[], float]) -> None:
@@ -37,6 +37,6 @@ class Backoff:
         return number
 
     def succeed(self, name: str) -> None:
-        """Record that an attempt was of use."""
+        """Record a success."""
         self._n_failures.pop(name, None)
         self._until.pop(name, None)

@@ -48,7 +48,7 @@ class EmbeddedBroker:
         self._started.wait(_PATIENCE)
         if self._problem or not self._started.is_set():
             raise LinkError(
-                f"the embedded broker cannot listen at {self._listens_at}: {self._problem or 'no answer'}: "
+                f"the embedded broker cannot listen at {self._listens_at} ({self._problem or 'no answer'}): "
                 "stop the program that listens there, or give --broker"
             )
 
@@ -85,7 +85,7 @@ class EmbeddedBroker:
 
 
 def _closing(serve: Callable[..., Awaitable[None]]) -> Callable[..., Awaitable[None]]:
-    """Return a function that serves a connection, and closes it at the end, as the library does not always."""
+    """Return a function that serves a connection and closes it at the end, which the library does not always do."""
 
     async def serve_and_close(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, **options: Any) -> None:
         try:
@@ -117,11 +117,11 @@ def open_broker(broker: str) -> Iterator[Address]:
     Raises
     ------
     ParameterError
-        Where it is no such address.
+        If it is not such an address.
     LinkError
-        Where an embedded broker cannot listen.
+        If an embedded broker cannot listen.
     SecretError
-        Where its password cannot be kept for other programs of this user.
+        If its password cannot be stored for other programs of this user.
     """
     port = embedded_port(broker)
     if port is None:

@@ -7,7 +7,7 @@ from sprung.link import Address, valid_until
 from sprung.monitor.site import Site, embedded_port
 from sprung.tables import time_in_words
 
-#: Time before the end of a certificate from which on it is a trouble [ns].
+#: Time before the expiry of a certificate from which on it is reported [ns].
 _WARN = 30 * 86400 * 10**9
 
 
@@ -18,13 +18,13 @@ class Certificate:
     Parameters
     ----------
     purpose
-        What it is for.
+        Purpose of the certificate.
     path
-        File in which it stands.
+        File that contains it.
     expires
-        Time until which it is valid, UTC ns; None where the file cannot be read.
+        Time until which it is valid, UTC ns; None if the file cannot be read.
     problem
-        Why the file cannot be read; empty if it can.
+        Reason why the file cannot be read; empty if it can.
     """
 
     purpose: str
@@ -33,7 +33,7 @@ class Certificate:
     problem: str = ""
 
     def trouble(self, now: int) -> str:
-        """Return what is wrong with it at a time (UTC ns), and what to do; empty: nothing."""
+        """Return what is wrong with it at a time (UTC ns) and what to do; empty if nothing is."""
         if self.expires is None:
             return f"{self.purpose}: {self.problem}"
         if self.expires - now >= _WARN:

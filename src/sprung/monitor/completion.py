@@ -1,4 +1,4 @@
-"""Completion of a vehicle file from the first windows of a learning."""
+"""Completion of a vehicle file from the first windows of a learning phase."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -20,22 +20,22 @@ from sprung.likelihood import SegmentSpectra
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle
 
-#: Faults that a sensor may seem to have because its place, gain or delay is not that of the file.
+#: Apparent sensor faults that a wrong place, gain or delay in the file can cause.
 _SEEMING = frozenset({"noisy", "wrong_gain", "time_shifted"})
 
 
 class Completion:
-    """Gathers windows of a learning, and calibrates the vehicle file on them if it is imperfect.
+    """Collects windows of a learning phase, and calibrates the vehicle file on them if it is imperfect.
 
     Parameters
     ----------
     is_wanted
-        Whether the file is calibrated; None: where it explains the windows badly or places sensors wrongly.
+        Whether the file is calibrated; None: if it fits the windows badly or misplaces sensors.
 
     Notes
     -----
     Three windows are held as spectra in single precision until the decision: 0.5 MB each with four sensors in ten
-    minutes, and released then. Windows without a speed or with a broken sensor are passed over.
+    minutes, and released then. Windows without a speed or with a broken sensor are skipped.
     """
 
     def __init__(self, *, is_wanted: bool | None) -> None:

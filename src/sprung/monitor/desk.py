@@ -1,6 +1,6 @@
-"""Views and actions of operators: alerts, vehicles, requests to the running monitor. For command line and HTTP.
+"""Views and actions of operators, for command line and HTTP: alerts, vehicles, requests to the running monitor.
 
-Everything goes through the store, so that it works whether or not a monitor runs; the audit trail has every action.
+Everything goes through the store, so that it works whether or not a monitor runs; the audit trail records every action.
 Times are UTC ns.
 """
 
@@ -32,14 +32,14 @@ from sprung.monitor.jobs import VehicleStatus
 from sprung.storage import AlertRow, Store, VerdictRow
 from sprung.tables import counted
 
-#: What the workshop can find on an alert.
+#: Possible verdicts of the workshop on an alert.
 VERDICTS = ("confirmed", "another part", "nothing found", "not looked at")
-#: Acts of requests that change the baseline of a vehicle.
+#: Requests that change the baseline of a vehicle.
 BASELINE_ACTS = (LEARN, ROLL_BACK)
-#: What to do where no vehicle has sent.
+#: Advice until a vehicle has sent frames.
 NO_VEHICLES = (
     "no vehicles yet: start sprung box on a vehicle, or sprung replay FILE --vehicle-id ID --vehicle V.toml, with "
-    "--broker of the monitor"
+    "the monitor's broker as --broker"
 )
 
 
@@ -53,7 +53,7 @@ def alerts_document(store: Store, *, vehicle: str | None = None, is_complete: bo
     vehicle
         Name of a vehicle; None: alerts of all vehicles.
     is_complete
-        Whether alerts that are normal again are included.
+        Whether alerts that have returned to normal are included.
     """
     rows = [row for row in store.alerts.find(vehicle=vehicle) if row.count]
     entries = [alert_entry(row) for row in rows]
@@ -166,7 +166,7 @@ def add_verdict(
     who: str,
     now: int,
 ) -> int | None:
-    """Store what the workshop found on an alert, and request a new baseline in the same act if that is wanted.
+    """Store what the workshop found on an alert, and request a new baseline in the same transaction if required.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def add_verdict(
     part
         Part that was found instead, with the verdict "another part".
     action
-        What was done.
+        Work that was done.
     is_new_baseline
         Whether a new baseline is learnt, as after a repair; the alert is cleared then, and otherwise acknowledged.
     who
@@ -190,12 +190,12 @@ def add_verdict(
     Returns
     -------
     int or None
-        Number of the request for a new baseline; None: none was wanted.
+        Number of the request for a new baseline; None if none was requested.
 
     Raises
     ------
     ParameterError
-        If no alert has that number, the verdict is unknown, or the part is missing or not wanted.
+        If no alert has that number, the verdict is unknown, or the part is missing or superfluous.
     """
     if verdict not in VERDICTS:
         raise ParameterError(f"verdict {verdict!r} is unknown: give {', '.join(VERDICTS)}")
@@ -241,9 +241,9 @@ def roll_back(store: Store, vehicle: str, *, version: int, reason: str, who: str
     vehicle
         Name of the vehicle.
     version
-        Version of the earlier baseline, or of the present one to end a learning that is under way.
+        Version of the earlier baseline, or of the present one to end learning in progress.
     reason
-        Why it is used again.
+        Reason for using it again.
     who
         Name of the operator.
     now
@@ -252,7 +252,7 @@ def roll_back(store: Store, vehicle: str, *, version: int, reason: str, who: str
     Returns
     -------
     int
-        Number of the request. The earlier baseline becomes the newest version, so that this can be undone alike.
+        Number of the request. The earlier baseline becomes the newest version, so this can be undone in the same way.
 
     Raises
     ------
@@ -293,14 +293,14 @@ def vehicles_document(store: Store) -> dict[str, Any]:
 
 
 def ranking_document(store: Store, *, rate: float = 0.05) -> dict[str, Any]:
-    """Return the vehicles of each type as `sprung.fleet/1`, by how much their last windows deviate from the others'.
+    """Return the vehicles of each type as `sprung.fleet/1`, ranked by how much their last windows deviate.
 
     Parameters
     ----------
     store
         Store of the monitor.
     rate
-        Expected share of sound vehicles among those that are said to deviate, above 0 and up to 1.
+        Expected share of sound vehicles among those reported to deviate, above 0 and up to 1.
 
     Raises
     ------
@@ -354,7 +354,7 @@ def alert_entry(row: AlertRow) -> dict[str, Any]:
 
 
 def _doing(status: VehicleStatus | None, *, n_reports: int, is_new: bool) -> str:
-    """Return what the monitor does with the data of a vehicle; empty where it assesses them as usual."""
+    """Return what the monitor does with the data of a vehicle; empty if it assesses them as usual."""
     if n_reports:
         return f"identifies on board: {counted(n_reports, 'window')} of modes"
     if status is not None:
@@ -365,7 +365,7 @@ def _doing(status: VehicleStatus | None, *, n_reports: int, is_new: bool) -> str
 def _act(
     store: Store, number: int, name: str, act: Callable[..., Transition], *, who: str, comment: str, now: int
 ) -> None:
-    """Apply an action to an alert, and record it in the audit trail."""
+    """Apply an operator action to an alert, and record it in the audit trail."""
     with _locked(store, number) as row:
         transition = act(alert_of(row), who=who, now=now, comment=comment)
         AlertBook(store, AlertSettings()).put(transition, now=now)
@@ -384,11 +384,11 @@ def _alert_row(store: Store, number: int) -> AlertRow:
     """Return the row of an alert."""
     row = store.alerts.row(number)
     if row is None:
-        raise ParameterError(f"unknown alert {number}: sprung alerts list --all shows all alerts")
+        raise ParameterError(f"unknown alert {number}: sprung alerts list --all lists all alerts")
     return row
 
 
 def _check_known(store: Store, vehicle: str) -> None:
-    """Refuse a vehicle that the store does not have."""
+    """Refuse a vehicle that the store does not contain."""
     if store.inbox.vehicle(vehicle) is None:
-        raise ParameterError(f"unknown vehicle {vehicle!r}: sprung vehicles shows the known ones")
+        raise ParameterError(f"unknown vehicle {vehicle!r}: sprung vehicles lists the known ones")

@@ -37,18 +37,18 @@ _DIGITS = 6
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Diagrams:
-    """What the samples of a window show in addition to what the store holds.
+    """Results from the samples of a window in addition to those in the store.
 
     Parameters
     ----------
     identification
         Modes of the whole window, with spectra, lines and stabilisation diagram, as the monitor identifies them.
     levels
-        Modes of its segments sorted by level (CoSS-SSI); None where they cannot be sorted.
+        Modes of its segments sorted by level (CoSS-SSI); None if they cannot be sorted.
     fit
-        Fit of the vehicle to its spectra; None where there is none.
+        Fit of the vehicle to its spectra; None if there is none.
     notes
-        Why a part is missing, one sentence each.
+        Reasons why parts are missing, one sentence each.
     """
 
     identification: Identification
@@ -93,7 +93,7 @@ def window_diagrams(recording: Recording, vehicle: Vehicle, *, method: str = "co
     Raises
     ------
     SprungError
-        If no mode can be sought in the window, such as of one in which the vehicle stood.
+        If the window cannot be identified, such as one in which the vehicle stood still.
     """
     identification = METHODS[method](recording, settings=IDENTIFICATION, vehicle=vehicle)
     notes = []
@@ -133,7 +133,7 @@ def diagram_values(diagrams: Diagrams, *, vehicle: Vehicle) -> dict[str, Any]:
 
 
 def diagram_pictures(diagrams: Diagrams, *, source: str) -> dict[str, str]:
-    """Return the figures of diagrams as SVG, by name: those that the command line writes of the same samples.
+    """Return the figures of diagrams as SVG, by name: those that the command line draws from the same samples.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ LOG = logging.getLogger("sprung.monitor")
 
 #: Largest number of frames of one job.
 _JOB = 300
-#: Largest difference between the clocks of monitors with which one learns at once what another took in [ns].
+#: Largest difference between the clocks of monitors at which one sees at once what another took in [ns].
 _MARGIN = 3 * 10**9
 
 
@@ -54,11 +54,11 @@ class Dispatch:
     settings
         Settings of vehicles that start from scratch.
     timer
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     fence
         Function that returns the context in which this monitor writes about vehicles.
     overload
-        Notices and reports that the analysis falls behind; None: nobody does.
+        Detects and reports that the analysis falls behind; None: not detected.
     clock
         Present time, UTC ns.
 
@@ -66,8 +66,8 @@ class Dispatch:
     -----
     A vehicle has at most one job. If the job fails, the vehicle is opened again from the stored state. A frame on which
     it fails twice is set aside; if a later frame fails before a state is stored, it is the window that cannot be
-    analysed, and its frames are set aside. A state that cannot be used is set aside, too: the vehicle begins anew with
-    what the store holds. A vehicle that cannot be opened for another reason waits, longer after each attempt.
+    analysed, and its frames are set aside. A state that cannot be used is set aside, too: the vehicle starts again from
+    the results in the store. A vehicle that cannot be opened for another reason waits, longer after each attempt.
 
     The next job is that of the vehicle whose oldest frame has waited longest since it arrived or, so that one vehicle
     with hours of frames does not hold up the others, since its last job.
@@ -130,7 +130,7 @@ class Dispatch:
         }
 
     def follow(self, shards: Collection[int] | None = None, *, is_complete: bool = True) -> None:
-        """Learn from the store how far the frames of vehicles have come: at the start, and of what others took in.
+        """Read from the store how far frames have arrived, at the start and after others took in frames.
 
         Parameters
         ----------
@@ -359,7 +359,7 @@ class Dispatch:
             self._job_since[vehicle] = self._waiting_since.pop(vehicle, self._clock())
 
     def _baseline_wanted(self, command: CommandRow | None) -> str | Baseline:
-        """Return the reason to learn, or the baseline to return to; empty where the baseline stays."""
+        """Return the reason to learn, or the baseline to return to; empty if the baseline stays."""
         if command is None:
             return ""
         if command.act != ROLL_BACK:
@@ -407,7 +407,7 @@ class Dispatch:
         stream = self._streams[vehicle]
         boot, seq = (taken[-1].boot, taken[-1].seq) if taken else stream.position
         command, covered = self._learnt.get(vehicle), stream.covered(boot)
-        with self._store.together():  # no window is stored without what it says to people, whatever happens
+        with self._store.together():  # a window and its alerts are stored together or not at all
             is_saved = self._ledger.commit(outcome, boot, seq)
             if is_saved:
                 for other, last in covered:
@@ -420,7 +420,7 @@ class Dispatch:
             stream.done[boot] = seq
             if command is not None:
                 self._learning.pop(vehicle, None)
-            self._strikes.forget(vehicle)  # not before: a window that fails begins with jobs that do not
+            self._strikes.forget(vehicle)  # not before: a window that fails begins with jobs that succeed
             self._backoff.succeed(vehicle)
         self._statuses[vehicle] = outcome.status
         if taken:
@@ -466,7 +466,7 @@ class Dispatch:
         elif outcome.failure is Failure.FRAME and frames:
             self._strike(vehicle, frames[min(outcome.n_consumed, len(frames) - 1)], reason)
         elif number > 1:
-            self._ledger.warn(vehicle, "monitor:opening", f"its frames wait, as it cannot be analysed: {reason}")
+            self._ledger.warn(vehicle, "monitor:opening", f"frames wait, as the vehicle cannot be opened: {reason}")
 
     def _strike(self, vehicle: str, frame: StoredFrame, reason: str) -> None:
         """Set a frame aside on which jobs failed repeatedly, or the window in which one was set aside before."""

@@ -57,7 +57,7 @@ _SHORTEST = 120.0
 _SEGMENT = 10.0
 #: Identification of a complete window, also for its page, and what that of an incomplete one has in common with it.
 IDENTIFICATION = IdentificationSettings(has_road_modes=False, refine=False, allow_missing=True)
-#: Share of standing in a window above which that is why it is inconclusive.
+#: Share of standstill in a window above which it is the stated reason for an inconclusive window.
 _MOST_STANDING = 0.5
 #: Note while a vehicle that deviates from its type is not learnt from.
 _DEVIATES = (
@@ -85,7 +85,7 @@ class MonitorSettings:
     most_windows
         Largest number of most recent windows in a diagnosis, at least `learning_windows`.
     calibrate
-        Whether the vehicle file is calibrated on the first windows of a learning; None: where it is imperfect.
+        Whether the vehicle file is calibrated on the first windows of learning; None: if it is imperfect.
 
     Raises
     ------
@@ -122,7 +122,7 @@ class Identified:
     start
         Start of the window, UTC ns; None if unknown.
     modes
-        One object for each mode, as in `sprung.identification/1`; empty where none was identified.
+        One object for each mode, as in `sprung.identification/1`; empty if none was identified.
     reason
         Reason why none was identified; empty otherwise.
     """
@@ -147,7 +147,7 @@ class Observed:
         Estimates and conditions of the window.
     diagnosis
         Diagnosis of the windows since the baseline; while it is being learnt, of these windows against the vehicle's
-        type, or None where that is unknown.
+        type, or None if that is unknown.
     baseline
         Baseline learnt with this window as its last one; None otherwise.
     """
@@ -172,7 +172,7 @@ class Restored:
     baseline: Baseline
 
 
-#: What samples lead to.
+#: Events that samples lead to.
 Event = Identified | Observed
 
 
@@ -200,7 +200,7 @@ class VehicleMonitor:
 
     Windows hold a fixed number of samples in order of arrival, independent of the division into blocks, and are
     processed by the functions that process recordings: `observe_window`, `learn`, `ChangeDetector` and `diagnosis_of`.
-    Score, decision and learning are separate: only `learn_again` starts a second learning, and only `restore` returns
+    Score, decision and learning are separate: only `learn_again` starts learning again, and only `restore` returns
     to an earlier baseline. A vehicle that deviates from its type gets no first baseline until `learn_again`: its fault
     would be normal from then on.
 
@@ -208,15 +208,15 @@ class VehicleMonitor:
     While a baseline is learnt, an observation also holds the correlations of its segments for the residual test (170 kB
     in ten minutes): 2 MB with twelve windows, released when it is learnt.
 
-    A sensor of the vehicle file that the samples lack is a failing sensor, as one that is dead, unless the baseline was
-    learnt without it: the monitor goes on, and the window is not learnt from.
+    A sensor of the vehicle file that the samples lack counts as failing, like a dead one, unless the baseline was
+    learnt without it: monitoring continues, and the window is not used for learning.
 
-    The first three windows of a learning decide whether the vehicle file is calibrated (`Completion`). If so, the
-    learning begins anew with the windows that follow, in terms of the completed file, which the baseline keeps and
-    which serves from then on.
+    The first three windows of a learning phase decide whether the vehicle file is calibrated (`Completion`). If so,
+    learning starts again with the windows that follow, in terms of the completed file, which the baseline keeps and
+    which is used from then on.
 
-    Samples that were analysed before, as when a recording is replayed again, are passed over (`Repeats`), until a new
-    learning or another vehicle file makes them count again.
+    Samples that were analysed before, as when a recording is replayed again, are skipped (`Repeats`) until learning
+    starts again or the vehicle file changes.
     """
 
     def __init__(
@@ -304,7 +304,7 @@ class VehicleMonitor:
 
     @property
     def note(self) -> str:
-        """Why the last window was inconclusive or not learnt from, or limits of the baseline; empty otherwise."""
+        """Why the last window was inconclusive or not used for learning, or limits of the baseline; empty otherwise."""
         return self._note
 
     @property
@@ -319,7 +319,7 @@ class VehicleMonitor:
 
     @property
     def n_thinned(self) -> int:
-        """Number of identifications left out since the monitor was made."""
+        """Number of identifications left out since the monitor was created."""
         return self._n_thinned
 
     def update(self, block: Block, *, skips_modes: bool = False) -> tuple[Event, ...]:
@@ -337,7 +337,7 @@ class VehicleMonitor:
         Returns
         -------
         tuple of Identified or Observed
-            Events in order of time; none for samples that were analysed before.
+            Events in order of time; empty for samples that were analysed before.
         """
         events: list[Event] = []
         if self._repeats.update(block):
@@ -383,7 +383,7 @@ class VehicleMonitor:
         self._repeats.forget()
 
     def restore(self, baseline: Baseline) -> Restored:
-        """Forget the windows so far and judge the next ones by an earlier baseline, such as after a wrong learning.
+        """Forget the windows so far and assess the next ones by an earlier baseline, such as after learning a fault.
 
         Parameters
         ----------
@@ -397,7 +397,7 @@ class VehicleMonitor:
 
         Notes
         -----
-        A learning that is under way ends without a baseline. Windows are observed in terms of the vehicle file with
+        Learning in progress ends without a baseline. Windows are observed in terms of the vehicle file with
         which the baseline was learnt.
         """
         self._baseline, self._reason = baseline, baseline.reason
@@ -509,7 +509,7 @@ class VehicleMonitor:
         }
 
     def _needed(self, block: Block) -> int:
-        """Samples of a window."""
+        """Return the number of samples of a window."""
         return max(1, round(self._settings.window * block.sampling_rate))
 
     def _begin_window(self) -> None:
@@ -522,7 +522,7 @@ class VehicleMonitor:
         return bool(step) and after // step > before // step
 
     def _identify(self, whole: Recording | None) -> Identified:
-        """Identify the modes of the whole window, or of what there is of it."""
+        """Identify the modes of the whole window, or of the part received so far."""
         self._n_identified += 1
         start = self._blocks[0].start
         modes: tuple[dict[str, Any], ...] = ()
@@ -601,7 +601,7 @@ class VehicleMonitor:
         return Observed(number, recording, observation.without_segments(), diagnosis, learnt)
 
     def _restored_observation(self, observation: Observation, residuals: ResidualStatistics | None) -> Observation:
-        """Return an observation with the parts that its document does not hold."""
+        """Return an observation with the parts that its document does not contain."""
         return replace(observation, vehicle=self._vehicle.name, residuals=residuals)
 
     def _known_type(self) -> TypeBaseline | None:
@@ -628,7 +628,7 @@ class VehicleMonitor:
         return diagnosis_of(detector)
 
     def _complete_file(self, recording: Recording, observation: Observation) -> bool:
-        """Return whether the file was calibrated with this window, so that learning begins anew with the next one."""
+        """Return whether the file was calibrated with this window, so that learning starts again with the next one."""
         if not self._completion.is_open:
             return False
         have, needed = self.learning
@@ -643,7 +643,7 @@ class VehicleMonitor:
         # Same as after a restart: numbers as they are written.
         self._vehicle = vehicle_from_text(vehicle_text(calibration.vehicle), source="the calibrated vehicle file")
         self._learning = []
-        self._note = " ".join(["the vehicle file was calibrated; learning begins anew", *calibration.notes])
+        self._note = " ".join(["the vehicle file was calibrated; learning starts again", *calibration.notes])
         return True
 
     def _learn(self) -> Baseline | None:
@@ -673,7 +673,7 @@ class VehicleMonitor:
 
 
 def _restored_type(document: Mapping[str, Any] | None) -> TypeBaseline | None:
-    """Return the baseline of a type of its document, if there is one."""
+    """Return the baseline of a type from its document, if there is one."""
     return None if document is None else type_baseline_from_document(dict(document))
 
 
@@ -688,10 +688,10 @@ def fault_in_words(fault: SensorFault) -> str:
 
 
 def _reservations(observation: Observation) -> str:
-    """Return why a window is inconclusive or not learnt from; empty if it is sound."""
+    """Return why a window is inconclusive or not used for learning; empty if it is sound."""
     standing = observation.conditions.get("standing", 0.0)
     if observation.reason and standing > _MOST_STANDING:
-        return f"the vehicle stood for {100 * standing:.0f} % of the time"
+        return f"the vehicle stood still for {100 * standing:.0f} % of the time"
     return observation.reason or "; ".join(map(fault_in_words, observation.sensor_faults))
 
 

@@ -92,7 +92,7 @@ _OF_ALERT: Columns = {
 def export(
     store: Store, vehicle: str, what: str, *, file_format: str = "csv", period: Period | None = None
 ) -> Iterator[bytes]:
-    """Return an iterator over the pieces of a file with what the store holds of a vehicle and period.
+    """Return an iterator over the pieces of a file with the stored results of a vehicle and period.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def export(
     check_one_of("what", what, WHATS)
     check_one_of("format", file_format, FORMATS)
     if store.inbox.vehicle(vehicle) is None:
-        raise ParameterError(f"unknown vehicle {vehicle!r}: the fleet has all vehicles that have sent")
+        raise ParameterError(f"unknown vehicle {vehicle!r}: sprung vehicles lists the known ones")
     columns, rows = _TABLES[what](store, vehicle, period or Period())
     if file_format == "csv":
         return csv_pieces(columns, rows)

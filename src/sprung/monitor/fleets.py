@@ -1,7 +1,7 @@
 """Vehicles of one type in the store: the baseline of their type, and how much each deviates from the others.
 
-Vehicles are of one type if their vehicle files say the same, apart from the name: estimates are relative to the nominal
-values of the file, and compare only then.
+Vehicles are of one type if their vehicle files are the same, apart from the name: estimates are relative to the nominal
+values of the file, and comparable only then.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ def vehicles_by_type(store: Store) -> dict[str, list[str]]:
 
 
 class VehicleTypes:
-    """Types of the vehicles of a store, and their normal windows, read again only when there are others.
+    """Types of the vehicles of a store, and their normal windows, read again only when they change.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def type_of_others(store: Store, vehicle: str, *, types: VehicleTypes | None = N
     vehicle
         Name of the vehicle.
     types
-        Types of the vehicles of the store; None: read for this once.
+        Types of the vehicles of the store; None: read for this call.
 
     Notes
     -----

@@ -21,7 +21,7 @@ class Gate:
     Parameters
     ----------
     clock
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
@@ -56,7 +56,7 @@ class Gate:
     def guard(self, act: Callable[[], T]) -> T | None:
         """Return the result of a function that needs the store; None, and close, if the store cannot write.
 
-        A vehicle that another monitor has taken over is left to it: the store is all right, and the gate stays open.
+        A vehicle that another monitor has taken over is left to it: the store is usable, and the gate stays open.
         """
         try:
             return act()

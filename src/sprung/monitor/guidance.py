@@ -1,4 +1,4 @@
-"""What an operator reads when the monitor starts: where it listens, where results are, and what to do next."""
+"""Sentences for the operator when the monitor starts: where it listens, where results are, and what to do next."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ def start_in_words(
     broker
         Address of its broker.
     http
-        Host and port at which it answers.
+        Host and port of its pages.
     n_vehicles
         Number of vehicles in the store.
     has_accounts
@@ -35,7 +35,7 @@ def start_in_words(
     )
     where = f" --store {store}" if site.store != Site().store else ""
     return [
-        f"boxes reach this monitor at {broker}{' (own broker, for programs of this user only)' if is_embedded else ''}",
+        f"boxes reach this monitor at {broker}{' (embedded, for programs of this user only)' if is_embedded else ''}",
         f"pages: {page}/{log_in}",
         f"interface: {page}/api, health: {page}/health, figures for Prometheus: {page}/metrics",
         f"store: {store}; {_samples(site)}",
@@ -52,7 +52,7 @@ def _samples(site: Site) -> str:
     """Return where samples are kept, and how long."""
     if site.archive is None:
         return "samples are not kept"
-    return f"samples of the last {site.keep.raw_days:g} days: {site.archive}"
+    return f"samples of the last {site.keep.raw_days:g} days in {site.archive}"
 
 
 def _exposed(site: Site) -> list[str]:

@@ -1,4 +1,4 @@
-"""Heartbeats of the loops of a monitor: which of them still turn, read from any thread."""
+"""Heartbeats of the loops of a monitor: which of them still run, read from any thread."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """A loop that must turn.
+    """A loop that must keep running.
 
     Parameters
     ----------
     limit
-        Longest time between two turns [s].
+        Longest time between two passes [s].
     trouble
-        What stands still after it, and what to do.
+        Sentence on what has stopped after that time, and what to do.
     """
 
     limit: float
@@ -21,14 +21,14 @@ class Loop:
 
 
 class Heartbeats:
-    """Times since loops last turned; from any thread.
+    """Times since the last pass of each loop; from any thread.
 
     Parameters
     ----------
     loops
-        Loops that must turn, by name.
+        Loops that must keep running, by name.
     clock
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     """
 
     def __init__(self, loops: Mapping[str, Loop], clock: Callable[[], float]) -> None:
@@ -37,19 +37,19 @@ class Heartbeats:
 
     @property
     def ages(self) -> dict[str, float]:
-        """Time since the last turn of each loop [s]."""
+        """Time since the last pass of each loop [s]."""
         now = self._clock()
         return {name: now - last for name, last in self._last.items()}
 
     @property
     def troubles(self) -> list[str]:
-        """Sentence about each loop that stands still."""
+        """Sentence about each loop that has stopped."""
         return [
-            f"{self._loops[name].trouble} (for {age:.0f} s)"
+            f"{self._loops[name].trouble} (last pass {age:.0f} s ago)"
             for name, age in self.ages.items()
             if age > self._loops[name].limit
         ]
 
     def beat(self, name: str) -> None:
-        """Record that a loop turned."""
+        """Record a pass of a loop."""
         self._last[name] = self._clock()

@@ -1,4 +1,4 @@
-"""What the store holds of a vehicle whose state is lost."""
+"""Stored results of a vehicle whose state is lost."""
 
 from dataclasses import replace
 
@@ -8,12 +8,12 @@ from sprung.errors import FormatError, ParameterError
 from sprung.monitor.states import History
 from sprung.storage import Store
 
-#: Acts of requests that change the baseline of a vehicle: learn a new one, and return to an earlier one.
+#: Requests that change the baseline of a vehicle: learn a new one, and return to an earlier one.
 LEARN, ROLL_BACK = "learn", "roll back"
 
 
 def history_of(store: Store, vehicle: str, *, most_windows: int) -> History:
-    """Return what the store holds of a vehicle, with at most the last windows since its baseline.
+    """Return the stored results of a vehicle, with a limited number of last windows since its baseline.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def restored_baseline(store: Store, vehicle: str, *, version: int, reason: str) 
     version
         Version of the earlier baseline.
     reason
-        Why it is used again.
+        Reason for using it again.
 
     Raises
     ------

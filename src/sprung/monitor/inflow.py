@@ -23,8 +23,8 @@ class Inflow:
     Notes
     -----
     A message is refused if those of its vehicle would take more than a quarter of the bytes that are free. One vehicle
-    that floods the monitor so takes a fifth of all, n of them n / (n + 4), and there is always room for others. Each
-    takes its turn, so that a vehicle with one message waits for one message of every other vehicle at most.
+    that floods the monitor thus takes a fifth of all, n of them n / (n + 4), and there is always room for others.
+    Vehicles take turns, so that one with one message waits for at most one message of every other vehicle.
 
     References
     ----------
@@ -85,7 +85,7 @@ class Inflow:
 
 
 def vehicle_of(name: str) -> str:
-    """Return the vehicle of a topic; empty if it is none of this version."""
+    """Return the vehicle of a topic; empty if the topic is not one of this version."""
     try:
         return parse_topic(name)[0]
     except FormatError:

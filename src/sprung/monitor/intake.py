@@ -93,8 +93,8 @@ class Intake:
     Notes
     -----
     A frame is acknowledged after the transaction that stored it, and again whenever it is repeated; the acknowledgement
-    has the highest sequence number up to which nothing is missing. Every number is checked before the store sees it. If
-    the store refuses values all the same, messages are stored vehicle by vehicle, and those of the vehicle one by one.
+    states the highest sequence number up to which nothing is missing. Every number is checked before the store sees it.
+    If the store refuses values all the same, messages are stored vehicle by vehicle, and those of the vehicle singly.
     """
 
     def __init__(
@@ -135,11 +135,11 @@ class Intake:
         }
 
     def is_parked(self, vehicle: str) -> bool:
-        """Return whether a vehicle was switched off in good order."""
+        """Return whether a vehicle was shut down properly."""
         return vehicle in self._parked
 
     def recall_parked(self) -> None:
-        """Learn of parked vehicles whose messages went to other monitors."""
+        """Read which vehicles are parked whose messages went to other monitors."""
         self._parked = self._store.inbox.parked()
 
     def answer(self, vehicle: str, number: int) -> Mapping[str, Any] | None:
@@ -235,7 +235,7 @@ class Intake:
         """Declare frames lost that boxes no longer have, and return up to where nothing is missing.
 
         Vehicles that the store refuses are left out. Alerts are part of the transaction: the next frame that arrives is
-        acknowledged beyond what is declared lost, and its box says no more of it then.
+        acknowledged beyond what is declared lost, and its box then no longer reports it.
         """
         try:
             with self._store.together():
@@ -265,7 +265,7 @@ class Intake:
             # Until a box knows that its loss is known here, it states it again.
             if after.contiguous > before.contiguous or boot in stated.n_frames:
                 arrived[vehicle, boot] = after.contiguous
-                # What has not arrived and was not dropped, another monitor may have, with another store.
+                # Frames that neither arrived nor were dropped may be at another monitor, with another store.
                 counts.setdefault(vehicle, {})[boot] = min(after.lost, stated.n_frames.get(boot, stated.unstated))
         for vehicle, by_boot in counts.items():
             if any(by_boot.values()):
@@ -283,8 +283,8 @@ class Intake:
             self._crowded.add(vehicle)
         if len(known) >= _MOST_OPEN_BOOTS:
             raise _BootsError(
-                f"boot {boot} of {vehicle}, of which {_MOST_OPEN_BOOTS} boots wait to be analysed: a box must count "
-                "its starts one by one, and send the oldest first"
+                f"boot {boot} of {vehicle}, while {_MOST_OPEN_BOOTS} of its boots wait to be analysed: a box must "
+                "count its starts one by one, and send the oldest first"
             )
         known.add(boot)
 
@@ -358,14 +358,14 @@ class Intake:
 
 @dataclass(frozen=True, slots=True)
 class _Dropped:
-    """Frames that a box states to have dropped: with boot and time, or, as older boxes do, their number alone."""
+    """Frames that a box reports as dropped: with boot and time, or, from older boxes, only their number."""
 
     losses: tuple[Loss, ...]
     unstated: int
 
     @classmethod
     def of(cls, document: Mapping[Any, Any]) -> "_Dropped":
-        """Return what a state message says."""
+        """Return the dropped frames that a state message reports."""
         return cls(tuple(losses_in(document)), 0 if "lost" in document else count(document, "dropped", 0))
 
     @property
@@ -375,7 +375,7 @@ class _Dropped:
 
 
 def _parts(things: Sequence[T], name: Callable[[T], str]) -> list[list[T]]:
-    """Return things of several names name by name, and those of one name one by one."""
+    """Return things of several names split by name, and things of one name split one by one."""
     names = dict.fromkeys(map(name, things))
     if len(names) == 1:
         return [[thing] for thing in things]
@@ -419,7 +419,7 @@ def _answer(document: dict[Any, Any]) -> tuple[int, Mapping[str, Any]]:
     number, *values = (integer(document.get(key)) for key in ("number", *_ANSWER))
     reason = document.get("reason", "")
     if min(number, *values) < -1 or not isinstance(reason, str):
-        raise FormatError(f"an answer without number, {', '.join(_ANSWER)} or with a reason that is no text")
+        raise FormatError(f"an answer without number, {', '.join(_ANSWER)} or with a reason that is not text")
     return number, MappingProxyType({**dict(zip(_ANSWER, values, strict=True)), "reason": reason[:200]})
 
 

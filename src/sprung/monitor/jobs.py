@@ -24,9 +24,9 @@ _STATM = Path("/proc/self/statm")
 
 
 class Failure(StrEnum):
-    """What a job failed on, which decides what is left out, if anything."""
+    """Part that a job failed on, which decides what is left out, if anything."""
 
-    STATE = "state"  # the saved state: the vehicle begins anew
+    STATE = "state"  # the saved state: the vehicle starts again
     VEHICLE = "vehicle"  # anything else that a vehicle is opened with: its frames wait
     FRAME = "frame"  # the frame that follows the consumed ones, or the window that it completes
     QUOTA = "quota"  # the frames that were consumed: their window needs too much memory
@@ -64,7 +64,7 @@ class VehicleStatus(NamedTuple):
 
     @property
     def in_words(self) -> str:
-        """What is learnt so far and what the last samples were good for; empty where nothing needs to be said."""
+        """Progress of learning and of the current window, and repeated samples; empty if there is none of these."""
         parts = [f"learning: {self.n_learnt} of {self.n_needed} windows"] if self.is_learning else []
         if self.note:
             parts.append(f"last window: {self.note}")
@@ -83,7 +83,7 @@ class Limits:
     Parameters
     ----------
     seconds
-        Time of the processor after which a job ends with the frame at hand [s].
+        Processor time after which a job ends with the frame at hand [s].
     vehicle_bytes
         Largest size of the samples of a window, and of the state, of one vehicle [bytes].
     job_bytes
@@ -114,7 +114,7 @@ class Opening:
     type_baseline
         Baseline of the vehicle's type; None: that of the state, if it has one.
     history
-        What the store holds of a vehicle without a state.
+        Stored results of a vehicle without a state.
     """
 
     vehicle: str
@@ -146,9 +146,9 @@ class Outcome:
     error
         Reason of a failure; empty if there was none.
     failure
-        What failed, if there is a reason.
+        Part that failed, if there is a reason.
     seconds
-        Time of the processor that the job took [s].
+        Processor time that the job took [s].
     n_thinned
         Number of identifications of modes that were left out.
     """
@@ -249,7 +249,7 @@ def analyse(
         return failed(vehicle, _reason(error, limits), Failure.FRAME, n_consumed=consumed)
     if state is not None and len(state) > limits.vehicle_bytes:
         size, most = _megabytes(len(state)), _megabytes(limits.vehicle_bytes)
-        excess = f"its state takes {size}, of at most {most} for a vehicle: send fewer channels"
+        excess = f"its state takes {size}, more than the {most} allowed per vehicle: send fewer channels"
         return failed(vehicle, excess, Failure.FRAME, n_consumed=max(consumed - 1, 0))
     status = VehicleStatus(
         monitor.buffered,
@@ -272,13 +272,13 @@ def _reason(error: Exception, limits: Limits) -> str:
 
 
 def _excess(block: FrameBlock, window: float, most: float) -> str:
-    """Return the sentence about a window that would take too much memory; empty where it does not."""
+    """Return the sentence about a window that would take too much memory; empty if it does not."""
     size = len(block.channels) * block.sampling_rate * window * _SAMPLE
     if size <= most:
         return ""
     return (
         f"a window of {window / 60:g} min of {len(block.channels)} channels at {block.sampling_rate:g} Hz takes "
-        f"{_megabytes(size)}, of at most {_megabytes(most)} for a vehicle: send fewer channels or a lower sampling rate"
+        f"{_megabytes(size)}, more than the {_megabytes(most)} allowed per vehicle: send fewer channels or a lower rate"
     )
 
 

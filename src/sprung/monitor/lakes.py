@@ -43,7 +43,7 @@ class LakeWriter:
     clock
         Present time, UTC ns.
     timer
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class LakeWriter:
 
     @property
     def trouble(self) -> str:
-        """Sentence about what failed last; empty while nothing does."""
+        """Sentence about the last failures; empty if there is none."""
         reasons = list(dict.fromkeys(self._reasons.copy().values()))
         return f"windows are not written to the lake: {'; '.join(reasons)}" if reasons else ""
 
@@ -92,7 +92,7 @@ class LakeWriter:
             self._thread.join(_CLOSING)
 
     def keep(self, vehicle: str, recording: Recording) -> None:
-        """Keep a window until it is written; a failure is only logged, and an alert."""
+        """Keep a window until it is written; a failure is logged and raises an alert."""
         from sprung.lake import window_of_recording
 
         try:
@@ -128,7 +128,7 @@ class LakeWriter:
         try:
             act()
             self._reasons.pop(what, None)
-        except Exception as error:  # an object store fails in many ways, and the monitor goes on
+        except Exception as error:  # an object store fails in many ways, and the monitor continues
             self._fail(what, error)
 
     def _fail(self, what: str, error: Exception) -> None:
@@ -146,7 +146,7 @@ class LakeWriter:
 def lake_writer(
     site: Site, *, is_first: Callable[[], bool], clock: Callable[[], int], timer: Callable[[], float]
 ) -> LakeWriter | None:
-    """Return what writes windows to the lake of a site; None where it has none.
+    """Return the lake writer of a site; None if it has no lake.
 
     Parameters
     ----------

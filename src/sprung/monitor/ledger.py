@@ -22,7 +22,7 @@ LOG = logging.getLogger("sprung.monitor")
 _TROUBLES = ("monitor:analysis", "monitor:state", "monitor:opening")
 #: Largest number of results that wait to be stored together.
 _MOST_WAITING = 1000
-#: Digits that people can make use of: of identified modes, and of the windows that diagnosis and types compare.
+#: Useful digits: of identified modes, and of the windows that diagnosis and types compare.
 _OF_MODES, _OF_WINDOWS = 6, 9
 
 
@@ -40,7 +40,7 @@ class Ledger:
     clock
         Present time, UTC ns.
     keep_window
-        Function that keeps the samples of a window of a vehicle for the lake; None: there is none.
+        Function that keeps the samples of a window of a vehicle for the lake; None: no lake.
 
     Notes
     -----
@@ -140,7 +140,7 @@ class Ledger:
                 LOG.info(words, extra={"vehicle": outcome.vehicle, **learnt})
             elif outcome.status.is_learning and outcome.status.note:
                 reason = {"reason": outcome.status.note}
-                LOG.info("window not learnt from", extra={"vehicle": outcome.vehicle, **reason})
+                LOG.info("window not used for learning", extra={"vehicle": outcome.vehicle, **reason})
         return True
 
     @property
@@ -228,14 +228,14 @@ class Ledger:
             return False
         self._n_states_aside += 1
         sentence = (
-            f"the saved state could not be used and was set aside: {reason}; monitoring begins anew with the baseline "
-            "and the windows in the store, and no frame is left out"
+            f"the saved state could not be used and was set aside: {reason}; monitoring starts again from the "
+            "baseline and the windows in the store, and no frame is left out"
         )
         self.warn(vehicle, "monitor:state", sentence)
         return True
 
     def warn(self, vehicle: str, cause: str, sentence: str) -> None:
-        """Log a trouble with the analysis of a vehicle, and raise an alert, unless it is the same as before.
+        """Log a problem with the analysis of a vehicle, and raise an alert, unless it is the same as before.
 
         Raises
         ------

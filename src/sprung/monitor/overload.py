@@ -11,7 +11,7 @@ LOG = logging.getLogger("sprung.monitor")
 
 #: Cause of the alert.
 OVERLOAD = "monitor:overload"
-#: Time between looks, and between updates of the alert [s].
+#: Time between checks, and between updates of the alert [s].
 _LOOK, _REPEAT = 1.0, 60.0
 #: Share of the limit below which the analysis has caught up, and how long it must not be behind again before the alert
 #: clears, in limits: with all modes it may be too slow at once.
@@ -36,7 +36,7 @@ class Overload:
         self._looking = Every(_LOOK, lambda: clock() / 1e9)
         self._reporting = Every(_REPEAT, lambda: clock() / 1e9)
         self._calm = Every(_CALM * limit, lambda: clock() / 1e9)
-        self._is_on, self._is_reported = False, True  # by the release before, perhaps
+        self._is_on, self._is_reported = False, True  # perhaps by the previous release
 
     @property
     def is_on(self) -> bool:
@@ -45,7 +45,7 @@ class Overload:
 
     @property
     def is_due(self) -> bool:
-        """Whether to look again."""
+        """Whether to check again."""
         return self._looking.is_due
 
     def update(self, age: float, *, n_frames: int, n_vehicles: int) -> None:
@@ -78,9 +78,9 @@ class Overload:
         if not self._reporting.is_due:
             return
         sentence = (
-            f"the analysis is {age / 60:.1f} min behind, {n_frames} frames of {n_vehicles} vehicles wait: modes are "
-            "identified once a window only until it has caught up; windows are late, none is left out; use more "
-            "workers, or fewer vehicles on this machine"
+            f"the analysis is {age / 60:.1f} min behind, {n_frames} frames of {n_vehicles} vehicles wait: until it has "
+            "caught up, modes are identified only once per window, and windows are late but none is left out; use "
+            "more workers, or fewer vehicles on this machine"
         )
         LOG.warning(sentence)
         self._alerts.report_own(MONITOR, OVERLOAD, sentence, now=self._clock())

@@ -15,12 +15,12 @@ _LATEST = 2**63 - 1
 
 @dataclass(frozen=True, slots=True)
 class Period:
-    """A period, its ends included.
+    """A period, including its ends.
 
     Parameters
     ----------
     since, until
-        Its begin and end, UTC ns; None: as early, or as late, as there is anything.
+        Start and end, UTC ns; None: unbounded.
 
     Raises
     ------
@@ -34,16 +34,16 @@ class Period:
     def __post_init__(self) -> None:
         if self.since is not None and self.until is not None and self.until < self.since:
             begin, end = time_in_words(self.since), time_in_words(self.until)
-            raise ParameterError(f"the period ends at {end}, before it begins at {begin}: exchange since and until")
+            raise ParameterError(f"the period ends at {end}, before it begins at {begin}: swap since and until")
 
     def overlaps(self, begin: int, end: int | None) -> bool:
-        """Return whether any of a stretch of time (UTC ns; no end: it goes on) is in the period."""
+        """Return whether an interval of time (UTC ns; None: no end) overlaps the period."""
         is_early = self.since is not None and end is not None and end < self.since
         return not is_early and (self.until is None or begin <= self.until)
 
 
 def parse_period(since: str | None, until: str | None) -> Period:
-    """Return the period between two times as people write them; a last day belongs to it as a whole.
+    """Return the period between two times as people write them; a date as its end includes that whole day.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def parse_time(name: str, text: str | None) -> int | None:
     Parameters
     ----------
     name
-        What it is, for messages, such as "since".
+        Name of the time, for messages, such as "since".
     text
         Date or date and time of ISO 8601, UTC without an offset of its own, such as "2026-11-21" or
         "2026-11-21T08:30+01:00"; or UTC ns.

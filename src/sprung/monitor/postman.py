@@ -23,7 +23,7 @@ LOG = logging.getLogger("sprung.monitor")
 
 #: Number of attempts after which a sender gives up a notification.
 MOST_ATTEMPTS = 20
-#: Events of a notification in words, where they are others.
+#: Words for the events of a notification, where they differ from the names.
 _WORDS = {"undelivered": "not delivered", "abandoned": "given up"}
 #: Time between checks for notifications [s].
 _EVERY = 1.0
@@ -32,7 +32,7 @@ _CLOSING = 5.0
 
 
 class Postman:
-    """Sends what waits in the store by one sender, repeatedly until the sender has passed it on.
+    """Sends the notifications that wait in the store through one sender, until it has passed them on.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class Postman:
         attempt = row.id, row.delivery.attempts
         if attempt not in self._results:
             self._results[attempt] = self._attempt(row)
-        with self._store.together():  # progress and what is said of it, or nothing
+        with self._store.together():  # progress and its record, or neither
             self._settle(row, self._results[attempt], now)
         self._error = self._results.pop(attempt)
         if not self._error:
@@ -224,8 +224,8 @@ class PostOffice:
         if not failed:
             return ""
         return (
-            f"notifications were given up after {MOST_ATTEMPTS} attempts by {'; by '.join(failed)}: correct [send] in "
-            "the site file, try it with sprung monitor --test-senders, and read sprung alerts for what was missed"
+            f"notifications were given up after {MOST_ATTEMPTS} attempts by {'; by '.join(failed)}; correct [send] in "
+            "the site file, test it with sprung monitor --test-senders, and see sprung alerts for what was missed"
         )
 
     @property
@@ -285,7 +285,7 @@ class PostOffice:
 
 
 def try_senders(send: Send, *, name: str | None = None, now: int) -> dict[str, str]:
-    """Send a test message by each sender of a site file, or by one of them.
+    """Send a test message through each sender of a site file, or through one of them.
 
     Parameters
     ----------
@@ -299,7 +299,7 @@ def try_senders(send: Send, *, name: str | None = None, now: int) -> dict[str, s
     Returns
     -------
     dict
-        Reason of the failure by name of the sender, such as "mail 1"; empty where the message was sent.
+        Reason of the failure by name of the sender, such as "mail 1"; empty if the message was sent.
 
     Raises
     ------
@@ -308,7 +308,7 @@ def try_senders(send: Send, *, name: str | None = None, now: int) -> dict[str, s
     """
     senders = [sender for sender in _configured(send) if name in {None, sender.name}]
     if name is not None and not senders:
-        raise ParameterError(f"unknown sender {name!r}: the page of the site shows those of the site file")
+        raise ParameterError(f"unknown sender {name!r}: the page of the site lists those of the site file")
     if not senders:
         raise ParameterError(
             "the site file has no sender, so alerts go to the log and to MQTT only: add [[send.mail]], "

@@ -1,4 +1,4 @@
-"""A process that analyses, and the courier that talks with it, so that nobody waits for a process that hangs."""
+"""A process that analyses, and the courier that talks with it, so that nothing waits for a process that hangs."""
 
 import multiprocessing
 import os
@@ -30,12 +30,12 @@ class Lost(NamedTuple):
     reason: str
 
 
-#: Answer of a process to each request: an outcome, nothing if there is nothing to say, or that it is lost.
+#: Answer of a process to each request: an outcome, None if there is none, or that the process is lost.
 Answer = Outcome | Lost | None
 
 
 class Process(Protocol):
-    """What `Workers` needs of a process."""
+    """Interface of a process that `Workers` needs."""
 
     @property
     def pid(self) -> int | None:
@@ -47,7 +47,7 @@ class Process(Protocol):
 
     @property
     def seconds(self) -> float:
-        """Processor time of the process so far [s]; 0 where it is unknown."""
+        """Processor time of the process so far [s]; 0 if it is unknown."""
 
     @property
     def n_consumed(self) -> int:
@@ -100,7 +100,7 @@ class WorkerProcess:
 
     @property
     def seconds(self) -> float:
-        """Processor time of the process so far [s]; 0 where it is unknown."""
+        """Processor time of the process so far [s]; 0 if it is unknown."""
         try:
             fields = Path(f"/proc/{self.pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2]
         except OSError:
@@ -152,16 +152,16 @@ class WorkerProcess:
 
 
 def received(connection: Connection) -> Answer:
-    """Return the next answer of a process; that it is lost where its answer is too large, torn or no outcome."""
+    """Return the next answer of a process; `Lost` if it is too large, truncated or not an outcome."""
     try:
         message = pickle.loads(connection.recv_bytes(_MOST_BYTES))
     except EOFError:
         return Lost("the process of its analysis died")
-    except Exception as error:  # whatever a torn answer makes of itself
-        return Lost(f"the process of its analysis gave an answer that cannot be read ({type(error).__name__})")
+    except Exception as error:  # a truncated answer may raise anything
+        return Lost(f"the process of its analysis gave an unreadable answer ({type(error).__name__})")
     if message is None or isinstance(message, Outcome):
         return message
-    return Lost("the process of its analysis gave an answer that is no outcome")
+    return Lost("the process of its analysis gave an answer that is not an outcome")
 
 
 def work(connection: Connection, progress: Any, limits: Limits) -> None:
@@ -192,7 +192,7 @@ def answer(
     limits: Limits | None = None,
     report: Callable[[int], None] = lambda n_consumed: None,
 ) -> Outcome | None:
-    """Return the answer to a request: an outcome, or None where there is nothing to say.
+    """Return the answer to a request: an outcome, or None if there is none.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 #: Reasons why messages are refused: no message of this version, a program of another version, more starts of a box than
 #: are kept, more bytes than wait at once, values that the store cannot hold.
 INVALID, VERSION_UNKNOWN, BOOTS, OVERLOAD, UNSTORABLE = "invalid", "version", "boots", "overload", "unstorable"
-#: Name that stands for all vehicles beyond the first thousand, and for messages of none.
+#: Name that stands for all vehicles beyond the first thousand, and for messages without a vehicle.
 OTHERS = "(others)"
 _MOST_VEHICLES = 1000
 
@@ -36,7 +36,7 @@ class Refusals:
             return dict(self._counts)
 
     def add(self, vehicle: str, reason: str) -> None:
-        """Count a refused message of a vehicle; empty: of none."""
+        """Count a refused message of a vehicle; empty: of no vehicle."""
         with self._lock:
             if vehicle and len(self._vehicles) < _MOST_VEHICLES:
                 self._vehicles.add(vehicle)

@@ -22,7 +22,7 @@ class Repeats:
     Notes
     -----
     A run is a stretch of samples without gap. It is recognised by its first block: channels, rate, samples, and the
-    time where the sender knows it. Measured noise never repeats, so that a box whose clock starts anew after each power
+    time where the sender knows it. Measured noise never repeats, so that a box whose clock restarts after each power
     cut loses nothing; a run that begins without noise (dead sensors) is never recognised.
 
     A run that was interrupted continues where it stopped.
@@ -92,7 +92,7 @@ class Repeats:
 
 
 def _identity(block: Block) -> int | None:
-    """Return a number that stands for the first block of a run; None where it has too little noise."""
+    """Return a number that identifies the first block of a run; None if it has too little noise."""
     samples = block.samples
     if np.count_nonzero(np.nan_to_num(np.diff(samples, axis=1))) < _FEWEST_CHANGES:
         return None

@@ -1,4 +1,4 @@
-"""Requests of operators to the running monitor: waiting for them, and what came of them."""
+"""Requests of operators to the running monitor: waiting for them, and their outcome."""
 
 import time
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from sprung.monitor.site import Site
 from sprung.storage import CommandRow, Store
 from sprung.tables import span_in_words, time_in_words
 
-#: Time between looks at a request [s].
+#: Time between checks of a request [s].
 _LOOK = 0.2
 
 
@@ -32,9 +32,9 @@ def wait_for_samples(
     Raises
     ------
     DataError
-        Where the box has no such samples, or none came in time; the request stays open then.
+        If the box has no such samples, or none arrived in time; the request then stays open.
     ParameterError
-        Where the request is no longer in the store.
+        If the request is no longer in the store.
     """
     end = time.monotonic() + timeout
     while (row := _request(store, number)).done is None and time.monotonic() < end:
@@ -65,7 +65,7 @@ def relearning_in_words(vehicle: str, reason: str) -> str:
 def rolling_back_in_words(vehicle: str, version: int, reason: str) -> str:
     """Return the sentence about a request to return to an earlier baseline."""
     return (
-        f"{vehicle} will return to its baseline {version} ({reason.strip()!r}): change detection begins anew with its"
+        f"{vehicle} will return to its baseline {version} ({reason.strip()!r}): change detection restarts with its"
         " next window"
     )
 

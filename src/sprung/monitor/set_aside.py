@@ -1,4 +1,4 @@
-"""What a monitor set aside, and what the analysis of this program makes of it."""
+"""Frames and states that a monitor set aside, and the result of analysing them with this version."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -15,7 +15,7 @@ from sprung.tables import counted, diagnosis_in_words
 
 
 def aside_document(store: Store, *, vehicle: str = "", is_analysed: bool = False) -> dict[str, Any]:
-    """Return what was set aside as `sprung.aside/1`, frames in a row as one entry.
+    """Return what was set aside as `sprung.aside/1`, consecutive frames as one entry.
 
     Parameters
     ----------
@@ -24,8 +24,8 @@ def aside_document(store: Store, *, vehicle: str = "", is_analysed: bool = False
     vehicle
         Name of the vehicle; empty: all vehicles.
     is_analysed
-        Whether frames are analysed again, by this program, each row of them from the baseline of the vehicle on. What
-        comes of it is in `again`; nothing is stored.
+        Whether frames are analysed again by this version, each run of them starting from the baseline of the vehicle.
+        The result is in `again`; nothing is stored.
 
     Raises
     ------
@@ -34,7 +34,7 @@ def aside_document(store: Store, *, vehicle: str = "", is_analysed: bool = False
     """
     names = store.aside.vehicles()
     if vehicle and vehicle not in names and store.inbox.vehicle(vehicle) is None:
-        raise ParameterError(f"unknown vehicle {vehicle!r}: sprung vehicles shows the known ones")
+        raise ParameterError(f"unknown vehicle {vehicle!r}: sprung vehicles lists the known ones")
     entries = []
     for name in [vehicle] if vehicle else names:
         for rows in _in_a_row(store.aside.find(name)):
@@ -73,7 +73,7 @@ def _entry(rows: Sequence[AsideRow], again: str | None) -> dict[str, Any]:
 
 
 def _analysed(store: Store, vehicle: str, rows: Sequence[AsideRow]) -> str:
-    """Return what the analysis of frames in a row gives, in words."""
+    """Return the result of analysing consecutive frames, in words."""
     described = store.inbox.vehicle(vehicle)
     if described is None:
         return "cannot be analysed: the vehicle has sent no description"
@@ -100,7 +100,7 @@ def _analysed(store: Store, vehicle: str, rows: Sequence[AsideRow]) -> str:
 
 
 def _settings(store: Store, vehicle: str, description: str) -> MonitorSettings:
-    """Return the settings of the saved state of a vehicle; the usual ones without a state that can be read."""
+    """Return the settings in the saved state of a vehicle; the defaults if no state can be read."""
     snapshot = store.results.snapshot(vehicle)
     if snapshot is None:
         return MonitorSettings()

@@ -1,4 +1,4 @@
-"""The vehicles that this monitor works for, among several monitors on one store."""
+"""The vehicles that this monitor is responsible for, among several monitors on one store."""
 
 import os
 import secrets
@@ -16,7 +16,7 @@ _RENEW = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """Shards that a monitor has just gained and lost, monitors that have died, and whether others run than before."""
+    """Shards that a monitor has just gained and lost, monitors that have died, and whether the set of them changed."""
 
     gained: Collection[int] = ()
     lost: Collection[int] = ()
@@ -32,9 +32,9 @@ class Shards:
     store
         Store with the leases.
     patience
-        Time after which a monitor that was not heard of counts as dead [s].
+        Time without a sign of life after which a monitor counts as dead [s].
     timer
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     name
         Name of this monitor in words, which its process and a random number make unique.
     """
@@ -54,7 +54,7 @@ class Shards:
     def is_first(self) -> bool:
         """Whether this monitor does what is to be done once for all vehicles: the holder of the first shard.
 
-        What it sends no transaction can refuse, so that it stops when it has not renewed its leases for too long.
+        No transaction can refuse what it sends, so it stops if it has not renewed its leases for too long.
         """
         return not self.is_shared or (0 in self._holding.epochs and not self._expiring.is_due)
 
@@ -65,7 +65,7 @@ class Shards:
 
     @property
     def name(self) -> str:
-        """Name of this monitor, different from all others that ever were."""
+        """Name of this monitor, which no other ever had."""
         return self._name
 
     @property
@@ -94,7 +94,7 @@ class Shards:
         if not self.is_shared or not self._renewing.is_due:
             return Change()
         self._renewing.start()
-        # From before the question: the database counts from when it gets it.
+        # Taken before the query, as the database counts from its arrival.
         self._expiring.start()
         before, self._holding = self._holding, self._leases.renew(self._name, patience=self._patience)
         # A shard of another epoch was held by another monitor meanwhile: what is open of it is out of date.
@@ -104,7 +104,7 @@ class Shards:
         return Change(gained.keys(), lost.keys(), self._holding.dead, is_other_crew)
 
     def holds(self, vehicle: str) -> bool:
-        """Return whether this monitor works for a vehicle, as far as it knows: the store decides."""
+        """Return whether this monitor is responsible for a vehicle, as far as it knows: the store decides."""
         return not self.is_shared or shard_of(vehicle) in self._holding.epochs
 
     def fence(self, *vehicles: str) -> AbstractContextManager[None]:
@@ -119,7 +119,7 @@ class Shards:
             return self._leases.fence()
         for vehicle in vehicles:
             if not self.holds(vehicle):
-                raise LeaseLostError(f"{vehicle} is left to another monitor")
+                raise LeaseLostError(f"{vehicle} was taken over by another monitor")
         shards = map(shard_of, vehicles)
         return self._leases.fence(*(Lease(shard, self._holding.epochs[shard]) for shard in shards))
 

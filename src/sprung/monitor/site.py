@@ -28,7 +28,7 @@ _MONITOR, _ALERT = MonitorSettings(), AlertSettings()
 
 
 class Watch(_Table):
-    """How vehicles are monitored."""
+    """Settings of the monitoring of vehicles."""
 
     window_minutes: float = Field(_MONITOR.window / 60, ge=1, le=120, description="length of a window [min]")
     identify_every_minutes: float = Field(
@@ -45,15 +45,15 @@ class Watch(_Table):
     calibrate: bool | None = Field(
         None, description="whether vehicle files are calibrated before a baseline is learnt; left out: imperfect ones"
     )
-    workers: int = Field(1, ge=1, le=256, description="processes that analyse")
+    workers: int = Field(1, ge=1, le=256, description="number of analysis processes")
     seconds_per_job: float = Field(
-        180.0, gt=0, description="longest time of a job [s]; one that takes longer is stopped, which is an alert"
+        180.0, gt=0, description="longest time of a job [s]; a longer one is stopped and raises an alert"
     )
     overload_seconds: float = Field(
         300.0,
         gt=0,
-        description="age of the oldest frame that waits above which modes are identified once a window only, which is "
-        "an alert [s]",
+        description="age of the oldest waiting frame above which modes are identified only once per window and an "
+        "alert is raised [s]",
     )
 
     megabytes_per_vehicle: float = Field(
@@ -66,7 +66,7 @@ class Watch(_Table):
         30.0,
         ge=5,
         le=3600,
-        description="time without a sign of a monitor after which others take over its vehicles [s]",
+        description="time without a sign of life after which others take over the vehicles of a monitor [s]",
     )
 
     @property
@@ -122,7 +122,7 @@ class Keep(_Table):
     )
     raw_gigabytes: float = Field(20.0, gt=0, description="largest size of the samples that are kept [GB]")
     free_megabytes: float = Field(
-        200.0, ge=0, description="free disk space below which intake stops, which is an alert [MB]"
+        200.0, ge=0, description="free disk space below which intake stops and an alert is raised [MB]"
     )
     lake: str | None = Field(
         None, min_length=1, description="folder or URL of a lake that windows are written to; left out: none"
@@ -219,7 +219,7 @@ class Send(_Table):
 
 
 class Web(_Table):
-    """How browsers reach the pages."""
+    """Settings of the server of the pages."""
 
     certificate: str | None = Field(None, description="file with the certificate of this server; left out: no TLS")
     key: str | None = Field(None, description="file with its private key")
@@ -285,12 +285,12 @@ class Site(_Table):
         return url
 
     def alert_url(self, number: int) -> str:
-        """Return the address of an alert; empty where the site has none."""
+        """Return the address of an alert; empty if the site has none."""
         return "" if self.url is None else f"{self.url.rstrip('/')}/alerts/{number}"
 
     @property
     def url_host(self) -> str:
-        """Name by which people reach this monitor; empty where the site has none."""
+        """Name by which people reach this monitor; empty if the site has none."""
         return urlsplit(self.url or "").hostname or ""
 
     @property
@@ -333,7 +333,7 @@ def read_site(path: Path) -> Site:
     try:
         return checked(Site, toml_fields(path.read_bytes(), source=str(path)))
     except OSError as error:
-        raise ParameterError(f"{path}: {error.strerror}: give the site file of the monitor") from None
+        raise ParameterError(f"{path} cannot be read ({error.strerror}): give the site file of the monitor") from None
     except ParameterError as error:
         raise FormatError(f"{path}: {error} (see docs/monitor.md)") from None
 

@@ -1,4 +1,4 @@
-"""Saved states of vehicles: versions, their migrations, and the beginning anew where a state is lost."""
+"""Saved states of vehicles: versions, their migrations, and the restart after a state is lost."""
 
 import zlib
 from collections.abc import Callable, Mapping
@@ -69,7 +69,7 @@ class _State(BaseModel):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class History:
-    """What a store holds of a vehicle without a usable state.
+    """Stored results of a vehicle without a usable state.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class History:
     n_windows, n_identified
         Number of windows and of identifications so far: the next ones are numbered from there.
     relearning
-        Reason to learn a new baseline where this was under way; empty: it was not.
+        Reason for learning a new baseline, if that was in progress; empty otherwise.
     """
 
     baseline: Mapping[str, Any] | None = None
@@ -97,7 +97,7 @@ def write_state(state: Mapping[str, Any]) -> bytes:
 
 
 def read_state(document: bytes) -> dict[str, Any]:
-    """Return the state that bytes hold, in the present version.
+    """Return the state encoded in bytes, in the present version.
 
     Raises
     ------
@@ -114,9 +114,9 @@ def read_state(document: bytes) -> dict[str, Any]:
     try:
         state = cbor.loads(body if is_whole else document)
     except (cbor.CBORError, *UNUSABLE, RecursionError, MemoryError) as error:
-        raise StateError(f"the saved state is not CBOR ({type(error).__name__}): start anew") from None
+        raise StateError(f"the saved state is not CBOR ({type(error).__name__}): start from scratch") from None
     if not is_whole and 1 < _version(state) <= VERSION:
-        raise StateError("the saved state is damaged, as its checksum does not match: start anew")
+        raise StateError("the saved state is damaged, as its checksum does not match: start from scratch")
     return migrated(state)
 
 
@@ -137,7 +137,7 @@ def migrated(state: Any) -> dict[str, Any]:
     if number > VERSION:
         raise StateError(
             f"the saved state is of version {number}, and this program reads up to {VERSION}: install the newer sprung "
-            "that wrote it, or start anew"
+            "that wrote it, or start from scratch"
         )
     try:
         state = dict(state)
@@ -158,7 +158,9 @@ def _version(state: Any) -> int:
     schema = state.get("schema") if isinstance(state, dict) else None
     name, _, version = str(schema)[:60].partition("/")
     if name != NAME or not (version.isascii() and version.isdecimal()):
-        raise StateError(f"the saved state has the schema {str(schema)[:60]!r}, not {NAME}/{VERSION}: start anew")
+        raise StateError(
+            f"the saved state has the schema {str(schema)[:60]!r}, not {NAME}/{VERSION}: start from scratch"
+        )
     return int(version)
 
 
@@ -168,7 +170,7 @@ def _checksum(body: bytes) -> bytes:
 
 def invalid_state(reason: object) -> StateError:
     """Return the error of a state that is incomplete or invalid."""
-    return StateError(f"the saved state is incomplete or invalid ({str(reason)[:200]}): start anew")
+    return StateError(f"the saved state is incomplete or invalid ({str(reason)[:200]}): start from scratch")
 
 
 def _with_later_parts(state: Mapping[str, Any]) -> dict[str, Any]:
@@ -188,22 +190,22 @@ MIGRATIONS: dict[int, Callable[[Mapping[str, Any]], dict[str, Any]]] = {1: _with
 
 
 def state_of_history(vehicle: str, history: History, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the state of a vehicle that begins anew from what its store holds.
+    """Return the state of a vehicle that starts again from its stored results.
 
     Parameters
     ----------
     vehicle
         Name in the vehicle file.
     history
-        What the store holds.
+        Stored results of the vehicle.
     settings
         Settings of the monitoring.
 
     Notes
     -----
-    The evidence is computed anew from the windows since the baseline. Statistics of the residual test, samples of an
+    The evidence is computed again from the windows since the baseline. Statistics of the residual test, samples of an
     incomplete window and the memory of repeated samples are not in the store: they begin with the next samples, and
-    so does a learning, whose windows may be in terms of a calibrated file that only the lost state had.
+    so does learning in progress, whose windows may be in terms of a calibrated file that only the lost state had.
     """
     is_learning = history.baseline is None or bool(history.relearning)
     observations = [] if is_learning else [dict(document) for document in history.observations]

@@ -32,13 +32,13 @@ LOG = logging.getLogger("sprung.monitor")
 
 #: Largest number of messages taken in together, of their bytes, and longest time to read them [s].
 _BATCH, _BATCH_BYTES, _BATCH_SECONDS = 2000, 16 << 20, 0.25
-#: Time between looks at which vehicles send too much [s], and largest number of alerts about them.
+#: Time between checks for vehicles that send too much [s], and largest number of alerts about them.
 _EXAMINE, _MOST_ALERTS = 60.0, 20
-#: Longest time of a turn of the loop, and of the thread that sends notifications; of a job, besides its limit [s].
+#: Longest time of a pass of the loop, and of the thread that sends notifications; of a job, besides its limit [s].
 _STILL, _STILL_POST, _LATE = 15.0, 300.0, 60.0
 #: Messages that each of several monitors gets: retained ones, which no shared subscription gets, and answers of boxes.
 _FOR_ALL = ("meta", "event")
-#: Time between looks for frames that other monitors took in: of what has changed, and of all [s].
+#: Time between checks for frames that other monitors took in: of what has changed, and of all [s].
 _FOLLOW, _COMPARE = 1.0, 60.0
 #: Longest time for which results wait to be stored together [s].
 _FLUSH = 1.0
@@ -60,7 +60,7 @@ class Station:
     clock
         Present time, UTC ns.
     timer
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     sleep
         Function that waits for a time [s].
     """
@@ -213,7 +213,7 @@ class Station:
             self._sleep(0.005)
 
     def close(self) -> None:
-        """Stop in good order."""
+        """Stop cleanly."""
         self._post.close()
         if self._lake is not None:
             self._lake.close()
@@ -266,7 +266,7 @@ class Station:
         return [sentence for sentence in (broker, self._gate.trouble, *inner) if sentence]
 
     def _follow(self) -> None:
-        """Take over and leave vehicles, and learn of the frames that other monitors took in for this one."""
+        """Take over and leave vehicles, and find the frames that other monitors took in for this one."""
         change = self._shards.renew()
         self._dispatch.leave(change.lost)
         for monitor in change.dead:
@@ -321,7 +321,7 @@ class Station:
                 return
 
     def _examine(self) -> None:
-        """Raise an alert for each vehicle that sent more than could wait since the last look; take back the others."""
+        """Raise an alert for each vehicle that sent more than could wait since the last check; clear the others."""
         now = self._clock()
         overloaded, self._overloaded = self._overloaded, set()
         for vehicle in sorted(overloaded):
@@ -333,7 +333,7 @@ class Station:
 
 
 def loops_of(seconds_per_job: float, senders: Sequence[str]) -> dict[str, Loop]:
-    """Return the loops that must turn, by name.
+    """Return the loops that must keep running, by name.
 
     Parameters
     ----------
@@ -344,9 +344,10 @@ def loops_of(seconds_per_job: float, senders: Sequence[str]) -> dict[str, Loop]:
     """
     return {
         "station": Loop(
-            _STILL, "the loop of the monitor stands still: check its store and disk, restart it if it does not go on"
+            _STILL,
+            "the main loop of the monitor has stopped: check its store and disk, restart it if it does not resume",
         ),
-        "analysis": Loop(seconds_per_job + _LATE, "no job of the analysis ends: restart the monitor"),
+        "analysis": Loop(seconds_per_job + _LATE, "no analysis job finishes: restart the monitor"),
         **{
             f"post {sender}": Loop(_STILL_POST, f"notifications wait for {sender}, which does not answer: check it")
             for sender in senders

@@ -91,7 +91,7 @@ class Stream:
         Returns
         -------
         list
-            Frames of one boot; none where all wait for earlier frames, or where many boots turned out to be lost: later
+            Frames of one boot; empty if all wait for earlier frames, or if many boots turned out to be lost: later
             ones come at the next call.
         """
         waiting = (boot for boot, last in sorted(self.contiguous.items()) if self.dispatched.get(boot, -1) < last)
@@ -106,7 +106,7 @@ class Stream:
         return []
 
     def covered(self, boot: int) -> list[tuple[int, int]]:
-        """Return the other boots whose frames the state of now covers and the store does not, and the last of these."""
+        """Return other boots whose frames the present state covers and the store does not, and the last of these."""
         others = [place for place in self.dispatched.items() if place[0] != boot]
         return [(other, last) for other, last in others if last > self.done.get(other, -1)]
 
@@ -119,7 +119,7 @@ class Stream:
                 self._previous[first.boot] = None
 
     def _is_ready(self, boot: int) -> bool:
-        """Return whether all frames of the boot before were given to a worker, as far as a frame said which it is."""
+        """Return whether all frames of the previous boot were given to a worker, if a frame stated that boot."""
         previous = self._previous.get(boot)
         return previous is None or previous[0] >= boot or self.dispatched.get(previous[0], -1) >= previous[1] - 1
 
@@ -188,7 +188,7 @@ class Handover:
 
 
 class Queue:
-    """Vehicles that wait, the one that has waited longest first; of several since one time, the first that came."""
+    """Vehicles that wait, the one that has waited longest first; of equal times, the first to arrive."""
 
     def __init__(self) -> None:
         self._places: dict[str, tuple[int, int]] = {}
@@ -202,7 +202,7 @@ class Queue:
         return vehicle in self._places
 
     def add(self, vehicle: str, since: int) -> None:
-        """Let a vehicle wait since a time, if it does not yet."""
+        """Add a vehicle that waits since a time, unless it waits already."""
         if vehicle not in self._places:
             self._count += 1
             self._places[vehicle] = since, self._count

@@ -1,4 +1,4 @@
-"""Failures of the analysis on frames: which of them are set aside so that the others go on."""
+"""Failures of the analysis on frames: which of them are set aside so that the others continue."""
 
 from dataclasses import dataclass
 
@@ -76,5 +76,5 @@ class Strikes:
             failures.left_out = max(failures.place, failures.left_out or failures.place)
 
     def forget(self, vehicle: str) -> None:
-        """Begin anew, as a state was stored."""
+        """Reset, as a state was stored."""
         self._of.pop(vehicle, None)

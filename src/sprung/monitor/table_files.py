@@ -41,7 +41,7 @@ def csv_pieces(columns: Columns, rows: Rows) -> Iterator[bytes]:
 
 
 def _emptied(buffer: io.StringIO) -> bytes:
-    """Return what a buffer holds, and empty it."""
+    """Return the contents of a buffer, and empty it."""
     text = buffer.getvalue()
     buffer.seek(0)
     buffer.truncate()

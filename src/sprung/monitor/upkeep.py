@@ -20,7 +20,7 @@ LOG = logging.getLogger("sprung.monitor")
 
 #: Time between checks of vehicles and commands, between sweeps of the disk, and between deletions of old rows [s].
 _LOOK, _SWEEP, _TIDY = 1.0, 60.0, 3600.0
-#: Number of old rows that a sweep deletes at most: nothing is taken in meanwhile.
+#: Largest number of old rows that a sweep deletes, as intake pauses meanwhile.
 _MOST_ROWS = 10_000
 #: Causes of the alerts about certificates that expire, and about a lake that cannot be written.
 CERTIFICATE, LAKE = "monitor:certificate", "monitor:lake"
@@ -54,11 +54,11 @@ class Upkeep:
     relearn
         Function called with each open request for a new or an earlier baseline.
     lake
-        What writes windows to a lake; None: there is none.
+        Lake writer; None: no lake.
     clock
         Present time, UTC ns.
     timer
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Upkeep:
         self._outage = Outage(link, clock)
 
     def open(self) -> None:
-        """Record the start; raise alerts about a damaged store and a monitor that did not stop in good order."""
+        """Record the start; raise alerts about a damaged store and a monitor that did not stop cleanly."""
         now = self._clock()
         for notice in self._store.notices:
             LOG.warning(notice)
@@ -143,7 +143,7 @@ class Upkeep:
             self._store.requests.command_done(command.id, now)
 
     def _update_own(self, cause: str, trouble: str, now: int) -> None:
-        """Raise an alert about a trouble of the monitor, or clear it where there is none."""
+        """Raise an alert about a problem of the monitor, or clear it if there is none."""
         if trouble:
             self._alerts.report(MONITOR, cause, trouble, now=now)
         else:
@@ -196,7 +196,7 @@ class Upkeep:
             self._tidy(now)
         free = self._store.free()
         if free is not None and free < 1e6 * self._site.keep.free_megabytes:
-            sentence = f"only {free / 1e6:.0f} MB are free on the disk of the store: free space, intake is stopped"
+            sentence = f"intake is stopped, as only {free / 1e6:.0f} MB are free on the disk of the store: free space"
             self._gate.set_shortage(sentence)
             self._alerts.report(MONITOR, "monitor:disk", sentence, now=now)
             return
@@ -212,7 +212,7 @@ class Upkeep:
         self._update_seen_here(CERTIFICATE, "; ".join(troubles), now)
 
     def _update_seen_here(self, cause: str, trouble: str, now: int) -> None:
-        """Raise an alert about a trouble that each monitor sees for itself, or clear this monitor's part of it."""
+        """Raise an alert about a problem that each monitor reports separately, or clear this monitor's part of it."""
         if trouble:
             self._alerts.report_own(MONITOR, cause, trouble, now=now)
         else:

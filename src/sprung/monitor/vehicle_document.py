@@ -26,7 +26,7 @@ def report_document(history: VehicleHistory, *, now: int) -> ReportDocument:
     Parameters
     ----------
     history
-        What the store holds of the vehicle and period.
+        Stored results of the vehicle and period.
     now
         Present time, UTC ns.
     """
@@ -56,7 +56,7 @@ def report_document(history: VehicleHistory, *, now: int) -> ReportDocument:
 
 
 def _sentence(history: VehicleHistory, usable: Sequence[Observation], changes: Sequence[ChangeEntry]) -> str:
-    """Return what matters most, in words."""
+    """Return the main result in words."""
     active = sorted(history.active, key=lambda alert: not is_of_suspension(alert.row.cause))
     if active:
         first, *others = (alert.row.text for alert in active)
@@ -73,10 +73,10 @@ def _result(history: VehicleHistory, n_usable: int, changes: Sequence[ChangeEntr
     """Return the result of a period without an active alert, in a sentence."""
     status, is_present = history.status, history.period.until is None
     if not history.windows:
-        return "Inconclusive: the store has no window of this period."
+        return "Inconclusive: the store contains no window of this period."
     if history.baseline is None or (is_present and status is not None and status.is_learning):
-        progress = "" if status is None else f": {status.n_learnt} of {status.n_needed} windows are learnt"
-        return f"Learning{progress}; there is nothing to compare with yet."
+        progress = "" if status is None else f": {status.n_learnt} of {status.n_needed} windows collected"
+        return f"Learning{progress}; there is no baseline to compare with yet."
     doubt = _doubt(n_usable, changes)
     if doubt:
         return f"Inconclusive: no change detected, but {doubt}."

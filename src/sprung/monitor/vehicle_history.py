@@ -1,4 +1,4 @@
-"""What the store holds of a vehicle and period, as values."""
+"""Stored results of a vehicle and period, as values."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ class AlertHistory:
     events
         Its history, oldest event first.
     verdicts
-        What the workshop found, oldest first.
+        Findings of the workshop, oldest first.
     """
 
     row: AlertRow
@@ -60,7 +60,7 @@ class AlertHistory:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class VehicleHistory:
-    """What the store holds of a vehicle and period.
+    """Stored results of a vehicle and period.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class VehicleHistory:
     status
         Progress of the analysis; None before the first.
     aside
-        What was set aside of the vehicle in the period.
+        Frames and states of the vehicle that were set aside in the period.
     diagnosis
         Present diagnosis, where the period reaches to it; None without one.
     """
@@ -106,7 +106,7 @@ class VehicleHistory:
 
     @property
     def baseline(self) -> Baseline | None:
-        """Last baseline of the period; None where there is none that can be read."""
+        """Last baseline of the period; None if there is none that can be read."""
         return next((baseline for _, baseline in reversed(self.baselines) if baseline is not None), None)
 
     @property
@@ -175,7 +175,7 @@ class Deviations:
 
 
 def read_history(store: Store, vehicle: str, period: Period) -> VehicleHistory:
-    """Return what the store holds of a vehicle and period.
+    """Return the stored results of a vehicle and period.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def read_history(store: Store, vehicle: str, period: Period) -> VehicleHistory:
     """
     row = store.inbox.vehicle(vehicle)
     if row is None:
-        raise ParameterError(f"unknown vehicle {vehicle!r}: the fleet has all vehicles that have sent")
+        raise ParameterError(f"unknown vehicle {vehicle!r}: sprung vehicles lists the known ones")
     results = store.results
     windows: deque[tuple[int, Observation]] = deque(maxlen=_MOST)
     n_read = n_unreadable = 0

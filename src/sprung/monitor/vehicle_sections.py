@@ -40,7 +40,7 @@ def alert_section(history: VehicleHistory, document: ReportDocument) -> Section:
             blocks.append(Table(f"Verdicts on alert {alert.number}", columns, rows, n_words=4))
     left = len(document.alerts) - _MOST_ALERTS
     if left > 0:
-        blocks.append(Paragraph(f"{counted(left, 'further alert')} of less severity: see the export of alerts."))
+        blocks.append(Paragraph(f"{counted(left, 'further alert')} of lower severity: see the export of alerts."))
     detection = None if history.diagnosis is None else history.diagnosis.detection
     if detection is not None:
         blocks.append(hypotheses_table(detection))
@@ -56,7 +56,7 @@ def _facts(reported: ReportedAlert) -> list[tuple[str, str]]:
         ("finding", alert.text),
         ("state", alert.state),
         ("severity", f"{STEPS[severity_step(alert.severity)]} ({alert.severity} of 1000)"),
-        ("raised (UTC)", f"{time_in_words(alert.raised)}, time {alert.count}"),
+        ("raised (UTC)", f"{time_in_words(alert.raised)}, occurrence {alert.count}"),
         ("cleared (UTC)", "" if reported.cleared is None else time_in_words(reported.cleared)),
         ("assigned to", alert.assignee or "nobody"),
     ]
@@ -137,7 +137,7 @@ def condition_section(history: VehicleHistory, document: ReportDocument) -> Sect
         for name, met in document.conditions.items()
     )
     columns = ("condition", "unit", "lowest", "median", "highest", "in the baseline")
-    caption = "Means of windows. Conditions that the baseline has not met are allowed for, but widen the intervals."
+    caption = "Means of windows. Conditions outside those of the baseline are allowed for, but widen the intervals."
     return Section("Conditions met", (Table("", columns, rows, n_words=2, ends_in_words=False, caption=caption),))
 
 
@@ -160,7 +160,7 @@ def data_section(history: VehicleHistory, document: ReportDocument) -> Section:
         first, last = (time_in_words(int(history.times[k])) for k in (0, -1))
         sentences.append(f"The first window began at {first}, the last one at {last} UTC.")
     if history.n_earlier:
-        sentences.append(f"{history.n_earlier} earlier windows of the period are left out: choose a shorter one.")
+        sentences.append(f"{history.n_earlier} earlier windows of the period are left out: choose a shorter period.")
     if history.n_unreadable:
         sentences.append(f"{counted(history.n_unreadable, 'window')} of another form cannot be read by this version.")
     if history.aside:
@@ -196,7 +196,7 @@ def _gaps_table(gaps: list[tuple[float, int, int]]) -> Table:
     """Return the table of times without windows."""
     rows = tuple((time_in_words(begin), time_in_words(end), f"{hours:.1f}") for hours, begin, end in gaps)
     columns = ("from the window at (UTC)", "to the next one at (UTC)", "hours")
-    caption = "Nothing is interpolated across a gap. A vehicle that stands or is switched off has gaps, too."
+    caption = "Nothing is interpolated across a gap. A vehicle that is parked or switched off has gaps, too."
     return Table("Longest times without windows", columns, rows, n_words=2, ends_in_words=False, caption=caption)
 
 
@@ -252,14 +252,15 @@ def reading_section() -> Section:
     lines = (
         "A change is relative to the vehicle's own baseline: -20 % of a spring is a fifth of its stiffness lost. Of a"
         " damper it is damping, of a tyre stiffness.",
-        "The 95 % interval holds the true value in 95 of 100 cases. A change whose interval contains 0 may be chance.",
+        "The 95 % interval contains the true value in 95 of 100 cases. A change whose interval contains 0 may be"
+        " chance.",
         "An alert is raised where the evidence of all windows together exceeds a threshold, not where a single window"
         " leaves the grey range: 1 in 20 does so by chance.",
-        "'No change detected' holds for losses as large as the detectable ones stated; smaller ones may be there.",
+        "'No change detected' refers to losses of at least the detectable size; smaller ones may be present.",
         "Severity counts the part of a change that is certain: low below 10 %, medium from 10 %, high from 20 %,"
         " critical from 40 %.",
         "Modes change with payload and temperature, too: a changed frequency is not yet damage.",
-        "Parts that the model does not have (mounts, bushings, joints, wheels) are not diagnosed. The report does not"
+        "Parts that are not in the model (mounts, bushings, joints, wheels) are not diagnosed. The report does not"
         " replace an inspection.",
         "Times are UTC.",
     )

@@ -25,7 +25,7 @@ def work_order(store: Store, number: int, *, who: str, now: int, link: str = "")
     number
         Alert number.
     who
-        Name of the person or program that asks for it.
+        Name of the person or program that requests it.
     now
         Present time, UTC ns.
     link
@@ -38,7 +38,7 @@ def work_order(store: Store, number: int, *, who: str, now: int, link: str = "")
     """
     row = store.alerts.row(number)
     if row is None:
-        raise ParameterError(f"unknown alert {number}: sprung alerts list --all shows all alerts")
+        raise ParameterError(f"unknown alert {number}: sprung alerts list --all lists all alerts")
     if row.cause.partition(":")[0] == "monitor":
         raise ParameterError(f"alert {number} is about the monitor ({row.cause}): a work order is about a vehicle")
     alert = alert_of(row)
@@ -87,7 +87,7 @@ def send_work_order(
     Returns
     -------
     dict
-        Reason of the failure by name of the sender; empty where it arrived.
+        Reason of the failure by name of the sender; empty if it arrived.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def corner_and_part(cause: str) -> tuple[str | None, str]:
 
 
 def onset_of(evidence: dict[str, Any]) -> int | None:
-    """Return the onset in the evidence of an alert, UTC ns; None where it is unknown."""
+    """Return the onset in the evidence of an alert, UTC ns; None if it is unknown."""
     return _time(evidence.get("since"))
 
 

@@ -51,7 +51,7 @@ class Workers:
     limit
         Longest time of a job [s].
     clock
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     vehicle_bytes
         Largest size of the samples of a window, and of the state, of one vehicle [bytes].
     job_bytes
@@ -113,7 +113,7 @@ class Workers:
         return self._of(vehicle) is not None
 
     def is_free(self, vehicle: str) -> bool:
-        """Return whether a process can take a job of a vehicle: its own, or any where it would be opened."""
+        """Return whether a process can take a job of a vehicle: its own, or any that could open it."""
         worker = self._of(vehicle)
         if worker is not None:
             return not worker.tasks
@@ -126,7 +126,7 @@ class Workers:
         return worker is not None and worker.is_for_slow != self._is_slow(vehicle)
 
     def open(self, opening: Opening) -> None:
-        """Give a vehicle to a process that is idle, if there is one, and of these to that with the fewest."""
+        """Give a vehicle to an idle process if there is one, and among these to the one with the fewest vehicles."""
         vehicle = opening.vehicle
         self.close_vehicle(vehicle)
         if not self._is_slow(vehicle):
@@ -150,7 +150,7 @@ class Workers:
         Parameters
         ----------
         vehicle
-            Name of the vehicle, which a process has.
+            Name of a vehicle that a process has open.
         frames
             Frames in order; none, to get the state.
         learn
@@ -231,7 +231,7 @@ class Workers:
         return []
 
     def _replace(self, worker: _Worker, reason: str) -> list[Outcome]:
-        """Replace a process; return failed outcomes of the vehicles that it was asked for, the guilty one first."""
+        """Replace a process; return failed outcomes of the vehicles that it was asked for, the one at fault first."""
         worker.process.kill()
         self._n_replaced += 1
         self._workers[self._workers.index(worker)] = self._start(is_for_slow=worker.is_for_slow)

@@ -40,7 +40,7 @@ def set_session(response: Response, context: Context, secret: str) -> None:
 
 
 def find_person(request: Request) -> Person | None:
-    """Return who makes a request; None: nobody who is known."""
+    """Return the person who makes a request; None if unknown."""
     context = context_of(request)
     now = context.clock()
     kind, _, token = request.headers.get("authorization", "").partition(" ")
@@ -54,7 +54,7 @@ def find_person(request: Request) -> Person | None:
 
 
 def enter(request: Request, name: str, password: str) -> Person:
-    """Return who logs in.
+    """Return the person who logs in.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def enter(request: Request, name: str, password: str) -> Person:
     secret = log_in(context.store, name, password, now=now)
     person = None if secret is None else of_session(context.store, secret, now=now)
     if person is None:
-        raise HTTPException(401, "name or password are wrong: try again, or ask an administrator")
+        raise HTTPException(401, "name or password is wrong: try again, or ask an administrator")
     return person
 
 
@@ -95,12 +95,12 @@ class Allowed(SecurityBase):
     Parameters
     ----------
     role
-        Least role.
+        Minimum role.
     """
 
     # How the interface describes it.
     scheme_name = "token"
-    model = HTTPBearer(description="A token, or the session of a browser; with the least role that may.")
+    model = HTTPBearer(description="A token, or the session of a browser, with at least the role required.")
 
     def __init__(self, role: Role) -> None:
         self.role = role
@@ -112,7 +112,7 @@ class Allowed(SecurityBase):
             headers = {"www-authenticate": "Bearer"}
             raise HTTPException(401, "log in, or send a token: Authorization: Bearer TOKEN", headers=headers)
         if not person.role.includes(self.role):
-            raise HTTPException(403, f"this needs the role {self.role}, and {person.name} is {person.role}")
+            raise HTTPException(403, f"this requires the role {self.role}, but {person.name} is {person.role}")
         check_mark(request, person, request.headers.get(MARK_HEADER, ""))
         return person
 

@@ -17,7 +17,7 @@ from sprung.service.models import Alerts, Answer
 from sprung.service.vehicle_changes import TIME_ROUNDING
 from sprung.storage import AlertFilter, AlertPlace, AlertRow, Entry
 
-#: States in the terms of ISA-18.2, those that ask for an act first.
+#: States in the terms of ISA-18.2, those that require action first.
 StateName: TypeAlias = Literal[
     "unacknowledged", "acknowledged", "returned to normal, unacknowledged", "shelved", "normal"
 ]
@@ -42,11 +42,11 @@ class WantedAlerts(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    state: list[StateName] = Field([], description="states; none: all but normal")
-    step: list[StepName] = Field([], description="steps of severity; none: all")
+    state: list[StateName] = Field([], description="states; empty: all but normal")
+    step: list[StepName] = Field([], description="steps of severity; empty: all")
     vehicle: str = Field("", max_length=64, description="part of the vehicle's name")
-    assignee: str | None = Field(None, max_length=200, description="who looks after it")
-    is_complete: bool = Field(False, description="with those that are normal again")
+    assignee: str | None = Field(None, max_length=200, description="assignee")
+    is_complete: bool = Field(False, description="whether to include alerts that have returned to normal")
 
 
 class AlertCounts(Answer):
@@ -65,7 +65,7 @@ class PartChange(Answer):
 
 
 class HypothesisEntry(Answer):
-    """What may have changed, and how likely it is."""
+    """A possible change, and its evidence."""
 
     name: str
     log_evidence: float = Field(description="ln of its likelihood over that of no change")
@@ -89,12 +89,12 @@ class EvidenceWindow(Answer):
     number: int
     t0: int
     is_since_onset: bool
-    speed: float | None = Field(description="mean [m/s]")
+    speed: float | None = Field(description="mean speed [m/s]")
     payload: float | None = Field(description="[kg]")
-    roughness: float | None = Field(description="of the road G(n0), ISO 8608 [m^3]")
-    temperature: float | None = Field(description="mean [°C]")
+    roughness: float | None = Field(description="roughness of the road, G(n0) of ISO 8608 [m^3]")
+    temperature: float | None = Field(description="mean temperature [°C]")
     parts: tuple[PartEntry, ...] = Field(description="parts that the alert names")
-    note: str = Field(description="why the window says nothing about them; empty: it does")
+    note: str = Field(description="why the window gives no information on them; empty if it does")
 
 
 class EvidencePoint(Answer):
@@ -105,17 +105,17 @@ class EvidencePoint(Answer):
 
 
 class Evidence(Answer):
-    """What led to an alert."""
+    """The evidence behind an alert."""
 
     is_active: bool = Field(description="whether the cause holds now")
     is_acknowledged: bool
     change: float | None
     interval: tuple[float, float] | None = Field(description="95 % interval of the change")
-    since: int | None = Field(description="onset; null where unknown")
+    since: int | None = Field(description="onset; null if unknown")
     since_interval: tuple[int, int] | None
     runner_up: str = Field(description="second hypothesis in words; empty: far less likely")
     advice: str
-    detectable: dict[str, float] = Field(description="smallest loss of each part that would have been found")
+    detectable: dict[str, float] = Field(description="smallest detectable loss of each part")
     hypotheses: tuple[HypothesisEntry, ...] = Field(description="the most probable first")
     course: tuple[EvidencePoint, ...] = Field(description="evidence after the last windows")
     threshold: float | None = Field(description="ln of the evidence at which an alert is raised")
@@ -149,11 +149,11 @@ def evidence_of(context: Context, number: int) -> Evidence:
     Raises
     ------
     ParameterError
-        If there is none of that number.
+        If no alert has that number.
     """
     row = context.store.alerts.row(number)
     if row is None:
-        raise ParameterError(f"unknown alert {number}: the list of alerts has all of them")
+        raise ParameterError(f"unknown alert {number}: see the list of alerts")
     evidence = alert_of(row).evidence
     detection = evidence.get("detection") or {}
     interval = evidence.get("since_interval") or (None, None)
@@ -191,7 +191,7 @@ def _windows(context: Context, row: AlertRow, onset: int | None) -> tuple[Eviden
 
 
 def _window(entry: Entry, cause: str, *, is_since: bool) -> EvidenceWindow:
-    """Return a window with what it says about the parts of a cause."""
+    """Return a window with its values of the parts of a cause."""
     document = entry.document
     conditions: Mapping[str, Any] = document.get("conditions") or {}
     names: Sequence[str] = document.get("components") or ()
@@ -229,7 +229,7 @@ def _is_of(component: str, cause: str) -> bool:
 
 
 def _finite(value: Any) -> float | None:
-    """Return a condition; None where it is unknown."""
+    """Return a condition; None if it is unknown."""
     return float(value) if isinstance(value, int | float) and isfinite(value) else None
 
 
@@ -250,9 +250,9 @@ def _place(cursor: str) -> AlertPlace:
     Raises
     ------
     ParameterError
-        If it is no cursor.
+        If it is not a cursor.
     """
     parts = cursor.split("~")
     if len(parts) != len(AlertPlace._fields) or not all(part.isdecimal() and int(part) < 2**63 for part in parts):
-        raise ParameterError(f"cursor {cursor!r} is not one of this list: leave it out to begin anew")
+        raise ParameterError(f"cursor {cursor!r} is not one of this list: omit it for the first page")
     return AlertPlace(*map(int, parts))

@@ -163,7 +163,7 @@ def close(context: Shared, person: Engineer, number: Number, given: Comment) -> 
 
 @router.post("/alerts/{number}/verdict", tags=["alerts"])
 def verdict(context: Shared, person: Engineer, number: Number, given: Verdict) -> AlertDetail:
-    """State what the workshop found and did, and learn a new baseline if that is wanted."""
+    """Record what the workshop found and did, and learn a new baseline if requested."""
     desk.add_verdict(
         context.store,
         number,

@@ -41,7 +41,7 @@ def counts(context: Shared, _: Viewer, wanted: Annotated[WantedAlerts, Query()])
 
 @router.get("/alerts/{number}/evidence")
 def evidence(context: Shared, _: Viewer, number: Number) -> Evidence:
-    """What led to an alert: change, hypotheses, course of the evidence, windows."""
+    """The evidence behind an alert: change, hypotheses, course of the evidence, windows."""
     return alert_views.evidence_of(context, number)
 
 
@@ -55,23 +55,23 @@ def order(context: Shared, person: Viewer, number: Number) -> JSONResponse:
 
 @router.post("/alerts/{number}/work-order")
 def send(context: Shared, person: Engineer, number: Number) -> Done:
-    """Send the work order of an alert by the webhooks of the site file."""
+    """Send the work order of an alert through the webhooks of the site file."""
     return Done(sentence=send_order(context, number, who=person.name), number=number)
 
 
 @router.get("/precision")
 def site_precision(context: Shared, _: Viewer) -> Precision:
-    """How often alerts are right, and how long repairs take, from the verdicts of the workshop."""
+    """Precision of the alerts and times to repair, from the verdicts of the workshop."""
     return precision(context.store)
 
 
 def send_order(context: Context, number: int, *, who: str) -> str:
-    """Send the work order of an alert by the webhooks of the site file, and return what came of it in words.
+    """Send the work order of an alert through the webhooks of the site file, and return the outcome in words.
 
     Raises
     ------
     ParameterError
-        If there is no such work order, no webhook, or one that did not take it.
+        If there is no such work order, no webhook, or one that failed.
     """
     hooks = [hook.as_sender(f"webhook {k}") for k, hook in enumerate(context.site.send.webhook, start=1)]
     link = context.site.alert_url(number)
@@ -79,6 +79,6 @@ def send_order(context: Context, number: int, *, who: str) -> str:
     words = "; ".join(f"{name}: {error or 'sent'}" for name, error in results.items())
     if any(results.values()):
         raise ParameterError(
-            f"the work order did not arrive everywhere ({words}): correct the site file, or download it"
+            f"the work order was not delivered everywhere ({words}): correct the site file, or download it"
         )
     return f"the work order was sent ({words})"

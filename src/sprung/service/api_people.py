@@ -52,7 +52,7 @@ def audit(
     before: Annotated[int | None, Query(ge=1, lt=2**63, description="id of an entry: earlier ones only")] = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> list[AuditEntry]:
-    """Who did what, in order, the last acts."""
+    """The latest entries of the audit trail, in order of time."""
     rows = context.store.requests.audited(before=before, limit=limit)
     return [AuditEntry.model_validate(row) for row in rows]
 
@@ -65,7 +65,7 @@ def accounts(context: Shared, _: Admin) -> list[AccountEntry]:
 
 @router.put("/accounts")
 def put_account(context: Shared, person: Admin, given: NewAccount) -> Done:
-    """Add an account, or give one another role and password."""
+    """Add an account, or change the role and password of one."""
     if fault := people.fault_of_first(person, given.role):
         raise HTTPException(400, fault)
     people.add_account(context.store, given.name, given.role, given.password, who=person.name, now=context.clock())
@@ -76,7 +76,7 @@ def put_account(context: Shared, person: Admin, given: NewAccount) -> Done:
 def change_role(context: Shared, person: Admin, name: Annotated[str, Path(max_length=64)], given: NewRole) -> Done:
     """Give an account another role."""
     people.change_role(context.store, name, given.role, who=person.name, now=context.clock())
-    return Done(sentence=f"{name} is {given.role} now")
+    return Done(sentence=f"{name} is now {given.role}")
 
 
 @router.delete("/accounts/{name}")
@@ -94,7 +94,7 @@ def tokens(context: Shared, _: Admin) -> list[TokenEntry]:
 
 @router.post("/tokens", status_code=201)
 def add_token(context: Shared, person: Admin, given: NewToken) -> TokenMade:
-    """Make a token for a program."""
+    """Create a token for a program."""
     number, secret = people.add_token(
         context.store, given.name, given.role, days=given.days, who=person.name, now=context.clock()
     )

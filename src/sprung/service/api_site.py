@@ -1,4 +1,4 @@
-"""The interface for the site: what is watched and how, and tests of the senders."""
+"""The interface for the site: settings and state of the monitor, and tests of the senders."""
 
 from typing import Annotated
 
@@ -15,12 +15,12 @@ router = APIRouter(tags=["site"])
 
 @router.get("/site")
 def site(context: Shared, _: Viewer) -> SiteDetail:
-    """What is watched and how, and how the monitor itself is."""
+    """Settings, store, senders and state of the monitor itself."""
     return site_views.site_detail(context)
 
 
 @router.post("/site/senders/{name}/test")
 def try_sender(context: Shared, person: Engineer, name: Annotated[str, Path(max_length=64)]) -> Done:
-    """Send a test message by a sender of the site file; the answer says what came of it."""
+    """Send a test message through a sender of the site file; the response states the outcome."""
     problem = site_views.try_sender(context, name, who=person.name)
     return Done(sentence=f"{name} failed: {problem}" if problem else f"{name} sent a test message")

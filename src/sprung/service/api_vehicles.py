@@ -38,7 +38,7 @@ def trends(context: Shared, _: Viewer, vehicle: VehicleName, *, since: Time = No
 
 @router.get("/vehicles/{vehicle}/body-modes")
 def body_modes(context: Shared, _: Viewer, vehicle: VehicleName) -> BodyModes:
-    """How the body moves in bounce, pitch and roll, as they were identified last."""
+    """Motion of the body in bounce, pitch and roll, as last identified."""
     return vehicle_data.body_modes(context.store, vehicle)
 
 
@@ -56,7 +56,7 @@ def baseline(context: Shared, _: Viewer, vehicle: VehicleName) -> BaselineDetail
 
 @router.post("/vehicles/{vehicle}/baselines/{version}/rollback", status_code=202)
 def roll_back(context: Shared, person: Engineer, vehicle: VehicleName, version: Version, given: Learning) -> Done:
-    """Return to an earlier baseline, which becomes the newest version; windows are judged by it from the next one."""
+    """Return to an earlier baseline, which becomes the newest version; the next windows are compared with it."""
     reason, now = given.reason, context.clock()
     number = desk.roll_back(context.store, vehicle, version=version, reason=reason, who=person.name, now=now)
     return Done(sentence=rolling_back_in_words(vehicle, version, reason), number=number)

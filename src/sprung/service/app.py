@@ -43,8 +43,8 @@ ROUTERS = (
     ("", probes.router),
     ("", pages.router),
 )
-#: Titles of pages about what went wrong.
-_TITLES = {403: "Not allowed", 404: "Not found", 422: "This address has a mistake", 503: "The store does not answer"}
+#: Titles of error pages.
+_TITLES = {403: "Not allowed", 404: "Not found", 422: "Invalid address", 503: "The store does not answer"}
 #: Requests of one address: in the long run [1/s], and at once.
 _RATE, _BURST = 50.0, 300.0
 
@@ -78,7 +78,7 @@ def application(context: Context) -> App:
 
 
 class _Application(FastAPI):
-    """An application whose document has all refusals."""
+    """An application whose OpenAPI document states all refusals."""
 
     def openapi(self) -> dict[str, Any]:
         """Return the OpenAPI document."""
@@ -121,14 +121,14 @@ def _invalid(request: Request, error: Exception) -> Response:
 
 
 def _impossible(request: Request, error: Exception) -> Response:
-    """Answer an act that is impossible, or a store that does not answer."""
+    """Answer a request for an impossible action, or if the store does not answer."""
     if isinstance(error, StoreError) and not isinstance(error, RefusedError):
         return _answer(request, str(error), 503, {"retry-after": "5"})
     return _answer(request, str(error), 404 if str(error).startswith("unknown ") else 409)
 
 
 def _answer(request: Request, sentence: str, status: int, headers: Mapping[str, str] | None = None) -> Response:
-    """Return a sentence as JSON, or as a page where a person asked."""
+    """Return a sentence as JSON, or as a page for a browser."""
     if _is_for_people(request):
         title = _TITLES.get(status, "This is not possible")
         return pages.trouble(request, status, title, sentence)

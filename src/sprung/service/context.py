@@ -1,4 +1,4 @@
-"""What requests share: the store, the settings, and the running monitor."""
+"""Context that requests share: the store, the settings, and the running monitor."""
 
 import time
 from collections.abc import Callable, Collection, Mapping
@@ -18,7 +18,7 @@ from sprung.storage import Store
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What requests share.
+    """Context that requests share.
 
     Parameters
     ----------
@@ -29,11 +29,11 @@ class Context:
     figures
         Function that returns those figures of the running monitor that need no store.
     troubles
-        Function that returns a sentence about each trouble of the monitor; it needs no store.
+        Function that returns a sentence about each problem of the monitor; it needs no store.
     clock
         Present time, UTC ns.
     timer
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     feed
         Changes of the store, as they happen.
     attempts
@@ -90,13 +90,13 @@ def is_loopback(host: str) -> bool:
 
 
 def context_of(request: Request) -> Context:
-    """Return what requests share."""
+    """Return the context that requests share."""
     context: Context = request.app.state.context
     return context
 
 
 def known_vehicles(context: Context) -> Callable[[Collection[str]], Collection[str]]:
-    """Return a function that returns those of some vehicles that the monitor knows."""
+    """Return a function that selects the vehicles that the monitor knows."""
     return lambda names: {name for name in names if context.store.inbox.vehicle(name) is not None}
 
 

@@ -1,4 +1,4 @@
-"""Diagrams of a window, as the interface gives and the pages show them. Frequencies in Hz, times in UTC ns."""
+"""Diagrams of a window, as the interface returns and the pages show them. Frequencies in Hz, times in UTC ns."""
 
 from typing import Any
 
@@ -57,7 +57,7 @@ class PoleSet(Answer):
 class Stabilisation(Answer):
     """Stabilisation diagrams: one for each subset of segments and split of the channels."""
 
-    rung: str = Field(description="what a rung is")
+    rung: str = Field(description="meaning of a rung")
     band: Pair
     poles: tuple[PoleSet, ...]
     statuses: dict[str, str] = Field(description="each status in words")
@@ -71,10 +71,10 @@ class WindowDiagrams(Answer):
     number: int
     t0: int
     spectra: WindowSpectra
-    fit: SpectraFit | None = Field(description="null where the vehicle is not fitted")
+    fit: SpectraFit | None = Field(description="null if the vehicle is not fitted")
     stabilisation: Stabilisation
     identification: dict[str, Any] = Field(description="modes and lines of the window, sprung.identification/1")
     levels: dict[str, Any] | None = Field(
-        description="modes of the segments sorted by level, sprung.identification/1; null where they cannot be sorted"
+        description="modes of the segments sorted by level, sprung.identification/1; null if they cannot be sorted"
     )
     notes: tuple[str, ...] = Field(description="why a part is missing")

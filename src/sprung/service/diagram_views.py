@@ -22,7 +22,7 @@ def computed_diagrams(context: Context, vehicle: str, boot: int, number: int, *,
     Parameters
     ----------
     context
-        What requests share.
+        Context of the requests.
     vehicle
         Name of the vehicle.
     boot, number

@@ -34,7 +34,7 @@ class Computed:
     pictures
         Figures as SVG, by name.
     error
-        Why there are none; empty otherwise.
+        Reason why there are none; empty otherwise.
     """
 
     values: Mapping[str, Any] = field(default_factory=dict)
@@ -54,7 +54,7 @@ class DiagramDesk:
 
     Notes
     -----
-    Nobody waits: a request begins the computation, and a later one finds its result.
+    No request waits: the first one starts the computation, and a later one finds its result.
     """
 
     def __init__(
@@ -120,10 +120,10 @@ class DiagramDesk:
                 self._present, self._process = "", None
 
     def _computed(self, text: str) -> Computed:
-        """Return what a process of its own answers."""
+        """Return the answer of a separate process."""
         with self._lock:
             if self._is_closed:
-                return Computed(error="the server stops")
+                return Computed(error="the server is stopping")
             self._process = process = subprocess.Popen(
                 self._command,
                 stdin=subprocess.PIPE,

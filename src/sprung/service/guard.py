@@ -1,4 +1,4 @@
-"""What every request passes first: limits of rate, size and time, and headers that browsers enforce."""
+"""The guard that every request passes first: limits of rate, size and time, and headers that browsers enforce."""
 
 import asyncio
 import json
@@ -46,7 +46,7 @@ class RateLimit:
     burst
         Requests at once.
     timer
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     """
 
     def __init__(self, rate: float, burst: float, timer: Callable[[], float]) -> None:
@@ -74,7 +74,7 @@ class Attempts:
     Parameters
     ----------
     timer
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     """
 
     def __init__(self, timer: Callable[[], float]) -> None:

@@ -38,7 +38,7 @@ class Value:
     name
         Name.
     place
-        Where a parameter stands: path, query or header; body for a field of a body.
+        Location of a parameter: path, query or header; body for a field of a body.
     kind
         Its type in words.
     shape
@@ -48,7 +48,7 @@ class Value:
     default
         Default as JSON; empty: none.
     description
-        What it means.
+        Meaning.
     """
 
     name: str
@@ -78,9 +78,9 @@ class Operation:
     method, path
         Method and path.
     summary
-        What it does.
+        Description in a sentence.
     role
-        Least role; empty: none is needed.
+        Minimum role; empty: none is needed.
     parameters
         Parameters of path, query and header, and fields of the body.
     status

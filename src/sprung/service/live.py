@@ -1,4 +1,4 @@
-"""What changes in the store, as server-sent events: one look for all who listen."""
+"""Changes in the store as server-sent events: one poll for all listeners."""
 
 import asyncio
 import json
@@ -12,17 +12,17 @@ from starlette.concurrency import run_in_threadpool
 from sprung.errors import SprungError
 from sprung.storage import ChangeRow, Store, WindowRow
 
-#: Time between looks at the store, and between signs of life [s].
+#: Time between polls of the store, and between signs of life [s].
 _LOOK, _SIGN = 1.0, 15.0
 #: Events that wait for one listener: one that is slower is cut off, and continues from the last that it has.
 _MOST_WAITING = 500
-#: Largest number of events of one look.
+#: Largest number of events of one poll.
 _MOST_EVENTS = 1000
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Mark:
-    """How far the store was read: number of the last change of an alert, and when the last window was stored."""
+    """Place up to which the store was read: number of the last change of an alert, time of the last stored window."""
 
     change: int = 0
     window: int = 0
@@ -33,7 +33,7 @@ class Mark:
 
     @classmethod
     def parse(cls, text: str) -> "Mark | None":
-        """Return the mark of an identifier; None if it is none."""
+        """Return the mark of an identifier; None if it is not a mark."""
         change, _, window = text.partition("-")
         is_mark = all(part.isdecimal() and len(part) <= 19 and int(part) < 2**63 for part in (change, window))
         return cls(int(change), int(window)) if is_mark else None
@@ -54,14 +54,14 @@ class Happening:
 
 
 class Feed:
-    """Changes in a store for all who listen.
+    """Changes in a store for all listeners.
 
     Parameters
     ----------
     store
         Store of the monitor.
     look
-        Time between looks at it [s].
+        Time between polls of it [s].
     """
 
     def __init__(self, store: Store, *, look: float = _LOOK) -> None:
@@ -85,7 +85,7 @@ class Feed:
             Mark of the last event that the listener has; None: none.
         """
         queue: asyncio.Queue[Happening | None] = asyncio.Queue(_MOST_WAITING)
-        async with self._starting:  # of those who come at once, one starts the look at the store
+        async with self._starting:  # of several at the same time, one starts polling the store
             if self._task is None or self._task.done():
                 self._mark = await run_in_threadpool(lambda: Mark(*self._store.fleet.newest()))
                 self._task = asyncio.create_task(self._run())
@@ -127,7 +127,7 @@ class Feed:
             try:
                 happenings = await run_in_threadpool(self._since, self._mark)
             except (SprungError, OSError):
-                continue  # the store does not answer: /health says so
+                continue  # the store does not answer: /health states it
             for happening in happenings:
                 self._mark = happening.mark
                 self._send(happening)
@@ -163,7 +163,7 @@ def _is_new(mark: Mark, reached: Mark) -> bool:
 
 
 def _cut_off(queue: asyncio.Queue[Happening | None]) -> None:
-    """Let the listener of a queue end: it continues from the last event that it got."""
+    """Let the listener of a queue end: it continues from the last event that it received."""
     while not queue.empty():
         queue.get_nowait()
     queue.put_nowait(None)

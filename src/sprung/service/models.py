@@ -1,4 +1,4 @@
-"""What the interface takes and returns: its OpenAPI document is made from these. Times are UTC ns."""
+"""What the interface accepts and returns: the source of its OpenAPI document. Times are UTC ns."""
 
 from typing import Annotated, Any, Literal
 
@@ -30,11 +30,11 @@ class FleetVehicle(Answer):
     """A vehicle in the fleet."""
 
     vehicle: str
-    state: VehicleState = Field(description="what matters most about it")
+    state: VehicleState = Field(description="most important state")
     severity: int = Field(description="greatest severity of its active alerts, 1 to 1000; 0: none")
     step: str | None = Field(description="step of that severity: note, low, medium, high or critical")
     alert: int | None = Field(description="number of that alert")
-    sentence: str = Field(description="what is known about it")
+    sentence: str = Field(description="its state in a sentence")
     since: int | None = Field(description="time when that alert was raised")
     health_index: float | None = Field(description="0 to 100 for planning; null while its state is not known")
     channels: int = Field(description="number of its channels")
@@ -42,7 +42,7 @@ class FleetVehicle(Answer):
     has_lost: bool = Field(description="whether an active alert states that frames were lost")
     last_seen: int
     is_parked: bool
-    learnt: int | None = Field(description="windows learnt")
+    learnt: int | None = Field(description="windows collected for a baseline")
     needed: int | None = Field(description="windows needed for a baseline")
     baseline: int | None = Field(description="version of its baseline")
     assignee: str | None
@@ -91,7 +91,7 @@ class BaselineEntry(Answer):
 
 
 class VerdictEntry(Answer):
-    """What the workshop found on an alert."""
+    """A verdict of the workshop on an alert."""
 
     id: int
     alert: int
@@ -132,7 +132,7 @@ class VehicleDetail(Answer):
 
 
 class Done(Answer):
-    """What came of an act."""
+    """Outcome of an action."""
 
     sentence: str
     number: int | None = None
@@ -145,21 +145,21 @@ class Comment(Given):
 
 
 class Shelf(Given):
-    """How long an alert is shelved."""
+    """Duration for which an alert is shelved."""
 
     hours: float = Field(gt=0, le=24 * 366)
     comment: Text = ""
 
 
 class Assignment(Given):
-    """Who looks after an alert; null: nobody."""
+    """Assignee of an alert; null: nobody."""
 
     assignee: Line | None
     comment: Text = ""
 
 
 class Verdict(Given):
-    """What the workshop found, what it did, and whether a new baseline is learnt."""
+    """Finding and work of the workshop, and whether a new baseline is learnt."""
 
     verdict: VerdictWord
     part: Line = ""
@@ -211,7 +211,7 @@ class NewToken(Given):
 
 
 class TokenEntry(Answer):
-    """A program's token; its secret is not kept."""
+    """A program's token; its secret is not stored."""
 
     id: int
     name: str
@@ -222,7 +222,7 @@ class TokenEntry(Answer):
 
 
 class TokenMade(Answer):
-    """A new token, shown only now."""
+    """A new token; its secret is shown only once."""
 
     number: int
     secret: str
@@ -238,7 +238,7 @@ class WhoAmI(Answer):
 
 
 class AuditEntry(Answer):
-    """Who did what to what."""
+    """An entry of the audit trail: who did what to what."""
 
     id: int
     time: int

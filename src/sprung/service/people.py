@@ -25,7 +25,7 @@ _VERIFYING = threading.BoundedSemaphore(2)
 
 
 class Role(StrEnum):
-    """What a person may do: each role also what those before it may."""
+    """Permissions of a person: each role includes those before it."""
 
     VIEWER = "viewer"  # look at everything but accounts
     ENGINEER = "engineer"  # act on alerts, baselines and vehicles
@@ -50,7 +50,7 @@ class Person:
     role
         Role.
     secret
-        Secret of the browser's session, from which forms have their mark; empty for a program with a token.
+        Secret of the browser's session, from which the mark of its forms is derived; empty for a program with a token.
     has_account
         Whether the person logged in; False on a machine without accounts.
     """
@@ -75,7 +75,7 @@ def add_account(store: Store, name: str, role: str, password: str, *, who: str, 
         If the name, role or password cannot be used.
     """
     if not name.strip() or name != name.strip() or len(name) > _MOST_NAME or not name.isprintable():
-        raise ParameterError(f"name {name!r} must have 1 to {_MOST_NAME} printable characters, without blanks around")
+        raise ParameterError(f"name {name!r} must have 1 to {_MOST_NAME} printable characters, no blank at either end")
     _check_role(role)
     if not _LEAST_PASSWORD <= len(password) <= _MOST_PASSWORD:
         raise ParameterError(f"a password must have {_LEAST_PASSWORD} to {_MOST_PASSWORD} characters: give another")
@@ -93,7 +93,7 @@ def remove_account(store: Store, name: str, *, who: str, now: int) -> None:
     Raises
     ------
     ParameterError
-        If there is none of that name, or it is the last administrator among other accounts.
+        If no account has that name, or it is the last administrator among other accounts.
     """
     accounts = store.accounts.all()
     others = [row for row in accounts if row.name != name]
@@ -111,7 +111,7 @@ def change_role(store: Store, name: str, role: str, *, who: str, now: int) -> No
     Raises
     ------
     ParameterError
-        If there is none of that name, the role is unknown, or it is the last administrator.
+        If no account has that name, the role is unknown, or it is the last administrator.
     """
     _check_role(role)
     known = store.accounts.find(name)
@@ -123,7 +123,7 @@ def change_role(store: Store, name: str, role: str, *, who: str, now: int) -> No
 
 
 def fault_of_first(person: Person, role: str) -> str:
-    """Return why a person cannot add an account of a role as the first one; empty where this is possible."""
+    """Return why a person cannot add an account of a role as the first one; empty if this is possible."""
     is_possible = person.has_account or role == Role.ADMIN
     return "" if is_possible else "the first account must have the role admin: it manages the others"
 
@@ -154,7 +154,7 @@ def of_session(store: Store, secret: str, *, now: int) -> Person | None:
 
 
 def add_token(store: Store, name: str, role: str, *, days: float | None, who: str, now: int) -> tuple[int, str]:
-    """Return number and secret of a new token for a program, which is shown only now.
+    """Return number and secret of a new token for a program; the secret is shown only once.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def remove_token(store: Store, number: int, *, who: str, now: int) -> None:
     Raises
     ------
     ParameterError
-        If there is none of that number.
+        If no token has that number.
     """
     if not store.accounts.remove_token(number):
         raise ParameterError(f"unknown token {number}: sprung tokens list shows all tokens")

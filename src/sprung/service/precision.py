@@ -1,4 +1,4 @@
-"""How often the site's alerts are right, and how long repairs take, from the verdicts of the workshop."""
+"""Precision of the site's alerts and times to repair, from the verdicts of the workshop."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ class Delay(Answer):
 
 
 class Precision(Answer):
-    """What the workshop's verdicts say about the alerts of the suspension and of sensors."""
+    """Precision of the alerts of the suspension and of sensors, from the verdicts of the workshop."""
 
     verdicts: dict[str, int] = Field(description="number of alerts by the last verdict on each")
     alert: Share = Field(description="alerts that were right: confirmed or another part, of those looked at")
@@ -116,7 +116,7 @@ def share(hits: int, of: int) -> Share:
 
 
 def _onset(store: Store, row: AlertRow, verdict: VerdictRow) -> int | None:
-    """Return the onset of what a verdict is about; None where it is unknown."""
+    """Return the onset of what a verdict is about; None if it is unknown."""
     if row.raised == verdict.raised:
         return onset_of(row.document.get("evidence") or {})
     entries = store.results.findings(row.vehicle, until=verdict.time, limit=_MOST_FINDINGS)

@@ -1,4 +1,4 @@
-"""/health for whoever restarts the monitor, and /metrics for Prometheus."""
+"""/health for supervisors, and /metrics for Prometheus."""
 
 import asyncio
 import re
@@ -32,13 +32,13 @@ _ASKING = threading.Semaphore(_MOST_ASKING)
 
 
 class Health(BaseModel):
-    """Whether the monitor is healthy, and a sentence about each trouble."""
+    """Whether the monitor is healthy, and a sentence about each problem."""
 
     healthy: bool
     troubles: list[str]
 
 
-@router.get("/health", response_model=Health, responses={503: {"model": Health, "description": "It is not healthy."}})
+@router.get("/health", response_model=Health, responses={503: {"model": Health, "description": "Not healthy."}})
 async def health(request: Request) -> JSONResponse:
     """Whether the monitor is healthy, and what is not; it needs no store and no log-in."""
     troubles = context_of(request).troubles()
@@ -49,10 +49,10 @@ async def health(request: Request) -> JSONResponse:
 async def metrics(request: Request, context: Shared) -> Response:
     """Figures for Prometheus; those of the store are left out if it fails or takes too long.
 
-    Programs of this machine need no log-in, or a store that does not answer would keep the figures from them.
+    Programs of this machine need no log-in: a store that does not answer must not withhold the figures from them.
     """
     if not context.is_private and await _within_patience(lambda: _VIEWER(request)) is None:
-        raise HTTPException(503, "the store does not answer: try again later, and look at /health")
+        raise HTTPException(503, "the store does not answer: try again later, and see /health")
     stored = await _within_patience(lambda: _stored(context))
     figures = {**context.figures(), **({"sprung_store_writable": 0.0} if stored is None else stored)}
     return Response(exposition(figures), media_type=CONTENT_TYPE_PLAIN_0_0_4)

@@ -1,4 +1,4 @@
-"""What the interface answers where it refuses a request: the part of its OpenAPI document that all operations share."""
+"""Refusals of requests: the part of the interface's OpenAPI document that all operations share."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -21,7 +21,7 @@ _ANY = {
     413: "The request is too large.",
     421: "The server does not answer to the name in Host.",
     422: "A value is out of range, or is missing.",
-    429: "There were too many requests: Retry-After says for how long to wait.",
+    429: "There were too many requests: Retry-After states how long to wait.",
     503: "The store does not answer.",
 }
 
@@ -53,11 +53,11 @@ def _refusals(path: str, method: str, operation: Mapping[str, Any]) -> Iterator[
     if has_body:
         yield 400, "The body cannot be read, or what it asks for is not allowed."
     if has_role or has_body:
-        yield 401, "There is no valid token or session, or name and password are wrong."
+        yield 401, "There is no valid token or session, or name or password is wrong."
     if has_role:
         yield 403, "The role does not include this, or the mark of the session is missing."
     if "{" in path:
-        yield 404, "There is nothing of that name or number."
+        yield 404, "Nothing has that name or number."
     if method != "get" or "{" in path:
-        yield 409, "This is impossible now."
+        yield 409, "The action is impossible at present."
     yield from _ANY.items()

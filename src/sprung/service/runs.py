@@ -44,7 +44,7 @@ class WantedRuns(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     text: str = Field("", max_length=64, description="part of the vehicle's name")
-    verdict: list[VerdictName] = Field([], description="verdicts; none: all")
+    verdict: list[VerdictName] = Field([], description="verdicts; empty: all")
     is_discovery: bool = Field(False, description="only vehicles that stand out from the fleet")
 
 
@@ -52,7 +52,7 @@ class RunVehicle(Answer):
     """The diagnosis of a vehicle by the last run."""
 
     vehicle: str
-    type: str = Field(description="its type: vehicles of one type have files that say the same")
+    type: str = Field(description="type of the vehicle: those with the same vehicle file apart from the name")
     verdict: VerdictName
     healthy: bool | None
     severity: str | None = Field(description="of the most severe finding: low, medium, high or critical")
@@ -81,9 +81,9 @@ class RunResults:
     Parameters
     ----------
     location
-        Folder or URL that the runs write to; None: there is none, and no results.
+        Folder or URL that the runs write to; None: no results.
     timer
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
 
     Notes
     -----
@@ -147,7 +147,7 @@ def run_page(
     rows
         Rows of `RunResults`.
     wanted
-        Which of them.
+        Filter for the vehicles.
     cursor
         Place after which the page begins; None: the first page.
     limit
@@ -158,7 +158,7 @@ def run_page(
     Raises
     ------
     ParameterError
-        If the cursor is none of this list.
+        If the cursor is not one of this list.
     """
     import pyarrow.compute as pc
 
@@ -218,7 +218,7 @@ def _place(cursor: str) -> tuple[bool, int, str]:
     discovery, _, rest = cursor.partition("~")
     step, _, vehicle = rest.partition("~")
     if discovery not in {"0", "1"} or not (step.isascii() and step.isdigit()):
-        raise ParameterError(f"cursor {cursor!r} is not one of this list: leave it out to begin anew")
+        raise ParameterError(f"cursor {cursor!r} is not one of this list: omit it for the first page")
     return discovery == "1", int(step[:2]), vehicle
 
 

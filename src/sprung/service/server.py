@@ -43,7 +43,7 @@ class Server:
 
     @property
     def address(self) -> tuple[str, int]:
-        """Host and port, which the open server knows also where any free one was wanted."""
+        """Host and port; for a free port of any number, known once the server is open."""
         host, port = self._context.site.http_address
         return host, port if self._socket is None else int(self._socket.getsockname()[1])
 
@@ -148,7 +148,7 @@ class _Patient(H11Protocol):
         self._writes = self.loop.call_later(_TAKEN, self.transport.abort)
 
     def resume_writing(self) -> None:
-        """Go on, as the client took what was sent."""
+        """Resume, as the client took what was sent."""
         super().resume_writing()
         _cancel(self._writes)
 

@@ -1,4 +1,4 @@
-"""What the interface returns about the site: settings, store, senders, certificates, loops. Times are UTC ns."""
+"""Values that the interface returns about the site: settings, store, senders, certificates, loops. Times are UTC ns."""
 
 from pydantic import Field
 
@@ -21,13 +21,13 @@ class TableEntry(Answer):
     table: str
     rows: int
     is_more: bool = Field(description="whether there are more: counting ends at a million")
-    stay: str = Field(description="how long rows stay")
+    stay: str = Field(description="how long rows are kept")
 
 
 class StoreEntry(Answer):
     """The store, and how much it holds."""
 
-    address: str = Field(description="without password")
+    address: str = Field(description="address without password")
     database: str
     size: int = Field(description="size on disk [bytes]")
     free: int | None = Field(description="free space on its disk [bytes]; null with a server")
@@ -37,21 +37,21 @@ class StoreEntry(Answer):
 
 
 class FalseAlarms(Answer):
-    """False alarms: the rate that is set, and the rate that the verdicts of the workshop show."""
+    """False alarms: the configured rate, and the rate according to the verdicts of the workshop."""
 
-    wanted: float = Field(description="rate that is set, per vehicle and day of driving")
+    wanted: float = Field(description="configured rate, per vehicle and day of driving")
     hours_per_day: float = Field(description="hours of driving in a day")
     days: int = Field(description="length of the period that is counted [days]")
     vehicle_days: float = Field(description="days of driving of all vehicles that were analysed in it")
     is_more: bool = Field(description="whether there were more: counting ends at a million windows")
-    verdicts: int = Field(description="alerts of the suspension on which the workshop looked at the vehicle")
+    verdicts: int = Field(description="alerts of the suspension after which the workshop inspected the vehicle")
     false: int = Field(description="those of them where it found nothing")
     rate: float | None = Field(description="false alarms per vehicle and day of driving; null: not known yet")
     interval: tuple[float, float] | None = Field(description="95 % interval of the rate (Poisson)")
 
 
 class SenderEntry(Answer):
-    """A sender of notifications, and what came of its last test."""
+    """A sender of notifications, and the result of its last test."""
 
     name: str
     kind: str
@@ -59,8 +59,8 @@ class SenderEntry(Answer):
     is_testable: bool
     tested: int | None = Field(description="when it was tested last")
     tested_by: str
-    problem: str = Field(description="why the last test failed; empty where it succeeded")
-    given_up: str = Field(description="why it gave up the last notification; empty where it did not")
+    problem: str = Field(description="why the last test failed; empty if it succeeded")
+    given_up: str = Field(description="why it gave up the last notification; empty if it did not")
 
 
 class CertificateEntry(Answer):
@@ -68,7 +68,7 @@ class CertificateEntry(Answer):
 
     purpose: str
     path: str
-    expires: int | None = Field(description="null where the file cannot be read")
+    expires: int | None = Field(description="null if the file cannot be read")
     trouble: str = Field(description="what is wrong and what to do; empty: nothing")
 
 
@@ -80,11 +80,11 @@ class VersionEntry(Answer):
 
 
 class LoopEntry(Answer):
-    """A loop of the monitor, and when it last turned."""
+    """A loop of the monitor, and when it last ran."""
 
     name: str
-    age: float = Field(description="time since the last turn [s]")
-    limit: float | None = Field(description="longest time between two turns [s]")
+    age: float = Field(description="time since the last pass [s]")
+    limit: float | None = Field(description="longest time between two passes [s]")
 
 
 class FigureEntry(Answer):
@@ -100,11 +100,11 @@ class MonitorEntry(Answer):
 
     monitor: str
     seen: int
-    shards: int = Field(description="shards of vehicles that it works for, of 256")
+    shards: int = Field(description="number of shards of vehicles that it is responsible for, of 256")
 
 
 class SiteDetail(Answer):
-    """What is watched and how, and how the monitor itself is."""
+    """Settings, store, senders and state of the monitor itself."""
 
     name: str
     sentence: str
@@ -119,4 +119,4 @@ class SiteDetail(Answer):
     versions: tuple[VersionEntry, ...]
     loops: tuple[LoopEntry, ...]
     figures: tuple[FigureEntry, ...]
-    monitors: tuple[MonitorEntry, ...] = Field(description="empty where the store is a file, which has one monitor")
+    monitors: tuple[MonitorEntry, ...] = Field(description="empty if the store is a file, which has one monitor")

@@ -1,4 +1,4 @@
-"""What the page of the site and the interface show of the monitor itself: values, no markup."""
+"""State of the monitor itself for the page of the site and the interface: values, no markup."""
 
 import json
 import platform
@@ -39,7 +39,7 @@ from sprung.tables import counted
 _DAY = 86400 * 10**9
 #: Period of the false alarms that are counted [days].
 _PERIOD = 90
-#: Name of the act of a test in the audit trail, and number of tests among which the last is sought.
+#: Name of a test in the audit trail, and number of tests among which the last is sought.
 _TEST, _MOST_TESTS = "sender tested", 200
 #: Settings that the command line overrides, and what stands for a secret.
 _OPTIONS = {"broker": "--broker", "store": "--store", "http": "--http"}
@@ -65,7 +65,7 @@ _LIBRARIES = (
 
 
 def site_detail(context: Context) -> SiteDetail:
-    """Return what is watched and how, and how the monitor itself is."""
+    """Return settings, store, senders and state of the monitor itself."""
     store, site, now = context.store, context.site, context.clock()
     contents, figures = store.contents(), context.figures()
     certificates = tuple(
@@ -97,7 +97,7 @@ def settings_of(site: Site) -> Iterator[SettingEntry]:
 
 
 def false_alarms(context: Context) -> FalseAlarms:
-    """Return the rate of false alarms that is set, and the one that verdicts show.
+    """Return the configured rate of false alarms, and the one according to the verdicts.
 
     Notes
     -----
@@ -166,7 +166,7 @@ def senders(context: Context) -> tuple[SenderEntry, ...]:
 
 
 def try_sender(context: Context, name: str, *, who: str) -> str:
-    """Send a test message by a sender, and return why that failed; empty where it was sent.
+    """Send a test message through a sender, and return why that failed; empty if it was sent.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def try_sender(context: Context, name: str, *, who: str) -> str:
 def _sentence(n_troubles: int) -> str:
     """Return whether the monitor works."""
     if not n_troubles:
-        return "The monitor works: no trouble is known."
+        return "The monitor works: no problem is known."
     return f"{counted(n_troubles, 'thing')} at this site {'needs' if n_troubles == 1 else 'need'} attention."
 
 
@@ -240,7 +240,7 @@ def _kind_of_service(url: str) -> str:
     return f"{url.partition(':')[0]}://{_SECRET}"
 
 
-#: What is shown of settings that may hold a secret.
+#: Visible parts of settings that may contain a secret.
 _HIDDEN: Mapping[tuple[type[BaseModel], str], Callable[[Any], Any]] = {
     (Site, "broker"): _hide_password,
     (Site, "store"): _hide_password,

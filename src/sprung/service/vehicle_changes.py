@@ -29,7 +29,7 @@ TIME_ROUNDING = 1000
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What the windows of a vehicle are compared with.
+    """Reference with which the windows of a vehicle are compared.
 
     Parameters
     ----------
@@ -47,11 +47,11 @@ class Reference:
 
     @property
     def in_words(self) -> str:
-        """What windows are compared with."""
+        """Name of the reference."""
         return "the vehicle file" if self.baseline is None else f"baseline {self.baseline.version}"
 
     def limits(self, n_windows: int) -> dict[str, float]:
-        """Return the smallest losses that so many windows would have shown; empty if that is unknown."""
+        """Return the smallest losses detectable in a number of windows; empty if unknown."""
         known = [count for count in self.detectable if count <= n_windows]
         return self.detectable[max(known)] if known else {}
 
@@ -82,11 +82,11 @@ def reference_of(store: Store, vehicle: str) -> Reference:
     """Return what the windows of a vehicle are compared with."""
     rows = store.results.baselines(vehicle)
     if not rows:
-        return Reference(None, notes=("no baseline yet: values are relative to the vehicle file, and not judged",))
+        return Reference(None, notes=("no baseline yet: values are relative to the vehicle file, and not assessed",))
     try:
         baseline = baseline_from_document(rows[-1].document)
     except FormatError as error:
-        return Reference(None, notes=(f"the baseline cannot be read, and values are not judged: {error}",))
+        return Reference(None, notes=(f"the baseline cannot be read, and values are not assessed: {error}",))
     limits = {int(count): losses for count, losses in rows[-1].document.get("detectable", {}).items()}
     return Reference(baseline, limits, baseline.notes)
 
@@ -114,7 +114,7 @@ def changes(store: Store, vehicle: str) -> Changes:
 
     Notes
     -----
-    A part that an active alert names has the size and the interval of its finding, as they stand in the alert.
+    A part that an active alert names has the size and the interval of its finding, as the alert states them.
     """
     reference = reference_of(store, vehicle)
     alerts = [row for row in store.alerts.find(vehicle=vehicle, is_active=True) if is_of_suspension(row.cause)]
@@ -154,7 +154,7 @@ def part_changes(
     Parameters
     ----------
     reference
-        What the windows are compared with.
+        Reference of the windows.
     windows
         Windows that the reference accepts, at least one.
     alerts
@@ -193,7 +193,7 @@ def part_changes(
 
 
 def sentence_of(store: Store, summary: FleetVehicle, seen: Changes) -> str:
-    """Return what matters most about a vehicle, in a sentence.
+    """Return the main result for a vehicle, in a sentence.
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ def _named(alerts: Sequence[AlertRow], components: tuple[Component, ...]) -> dic
 
 
 def _stated(alert: AlertRow) -> tuple[float, tuple[float, float]] | None:
-    """Return size and interval of the finding of an alert; None where it states none."""
+    """Return size and interval of the finding of an alert; None if it states none."""
     evidence = alert_of(alert).evidence
     size, ends = evidence.get("change"), evidence.get("interval")
     if size is None or ends is None:

@@ -65,12 +65,12 @@ def known_vehicle(store: Store, vehicle: str) -> VehicleRow:
     """
     row = store.inbox.vehicle(vehicle)
     if row is None:
-        raise ParameterError(f"unknown vehicle {vehicle!r}: the fleet has all vehicles that have sent")
+        raise ParameterError(f"unknown vehicle {vehicle!r}: the fleet lists the known ones")
     return row
 
 
 def known_window(store: Store, vehicle: str, boot: int, number: int) -> Entry:
-    """Return a window as the store holds it.
+    """Return a stored window.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def known_window(store: Store, vehicle: str, boot: int, number: int) -> Entry:
     known_vehicle(store, vehicle)
     entry = store.results.observation(vehicle, boot, number)
     if entry is None:
-        raise ParameterError(f"unknown window {boot}/{number} of {vehicle}: it was never analysed, or is past its keep")
+        raise ParameterError(f"unknown window {boot}/{number} of {vehicle}: it was never analysed or is no longer kept")
     return entry
 
 
@@ -202,7 +202,7 @@ def baseline_entries(store: Store, vehicle: str, *, is_learning: bool) -> tuple[
     vehicle
         Name of the vehicle.
     is_learning
-        Whether a learning is under way, which the return to the present version ends.
+        Whether learning is in progress, which a return to the present version ends.
     """
     rows = store.results.baselines(vehicle)
     requests = [each for each in store.requests.commands_of(vehicle) if each.act in BASELINE_ACTS]

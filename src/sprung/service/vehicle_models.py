@@ -1,4 +1,4 @@
-"""Values about one vehicle, as the interface gives and the pages show them. Times are UTC ns, changes relative."""
+"""Values about one vehicle, as the interface returns and the pages show them. Times are UTC ns, changes relative."""
 
 from typing import Literal
 
@@ -7,7 +7,7 @@ from pydantic import Field
 from sprung.documents.document import Pair
 from sprung.service.models import Answer, BaselineEntry, WindowEntry
 
-#: What is known of a part.
+#: States of a part.
 PartState = Literal["change", "no change detected", "inconclusive"]
 
 
@@ -19,7 +19,7 @@ class PartChange(Answer):
     kind: str
     change: float = Field(description="relative, -0.2 for a loss of a fifth")
     interval: Pair = Field(description="95 % interval of the change")
-    by_chance: Pair = Field(description="95 % interval without effects that corners share, such as of payload")
+    by_chance: Pair = Field(description="95 % interval without effects common to the corners, such as payload")
     detectable: float | None = Field(description="smallest relative loss that would have been found; null: unknown")
     state: PartState
     alert: int | None = Field(description="number of the active alert that names the part")
@@ -39,18 +39,18 @@ class Changes(Answer):
 
 
 class PartTrend(Answer):
-    """A part over time; null where there is no value."""
+    """A part over time; null if there is no value."""
 
     part: str
     change: tuple[float | None, ...]
     low: tuple[float | None, ...]
     high: tuple[float | None, ...]
-    band: Pair | None = Field(description="95 % of usual single windows; null without a baseline")
+    band: Pair | None = Field(description="range of 95 % of usual single windows; null without a baseline")
     detectable: float | None = Field(description="smallest relative loss that would have been found; null: unknown")
 
 
 class ModeTrend(Answer):
-    """Natural frequency [Hz] and damping ratio of a mode over time; null where it was not identified."""
+    """Natural frequency [Hz] and damping ratio of a mode over time; null if it was not identified."""
 
     label: str
     natural_frequency: tuple[float | None, ...]
@@ -81,7 +81,7 @@ class Trends(Answer):
     mode_times: tuple[int, ...]
     modes: tuple[ModeTrend, ...]
     marks: tuple[TimeMark, ...]
-    is_cut: bool = Field(description="whether the range has older windows that are not here")
+    is_cut: bool = Field(description="whether older windows of the range are omitted")
 
 
 class BodyMode(Answer):
@@ -109,7 +109,7 @@ class BodyModes(Answer):
 
 
 class ChannelCheck(Answer):
-    """What the checks of one kind found on a channel."""
+    """Result of the checks of one kind on a channel."""
 
     name: str
     n_faults: int = Field(description="windows with such a fault")
@@ -128,7 +128,7 @@ class ChannelQuality(Answer):
 
 
 class DataQuality(Answer):
-    """Data quality of a vehicle over its last windows; what is not known is not there."""
+    """Data quality of a vehicle over its last windows; unknown values are omitted."""
 
     since: int | None
     until: int | None
@@ -179,7 +179,7 @@ class WindowDetail(Answer):
 
 
 class ConditionRange(Answer):
-    """Lowest and highest value of a condition that a baseline has met."""
+    """Lowest and highest value of a condition in the windows of a baseline."""
 
     name: str
     low: float
@@ -188,10 +188,10 @@ class ConditionRange(Answer):
 
 
 class BaselineVersion(BaselineEntry):
-    """A version of a baseline: from when on, why, at whose request, and what it has met."""
+    """A version of a baseline: start of use, reason, requester, and conditions met."""
 
     who: str | None = Field(description="who requested it; null: the monitor by itself, or no longer known")
-    refused: int | None = Field(description="windows that were not learnt from")
+    refused: int | None = Field(description="windows not used for learning")
     ranges: tuple[ConditionRange, ...] = Field(description="conditions of its windows")
     is_restorable: bool = Field(description="whether it can be returned to")
 
@@ -202,9 +202,9 @@ class BaselineDetail(Answer):
     is_learning: bool
     learnt: int
     needed: int
-    progress: str = Field(description="the learning in words")
-    is_requested: bool = Field(description="whether a new learning waits for the monitor")
-    requested_version: int | None = Field(description="earlier version whose return waits for the monitor")
+    progress: str = Field(description="progress of learning in words")
+    is_requested: bool = Field(description="whether a request for a new baseline is pending")
+    requested_version: int | None = Field(description="earlier version to which a return is pending")
     versions: tuple[BaselineVersion, ...]
     ranges: tuple[ConditionRange, ...]
     detectable: dict[str, dict[str, float]] = Field(

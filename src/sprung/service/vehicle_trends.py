@@ -59,7 +59,7 @@ def trends(store: Store, vehicle: str, *, since: int | None, until: int) -> Tren
 
 
 def body_modes_in(document: dict[str, Any]) -> dict[str, ModeValue]:
-    """Return bounce, pitch and roll in the modes of a window, by label; none where the document has no such modes."""
+    """Return bounce, pitch and roll in the modes of a window, by label; empty if the document has no such modes."""
     found: dict[str, ModeValue] = {}
     for mode in document.get("modes") or ():
         if isinstance(mode, dict) and mode.get("label") in MOTIONS:

@@ -1,4 +1,4 @@
-"""What pages and interface show, from the store: values, no markup."""
+"""Contents of pages and interface, from the store: values, no markup."""
 
 from collections.abc import Sequence
 
@@ -66,7 +66,7 @@ def vehicle_detail(context: Context, vehicle: str) -> VehicleDetail:
     store = context.store
     known = store.inbox.vehicle(vehicle)
     if known is None:
-        raise ParameterError(f"unknown vehicle {vehicle!r}: the fleet has all vehicles that have sent")
+        raise ParameterError(f"unknown vehicle {vehicle!r}: the fleet lists the known ones")
     active = store.alerts.find(vehicle=vehicle, is_active=True)
     baselines = store.results.baselines(vehicle)
     row = FleetRow(
@@ -111,12 +111,12 @@ def alert_detail(context: Context, number: int) -> AlertDetail:
     Raises
     ------
     ParameterError
-        If there is none of that number.
+        If no alert has that number.
     """
     store = context.store
     row = store.alerts.row(number)
     if row is None:
-        raise ParameterError(f"unknown alert {number}: the list of alerts has all of them")
+        raise ParameterError(f"unknown alert {number}: see the list of alerts")
     return AlertDetail(
         alert=_alert(row),
         evidence=alert_of(row).evidence,
@@ -166,7 +166,7 @@ def _state(
     if worst is not None and worst.cause != "silent":
         return "alert", worst.text
     if is_silent or worst is not None:
-        return "silent", worst.text if worst is not None else f"{row.place.vehicle} does not send"
+        return "silent", worst.text if worst is not None else f"{row.place.vehicle} sends no data"
     if status is None:
         return "waiting", "no samples analysed yet"
     if status.is_learning:
@@ -194,4 +194,4 @@ def _place(cursor: str) -> Place:
     try:
         return Place(int(severity), float(impact), vehicle)
     except ValueError:
-        raise ParameterError(f"cursor {cursor!r} is not one of this list: leave it out to begin anew") from None
+        raise ParameterError(f"cursor {cursor!r} is not one of this list: omit it for the first page") from None

@@ -34,22 +34,22 @@ class TokenRow:
 
 @dataclass(frozen=True, slots=True)
 class VerdictRow:
-    """What the workshop found on an alert.
+    """Verdict of the workshop on an alert.
 
     Parameters
     ----------
     alert
         Number of the alert.
     time, who
-        When and by whom it was stated.
+        Time of the verdict [UTC ns], and person who stated it.
     verdict
         "confirmed", "another part", "nothing found" or "not looked at".
     part
         Part that was found instead; empty for none.
     action
-        What was done; empty for nothing.
+        Work that was done; empty: none.
     raised
-        Time when the alert was raised that it is about.
+        Time when the alert was raised.
     request
         Number of the request for a new baseline; None: none.
     id
@@ -156,7 +156,7 @@ class Accounts:
 
 
 class Verdicts:
-    """What the workshop found on alerts.
+    """Verdicts of the workshop on alerts.
 
     Parameters
     ----------

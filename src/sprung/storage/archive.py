@@ -54,7 +54,7 @@ class ArchivedSamples:
     vehicle
         Name of the vehicle.
     quantities
-        Quantity of each channel; empty where the file does not state them.
+        Quantity of each channel; empty if the file does not state them.
     """
 
     samples: NDArray[np.float64]
@@ -144,7 +144,7 @@ def read_archive(path: Path | str) -> ArchivedSamples:
     Raises
     ------
     StoreError
-        If the file is not there, or holds something else.
+        If the file does not exist, or contains something else.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -326,5 +326,5 @@ def _reported(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise StoreError(
-            f"the archive cannot write {path}: {error.strerror or error}: free space on its disk or make it writable"
+            f"the archive cannot write {path} ({error.strerror or error}): free space on its disk or make it writable"
         ) from error

@@ -1,4 +1,4 @@
-"""What a store holds: rows of each table, its oldest results, its schema and its database."""
+"""Contents of a store: rows of each table, its oldest results, its schema and its database."""
 
 from dataclasses import dataclass
 
@@ -43,7 +43,7 @@ class Counted:
     is_more
         Whether there are more.
     stay
-        How long they stay: a key of the site file, or why they are not deleted by their age.
+        Retention: a key of the site file, or the reason why they are not deleted by age.
     """
 
     table: str
@@ -54,7 +54,7 @@ class Counted:
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """What a store holds.
+    """Contents of a store.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class Contents:
 
 
 def contents_of(database: Database) -> Contents:
-    """Return what a store holds."""
+    """Return the contents of a store."""
     from sprung.storage.migrations import revision
 
     with database.reading() as connection:

@@ -63,7 +63,7 @@ class Database:
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Make one transaction of all that this thread writes within, from the first write on.
+        """Make one transaction of all that this thread writes in the context, from the first write on.
 
         Within another such context it is part of that one.
 
@@ -219,7 +219,7 @@ def _transaction(engine: Engine) -> Iterator[Connection]:
         kind = RefusedError if isinstance(error, DataError | IntegrityError) else StoreError
         raise kind(_sentence(error.orig)) from error
     except PoolTimeoutError as error:
-        raise StoreError(f"the store is busy: no connection was free for {PATIENCE:g} s: try again later") from error
+        raise StoreError(f"the store is busy (no connection was free for {PATIENCE:g} s): try again later") from error
     except (StatementError, UnicodeError, OverflowError) as error:
         raise RefusedError(f"the store cannot hold this: {getattr(error, 'orig', None) or error}") from error
 
@@ -232,15 +232,15 @@ def _sentence(error: BaseException | None) -> str:
     if code in _CANNOT_WRITE or state in _CANNOT_WRITE_STATES:
         return _cannot_write(cause)
     if code in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED} or state == "55P03":  # lock_not_available
-        return f"the store is busy: {cause}: end the program that has held it for more than {PATIENCE:g} s"
+        return f"the store is busy ({cause}): end the program that has held it for more than {PATIENCE:g} s"
     if code in {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}:
-        return f"the store is damaged: {cause}: restart, which sets it aside and begins a new one"
+        return f"the store is damaged ({cause}): restart, which sets it aside and creates a new one"
     # 08: connection_exception, 57: operator_intervention; none where no server answered
     if not code and (not state or state[:2] in {"08", "57"}):
-        return f"the store does not answer: {cause}: check that its database runs and can be reached"
+        return f"the store does not answer ({cause}): check that its database runs and can be reached"
     return f"the store refuses this: {cause}"
 
 
 def _cannot_write(cause: str) -> str:
     """Return the sentence for a disk that is full or read-only."""
-    return f"the store cannot write: {cause}: free space on its disk or make it writable, then it continues"
+    return f"the store cannot write ({cause}): free space on its disk or make it writable, then it continues"

@@ -46,7 +46,7 @@ class FleetRow:
     last_seen
         Time of its last message, UTC ns.
     is_parked
-        Whether it was switched off in good order.
+        Whether it was shut down properly.
     baseline
         Version of its present baseline; None without one.
     status
@@ -65,7 +65,7 @@ class FleetRow:
 
 @dataclass(frozen=True, slots=True)
 class FleetFilter:
-    """Which vehicles of the fleet are wanted; what is left out does not matter.
+    """Which vehicles of the fleet are selected; an omitted criterion matches all.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ class WindowRow(NamedTuple):
 
 
 class Fleet:
-    """The fleet for people.
+    """The fleet as shown to people.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ class Fleet:
         Parameters
         ----------
         wanted
-            Which vehicles.
+            Filter for the vehicles.
         after
             Place after which the page begins; None: from the first.
         limit

@@ -84,12 +84,12 @@ class Inbox:
             return {row.vehicle: row.last_seen for row in rows}
 
     def parked(self) -> set[str]:
-        """Return the vehicles that were switched off in good order."""
+        """Return the vehicles that were shut down properly."""
         with self._database.reading() as connection:
             return set(connection.scalars(select(VEHICLES.c.vehicle).where(VEHICLES.c.is_parked)))
 
     def park(self, vehicle: str, *, is_parked: bool) -> None:
-        """Store whether a vehicle was switched off in good order."""
+        """Store whether a vehicle was shut down properly."""
         with self._database.writing() as connection:
             connection.execute(update(VEHICLES).where(VEHICLES.c.vehicle == vehicle).values(is_parked=is_parked))
 
@@ -194,14 +194,14 @@ class Inbox:
         return progress
 
     def cursor(self, vehicle: str, boot: int) -> Cursor:
-        """Return how far the frames of one boot of a vehicle have come."""
+        """Return the progress of the frames of one boot of a vehicle."""
         with self._database.reading() as connection:
             return _cursors(connection, _of(CURSORS, (vehicle, boot))).get((vehicle, boot), Cursor())
 
     def cursors(
         self, shards: Collection[int] | None = None, *, vehicle: str | None = None, since: int = 0
     ) -> dict[Key, Cursor]:
-        """Return how far frames have come, by vehicle and boot: of some shards, or of one vehicle."""
+        """Return the progress of frames by vehicle and boot: of some shards, or of one vehicle."""
         conditions: list[ColumnElement[bool]] = [CURSORS.c.updated >= since]
         conditions += [] if shards is None else [CURSORS.c.shard.in_(shards)]
         conditions += [] if vehicle is None else [CURSORS.c.vehicle == vehicle]

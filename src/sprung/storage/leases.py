@@ -1,6 +1,6 @@
-"""Leases: which monitor works for which vehicles, and a refusal of what one writes after it has lost them.
+"""Leases: which monitor is responsible for which vehicles, and the refusal of writes after it has lost them.
 
-Vehicles are spread over a fixed number of shards. On PostgreSQL a monitor holds shards for as long as it is heard of;
+Vehicles are spread over a fixed number of shards. On PostgreSQL a monitor holds shards for as long as it is heard from;
 on SQLite there is one monitor, which locks a file next to the store.
 """
 
@@ -21,7 +21,7 @@ from sprung.storage.schema import LEASES, MONITORS, LeaseLostError, StoreError
 
 #: Number of shards, the same for all programs that use a store.
 N_SHARDS = 256
-# Not now(), which stands still within a transaction.
+# Not now(), which is constant within a transaction.
 _NOW = select(cast(func.extract("epoch", func.clock_timestamp()) * 1_000_000_000, BigInteger))
 
 
@@ -47,9 +47,9 @@ class Holding:
     epochs
         Epoch of each shard that the monitor holds.
     monitors
-        Names of the monitors that are heard of.
+        Names of the monitors that are heard from.
     dead
-        Monitors that were not heard of for too long, first reported by this call.
+        Monitors that were not heard from for too long, first reported by this call.
     """
 
     epochs: dict[int, int]
@@ -66,7 +66,7 @@ class Holder:
     monitor
         Name of the monitor.
     seen
-        When it was last heard of, UTC ns by the clock of the database.
+        Time when it was last heard from, UTC ns by the clock of the database.
     shards
         Number of shards that it holds.
     """
@@ -86,7 +86,7 @@ class Leases:
 
     Notes
     -----
-    The clock of the database decides who is heard of; those of the machines are never compared. The epoch of a shard
+    The clock of the database decides who is heard from; those of the machines are never compared. The epoch of a shard
     rises whenever its holder changes. A transaction about a vehicle locks the lease of its shard for as long as it
     lasts, so that a shard is passed on only between transactions, and refuses to write if the epoch is another one.
     """
@@ -123,9 +123,9 @@ class Leases:
         Parameters
         ----------
         monitor
-            Name of the monitor, different from all others that ever were.
+            Name of the monitor, which no other ever had.
         patience
-            Time after which a monitor that was not heard of counts as dead [s].
+            Time without a sign of life after which a monitor counts as dead [s].
 
         Raises
         ------
@@ -144,7 +144,7 @@ class Leases:
             of_own = select(LEASES.c.shard).where(LEASES.c.holder == monitor).order_by(LEASES.c.shard)
             own = list(connection.scalars(of_own))
             is_free = or_(LEASES.c.holder.is_(None), LEASES.c.holder.not_in(living))
-            # A row that a stopped monitor has locked is passed over, until the database ends its transaction.
+            # A row that a stopped monitor has locked is skipped until the database ends its transaction.
             free = select(LEASES.c.shard).where(is_free).order_by(LEASES.c.shard).limit(max(share - len(own), 0))
             _pass_on(connection, list(connection.scalars(free.with_for_update(skip_locked=True))), to=monitor)
             _pass_on(connection, own[share:], to=None)
@@ -159,7 +159,7 @@ class Leases:
             return [Holder(*row) for row in connection.execute(query)]
 
     def release(self, monitor: str) -> None:
-        """Give up all shards of a monitor, which stops in good order."""
+        """Give up all shards of a monitor, which stops cleanly."""
         with self._database.writing() as connection:
             own = list(connection.scalars(select(LEASES.c.shard).where(LEASES.c.holder == monitor)))
             _pass_on(connection, own, to=None)
@@ -190,7 +190,7 @@ def _check(connection: Connection, leases: frozenset[Lease]) -> None:
 
 
 def _bury(connection: Connection, alive: int) -> list[str]:
-    """Remove monitors that were not heard of since a time, and return their names."""
+    """Remove monitors that were not heard from since a time, and return their names."""
     silent = select(MONITORS.c.monitor).where(MONITORS.c.seen < alive).with_for_update(skip_locked=True)
     dead = list(connection.scalars(silent))
     if dead:
@@ -199,7 +199,7 @@ def _bury(connection: Connection, alive: int) -> list[str]:
 
 
 def _pass_on(connection: Connection, shards: list[int], *, to: str | None) -> None:
-    """Give shards to a monitor, or to whoever wants them."""
+    """Give shards to a monitor, or release them."""
     if shards:
         passed = update(LEASES).where(LEASES.c.shard.in_(shards))
         connection.execute(passed.values(holder=cast(to, Text), epoch=LEASES.c.epoch + 1))
@@ -211,7 +211,7 @@ def _locked(store: Path, monitor: str) -> IO[str]:
     try:
         file = path.open("a+", encoding="utf-8")
     except OSError as error:
-        raise StoreError(f"{path} cannot be written: {error.strerror}: make its folder writable") from None
+        raise StoreError(f"{path} cannot be written ({error.strerror}): make its folder writable") from None
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:

@@ -10,7 +10,7 @@ from sprung.storage.schema import AUDIT, COMMANDS
 
 
 class Requests:
-    """Requests and the audit trail, which keeps everything for as long as the site file says.
+    """Requests and the audit trail, which keeps everything for as long as the site file states.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Requests:
         Parameters
         ----------
         act
-            Name of an act; None: all acts.
+            Name of an action; None: all actions.
         before
             Number of an entry, which is left out with all later ones; None: no entry is.
         limit

@@ -137,7 +137,7 @@ class Results:
             return _n_numbered(connection, OBSERVATIONS, vehicle), _n_numbered(connection, MODES, vehicle)
 
     def latest(self, vehicles: Sequence[str]) -> dict[str, tuple[int, int]]:
-        """Return number of the last observation and version of the baseline of vehicles, -1 where there is none."""
+        """Return number of the last observation and version of the baseline of vehicles, -1 if there is none."""
         ends = (
             select(func.coalesce(func.max(column), -1)).where(column.table.c.vehicle == VEHICLES.c.vehicle)
             for column in (OBSERVATIONS.c.number, BASELINES.c.version)

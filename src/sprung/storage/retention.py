@@ -1,4 +1,4 @@
-"""What becomes of the rows of every table: how long they stay, and why the others are never deleted."""
+"""Retention of the rows of every table: how long they are kept, and why some are never deleted."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
@@ -27,7 +27,7 @@ from sprung.storage.schema import (
     SNAPSHOTS,
 )
 
-#: Why rows of some tables are not deleted by their age.
+#: Reasons why rows of some tables are not deleted by age.
 KEPT = {
     "vehicles": "one for each vehicle",
     "frames": "until the stored state of the analysis covers them; intake stops before the disk is full",
@@ -36,7 +36,7 @@ KEPT = {
     "alerts": "one for each vehicle and cause",
     "deliveries": "with their notification",
     "forgotten": "one for each vehicle",
-    "verdicts": "few, and the site's precision is counted from all of them",
+    "verdicts": "few, and the site's precision is computed from all of them",
     "accounts": "one for each person",
     "tokens": "one for each program, until it is revoked",
     "leases": "one for each shard",

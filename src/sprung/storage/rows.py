@@ -51,7 +51,7 @@ class StoredFrame(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Cursor:
-    """How far the frames of one boot of a vehicle have come.
+    """Progress of the frames of one boot of a vehicle.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class Cursor:
 class VehicleRow:
     """A vehicle as it described itself: hash and text of its configuration, names of its channels.
 
-    It is parked if it was switched off in good order.
+    It is parked if it was shut down properly.
     """
 
     vehicle: str

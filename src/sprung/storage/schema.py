@@ -319,7 +319,7 @@ COMMANDS = Table(
     Index("commands_done", "done"),
 )
 
-#: What the workshop found on an alert, and what was done.
+#: Verdicts of the workshop on alerts, and the work that was done.
 VERDICTS = Table(
     "verdicts",
     METADATA,
@@ -368,7 +368,7 @@ TOKENS = Table(
     Column("expires", _INTEGER),
 )
 
-#: Monitors that run, and when each was last heard of, by the clock of the database.
+#: Monitors that run, and when each was last heard from, by the clock of the database.
 MONITORS = Table("monitors", METADATA, _key("monitor", Text), Column("seen", _INTEGER, nullable=False))
 
 #: Monitor that works for the vehicles of each shard; the epoch rises whenever that changes.

@@ -58,13 +58,13 @@ class Store:
     requests
         Commands for the monitor, and the audit trail.
     leases
-        Which monitor works for which vehicles.
+        Leases of the monitors on vehicles.
     fleet
         The fleet in order of urgency, for people.
     accounts
         People and programs that may use the interface.
     verdicts
-        What the workshop found on alerts.
+        Verdicts of the workshop on alerts.
     notices
         Sentences about problems found when the store was opened.
     """
@@ -97,7 +97,7 @@ class Store:
         return self._database.free()
 
     def contents(self) -> Contents:
-        """Return what the store holds."""
+        """Return the contents of the store."""
         return contents_of(self._database)
 
     def n_windows_since(self, time: int) -> int:
@@ -138,7 +138,7 @@ class Store:
         boots_before
             The same for the progress of finished starts of boxes; None: `before`.
         limit
-            Number of rows at which to stop; what is left goes the next time.
+            Number of rows at which to stop; the rest is deleted the next time.
 
         Returns
         -------
@@ -147,7 +147,7 @@ class Store:
 
         Notes
         -----
-        Rows go in batches, so that no transaction keeps other writers waiting for long.
+        Rows are deleted in batches, so that no transaction keeps other writers waiting for long.
         """
         ages = Ages(
             before,
@@ -226,7 +226,7 @@ def _prepare(path: Path) -> tuple[str, ...]:
         return () if damage is None else (_set_aside(path, damage),)
     except (OSError, sqlite3.Error) as error:
         raise StoreError(
-            f"the store {path} cannot be opened: {error}: check that its folder and disk can be written"
+            f"the store {path} cannot be opened ({error}): check that its folder and disk can be written"
         ) from error
 
 

@@ -3,7 +3,7 @@
 from sprung.calibration import CalibratedNumber, Calibration
 from sprung.tables.table import Table, with_deviation
 
-#: Groups whose numbers are listed only where the drives determine them.
+#: Groups whose parameters are listed only if the drives determine them.
 _MINOR = {"sides", "sensors"}
 
 
@@ -28,8 +28,8 @@ def calibration_table(calibration: Calibration) -> Table:
     acc_fl.x [m] | 1.22 | 1.300 ± 0.010 | +0.08 | yes
     """
     rows = tuple(_row(number) for number in calibration.learnt if number.is_identifiable or number.group not in _MINOR)
-    columns = ("number", "given", "learnt", "change", "from the drives")
-    return Table("Numbers of the vehicle file", columns, rows, n_words=1, caption="± standard deviation")
+    columns = ("parameter", "given", "learnt", "change", "from the drives")
+    return Table("Parameters of the vehicle file", columns, rows, n_words=1, caption="± standard deviation")
 
 
 def calibration_in_words(calibration: Calibration) -> list[str]:

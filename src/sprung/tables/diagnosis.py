@@ -262,7 +262,7 @@ def observations_table(observations: Sequence[Observation]) -> Table:
 
 
 def _condition(window: Observation, name: str, *, factor: float = 1.0) -> str:
-    """Return a condition of a window; empty where it is unknown."""
+    """Return a condition of a window; empty if it is unknown."""
     value = window.conditions.get(name, math.nan)
     return f"{factor * value:.3g}" if math.isfinite(value) else ""
 
@@ -358,5 +358,5 @@ def trend_in_words(trend: Trend | None) -> str:
 
 
 def _mode_in_words(mode: tuple[float, float] | None) -> str:
-    """Return frequency and damping ratio of a mode; empty where it is unknown."""
+    """Return frequency and damping ratio of a mode; empty if it is unknown."""
     return "" if mode is None else f"{mode[0]:#.3g} Hz, {100 * mode[1]:#.3g} %"

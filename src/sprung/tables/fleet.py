@@ -26,7 +26,7 @@ def fleet_tables(document: Mapping[str, Any]) -> list[Table]:
     """
     caption = (
         f"p: probability that a sound vehicle deviates as much from the others; at most {100 * document['rate']:.3g} % "
-        "of the vehicles that are said to deviate are expected to be sound"
+        "of the vehicles reported to deviate are expected to be sound"
     )
     columns = ("vehicle", "windows", "p", "change [%]", "verdict")
     return [
@@ -65,9 +65,9 @@ def type_in_words(type_baseline: TypeBaseline) -> str:
 
 
 def _row(entry: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the cells of a vehicle; a vehicle like the others has no change to state."""
+    """Return the cells of a vehicle; the change is empty if no deviation was detected."""
     if not entry["deviates"]:
-        return (entry["vehicle"], str(entry["windows"]), f"{entry['p_value']:.2g}", "", "like the others")
+        return (entry["vehicle"], str(entry["windows"]), f"{entry['p_value']:.2g}", "", "no deviation detected")
     size = ""
     if entry["change"] is not None:
         low, high = entry["interval"]

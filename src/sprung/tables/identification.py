@@ -15,13 +15,13 @@ from sprung.tables.table import Table, in_words, with_deviation
 
 #: Channels below this share of the largest one are omitted from a shape in words.
 _MAIN_SHARE = 0.3
-#: Most channels or numbers in a cell, and most families of harmonics in a table.
+#: Largest number of channels or numbers in a cell, and of families of harmonics in a table.
 _MOST_WORDS, _MOST_FAMILIES = 6, 8
-#: Most reasons that explain why no mode was found.
+#: Largest number of reasons given if no mode was found.
 _MOST_REASONS = 3
 #: Methods that give modes, in a table.
 _SOURCES = {"ssi": "SSI", "plscf": "pLSCF", "fdd": "FDD", "road_likelihood": "vehicle on its road"}
-#: What the columns of `modes_table` mean.
+#: Meaning of the columns of `modes_table`.
 _MODES_CAPTION = (
     "± standard deviation; stable: share of the model orders with this mode; shape: channels above"
     f" {100 * _MAIN_SHARE:.0f} % of the largest, + in phase with it, - against it, ~ between"
@@ -151,7 +151,7 @@ def modes_table(modes: Modes, sources: Sequence[str] = ()) -> Table:
 
 
 def _stable(rate: float, source: str) -> str:
-    """Return the stable rate of a mode; none for FDD, and for a mode of the road likelihood alone."""
+    """Return the stable rate of a mode; "-" for FDD, and for a mode of the road likelihood alone."""
     is_known = np.isfinite(rate) and (rate > 0 or source != "road_likelihood")
     return f"{100 * rate:.0f} %" if is_known else "-"
 

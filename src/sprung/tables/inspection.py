@@ -1,4 +1,4 @@
-"""Tables of what recordings hold."""
+"""Tables of the contents of recordings."""
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -97,7 +97,7 @@ def _remarks(facts: ChannelFacts) -> str:
         "repeating": facts.repeated,
     }
     words = {
-        "filled": f"{facts.filler or 0.0:.6g}, a filler, in",
+        "filled": f"filler value {facts.filler or 0.0:.6g} in",
         "repeating": "copies of earlier stretches",
         "spiking": f"{facts.n_spikes} spikes",
     }

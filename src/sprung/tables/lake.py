@@ -61,4 +61,4 @@ def lake_import_table(document: Mapping[str, Any]) -> Table:
     """
     names = ("files", "added", "known")
     rows = ((own["vehicle"], *(str(own[name]) for name in names)) for own in document["vehicles"])
-    return Table("", ("vehicle", "files", "windows added", "known before"), tuple(rows), ends_in_words=False)
+    return Table("", ("vehicle", "files", "windows added", "already present"), tuple(rows), ends_in_words=False)

@@ -131,7 +131,7 @@ def vehicles_table(document: Mapping[str, Any], *, now: int) -> Table:
 
 
 def _health(vehicle: Mapping[str, Any]) -> str:
-    """Return the health index; a vehicle without baseline and alert is not known to be sound."""
+    """Return the health index; "unknown" for a vehicle without baseline and alert."""
     is_known = vehicle["baseline"] is not None or vehicle["health_index"] < 100
     return f"{vehicle['health_index']:.0f}" if is_known else "unknown"
 
@@ -151,7 +151,7 @@ def _event_in_words(entry: Mapping[str, Any]) -> str:
 
 
 def _state_in_words(state: str, shelved_until: int | None) -> str:
-    """Return a state or event, with the end of the shelf where it is one."""
+    """Return a state or event; for shelving, with its end."""
     is_shelf = state == "shelved" and shelved_until is not None
     return f"shelved until {time_in_words(shelved_until or 0)} UTC" if is_shelf else state
 

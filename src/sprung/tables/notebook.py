@@ -162,5 +162,5 @@ def _table(table: Table) -> str:
 
 
 def _text(text: str) -> str:
-    """Return a text that is no markup, with its line breaks."""
+    """Return a text escaped as HTML, with its line breaks."""
     return escape(text).replace("\n", "<br>")

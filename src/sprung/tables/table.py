@@ -27,12 +27,12 @@ class Table:
     ends_in_words
         Whether the last column holds words.
     caption
-        What the columns mean, in a line under the table; empty for none.
+        Meaning of the columns, in a line under the table; empty for none.
 
     Raises
     ------
     ParameterError
-        If a row has not as many cells as there are columns.
+        If the number of cells in a row differs from the number of columns.
     """
 
     title: str

@@ -8,7 +8,7 @@ from sprung.identification.tracks import Track, TrackedModes, TrackedValue
 from sprung.identification.window_modes import WindowModes
 from sprung.tables.table import Table, in_words, time_in_words, with_deviation
 
-#: Most jumps in a cell, and most windows without result in a sentence.
+#: Largest number of jumps in a cell, and of windows without a result in the sentences.
 _MOST = 3
 #: Fewest windows for a ratio of deviations.
 _FOR_RATIO = 8
@@ -27,7 +27,7 @@ def tracks_table(tracked: TrackedModes, *, start: int | None = None, has_times: 
     tracked
         Result of `track_modes`.
     start
-        Time of the first window, UTC in nanoseconds since 1970; None where unknown.
+        Time of the first window, UTC in nanoseconds since 1970; None if unknown.
     has_times
         Whether times are seconds, not numbers of windows.
 
@@ -153,6 +153,6 @@ def moment_in_words(time: float, *, start: int | None, has_times: bool) -> str:
 
 
 def _ratio(value: TrackedValue, n_windows: int) -> str:
-    """Return scatter over stated deviation; empty where one is unknown or rests on few windows."""
+    """Return scatter over stated deviation; empty if one is unknown or rests on few windows."""
     ratio = value.scatter / value.stated if value.stated > 0 and n_windows >= _FOR_RATIO else math.nan
     return f"{ratio:.2g}" if math.isfinite(ratio) else ""

@@ -26,5 +26,5 @@ for part in (fleet, vehicles, diagrams, charts, alerts, runs, site, people, audi
 
 
 def trouble(request: Request, status: int, title: str, sentence: str) -> HTMLResponse:
-    """Return a page about what went wrong."""
+    """Return an error page."""
     return page(request, "trouble.html", status=status, title=title, sentence=sentence)

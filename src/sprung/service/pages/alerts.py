@@ -1,4 +1,4 @@
-"""Alerts: the list, and one alert with its evidence and the acts on it."""
+"""Alerts: the list, and one alert with its evidence and the actions on it."""
 
 from collections.abc import Callable
 from typing import Annotated, Any
@@ -34,14 +34,14 @@ router = APIRouter()
 _LIMIT = 50
 #: Sign of each state of an alert, next to its name.
 _MARKS = dict(zip(STATES, "●◐○‖✓", strict=True))
-#: For how long an alert can be shelved [h], in words.
+#: Durations for which an alert can be shelved [h], in words.
 _SHELVES = ((8, "8 hours"), (24, "1 day"), (72, "3 days"), (168, "1 week"), (720, "30 days"))
-#: What came of an act, by the word in the address of the page that follows.
+#: Result of an action, by the word in the address of the page that follows.
 _DONE = {
     "acknowledge": "Acknowledged.",
     "assign": "Assigned.",
-    "shelve": "Shelved: nobody is notified until its end.",
-    "unshelve": "Off the shelf.",
+    "shelve": "Shelved: nobody is notified until the shelving ends.",
+    "unshelve": "No longer shelved.",
     "comment": "Comment added.",
     "close": "Cleared.",
     "verdict": "Verdict recorded.",
@@ -150,7 +150,7 @@ def close(request: Request, context: Shared, form: EngineerForm, number: Number)
 
 @router.post("/alerts/{number}/verdict")
 def verdict(request: Request, context: Shared, form: EngineerForm, number: Number) -> Response:
-    """Record what the workshop found and did, and request a new baseline if that is wanted."""
+    """Record what the workshop found and did, and request a new baseline if required."""
     is_new_baseline = form.text("new_baseline") == "yes"
 
     def act() -> None:
@@ -171,7 +171,7 @@ def verdict(request: Request, context: Shared, form: EngineerForm, number: Numbe
 
 @router.post("/alerts/{number}/work-order")
 def send(request: Request, context: Shared, form: EngineerForm, number: Number) -> Response:
-    """Send the work order of an alert by the webhooks of the site file."""
+    """Send the work order of an alert through the webhooks of the site file."""
 
     def act() -> None:
         send_order(context, number, who=form.person.name)
@@ -189,7 +189,7 @@ def _act(
     name: str,
     **options: Any,
 ) -> Response:
-    """Apply an act of `sprung.monitor.desk` with the comment of a form."""
+    """Apply an operator action of `sprung.monitor.desk` with the comment of a form."""
 
     def applied() -> None:
         act(
@@ -207,7 +207,7 @@ def _act(
 def _after(
     request: Request, context: Context, form: Form, number: int, *, act: Callable[[], object], name: str
 ) -> Response:
-    """Return to the alert after an act; with what was entered, and a sentence, if the act is impossible."""
+    """Return to the alert after an action; with what was entered, and a sentence, if it is impossible."""
     try:
         act()
     except ParameterError as error:
@@ -270,11 +270,11 @@ def _alert_page(
 
 
 def _sentence(counts: AlertCounts) -> str:
-    """Return what matters most about the alerts."""
+    """Return the number of open alerts in words."""
     waiting = counts.states["unacknowledged"] + counts.states["returned to normal, unacknowledged"]
     if not any(counts.states[name] for name in STATES[:-1]):
         return "No alert is open."
-    parts = [f"{counted(waiting, 'alert')} {'waits' if waiting == 1 else 'wait'} for somebody."]
+    parts = [f"{counted(waiting, 'alert')} {'needs' if waiting == 1 else 'need'} attention."]
     for number, word in ((counts.states["acknowledged"], "acknowledged"), (counts.states["shelved"], "shelved")):
         if number:
             parts.append(f"{number} {'is' if number == 1 else 'are'} {word}.")

@@ -21,7 +21,7 @@ _LIMIT = 100
 def show(
     request: Request, context: Shared, _: Engineer, before: Annotated[int | None, Query(ge=1, lt=2**63)] = None
 ) -> Response:
-    """Show the audit trail, the last act first."""
+    """Show the audit trail, the latest action first."""
     rows = context.store.requests.audited(before=before, limit=_LIMIT + 1)
     entries = [AuditEntry.model_validate(row) for row in reversed(rows)]
     return page(

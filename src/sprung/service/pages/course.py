@@ -8,7 +8,7 @@ from sprung.service.alert_views import EvidencePoint
 #: Size of the drawing, and of its margins: left, right, top, bottom.
 WIDTH, HEIGHT = 600, 240
 LEFT, RIGHT, TOP, BOTTOM = 48, 16, 16, 40
-#: Distances between marks of the axis, of which the first that needs at most so many marks is taken.
+#: Candidate distances between marks of the axis, of which the first that needs few enough is taken; their most.
 _STEPS, _MOST_MARKS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000), 5
 
 

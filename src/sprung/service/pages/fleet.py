@@ -63,11 +63,11 @@ def _link(**wanted: Any) -> str:
 
 
 def _sentence(counts: FleetCount) -> str:
-    """Return what matters most about the fleet."""
+    """Return the state of the fleet in words."""
     urgent = sum(counts.steps[3:])
     if not counts.vehicles:
         return "No vehicle is known yet."
-    parts = [f"{urgent} of {counted(counts.vehicles, 'vehicle')} {'needs' if urgent == 1 else 'need'} someone today."]
+    parts = [f"{urgent} of {counted(counts.vehicles, 'vehicle')} {'needs' if urgent == 1 else 'need'} attention today."]
     for number, word in ((counts.silent, "silent"), (counts.learning, "still learning")):
         if number:
             parts.append(f"{number} {'is' if number == 1 else 'are'} {word}.")

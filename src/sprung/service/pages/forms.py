@@ -40,7 +40,7 @@ class FormOf:
     Parameters
     ----------
     role
-        Least role.
+        Minimum role.
     """
 
     def __init__(self, role: Role) -> None:
@@ -53,7 +53,7 @@ class FormOf:
         if person is None:
             raise HTTPException(401, "log in first")
         if not person.role.includes(self.role):
-            raise HTTPException(403, f"this needs the role {self.role}, and {person.name} is {person.role}")
+            raise HTTPException(403, f"this requires the role {self.role}, but {person.name} is {person.role}")
         check_mark(request, person, fields.get(MARK, ""))
         return Form(person, fields)
 

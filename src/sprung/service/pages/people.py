@@ -16,12 +16,12 @@ from sprung.service.people import Role
 
 router = APIRouter()
 
-#: What was done, by the word in the address.
+#: Result of an action, by the word in the address.
 _DONE = {
-    "account": "The account is stored. It can log in now; sessions that it had have ended.",
+    "account": "The account is saved. It can log in now; its previous sessions have ended.",
     "role": "The role is changed; the sessions of the account have ended.",
     "removed": "The account is removed; its sessions have ended.",
-    "revoked": "The token is revoked: it opens nothing any more.",
+    "revoked": "The token is revoked and no longer valid.",
 }
 
 
@@ -33,7 +33,7 @@ def show(request: Request, context: Shared, _: Admin, done: Annotated[str, Query
 
 @router.post("/people/accounts")
 def put_account(context: Shared, form: AdminForm) -> Response:
-    """Add an account, or give one another role and password."""
+    """Add an account, or change the role and password of one."""
     role = form.text("role")
     if fault := people.fault_of_first(form.person, role):
         raise HTTPException(400, fault)
@@ -59,7 +59,7 @@ def remove_account(context: Shared, form: AdminForm) -> Response:
 
 @router.post("/people/tokens")
 def add_token(request: Request, context: Shared, form: AdminForm) -> Response:
-    """Make a token, and show its secret, which is kept nowhere."""
+    """Create a token, and show its secret, which is not stored."""
     days = _days(form.text("days"))
     _, secret = people.add_token(
         context.store, form.text("name"), form.text("role"), days=days, who=form.person.name, now=context.clock()

@@ -60,7 +60,7 @@ def page(
     section
         Path of the section that it belongs to.
     notice
-        Sentence at the top, such as what came of an act.
+        Sentence at the top, such as the outcome of an action.
     values
         Values of the template.
     """

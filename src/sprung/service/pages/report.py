@@ -61,7 +61,7 @@ def report(
 
 
 def _period(since: str | None, until: str | None) -> Period:
-    """Return the period of a form, or refuse a text that is no time."""
+    """Return the period of a form, or refuse a text that is not a time."""
     try:
         return parse_period(since, until)
     except ParameterError as error:

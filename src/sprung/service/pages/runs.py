@@ -50,7 +50,7 @@ def _link(**wanted: Any) -> str:
 
 
 def _sentence(found: RunPage) -> str:
-    """Return what matters most about a run."""
+    """Return the main result of a run."""
     if not found.total:
         return "No run has stored results yet."
     stands = "stands" if found.discoveries == 1 else "stand"

@@ -27,7 +27,7 @@ def show(
 
 @router.post("/log-in")
 async def log_in(request: Request, context: Shared) -> Response:
-    """Log in, and go on to where the person wanted to go."""
+    """Log in, and continue to the requested page."""
     fields = await form_fields(request)
     name, following = fields.get("name", ""), _inside(fields.get("next", "/"))
     try:

@@ -1,4 +1,4 @@
-"""The site: what is watched and how, and how the monitor itself is."""
+"""The site: settings, store, senders and state of the monitor itself."""
 
 from collections.abc import Iterator, Mapping
 from typing import Annotated
@@ -36,7 +36,7 @@ def show(request: Request, context: Shared, person: Viewer) -> Response:
 
 @router.post("/site/senders/{name}/test")
 def try_sender(context: Shared, form: EngineerForm, name: Annotated[str, Path(max_length=64)]) -> Response:
-    """Send a test message; the page shows what came of it."""
+    """Send a test message; the page shows the outcome."""
     site_views.try_sender(context, name, who=form.person.name)
     return RedirectResponse("/site#senders", 303)
 
@@ -46,7 +46,7 @@ def _work(figures: Mapping[str, float]) -> Iterator[tuple[str, str]]:
     n_frames, n_windows = figures.get("sprung_backlog_frames"), figures.get("sprung_windows_total")
     if n_frames is not None:
         age = figures.get("sprung_backlog_age_seconds", 0.0)
-        yield "wait to be analysed", f"{n_frames:,.0f} frames, the oldest for {age:.0f} s" if n_frames else "no frame"
+        yield "waiting for analysis", f"{n_frames:,.0f} frames, the oldest for {age:.0f} s" if n_frames else "no frame"
     if n_windows is not None:
         seconds = figures.get("sprung_analysis_cpu_seconds_total", 0.0)
         each = f", each in {seconds / n_windows:.2g} s of processor time" if n_windows and seconds else ""

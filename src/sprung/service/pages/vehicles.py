@@ -1,4 +1,4 @@
-"""A vehicle: what matters most, its parts from above, trends, modes, windows, data quality and baseline."""
+"""A vehicle: main result, parts seen from above, trends, modes, windows, data quality and baseline."""
 
 from enum import StrEnum
 from typing import Annotated, Any
@@ -187,7 +187,7 @@ def learn(request: Request, context: Shared, form: EngineerForm, vehicle: Vehicl
     except ParameterError as error:
         if context.store.inbox.vehicle(vehicle) is None:
             raise
-        sentence = str(error) if reason else "Give a reason, such as new dampers: it stays with the baseline."
+        sentence = str(error) if reason else "Give a reason, such as new dampers: it is stored with the baseline."
         return _baseline(request, context, form.person, vehicle, trouble=sentence, status=422)
     return RedirectResponse(f"/vehicles/{quote(vehicle, safe='')}/baseline?notice={_RELEARN}", 303)
 

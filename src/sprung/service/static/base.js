@@ -64,7 +64,7 @@ function follow() {
   const vehicle = document.body.dataset.vehicle;
   const source = new EventSource("/api/v1/events");
   source.onopen = () => { live.textContent = "live"; };
-  source.onerror = () => { live.textContent = "not live: trying again"; };
+  source.onerror = () => { live.textContent = "not live: reconnecting"; };
   for (const kind of ["alert", "window"]) {
     source.addEventListener(kind, (event) => {
       const data = JSON.parse(event.data);
@@ -75,7 +75,7 @@ function follow() {
     });
   }
   addEventListener("pagehide", () => source.close());
-  // Without an event, too, as vehicles appear and fall silent: once a minute, or soon where there is nothing yet.
+  // Without an event, too, as vehicles appear and fall silent: once a minute, or sooner while a list is empty.
   let turn = 0;
   setInterval(() => {
     turn += 1;

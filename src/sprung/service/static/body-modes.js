@@ -1,4 +1,4 @@
-// The body moving in its modes, when asked.
+// The modes of the body, animated on request.
 
 const place = document.getElementById("bodies");
 const button = document.getElementById("move");
@@ -87,7 +87,7 @@ async function start() {
   button.addEventListener("click", () => {
     const isMoving = button.getAttribute("aria-pressed") !== "true";
     button.setAttribute("aria-pressed", String(isMoving));
-    button.textContent = isMoving ? "Stop" : "Move";
+    button.textContent = isMoving ? "Stop" : "Animate";
     if (isMoving) requestAnimationFrame(step);
   });
   offer();

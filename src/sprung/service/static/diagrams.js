@@ -1,4 +1,4 @@
-// Looks again while the diagrams are being computed.
+// Refreshes the page while the diagrams are being computed.
 
 import { refresh } from "./base.js";
 
@@ -9,7 +9,7 @@ async function look() {
   try {
     await refresh();
   } catch {
-    // The server may be starting anew: look again.
+    // The server may be restarting: try again.
   }
   setTimeout(look, WAIT);
 }

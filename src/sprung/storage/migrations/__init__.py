@@ -64,7 +64,7 @@ def upgrade(connection: Connection, *, target: str | None = None) -> None:
 
 
 def revision(connection: Connection) -> str | None:
-    """Return the revision of the schema; None where there is none yet."""
+    """Return the revision of the schema; None if there is none yet."""
     return MigrationContext.configure(connection).get_current_revision()
 
 

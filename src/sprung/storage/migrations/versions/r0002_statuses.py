@@ -1,4 +1,4 @@
-"""Progress of each vehicle, and when results were stored: a recording of long ago is no old result."""
+"""Progress of each vehicle, and when results were stored: an old recording does not make an old result."""
 
 from alembic import op
 from sqlalchemy import BigInteger, Column, Integer, PrimaryKeyConstraint, Text

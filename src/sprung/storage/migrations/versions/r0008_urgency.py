@@ -1,4 +1,4 @@
-"""What the order of a fleet needs of active alerts, in their index: their rows are not read for it."""
+"""Index of active alerts with all that the order of a fleet needs: their rows are not read for it."""
 
 from alembic import op
 
