@@ -141,6 +141,14 @@ def as_in_thesis(
     References
     ----------
     F. Liu (2020), eq. 3-35 to 3-57 and 4-1.
+
+    Examples
+    --------
+    >>> settings = as_in_thesis(rows=(20, 60))
+    >>> settings.ladder
+    BlockRowLadder(first=20, last=60)
+    >>> settings.refine
+    False
     """
     given = settings or IdentificationSettings()
     check_type("settings", given, IdentificationSettings)
