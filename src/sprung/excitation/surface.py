@@ -175,6 +175,13 @@ def rail_quality(name: str) -> Rail:
     ------
     ParameterError
         If the quality is neither "good" nor "bad".
+
+    Examples
+    --------
+    >>> rail_quality("good").roughness
+    4.032e-07
+    >>> round(rail_quality("bad").common(0.1) / rail_quality("good").common(0.1), 3)  # at every spatial frequency
+    2.679
     """
     roughness = {"good": 4.032e-7, "bad": 1.080e-6}
     return Rail(roughness[check_one_of("rail quality", name, roughness)])
