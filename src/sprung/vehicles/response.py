@@ -95,6 +95,16 @@ def sensitivities(structure: Structure) -> Sensitivities:
     References
     ----------
     R. L. Fox and M. P. Kapoor, Rates of change of eigenvalues and eigenvectors, AIAA Journal 6 (1968), 2426-2429.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import chain
+    >>> three_masses = chain()
+    >>> changes = sensitivities(three_masses)
+    >>> springs = [component.kind == "spring" for component in changes.components]
+    >>> halves = three_masses.modes().natural_frequency / 2  # the frequency rises with the root of all stiffnesses
+    >>> np.allclose(changes.natural_frequency[:, springs].sum(axis=1), halves, rtol=1e-2)
+    True
     """
     poles = structure.modes().poles
     shapes = _coordinate_shapes(structure, poles)
