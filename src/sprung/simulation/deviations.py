@@ -214,6 +214,13 @@ def true_vehicle(vehicle: Vehicle, deviations: Deviations) -> Vehicle:
     ------
     ParameterError
         If the vehicle lacks a sensor that was moved or a value that differs, or would be impossible.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle
+    >>> zafira = read_vehicle("zafira")
+    >>> round(true_vehicle(zafira, Deviations(values={"mass": 0.1})).body.mass, 6)
+    1628.0
     """
     fields = _explicit(vehicle).model_dump()
     for name, change in deviations.values.items():

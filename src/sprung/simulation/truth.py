@@ -48,6 +48,16 @@ def truth(
         recording; speed (mean, lowest, highest [m/s]) or null; faults by component; and if a fault begins later or
         grows, `fault_courses` (onset and growth [s]) and `modes_over_time` (frequencies and damping at equal
         intervals).
+
+    Examples
+    --------
+    >>> from sprung.vehicles import parse_fault, read_vehicle, structure
+    >>> zafira = structure(read_vehicle("zafira"))
+    >>> document = truth(zafira, seed=1, faults=[parse_fault("front_left.spring=-0.2")])
+    >>> document["faults"]
+    {'front_left.spring': -0.2}
+    >>> [mode["label"] for mode in document["modes"]][:3]
+    ['bounce', 'pitch', 'roll']
     """
     changed = with_faults(vehicle, faults, time=duration)
     modes = changed.modes()
