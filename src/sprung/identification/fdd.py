@@ -240,6 +240,9 @@ def modes_of_bells(bells: Bells, spectra: SpectralMatrix, *, channels: Sequence[
 
     L. Zhang, T. Wang and Y. Tamura (2010), A frequency-spatial domain decomposition (FSDD) method for operational modal
     analysis, Mechanical Systems and Signal Processing 24, 1227-1239 (spectrum of u^H y).
+
+    P. Whittle, The analysis of multiple stationary time series, Journal of the Royal Statistical Society B 15 (1953),
+    125-139.
     """
     fits = [_fitted(bells, k, spectra, channels) for k in range(len(bells.peaks))]
     values = np.array(fits).reshape(-1, 4)

@@ -45,6 +45,11 @@ def response(discrete: StateSpace, inputs: Real) -> Real:
     other from the last to the first, each by a first-order filter over all samples: exact, without a loop over time,
     and unlike a modal transformation well conditioned for every A.
 
+    References
+    ----------
+    B. N. Parlett and C. Reinsch (1969), Balancing a matrix for calculation of eigenvalues and eigenvectors, Numerische
+    Mathematik 13, 293-304.
+
     Examples
     --------
     >>> one = np.ones((1, 1))

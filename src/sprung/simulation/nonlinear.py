@@ -175,6 +175,11 @@ def integrate(
         If numba is not installed.
 
     Examples
+    References
+    ----------
+    E. Hairer, S. P. Norsett and G. Wanner (1993), Solving Ordinary Differential Equations I, 2nd edition, Springer,
+    section II.1.
+
     --------
     >>> from sprung.vehicles import chain
     >>> oscillator = chain(1, mass=1.0, stiffness=100.0, damping=5.0)

@@ -378,6 +378,10 @@ def sensor_outputs(
     and their slopes -dz/dx and dz/dy to p and r at the place of the sensor. A wheelset bounces and rolls. Gravity's
     share in the reading of a tilted accelerometer is left out.
 
+    References
+    ----------
+    ISO 8855:2011, Road vehicles - Vehicle dynamics and road-holding ability - Vocabulary.
+
     Examples
     --------
     >>> gyro = Channel("gyr_x", "angular_velocity", direction=(1.0, 0.0, 0.0))
@@ -420,6 +424,10 @@ def body_row(coordinates: Sequence[str], *, x: float, y: float, shapes: Sequence
     -----
     The row is [1, -x, y] for bounce, pitch (positive nose down) and roll (positive left side up); ISO 8855. Flexible
     modes of the body have the displacement of their shapes.
+
+    References
+    ----------
+    ISO 8855:2011, Road vehicles - Vehicle dynamics and road-holding ability - Vocabulary.
 
     Examples
     --------
