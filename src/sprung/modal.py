@@ -259,8 +259,8 @@ class Modes(Tabular, Drawable):
     labels
         "bounce", "pitch", "roll", "wheel_hop" or None for each mode.
     mode_shape_std
-        Standard deviations of the real (real part) and the imaginary parts (imaginary part) of the mode shapes, shape
-        (modes, channels); NaN where unknown, which is the default.
+        Standard deviations of the real parts (as real part) and of the imaginary parts (as imaginary part) of the mode
+        shapes, shape (modes, channels); NaN where unknown, which is the default.
 
     Raises
     ------

@@ -202,7 +202,7 @@ def each_recording(recordings: Recording | Iterable[Recording]) -> Iterable[Reco
     Raises
     ------
     ParameterError
-        If something else than recordings is given, such as a path or an array.
+        If anything other than recordings is given, such as a path or an array.
 
     Examples
     --------

@@ -337,7 +337,7 @@ def random_profile(
     contact_length
         Length of the contact patch over which a wheel averages the profile [m]; 0 for none.
     obstacles
-        Potholes, joints.
+        Obstacles on the surface, such as potholes and joints.
     right_over_left
         Random unevenness of the right track over that prescribed, an amplitude ratio, above 0; obstacles are not
         scaled.
@@ -384,7 +384,7 @@ class SurfaceMotion:
     contact_length
         Length of the contact patch over which a wheel averages the profile [m], at least 0.
     obstacles
-        Potholes, joints.
+        Obstacles on the surface, such as potholes and joints.
     right_over_left
         Random unevenness of the right track over that of `surface`, an amplitude ratio, above 0.
 

@@ -1,7 +1,7 @@
 """Reading and writing recordings in the formats of the field, each in a module of its own.
 
-A format is a module with `ENDINGS`, `open_table` and `write`. It yields the rows of a table as they are in the file;
-time and SI units are interpreted in one place for all formats.
+A format is a module with `NAME`, `ENDINGS`, `recognises`, `groups` and, where it can, `write`. It yields the rows of a
+table as they are in the file; time and SI units are interpreted in one place for all formats.
 """
 
 from collections.abc import Iterator, Sequence
@@ -46,7 +46,7 @@ def read(
     -------
     Recording
         Recording in SI units. A dead channel (values in less than half of the rows) is kept, with NaN for missing
-        values. A row in which any other channel has no value is cut, which leaves a gap.
+        values. A row in which any other channel has no value is removed, which leaves a gap.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def read_blocks(
     settings: ReadSettings | None = None,
     block_samples: int = 1 << 16,
 ) -> Iterator[Recording]:
-    """Yield the recording in a file piece by piece, in bounded memory for formats whose rows are read in pieces.
+    """Yield the recording in a file block by block, in bounded memory for formats whose rows are read in pieces.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def read_blocks(
 
     Notes
     -----
-    The file is read twice: first for the living channels and the advance of time, then for the samples.
+    The file is read twice: first to find live channels and the timing, then for the samples.
 
     Examples
     --------
@@ -168,7 +168,7 @@ def groups(path: str | PathLike[str], settings: ReadSettings | None = None) -> t
 
 
 def write(recording: Recording, path: str | PathLike[str]) -> None:
-    """Write a recording in the format of the ending, with a time column and units.
+    """Write a recording in the format of the file's ending, with a time column and units.
 
     Reading the file gives the same channels, samples, rate, gaps and start; positions, directions and the history are
     not kept in these formats.

@@ -140,12 +140,12 @@ def coss_ssi(
 
     Notes
     -----
-    The modes of the subsets stay in the result: for a suspension with friction and progressive springs, their change
-    with the level is information. Products y(n + m) y_ref(n) are sorted by the level that the past lets expect at n,
-    which does not bias the subsets of a linear system (`levels.correlate_by_level`); whether frequency and damping
-    depend on the level is tested (`Identification.level_trends`). A merged mode is the mean over the subsets, or
-    that of the average over all levels where too few subsets show it. The thesis sorts segments by the level of the
-    correlations that are averaged (`settings.as_in_thesis`): for a linear system, too, that biases damping, high in the
+    The modes of the subsets are kept in the result: for a suspension with friction and progressive springs, their
+    change with the level is information. Products y(n + m) y_ref(n) are sorted by the level predicted at n from the
+    past, which does not bias the subsets of a linear system (`levels.correlate_by_level`); whether frequency and
+    damping depend on the level is tested (`Identification.level_trends`). A merged mode is the mean over the subsets,
+    or that of the average over all levels where too few subsets show it. The thesis sorts segments by the level of the
+    correlations that are averaged (`settings.as_in_thesis`): even for a linear system, that biases damping, high in the
     subset of low level and low in that of high level.
 
     References
@@ -180,8 +180,8 @@ def poly_lscf(
     -----
     A second opinion from the correlations of `cov_ssi`, with the same tests of stability, harmonics and significance.
     The ladder is over the orders of polynomials (`plscf.PolynomialLadder`), `max_order` is the largest of them. Damping
-    scatters more from order to order than that of realisations, while surplus poles are left out by their growth: a
-    stable pole may change its damping ratio by 40 %, unless the criteria give another share than the default.
+    scatters more from order to order than that of realisations, while surplus poles are recognised by their growth: the
+    damping ratio of a stable pole may change by 40 %, unless the criteria state a share other than the default.
 
     References
     ----------
@@ -219,11 +219,11 @@ def enhanced_fdd(
 
     Notes
     -----
-    A second opinion from the spectra, which are those of longer segments than for the other methods. Peaks count where
-    they rise higher than chance, are no harmonic, and the mode is certain and contributes to the correlations between
-    channels as in the other methods. There is no stabilisation diagram and no stable rate (NaN), and settings on block
-    rows, orders and references have no effect. Modes closer than the spectra resolve, or that lie on the bell of a
-    stronger one, are not separated.
+    A second opinion from the spectra, whose segments are longer than for the other methods. A peak counts if it is
+    higher than chance explains and no harmonic, and if the mode is as certain and contributes as much to the
+    correlations between channels as the other methods require. There is no stabilisation diagram and no stable rate
+    (NaN), and settings on block rows, orders and references have no effect. Modes that are closer than the spectra
+    resolve, or that lie on the bell of a stronger one, are not separated.
 
     References
     ----------
@@ -348,7 +348,7 @@ class RunningSummary:
 
     Notes
     -----
-    After all records it comes to what `summarise` gives for the list of them, where that takes `duration` long.
+    After all records it equals what `summarise` returns for the list of them, if `duration` is their total duration.
     """
 
     def __init__(
@@ -365,7 +365,7 @@ class RunningSummary:
 
     @property
     def n_records(self) -> int:
-        """Number of records so far, with those that were left out."""
+        """Number of records so far, including those that were left out."""
         return self._records.n_records
 
     @property
@@ -386,7 +386,7 @@ class RunningSummary:
 
 
 def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:
-    """Return the modes of a summary: those by SSI of the identification of its recordings, before any refinement.
+    """Return the modes of a summary: those that SSI identifies from its recordings, before any refinement.
 
     Parameters
     ----------

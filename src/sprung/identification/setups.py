@@ -171,7 +171,7 @@ def _no_report(doing: str, share: float) -> None:
 def _check_channels(
     setups: Sequence[Recording | Iterable[Recording]], references: Sequence[str] | None, vehicle: AnyVehicle | None
 ) -> None:
-    """Refuse set-ups that cannot be merged before the first is identified, where that shows."""
+    """Reject set-ups that cannot be merged before the first is identified, where that shows."""
     firsts = [setup if isinstance(setup, Recording) else setup[0] for setup in setups if _is_read(setup)]
     layouts = [[record.channels[record.index(name)] for name in output_channels(record, vehicle)] for record in firsts]
     if len(layouts) == len(setups) > 1:

@@ -43,7 +43,7 @@ def track_modes(
     DataError
         If no window has a mode.
     ParameterError
-        If the windows differ in channels, or `times` do not rise or are of another number.
+        If the windows differ in channels, or `times` do not rise or are not one for each window.
 
     Notes
     -----
@@ -112,7 +112,7 @@ def track_modes(
 
 
 def _check_times(times: Real, n_windows: int) -> None:
-    """Refuse times that are not one for each window, or do not rise."""
+    """Reject times that are not one for each window, or do not rise."""
     if times.shape != (n_windows,):
         raise ParameterError(f"{times.size} times are given for {n_windows} windows: give one for each")
     if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):

@@ -54,7 +54,7 @@ def scale(recording: Recording, factors: float | Mapping[str, float]) -> Recordi
 
 
 def detrend(recording: Recording, *, degree: int = 0) -> Recording:
-    """Remove the mean or the straight line of least squares from each channel of each stretch.
+    """Remove the mean or the least-squares line from each channel of each stretch.
 
     Parameters
     ----------

@@ -117,7 +117,7 @@ def find_harmonics(
     prominence
         Smallest height over the higher of the two neighbourhoods [dB], above 0.
     false_alarm_rate
-        Probability of calling anything a harmonic in a recording of random vibration, above 0 and at most 0.5.
+        Probability of reporting any harmonic in a recording of random vibration, above 0 and at most 0.5.
     least_damping
         Smallest damping ratio of a mode, above 0 and at most 1.
     minimum_speed

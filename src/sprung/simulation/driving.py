@@ -60,7 +60,7 @@ def with_gravity(vehicle: Structure, description: Vehicle) -> Structure:
     Parameters
     ----------
     vehicle
-        Structure of `description`, in whichever condition.
+        Structure of `description`, in any condition.
     description
         Vehicle with its sensors.
 
@@ -89,7 +89,7 @@ def with_gravity(vehicle: Structure, description: Vehicle) -> Structure:
 
 
 def with_driving_readings(recording: Recording, route: Route) -> Recording:
-    """Return the recording with what its accelerometers and yaw-rate sensors read of driving itself.
+    """Return the recording plus what its accelerometers and yaw-rate sensors read because of driving itself.
 
     Parameters
     ----------

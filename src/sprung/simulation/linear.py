@@ -37,7 +37,7 @@ def response(discrete: StateSpace, inputs: Real) -> Real:
     Raises
     ------
     ParameterError
-        If the inputs have another shape.
+        If the inputs have the wrong shape.
 
     Notes
     -----
@@ -148,12 +148,12 @@ def settling_time(vehicle: Structure, *, remainder: float = 1e-4) -> float:
 
 
 def check_fits(vehicle: Structure, excitation: Excitation) -> None:
-    """Refuse a vehicle without sensors, and an excitation with another number of inputs.
+    """Reject a vehicle without sensors, and an excitation with a different number of inputs.
 
     Raises
     ------
     ParameterError
-        If the vehicle has no sensors, or another number of inputs.
+        If the vehicle has no sensors, or a different number of inputs.
     """
     if not vehicle.outputs.channels:
         raise ParameterError("the vehicle has no motion sensors: add [[sensor]] tables to its file")
@@ -204,7 +204,7 @@ def simulate(
     Raises
     ------
     ParameterError
-        If the vehicle has no sensors, or another number of inputs than the excitation.
+        If the vehicle has no sensors, or its number of inputs differs from that of the excitation.
 
     Examples
     --------

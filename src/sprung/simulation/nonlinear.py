@@ -79,7 +79,8 @@ def simulate_nonlinear(
     Raises
     ------
     ParameterError
-        If the vehicle has no sensors, other inputs than the excitation, or lacks a named part or component.
+        If the vehicle has no sensors, differs from the excitation in the number of inputs, or lacks a named part or
+        component.
     MissingPackageError
         If numba is not installed.
 
@@ -170,16 +171,16 @@ def integrate(
     Raises
     ------
     ParameterError
-        If inputs have another shape, or a force law or a time history names a part that the vehicle lacks.
+        If the inputs have the wrong shape, or a force law or a time history names a part that the vehicle lacks.
     MissingPackageError
         If numba is not installed.
 
-    Examples
     References
     ----------
     E. Hairer, S. P. Norsett and G. Wanner (1993), Solving Ordinary Differential Equations I, 2nd edition, Springer,
     section II.1.
 
+    Examples
     --------
     >>> from sprung.vehicles import chain
     >>> oscillator = chain(1, mass=1.0, stiffness=100.0, damping=5.0)
@@ -223,7 +224,7 @@ def integrate(
 
 
 def _check_force_laws(vehicle: Structure, force_laws: Mapping[str, ForceLaw]) -> None:
-    """Refuse force laws of parts that the vehicle does not have."""
+    """Reject force laws of parts that the vehicle does not have."""
     known = {e.part for e in vehicle.elements} | {f"{e.owner}.{e.part}" for e in vehicle.elements}
     for name in force_laws:
         check_one_of("force law of", name, known)

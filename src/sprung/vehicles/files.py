@@ -171,7 +171,7 @@ def vehicle_from_text(text: str, *, source: str) -> Vehicle:
 
 
 def _on_axles(description: Vehicle | Quarter | Chain, *, source: str) -> Vehicle:
-    """Refuse a description that is not of a body on axles."""
+    """Reject a description that is not of a body on axles."""
     if not isinstance(description, Vehicle):
         raise ParameterError(
             f"vehicle {source!r} is of kind {description.kind}, but must be a body on axles (kind road, rail or rig): "

@@ -209,7 +209,7 @@ def modal_mass(description: Vehicle, mode: FlexibleMode) -> float:
     Notes
     -----
     The integral of the squared shape over the mass, if the file does not state it. Torsion x y / (a b) of a body whose
-    mass is spread independently along and across: I_pitch I_roll / (m a^2 b^2). Bending 1 - x^2 / k^2 of an even beam
+    mass is spread independently along and across: I_pitch I_roll / (m a^2 b^2). Bending 1 - x^2 / k^2 of a uniform beam
     of mass m with k^2 = I_pitch / m: 0.8 m, as the mean of x^4 is 9/5 k^4.
 
     Examples
