@@ -40,8 +40,10 @@ def frequency_response(structure: Structure, frequencies: ArrayLike) -> Complex:
     --------
     >>> from sprung.vehicles import read_description, structure
     >>> quarter = structure(read_description("quarter"))
-    >>> frequency_response(quarter, [13.21]).shape
-    (1, 2, 1)
+    >>> f = np.array([0.5, 13.21])
+    >>> body = np.abs(frequency_response(quarter, f)[:, 0, 0]) / (2 * np.pi * f) ** 2  # over the height of the road
+    >>> body.round(2).tolist()  # far below its mode, and at it
+    [1.0, 4.2]
     """
     f = frozen_array("frequencies", frequencies, ndim=1)
     if not np.all(np.isfinite(f)) or np.any(f < 0):
