@@ -243,7 +243,7 @@ def enhanced_fdd(
     report, settings = on_progress or _no_report, settings or IdentificationSettings()
     recordings = _checked(recordings, vehicle)
     if settings.ladder is not None or settings.has_disjoint_references:
-        raise ParameterError("FDD has neither a ladder (--thesis) nor references: leave them out")
+        raise ParameterError("FDD uses neither a ladder (--thesis) nor references: leave them out")
     records = correlate_records(recordings, method="fdd", settings=settings, vehicle=vehicle, report=report)
     report("fitting the peaks of the spectra", 0.5)
     modes = _modes_of_spectra(records, settings)
@@ -419,7 +419,7 @@ def _suitable(method: str, settings: IdentificationSettings) -> IdentificationSe
     if method != "plscf":
         return settings
     if settings.ladder is not None:
-        raise ParameterError("a ladder over block rows has no polynomials: leave it (--thesis) out for pLSCF")
+        raise ParameterError("pLSCF cannot use a ladder over block rows: leave it (--thesis) out")
     criteria = settings.criteria
     if criteria.damping != StabilityCriteria().damping:
         return settings

@@ -123,7 +123,7 @@ def check_present(
         unused = f" (channels that no sensor names: {', '.join(others)})" if others else ""
         raise ParameterError(
             f"the recording lacks {len(missing)} of the vehicle file's {len(sensors)} sensors:"
-            f" {_with_nearest(missing, others)}{unused}: make the names agree, or go on without them with"
+            f" {_with_nearest(missing, others)}{unused}: make the names agree, or continue without them with"
             " --allow-missing (in Python allow_missing=True)"
         )
 
