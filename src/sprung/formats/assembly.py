@@ -161,7 +161,7 @@ class _Assembler:
         return gaps[~is_short]
 
     def _append(self, block: Block) -> None:
-        """Add the rows in which every living channel has a value."""
+        """Add the rows in which every live channel has a value."""
         values = without_fillers(block.values, self._facts.fillers)
         present = ~np.isnan(values)
         whole = present[self._facts.alive].all(axis=0)

@@ -275,7 +275,7 @@ def missing_multiples(harmonics: Sequence[Harmonic]) -> tuple[Harmonic, ...]:
     Notes
     -----
     Where a fundamental is known, its next multiple may hide in the neighbourhood of a mode. Subtracting a sine that is
-    not there costs a mode next to nothing.
+    absent hardly affects a mode.
     """
     missing = []
     for family in _families(harmonics):

@@ -96,12 +96,12 @@ def true_conditions(
     deviations: Deviations,
     imperfections: Sequence[Imperfection],
 ) -> dict[str, Any]:
-    """Return what is true of the conditions of a drive, as plain values by name.
+    """Return the true conditions of a drive as plain values by name.
 
     Parameters
     ----------
     vehicle
-        Vehicle as it is, with the places and axes of its sensors.
+        True vehicle, with the places and axes of its sensors.
     healthy
         Its structure with the payload.
     payloads, suspension, deviations, imperfections
