@@ -216,7 +216,7 @@ class _Assembler:
         """Return the recording that begins `start` seconds after the origin."""
         history = list(self._facts.history)
         if self._n_cut:
-            history.append(f"{self._n_cut} rows cut in which a channel has no value")
+            history.append(f"{self._n_cut} rows removed in which a channel has no value")
         if self._bridged:
             history.append(said(len(self._bridged), sum(self._bridged.values())))
         origin = self._origin()

@@ -216,7 +216,7 @@ def _history(table: Table, of_clock: Iterable[str], counts: Indices, n_rows: int
 def _history_of_clock(clock: Clock, scale: TimeScale | None, doubt: str, n_rows: int) -> Iterator[str]:
     """Yield what the history says of the clock."""
     if doubt:
-        yield f"{clock.sampling_rate:g} Hz as stated, in place of a clock that contradicts itself ({doubt})"
+        yield f"{clock.sampling_rate:g} Hz as stated, in place of an inconsistent clock ({doubt})"
     else:
         yield clock.describe() if scale else f"no time column: {clock.sampling_rate:g} Hz as stated"
     if scale and n_rows >= _FEWEST_ROWS and clock.sampling_rate < _SLOW:

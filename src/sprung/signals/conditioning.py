@@ -231,7 +231,7 @@ def without_missing(recording: Recording) -> Recording:
         for onset, stretch in _stretches_with_onset(recording)
         for part in _runs(is_complete[stretch])
     ]
-    step = f"{np.count_nonzero(~is_complete)} samples with missing values made gaps"
+    step = f"{np.count_nonzero(~is_complete)} samples with missing values turned into gaps"
     return _join_pieces(recording, pieces, step=step, advice="no sample has a value in every channel")
 
 
