@@ -611,8 +611,8 @@ def _notes_on_duration(modes: Modes, summary: CorrelationSummary) -> list[str]:
     if not len(modes) or duration == 0 or duration * bandwidth[0] >= _FEWEST_BANDWIDTHS:
         return []
     return [
-        f"{duration:.3g} s are short for the mode at {modes.natural_frequency[0]:.4g} Hz: modes may be missing, and"
-        f" damping is uncertain; usual are {_USUAL_BANDWIDTHS / bandwidth[0]:.2g} s"
+        f"{duration:.3g} s is short for the mode at {modes.natural_frequency[0]:.4g} Hz: modes may be missing, and"
+        f" damping is uncertain; {_USUAL_BANDWIDTHS / bandwidth[0]:.2g} s is usual"
         f" ({_USUAL_BANDWIDTHS:.0f} / (damping ratio x frequency))"
     ]
 
