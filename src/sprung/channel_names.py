@@ -142,6 +142,17 @@ def read_name_table(path: str | Path | None = None) -> tuple[NameRule, ...]:
         If there is no such file.
     FormatError
         If the file is not a valid table; the message names file, field, rule and remedy.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "names.toml"
+    ...     _ = path.write_text('channel = [{name = "SG_07", quantity = "strain"}]')
+    ...     rules = read_name_table(path)
+    ...
+    >>> rule_of("SG_07", rules).quantity, rule_of("Vehicle.Speed", rules).quantity
+    ('strain', 'speed')
     """
     if path is None:
         return _shipped()
@@ -178,12 +189,26 @@ def rule_of(name: str, rules: Sequence[NameRule] | None = None) -> NameRule | No
         Name of a channel.
     rules
         Rules from `read_name_table`; None: those of the package.
+
+    Examples
+    --------
+    >>> rule = rule_of("Vehicle.Speed")
+    >>> rule.quantity, rule.unit, rule.source
+    ('speed', 'km/h', 'COVESA VSS')
+    >>> rule_of("my_sensor") is None
+    True
     """
     return next((rule for rule in (_shipped() if rules is None else rules) if rule.fits(name)), None)
 
 
 def corner_of(name: str) -> str | None:
-    """Return the corner that the name of a channel states by the rules of the package; None if it states none."""
+    """Return the corner that the name of a channel states by the rules of the package; None if it states none.
+
+    Examples
+    --------
+    >>> corner_of("Vehicle.Chassis.Axle.Row1.Wheel.Left.Speed")
+    'front_left'
+    """
     rule = rule_of(name)
     return None if rule is None else rule.corner
 

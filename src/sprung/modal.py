@@ -15,12 +15,24 @@ from sprung.errors import ParameterError
 
 
 def natural_frequency(poles: Complex) -> Real:
-    """Return the undamped natural frequency abs(pole) / 2 pi [Hz] of continuous poles [rad/s]."""
+    """Return the undamped natural frequency abs(pole) / 2 pi [Hz] of continuous poles [rad/s].
+
+    Examples
+    --------
+    >>> natural_frequency(2 * np.pi * np.array([-0.6 + 0.8j, -3.0 + 4.0j])).round(6).tolist()
+    [1.0, 5.0]
+    """
     return np.abs(poles) / (2 * np.pi)
 
 
 def damping_ratio(poles: Complex) -> Real:
-    """Return the damping ratio -Re(pole) / abs(pole) of continuous poles [rad/s]."""
+    """Return the damping ratio -Re(pole) / abs(pole) of continuous poles [rad/s].
+
+    Examples
+    --------
+    >>> damping_ratio(np.array([-0.6 + 0.8j, -3.0 + 4.0j])).round(6).tolist()
+    [0.6, 0.6]
+    """
     return -poles.real / np.abs(poles)
 
 
@@ -85,6 +97,12 @@ def mpc(shapes: Complex) -> Real:
 
     R. S. Pappa, K. B. Elliott and A. Schenk (1993), Consistent-mode indicator for the eigensystem realization
     algorithm, Journal of Guidance, Control, and Dynamics 16, 852-858.
+
+    Examples
+    --------
+    >>> collinear, travelling = [1, -2, 0.5], [1, 1j, 0]
+    >>> mpc(np.array([collinear, travelling])).round(6).tolist()
+    [1.0, 0.0]
     """
     power = np.sum(np.abs(shapes) ** 2, axis=1)
     return (np.abs(np.sum(shapes**2, axis=1)) / np.maximum(power, np.finfo(float).tiny)) ** 2
@@ -103,6 +121,11 @@ def unit_shapes(shapes: Complex) -> Complex:
     numpy.ndarray
         Mode shapes whose component of largest modulus is 1 + 0j, shape (modes, channels): the normalisation of all mode
         shapes in sprung.
+
+    Examples
+    --------
+    >>> unit_shapes(np.array([[2 + 0j, -4 + 0j, 1 + 0j]])).real.tolist()
+    [[-0.5, 1.0, -0.25]]
     """
     largest = np.argmax(np.abs(shapes), axis=1)
     scale = shapes[np.arange(len(shapes)), largest]
@@ -236,8 +259,8 @@ class Modes(Tabular, Drawable):
     labels
         "bounce", "pitch", "roll", "wheel_hop" or None for each mode.
     mode_shape_std
-        Standard deviations of the real (real part) and the imaginary parts (imaginary part) of the mode shapes, shape
-        (modes, channels); NaN where unknown, which is the default.
+        Standard deviations of the real parts (as real part) and of the imaginary parts (as imaginary part) of the mode
+        shapes, shape (modes, channels); NaN where unknown, which is the default.
 
     Raises
     ------
@@ -316,7 +339,17 @@ class Modes(Tabular, Drawable):
 
 
 def join_modes(parts: Sequence[Modes]) -> Modes:
-    """Return the modes of several parts, which have the same channels, one after another."""
+    """Return the modes of several parts, which have the same channels, one after another.
+
+    Examples
+    --------
+    >>> poles, unknown = 2 * np.pi * np.array([-0.6 + 0.8j]), np.full(1, np.nan)
+    >>> first = Modes(poles, np.ones((1, 1)), ("acc",), unknown, unknown, np.ones(1), ("bounce",))
+    >>> second = replace(first, poles=5 * poles, labels=("wheel_hop",))
+    >>> both = join_modes([first, second])
+    >>> both.labels, both.natural_frequency.round(6).tolist()
+    (('bounce', 'wheel_hop'), [1.0, 5.0])
+    """
 
     def joined(name: str) -> NDArray[Any]:
         return np.concatenate([getattr(part, name) for part in parts])

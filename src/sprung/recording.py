@@ -202,7 +202,13 @@ def each_recording(recordings: Recording | Iterable[Recording]) -> Iterable[Reco
     Raises
     ------
     ParameterError
-        If something else than recordings is given, such as a path or an array.
+        If anything other than recordings is given, such as a path or an array.
+
+    Examples
+    --------
+    >>> run = Recording(np.zeros((1, 4)), 100.0, (Channel("acc", "acceleration"),))
+    >>> [part.n_samples for part in each_recording(run)], [part.n_samples for part in each_recording([run, run])]
+    ([4], [4, 4])
     """
     return [recordings] if isinstance(recordings, Recording) else check_each("recordings", recordings, Recording)
 

@@ -97,7 +97,7 @@ def test_rows_with_a_missing_value_leave_a_gap() -> None:
     (recording,) = recordings(table(np.arange(1000) / 100, values))
     assert recording.n_samples == 980
     assert [(gap.index, gap.duration) for gap in recording.gaps] == [(300, pytest.approx(0.2))]
-    assert "20 rows cut" in recording.history[-1]
+    assert "20 rows removed" in recording.history[-1]
 
 
 def test_missing_values_without_time_stamps_leave_a_gap_too() -> None:

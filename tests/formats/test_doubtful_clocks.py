@@ -48,7 +48,7 @@ def test_clock_that_contradicts_itself_is_questioned_and_overruled(text_file, st
         read(path)
     recording = read(path, sampling_rate=RATE)
     assert (recording.sampling_rate, recording.n_samples, recording.gaps) == (RATE, len(stamps), ())
-    assert said(recording, "50 Hz as stated, in place of a clock that contradicts itself (")
+    assert said(recording, "50 Hz as stated, in place of an inconsistent clock (")
     blocks = list(read_blocks(path, sampling_rate=RATE, block_samples=1000))
     assert np.array_equal(np.concatenate([block.samples for block in blocks], axis=1), recording.samples)
     if error is DataError and stamps is not MIXED:

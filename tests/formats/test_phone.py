@@ -108,7 +108,7 @@ def test_long_lists_are_read_in_pieces(tmp_path) -> None:
         ('[{"sensor": "a", "x": 1}, ' + "[" * 2_000_000, "brackets within brackets"),
         ('[{"sensor": "a", "x": "' + "y" * 3_000_000 + '"}]', "this is not a record of a sensor"),
         ('[{"sensor": "a", "x": 1}]', "holds no samples: no sensor has times and numbers"),
-        ('[{"sensor": "a", "x": 1' + "0" * 5000 + "}]", "cannot be read as phone recording"),
+        ('[{"sensor": "a", "x": 1' + "0" * 5000 + "}]", "cannot be read as a phone recording"),
         (json.dumps([{"sensor": str(k)} for k in range(501)]), "names more than 500 sensors"),
     ],
 )

@@ -63,7 +63,7 @@ def test_counter_of_32_bits_goes_on_where_it_begins_anew(text_file) -> None:
     assert recording.names == ("a", "b")
     assert recording.gaps == ()
     assert recording.sampling_rate == pytest.approx(1e6 / 8333)
-    assert said(recording, "left out, as they are no motion: 'PacketCounter' (a counter)")
+    assert said(recording, "left out, as they do not measure motion: 'PacketCounter' (a counter)")
 
 
 def test_counters_flags_and_further_clocks_are_left_out(text_file) -> None:

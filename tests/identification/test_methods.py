@@ -270,12 +270,12 @@ def test_bad_input_gets_one_clear_sentence(method, record, settings, error, sent
 @pytest.mark.parametrize(
     ("method", "settings", "sentence"),
     [
-        ("plscf", as_in_thesis(), "a ladder over block rows has no polynomials: leave it (--thesis) out for pLSCF"),
-        ("fdd", as_in_thesis(), "FDD has neither a ladder (--thesis) nor references: leave them out"),
+        ("plscf", as_in_thesis(), "pLSCF cannot use a ladder over block rows: leave it (--thesis) out"),
+        ("fdd", as_in_thesis(), "FDD uses neither a ladder (--thesis) nor references: leave them out"),
         (
             "fdd",
             IdentificationSettings(has_disjoint_references=True),
-            "FDD has neither a ladder (--thesis) nor references: leave them out",
+            "FDD uses neither a ladder (--thesis) nor references: leave them out",
         ),
         (
             "plscf",

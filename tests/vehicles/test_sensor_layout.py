@@ -96,7 +96,7 @@ def test_a_missing_sensor_is_refused_with_the_name_that_may_have_been_meant() ->
     sensors = [sensor("AccX"), sensor("AccZ")]
     sentence = (
         "the recording lacks 1 of the vehicle file's 2 sensors: AccZ (did you mean 'Acc_Z'?) (channels that no sensor"
-        " names: Acc_Z, speed): make the names agree, or go on without them with --allow-missing (in Python"
+        " names: Acc_Z, speed): make the names agree, or continue without them with --allow-missing (in Python"
         " allow_missing=True)"
     )
     for refused in (with_layout, quantities_of):

@@ -93,7 +93,13 @@ QUARTER_CASES = (
 
 
 def pulse_indices(n_samples: int, pulses_per_sample: float, *, first: int = 0) -> Indices:
-    """Return the samples nearest to a pulse among `first` to `first + n_samples - 1`, counted from `first`."""
+    """Return the samples nearest to a pulse among `first` to `first + n_samples - 1`, counted from `first`.
+
+    Examples
+    --------
+    >>> pulse_indices(10, 0.25).tolist()
+    [0, 4, 8]
+    """
     earliest = math.floor((first - 1) * pulses_per_sample)
     latest = math.ceil((first + n_samples) * pulses_per_sample)
     indices = np.rint(np.arange(earliest, latest + 1) / pulses_per_sample).astype(np.intp) - first

@@ -107,6 +107,15 @@ def noise(
     Band-limited noise is white noise through a causal Butterworth filter of order `BAND_ORDER` at each edge,
     with its transient removed, divided by the filter's gain for white noise: the standard deviation is 1 in
     expectation.
+
+    Examples
+    --------
+    >>> samples = noise((1, 20_000), band=(0.0, 40.0), sampling_rate=200.0, generator=np.random.default_rng(1))
+    >>> print(f"{samples.std():.1f}")
+    1.0
+    >>> spectrum = np.abs(np.fft.rfft(samples[0])) ** 2
+    >>> bool(spectrum[8000:].sum() < 0.01 * spectrum.sum())  # above 80 Hz
+    True
     """
     check_number("sampling_rate", sampling_rate, above=0)
     if band is None:

@@ -208,6 +208,15 @@ def random_curvature(
     ------
     ParameterError
         If a number is out of range.
+
+    Examples
+    --------
+    >>> from sprung.excitation import constant_speed
+    >>> speed = constant_speed(20.0)
+    >>> winding = random_curvature(speed, duration=120.0, largest=3.0, generator=np.random.default_rng(1))
+    >>> lateral = 20.0**2 * np.cumsum(winding.jumps)[::2]
+    >>> bool(np.all((np.abs(lateral) >= 0.9) & (np.abs(lateral) <= 3.0)))
+    True
     """
     check_number("duration", duration, above=0)
     check_number("largest lateral acceleration", largest, above=0)
@@ -243,6 +252,12 @@ def random_cross_slope(length: float, *, largest: float, generator: np.random.Ge
     ------
     ParameterError
         If the slope is not above 0.
+
+    Examples
+    --------
+    >>> slope = random_cross_slope(1000.0, largest=0.05, generator=np.random.default_rng(1))
+    >>> bool(np.all(np.abs(np.cumsum(slope.jumps)) <= 0.05)), bool(np.all(np.diff(slope.knots) >= 40.0))
+    (True, True)
     """
     check_number("largest cross slope", largest, above=0)
     knots, slopes, widths = [], [0.0], []

@@ -72,6 +72,11 @@ def constant_speed(speed: float) -> SpeedProfile:
     ------
     ParameterError
         If the speed is negative or not finite.
+
+    Examples
+    --------
+    >>> constant_speed(20.0).distance([0.0, 5.0]).tolist()
+    [0.0, 100.0]
     """
     check_number("speed", speed, at_least=0)
     return SpeedProfile(np.zeros(1), np.array([speed]))
@@ -133,6 +138,13 @@ def random_speed(
     ------
     ParameterError
         If a number is out of range.
+
+    Examples
+    --------
+    >>> speed = random_speed(300.0, low=10.0, high=30.0, n_stops=1, generator=np.random.default_rng(1))
+    >>> time = np.linspace(0.0, 300.0, 3001)
+    >>> bool(speed.speed(time).max() <= 30.0), float(speed.speed(time).min())
+    (True, 0.0)
     """
     changes = changes or SpeedChanges()
     check_number("duration", duration, above=0)

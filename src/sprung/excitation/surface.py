@@ -175,6 +175,13 @@ def rail_quality(name: str) -> Rail:
     ------
     ParameterError
         If the quality is neither "good" nor "bad".
+
+    Examples
+    --------
+    >>> rail_quality("good").roughness
+    4.032e-07
+    >>> round(rail_quality("bad").common(0.1) / rail_quality("good").common(0.1), 3)  # at every spatial frequency
+    2.679
     """
     roughness = {"good": 4.032e-7, "bad": 1.080e-6}
     return Rail(roughness[check_one_of("rail quality", name, roughness)])
@@ -330,7 +337,7 @@ def random_profile(
     contact_length
         Length of the contact patch over which a wheel averages the profile [m]; 0 for none.
     obstacles
-        Potholes, joints.
+        Obstacles on the surface, such as potholes and joints.
     right_over_left
         Random unevenness of the right track over that prescribed, an amplitude ratio, above 0; obstacles are not
         scaled.
@@ -377,7 +384,7 @@ class SurfaceMotion:
     contact_length
         Length of the contact patch over which a wheel averages the profile [m], at least 0.
     obstacles
-        Potholes, joints.
+        Obstacles on the surface, such as potholes and joints.
     right_over_left
         Random unevenness of the right track over that of `surface`, an amplitude ratio, above 0.
 

@@ -1,7 +1,7 @@
 """Reading and writing recordings in the formats of the field, each in a module of its own.
 
-A format is a module with `ENDINGS`, `open_table` and `write`. It yields the rows of a table as they are in the file;
-time and SI units are interpreted in one place for all formats.
+A format is a module with `NAME`, `ENDINGS`, `recognises`, `groups` and, where it can, `write`. It yields the rows of a
+table as they are in the file; time and SI units are interpreted in one place for all formats.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,7 +29,7 @@ def read(
     channels: Sequence[str] | None = None,
     settings: ReadSettings | None = None,
 ) -> Recording:
-    """Return the recording in a file, in SI units.
+    r"""Return the recording in a file, in SI units.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def read(
     -------
     Recording
         Recording in SI units. A dead channel (values in less than half of the rows) is kept, with NaN for missing
-        values. A row in which any other channel has no value is cut, which leaves a gap.
+        values. A row in which any other channel has no value is removed, which leaves a gap.
 
     Raises
     ------
@@ -56,6 +56,17 @@ def read(
         If the file holds no samples, one sample, or channels of several rates.
     ParameterError
         If the sampling rate is missing or contradicts the file, or a channel is not in the file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "run.csv"
+    ...     _ = path.write_text("time [s],acc [g]\n0.00,0.0\n0.01,1.0\n0.02,0.0\n")
+    ...     run = read(path)
+    ...
+    >>> run.names, round(run.sampling_rate, 6), run.samples.round(5).tolist()
+    (('acc',), 100.0, [[0.0, 9.80665, 0.0]])
     """
     check_path("path", path)
     settings = combined(settings, sampling_rate, channels)
@@ -72,7 +83,7 @@ def read_blocks(
     settings: ReadSettings | None = None,
     block_samples: int = 1 << 16,
 ) -> Iterator[Recording]:
-    """Yield the recording in a file piece by piece, in bounded memory for formats whose rows are read in pieces.
+    """Yield the recording in a file block by block, in bounded memory for formats whose rows are read in pieces.
 
     Parameters
     ----------
@@ -94,7 +105,19 @@ def read_blocks(
 
     Notes
     -----
-    The file is read twice: first for the living channels and the advance of time, then for the samples.
+    The file is read twice: first to find live channels and the timing, then for the samples.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from sprung.recording import Channel
+    >>> run = Recording([[0.0, 0.5] * 2500], 100.0, (Channel("acc", "acceleration"),))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write(run, Path(folder) / "run.csv")
+    ...     sizes = [block.n_samples for block in read_blocks(Path(folder) / "run.csv", block_samples=1000)]
+    ...
+    >>> len(sizes) > 1, sum(sizes)
+    (True, 5000)
     """
     check_path("path", path)
     check_number("block_samples", block_samples, at_least=1000)
@@ -109,7 +132,7 @@ def _read_blocks(path: Path, settings: ReadSettings, block_samples: int) -> Iter
 
 
 def groups(path: str | PathLike[str], settings: ReadSettings | None = None) -> tuple[Group, ...]:
-    """Return the groups of channels in a file.
+    r"""Return the groups of channels in a file.
 
     Parameters
     ----------
@@ -124,6 +147,16 @@ def groups(path: str | PathLike[str], settings: ReadSettings | None = None) -> t
         If the file cannot be read.
     MissingPackageError
         If the reader of the format is not installed.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "run.csv"
+    ...     _ = path.write_text("time [s],acc [g]\n0.00,0.0\n0.01,1.0\n")
+    ...     [group.headings for group in groups(path)]
+    ...
+    [('time [s]', 'acc [g]')]
     """
     check_path("path", path)
     path = Path(path)
@@ -135,7 +168,7 @@ def groups(path: str | PathLike[str], settings: ReadSettings | None = None) -> t
 
 
 def write(recording: Recording, path: str | PathLike[str]) -> None:
-    """Write a recording in the format of the ending, with a time column and units.
+    """Write a recording in the format of the file's ending, with a time column and units.
 
     Reading the file gives the same channels, samples, rate, gaps and start; positions, directions and the history are
     not kept in these formats.
@@ -151,6 +184,18 @@ def write(recording: Recording, path: str | PathLike[str]) -> None:
     ------
     ParameterError
         If the ending is not in `WRITERS`, or the name of a channel would not be read back.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from sprung.recording import Channel
+    >>> run = Recording([[0.0, 0.5, -0.5]], 100.0, (Channel("acc", "acceleration"),))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write(run, Path(folder) / "run.csv")
+    ...     again = read(Path(folder) / "run.csv")
+    ...
+    >>> again.names, round(again.sampling_rate, 6), again.samples.tolist()
+    (('acc',), 100.0, [[0.0, 0.5, -0.5]])
     """
     check_type("recording", recording, Recording)
     check_path("path", path)

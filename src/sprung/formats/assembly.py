@@ -161,7 +161,7 @@ class _Assembler:
         return gaps[~is_short]
 
     def _append(self, block: Block) -> None:
-        """Add the rows in which every living channel has a value."""
+        """Add the rows in which every live channel has a value."""
         values = without_fillers(block.values, self._facts.fillers)
         present = ~np.isnan(values)
         whole = present[self._facts.alive].all(axis=0)
@@ -216,7 +216,7 @@ class _Assembler:
         """Return the recording that begins `start` seconds after the origin."""
         history = list(self._facts.history)
         if self._n_cut:
-            history.append(f"{self._n_cut} rows cut in which a channel has no value")
+            history.append(f"{self._n_cut} rows removed in which a channel has no value")
         if self._bridged:
             history.append(said(len(self._bridged), sum(self._bridged.values())))
         origin = self._origin()

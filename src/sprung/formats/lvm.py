@@ -17,7 +17,7 @@ from sprung.formats.stated import chosen_indices, described, distinct
 from sprung.formats.table import Block, Group, Table, is_number, reported, stated_column, within
 from sprung.formats.timing import neat_rate
 
-NAME, EXTRA = "LabVIEW measurement", None
+NAME, EXTRA = "a LabVIEW measurement", None
 ENDINGS = (".lvm",)
 
 _SIGNATURE = b"LabVIEW Measurement"

@@ -181,7 +181,7 @@ def _check_size(path: Path, record_bytes: int, n_rows: int) -> None:
     """Raise if a header declares more than a file of this size can hold, however well compressed."""
     if record_bytes * max(n_rows, 1) > _MOST_COMPRESSED * path.stat().st_size:
         raise FormatError(
-            f"{path} cannot be read as MDF file (a header declares {n_rows} records of {record_bytes} bytes): check "
+            f"{path} cannot be read as MDF (a header declares {n_rows} records of {record_bytes} bytes): check "
             "that the file is complete"
         )
 
@@ -200,7 +200,7 @@ def _check_place(path: Path, mdf: Any, group: Any, number: int) -> None:
         end = max(end, 8 * (place[1] + place[2]))
     if end > 8 * group.channel_group.samples_byte_nr:
         raise FormatError(
-            f"{path} cannot be read as MDF file (channel {plain(channel.name)!r} lies outside its records): check that "
+            f"{path} cannot be read as MDF (channel {plain(channel.name)!r} lies outside its records): check that "
             "the file is complete"
         )
 

@@ -127,8 +127,8 @@ def neighbours(positions: Real) -> Indices:
     -------
     numpy.ndarray
         Pairs of indices, shape (lines, 2), the smaller one first. Two points are neighbours if no third one is nearer
-        to both of them than they are to each other: the sides of a rectangle, the edges of a frame. All points hang
-        together.
+        to both of them than they are to each other: the sides of a rectangle, the edges of a frame. The graph
+        is connected.
 
     References
     ----------

@@ -35,7 +35,7 @@ from sprung.formats.table import (
     within,
 )
 
-NAME, EXTRA = "phone recording", None
+NAME, EXTRA = "a phone recording", None
 ENDINGS = (".json", ".zip")
 
 _RECORDS = re.compile(rb"(\xef\xbb\xbf)?\s*\[\s*\{[^{}]*\"(sensor|seconds_elapsed)\"")

@@ -34,7 +34,7 @@ class Format(Protocol):
     """Module of a format."""
 
     __name__: str
-    NAME: str  #: Name of the format.
+    NAME: str  #: Name of the format in messages, with an article where it needs one.
     EXTRA: str | None  #: Extra of the package that installs its reader.
     ENDINGS: tuple[str, ...]  #: Endings of file names, in lower case.
     recognises: Callable[[bytes], bool]  #: Whether the first bytes are those of such a file.

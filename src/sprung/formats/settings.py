@@ -18,7 +18,7 @@ class ReadSettings:
     Parameters
     ----------
     sampling_rate
-        Sampling rate [Hz], above 0, of a file without time, or in place of a time column that contradicts itself.
+        Sampling rate [Hz], above 0, of a file without time, or with an inconsistent time column, which it replaces.
     channels
         Names of the channels to read, in this order; None: all.
     groups

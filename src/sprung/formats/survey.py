@@ -1,4 +1,4 @@
-"""First reading of a table: living channels, fillers, and how time advances."""
+"""First reading of a table: live channels, fillers, and timing."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -28,9 +28,9 @@ _ALIVE_SHARE = 0.5
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Survey:
-    """Facts about all rows: living channels, scale and advance of time, and the first lines of the history.
+    """Facts about all rows: live channels, scale and advance of time, and the first lines of the history.
 
-    `is_overruled` says that the stated sampling rate takes the place of a clock that contradicts itself; `fillers` are
+    `is_overruled` says that the stated sampling rate takes the place of an inconsistent clock; `fillers` are
     the numbers of each channel that stand for missing values.
     """
 
@@ -112,7 +112,7 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
 
 
 def _doubt(error: Exception, sampling_rate: float | None) -> str:
-    """Return what a clock that contradicts itself is doubted for; raise it where no sampling rate overrules."""
+    """Return why an inconsistent clock is doubted; raise it where no sampling rate overrules."""
     if sampling_rate is None:
         raise error
     return str(error).rsplit(": ", 1)[0]
@@ -216,7 +216,7 @@ def _history(table: Table, of_clock: Iterable[str], counts: Indices, n_rows: int
 def _history_of_clock(clock: Clock, scale: TimeScale | None, doubt: str, n_rows: int) -> Iterator[str]:
     """Yield what the history says of the clock."""
     if doubt:
-        yield f"{clock.sampling_rate:g} Hz as stated, in place of a clock that contradicts itself ({doubt})"
+        yield f"{clock.sampling_rate:g} Hz as stated, in place of an inconsistent clock ({doubt})"
     else:
         yield clock.describe() if scale else f"no time column: {clock.sampling_rate:g} Hz as stated"
     if scale and n_rows >= _FEWEST_ROWS and clock.sampling_rate < _SLOW:

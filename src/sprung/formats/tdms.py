@@ -192,11 +192,10 @@ def _check_size(path: Path, channel: Any) -> None:
     """Raise if a header declares more values or scales than there can be."""
     if len(channel) > 8 * path.stat().st_size:
         raise FormatError(
-            f"{path} cannot be read as TDMS file (a header declares {len(channel)} values): check that the file is "
-            "complete"
+            f"{path} cannot be read as TDMS (a header declares {len(channel)} values): check that the file is complete"
         )
     if not 0 <= int(channel.properties.get("NI_Number_Of_Scales", 0)) <= _MOST_SCALES:
-        raise FormatError(f"{path} cannot be read as TDMS file (channel {plain(channel.name)!r} has too many scales)")
+        raise FormatError(f"{path} cannot be read as TDMS (channel {plain(channel.name)!r} has too many scales)")
 
 
 def _waveform(properties: Mapping[str, Any]) -> tuple[float | None, int | None]:

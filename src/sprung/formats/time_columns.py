@@ -277,7 +277,7 @@ def _of_motion(table: Table) -> Table:
         table,
         columns=tuple(table.columns[k] for k in kept),
         blocks=lambda first=0, last=None: rows(table.blocks(first, last)),
-        notes=(*table.notes, f"left out, as they are no motion: {words}; name them in --channels to keep them"),
+        notes=(*table.notes, f"left out, as they do not measure motion: {words}; name them in --channels to keep them"),
     )
 
 

@@ -36,7 +36,7 @@ from sprung.formats.table import (
 from sprung.formats.timing import neat_rate
 from sprung.recording import Channel, Recording
 
-NAME, EXTRA = "universal file", None
+NAME, EXTRA = "a universal file", None
 ENDINGS = (".unv", ".uff")
 
 _BEGINNING = re.compile(rb"\s*-1[ \t]*\r?\n {0,5}\d{1,6}[bB]?\b")

@@ -35,7 +35,7 @@ def write_universal(modes: Modes, channels: Sequence[Channel], path: str | PathL
     Raises
     ------
     ParameterError
-        If the ending is another one.
+        If the file has another ending.
     MissingPackageError
         If pyuff is not installed.
 

@@ -57,7 +57,7 @@ def recognises(head: bytes) -> bool:
 def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     """Return the only group of a WAV file, with the channels `channel_1` ...
 
-    Full scale is 1, whatever the width of the samples: the factor to a unit belongs into the vehicle file. The start is
+    Full scale is 1, whatever the width of the samples: the factor to a unit belongs in the vehicle file. The start is
     that in a chunk `bext` (Broadcast Wave), which has no time zone and counts as UTC; comments are those of `bext` and
     `INFO`.
 

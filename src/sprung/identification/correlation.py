@@ -31,7 +31,7 @@ class SegmentCorrelations:
     channels, references
         Names of the outputs and of the references.
     records
-        Number of the record of each segment, from 0; empty: all are of one record.
+        Number of the record of each segment, from 0; empty: all belong to one record.
     """
 
     sums: Real
@@ -82,7 +82,7 @@ class Correlations:
     n_products
         Number of products averaged at lag 0; infinite for exact correlations, or where it is not known.
     records
-        Number of the record in which each block begins, from 0; empty: all are of one record.
+        Number of the record in which each block begins, from 0; empty: all belong to one record.
     """
 
     values: Real

@@ -227,11 +227,11 @@ def modes_of_bells(bells: Bells, spectra: SpectralMatrix, *, channels: Sequence[
     The spectrum of u^H y, with u the first singular vector of the peak (or where that amplifies noise by less than 1.5,
     the vector that also is orthogonal to those of its neighbours), is compared with that of an oscillator under white
     excitation, differentiated as the measured quantity is, plus a constant floor. Natural frequency, damping ratio,
-    height and floor are those of greatest Whittle likelihood, by Fisher scoring, where the spectrum is above 3 % of the
-    peak. The model passes through the window of the segments, as the transform of its correlation times that of the
-    window: a bell no wider than the lines of the spectra is not read as damping. Standard deviations are those of the
-    Fisher information times 19/9 for overlap. The usual way, the logarithmic decrement of the correlation of the cut
-    bell, is biased by the cut and by the window.
+    height and floor maximise the Whittle likelihood, by Fisher scoring, where the spectrum is above 3 % of the peak.
+    The model passes through the window of the segments, as the transform of its correlation times that of the window: a
+    bell no wider than the lines of the spectra is not read as damping. Standard deviations are those of the Fisher
+    information times 19/9 for overlap. The usual way, the logarithmic decrement of the correlation of the cut bell, is
+    biased by the cut and by the window.
 
     References
     ----------
@@ -240,6 +240,9 @@ def modes_of_bells(bells: Bells, spectra: SpectralMatrix, *, channels: Sequence[
 
     L. Zhang, T. Wang and Y. Tamura (2010), A frequency-spatial domain decomposition (FSDD) method for operational modal
     analysis, Mechanical Systems and Signal Processing 24, 1227-1239 (spectrum of u^H y).
+
+    P. Whittle, The analysis of multiple stationary time series, Journal of the Royal Statistical Society B 15 (1953),
+    125-139.
     """
     fits = [_fitted(bells, k, spectra, channels) for k in range(len(bells.peaks))]
     values = np.array(fits).reshape(-1, 4)
@@ -350,7 +353,7 @@ class _Bell:
 
 
 def _most_likely(bell: _Bell, power: Real, start: Real, n_segments: int) -> tuple[Real, Real, float]:
-    """Return the parameters of greatest Whittle likelihood, the information on them, and the misfit."""
+    """Return the parameters that maximise the Whittle likelihood, the information on them, and the misfit."""
 
     def misfit(parameters: Real) -> float:
         model = bell.model(parameters)

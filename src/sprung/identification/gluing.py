@@ -34,13 +34,13 @@ def match_modes(parts: Sequence[Modes], rows: Sequence[Sequence[int]]) -> Indice
     -------
     numpy.ndarray
         Index of the set-up's mode for each matched mode and set-up, -1 for none; shape (modes, set-ups). Modes that
-        less than half of the set-ups show are left out.
+        fewer than half of the set-ups show are left out.
 
     Notes
     -----
     Agglomeration with average linkage on the squared distance (f - f')^2 / (9 (s^2 + s'^2 + (0.005 f)^2))
     + ((1 - MAC) / 0.3)^2, up to 1; two modes of one set-up are never the same. The MAC is that on the points that both
-    set-ups measure; with a single shared point it says nothing.
+    set-ups measure; with a single shared point it carries no information.
     """
     owners = np.concatenate([np.full(len(part), k) for k, part in enumerate(parts)]).astype(np.intp)
     places = np.concatenate([np.arange(len(part)) for part in parts]).astype(np.intp)
@@ -95,8 +95,8 @@ def combine(values: Real, deviations: Real) -> tuple[float, float]:
     Notes
     -----
     Weights 1 / (s^2 + t^2) with the variance t^2 between the estimates by moments: where they scatter more than their
-    deviations say, the mean is less certain, and precise estimates weigh less. Where a deviation is unknown, all weigh
-    the same and the scatter alone counts.
+    deviations explain, the mean is less certain, and precise estimates weigh less. Where a deviation is unknown, all
+    weigh the same and the scatter alone counts.
 
     References
     ----------
@@ -152,7 +152,7 @@ def glue(
     shapes
         Mode shape in each set-up, of any complex scale, shape (channels of the set-up,).
     rows
-        Index of the point that each channel of each set-up measures; the set-ups hang together by shared points.
+        Index of the point that each channel of each set-up measures; the set-ups are connected through shared points.
     n_points
         Number of points.
     variances

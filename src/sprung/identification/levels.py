@@ -1,4 +1,4 @@
-"""Correlations by the level that the past lets expect, which shows no trend in a linear system."""
+"""Correlations by the level predicted from the past, which shows no trend in a linear system."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

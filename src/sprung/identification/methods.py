@@ -115,6 +115,16 @@ def acs_ssi(
     References
     ----------
     F. Liu (2020), section 4.2.
+
+    Examples
+    --------
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> three_masses = chain()
+    >>> run = simulate(three_masses, usual_excitation(three_masses), duration=60.0, sampling_rate=500.0, seed=1)
+    >>> found, exact = acs_ssi(run).modes.natural_frequency, three_masses.modes().natural_frequency
+    >>> np.allclose(found, exact, rtol=0.01)
+    True
     """
     return _identify("acs", recordings, settings, vehicle, on_progress)
 
@@ -130,17 +140,29 @@ def coss_ssi(
 
     Notes
     -----
-    The modes of the subsets stay in the result: for a suspension with friction and progressive springs, their change
-    with the level is information. Products y(n + m) y_ref(n) are sorted by the level that the past lets expect at n,
-    which does not bias the subsets of a linear system (`levels.correlate_by_level`); whether frequency and damping
-    depend on the level is tested (`Identification.level_trends`). A merged mode is the mean over the subsets, or
-    that of the average over all levels where too few subsets show it. The thesis sorts segments by the level of the
-    correlations that are averaged (`settings.as_in_thesis`): for a linear system, too, that biases damping, high in the
+    The modes of the subsets are kept in the result: for a suspension with friction and progressive springs, their
+    change with the level is information. Products y(n + m) y_ref(n) are sorted by the level predicted at n from the
+    past, which does not bias the subsets of a linear system (`levels.correlate_by_level`); whether frequency and
+    damping depend on the level is tested (`Identification.level_trends`). A merged mode is the mean over the subsets,
+    or that of the average over all levels where too few subsets show it. The thesis sorts segments by the level of the
+    correlations that are averaged (`settings.as_in_thesis`): even for a linear system, that biases damping, high in the
     subset of low level and low in that of high level.
 
     References
     ----------
     F. Liu (2020), section 4.2.
+
+    Examples
+    --------
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> three_masses = chain()
+    >>> run = simulate(three_masses, usual_excitation(three_masses), duration=60.0, sampling_rate=500.0, seed=1)
+    >>> result = coss_ssi(run)
+    >>> np.allclose(result.modes.natural_frequency, three_masses.modes().natural_frequency, rtol=0.01)
+    True
+    >>> len(result.subsets)
+    3
     """
     return _identify("coss", recordings, settings, vehicle, on_progress)
 
@@ -158,13 +180,23 @@ def poly_lscf(
     -----
     A second opinion from the correlations of `cov_ssi`, with the same tests of stability, harmonics and significance.
     The ladder is over the orders of polynomials (`plscf.PolynomialLadder`), `max_order` is the largest of them. Damping
-    scatters more from order to order than that of realisations, while surplus poles are left out by their growth: a
-    stable pole may change its damping ratio by 40 %, unless the criteria give another share than the default.
+    scatters more from order to order than that of realisations, while surplus poles are recognised by their growth: the
+    damping ratio of a stable pole may change by 40 %, unless the criteria state a share other than the default.
 
     References
     ----------
     B. Peeters, H. Van der Auweraer, P. Guillaume and J. Leuridan (2004), The PolyMAX frequency-domain method: a new
     standard for modal parameter estimation?, Shock and Vibration 11, 395-409.
+
+    Examples
+    --------
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> three_masses = chain()
+    >>> run = simulate(three_masses, usual_excitation(three_masses), duration=60.0, sampling_rate=500.0, seed=1)
+    >>> found, exact = poly_lscf(run).modes.natural_frequency, three_masses.modes().natural_frequency
+    >>> np.allclose(found, exact, rtol=0.01)
+    True
     """
     return _identify("plscf", recordings, settings, vehicle, on_progress)
 
@@ -187,21 +219,31 @@ def enhanced_fdd(
 
     Notes
     -----
-    A second opinion from the spectra, which are those of longer segments than for the other methods. Peaks count where
-    they rise higher than chance, are no harmonic, and the mode is certain and contributes to the correlations between
-    channels as in the other methods. There is no stabilisation diagram and no stable rate (NaN), and settings on block
-    rows, orders and references have no effect. Modes closer than the spectra resolve, or that lie on the bell of a
-    stronger one, are not separated.
+    A second opinion from the spectra, whose segments are longer than for the other methods. A peak counts if it is
+    higher than chance explains and no harmonic, and if the mode is as certain and contributes as much to the
+    correlations between channels as the other methods require. There is no stabilisation diagram and no stable rate
+    (NaN), and settings on block rows, orders and references have no effect. Modes that are closer than the spectra
+    resolve, or that lie on the bell of a stronger one, are not separated.
 
     References
     ----------
     R. Brincker, L. Zhang and P. Andersen (2001), Modal identification of output-only systems using frequency domain
     decomposition, Smart Materials and Structures 10, 441-445.
+
+    Examples
+    --------
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> three_masses = chain()
+    >>> run = simulate(three_masses, usual_excitation(three_masses), duration=60.0, sampling_rate=500.0, seed=1)
+    >>> found, exact = enhanced_fdd(run).modes.natural_frequency, three_masses.modes().natural_frequency
+    >>> np.allclose(found, exact, rtol=0.01)
+    True
     """
     report, settings = on_progress or _no_report, settings or IdentificationSettings()
     recordings = _checked(recordings, vehicle)
     if settings.ladder is not None or settings.has_disjoint_references:
-        raise ParameterError("FDD has neither a ladder (--thesis) nor references: leave them out")
+        raise ParameterError("FDD uses neither a ladder (--thesis) nor references: leave them out")
     records = correlate_records(recordings, method="fdd", settings=settings, vehicle=vehicle, report=report)
     report("fitting the peaks of the spectra", 0.5)
     modes = _modes_of_spectra(records, settings)
@@ -270,6 +312,15 @@ def summarise(
     ------
     DataError, ParameterError
         As raised by `cov_ssi`; also if `method` is none of these.
+
+    Examples
+    --------
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> three_masses = chain()
+    >>> run = simulate(three_masses, usual_excitation(three_masses), duration=60.0, sampling_rate=500.0, seed=1)
+    >>> modes_of_summary(summarise("cov", run)).natural_frequency.round(1)
+    array([ 7. , 19.7, 28.4])
     """
     check_one_of("method", method, [name for name in METHODS if name != "fdd"])
     settings = _suitable(method, settings or IdentificationSettings())
@@ -297,7 +348,7 @@ class RunningSummary:
 
     Notes
     -----
-    After all records it comes to what `summarise` gives for the list of them, where that takes `duration` long.
+    After all records it equals what `summarise` returns for the list of them, if `duration` is their total duration.
     """
 
     def __init__(
@@ -314,7 +365,7 @@ class RunningSummary:
 
     @property
     def n_records(self) -> int:
-        """Number of records so far, with those that were left out."""
+        """Number of records so far, including those that were left out."""
         return self._records.n_records
 
     @property
@@ -335,7 +386,7 @@ class RunningSummary:
 
 
 def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:
-    """Return the modes of a summary: those by SSI of the identification of its recordings, before any refinement.
+    """Return the modes of a summary: those that SSI identifies from its recordings, before any refinement.
 
     Parameters
     ----------
@@ -348,6 +399,16 @@ def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None 
     -------
     Modes
         Modes by SSI by rising frequency, merged over the subsets.
+
+    Examples
+    --------
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> three_masses = chain()
+    >>> run = simulate(three_masses, usual_excitation(three_masses), duration=60.0, sampling_rate=500.0, seed=1)
+    >>> modes = modes_of_summary(summarise("acs", run))
+    >>> np.allclose(modes.natural_frequency, three_masses.modes().natural_frequency, rtol=0.01)
+    True
     """
     merged = _merge(summary, _modes_of_subsets(summary, _no_report))[1]
     return labelled(merged.modes, summary.channels, vehicle=vehicle)
@@ -358,7 +419,7 @@ def _suitable(method: str, settings: IdentificationSettings) -> IdentificationSe
     if method != "plscf":
         return settings
     if settings.ladder is not None:
-        raise ParameterError("a ladder over block rows has no polynomials: leave it (--thesis) out for pLSCF")
+        raise ParameterError("pLSCF cannot use a ladder over block rows: leave it (--thesis) out")
     criteria = settings.criteria
     if criteria.damping != StabilityCriteria().damping:
         return settings
@@ -550,8 +611,8 @@ def _notes_on_duration(modes: Modes, summary: CorrelationSummary) -> list[str]:
     if not len(modes) or duration == 0 or duration * bandwidth[0] >= _FEWEST_BANDWIDTHS:
         return []
     return [
-        f"{duration:.3g} s are short for the mode at {modes.natural_frequency[0]:.4g} Hz: modes may be missing, and"
-        f" damping is uncertain; usual are {_USUAL_BANDWIDTHS / bandwidth[0]:.2g} s"
+        f"{duration:.3g} s is short for the mode at {modes.natural_frequency[0]:.4g} Hz: modes may be missing, and"
+        f" damping is uncertain; {_USUAL_BANDWIDTHS / bandwidth[0]:.2g} s is usual"
         f" ({_USUAL_BANDWIDTHS:.0f} / (damping ratio x frequency))"
     ]
 

@@ -27,7 +27,7 @@ _NAMED = 3
 def pick_modes(
     identification: Identification, frequencies: Sequence[float], *, vehicle: AnyVehicle | None = None
 ) -> Identification:
-    """Take the modes at given frequencies, whatever the automatic selection made of them.
+    """Return the modes at given frequencies, regardless of the automatic selection.
 
     Parameters
     ----------

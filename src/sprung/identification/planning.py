@@ -171,6 +171,12 @@ def rate_for_body(vehicle: AnyVehicle, sampling_rate: float) -> float:
     float
         Lowest integer submultiple of the sampling rate that is at least 11 times the highest plausible frequency of a
         mode of the body (`sprung.vehicles.labels.body_range`), or that of `plan_preparation` if it is lower [Hz].
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle
+    >>> rate_for_body(read_vehicle("zafira"), 1000.0)
+    40.0
     """
     body = _RATE_OVER_BODY * body_range(structure(vehicle).modes())[1]
     return _lowest_rate(sampling_rate, min(body, _RATE_OVER_BAND * _band_of_vehicle(vehicle, sampling_rate)[1]))

@@ -73,7 +73,7 @@ def prepare(recording: Recording, plan: PreparationPlan, *, lifter: Lifter | Non
 
 
 def without_slow_motion(prepared: Prepared, edge: float) -> Prepared:
-    """Return the record with the motion below an edge filtered off [Hz]; 0: as it is."""
+    """Return the record with the motion below an edge [Hz] filtered out; 0: as it is."""
     return replace(prepared, motion=band_pass(prepared.motion, edge, None)) if edge > 0 else prepared
 
 

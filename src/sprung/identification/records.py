@@ -176,7 +176,7 @@ class RunningRecords:
 
     @property
     def n_records(self) -> int:
-        """Number of records so far, with those that were left out."""
+        """Number of records so far, including those that were left out."""
         return self._n_records
 
     @property

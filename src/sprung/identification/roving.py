@@ -56,8 +56,8 @@ def group_by_setup(records: Sequence[Recording], *, vehicle: AnyVehicle | None =
     Returns
     -------
     tuple of list
-        Records of each set-up, in their order. Two records are of one set-up if their outputs have the same names, and
-        no output of one name has another position or direction.
+        Records of each set-up, in their order. Two records belong to one set-up if their outputs have the same names,
+        and no output of one name has another position or direction.
     """
     groups: list[list[Recording]] = []
     layouts: list[dict[str, Channel]] = []
@@ -142,7 +142,7 @@ def common_points(layouts: Sequence[Sequence[Channel]], *, references: Sequence[
 
 
 def _check_references(layouts: Sequence[Sequence[Channel]], references: Sequence[str] | None) -> None:
-    """Refuse references that are not channels of every set-up."""
+    """Reject references that are not channels of every set-up."""
     for number, layout in enumerate(layouts, start=1):
         names = [channel.name for channel in layout]
         missing = [name for name in references or () if name not in names]
@@ -154,7 +154,7 @@ def _check_references(layouts: Sequence[Sequence[Channel]], references: Sequence
 
 
 def _check_connected(rows: Sequence[Sequence[int]], layouts: Sequence[Sequence[Channel]]) -> None:
-    """Refuse set-ups that share no point with the first one, directly or through others."""
+    """Reject set-ups that share no point with the first one, directly or through others."""
     joined, waiting = set(rows[0]), set(range(1, len(rows)))
     while waiting:
         linked = [number for number in waiting if joined & set(rows[number])]

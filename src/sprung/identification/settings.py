@@ -20,7 +20,7 @@ class IdentificationSettings:
     Parameters
     ----------
     band
-        Lowest and highest natural frequency of interest [Hz]; slower motion is filtered off.
+        Lowest and highest natural frequency of interest [Hz]; slower motion is filtered out.
     decimate_to
         Sampling rate for the identification [Hz].
     segment
@@ -54,15 +54,15 @@ class IdentificationSettings:
         ones.
     has_own_levels
         Whether CoSS-SSI sorts segments by the level of the very correlations that it averages (the form of the thesis),
-        which biases damping: high at low level, low at high level, in a linear system, too. False: products are sorted
-        by the level that the past lets expect.
+        which biases damping, even in a linear system: high at low level, low at high level. False: products are sorted
+        by the level predicted from the past.
     allow_missing
         Whether recordings may lack sensors of the vehicle file; a note then says which.
 
     Raises
     ------
     ParameterError
-        If a setting is out of range, or two settings exclude each other.
+        If a setting is out of range, or two settings are mutually exclusive.
     """
 
     band: tuple[float, float] | None = None
@@ -136,11 +136,19 @@ def as_in_thesis(
     Correlations are divided by the number of samples N (biased), not by the number of products (N - m at lag m): 1/N is
     the form of the thesis. It falls off with the lag, which reads as additional damping where segments are short.
     CoSS-SSI sorts segments by the level of the correlations that it averages, which selects segments of much or little
-    excitation: in a linear system, too, damping comes out high at low level and low at high level.
+    excitation: even in a linear system, damping comes out high at low level and low at high level.
 
     References
     ----------
     F. Liu (2020), eq. 3-35 to 3-57 and 4-1.
+
+    Examples
+    --------
+    >>> settings = as_in_thesis(rows=(20, 60))
+    >>> settings.ladder
+    BlockRowLadder(first=20, last=60)
+    >>> settings.refine
+    False
     """
     given = settings or IdentificationSettings()
     check_type("settings", given, IdentificationSettings)
@@ -170,7 +178,7 @@ class PreparationPlan:
     decimate_to
         Sampling rate for the identification [Hz].
     high_pass
-        Edge below which motion is filtered off [Hz]; 0 for no filter.
+        Edge below which motion is filtered out [Hz]; 0 for no filter.
     band
         Band in which motion is expected [Hz], given or chosen.
     spectrum_segment

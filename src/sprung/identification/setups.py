@@ -99,6 +99,20 @@ def identify_setups(
     E. Reynders, F. Magalhaes, G. De Roeck and A. Cunha (2009), Merging strategies for multi-setup operational modal
     analysis: application to the Luiz I steel arch bridge, Proceedings of the 27th International Modal Analysis
     Conference (PoSER: post separate estimation re-scaling).
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain(4)
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=500.0, seed=1)
+    >>> front, rear = run.select(run.names[:3]), run.select((*run.names[:2], run.names[3]))
+    >>> merged = identify_setups(cov_ssi, [front, rear])
+    >>> len(merged.channels), len(merged.modes)
+    (4, 4)
+    >>> np.allclose(merged.modes.natural_frequency, masses.modes().natural_frequency, rtol=0.01)
+    True
     """
     report, settings = on_progress or _no_report, settings or IdentificationSettings()
     if not callable(identify):
@@ -157,7 +171,7 @@ def _no_report(doing: str, share: float) -> None:
 def _check_channels(
     setups: Sequence[Recording | Iterable[Recording]], references: Sequence[str] | None, vehicle: AnyVehicle | None
 ) -> None:
-    """Refuse set-ups that cannot be merged before the first is identified, where that shows."""
+    """Reject set-ups that cannot be merged before the first is identified, where that shows."""
     firsts = [setup if isinstance(setup, Recording) else setup[0] for setup in setups if _is_read(setup)]
     layouts = [[record.channels[record.index(name)] for name in output_channels(record, vehicle)] for record in firsts]
     if len(layouts) == len(setups) > 1:

@@ -43,7 +43,7 @@ def track_modes(
     DataError
         If no window has a mode.
     ParameterError
-        If the windows differ in channels, or `times` do not rise or are of another number.
+        If the windows differ in channels, or `times` do not rise or are not one for each window.
 
     Notes
     -----
@@ -73,6 +73,18 @@ def track_modes(
     gating by innovations and track confirmation by m of n. F. Magalhaes, A. Cunha and E. Caetano (2009), Online
     automatic identification of the modal parameters of a long span arch bridge, Mechanical Systems and Signal
     Processing 23, 316-329.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import chain
+    >>> exact = [chain(stiffness=9800.0 * (1 - 0.01 * hour)).modes() for hour in range(10)]
+    >>> unknown, rate = np.full(3, np.nan), np.ones(3)
+    >>> windows = [Modes(m.poles, m.mode_shapes, m.channels, unknown, unknown, rate, m.labels) for m in exact]
+    >>> tracked = track_modes(windows)
+    >>> [len(track) for track in tracked.tracks]
+    [10, 10, 10]
+    >>> tracked.tracks[0].modes.natural_frequency[[0, -1]].round(2).tolist()
+    [7.01, 6.69]
     """
     windows = list(check_each("windows", windows, Modes, type(None)))
     settings = settings or TrackingSettings()
@@ -100,7 +112,7 @@ def track_modes(
 
 
 def _check_times(times: Real, n_windows: int) -> None:
-    """Refuse times that are not one for each window, or do not rise."""
+    """Reject times that are not one for each window, or do not rise."""
     if times.shape != (n_windows,):
         raise ParameterError(f"{times.size} times are given for {n_windows} windows: give one for each")
     if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):

@@ -86,7 +86,7 @@ class TrackTrend:
     Parameters
     ----------
     slope, slope_std
-        Change in a unit of time, and its standard deviation as the values scatter about the line.
+        Change per unit of time, and its standard deviation from the scatter of the values about the line.
     change, change_std
         Change from the first to the last window of the track, and its standard deviation.
     """

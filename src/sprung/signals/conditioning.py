@@ -54,7 +54,7 @@ def scale(recording: Recording, factors: float | Mapping[str, float]) -> Recordi
 
 
 def detrend(recording: Recording, *, degree: int = 0) -> Recording:
-    """Remove the mean or the straight line of least squares from each channel of each stretch.
+    """Remove the mean or the least-squares line from each channel of each stretch.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def without_missing(recording: Recording) -> Recording:
         for onset, stretch in _stretches_with_onset(recording)
         for part in _runs(is_complete[stretch])
     ]
-    step = f"{np.count_nonzero(~is_complete)} samples with missing values made gaps"
+    step = f"{np.count_nonzero(~is_complete)} samples with missing values turned into gaps"
     return _join_pieces(recording, pieces, step=step, advice="no sample has a value in every channel")
 
 

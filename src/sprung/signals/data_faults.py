@@ -51,7 +51,7 @@ _FACTOR = np.uint64(0x9E3779B97F4A7C15)
 
 
 def is_condition(name: str, quantity: str) -> bool:
-    """Return whether a channel shows a condition of the motion (speed, temperature, pressure) and not motion itself.
+    """Return whether a channel measures an operating condition (speed, temperature, pressure) rather than motion.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def is_condition(name: str, quantity: str) -> bool:
 
 
 def moving_samples(recording: Recording) -> Booleans:
-    """Return at which samples the vehicle moves, shape (samples,); nowhere without a speed channel.
+    """Return whether the vehicle moves at each sample, shape (samples,); False throughout without a speed channel.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def stuck_runs(values: Real, sampling_rate: float, *, breaks: Sequence[int] = ()
     values, breaks
         As for `equal_runs`.
     sampling_rate
-        In Hz.
+        Sampling rate [Hz].
     """
     starts, lengths = equal_runs(values, breaks=breaks)
     is_long = (lengths >= max(_STUCK_RUN, _STUCK_DURATION * sampling_rate)) & ~np.isnan(values[starts])
@@ -175,7 +175,7 @@ def rest_of(
     values, breaks
         As for `equal_runs`.
     sampling_rate
-        In Hz.
+        Sampling rate [Hz].
     is_moving
         Samples that count, shape (samples,); None: all.
     """
@@ -245,7 +245,7 @@ def constant_value(values: Real, *, tolerance: float = 0.0) -> float | None:
 
 
 def bends(values: Real) -> tuple[Real, Real]:
-    """Return how far samples lie off the middle of their neighbours, plainly and in robust standard deviations.
+    """Return the distance of samples from the mean of their neighbours, as it is and in robust standard deviations.
 
     Where most lie on it, the smallest distance stands for the standard deviation.
 
@@ -287,7 +287,7 @@ def count_apart(places: Indices) -> int:
 
 
 def count_spikes(values: Real) -> int:
-    """Return the number of single samples that jump and return farther than any body can, with calm around them.
+    """Return the number of single-sample spikes: jumps and returns too large for any body, in calm surroundings.
 
     Parameters
     ----------
@@ -340,7 +340,7 @@ def repeated_samples(values: Real, sampling_rate: float) -> int:
     values
         Samples of one channel, shape (samples,).
     sampling_rate
-        In Hz.
+        Sampling rate [Hz].
 
     Notes
     -----

@@ -27,7 +27,7 @@ def advanced(values: Real, shift: float, *, breaks: Sequence[int] = ()) -> Real:
     shift
         Time by which the channel is late, in samples; negative: early.
     breaks
-        Indices at which something new begins, such as those of gaps.
+        Indices at which a new run begins, such as those of gaps.
 
     Returns
     -------

@@ -117,7 +117,7 @@ def find_harmonics(
     prominence
         Smallest height over the higher of the two neighbourhoods [dB], above 0.
     false_alarm_rate
-        Probability of calling anything a harmonic in a recording of random vibration, above 0 and at most 0.5.
+        Probability of reporting any harmonic in a recording of random vibration, above 0 and at most 0.5.
     least_damping
         Smallest damping ratio of a mode, above 0 and at most 1.
     minimum_speed
@@ -275,7 +275,7 @@ def missing_multiples(harmonics: Sequence[Harmonic]) -> tuple[Harmonic, ...]:
     Notes
     -----
     Where a fundamental is known, its next multiple may hide in the neighbourhood of a mode. Subtracting a sine that is
-    not there costs a mode next to nothing.
+    absent hardly affects a mode.
     """
     missing = []
     for family in _families(harmonics):

@@ -60,7 +60,7 @@ class ChannelFacts:
         Shares of the samples with that value, and in stretches of half a second or more that are exact copies of
         earlier ones, 0 to 1.
     n_spikes
-        Number of single samples that jump and return farther than any body can.
+        Number of single-sample spikes: jumps and returns that are too large for the motion of any body.
     """
 
     name: str
@@ -108,7 +108,7 @@ class Inspection(Tabular, Savable):
     channels
         Facts about each channel.
     sampling_rate
-        In Hz.
+        Sampling rate [Hz].
     n_samples, duration
         Number of samples of each channel, and recorded time without gaps [s].
     n_gaps, gap_duration

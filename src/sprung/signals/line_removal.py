@@ -42,9 +42,9 @@ def subtract_lines(recording: Recording, harmonics: Sequence[Harmonic]) -> Recor
     window), at the frequency f at which the channels together have most power within the resolution of the line. D is
     at each time the longest of the whole stretch, a half, a quarter ... of it down to 2 s that no shorter length
     contradicts by more than chance (Lepski's method): a steady sine is fitted over the whole stretch, one that starts
-    in it over what there is of it. What goes with the line is the motion within about 1 / D: of the energy of a mode at
-    the line's frequency the share 2 / (pi D b) with b its half-power bandwidth, of one that lies away from the line by
-    several b next to nothing.
+    in it over what there is of it. What is removed with the line is the motion within about 1 / D: of the energy of a
+    mode at the line's frequency the share 2 / (pi D b) with b its half-power bandwidth, of one that lies away from the
+    line by several b next to nothing.
 
     References
     ----------

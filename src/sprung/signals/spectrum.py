@@ -65,7 +65,7 @@ class SpectralMatrix:
         return np.einsum("ppf->pf", self.matrix).real
 
     def __add__(self, other: "SpectralMatrix") -> "SpectralMatrix":
-        """Average with `other`, of the same channels and settings, as if all segments were one recording's."""
+        """Average with `other`, of the same channels and settings, as if all segments came from one recording."""
         if self.names != other.names or not np.array_equal(self.frequencies, other.frequencies):
             raise ParameterError(
                 f"spectra of {', '.join(self.names)} and of {', '.join(other.names)} cannot be averaged: channels, "

@@ -22,7 +22,7 @@ def with_conditions(
     suspension: SuspensionConditions,
     tyre_factors: Mapping[Component, float],
 ) -> Recording:
-    """Return the recording with the channel of the speed, and those of the conditions that the vehicle file has.
+    """Return the recording with the speed channel and the channels of conditions that the vehicle file lists.
 
     Parameters
     ----------

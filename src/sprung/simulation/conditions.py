@@ -149,7 +149,7 @@ class Driving:
 
     @property
     def is_steady(self) -> bool:
-        """Whether nothing accelerates the body but the road."""
+        """Whether the road alone accelerates the body."""
         return not (self.braking or self.cornering or self.cross_slope)
 
     @property

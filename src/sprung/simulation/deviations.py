@@ -129,12 +129,12 @@ class Deviations:
     wear
         Parts that change with every drive.
     n_drives
-        Number of drives that the vehicle has behind it, at least 0.
+        Number of drives that the vehicle has completed, at least 0.
     sensors
         Errors of places, axes, gains and delays of sensors.
     individual
-        Number of the vehicle among those of its type, at least 0: the seed of what is random about it, in all its
-        drives.
+        Number of the vehicle among those of its type, at least 0: the seed of its random deviations, which are the same
+        in all its drives.
 
     Raises
     ------
@@ -195,7 +195,7 @@ class Deviations:
 
 
 def true_vehicle(vehicle: Vehicle, deviations: Deviations) -> Vehicle:
-    """Return the vehicle as it is, where a file describes it with deviations.
+    """Return the true vehicle: that of the file, changed by the deviations.
 
     Parameters
     ----------
@@ -213,7 +213,14 @@ def true_vehicle(vehicle: Vehicle, deviations: Deviations) -> Vehicle:
     Raises
     ------
     ParameterError
-        If the vehicle lacks a sensor that was moved or a value that differs, or would be impossible.
+        If the vehicle lacks a sensor that was moved or a value that differs, or a changed value is impossible.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle
+    >>> zafira = read_vehicle("zafira")
+    >>> round(true_vehicle(zafira, Deviations(values={"mass": 0.1})).body.mass, 6)
+    1628.0
     """
     fields = _explicit(vehicle).model_dump()
     for name, change in deviations.values.items():
@@ -230,7 +237,7 @@ def true_vehicle(vehicle: Vehicle, deviations: Deviations) -> Vehicle:
 
 
 def _explicit(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle with inertias and unsprung masses that its file leaves to estimates."""
+    """Return the vehicle with estimates of the inertias and unsprung masses that its file does not state."""
     nominal = structure(vehicle)
     values = dict(zip(nominal.coordinates, np.diag(nominal.mass).tolist(), strict=True))
     pitch_inertia, roll_inertia = vehicle.inertias

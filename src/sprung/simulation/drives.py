@@ -305,7 +305,7 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
 
 
 def _route(settings: DriveSettings, seed: int | list[int], generator: np.random.Generator) -> Route:
-    """Return the route of a drive; its speed comes from `generator`, so that without curves it is as ever."""
+    """Return the route of a drive; its speed comes from `generator`, so that it stays the same without curves."""
     low, high = settings.speed
     speed = random_speed(
         settings.duration,

@@ -34,6 +34,14 @@ def with_body_accelerations(vehicle: Structure, *, height: float) -> Structure:
     In ISO 8855 axes, with the mass m of the body and all that it carries: pitch moment -m h a_x (braking lowers the
     nose) and roll moment m h a_y (a curve to the left raises the left side). All of it passes through springs and
     dampers: the suspension has neither anti-dive nor a roll axis above the ground. The mass of wheels does not count.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle, structure
+    >>> driven = with_body_accelerations(structure(read_vehicle("zafira")), height=0.5)
+    >>> pitch = driven.coordinates.index("pitch")
+    >>> driven.forces[pitch, -2:].tolist()  # N m per m/s^2 along and across; the body has 1480 kg
+    [-740.0, 0.0]
     """
     check_number("height of the centre of gravity", height, above=0)
     if not {"bounce", "pitch", "roll"} <= set(vehicle.coordinates):
@@ -52,7 +60,7 @@ def with_gravity(vehicle: Structure, description: Vehicle) -> Structure:
     Parameters
     ----------
     vehicle
-        Structure of `description`, in whichever condition.
+        Structure of `description`, in any condition.
     description
         Vehicle with its sensors.
 
@@ -60,6 +68,16 @@ def with_gravity(vehicle: Structure, description: Vehicle) -> Structure:
     -----
     An accelerometer with the axis (d_x, d_y, d_z) reads the specific force, whose share of gravity changes by
     g (d_y roll - d_x pitch); what changes with the square of the angles is left out, and so is the constant g d_z.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle, structure
+    >>> zafira = read_vehicle("zafira")
+    >>> lateral = zafira.sensor[0].model_copy(update={"direction": (0.0, 1.0, 0.0)})
+    >>> turned = zafira.model_copy(update={"sensor": (lateral,)})
+    >>> car = with_gravity(structure(turned), turned)
+    >>> round(float(car.outputs.displacement[0, car.coordinates.index("roll")]), 3)  # m/s^2 per rad
+    9.81
     """
     on_body = {sensor.channel for sensor in description.sensor if sensor.on == "body"}
     displacement = vehicle.outputs.displacement.copy()
@@ -71,7 +89,7 @@ def with_gravity(vehicle: Structure, description: Vehicle) -> Structure:
 
 
 def with_driving_readings(recording: Recording, route: Route) -> Recording:
-    """Return the recording with what its accelerometers and yaw-rate sensors read of driving itself.
+    """Return the recording plus what its accelerometers and yaw-rate sensors read because of driving itself.
 
     Parameters
     ----------
@@ -83,6 +101,16 @@ def with_driving_readings(recording: Recording, route: Route) -> Recording:
     Notes
     -----
     d_x a_x + d_y a_y of accelerometers, on body and wheels, and d_z times the yaw rate of gyroscopes.
+
+    Examples
+    --------
+    >>> from sprung.excitation import SpeedProfile
+    >>> from sprung.recording import Channel
+    >>> forward = Channel("acc_x", "acceleration", direction=(1.0, 0.0, 0.0))
+    >>> braking = Route(SpeedProfile([0.0, 10.0], [20.0, 0.0]), has_longitudinal=True)
+    >>> run = with_driving_readings(Recording(np.zeros((1, 1000)), 100.0, (forward,)), braking)
+    >>> round(float(run.samples[0, 500]), 6)
+    -2.0
     """
     time = np.arange(recording.n_samples) / recording.sampling_rate
     longitudinal, lateral, yaw_rate = route.longitudinal(time), route.lateral(time), route.yaw_rate(time)

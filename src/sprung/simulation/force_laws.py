@@ -89,6 +89,11 @@ def damping_factor(temperature: float) -> float:
     Notes
     -----
     exp(-0.005 (T - 20)): half a percent per degree, the order of magnitude of tests on car dampers.
+
+    Examples
+    --------
+    >>> [round(damping_factor(temperature), 2) for temperature in (-20, 20, 60)]
+    [1.22, 1.0, 0.82]
     """
     check_number("temperature", temperature, at_least=-60, at_most=200)
     return math.exp(-0.005 * (temperature - 20))
@@ -106,6 +111,11 @@ def tyre_factor(temperature: float) -> float:
     -----
     The air in the tyre keeps its volume: the absolute pressure follows the absolute temperature. Four fifths of the
     stiffness are in proportion to the gauge pressure, here 2.2 bar at 20 degrees: 0.4 % per degree.
+
+    Examples
+    --------
+    >>> [round(tyre_factor(temperature), 2) for temperature in (-20, 20, 60)]
+    [0.84, 1.0, 1.16]
     """
     check_number("temperature", temperature, at_least=-60, at_most=200)
     warmer = (temperature - 20) / (20 + 273.15)

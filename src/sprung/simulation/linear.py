@@ -37,13 +37,25 @@ def response(discrete: StateSpace, inputs: Real) -> Real:
     Raises
     ------
     ParameterError
-        If the inputs have another shape.
+        If the inputs have the wrong shape.
 
     Notes
     -----
     In the coordinates of the complex Schur form A = Q T Q^H of the balanced A, the states are computed one after the
     other from the last to the first, each by a first-order filter over all samples: exact, without a loop over time,
     and unlike a modal transformation well conditioned for every A.
+
+    References
+    ----------
+    B. N. Parlett and C. Reinsch (1969), Balancing a matrix for calculation of eigenvalues and eigenvectors, Numerische
+    Mathematik 13, 293-304.
+
+    Examples
+    --------
+    >>> one = np.ones((1, 1))
+    >>> first_order = StateSpace(0.5 * one, one, one, 0 * one, sampling_rate=1.0)
+    >>> response(first_order, np.array([[1.0, 0.0, 0.0, 0.0]])).round(6).tolist()
+    [[0.0, 1.0, 0.5, 0.25]]
     """
     if inputs.ndim != 2 or inputs.shape[0] != discrete.input_matrix.shape[1]:
         raise ParameterError(
@@ -76,6 +88,15 @@ def with_linear_inputs(continuous: StateSpace, *, sampling_rate: float) -> State
     References
     ----------
     C. F. Van Loan, Computing integrals involving the matrix exponential, IEEE Trans. Automatic Control 23 (1978).
+
+    Examples
+    --------
+    >>> one = np.ones((1, 1))
+    >>> integrator = StateSpace(0 * one, one, one, 0 * one)
+    >>> ramp = np.arange(4.0)[None]
+    >>> sampled = with_linear_inputs(integrator, sampling_rate=1.0)
+    >>> response(sampled, with_rises(ramp)).round(6).tolist()  # t^2 / 2
+    [[0.0, 0.5, 2.0, 4.5]]
     """
     states, inputs = continuous.input_matrix.shape
     augmented = np.zeros((states + 2 * inputs, states + 2 * inputs))
@@ -94,7 +115,13 @@ def with_linear_inputs(continuous: StateSpace, *, sampling_rate: float) -> State
 
 
 def with_rises(inputs: Real) -> Real:
-    """Return inputs, shape (inputs, samples), stacked on their rises to the next sample, the last of which is 0."""
+    """Return inputs, shape (inputs, samples), stacked on their rises to the next sample, the last of which is 0.
+
+    Examples
+    --------
+    >>> with_rises(np.array([[0.0, 1.0, 3.0]])).tolist()
+    [[0.0, 1.0, 3.0], [1.0, 2.0, 0.0]]
+    """
     return np.vstack([inputs, np.diff(inputs, axis=1, append=inputs[:, -1:])])
 
 
@@ -105,6 +132,13 @@ def settling_time(vehicle: Structure, *, remainder: float = 1e-4) -> float:
     ------
     ParameterError
         If a free motion does not decay, or the remainder is not between 0 and 1.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import chain
+    >>> one = chain(1, mass=1.0, stiffness=100.0, damping=2.0)  # decays as exp(-t)
+    >>> round(settling_time(one, remainder=math.exp(-5)), 6)
+    5.0
     """
     check_number("remainder", remainder, above=0, at_most=1)
     slowest = -float(np.max(np.linalg.eigvals(vehicle.state_space().state_matrix).real))
@@ -114,12 +148,12 @@ def settling_time(vehicle: Structure, *, remainder: float = 1e-4) -> float:
 
 
 def check_fits(vehicle: Structure, excitation: Excitation) -> None:
-    """Refuse a vehicle without sensors, and an excitation with another number of inputs.
+    """Reject a vehicle without sensors, and an excitation with a different number of inputs.
 
     Raises
     ------
     ParameterError
-        If the vehicle has no sensors, or another number of inputs.
+        If the vehicle has no sensors, or a different number of inputs.
     """
     if not vehicle.outputs.channels:
         raise ParameterError("the vehicle has no motion sensors: add [[sensor]] tables to its file")
@@ -170,7 +204,18 @@ def simulate(
     Raises
     ------
     ParameterError
-        If the vehicle has no sensors, or another number of inputs than the excitation.
+        If the vehicle has no sensors, or its number of inputs differs from that of the excitation.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle, structure
+    >>> zafira = structure(read_vehicle("zafira"))
+    >>> run = simulate(zafira, usual_excitation(zafira), duration=10.0, sampling_rate=200.0, seed=1)
+    >>> run.names, run.samples.shape
+    (('acc_fl', 'acc_fr', 'acc_rl', 'acc_rr'), (4, 2000))
+    >>> again = simulate(zafira, usual_excitation(zafira), duration=10.0, sampling_rate=200.0, seed=1)
+    >>> np.array_equal(run.samples, again.samples)
+    True
     """
     check_type("vehicle", vehicle, Structure)
     check_number("duration", duration, above=0)
@@ -200,7 +245,16 @@ def simulate(
 
 
 def usual_excitation(vehicle: Structure) -> Excitation:
-    """Return white excitation of every input: forces of 1 N, base displacements of 0.1 mm (standard deviation)."""
+    """Return white excitation of every input: forces of 1 N, base displacements of 0.1 mm (standard deviation).
+
+    Examples
+    --------
+    >>> from sprung.vehicles import chain, read_vehicle, structure
+    >>> usual_excitation(chain()).standard_deviation
+    1.0
+    >>> usual_excitation(structure(read_vehicle("zafira"))).standard_deviation
+    0.0001
+    """
     check_type("vehicle", vehicle, Structure)
     moved = any(element.foot is not None for element in vehicle.elements)
     return RandomInputs(len(vehicle.inputs), standard_deviation=1e-4 if moved else 1.0)

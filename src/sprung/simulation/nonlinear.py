@@ -79,9 +79,22 @@ def simulate_nonlinear(
     Raises
     ------
     ParameterError
-        If the vehicle has no sensors, other inputs than the excitation, or lacks a named part or component.
+        If the vehicle has no sensors, differs from the excitation in the number of inputs, or lacks a named part or
+        component.
     MissingPackageError
         If numba is not installed.
+
+    Examples
+    --------
+    >>> from sprung.simulation import usual_excitation
+    >>> from sprung.vehicles import read_vehicle, structure
+    >>> zafira = structure(read_vehicle("zafira"))
+    >>> given = {"duration": 5.0, "sampling_rate": 100.0, "seed": 1}
+    >>> linear = simulate_nonlinear(zafira, usual_excitation(zafira), **given)
+    >>> friction = {"suspension": ForceLaw(friction=100.0, friction_velocity=0.01)}
+    >>> rough = simulate_nonlinear(zafira, usual_excitation(zafira), force_laws=friction, **given)
+    >>> bool(rough.samples.std() > 1.5 * linear.samples.std())
+    True
     """
     check_number("duration", duration, above=0)
     check_number("sampling_rate", sampling_rate, above=0)
@@ -158,9 +171,22 @@ def integrate(
     Raises
     ------
     ParameterError
-        If inputs have another shape, or a force law or a time history names a part that the vehicle lacks.
+        If the inputs have the wrong shape, or a force law or a time history names a part that the vehicle lacks.
     MissingPackageError
         If numba is not installed.
+
+    References
+    ----------
+    E. Hairer, S. P. Norsett and G. Wanner (1993), Solving Ordinary Differential Equations I, 2nd edition, Springer,
+    section II.1.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import chain
+    >>> oscillator = chain(1, mass=1.0, stiffness=100.0, damping=5.0)
+    >>> motion = integrate(oscillator, np.ones((1, 10_001)), rate=1000.0)
+    >>> print(f"{motion.coordinates[0, -1]:.4f}")  # static deflection of 1 N on 100 N/m
+    0.0100
     """
     n = len(vehicle.coordinates)
     if inputs.ndim != 2 or inputs.shape[0] != len(vehicle.inputs):
@@ -198,7 +224,7 @@ def integrate(
 
 
 def _check_force_laws(vehicle: Structure, force_laws: Mapping[str, ForceLaw]) -> None:
-    """Refuse force laws of parts that the vehicle does not have."""
+    """Reject force laws of parts that the vehicle does not have."""
     known = {e.part for e in vehicle.elements} | {f"{e.owner}.{e.part}" for e in vehicle.elements}
     for name in force_laws:
         check_one_of("force law of", name, known)

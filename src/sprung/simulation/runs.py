@@ -95,7 +95,7 @@ def simulate_run(vehicle: Chain | Quarter, settings: StationaryRun, *, seed: int
     Raises
     ------
     ParameterError
-        Where the vehicle has no such component as a fault names, and as from `simulate`.
+        If the vehicle lacks a component that a fault names, and as for `simulate`.
     """
     healthy = structure(vehicle)
     excitation = settings.excitation or usual_excitation(healthy)
@@ -138,7 +138,7 @@ def drives_of_one_vehicle(settings: DriveSettings, n_drives: int) -> list[DriveS
 
 
 def joint_truth(truths: Sequence[dict[str, Any]], *, seed: int) -> dict[str, Any]:
-    """Return what is true of all records of a simulation: that of the first, with the speed of each drive.
+    """Return the joint truth of all records of a simulation: that of the first, with the speed of each drive.
 
     Where the faults differ between records, as with wear, they are under `faults_by_record`.
 

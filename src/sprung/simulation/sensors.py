@@ -73,6 +73,14 @@ def with_noise(
     ------
     ParameterError
         If the ratio is not above 0, or the band is not valid.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording([np.sin(np.arange(1000.0))], 100.0, (Channel("acc", "acceleration"),))
+    >>> added = with_noise(run, snr=10.0, generator=np.random.default_rng(1)).samples - run.samples
+    >>> round(float(np.linalg.norm(run.samples) / np.linalg.norm(added)), 6)
+    10.0
     """
     check_number("snr", snr, above=0)
     added = noise(recording.samples.shape, band=band, sampling_rate=recording.sampling_rate, generator=generator)
@@ -114,6 +122,13 @@ def noisy(
     ------
     ParameterError
         If the standard deviation is negative, or the channel does not exist.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording(np.zeros((1, 10_000)), 200.0, (Channel("acc", "acceleration"),))
+    >>> print(f"{np.std(noisy(run, standard_deviation=0.3, generator=np.random.default_rng(1)).samples):.1f}")
+    0.3
     """
     check_number("standard_deviation", standard_deviation, at_least=0)
     rows = _rows(recording, quantity) if channel is None else [recording.index(channel)]
@@ -142,6 +157,13 @@ def quantised(recording: Recording, *, full_scale: float, bits: int = 16, quanti
     ------
     ParameterError
         If the range or the number of bits is out of range.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording([[0.1, 0.9, 5.0]], 100.0, (Channel("acc", "acceleration"),))
+    >>> quantised(run, full_scale=2.0, bits=3).samples.tolist()
+    [[0.0, 1.0, 1.5]]
     """
     check_number("full_scale", full_scale, above=0)
     check_number("bits", bits, at_least=1, at_most=32)
@@ -170,6 +192,14 @@ def mems_accelerometers(
     ------
     ParameterError
         If a number is out of range.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording(np.zeros((1, 10_000)), 200.0, (Channel("acc", "acceleration"),))
+    >>> noise_only = with_imperfections(run, mems_accelerometers(noise_density=0.01, bits=16))
+    >>> print(f"{np.std(noise_only.samples):.2f}")  # 0.01 times the square root of 100 Hz
+    0.10
     """
     check_number("noise_density", noise_density, at_least=0)
     check_number("full_scale", full_scale, above=0)
@@ -205,6 +235,13 @@ def held(recording: Recording, *, channel: str, rate: float, delay: float = 0.0)
     Notes
     -----
     The mean delay is `delay` + 1 / (2 rate).
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording([np.arange(6.0)], 10.0, (Channel("speed", "speed"),))
+    >>> held(run, channel="speed", rate=5.0).samples.round(6).tolist()
+    [[0.0, 0.0, 2.0, 2.0, 4.0, 4.0]]
     """
     check_number("rate of updates", rate, above=0)
     check_number("delay", delay, at_least=0)
@@ -222,6 +259,13 @@ def clipped(recording: Recording, *, channel: str, limit: float) -> Recording:
     ------
     ParameterError
         If the channel does not exist, or the limit is not above 0.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording([[0.2, -3.0, 1.5]], 100.0, (Channel("acc", "acceleration"),))
+    >>> clipped(run, channel="acc", limit=1.0).samples.tolist()
+    [[0.2, -1.0, 1.0]]
     """
     check_number("limit", limit, above=0)
     return _changed(recording, channel, np.clip(_row(recording, channel), -limit, limit), f"clipped at +-{limit:g}")
@@ -234,6 +278,15 @@ def drifting(recording: Recording, *, channel: str, per_hour: float, generator: 
     ------
     ParameterError
         If the channel does not exist, or the drift is out of range.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording(np.zeros((1, 3600)), 1.0, (Channel("acc", "acceleration"),))
+    >>> generator = np.random.default_rng(1)
+    >>> walks = [drifting(run, channel="acc", per_hour=0.5, generator=generator) for _ in range(500)]
+    >>> print(f"{np.std([walk.samples[0, -1] for walk in walks]):.1f}")
+    0.5
     """
     check_number("per_hour", per_hour, at_least=0)
     steps = generator.standard_normal(recording.n_samples)
@@ -242,14 +295,30 @@ def drifting(recording: Recording, *, channel: str, per_hour: float, generator: 
 
 
 def dead(recording: Recording, *, channel: str, onset: float = 0.0, value: float = 0.0) -> Recording:
-    """Return the recording with a channel that reads a constant `value` from `onset` [s] on."""
+    """Return the recording with a channel that reads a constant `value` from `onset` [s] on.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording([[0.2, -3.0, 1.5, 0.4]], 100.0, (Channel("acc", "acceleration"),))
+    >>> dead(run, channel="acc", onset=0.02).samples.tolist()
+    [[0.2, -3.0, 0.0, 0.0]]
+    """
     samples = _row(recording, channel).copy()
     samples[_sample(recording, onset) :] = value
     return _changed(recording, channel, samples, f"dead from {onset:g} s on")
 
 
 def stuck(recording: Recording, *, channel: str, onset: float) -> Recording:
-    """Return the recording with a channel that stays at its last value from `onset` [s] on."""
+    """Return the recording with a channel that stays at its last value from `onset` [s] on.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording([[0.2, -3.0, 1.5, 0.4]], 100.0, (Channel("acc", "acceleration"),))
+    >>> stuck(run, channel="acc", onset=0.02).samples.tolist()
+    [[0.2, -3.0, -3.0, -3.0]]
+    """
     samples = _row(recording, channel).copy()
     first = _sample(recording, onset)
     samples[first:] = samples[max(first - 1, 0)]
@@ -257,17 +326,42 @@ def stuck(recording: Recording, *, channel: str, onset: float) -> Recording:
 
 
 def scaled(recording: Recording, *, channel: str, factor: float) -> Recording:
-    """Return the recording with the gain of a channel wrong by a factor."""
+    """Return the recording with the gain of a channel wrong by a factor.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording([[0.5, -3.0]], 100.0, (Channel("acc", "acceleration"),))
+    >>> scaled(run, channel="acc", factor=1.5).samples.tolist()
+    [[0.75, -4.5]]
+    """
     return _changed(recording, channel, factor * _row(recording, channel), f"gain {factor:g}")
 
 
 def inverted(recording: Recording, *, channel: str) -> Recording:
-    """Return the recording with the sign of a channel reversed."""
+    """Return the recording with the sign of a channel reversed.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording([[0.2, -3.0]], 100.0, (Channel("acc", "acceleration"),))
+    >>> inverted(run, channel="acc").samples.tolist()
+    [[-0.2, 3.0]]
+    """
     return _changed(recording, channel, -_row(recording, channel), "inverted")
 
 
 def swapped(recording: Recording, *, first: str, second: str) -> Recording:
-    """Return the recording with the cables of two channels exchanged."""
+    """Return the recording with the cables of two channels exchanged.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> channels = Channel("left", "acceleration"), Channel("right", "acceleration")
+    >>> run = Recording([[1.0, 2.0], [3.0, 4.0]], 100.0, channels)
+    >>> swapped(run, first="left", second="right").samples.tolist()
+    [[3.0, 4.0], [1.0, 2.0]]
+    """
     rows = [recording.index(first), recording.index(second)]
     samples = recording.samples.copy()
     samples[rows] = samples[rows[::-1]]
@@ -296,6 +390,14 @@ def spiking(
     ------
     ParameterError
         If the channel does not exist, or the rate is out of range.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording(np.zeros((1, 10_000)), 100.0, (Channel("acc", "acceleration"),))
+    >>> spikes = spiking(run, channel="acc", rate=0.5, height=20.0, generator=np.random.default_rng(1))
+    >>> sorted(set(spikes.samples[0].tolist()))
+    [-20.0, 0.0, 20.0]
     """
     check_number("rate", rate, at_least=0, at_most=recording.sampling_rate)
     samples = _row(recording, channel).copy()
@@ -307,7 +409,16 @@ def spiking(
 def with_hum(
     recording: Recording, *, channel: str, amplitude: float, generator: np.random.Generator, frequency: float = 50.0
 ) -> Recording:
-    """Return the recording with mains hum of a frequency [Hz] and a random phase on a channel."""
+    """Return the recording with mains hum of a frequency [Hz] and a random phase on a channel.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording(np.zeros((1, 1000)), 500.0, (Channel("acc", "acceleration"),))
+    >>> hum = with_hum(run, channel="acc", amplitude=0.2, generator=np.random.default_rng(1))
+    >>> int(np.argmax(np.abs(np.fft.rfft(hum.samples[0])))) * 0.5  # Hz
+    50.0
+    """
     phase = 2 * np.pi * frequency * np.arange(recording.n_samples) / recording.sampling_rate
     hum = amplitude * np.sin(phase + generator.uniform(0, 2 * np.pi))
     return _changed(recording, channel, _row(recording, channel) + hum, f"hum of {frequency:g} Hz")
@@ -320,6 +431,14 @@ def delayed(recording: Recording, *, channel: str, delay: float) -> Recording:
     -----
     Each stretch between gaps is shifted by the phase of its Fourier transform, continued by its odd reflection at
     both ends.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording([np.sin(2 * np.pi * 2.0 * np.arange(1000) / 100.0)], 100.0, (Channel("acc", "acceleration"),))
+    >>> late = delayed(run, channel="acc", delay=0.05)
+    >>> np.allclose(late.samples[0, 200:800], run.samples[0, 195:795], atol=0.01)
+    True
     """
     shifted = _row(recording, channel).copy()
     for stretch in recording.stretches():
@@ -342,6 +461,14 @@ def jittered(recording: Recording, *, standard_deviation: float, generator: np.r
     Notes
     -----
     The values between samples are those of a cubic spline through each stretch between gaps.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording([np.arange(10_000.0)], 100.0, (Channel("acc", "acceleration"),))  # a ramp of 100 per second
+    >>> shaken = jittered(run, standard_deviation=0.002, generator=np.random.default_rng(1))
+    >>> print(f"{np.std(shaken.samples - run.samples):.1f}")
+    0.2
     """
     check_number("standard_deviation", standard_deviation, at_least=0)
     samples = recording.samples.copy()
@@ -361,6 +488,14 @@ def with_gap(recording: Recording, *, onset: float, duration: float) -> Recordin
     ------
     ParameterError
         If the recording has gaps already, or the gap is not inside it.
+
+    Examples
+    --------
+    >>> from sprung.recording import Channel
+    >>> run = Recording(np.zeros((1, 1000)), 100.0, (Channel("acc", "acceleration"),))
+    >>> broken = with_gap(run, onset=4.0, duration=2.0)
+    >>> broken.n_samples, broken.gaps
+    (800, (Gap(index=400, duration=2.0),))
     """
     first, last = (_sample(recording, time) for time in (onset, onset + duration))
     if recording.gaps:

@@ -48,6 +48,16 @@ def truth(
         recording; speed (mean, lowest, highest [m/s]) or null; faults by component; and if a fault begins later or
         grows, `fault_courses` (onset and growth [s]) and `modes_over_time` (frequencies and damping at equal
         intervals).
+
+    Examples
+    --------
+    >>> from sprung.vehicles import parse_fault, read_vehicle, structure
+    >>> zafira = structure(read_vehicle("zafira"))
+    >>> document = truth(zafira, seed=1, faults=[parse_fault("front_left.spring=-0.2")])
+    >>> document["faults"]
+    {'front_left.spring': -0.2}
+    >>> [mode["label"] for mode in document["modes"]][:3]
+    ['bounce', 'pitch', 'roll']
     """
     changed = with_faults(vehicle, faults, time=duration)
     modes = changed.modes()
@@ -86,12 +96,12 @@ def true_conditions(
     deviations: Deviations,
     imperfections: Sequence[Imperfection],
 ) -> dict[str, Any]:
-    """Return what is true of the conditions of a drive, as plain values by name.
+    """Return the true conditions of a drive as plain values by name.
 
     Parameters
     ----------
     vehicle
-        Vehicle as it is, with the places and axes of its sensors.
+        True vehicle, with the places and axes of its sensors.
     healthy
         Its structure with the payload.
     payloads, suspension, deviations, imperfections

@@ -64,7 +64,7 @@ class Description(Section):
     speed_delay
         Time by which that channel is late [s]; negative: early.
     speed_scale
-        Speed over what that channel states.
+        True speed divided by the speed that the channel states.
     sensor
         Sensors of the recordings.
     """

@@ -104,6 +104,15 @@ def with_faults(structure: Structure, faults: Iterable[Fault], *, time: float = 
     ------
     ParameterError
         If the structure has no such component.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle, structure
+    >>> zafira = structure(read_vehicle("zafira"))
+    >>> soft = with_faults(zafira, [parse_fault("front_left.spring=-0.2")])
+    >>> spring = Component("front_left", "spring")
+    >>> round(soft.components()[spring] / zafira.components()[spring], 6)
+    0.8
     """
     factors: dict[Component, float] = {}
     for fault in faults:

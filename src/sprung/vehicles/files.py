@@ -99,6 +99,13 @@ def parse_vehicle(fields: Mapping[str, Any]) -> Vehicle | Quarter | Chain:
     ------
     ParameterError
         If a field is missing, unknown or outside its range; the message names field, rule and remedy.
+
+    Examples
+    --------
+    >>> corner = {"unsprung_mass": 40.0, "spring_stiffness": 2e4, "damping": 1500.0, "tyre_stiffness": 2e5}
+    >>> quarter = parse_vehicle({"kind": "quarter", "name": "mine", "corner": corner, "body": {"mass": 400.0}})
+    >>> quarter.corner.tyre_stiffness
+    200000.0
     """
     kind = fields.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
@@ -107,14 +114,32 @@ def parse_vehicle(fields: Mapping[str, Any]) -> Vehicle | Quarter | Chain:
 
 
 def write_vehicle(vehicle: Vehicle | Quarter | Chain, path: str | Path) -> None:
-    """Write a vehicle file; reading it gives an equal vehicle."""
+    """Write a vehicle file; reading it gives an equal vehicle.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> zafira = read_vehicle("zafira")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_vehicle(zafira, Path(folder) / "car.toml")
+    ...     again = read_vehicle(Path(folder) / "car.toml")
+    ...
+    >>> again == zafira
+    True
+    """
     check_type("vehicle", vehicle, Vehicle, Quarter, Chain)
     check_path("path", path)
     Path(path).write_text(vehicle_text(vehicle), encoding="utf-8")
 
 
 def vehicle_text(vehicle: Vehicle | Quarter | Chain) -> str:
-    """Return the text of a vehicle file."""
+    """Return the text of a vehicle file.
+
+    Examples
+    --------
+    >>> print(vehicle_text(read_vehicle("zafira")).splitlines()[0])
+    schema = "sprung.vehicle/1"
+    """
     fields = vehicle.model_dump(mode="json", exclude_defaults=True)
     return _toml({"schema": vehicle.schema_name, **fields})
 
@@ -135,12 +160,18 @@ def vehicle_from_text(text: str, *, source: str) -> Vehicle:
         If the text is not a valid vehicle file.
     ParameterError
         If it describes a quarter vehicle or a chain.
+
+    Examples
+    --------
+    >>> text = vehicle_text(read_vehicle("zafira"))
+    >>> vehicle_from_text(text, source="zafira.toml") == read_vehicle("zafira")
+    True
     """
     return _on_axles(_read(source, text.encode("utf-8")), source=source)
 
 
 def _on_axles(description: Vehicle | Quarter | Chain, *, source: str) -> Vehicle:
-    """Refuse a description that is not of a body on axles."""
+    """Reject a description that is not of a body on axles."""
     if not isinstance(description, Vehicle):
         raise ParameterError(
             f"vehicle {source!r} is of kind {description.kind}, but must be a body on axles (kind road, rail or rig): "

@@ -32,7 +32,7 @@ _LEAST_DAMPED, _MOST_DAMPED = 1e-3, 20.0
 
 
 def check_magnitudes(vehicle: "Vehicle") -> None:
-    """Refuse a body on axles with numbers that no vehicle has; the usual reason is a wrong unit.
+    """Reject a body on axles with numbers that no vehicle has; the usual reason is a wrong unit.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def check_magnitudes(vehicle: "Vehicle") -> None:
 
 
 def check_quarter(quarter: "Quarter") -> None:
-    """Refuse a quarter vehicle with numbers that none has.
+    """Reject a quarter vehicle with numbers that none has.
 
     Parameters
     ----------

@@ -60,6 +60,15 @@ def structure(description: Description) -> Structure:
     ------
     ParameterError
         If the description is none of the three.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle
+    >>> zafira = structure(read_vehicle("zafira"))
+    >>> zafira.coordinates
+    ('bounce', 'pitch', 'roll', 'wheel_front_left', 'wheel_front_right', 'wheel_rear_left', 'wheel_rear_right')
+    >>> zafira.modes().natural_frequency[:3].round(2).tolist()
+    [1.52, 1.76, 2.2]
     """
     match description:
         case Chain():
@@ -200,8 +209,16 @@ def modal_mass(description: Vehicle, mode: FlexibleMode) -> float:
     Notes
     -----
     The integral of the squared shape over the mass, if the file does not state it. Torsion x y / (a b) of a body whose
-    mass is spread independently along and across: I_pitch I_roll / (m a^2 b^2). Bending 1 - x^2 / k^2 of an even beam
+    mass is spread independently along and across: I_pitch I_roll / (m a^2 b^2). Bending 1 - x^2 / k^2 of a uniform beam
     of mass m with k^2 = I_pitch / m: 0.8 m, as the mean of x^4 is 9/5 k^4.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle
+    >>> zafira = read_vehicle("zafira")
+    >>> bending = FlexibleMode(shape="bending", frequency=25.0, damping_ratio=0.02)
+    >>> modal_mass(zafira, bending) / zafira.body.mass
+    0.8
     """
     if mode.mass is not None:
         return mode.mass
@@ -227,6 +244,12 @@ def wheel_hop_frequencies(description: Vehicle) -> Real:
     -----
     sqrt((spring + tyre stiffness) / unsprung mass) / 2 pi, with half the mass of a wheelset. The frequencies of the
     exact undamped modes differ slightly, as the body moves too.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle
+    >>> wheel_hop_frequencies(read_vehicle("zafira")).round(2).tolist()
+    [12.13, 11.92]
     """
     halves = np.array([(axle.wheelset_mass or 0.0) / 2 for axle in description.axle])
     unsprung = _unsprung_masses(description) + halves

@@ -64,6 +64,13 @@ def modes(system: MechanicalSystem, outputs: Outputs) -> ExactModes:
     Notes
     -----
     The shape of pole s with coordinate vector q is (s^2 Ya + s Yv + Yd) q, divided by its largest component.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_description, structure
+    >>> quarter = structure(read_description("quarter"))
+    >>> modes(quarter.system, quarter.outputs).natural_frequency.round(2).tolist()
+    [13.21, 56.35]
     """
     n = system.n_coordinates
     eigenvalues, vectors = np.linalg.eig(system.state_matrix())
@@ -116,6 +123,12 @@ def participation(mass: Real, shapes: Complex) -> Real:
     Notes
     -----
     The share of coordinate i is Re(conj(q_i) (M q)_i) / (q^H M q).
+
+    Examples
+    --------
+    >>> shapes = np.array([[1.0, 0.1], [-0.01, 1.0]], dtype=complex)
+    >>> participation(np.diag([400.0, 40.0]), shapes).round(3).tolist()
+    [[0.999, 0.001], [0.001, 0.999]]
     """
     energy = (shapes.conj() * (shapes @ mass)).real
     return energy / energy.sum(axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Remarks on the motion of a vehicle file: what is possible, but unusual, and may be a wrong number."""
+"""Notes on unusual modes of a vehicle file: possible, but perhaps due to a wrong number."""
 
 import numpy as np
 

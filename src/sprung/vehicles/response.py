@@ -40,8 +40,10 @@ def frequency_response(structure: Structure, frequencies: ArrayLike) -> Complex:
     --------
     >>> from sprung.vehicles import read_description, structure
     >>> quarter = structure(read_description("quarter"))
-    >>> frequency_response(quarter, [13.21]).shape
-    (1, 2, 1)
+    >>> f = np.array([0.5, 13.21])
+    >>> body = np.abs(frequency_response(quarter, f)[:, 0, 0]) / (2 * np.pi * f) ** 2  # over the height of the road
+    >>> body.round(2).tolist()  # far below its mode, and at it
+    [1.0, 4.2]
     """
     f = frozen_array("frequencies", frequencies, ndim=1)
     if not np.all(np.isfinite(f)) or np.any(f < 0):
@@ -95,6 +97,16 @@ def sensitivities(structure: Structure) -> Sensitivities:
     References
     ----------
     R. L. Fox and M. P. Kapoor, Rates of change of eigenvalues and eigenvectors, AIAA Journal 6 (1968), 2426-2429.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import chain
+    >>> three_masses = chain()
+    >>> changes = sensitivities(three_masses)
+    >>> springs = [component.kind == "spring" for component in changes.components]
+    >>> halves = three_masses.modes().natural_frequency / 2  # the frequency rises with the root of all stiffnesses
+    >>> np.allclose(changes.natural_frequency[:, springs].sum(axis=1), halves, rtol=1e-2)
+    True
     """
     poles = structure.modes().poles
     shapes = _coordinate_shapes(structure, poles)

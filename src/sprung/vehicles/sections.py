@@ -101,7 +101,7 @@ class Sensor(Section):
 
     @property
     def is_condition(self) -> bool:
-        """Whether the sensor measures a condition of the motion: speed, temperature, pressure."""
+        """Whether the sensor measures an operating condition: speed, temperature, pressure."""
         return self.quantity == "wheel_speed" or self.quantity in CONDITIONS
 
     @property

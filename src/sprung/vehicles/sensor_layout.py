@@ -82,8 +82,8 @@ def missing_sensors(names: Collection[str], sensors: Sequence[Sensor]) -> tuple[
     names
         Names of the channels of the recording.
     sensors
-        Sensors of the vehicle file. Those of conditions (speed, temperature, pressure) may be absent: results say what
-        they do without.
+        Sensors of the vehicle file. Those of conditions (speed, temperature, pressure) may be absent: results state
+        which are missing.
     """
     return tuple(sensor.channel for sensor in sensors if not sensor.is_condition and sensor.channel not in names)
 
@@ -91,7 +91,7 @@ def missing_sensors(names: Collection[str], sensors: Sequence[Sensor]) -> tuple[
 def check_present(
     names: Sequence[str], sensors: Sequence[Sensor], *, allow_missing: bool = False, is_choice: bool = False
 ) -> None:
-    """Refuse a recording that lacks sensors of the vehicle file.
+    """Reject a recording that lacks sensors of the vehicle file.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def check_present(
     Raises
     ------
     ParameterError
-        If the recording has none of the sensors, or lacks sensors of motion without permission.
+        If the recording has none of the sensors, or lacks sensors of motion and `allow_missing` is False.
     """
     if sensors and not {sensor.channel for sensor in sensors} & set(names):
         stated = _with_nearest([sensor.channel for sensor in sensors], names)
@@ -123,7 +123,7 @@ def check_present(
         unused = f" (channels that no sensor names: {', '.join(others)})" if others else ""
         raise ParameterError(
             f"the recording lacks {len(missing)} of the vehicle file's {len(sensors)} sensors:"
-            f" {_with_nearest(missing, others)}{unused}: make the names agree, or go on without them with"
+            f" {_with_nearest(missing, others)}{unused}: make the names agree, or continue without them with"
             " --allow-missing (in Python allow_missing=True)"
         )
 

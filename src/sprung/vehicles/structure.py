@@ -377,6 +377,17 @@ def sensor_outputs(
     z - x p + y r), and the angular velocity is (r', p', w'). A flexible body adds the displacement of its shapes to z,
     and their slopes -dz/dx and dz/dy to p and r at the place of the sensor. A wheelset bounces and rolls. Gravity's
     share in the reading of a tilted accelerometer is left out.
+
+    References
+    ----------
+    ISO 8855:2011, Road vehicles - Vehicle dynamics and road-holding ability - Vocabulary.
+
+    Examples
+    --------
+    >>> gyro = Channel("gyr_x", "angular_velocity", direction=(1.0, 0.0, 0.0))
+    >>> outputs = sensor_outputs(("bounce", "pitch", "roll"), sensors=[gyro], carriers=["body"])
+    >>> outputs.velocity.tolist()
+    [[0.0, 0.0, 1.0]]
     """
     rows = {order: np.zeros((len(sensors), len(coordinates))) for order in (0, 1, 2)}
     for row, (sensor, carrier) in enumerate(zip(sensors, carriers, strict=True)):
@@ -413,6 +424,15 @@ def body_row(coordinates: Sequence[str], *, x: float, y: float, shapes: Sequence
     -----
     The row is [1, -x, y] for bounce, pitch (positive nose down) and roll (positive left side up); ISO 8855. Flexible
     modes of the body have the displacement of their shapes.
+
+    References
+    ----------
+    ISO 8855:2011, Road vehicles - Vehicle dynamics and road-holding ability - Vocabulary.
+
+    Examples
+    --------
+    >>> body_row(("bounce", "pitch", "roll"), x=1.2, y=0.7).tolist()
+    [1.0, -1.2, 0.7]
     """
     row = np.zeros(len(coordinates))
     for name, value in (("bounce", 1.0), ("pitch", -x), ("roll", y)):

@@ -154,6 +154,14 @@ def state_space(system: MechanicalSystem, outputs: Outputs) -> StateSpace:
     -----
     Without bushings A = [[0, I], [-M^-1 K, -M^-1 C]] and B = [0, M^-1 B]; an acceleration output adds its row of
     -M^-1 K, -M^-1 C to the output matrix and of M^-1 B to the feed-through.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import chain
+    >>> one = chain(1, mass=2.0, stiffness=50.0, damping=3.0)
+    >>> space = state_space(one.system, one.outputs)
+    >>> space.state_matrix.tolist()
+    [[0.0, 1.0], [-25.0, -1.5]]
     """
     n_arms = system.arm_damping.size
     forces = np.linalg.solve(system.mass, system.input_matrix)
@@ -181,6 +189,16 @@ def discretised(continuous: StateSpace, *, sampling_rate: float) -> StateSpace:
     References
     ----------
     C. F. Van Loan, Computing integrals involving the matrix exponential, IEEE Trans. Automatic Control 23 (1978).
+
+    Examples
+    --------
+    >>> from sprung.vehicles import chain
+    >>> continuous = chain().state_space()
+    >>> sampled = discretised(continuous, sampling_rate=500.0)
+    >>> poles = np.log(np.linalg.eigvals(sampled.state_matrix)) * 500.0
+    >>> exact = np.linalg.eigvals(continuous.state_matrix)
+    >>> np.allclose(np.sort(np.abs(poles)), np.sort(np.abs(exact)))
+    True
     """
     check_number("sampling_rate", sampling_rate, above=0)
     states, inputs = continuous.input_matrix.shape
@@ -233,6 +251,13 @@ def exact_correlations(
     References
     ----------
     P. Van Overschee and B. De Moor, Subspace Identification for Linear Systems (1996), section 3.1.
+
+    Examples
+    --------
+    >>> one = np.ones((1, 1))
+    >>> first_order = StateSpace(0.5 * one, one, one, 0 * one, sampling_rate=1.0)  # 0.5^m / (1 - 0.5^2)
+    >>> exact_correlations(first_order, n_lags=3)[0, 0].round(6).tolist()
+    [1.333333, 0.666667, 0.333333]
     """
     check_number("n_lags", n_lags, at_least=1)
     A, B, C, D = discrete.state_matrix, discrete.input_matrix, discrete.output_matrix, discrete.feedthrough
@@ -277,6 +302,11 @@ def stationary_covariance(state_matrix: Real, noise_covariance: Real) -> Real:
     References
     ----------
     R. A. Smith, Matrix equation XA + BX = C, SIAM J. Applied Mathematics 16 (1968), 198-201.
+
+    Examples
+    --------
+    >>> stationary_covariance(np.array([[0.5]]), np.array([[3.0]])).tolist()
+    [[4.0]]
     """
     radius = float(np.max(np.abs(np.linalg.eigvals(state_matrix))))
     if radius >= 1 - 1e-12:

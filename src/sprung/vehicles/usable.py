@@ -119,7 +119,7 @@ def _is_speed(channel: Channel) -> bool:
 
 
 def _check_alive(recording: Recording, outputs: Sequence[str]) -> None:
-    """Refuse dead outputs."""
+    """Reject dead outputs."""
     if not outputs:
         raise DataError("the recording has no channel of motion: give accelerations or angular velocities")
     if recording.n_samples < 2:
