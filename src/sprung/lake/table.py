@@ -329,7 +329,13 @@ class Table:
 
 
 def absolute_location(location: str | Path) -> str:
-    """Return the absolute path of a folder, which means the same to all processes; URLs of object stores stay."""
+    """Return the absolute path of a folder, which means the same to all processes; URLs of object stores stay.
+
+    Examples
+    --------
+    >>> absolute_location("/srv/lake/"), absolute_location("s3://fleet/lake/")
+    ('/srv/lake', 's3://fleet/lake')
+    """
     text = str(location)
     return text.rstrip("/") if urlsplit(text).scheme not in {"", "file"} else str(_folder(text).absolute())
 
