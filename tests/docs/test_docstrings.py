@@ -29,15 +29,21 @@ OFF = {
 #: Packages whose public functions all have an example with its result; those of sprung.fleet need a session of Spark.
 WITH_EXAMPLES = frozenset(
     {
+        "sprung",
         "sprung.calibration",
         "sprung.diagnosis",
         "sprung.documents",
+        "sprung.excitation",
+        "sprung.formats",
+        "sprung.identification",
         "sprung.lake",
         "sprung.likelihood",
         "sprung.plotting",
         "sprung.reports",
         "sprung.reproduce",
+        "sprung.simulation",
         "sprung.tables",
+        "sprung.vehicles",
     }
 )
 #: A summary that names the result, or another function with the same parameters, needs no section for them.
