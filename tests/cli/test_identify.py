@@ -201,7 +201,7 @@ def test_unknown_uncertainty_is_null(sprung, chain):
 def test_table_names_modes_notes_and_shapes(sprung, chain):
     outcome = sprung("identify", chain)
     assert outcome.err == ""
-    assert f"{chain}: 3 modes by cov from 3 channels" in outcome.out.replace("\n", "")
+    assert f"{chain}: 3 modes by Cov-SSI from 3 channels" in outcome.out.replace("\n", "")
     shapes = [line.rsplit("  ", 1)[1].strip() for line in outcome.out.splitlines() if " ± " in line]
     assert shapes == ["1+ 2+ 3+", "1+ 2+ 3-", "1- 2+ 3-"]
     assert "- band " in outcome.out
@@ -296,7 +296,7 @@ def test_files_as_set_ups_of_roving_sensors(sprung, chain, roving):
     shown = sprung(*words)
     assert shown.code == 0
     heading = shown.out.splitlines()[0]
-    assert heading == "2 files: 3 modes by cov from 3 channels at 200 Hz, 2 set-ups over references base"
+    assert heading == "2 files: 3 modes by Cov-SSI from 3 channels at 200 Hz, 2 set-ups over references base"
     assert "2 of 2" in shown.out
 
 

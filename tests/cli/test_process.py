@@ -95,7 +95,7 @@ def test_closed_and_narrow_streams(chain):
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     ascii_only = subprocess.run([*RUN, "identify", str(chain)], env=environment, capture_output=True, check=False)
     assert (ascii_only.returncode, ascii_only.stderr) == (0, b"")
-    assert b"3 modes by cov" in ascii_only.stdout
+    assert b"3 modes by Cov-SSI" in ascii_only.stdout
 
 
 @pytest.mark.slow

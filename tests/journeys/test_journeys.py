@@ -150,6 +150,7 @@ def test_pages_work_without_scripts(serve, visit) -> None:
 
 def tab_to(page, tag: str, name: str) -> None:
     """Press Tab until an element has the focus, which is visible all the way."""
+    page.wait_for_load_state()  # styles apply from then on
     for _ in range(80):
         page.keyboard.press("Tab")
         assert page.evaluate(

@@ -2,6 +2,7 @@
 
 from sprung.identification.ladders import BlockRowLadder, OrderLadder
 from sprung.identification.methods import (
+    METHOD_NAMES,
     METHODS,
     SUBSPACE_METHODS,
     RunningSummary,
@@ -22,6 +23,7 @@ from sprung.identification.trends import LevelTrends
 
 __all__ = [
     "METHODS",
+    "METHOD_NAMES",
     "SUBSPACE_METHODS",
     "BlockRowLadder",
     "CorrelationSummary",

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -286,6 +287,10 @@ def _modes_of_spectra(records: CorrelatedRecords, settings: IdentificationSettin
 #: Methods of the thesis by their names in results and on the command line, and all methods.
 SUBSPACE_METHODS = {"cov": cov_ssi, "acs": acs_ssi, "coss": coss_ssi}
 METHODS = {**SUBSPACE_METHODS, "plscf": poly_lscf, "fdd": enhanced_fdd}
+#: What people call them.
+METHOD_NAMES = MappingProxyType(
+    {"cov": "Cov-SSI", "acs": "ACS-Cov-SSI", "coss": "CoSS-SSI", "plscf": "pLSCF", "fdd": "Enhanced FDD"}
+)
 
 
 def summarise(

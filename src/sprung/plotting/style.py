@@ -3,7 +3,6 @@
 import math
 import textwrap
 from io import BytesIO
-from types import MappingProxyType
 from typing import TypeVar
 
 import numpy as np
@@ -15,7 +14,7 @@ from scipy.optimize import isotonic_regression
 
 from sprung._arrays import Real
 from sprung._display import listed
-from sprung.identification import Identification
+from sprung.identification import METHOD_NAMES, Identification
 from sprung.modal import Modes
 
 #: Colours of the modes by rising frequency, the same in all figures (after Okabe and Ito: distinguishable for
@@ -24,9 +23,6 @@ MODE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#C0609A", "#3FA0DC", "#7F4909"
 #: Colours of harmonics, of text and frames, of curves in the background, and of secondary elements.
 HARMONIC_COLOUR, INK, BACKGROUND_CURVE, FAINT = "#C08A00", "#222222", "#9FB4C7", "#8C8C8C"
 SMALL, NORMAL, LARGE = 8.0, 9.5, 12.0
-METHOD_NAMES = MappingProxyType(
-    {"cov": "Cov-SSI", "acs": "ACS-Cov-SSI", "coss": "CoSS-SSI", "plscf": "pLSCF", "fdd": "Enhanced FDD"}
-)
 NO_MODE = "No mode was identified."
 #: Half width of a 95 % interval in standard deviations.
 HALF_WIDTH_95 = 1.96

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sprung._arrays import Real
-from sprung.identification import SUBSPACE_METHODS, Identification, IdentificationSettings
+from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, Identification, IdentificationSettings
 from sprung.modal import Modes
 from sprung.plotting import (
     Spread,
@@ -33,7 +33,6 @@ RATE, DURATION, N_RECORDS = 500.0, 60.0, 20
 RATIOS = (10.0, 0.5)
 #: Bands of the noise [Hz]; the thesis states only "band-pass white noise".
 BANDS: dict[str, tuple[float, float] | None] = {"white": None, "0.5 to 50 Hz": (0.5, 50.0)}
-NAMES = {"cov": "Cov-SSI", "acs": "ACS-Cov-SSI", "coss": "CoSS-SSI"}
 #: Frequencies [Hz] and damping [%] of tables 4-2 and 4-3 by method and SNR, NaN where the thesis found none.
 NONE = (np.nan, np.nan, np.nan)
 PUBLISHED = {
@@ -167,10 +166,10 @@ def _diagrams(identifications: dict[tuple[str, float], Identification]) -> tuple
     for figure, method in (("4-7", "cov"), ("4-8", "acs"), ("4-9", "coss")):
         for letter, snr in zip("ab", RATIOS, strict=True):
             source = f"SNR {snr:g}"
-            caption = f"Figure {figure}({letter}): stabilisation diagram of {NAMES[method]} at SNR {snr:g}."
+            caption = f"Figure {figure}({letter}): stabilisation diagram of {METHOD_NAMES[method]} at SNR {snr:g}."
             blocks.append(picture(stabilisation_figure(identifications[method, snr], source=source), caption))
     for figure, method, snr in (("4-10(a)", "cov", 10.0), ("4-10(b)", "acs", 10.0), ("4-11", "coss", 0.5)):
-        caption = f"Figure {figure}: rate of stable points of {NAMES[method]} at SNR {snr:g}; dashed: threshold."
+        caption = f"Figure {figure}: rate of stable points of {METHOD_NAMES[method]} at SNR {snr:g}; dashed: threshold."
         blocks.append(picture(stable_rates_figure(identifications[method, snr], source=f"SNR {snr:g}"), caption))
     return tuple(blocks)
 
@@ -198,7 +197,7 @@ def _tables(identifications: dict[tuple[str, float], Identification], runs: Real
                         of_runs(values[:, 1]),
                     )
                 )
-        title = f"Table {table}: modes found by {NAMES[method]}"
+        title = f"Table {table}: modes found by {METHOD_NAMES[method]}"
         blocks.append(numbers_table(title, (*columns, *spreads), tuple(rows), "–: not found."))
     lines = []
     for snr in RATIOS:
@@ -234,8 +233,8 @@ def _shapes(identifications: dict[tuple[str, float], Identification], truth: Mod
             for s, subset in enumerate(identifications[method, snr].subsets):
                 name = f"SNR {snr:g}" + (f", S{s + 1}" if method == "coss" else "")
                 parts.append((name, subset.modes))
-        title = f"MAC of theory (rows) and {NAMES[method]} (columns)"
-        caption = f"Figure {figure}: MAC between theoretical and identified mode shapes, {NAMES[method]}."
+        title = f"MAC of theory (rows) and {METHOD_NAMES[method]} (columns)"
+        caption = f"Figure {figure}: MAC between theoretical and identified mode shapes, {METHOD_NAMES[method]}."
         blocks.append(picture(reference_mac_figure(parts, truth, title=title), caption))
     return tuple(blocks)
 
@@ -245,7 +244,7 @@ def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
     blocks: list[Block] = []
     for i, snr in enumerate(RATIOS):
         settings_shown = ("thesis", "default") if snr < 1 else ("thesis",)
-        rows = tuple(f"{NAMES[m]}, {how}" for how in settings_shown for m in SUBSPACE_METHODS)
+        rows = tuple(f"{METHOD_NAMES[m]}, {how}" for how in settings_shown for m in SUBSPACE_METHODS)
         n_shown = len(settings_shown)
         for j, band in enumerate(BANDS):
             spreads = []

@@ -8,7 +8,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.excitation import RollerRig, random_speed
-from sprung.identification import SUBSPACE_METHODS, Identification, IdentificationSettings
+from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, Identification, IdentificationSettings
 from sprung.modal import Modes
 from sprung.plotting import (
     Spread,
@@ -45,7 +45,6 @@ FIGURES = {"normal": "7-15", "front left +50 %": "7-16", "rear left -75 %": "7-1
 PUBLISHED_THEORY = ((19.15, 20.1, 25.4), (6.99, 7.34, 9.27))
 #: Frequencies [Hz] in the normal condition; of CoSS the text names the modes but not their frequencies.
 PUBLISHED = {"cov": (19.97, 21.12, np.nan), "acs": (np.nan, 20.55, 25.59)}
-NAMES = {"cov": "Cov-SSI", "acs": "ACS-Cov-SSI", "coss": "CoSS-SSI"}
 
 
 class Example(NamedTuple):
@@ -175,7 +174,7 @@ def _single(identifications: dict[str, Identification], truth: Modes) -> tuple[B
     """Figures 7-10 to 7-13."""
     blocks: list[Block] = []
     for method, first, second in (("cov", "7-10", "7-11"), ("acs", "7-12", "7-13")):
-        identification, name = identifications[method], NAMES[method]
+        identification, name = identifications[method], METHOD_NAMES[method]
         blocks += [
             picture(stabilisation_figure(identification), f"Figure {first}(a): stabilisation diagram of {name}."),
             picture(stable_rates_figure(identification), f"Figure {first}(b): rate of stable points of {name}."),
@@ -230,7 +229,7 @@ def _tables(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
                 values = runs[:, row, column]
                 rows.append(
                     (
-                        f"{NAMES[method]}, {label}",
+                        f"{METHOD_NAMES[method]}, {label}",
                         number(published[k]),
                         number(truths[condition].natural_frequency[k]),
                         of_runs(values[:, 0, k]),

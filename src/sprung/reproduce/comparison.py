@@ -6,7 +6,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.excitation import RandomInputs
-from sprung.identification import SUBSPACE_METHODS, IdentificationSettings
+from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, IdentificationSettings
 from sprung.modal import Modes
 from sprung.plotting import Spread, runs_figure
 from sprung.recording import Recording
@@ -33,7 +33,6 @@ CASES = {
 }
 #: Cases with one truth at all levels.
 LINEAR = ("white", "in-band", "level")
-NAMES = {"cov": "Cov-SSI", "acs": "ACS-Cov-SSI", "coss": "CoSS-SSI"}
 HOW = ("thesis", "default")
 
 
@@ -123,7 +122,7 @@ def _case(runs: Real, truth: Modes, is_nonlinear: bool) -> tuple[Block, ...]:
     for j, how in enumerate(HOW):
         for k, name in enumerate(SUBSPACE_METHODS):
             values = runs[:, j, k]
-            cells = [f"{NAMES[name]}, {how}"]
+            cells = [f"{METHOD_NAMES[name]}, {how}"]
             for m in range(len(truth)):
                 frequency = values[:, 0, m] / truth.natural_frequency[m] - 1
                 damping = values[:, 1, m] / truth.damping_ratio[m] - 1
@@ -140,7 +139,7 @@ def _case(runs: Real, truth: Modes, is_nonlinear: bool) -> tuple[Block, ...]:
         "Against the linear chain without rubber: the bias includes the effect of the rubber." if is_nonlinear else ""
     )
     table = numbers_table(f"{len(runs)} sets", (*columns, "other modes per set"), tuple(rows), remark)
-    names = tuple(f"{NAMES[name]}, {how}" for how in HOW for name in SUBSPACE_METHODS)
+    names = tuple(f"{METHOD_NAMES[name]}, {how}" for how in HOW for name in SUBSPACE_METHODS)
     spreads = [
         Spread(
             f"Mode {m + 1}: frequency [Hz]",
@@ -225,7 +224,7 @@ def _verdict(runs: Real, truth: Modes) -> str:
                         neither += 1
     shares = {
         case: ", ".join(
-            f"{NAMES[name]} {100 * np.mean([share(runs[:, i, 0, k, 0, m]) for m in range(3)]):.0f} %"
+            f"{METHOD_NAMES[name]} {100 * np.mean([share(runs[:, i, 0, k, 0, m]) for m in range(3)]):.0f} %"
             for k, name in enumerate(SUBSPACE_METHODS)
         )
         for i, case in enumerate(CASES)

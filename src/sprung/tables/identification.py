@@ -8,7 +8,7 @@ import numpy as np
 
 from sprung._arrays import Complex
 from sprung._display import counted
-from sprung.identification import Identification, LevelTrends, RovingSetups, SubsetModes
+from sprung.identification import METHOD_NAMES, Identification, LevelTrends, RovingSetups, SubsetModes
 from sprung.modal import Modes, PoleStatus
 from sprung.signals.harmonics import Harmonic
 from sprung.tables.table import Table, in_words, with_deviation
@@ -73,10 +73,11 @@ def identification_in_words(identification: Identification) -> str:
     >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
     >>> identification = cov_ssi(run)
     >>> identification_in_words(identification)
-    '3 modes by cov from 3 channels at 200 Hz'
+    '3 modes by Cov-SSI from 3 channels at 200 Hz'
     """
     modes, channels = counted(len(identification.modes), "mode"), counted(len(identification.channels), "channel")
-    words = f"{modes} by {identification.method} from {channels} at {identification.sampling_rate:.5g} Hz"
+    method = METHOD_NAMES.get(identification.method, identification.method)
+    words = f"{modes} by {method} from {channels} at {identification.sampling_rate:.5g} Hz"
     if identification.setups is None:
         return words
     names = _listed(identification.setups.references, ", ")
