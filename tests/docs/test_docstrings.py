@@ -38,6 +38,7 @@ WITH_EXAMPLES = frozenset(
         "sprung.identification",
         "sprung.lake",
         "sprung.likelihood",
+        "sprung.link",
         "sprung.plotting",
         "sprung.reports",
         "sprung.reproduce",
