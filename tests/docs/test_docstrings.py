@@ -30,6 +30,7 @@ OFF = {
 WITH_EXAMPLES = frozenset(
     {
         "sprung",
+        "sprung.alerting",
         "sprung.calibration",
         "sprung.diagnosis",
         "sprung.documents",
