@@ -31,6 +31,7 @@ WITH_EXAMPLES = frozenset(
     {
         "sprung",
         "sprung.alerting",
+        "sprung.box",
         "sprung.calibration",
         "sprung.diagnosis",
         "sprung.documents",
