@@ -44,7 +44,9 @@ WITH_EXAMPLES = frozenset(
         "sprung.plotting",
         "sprung.reports",
         "sprung.reproduce",
+        "sprung.service",
         "sprung.simulation",
+        "sprung.storage",
         "sprung.tables",
         "sprung.vehicles",
     }
