@@ -26,7 +26,8 @@ OFF = {
     "RT03": "the name of a type may say what is returned",
     "RT04": "as PR08",
 }
-#: Packages whose public functions all have an example with its result; those of sprung.fleet need a session of Spark.
+#: Packages whose public functions all have an example with its result; lines that need a session of Spark, a broker or
+#: a process of their own are shown and not run.
 WITH_EXAMPLES = frozenset(
     {
         "sprung",
@@ -37,6 +38,7 @@ WITH_EXAMPLES = frozenset(
         "sprung.diagnosis",
         "sprung.documents",
         "sprung.excitation",
+        "sprung.fleet",
         "sprung.formats",
         "sprung.identification",
         "sprung.lake",
