@@ -26,22 +26,31 @@ OFF = {
     "RT03": "the name of a type may say what is returned",
     "RT04": "as PR08",
 }
-#: Packages whose public functions all have an example with its result; those of sprung.fleet need a session of Spark.
+#: Packages whose public functions all have an example with its result; lines that need a session of Spark, a broker or
+#: a process of their own are shown and not run.
 WITH_EXAMPLES = frozenset(
     {
         "sprung",
+        "sprung.alerting",
+        "sprung.box",
         "sprung.calibration",
+        "sprung.demo",
         "sprung.diagnosis",
         "sprung.documents",
         "sprung.excitation",
+        "sprung.fleet",
         "sprung.formats",
         "sprung.identification",
         "sprung.lake",
         "sprung.likelihood",
+        "sprung.link",
+        "sprung.monitor",
         "sprung.plotting",
         "sprung.reports",
         "sprung.reproduce",
+        "sprung.service",
         "sprung.simulation",
+        "sprung.storage",
         "sprung.tables",
         "sprung.vehicles",
     }

@@ -179,6 +179,13 @@ def state_name(alert: Alert) -> str:
     str
         "shelved", "unacknowledged", "acknowledged", "returned to normal, unacknowledged" or "normal"; "shelved" takes
         precedence.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report, acknowledged, reported
+    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=0).alert
+    >>> state_name(alert), state_name(acknowledged(alert, "Ada", now=60).alert)
+    ('unacknowledged', 'acknowledged')
     """
     if alert.is_shelved:
         return "shelved"
@@ -188,12 +195,24 @@ def state_name(alert: Alert) -> str:
 
 
 def severity_step(severity: int) -> int:
-    """Return the step of a severity in `STEPS`: 0 for 1 to 200, 4 for 801 to 1000."""
+    """Return the step of a severity in `STEPS`: 0 for 1 to 200, 4 for 801 to 1000.
+
+    Examples
+    --------
+    >>> STEPS[severity_step(700)], severity_step(1), severity_step(1000)
+    ('high', 0, 4)
+    """
     return (severity - 1) // 200
 
 
 def is_of_suspension(cause: str) -> bool:
-    """Return whether a cause is a change of the suspension, rather than of a sensor ("sensor:acc_fl") or monitoring."""
+    """Return whether a cause is a change of the suspension, rather than of a sensor ("sensor:acc_fl") or monitoring.
+
+    Examples
+    --------
+    >>> [is_of_suspension(cause) for cause in ("front_left.spring", "sensor:acc_fl", "silent")]
+    [True, False, False]
+    """
     return ":" not in cause and cause not in WATCHING
 
 

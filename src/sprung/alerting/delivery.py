@@ -78,6 +78,17 @@ def deliver(message: Message, senders: Iterable[Sender]) -> dict[str, str]:
     -------
     dict
         Reason for each sender that failed, one sentence by name of the sender; empty if all succeeded.
+
+    Examples
+    --------
+    >>> from sprung.alerting import PublishSender, trial_message
+    >>> topics = []
+    >>> working = PublishSender(lambda topic, payload: topics.append(topic))
+    >>> offline = PublishSender(lambda topic, payload: False, name="offline")
+    >>> deliver(trial_message(0), [offline, working])
+    {'offline': 'alert of monitor was not published (no connection): check the broker'}
+    >>> topics
+    ['sprung/v1/monitor/alert']
     """
     failed = {}
     for sender in senders:

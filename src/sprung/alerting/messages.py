@@ -56,6 +56,14 @@ def message_of(alert: Alert, transition: Transition) -> Message:
         Alert after the event, as in `transition.alert`.
     transition
         The event.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report, reported
+    >>> report = Report("bus-17", "front_left.spring", 700, "front-left spring 20 % softer")
+    >>> event = reported(None, report, AlertSettings(), now=0)
+    >>> message_of(event.alert, event).subject
+    'bus-17: front_left.spring raised (high)'
     """
     step = STEPS[severity_step(alert.severity)]
     words = _WORDS.get(transition.what, transition.what)
@@ -101,6 +109,16 @@ def addressed(message: Message, *, number: int, key: str = "", link: str = "", p
         Address of the alert; empty: none.
     picture
         Figure of the alert as PNG; empty: none.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report, reported
+    >>> event = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=0)
+    >>> message = addressed(message_of(event.alert, event), number=8)
+    >>> message.subject
+    'bus-17: front_left.spring raised (high), alert 8'
+    >>> message.text.splitlines()[-1]
+    'Alert: 8 (acknowledge with: sprung alerts ack 8)'
     """
     lines = [message.text, f"Alert: {number} (acknowledge with: sprung alerts ack {number})"]
     return replace(
@@ -114,7 +132,14 @@ def addressed(message: Message, *, number: int, key: str = "", link: str = "", p
 
 
 def trial_message(time: int) -> Message:
-    """Return a notification to test senders, with its time (UTC ns); it belongs to no alert."""
+    """Return a notification to test senders, with its time (UTC ns); it belongs to no alert.
+
+    Examples
+    --------
+    >>> message = trial_message(0)
+    >>> message.subject, message.document["time"]
+    ('Sprung: test message, no alert', '1970-01-01T00:00:00Z')
+    """
     subject = "Sprung: test message, no alert"
     text = "This message tests the delivery of alerts. No alert was raised; there is nothing to do."
     document = {"schema": "sprung.alert/1", "time": _written(time), "what": "test", "subject": subject, "text": text}

@@ -29,6 +29,14 @@ def acknowledged(alert: Alert, who: str, now: int, comment: str = "") -> Transit
     ------
     ParameterError
         If it is acknowledged already, or was never active.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report, reported
+    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=0).alert
+    >>> event = acknowledged(alert, "Ada", now=60, comment="ordered a spring")
+    >>> event.what, event.who, event.comment, event.alert.is_acknowledged
+    ('acknowledged', 'Ada', 'ordered a spring', True)
     """
     _check_who(alert, who, "acknowledge")
     if not alert.count:
@@ -50,6 +58,14 @@ def shelved(alert: Alert, who: str, until: int, now: int, comment: str = "") -> 
     ------
     ParameterError
         If `until` is not after `now`.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report, reported
+    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=0).alert
+    >>> event = shelved(alert, "Ada", until=3600 * 10**9, now=60)
+    >>> event.what, event.alert.is_shelved, event.alert.shelved_until
+    ('shelved', True, 3600000000000)
     """
     _check_who(alert, who, "shelve")
     if until <= now:
@@ -71,6 +87,15 @@ def unshelved(alert: Alert, who: str, now: int, comment: str = "") -> Transition
     ------
     ParameterError
         If it is not shelved.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report, reported
+    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=0).alert
+    >>> alert = shelved(alert, "Ada", until=3600 * 10**9, now=60).alert
+    >>> event = unshelved(alert, "Ada", now=120)
+    >>> event.what, event.alert.is_shelved, event.is_notified
+    ('unshelved', False, True)
     """
     _check_who(alert, who, "unshelve")
     if not alert.is_shelved:
@@ -85,6 +110,14 @@ def shelf_ended(alert: Alert, now: int) -> Transition:
     -------
     Transition
         "unshelved", or "none" if it is not shelved or its time has not come.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report, reported
+    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=0).alert
+    >>> alert = shelved(alert, "Ada", until=3600, now=60).alert
+    >>> shelf_ended(alert, now=3599).what, shelf_ended(alert, now=3600).what
+    ('none', 'unshelved')
     """
     if alert.shelved_until is None or now < alert.shelved_until:
         return Transition(alert, "none")
@@ -103,6 +136,14 @@ def assigned(alert: Alert, who: str, assignee: str | None, now: int, comment: st
     ------
     ParameterError
         If the alert already has that assignee, or the name is empty.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report, reported
+    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=0).alert
+    >>> event = assigned(alert, "Ada", "Grace", now=60)
+    >>> event.what, event.alert.assignee
+    ('assigned', 'Grace')
     """
     _check_who(alert, who, "assign")
     if assignee is not None and not assignee.strip():
@@ -124,6 +165,14 @@ def commented(alert: Alert, who: str, now: int, comment: str) -> Transition:
     ------
     ParameterError
         If the comment is empty.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report, reported
+    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=0).alert
+    >>> event = commented(alert, "Ada", now=60, comment="spring measured: 18 % softer")
+    >>> event.what, event.who, event.comment
+    ('commented', 'Ada', 'spring measured: 18 % softer')
     """
     _check_who(alert, who, "comment on")
     if not comment.strip():
@@ -143,6 +192,14 @@ def closed(alert: Alert, who: str, now: int, comment: str = "") -> Transition:
     ------
     ParameterError
         If it is not active.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report, reported
+    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=0).alert
+    >>> event = closed(alert, "Ada", now=60, comment="new spring")
+    >>> event.what, event.alert.is_active, event.alert.is_acknowledged
+    ('cleared', False, True)
     """
     _check_who(alert, who, "close")
     if not alert.is_active:

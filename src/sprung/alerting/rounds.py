@@ -37,6 +37,15 @@ def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: 
     A recurrence raises the same alert again, counted and unacknowledged. An active alert is notified again if its
     severity rises a step above the worst so far, which also withdraws the acknowledgement; or as a reminder, if nobody
     acknowledged it for `renotify_after`. A shelved one changes in the same way without notifications.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report
+    >>> report = Report("bus-17", "front_left.spring", 700, "front-left spring 20 % softer")
+    >>> held = reported(None, report, AlertSettings(raise_after=2), now=0)
+    >>> risen = reported(held.alert, report, AlertSettings(raise_after=2), now=600)
+    >>> held.what, risen.what, risen.is_notified
+    ('pending', 'raised', True)
     """
     if alert is None:
         alert = _unheard(report, now)
@@ -74,6 +83,15 @@ def absent(alert: Alert, settings: AlertSettings, now: int) -> Transition:
     Transition
         "pending" while the alert is about to clear or a hold-off ends without an alert, "cleared" after `clear_after`
         consecutive windows, "none" if there was nothing to clear.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report
+    >>> settings = AlertSettings(clear_after=2)
+    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), settings, now=0).alert
+    >>> first = absent(alert, settings, now=600)
+    >>> first.what, absent(first.alert, settings, now=1200).what
+    ('pending', 'cleared')
     """
     if not alert.is_active:
         if not alert.streak:
@@ -121,6 +139,17 @@ def assess(
     ------
     ParameterError
         If the alerts and reports are of more than one vehicle.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report
+    >>> settings = AlertSettings(clear_after=1)
+    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), settings, now=0).alert
+    >>> dead = Report("bus-17", "sensor:acc_fl", 600, "acc_fl is dead")
+    >>> round_of = {"looked_for": lambda cause: True, "is_inhibited": False, "settings": settings, "now": 600}
+    >>> transitions = assess({alert.cause: alert}, [dead], **round_of)
+    >>> [(transition.alert.cause, transition.what) for transition in transitions]
+    [('sensor:acc_fl', 'raised'), ('front_left.spring', 'cleared')]
     """
     by_cause: dict[str, Report] = {}
     for report in reports:

@@ -48,6 +48,19 @@ def from_can(
         If a signal is not in the database, or in several messages.
     FormatError
         If the bus or the log can no longer be read.
+
+    Examples
+    --------
+    >>> import can
+    >>> import cantools
+    >>> text = 'BU_: BOX  BO_ 256 ACC: 2 BOX  SG_ acc_fl : 0|16@1- (0.01,0) [0|0] "m/s^2" BOX'
+    >>> database = cantools.database.load_string(text)
+    >>> times = [1_700_000_000 + k / 100 for k in range(200)]
+    >>> sent = {"arbitration_id": 256, "is_extended_id": False, "data": [50, 0]}
+    >>> messages = [can.Message(timestamp=time, **sent) for time in times]
+    >>> blocks = list(from_can(messages, database, names=["acc_fl"], sampling_rate=100.0))
+    >>> [(block.n_samples, block.channels[0].unit, float(block.samples[0, 0])) for block in blocks]
+    [(100, 'm/s^2', 0.5), (100, 'm/s^2', 0.5)]
     """
     wanted = _wanted(database, names)
     channels = [signal.channel for name in names for signals in wanted.values() for signal in signals.by_name(name)]
@@ -62,6 +75,15 @@ def can_bus(interface: str, channel: str, *, bitrate: int | None = None) -> Any:
     ------
     ParameterError
         If the bus cannot be opened.
+
+    Examples
+    --------
+    >>> import can
+    >>> with can_bus("virtual", "depot") as receiver, can.Bus("depot", interface="virtual") as sender:
+    ...     sender.send(can.Message(arbitration_id=256, data=[1, 2]))
+    ...     message = receiver.recv(timeout=1.0)
+    >>> message.arbitration_id, message.data.hex()
+    (256, '0102')
     """
     can = required("can", purpose="a CAN bus", extra="can")
     settings = {} if bitrate is None else {"bitrate": bitrate}

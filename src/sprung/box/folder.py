@@ -23,7 +23,7 @@ def from_folder(
     known: Sequence[str] = (),
     settings: ReadSettings | None = None,
 ) -> Iterator[Recording]:
-    """Return the blocks of files that appear in a folder, by name.
+    r"""Return the blocks of files that appear in a folder, by name.
 
     Parameters
     ----------
@@ -48,6 +48,19 @@ def from_folder(
     ------
     ParameterError
         If the folder does not exist.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> read = []
+    >>> with TemporaryDirectory() as name:
+    ...     folder = Path(name)
+    ...     _ = (folder / "run.csv").write_text("t,acc_fl" + "".join(f"\n{k / 100},0.5" for k in range(300)))
+    ...     waits = {"is_done": lambda: bool(read), "sleep": lambda seconds: None}
+    ...     blocks = list(from_folder(folder, start=lambda: 0, done=lambda *file: read.append(file), **waits))
+    >>> sum(block.n_samples for block in blocks), read
+    (300, [('run.csv', '')])
     """
     if not folder.is_dir():
         raise ParameterError(f"{folder} is not a folder: give the one in which files appear")

@@ -59,6 +59,17 @@ def from_mqtt(
         If address, topics or names cannot be used.
     LinkError
         If the broker cannot be reached within 10 s; after a later loss the connection is awaited.
+
+    Examples
+    --------
+    >>> channel = {"names": ["acc_fl"], "sampling_rate": 400.0}
+    >>> blocks = from_mqtt("mqtt://depot:1883", ["sensors/+"], **channel)
+    >>> next(blocks).n_samples  # doctest: +SKIP
+    400
+    >>> from_mqtt("mqtt://depot:1883", "sensors/+", **channel)
+    Traceback (most recent call last):
+        ...
+    sprung.errors.ParameterError: topics='sensors/+' must be a list of one or more topics: name those of the sensors
     """
     broker = Address.parse(address) if isinstance(address, str) else address
     if isinstance(topics, str) or not topics:

@@ -77,7 +77,7 @@ class Listener:
 
 
 def open_source(text: str, settings: SourceSettings, listener: Listener) -> Iterator[Recording]:
-    """Return the blocks of a source; sources that can be replayed continue where they stopped.
+    r"""Return the blocks of a source; sources that can be replayed continue where they stopped.
 
     Parameters
     ----------
@@ -92,6 +92,20 @@ def open_source(text: str, settings: SourceSettings, listener: Listener) -> Iter
     ------
     ParameterError
         If the source is unknown, or something that it needs is missing.
+
+    Examples
+    --------
+    >>> import threading
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from sprung.vehicles import read_vehicle
+    >>> with TemporaryDirectory() as name:
+    ...     folder = Path(name)
+    ...     _ = (folder / "run.csv").write_text("t,acc_fl" + "".join(f"\n{k / 100},0.5" for k in range(300)))
+    ...     settings = SourceSettings(read_vehicle("zafira"), folder, files=[folder / "run.csv"])
+    ...     blocks = list(open_source("files", settings, Listener(threading.Event())))
+    >>> sum(block.n_samples for block in blocks), blocks[0].names
+    (300, ('acc_fl',))
     """
     kind, _, rest = text.partition(":")
     if kind not in _OPENERS or (rest and kind in {"stdin", "simulator"}):

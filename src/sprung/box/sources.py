@@ -29,6 +29,14 @@ def blocks_of(recording: Recording, *, length: float = BLOCK) -> Iterator[Record
     ------
     ParameterError
         If the length is not above 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> recording = Recording(np.zeros((1, 1000)), 100.0, (Channel("acc_fl", "acceleration"),), start=0)
+    >>> [(block.start, block.n_samples) for block in blocks_of(recording, length=3.0)]
+    [(0, 300), (3000000000, 300), (6000000000, 400)]
     """
     step = max(1, round(check_number("length", length, above=0) * recording.sampling_rate))
     for stretch in recording.stretches():
@@ -45,7 +53,7 @@ def from_files(
     start: int,
     settings: ReadSettings | None = None,
 ) -> Iterator[Recording]:
-    """Yield the blocks of files; joined, they are the recordings that `sprung.formats.read` returns.
+    r"""Yield the blocks of files; joined, they are the recordings that `sprung.formats.read` returns.
 
     Parameters
     ----------
@@ -60,6 +68,18 @@ def from_files(
     ------
     SprungError
         As raised by `sprung.formats.read`, before the first block of the file.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from sprung.formats import ReadSettings
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "run.csv")
+    ...     _ = path.write_text("acc_fl [g]" + 300 * "\n0.5")
+    ...     blocks = list(from_files([path], start=0, settings=ReadSettings(sampling_rate=100.0)))
+    >>> [(block.start, block.n_samples, float(block.samples[0, 0])) for block in blocks]
+    [(0, 100, 4.903325), (1000000000, 100, 4.903325), (2000000000, 100, 4.903325)]
     """
     for path in paths:
         start = yield from blocks_of_file(path, start=start, settings=settings)
@@ -101,6 +121,15 @@ def from_simulator(
         Time of the first sample, UTC ns.
     seed
         Seed of the drive.
+
+    Examples
+    --------
+    >>> from itertools import islice
+    >>> from sprung.simulation import RoadDrive
+    >>> from sprung.vehicles import read_vehicle
+    >>> blocks = from_simulator(read_vehicle("zafira"), lambda number: RoadDrive(duration=20.0), start=0)
+    >>> [(block.start, block.n_samples) for block in islice(blocks, 2)]
+    [(0, 200), (1000000000, 200)]
     """
     from sprung.simulation import simulate_drive
 
@@ -116,6 +145,15 @@ def after(blocks: Iterable[Recording], when: int | None) -> Iterator[Recording]:
     """Yield the blocks after a time (UTC ns), at which a stopped box continues; None: all blocks.
 
     Once the time has been reached all blocks are yielded, even if the clock of the source then goes back.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> recording = Recording(np.zeros((1, 1000)), 100.0, (Channel("acc_fl", "acceleration"),), start=0)
+    >>> blocks = after(blocks_of(recording, length=5.0), when=3_000_000_000)
+    >>> [(block.start, block.n_samples) for block in blocks]
+    [(3000000000, 200), (5000000000, 500)]
     """
     for block in blocks:
         first = 0
@@ -150,6 +188,16 @@ def paced(
     ------
     ParameterError
         If the pace is not above 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> recording = Recording(np.zeros((1, 1000)), 100.0, (Channel("acc_fl", "acceleration"),), start=0)
+    >>> waits = []
+    >>> blocks = paced(blocks_of(recording, length=5.0), 2.0, clock=lambda: sum(waits), sleep=waits.append)
+    >>> [(block.n_samples, sum(waits)) for block in blocks]
+    [(500, 2.5), (500, 5.0)]
     """
     if pace is None:
         return iter(blocks)

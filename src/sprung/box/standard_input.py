@@ -32,7 +32,7 @@ class LineStream(Protocol):
 
 
 def from_lines(lines: LineStream, *, sampling_rate: float, start: Callable[[], int]) -> Iterator[Recording]:
-    """Return the blocks of comma-separated values as they arrive, such as from standard input.
+    r"""Return the blocks of comma-separated values as they arrive, such as from standard input.
 
     Parameters
     ----------
@@ -55,6 +55,14 @@ def from_lines(lines: LineStream, *, sampling_rate: float, start: Callable[[], i
     -----
     The first line of values has its time of arrival; the times of later lines follow from their number. After a pause
     of more than 2 s, or if the clock was set back meanwhile, a new block begins at the arrival of the next line.
+
+    Examples
+    --------
+    >>> from io import StringIO
+    >>> lines = StringIO("acc_fl [g]" + 200 * "\n0.5")
+    >>> blocks = list(from_lines(lines, sampling_rate=100.0, start=lambda: 0))
+    >>> [(block.start, block.n_samples, float(block.samples[0, 0])) for block in blocks]
+    [(0, 100, 4.903325), (1000000000, 100, 4.903325)]
     """
     check_number("sampling_rate", sampling_rate, above=0)
     return _blocks(lines, sampling_rate, start)

@@ -86,6 +86,17 @@ def drive_fleet(address: Address, car: Vehicle, members: Sequence[Member], *, fo
         Folder of the spools.
     pace
         Speed of the drives, as a multiple of real time.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from sprung.link import Address
+    >>> from sprung.vehicles import parse_fault, read_vehicle
+    >>> members = [Member("car-1", 1), Member("car-2", 2, fault="front_left.spring=-0.25")]
+    >>> parse_fault(members[1].fault).change
+    -0.25
+    >>> address = Address.parse("mqtt://127.0.0.1:1883")
+    >>> drive_fleet(address, read_vehicle("zafira"), members, folder=Path("boxes"), pace=100.0)  # doctest: +SKIP
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to this process, too: its parent ends it
     begun = time.time_ns() - _AGO

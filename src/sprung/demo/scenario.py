@@ -132,6 +132,13 @@ def open_demo(*, pace: float) -> Iterator[Demonstration]:
     ----------
     pace
         Speed of the drives, as a multiple of real time, until they have reached the present.
+
+    Examples
+    --------
+    >>> context = open_demo(pace=1000.0)
+    >>> with context as demonstration:  # doctest: +SKIP
+    ...     demonstration.find_faults(limit=300.0)[-1]
+    'car-1: no alert (simulated: healthy)'
     """
     with tempfile.TemporaryDirectory(prefix="sprung-demo-") as scratch:
         folder = Path(scratch)

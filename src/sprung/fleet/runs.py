@@ -152,6 +152,18 @@ def run(
     Results are a function of the windows and vehicle files alone: running again changes nothing, late windows are
     taken in, and an interrupted run is continued by the next one. Windows of other vehicle files than the present ones
     keep their rows and no longer count.
+
+    Examples
+    --------
+    >>> from sprung.fleet import Results, spark_session
+    >>> from sprung.lake import Lake
+    >>> settings = FleetSettings(steps=("baseline", "diagnose"))
+    >>> settings.of_windows
+    ('observe',)
+    >>> session = spark_session("local[2]")  # doctest: +SKIP
+    >>> outcome = run(session, Lake("lake"), "vehicles", Results("results"), settings=settings)  # doctest: +SKIP
+    >>> outcome.n_windows, outcome.n_vehicles  # doctest: +SKIP
+    ({'windows': 288}, 12)
     """
     chosen = settings or FleetSettings()
     begin = time.monotonic()
@@ -191,7 +203,18 @@ def explain(
     *,
     settings: FleetSettings | None = None,
 ) -> tuple[Plan, Cost]:
-    """Return what a run would do, and what a window costs; parameters and errors as for `run`."""
+    """Return what a run would do, and what a window costs; parameters and errors as for `run`.
+
+    Examples
+    --------
+    >>> from sprung.fleet import Results, spark_session
+    >>> from sprung.lake import Lake
+    >>> settings = FleetSettings(steps=("baseline", "diagnose"))
+    >>> session = spark_session("local[2]")  # doctest: +SKIP
+    >>> plan, cost = explain(session, Lake("lake"), "vehicles", Results("results"), settings=settings)  # doctest: +SKIP
+    >>> plan.n_windows, plan.n_new, plan.n_vehicles  # doctest: +SKIP
+    (288, {'observe': 24}, 12)
+    """
     chosen = settings or FleetSettings()
     lake.table.open()
     fleet = vehicles_of(session, vehicles).cache()

@@ -55,6 +55,15 @@ def spark_session(master: str = "local[*]", *, settings: dict[str, str] | None =
         If PySpark is not installed.
     ParameterError
         If there is no Java, or no session can be made.
+
+    Examples
+    --------
+    >>> settings = {"spark.sql.shuffle.partitions": "2"}
+    >>> session = spark_session("local[2]", settings=settings)  # doctest: +SKIP
+    >>> session.conf.get("spark.sql.session.timeZone")  # doctest: +SKIP
+    'UTC'
+    >>> session.conf.get("spark.sql.shuffle.partitions")  # doctest: +SKIP
+    '2'
     """
     pyspark = required("pyspark", purpose="archives and streams of a fleet", extra="fleet")
     sql = required("pyspark.sql", purpose="archives and streams of a fleet", extra="fleet")

@@ -36,6 +36,14 @@ def windows_of_lake(session: "SparkSession", lake: Lake) -> "DataFrame":
     -----
     Spark lists the files of the lake, also those of interrupted commits and rewritten ones; a window counts once, by
     its key.
+
+    Examples
+    --------
+    >>> from sprung.fleet import spark_session
+    >>> from sprung.lake import Lake
+    >>> windows = windows_of_lake(spark_session("local[2]"), Lake("lake"))  # doctest: +SKIP
+    >>> windows.isStreaming, windows.columns[:3]  # doctest: +SKIP
+    (True, ['vehicle', 'start', 'digest'])
     """
     lake.table.open()
     files = session.readStream.schema(spark_schema(SCHEMA)).option("pathGlobFilter", "*.parquet")
@@ -61,6 +69,13 @@ def messages_in_folder(session: "SparkSession", folder: str | Path) -> "DataFram
         Session of Spark.
     folder
         Folder, or URL of an object store; files must appear in it whole.
+
+    Examples
+    --------
+    >>> from sprung.fleet import spark_session
+    >>> messages = messages_in_folder(spark_session("local[2]"), "messages")  # doctest: +SKIP
+    >>> messages.isStreaming, messages.columns  # doctest: +SKIP
+    (True, ['key', 'value'])
     """
     files = session.readStream.schema(_MESSAGES).option("pathGlobFilter", "*.parquet")
     return files.option("maxBytesPerTrigger", _MOST_BYTES).parquet(absolute_location(folder))
@@ -82,6 +97,15 @@ def messages_in_kafka(session: "SparkSession", servers: str, topic: str) -> "Dat
     ------
     ParameterError
         If Spark has no connector for Kafka.
+
+    Examples
+    --------
+    >>> from sprung.fleet import spark_session
+    >>> settings = {"spark.jars.packages": "org.apache.spark:spark-sql-kafka-0-10_2.13:4.3.0"}
+    >>> session = spark_session("local[2]", settings=settings)  # doctest: +SKIP
+    >>> messages = messages_in_kafka(session, "kafka-1:9092,kafka-2:9092", "sprung")  # doctest: +SKIP
+    >>> messages.isStreaming, messages.columns  # doctest: +SKIP
+    (True, ['key', 'value'])
     """
     reader = session.readStream.format("kafka").option("kafka.bootstrap.servers", servers).option("subscribe", topic)
     reader = reader.option("startingOffsets", "earliest").option("maxOffsetsPerTrigger", _MOST_MESSAGES)
@@ -114,6 +138,14 @@ def windows_of_messages(messages: "DataFrame", *, duration: float = 600.0) -> "D
     -----
     The state of a vehicle has the frames of its incomplete window and those that wait for earlier ones
     (`sprung.fleet.assembly.Assembly`).
+
+    Examples
+    --------
+    >>> from sprung.fleet import STREAM_SETTINGS, spark_session
+    >>> session = spark_session("local[2]", settings=STREAM_SETTINGS)  # doctest: +SKIP
+    >>> windows = windows_of_messages(messages_in_folder(session, "messages"), duration=300.0)  # doctest: +SKIP
+    >>> windows.isStreaming, windows.columns[:3]  # doctest: +SKIP
+    (True, ['date', 'vehicle', 'start'])
     """
     from pyspark.sql.types import LongType, StringType
 

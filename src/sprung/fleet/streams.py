@@ -132,6 +132,18 @@ def stream(
     Every window counts once: windows that have results are not analysed again, and the files of a batch are committed
     under the name of the stream and the number of the batch, which a table takes once. Vehicles are assessed by their
     windows in the tables, so that a batch interrupted anywhere is completed when it is repeated.
+
+    Examples
+    --------
+    >>> from sprung.fleet import Results, spark_session, windows_of_lake
+    >>> from sprung.lake import Lake
+    >>> batches = []
+    >>> options = {"settings": StreamSettings(is_once=True), "report": batches.append}
+    >>> session = spark_session("local[2]", settings=STREAM_SETTINGS)  # doctest: +SKIP
+    >>> windows = windows_of_lake(session, Lake("lake"))  # doctest: +SKIP
+    >>> stream(session, windows, "vehicles", Results("results"), "checkpoint", **options)  # doctest: +SKIP
+    >>> [(batch.number, batch.n_windows, batch.n_vehicles) for batch in batches]  # doctest: +SKIP
+    [(0, {'identifications': 288, 'corners': 288, 'windows': 288}, 12)]
     """
     chosen = settings or StreamSettings()
     batches = _Batches(session, vehicles, results, settings=chosen.run, stopping=stopping, report=report)

@@ -66,7 +66,15 @@ class Cost:
 
 
 def summarise(session: "SparkSession", results: Results) -> Summary:
-    """Return numbers of windows and vehicles by result, and the vehicles that have changed."""
+    """Return numbers of windows and vehicles by result, and the vehicles that have changed.
+
+    Examples
+    --------
+    >>> from sprung.fleet import Results, spark_session
+    >>> summary = summarise(spark_session("local[2]"), Results("results"))  # doctest: +SKIP
+    >>> summary.verdicts, summary.n_discoveries  # doctest: +SKIP
+    ({'no_change_detected': 11, 'change': 1}, 1)
+    """
     from pyspark.sql import functions as f
 
     windows, failed = {}, {}

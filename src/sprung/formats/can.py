@@ -67,6 +67,18 @@ def can_database(path: str | PathLike[str], *, extra: str = "can") -> Any:
         If the file cannot be read, or describes no messages.
     MissingPackageError
         If cantools is not installed.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> text = 'BU_: BOX  BO_ 256 ACC: 2 BOX  SG_ acc_fl : 0|16@1- (0.01,0) [0|0] "m/s^2" BOX'
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "car.dbc")
+    ...     _ = path.write_text(text)
+    ...     database = can_database(path)
+    >>> [(message.name, [signal.name for signal in message.signals]) for message in database.messages]
+    [('ACC', ['acc_fl'])]
     """
     cantools = required("cantools", purpose="a CAN database", extra=extra)
     path = Path(path)

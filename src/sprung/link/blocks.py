@@ -85,7 +85,17 @@ class FrameBlock:
 
 
 def frame_block(frame: Frame, quantities: Mapping[str, str]) -> FrameBlock:
-    """Return a frame as a block; `quantities` of the channels as the box announced them."""
+    """Return a frame as a block; `quantities` of the channels as the box announced them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.link import Frame
+    >>> frame = Frame("bus-17", 1, 0, 10**18, 2_500_000, ("acc_fl",), np.array([0.01]), np.array([[0, 50, -100]]))
+    >>> block = frame_block(frame, {"acc_fl": "acceleration"})
+    >>> block.channels[0].unit, block.sampling_rate, block.samples.tolist()
+    ('m/s^2', 400.0, [[0.0, 0.5, -1.0]])
+    """
     return FrameBlock(
         frame, _channels(frame.channels, tuple(quantities.get(name, "unknown") for name in frame.channels))
     )
@@ -98,7 +108,18 @@ def _channels(names: tuple[str, ...], quantities: tuple[str, ...]) -> tuple[Chan
 
 
 def joined(blocks: Sequence[Block]) -> Recording:
-    """Return blocks of the same channels and rate as one recording, with gaps where time is missing."""
+    """Return blocks of the same channels and rate as one recording, with gaps where time is missing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> channels = (Channel("acc_fl", "acceleration"),)
+    >>> blocks = [Recording(np.ones((1, 100)), 100.0, channels, start=second * 10**9) for second in (0, 1, 5)]
+    >>> recording = joined(blocks)
+    >>> recording.n_samples, recording.gaps
+    (300, (Gap(index=200, duration=3.0),))
+    """
     first = blocks[0]
     gaps, place, end = [], 0, first.start
     for block in blocks:

@@ -15,7 +15,7 @@ _FOOT = "-----END CERTIFICATE-----"
 
 
 def common_name(path: str | Path) -> str:
-    """Return the common name of the holder of a certificate, which is the user name at a broker as shipped.
+    r"""Return the common name of the holder of a certificate, which is the user name at a broker as shipped.
 
     Parameters
     ----------
@@ -26,6 +26,24 @@ def common_name(path: str | Path) -> str:
     -------
     str
         The name; empty if the file holds no certificate that can be read, or one without such a name.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> lines = (
+    ...     "-----BEGIN CERTIFICATE-----",
+    ...     "MIHIMHwCAQEwBQYDK2VwMBExDzANBgNVBAMMBmJ1cy0xNzAeFw0yNjExMjMwMjQxMDRaFw0zNjExMjAwMjQxMDRa",
+    ...     "MBExDzANBgNVBAMMBmJ1cy0xNzAqMAUGAytlcAMhAPHazIsP7jGA6YNMn50igP2g4+gjxebhnU0+fUNCwwaWMAUG",
+    ...     "AytlcANBAE5yjYPO9H9vG52C5Nl7nL99QRDLX6iF3R5bov1O386o1Iyx6tuFFukZGpaJtS2th8FslkCKcZunqMES",
+    ...     "YegK5Ac=",
+    ...     "-----END CERTIFICATE-----",
+    ... )
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "box.crt")
+    ...     _ = path.write_text("\n".join(lines))
+    ...     common_name(path)
+    'bus-17'
     """
     with suppress(OSError, ValueError, IndexError):
         for _, attributes in _fields(_contents(path)[4]):
@@ -37,7 +55,7 @@ def common_name(path: str | Path) -> str:
 
 
 def valid_until(path: str | Path) -> int:
-    """Return the time until which a certificate is valid, UTC ns.
+    r"""Return the time until which a certificate is valid, UTC ns.
 
     Parameters
     ----------
@@ -53,6 +71,24 @@ def valid_until(path: str | Path) -> int:
     -----
     The validity has two times, of two kinds (RFC 5280, 4.1.2.5): with two digits for years from 1950 to 2049, else with
     four.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> lines = (
+    ...     "-----BEGIN CERTIFICATE-----",
+    ...     "MIHIMHwCAQEwBQYDK2VwMBExDzANBgNVBAMMBmJ1cy0xNzAeFw0yNjExMjMwMjQxMDRaFw0zNjExMjAwMjQxMDRa",
+    ...     "MBExDzANBgNVBAMMBmJ1cy0xNzAqMAUGAytlcAMhAPHazIsP7jGA6YNMn50igP2g4+gjxebhnU0+fUNCwwaWMAUG",
+    ...     "AytlcANBAE5yjYPO9H9vG52C5Nl7nL99QRDLX6iF3R5bov1O386o1Iyx6tuFFukZGpaJtS2th8FslkCKcZunqMES",
+    ...     "YegK5Ac=",
+    ...     "-----END CERTIFICATE-----",
+    ... )
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "box.crt")
+    ...     _ = path.write_text("\n".join(lines))
+    ...     valid_until(path)
+    2110761664000000000
     """
     try:
         _, (tag, end) = _fields(_contents(path)[3])

@@ -159,6 +159,13 @@ def quantised(samples: Real, *, width: int = 2, scale: Real | None = None) -> tu
     -------
     tuple
         Counts, scale and flags as in `Frame`. Values beyond the range are clipped and flagged.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> counts, scale, flags = quantised(np.array([[0.5, -1.0, np.nan]]), scale=np.array([0.01]))
+    >>> counts.tolist(), flags.tolist() == [MISSING]
+    ([[50, -100, -32768]], True)
     """
     values = np.asarray(samples, dtype=np.float64)
     missing = ~np.isfinite(values)
@@ -188,6 +195,15 @@ def encode(frame: Frame, *, codec: int = PACKED) -> bytes:
     ------
     ParameterError
         If the codec is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> counts, scale, flags = quantised(np.sin(np.linspace(0.0, 6.0, 400))[None])
+    >>> frame = Frame("bus-17", 1, 0, 10**18, 2_500_000, ("acc_fl",), scale, counts, flags=flags)
+    >>> raw, packed = encode(frame, codec=RAW), encode(frame)
+    >>> len(packed) < len(raw), decode(packed).vehicle
+    (True, 'bus-17')
     """
     document: dict[int, Any] = {
         Key.VERSION: VERSION,
@@ -222,6 +238,15 @@ def decode(payload: bytes) -> Frame:
     Notes
     -----
     Unknown keys are ignored. The checksum is compared before anything else is read.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> counts, scale, flags = quantised(np.array([[0.0, 0.5, -1.0]]), scale=np.array([0.01]))
+    >>> payload = encode(Frame("bus-17", 1, 0, 10**18, 2_500_000, ("acc_fl",), scale, counts, flags=flags))
+    >>> frame = decode(payload)
+    >>> frame.channels, frame.samples.tolist()
+    (('acc_fl',), [[0.0, 0.5, -1.0]])
     """
     document = _document(payload)
     try:
@@ -246,6 +271,15 @@ def check_frame(payload: bytes, vehicle: str) -> Header:
     Notes
     -----
     Packed data are unpacked to their size, which costs a tenth of decoding them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> counts, scale, flags = quantised(np.array([[0.0, 0.5, -1.0]]))
+    >>> payload = encode(Frame("bus-17", 1, 8, 10**18, 2_500_000, ("acc_fl",), scale, counts, flags=flags))
+    >>> header = check_frame(payload, "bus-17")
+    >>> header.boot, header.seq, header.n_samples
+    (1, 8, 3)
     """
     document = _document(payload)
     try:

@@ -31,6 +31,17 @@ def keep_secret(port: int) -> Iterator[str]:
     -----
     The file is in the folder ``$XDG_STATE_HOME/sprung``, by default ``~/.local/state/sprung`` (mode 700), has mode 600,
     and is locked: so one that a killed program left differs from one in use.
+
+    Examples
+    --------
+    >>> import os
+    >>> from tempfile import TemporaryDirectory
+    >>> from unittest.mock import patch
+    >>> with TemporaryDirectory() as folder, patch.dict(os.environ, XDG_STATE_HOME=folder):
+    ...     with keep_secret(1883) as secret:
+    ...         is_found = find_secret("localhost", 1883) == secret
+    ...     is_found, find_secret("localhost", 1883)
+    (True, '')
     """
     secret = secrets.token_urlsafe(32)
     try:
@@ -54,7 +65,18 @@ def keep_secret(port: int) -> Iterator[str]:
 
 
 def find_secret(host: str, port: int) -> str:
-    """Return the password of the broker of a monitor that runs on this machine as the same user; empty: none."""
+    """Return the password of the broker of a monitor that runs on this machine as the same user; empty: none.
+
+    Examples
+    --------
+    >>> import os
+    >>> from tempfile import TemporaryDirectory
+    >>> from unittest.mock import patch
+    >>> with TemporaryDirectory() as folder, patch.dict(os.environ, XDG_STATE_HOME=folder):
+    ...     with keep_secret(1883) as secret:
+    ...         find_secret("localhost", 1883) == secret, find_secret("broker.example.org", 1883)
+    (True, '')
+    """
     if host not in _HERE:
         return ""
     try:

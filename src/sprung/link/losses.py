@@ -41,7 +41,13 @@ class Loss(NamedTuple):
 
 
 def span_of(losses: Iterable[Loss]) -> tuple[int, int]:
-    """Return the times of the first sample and after the last one of losses, UTC ns; 0 if unknown."""
+    """Return the times of the first sample and after the last one of losses, UTC ns; 0 if unknown.
+
+    Examples
+    --------
+    >>> span_of([Loss(1, 7, 8, 2, begin=3 * 10**9, end=5 * 10**9), Loss(1, 9, 9, 1, begin=5 * 10**9, end=6 * 10**9)])
+    (3000000000, 6000000000)
+    """
     known = [(loss.begin, loss.end) for loss in losses if loss.begin]
     return min((begin for begin, _ in known), default=0), max((end for _, end in known), default=0)
 
@@ -65,6 +71,11 @@ def losses_in(document: Mapping[Any, Any]) -> list[Loss]:
     ------
     FormatError
         If they are too many, or not of the form of `Loss`.
+
+    Examples
+    --------
+    >>> losses_in({"lost": [[1, 7, 8, 2, 3_000_000_000, 5_000_000_000]]})
+    [Loss(boot=1, first=7, last=8, n_frames=2, begin=3000000000, end=5000000000)]
     """
     entries = document.get("lost", [])
     if not isinstance(entries, list) or len(entries) > MOST_LOSSES:

@@ -121,6 +121,15 @@ def check_vehicle(vehicle: str) -> str:
     ------
     ParameterError
         If the name cannot be part of a topic.
+
+    Examples
+    --------
+    >>> check_vehicle("bus-17")
+    'bus-17'
+    >>> check_vehicle("bus/17")
+    Traceback (most recent call last):
+        ...
+    sprung.errors.ParameterError: vehicle 'bus/17' is not a valid name: use up to 64 letters, digits, ...
     """
     if not VEHICLE.fullmatch(vehicle):
         raise ParameterError(
@@ -136,6 +145,16 @@ def checked_map(payload: bytes) -> dict[Any, Any]:
     ------
     FormatError
         If the bytes are not a message.
+
+    Examples
+    --------
+    >>> payload = message({"lost": []})
+    >>> checked_map(payload)
+    {'lost': []}
+    >>> checked_map(payload[:-1] + b"?")
+    Traceback (most recent call last):
+        ...
+    sprung.errors.FormatError: the checksum does not match: the message was damaged in transit
     """
     cbor = required("cbor2", purpose="frames", extra="online")
     if not 8 <= len(payload) <= LARGEST:
@@ -183,7 +202,14 @@ def _n_values(body: bytes) -> int:
 
 
 def message(document: Mapping[Any, Any]) -> bytes:
-    """Return a map as bytes with its CRC-32; the opposite of `checked_map`."""
+    """Return a map as bytes with its CRC-32; the opposite of `checked_map`.
+
+    Examples
+    --------
+    >>> payload = message({"description": "depot car"})
+    >>> len(payload), checked_map(payload)
+    (27, {'description': 'depot car'})
+    """
     cbor = required("cbor2", purpose="frames", extra="online")
     body: bytes = cbor.dumps(document)
     return body + zlib.crc32(body).to_bytes(4, "little")

@@ -12,12 +12,24 @@ DOWNWARDS = ("ack", "cmd")
 
 
 def topic(vehicle: str, what: str) -> str:
-    """Return the topic of a vehicle's messages."""
+    """Return the topic of a vehicle's messages.
+
+    Examples
+    --------
+    >>> topic("bus-17", "raw")
+    'sprung/v1/bus-17/raw'
+    """
     return f"{ROOT}/{vehicle}/{what}"
 
 
 def shared_topic(vehicle: str, what: str) -> str:
-    """Return the topic of a subscription that the monitors share: each message goes to one of them."""
+    """Return the topic of a subscription that the monitors share: each message goes to one of them.
+
+    Examples
+    --------
+    >>> shared_topic("+", "raw")
+    '$share/sprung/sprung/v1/+/raw'
+    """
     return f"{SHARED}{topic(vehicle, what)}"
 
 
@@ -28,6 +40,11 @@ def parse_topic(name: str) -> tuple[str, str]:
     ------
     FormatError
         If it is not a topic of this version.
+
+    Examples
+    --------
+    >>> parse_topic("sprung/v1/bus-17/raw")
+    ('bus-17', 'raw')
     """
     parts = name.split("/")
     if len(parts) != 4 or "/".join(parts[:2]) != ROOT or not VEHICLE.fullmatch(parts[2]):

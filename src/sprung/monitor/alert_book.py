@@ -199,13 +199,30 @@ class AlertBook:
 
 
 def alert_of(row: AlertRow) -> Alert:
-    """Return the alert of a row."""
+    """Return the alert of a row.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report, reported
+    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=60).alert
+    >>> alert_of(row_of(alert)) == alert
+    True
+    """
     fields = {name: value for name, value in asdict(row).items() if name not in {"id", "document"}}
     return Alert(**fields, **row.document)
 
 
 def row_of(alert: Alert) -> AlertRow:
-    """Return the row of an alert."""
+    """Return the row of an alert.
+
+    Examples
+    --------
+    >>> from sprung.alerting import AlertSettings, Report, reported
+    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=60).alert
+    >>> row = row_of(alert)
+    >>> row.cause, row.raised, row.document
+    ('front_left.spring', 60, {'streak': 0, 'worst': 700, 'notified': 60, 'evidence': {}})
+    """
     fields = asdict(alert)
     inner = {name: fields.pop(name) for name in _INNER}
     return AlertRow(**fields, document=json.loads(json.dumps(inner, default=str)))

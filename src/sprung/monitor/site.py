@@ -321,7 +321,7 @@ class Site(_Table):
 
 
 def read_site(path: Path) -> Site:
-    """Read a site file.
+    r"""Read a site file.
 
     Raises
     ------
@@ -329,6 +329,17 @@ def read_site(path: Path) -> Site:
         If it cannot be read.
     FormatError
         If it is not a valid site file; the message names file, field, rule and remedy.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "site.toml")
+    ...     _ = path.write_text('name = "Depot"\n[watch]\nwindow_minutes = 5')
+    ...     site = read_site(path)
+    >>> site.name, site.watch.window_minutes, site.broker
+    ('Depot', 5.0, 'embedded')
     """
     try:
         return checked(Site, toml_fields(path.read_bytes(), source=str(path)))
@@ -345,6 +356,11 @@ def embedded_port(broker: str) -> int | None:
     ------
     ParameterError
         If the port is not a number.
+
+    Examples
+    --------
+    >>> embedded_port("embedded"), embedded_port("embedded:1884"), embedded_port("mqtt://depot:1883")
+    (1883, 1884, None)
     """
     word, _, port = broker.partition(":")
     if word != "embedded":

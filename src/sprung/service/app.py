@@ -56,6 +56,19 @@ def application(context: Context) -> App:
     ----------
     context
         Store, settings and running monitor.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from starlette.testclient import TestClient
+    >>> from sprung.monitor import Site
+    >>> from sprung.service import Context
+    >>> from sprung.storage import open_store
+    >>> with TemporaryDirectory() as folder, open_store(f"sqlite:///{folder}/sprung.sqlite") as store:
+    ...     context = Context(store, Site(), figures=dict, troubles=list)
+    ...     client = TestClient(application(context), base_url="http://127.0.0.1:8737")
+    ...     client.get("/health").json()
+    {'healthy': True, 'troubles': []}
     """
     app = _Application(
         title="Sprung",

@@ -73,6 +73,15 @@ def add_account(store: Store, name: str, role: str, password: str, *, who: str, 
     ------
     ParameterError
         If the name, role or password cannot be used.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from sprung.storage import open_store
+    >>> with TemporaryDirectory() as folder, open_store(f"sqlite:///{folder}/sprung.sqlite") as store:
+    ...     add_account(store, "ada", "admin", "correct horse battery", who="install", now=0)
+    ...     [(row.name, row.role) for row in store.accounts.all()]
+    [('ada', 'admin')]
     """
     if not name.strip() or name != name.strip() or len(name) > _MOST_NAME or not name.isprintable():
         raise ParameterError(f"name {name!r} must have 1 to {_MOST_NAME} printable characters, no blank at either end")
@@ -94,6 +103,16 @@ def remove_account(store: Store, name: str, *, who: str, now: int) -> None:
     ------
     ParameterError
         If no account has that name, or it is the last administrator among other accounts.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from sprung.storage import open_store
+    >>> with TemporaryDirectory() as folder, open_store(f"sqlite:///{folder}/sprung.sqlite") as store:
+    ...     add_account(store, "ada", "admin", "correct horse battery", who="install", now=0)
+    ...     remove_account(store, "ada", who="install", now=0)
+    ...     store.accounts.n_accounts()
+    0
     """
     accounts = store.accounts.all()
     others = [row for row in accounts if row.name != name]
@@ -175,6 +194,15 @@ def add_token(store: Store, name: str, role: str, *, days: float | None, who: st
     ------
     ParameterError
         If the name, role or time cannot be used.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from sprung.storage import open_store
+    >>> with TemporaryDirectory() as folder, open_store(f"sqlite:///{folder}/sprung.sqlite") as store:
+    ...     number, secret = add_token(store, "dashboard", "viewer", days=30.0, who="ada", now=0)
+    ...     [(row.name, row.role, row.expires) for row in store.accounts.tokens()]
+    [('dashboard', 'viewer', 2592000000000000)]
     """
     if not name.strip() or len(name) > _MOST_NAME or not name.isprintable():
         raise ParameterError(f"name {name!r} must have 1 to {_MOST_NAME} printable characters")
@@ -195,6 +223,16 @@ def remove_token(store: Store, number: int, *, who: str, now: int) -> None:
     ------
     ParameterError
         If no token has that number.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from sprung.storage import open_store
+    >>> with TemporaryDirectory() as folder, open_store(f"sqlite:///{folder}/sprung.sqlite") as store:
+    ...     number, secret = add_token(store, "dashboard", "viewer", days=None, who="ada", now=0)
+    ...     remove_token(store, number, who="ada", now=0)
+    ...     store.accounts.tokens()
+    []
     """
     if not store.accounts.remove_token(number):
         raise ParameterError(f"unknown token {number}: sprung tokens list shows all tokens")

@@ -113,6 +113,15 @@ def write_archive(
         If a name or number cannot be used.
     StoreError
         If the archive cannot be written.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> stretch = {"samples": [[0.0, 0.5, -1.0]], "channels": ["acc_fl"], "sampling_rate": 400.0}
+    >>> with TemporaryDirectory() as folder:
+    ...     path = write_archive(folder, "bus-17", 4, 600, 1_700_000_000 * 10**9, **stretch)
+    ...     path.relative_to(folder).as_posix(), read_archive(path).samples.tolist()
+    ('bus-17/2023-11-14/4-600.parquet', [[0.0, 0.5, -1.0]])
     """
     values = frozen_array("samples", samples, ndim=2, dtype=np.float32)
     _check_channels(channels, len(values))
@@ -132,6 +141,11 @@ def archive_path(folder: Path | str, vehicle: str, boot: int, first_seq: int, t0
     ------
     ParameterError
         If a name or number cannot be used.
+
+    Examples
+    --------
+    >>> archive_path("raw", "bus-17", boot=4, first_seq=600, t0=1_700_000_000 * 10**9).as_posix()
+    'raw/bus-17/2023-11-14/4-600.parquet'
     """
     name = f"{check_count('boot', boot)}-{check_count('first_seq', first_seq)}.parquet"
     day = f"{datetime.fromtimestamp(t0 // 10**9, UTC):%Y-%m-%d}"
@@ -145,6 +159,16 @@ def read_archive(path: Path | str) -> ArchivedSamples:
     ------
     StoreError
         If the file does not exist, or contains something else.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> stretch = {"samples": [[0.0, 0.5, -1.0]], "channels": ["acc_fl"], "sampling_rate": 400.0}
+    >>> with TemporaryDirectory() as folder:
+    ...     path = write_archive(folder, "bus-17", 4, 600, 1_700_000_000 * 10**9, **stretch, gaps=[(2, 0.5)])
+    ...     archived = read_archive(path)
+    >>> archived.vehicle, archived.channels, archived.sampling_rate, archived.gaps
+    ('bus-17', ('acc_fl',), 400.0, ((2, 0.5),))
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -167,7 +191,17 @@ def read_archive(path: Path | str) -> ArchivedSamples:
 
 
 def is_archive(path: Path | str) -> bool:
-    """Return whether a file is one that `write_archive` wrote, by its metadata."""
+    """Return whether a file is one that `write_archive` wrote, by its metadata.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> stretch = {"samples": [[0.0, 0.5, -1.0]], "channels": ["acc_fl"], "sampling_rate": 400.0}
+    >>> with TemporaryDirectory() as folder:
+    ...     path = write_archive(folder, "bus-17", 4, 600, 1_700_000_000 * 10**9, **stretch)
+    ...     is_archive(path), is_archive(path.with_suffix(".csv"))
+    (True, False)
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -175,6 +175,14 @@ def open_store(url: str) -> Store:
     Notes
     -----
     A damaged SQLite file is renamed to ``<name>.corrupt-<time>``, which `Store.notices` reports.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder, open_store(f"sqlite:///{folder}/sprung.sqlite") as store:
+    ...     store.inbox.put_vehicle("bus-17", configuration="", description="", channels=[["acc_fl", "m/s^2"]], now=0)
+    ...     store.inbox.vehicle("bus-17").channels
+    [['acc_fl', 'm/s^2']]
     """
     from sprung.storage.migrations import upgrade
 
@@ -197,6 +205,13 @@ def check_address(url: str) -> URL:
     ------
     ParameterError
         If the address is not that of a store.
+
+    Examples
+    --------
+    >>> check_address("sqlite:///sprung-data/sprung.sqlite").database
+    'sprung-data/sprung.sqlite'
+    >>> check_address("postgresql://sprung@depot/fleet").drivername
+    'postgresql+psycopg'
     """
     try:
         address = make_url(url)
