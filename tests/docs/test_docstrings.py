@@ -19,42 +19,13 @@ from sprung.errors import SprungError
 #: Checks of numpydoc that are off, and why.
 OFF = {
     "ES01": "a summary line is enough where it says all",
-    "EX01": "of functions, see WITH_EXAMPLES; of classes and methods, the tutorials have examples",
+    "EX01": "functions are checked below; the tutorials use classes and methods",
     "SA01": "related names are linked where the text needs them",
     "PR04": "types are in the signatures, which mypy checks",
     "PR08": "descriptions may begin with ln, a symbol",
     "RT03": "the name of a type may say what is returned",
     "RT04": "as PR08",
 }
-#: Packages whose public functions all have an example with its result; lines that need a session of Spark, a broker or
-#: a process of their own are shown and not run.
-WITH_EXAMPLES = frozenset(
-    {
-        "sprung",
-        "sprung.alerting",
-        "sprung.box",
-        "sprung.calibration",
-        "sprung.demo",
-        "sprung.diagnosis",
-        "sprung.documents",
-        "sprung.excitation",
-        "sprung.fleet",
-        "sprung.formats",
-        "sprung.identification",
-        "sprung.lake",
-        "sprung.likelihood",
-        "sprung.link",
-        "sprung.monitor",
-        "sprung.plotting",
-        "sprung.reports",
-        "sprung.reproduce",
-        "sprung.service",
-        "sprung.simulation",
-        "sprung.storage",
-        "sprung.tables",
-        "sprung.vehicles",
-    }
-)
 #: A summary that names the result, or another function with the same parameters, needs no section for them.
 _NAMES_RESULT = re.compile(r"^(Return|Yield|Iterate|Whether|Read|Draw|Open)\b|\breturn\b|\b(as|as for) `|\bas `")
 _SEE = re.compile(r"\bsee `|\bas `|\bas for `")
@@ -113,8 +84,9 @@ def has_example(function: object) -> bool:
     return any(example.want for example in doctest.DocTestParser().get_examples(section))
 
 
-@pytest.mark.parametrize("package", sorted(WITH_EXAMPLES))
+@pytest.mark.parametrize("package", packages())
 def test_functions_have_examples(package) -> None:
+    """Lines that need a session of Spark, a broker or a process of their own are shown and not run."""
     functions = {place: value for place, value in public_objects(package) if inspect.isfunction(value)}
     without = [place for place, value in functions.items() if "." not in value.__qualname__ and not has_example(value)]
     assert not without
