@@ -102,7 +102,7 @@ def test_mistakes_are_one_sentence(sprung, drives, tmp_path):
     no_json.write_text("x")
     for words, code, part in (
         (("--vehicle", "chain3"), 2, "must be a body on axles"),
-        (("--vehicle", "zafira", "--baseline", tmp_path / "no.json"), 2, "no.json: No such file"),
+        (("--vehicle", "zafira", "--baseline", tmp_path / "no.json"), 2, "no.json cannot be read (No such file"),
         (("--vehicle", "zafira", "--baseline", no_json), 2, "is not valid JSON"),
         (("--vehicle", "zafira", "--false-alarms", "0"), 2, "false_alarms=0 must be above 0"),
         (("--vehicle", "zafira", "--window", "0.1"), 2, "--window=0.1 must be at least 1"),

@@ -135,7 +135,7 @@ class TestTasks:
         with apart(is_apart=True) as analyst, ThreadPoolExecutor(1) as pool:
             pool.submit(kill_processes_of, analyst)
             rows, _ = analyst(work, window("car1", 0).row, WindowSettings())
-            assert "ends the process" in rows["windows"]["reason"]
+            assert "the process that analysed the window ended unexpectedly" in rows["windows"]["reason"]
             rows, _ = analyst(work, window("car1", 1).row, WindowSettings())
         assert rows["windows"]["reason"] == ""
 

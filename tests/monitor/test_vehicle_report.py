@@ -175,7 +175,7 @@ def test_the_sentence_says_what_matters_in_the_period(store, whole) -> None:
     empty = document_at(store, 70, 80)
     assert empty.sentence.startswith("Front-left spring")
     assert (empty.windows, empty.changes, empty.changes_since) == (0, (), None)
-    assert document_at(store, -10, -5).sentence == "Inconclusive: the store has no window of this period."
+    assert document_at(store, -10, -5).sentence == "Inconclusive: the store contains no window of this period."
 
 
 def test_changes_count_from_the_onset_or_the_baseline(store) -> None:
@@ -197,7 +197,7 @@ def test_a_vehicle_without_results_has_a_report(tmp_path, status) -> None:
             old = tuple((k, k * NS, {"time": k}) for k in range(3))
             opened.results.commit(Progress("new", 1, done_seq=-1, observations=old, status=status))
         report = vehicle_report(opened, "new", period=Period(), now=NS)
-        assert report.verdict == "Inconclusive: the store has no window of this period."
+        assert report.verdict == "Inconclusive: the store contains no window of this period."
         assert [section.title for section in report.sections] == TITLES
         page = render(report)
         assert ("3 windows of another form cannot be read" in page) == (status is not None)

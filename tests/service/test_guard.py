@@ -139,6 +139,7 @@ def test_a_client_that_takes_nothing_is_cut_off(running, monkeypatch) -> None:
         with suppress(ConnectionResetError):
             while part := slow.recv(1 << 16):
                 n_taken += len(part)
+    monkeypatch.undo()
     complete = http.client.HTTPConnection(running[0], running[1], timeout=20.0)
     complete.request("GET", "/static/plotly.js")
     assert len(complete.getresponse().read()) > 4 * 10**6 > n_taken

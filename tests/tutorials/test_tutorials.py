@@ -1,9 +1,12 @@
 """Tutorials of the documentation: what they print is true, and they show their figures."""
 
 import ast
+import os
 import re
 import runpy
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -77,13 +80,25 @@ def test_harmonics(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.slow
-def test_a_fleet_on_a_laptop(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fleet_on_a_laptop() -> None:
+    """In a process of its own, as it stops the session of Spark that other tests share."""
     pytest.importorskip("deltalake")
     pytest.importorskip("pyspark")
     if shutil.which("java") is None:
         pytest.skip("java is missing: run scripts/system-packages")
-    assert run("a_fleet_on_a_laptop") == 2
-    printed = capsys.readouterr().out
+    program = (
+        "import runpy, sys; from matplotlib import pyplot; runpy.run_path(sys.argv[1]);"
+        " print(len(pyplot.get_fignums()), 'figures')"
+    )
+    environment = {**os.environ, "MPLBACKEND": "Agg"}
+    printed = subprocess.run(
+        [sys.executable, "-c", program, str(TUTORIALS / "plot_a_fleet_on_a_laptop.py")],
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    ).stdout
+    assert printed.endswith("2 figures\n")
     assert "48 windows analysed, 6 vehicles assessed\n0 windows analysed, 0 vehicles assessed" in printed
     (found,) = [line for line in printed.splitlines() if "rear_right damper" in line and line.startswith("car-4")]
     change, low, high = (float(value) for value in re.findall(r"([+-]?\d+)(?= %| to)", found))

@@ -96,7 +96,10 @@ def _started(configuration: Any, *, is_quiet: bool) -> "SparkSession":
 
     with tempfile.TemporaryFile("w+") as said:
         try:
-            gateway = launch_gateway(configuration, {"stderr": said} if is_quiet else None)  # type: ignore[no-untyped-call]
+            # One Java for all sessions of a process, as PySpark has it.
+            gateway = pyspark.SparkContext._gateway or launch_gateway(  # type: ignore[no-untyped-call]
+                configuration, {"stderr": said} if is_quiet else None
+            )
             return SparkSession(pyspark.SparkContext(gateway=gateway, conf=configuration))
         except Exception as error:  # whatever Java makes of a wrong address
             said.seek(0)

@@ -24,7 +24,7 @@ def calibration_table(calibration: Calibration) -> Table:
     >>> table = calibration_table(calibration)
     >>> for row in (table.columns, *table.rows):
     ...     print(" | ".join(row))
-    number | given | learnt | change | from the drives
+    parameter | given | learnt | change | from the drives
     acc_fl.x [m] | 1.22 | 1.300 ± 0.010 | +0.08 | yes
     """
     rows = tuple(_row(number) for number in calibration.learnt if number.is_identifiable or number.group not in _MINOR)

@@ -22,7 +22,7 @@ def fleet_tables(document: Mapping[str, Any]) -> list[Table]:
     >>> for row in table.rows:
     ...     print(" | ".join(row))
     car-2 | 3 | 1e-06 | -30 (-33 to -27) | deviates: front left spring
-    car-1 | 3 | 0.4 |  | like the others
+    car-1 | 3 | 0.4 |  | no deviation detected
     """
     caption = (
         f"p: probability that a sound vehicle deviates as much from the others; at most {100 * document['rate']:.3g} % "

@@ -56,7 +56,7 @@ def lake_import_table(document: Mapping[str, Any]) -> Table:
     >>> table = lake_import_table({"vehicles": [vehicle]})
     >>> for row in (table.columns, *table.rows):
     ...     print(" | ".join(row))
-    vehicle | files | windows added | known before
+    vehicle | files | windows added | already present
     bus-17 | 2 | 10 | 4
     """
     names = ("files", "added", "known")
