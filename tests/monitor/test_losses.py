@@ -171,3 +171,5 @@ def test_losses_add_up_while_the_alert_is_active_and_begin_anew_afterwards(lossy
     station.look()
     assert lost_alert(station) is None
     assert lose(2, 5) == 1
+    assert "1 frame of car-1" in lost_alert(station).text
+    assert "is lost, as its box had to drop it before it was stored here" in lost_alert(station).text

@@ -172,12 +172,28 @@ def test_samples_that_are_not_kept(served, store) -> None:
     page = client.get("/vehicles/bus-1/windows/1/0/diagrams", headers={"accept": "text/html"})
     assert page.status_code == 200
     assert "no longer kept" in page.text
+    assert "Compute again" not in page.text
     assert "raw_days = 8" in client.get("/vehicles/bus-1/diagrams").text
     assert "The first one needs ten minutes of driving" in client.get("/vehicles/bus-3/diagrams").text
     for path in ("diagrams", "figures/spectra"):
         answer = client.get(f"/api/v1/vehicles/bus-1/windows/1/0/{path}")
         assert (answer.status_code, answer.json()["detail"][:11]) == (404, "The samples")
     assert client.get("/api/v1/vehicles/bus-1/windows/1/77/diagrams").status_code == 404
+
+
+def test_diagrams_that_failed_can_be_computed_again(store, site) -> None:
+    archive(site)
+    desk = DiagramDesk(command=(sys.executable, "-c", "raise SystemExit(3)"))
+    context = Context(store, site, figures=dict, troubles=list, clock=lambda: NOW, diagrams=desk)
+    with TestClient(application(context), base_url="http://127.0.0.1:8737") as client:
+        page = client.get("/vehicles/bus-1/windows/1/0/diagrams")
+        for _ in range(3000):
+            page = client.get("/vehicles/bus-1/windows/1/0/diagrams")
+            if "data-busy" not in page.text:
+                break
+            time.sleep(0.01)
+    assert "exit code 3" in page.text
+    assert "/vehicles/bus-1/windows/1/0/diagrams?again=true" in page.text
 
 
 def test_a_site_that_keeps_no_samples(store, tmp_path) -> None:

@@ -257,15 +257,20 @@ def _widths(body: Body, axles: tuple[Axle, ...], sheet: DataSheet) -> tuple[Lear
         for field, source in sources.items():
             value = float(getattr(axle, field))
             words = f"guess: {source.format(frequency=frequency)}"
-            entries.append(LearntNumber(name=f"{where}.{field}", value=value, std=_STD[field] * value, source=words))
+            std = _rounded(_STD[field] * value)
+            entries.append(LearntNumber(name=f"{where}.{field}", value=value, std=std, source=words))
     for field in ("pitch_inertia", "roll_inertia"):
         value = float(getattr(body, field))
-        entries.append(
-            LearntNumber(name=f"body.{field}", value=value, std=_STD[field] * value, source="guess: radius of gyration")
-        )
+        std = _rounded(_STD[field] * value)
+        entries.append(LearntNumber(name=f"body.{field}", value=value, std=std, source="guess: radius of gyration"))
     std = round(_SHARE * sheet.wheelbase, 4)
     entries.append(LearntNumber(name="body.centre_x", value=0.0, std=std, source="guess: share of the front axle"))
     return tuple(entries)
+
+
+def _rounded(deviation: float) -> float:
+    """Return a standard deviation to three significant digits."""
+    return float(f"{deviation:.3g}")
 
 
 def _sensors(sheet: DataSheet, places: tuple[float, float]) -> tuple[Sensor, ...]:

@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
+from sprung._display import counted
 from sprung.alerting import (
     Alert,
     AlertSettings,
@@ -117,8 +118,8 @@ class AlertBook:
     ) -> None:
         """Raise or update the alert `known` about lost frames, if more are lost than it counts."""
         before = {} if known is None else known.evidence
-        counted = {int(boot): count for boot, count in before.get("boots", {}).items()}
-        n_new = sum(max(0, count - counted.get(boot, 0)) for boot, count in counts.items())
+        by_boot = {int(boot): count for boot, count in before.get("boots", {}).items()}
+        n_new = sum(max(0, count - by_boot.get(boot, 0)) for boot, count in counts.items())
         if not n_new:
             return
         is_active = known is not None and known.is_active
@@ -126,11 +127,13 @@ class AlertBook:
         begins = [time for time in (begin, before["from"] if is_active else 0) if time]
         span = {"from": min(begins, default=0), "to": max(end, before["to"] if is_active else 0)}
         when = f", {span_in_words(span['from'], span['to'])}," if span["from"] else ""
+        is_one = n_frames == 1
         sentence = (
-            f"{n_frames} frames of {vehicle}{when} are lost, as its box had to drop them before they were stored here: "
+            f"{counted(n_frames, 'frame')} of {vehicle}{when} {'is' if is_one else 'are'} lost, as its box had to drop "
+            f"{'it before it was' if is_one else 'them before they were'} stored here: "
             "give its spool more space, and check its connection and the store of the monitor"
         )
-        boots = dict(sorted((counted | dict(counts)).items())[-_MOST_BOOTS:])
+        boots = dict(sorted((by_boot | dict(counts)).items())[-_MOST_BOOTS:])
         evidence = {"frames": n_frames, **span, "boots": {str(boot): count for boot, count in boots.items()}}
         self.put(reported(known, Report(vehicle, "lost", _LOST, sentence, evidence), self._at_once, now), now=now)
 

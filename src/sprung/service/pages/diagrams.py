@@ -55,9 +55,10 @@ def diagrams(
 ) -> Response:
     """Show the diagrams of a window, or that they are being computed."""
     detail = vehicle_data.window_detail(context.store, vehicle, boot, number)
-    shown: dict[str, Any] = {"diagrams": None, "pictures": (), "counts": (), "busy": "", "trouble": ""}
+    shown: dict[str, Any] = {"diagrams": None, "pictures": (), "counts": (), "busy": "", "trouble": "", "failed": False}
     try:
         computed = diagram_views.computed_diagrams(context, vehicle, boot, number, again=again)
+        shown["failed"] = bool(computed.error)
         entry = vehicle_data.known_window(context.store, vehicle, boot, number)
         values = diagram_views.shown_diagrams(entry, computed)
         poles = Counter(status for each in values.stabilisation.poles for status in each.status)
