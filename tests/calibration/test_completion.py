@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sprung.calibration import CalibrationSettings, calibrate, chosen_windows, is_imperfect
-from sprung.errors import ParameterError
+from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.vehicles import vehicle_from_text, vehicle_text
@@ -69,6 +69,17 @@ def test_windows_with_other_channels_are_refused(hatchback, drive) -> None:
     other: Recording = drive.recording.select(names)
     with pytest.raises(ParameterError, match="give windows with the same channels"):
         calibrate([drive.recording, other], hatchback, allow_missing=True)
+
+
+def test_channels_that_are_combinations_of_others_are_refused(hatchback) -> None:
+    """More accelerometers than motions, and no noise: the spectral matrices are singular."""
+    middle = hatchback.sensor[0].model_copy(update={"channel": "acc_middle", "position": (0.2, 0.1, 0.0)})
+    behind = hatchback.sensor[0].model_copy(update={"channel": "acc_behind", "position": (-0.5, -0.3, 0.0)})
+    front = hatchback.sensor[0].model_copy(update={"channel": "acc_front", "position": (1.0, 0.0, 0.0)})
+    given = hatchback.model_copy(update={"sensor": (*hatchback.sensor, middle, behind, front)})
+    drive = simulate_drive(given, RoadDrive(duration=120.0, sampling_rate=100.0), seed=1)
+    with pytest.raises(DataError, match="exact combinations of others: give measured drives, or simulate"):
+        calibrate([drive.recording], given, settings=CalibrationSettings(most_mounts=0, has_modes=False))
 
 
 def test_windows_are_spread_over_the_drives() -> None:

@@ -45,6 +45,12 @@ _IDENTIFIABLE = 0.5
 _IMPERFECT = 0.1
 #: Reason why a calibration fails.
 _INCONSISTENT = "the windows are not consistent with the vehicle file: check signs, places and units of the sensors"
+_WITHOUT_NOISE = (
+    "calibration needs channels with noise of their own, but some of these are exact combinations of others: "
+    "give measured drives, or simulate drives with noise (`--snr 10000`)"
+)
+#: Share of a combination of channels, each of unit power, below which it is a rounding error.
+_ROUNDING = 1e-9
 #: Largest number of windows of a calibration that a baseline asks for.
 CALIBRATION_WINDOWS = 3
 #: Errors of sensors that matter: places [m], gains (ln), delays [s], direction cosines.
@@ -113,7 +119,8 @@ def calibrate(
         If there is no recording, one lacks a sensor of the vehicle file, or the recordings have other channels than the
         first one.
     DataError
-        If the speed is missing, or no segment of a window is long, fast and steady enough.
+        If the speed is missing, no segment of a window is long, fast and steady enough, the windows are not consistent
+        with the vehicle file, or channels are exact combinations of others.
 
     Notes
     -----
@@ -173,7 +180,7 @@ def calibrated(
     Raises
     ------
     DataError
-        If the windows are not consistent with the vehicle file.
+        If the windows are not consistent with the vehicle file, or channels are exact combinations of others.
 
     References
     ----------
@@ -198,7 +205,7 @@ def calibrated(
     try:
         return _completion(as_given(windows, vehicle, settings.corners), vehicle, settings)
     except np.linalg.LinAlgError:
-        raise DataError(_INCONSISTENT) from None
+        raise DataError(_reason(windows)) from None
 
 
 def as_given(windows: tuple[WindowSpectra, ...], vehicle: Vehicle, corners: CornerSettings) -> JointFit:
@@ -337,7 +344,7 @@ def calibrated_if_imperfect(
             return None
         calibration = _completion(given, vehicle, settings)
     except np.linalg.LinAlgError:
-        raise DataError(_INCONSISTENT) from None
+        raise DataError(_reason(windows)) from None
     return calibration if calibration.is_better else None
 
 
@@ -482,9 +489,18 @@ def _mean_misfit(misfits: Sequence[Real], frequencies: Sequence[Real], n_segment
 
 
 def learnt_numbers(fit: JointFit, vehicle: Vehicle) -> tuple[CalibratedNumber, ...]:
-    """Return the numbers of a vehicle that were free in a fit, with their standard deviations."""
+    """Return the numbers of a vehicle that were free in a fit, with their standard deviations.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the information about them is singular.
+    """
     joint, given = fit.joint, fit.free.draft
-    std = np.sqrt(np.diag(joint.covariance(fit.parameters)))
+    variances = np.diag(joint.covariance(fit.parameters))
+    if not np.all(variances > 0):
+        raise np.linalg.LinAlgError("the covariance is not positive definite")
+    std = np.sqrt(variances)
     rows = {name: row for row, name in enumerate(joint.names)}
     places = [rows[number.name] for number in fit.free.numbers]
     ends = zip(fit.free.numbers, fit.parameters[places].tolist(), std[places].tolist(), strict=True)
@@ -508,6 +524,16 @@ def learnt_numbers(fit: JointFit, vehicle: Vehicle) -> tuple[CalibratedNumber, .
             )
         )
     return tuple(learnt)
+
+
+def _reason(windows: Sequence[WindowSpectra]) -> str:
+    """Return why windows cannot be fitted."""
+    for window in windows:
+        values = window.segments.values.reshape(-1, window.segments.values.shape[-1])
+        spread = np.linalg.svd(values / np.linalg.norm(values, axis=0), compute_uv=False)
+        if spread[-1] < _ROUNDING:
+            return _WITHOUT_NOISE
+    return _INCONSISTENT
 
 
 def _learnt(number: VehicleNumber, draft: Draft, parameter: float, std: float, *, is_new: bool) -> CalibratedNumber:

@@ -159,6 +159,11 @@ def fitted(joint: JointModel, start: Real) -> Real:
     start
         Parameters at which the search starts, shape (parameters,).
 
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the likelihood does not exist at the start.
+
     Notes
     -----
     Fisher scoring with the damping of Levenberg and Marquardt: each step solves
@@ -172,6 +177,8 @@ def fitted(joint: JointModel, start: Real) -> Real:
     """
     parameters, damping = start, _DAMPING
     value, gradient = joint.objective(parameters)
+    if value == TOO_FAR:
+        raise np.linalg.LinAlgError("the likelihood does not exist at the start of the search")
     for _ in range(_MOST_STEPS):
         information = joint.information(parameters) + np.diag(1 / joint.prior_std**2)
         while True:
