@@ -43,7 +43,7 @@ class FileNumbers(ParameterBlock):
 
     Notes
     -----
-    The vehicle is built anew from the file's numbers, so that whatever a file can state can be learnt. With dynamic
+    The vehicle is rebuilt from the file's numbers, so that whatever a file can state can be learnt. With dynamic
     stiffness D, drive B and readings R (see `Terms`), dD, dB and dR of each number are central differences of these
     smooth functions, exact to about 1e-8; what follows from them, dH = L (dB - dD X) - w^2 dR X, is not approximated.
     """
@@ -208,7 +208,7 @@ def _all_moved(draft: Draft, numbers: Sequence[VehicleNumber], step: float) -> D
 def _structural_change(
     base: Draft, given: Draft, number: VehicleNumber, channels: tuple[str, ...], frequencies: Real
 ) -> _Change:
-    """Central differences of a vehicle that is built anew."""
+    """Central differences of a vehicle that is rebuilt."""
     step = _STEP * number.std
     ends = [number.moved(base, sign * step) for sign in (1, -1)]
     vehicles = [end.structure() for end in ends]

@@ -95,7 +95,7 @@ class FleetRun:
     n_windows
         Number of windows that were analysed, by table of results.
     n_vehicles
-        Number of vehicles that were assessed anew.
+        Number of vehicles that were assessed again.
     seconds
         Time of the analysis of all windows together, by table of results [s].
     elapsed

@@ -73,7 +73,7 @@ class StreamBatch:
     n_windows
         Number of windows that were analysed, by table of results.
     n_vehicles
-        Number of vehicles that were assessed anew.
+        Number of vehicles that were assessed again.
     n_refused, refusal
         Number of messages that are no frames of their vehicle, and the reason for one of them.
     elapsed

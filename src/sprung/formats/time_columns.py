@@ -282,7 +282,7 @@ def _of_motion(table: Table) -> Table:
 
 
 def _with_unit(table: Table, settings: ReadSettings) -> Table:
-    """Return the table with the unit of its time column, and counts that begin anew continued."""
+    """Return the table with the unit of its time column, and counters that restart continued."""
     if table.time_heading is None:
         return table
 

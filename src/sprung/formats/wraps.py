@@ -1,4 +1,4 @@
-"""Clocks that begin anew: counters of 16, 24 or 32 bits, and the time of day at midnight."""
+"""Clocks that wrap around: counters of 16, 24 or 32 bits, and the time of day at midnight."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -17,7 +17,7 @@ _EDGE = 1 / 16
 
 
 def unwrapped(blocks: Iterable[Block]) -> Iterator[Block]:
-    """Yield blocks whose time stamps continue where a counter, or the time of day, begins anew.
+    """Yield blocks whose time stamps continue where a counter, or the time of day, restarts.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def _numbers(stamps: NDArray[Any]) -> NDArray[Any]:
 
 
 def _period(before: float, after: float, kind: str) -> float:
-    """Return the range of a clock that falls from `before` to `after` by beginning anew; 0 for any other fall."""
+    """Return the range of a clock that falls from `before` to `after` by wrapping around; 0 for any other fall."""
     periods = (float(_DAY),) if kind == "m" else _RANGES
     for period in periods:
         if (1 - _EDGE) * period < before < period and 0 <= after < _EDGE * period:

@@ -9,9 +9,9 @@ import numpy as np
 from sprung._arrays import Real
 from sprung.likelihood.whittle import TOO_FAR
 
-#: Length of a step, in standard deviations, after which the information is taken anew, and how often at most.
+#: Length of a step, in standard deviations, after which the information is computed again, and how often at most.
 _FAR, _MOST_FAR = 3.0, 5
-#: Steps after which the information is taken anew in any case; largest number of steps.
+#: Steps after which the information is computed again in any case; largest number of steps.
 _STALE, _MOST_STEPS = 25, 300
 #: The search ends where the slope is below this value in standard deviations, or a step gains less than this share of
 #: the total gain.
