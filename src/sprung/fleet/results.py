@@ -135,6 +135,8 @@ SCHEMAS: Mapping[str, pa.Schema] = {
         windows_seconds=_NUMBER,
     ),
 }
+#: Rows in a group of a compacted file: a group is written from memory, and a row may have 200 kB.
+_ROWS_IN_GROUP = 256
 #: Tables with one row for each window, by the step that makes them; they are partitioned by date.
 OF_STEP = {"identify": "identifications", "corners": "corners", "observe": "windows"}
 
@@ -169,7 +171,7 @@ class Results:
     def compact(self) -> None:
         """Rewrite small files of the tables of windows, and of runs, as large ones."""
         for name in (*OF_STEP.values(), "runs"):
-            self._tables[name].compact()
+            self._tables[name].compact(largest_group=_ROWS_IN_GROUP)
 
     def vacuum(self, *, hours: float = 24.0) -> int:
         """Delete files of interrupted runs and of replaced results, and return their number."""
