@@ -80,7 +80,7 @@ def trend(
 
     References
     ----------
-    A. C. Aitken, On least squares and linear combinations of observations, Proceedings of the Royal Society of
+    A. C. Aitken, On least squares and linear combination of observations, Proceedings of the Royal Society of
     Edinburgh 55 (1936) 42-48 (generalised least squares).
 
     Examples
