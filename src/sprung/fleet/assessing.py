@@ -92,7 +92,8 @@ def _current(session: "SparkSession", fleet: "DataFrame", results: Results) -> "
     from pyspark.sql import functions as f
 
     columns = (*KEY, "duration", "reason", "is_sound", "document", "residuals")
-    rows = read(session, results["windows"]).select(*columns).dropDuplicates(list(KEY))
+    # By vehicle first, so that what follows finds the rows where they are and they move once.
+    rows = read(session, results["windows"]).select(*columns).repartition("vehicle").dropDuplicates(list(KEY))
     present = fleet.select("vehicle", f.col("vehicle_file").alias("present"), "vehicle_text", "type", "type_name")
     joined = rows.join(present, "vehicle", "left").where(f.coalesce("present", f.lit("")) == f.col("vehicle_file"))
     blank = {name: f.coalesce(name, f.lit("")) for name in ("vehicle_text", "type", "type_name", "document")}
