@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 MOSQUITTO = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
-SPRUNG = [sys.executable, "-c", "from sprung.cli import main; main()"]
+SPRUNG = [sys.executable, "-c", "from sprung.cli import main; raise SystemExit(main())"]
 #: Below the ports that the system gives to outgoing connections, so that a restart finds its port free.
 PORTS = range(20000, 30000)
 

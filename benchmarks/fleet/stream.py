@@ -39,7 +39,7 @@ RATE, FRAME = 100, 1000
 START, BETWEEN = 1_767_225_600 * 10**9, 7200 * 10**9
 TABLES = ("windows", "baselines", "types", "diagnoses", "findings")
 TOLERANCE = 1e-9
-PROGRAM = [sys.executable, "-c", "from sprung.cli import main; main()", "fleet", "stream"]
+PROGRAM = [sys.executable, "-c", "from sprung.cli import main; raise SystemExit(main())", "fleet", "stream"]
 
 
 def main() -> None:
