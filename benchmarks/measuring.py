@@ -54,7 +54,7 @@ def peak_memory() -> float:
     """
     status = Path("/proc/self/status")
     if status.exists():
-        line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
+        line = next(line for line in status.read_text(encoding="utf-8").splitlines() if line.startswith("VmHWM"))
         return float(line.split()[1]) / 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1024 if platform.system() == "Linux" else 1) / _MIB
 
@@ -105,7 +105,7 @@ def print_circumstances(*, peers: Sequence[str] = ("pyoma-2", "koma-python")) ->
     cpu = platform.processor() or platform.machine()
     information = Path("/proc/cpuinfo")
     if information.exists():
-        names = [line for line in information.read_text().splitlines() if line.startswith("model name")]
+        names = [line for line in information.read_text(encoding="utf-8").splitlines() if line.startswith("model name")]
         cpu = names[0].split(":")[1].strip() if names else cpu
     packages = ", ".join(f"{name} {version(name)}" for name in ("sprung", *peers, "numpy", "scipy"))
     print(f"`{Path(sys.executable).name} {' '.join(sys.argv)}`\n")

@@ -102,11 +102,11 @@ def broker(name: str, port: int, folder: Path) -> Program:
 
 def tail(path: Path) -> str:
     """Return the last lines of a log."""
-    return " | ".join(path.read_text(errors="replace").splitlines()[-3:])
+    return " | ".join(path.read_text(encoding="utf-8", errors="replace").splitlines()[-3:])
 
 
 def is_alive(pid: int) -> bool:
     """Return whether a process runs."""
     with suppress(OSError):
-        return ") Z" not in Path(f"/proc/{pid}/stat").read_text()
+        return ") Z" not in Path(f"/proc/{pid}/stat").read_text(encoding="utf-8")
     return False

@@ -51,7 +51,7 @@ def cpu_times(one: Rig, server: Path) -> dict[str, float]:
 def _times(path: Path) -> tuple[int, float]:
     """Return the parent and the processor time of a process [s]; 0 if it has just ended."""
     try:
-        words = path.read_text(errors="replace").rpartition(") ")[2].split()
+        words = path.read_text(encoding="utf-8", errors="replace").rpartition(") ")[2].split()
     except OSError:
         return 0, 0.0
     return int(words[1]), (int(words[11]) + int(words[12])) / _TICKS
@@ -59,7 +59,9 @@ def _times(path: Path) -> tuple[int, float]:
 
 def core_times() -> tuple[float, float]:
     """Return the times that all cores together have run, and stood idle, since the machine started [s]."""
-    user, nice, system, idle, waiting, *rest = map(int, Path("/proc/stat").read_text().splitlines()[0].split()[1:])
+    user, nice, system, idle, waiting, *rest = map(
+        int, Path("/proc/stat").read_text(encoding="utf-8").splitlines()[0].split()[1:]
+    )
     return (user + nice + system + sum(rest[:3])) / _TICKS, (idle + waiting) / _TICKS
 
 

@@ -278,7 +278,7 @@ class Run:
         sums: dict[str, list[float]] = {"Java": [], "driver": [], "worker": []}
         for pid, kind in self.processes():
             try:
-                pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+                pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="utf-8").split()[1])
             except OSError:
                 continue
             sums[kind].append(pages * os.sysconf("SC_PAGE_SIZE") / 1e6)

@@ -32,13 +32,13 @@ _TICKS = os.sysconf("SC_CLK_TCK")
 
 def cpu(pid: int) -> float:
     """Return the CPU seconds of a process so far, of all its threads."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / _TICKS
 
 
 def memory(pid: int | str = "self") -> float:
     """Return the resident memory of a process [MiB]."""
-    status = Path(f"/proc/{pid}/status").read_text().splitlines()
+    status = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines()
     return int(next(line for line in status if line.startswith("VmRSS")).split()[1]) / 1024
 
 
@@ -128,7 +128,7 @@ class Monitor(Program):
     @property
     def workers(self) -> list[int]:
         """Process numbers of its workers."""
-        children = map(int, Path(f"/proc/{self.pid}/task/{self.pid}/children").read_text().split())
+        children = map(int, Path(f"/proc/{self.pid}/task/{self.pid}/children").read_text(encoding="utf-8").split())
         return [pid for pid in children if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
 
     def figures(self) -> dict[str, float]:

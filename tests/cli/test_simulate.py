@@ -27,7 +27,7 @@ def test_formats_by_ending(sprung, tmp_path, ending):
 def test_truth_and_vehicle_stand_beside_the_recording(sprung, tmp_path):
     path = tmp_path / "run.csv"
     document = sprung("simulate", "chain", *SHORT, "--seed", "7", "--out", path, "--json", "-").document()
-    assert document == json.loads(Path(f"{path}.truth.json").read_text())
+    assert document == json.loads(Path(f"{path}.truth.json").read_text(encoding="utf-8"))
     assert document["schema"] == "sprung.truth/1"
     # F. Liu (2020), table 4-1
     assert [mode["natural_frequency"] for mode in document["modes"]] == pytest.approx([7.01, 19.65, 28.39], abs=0.005)

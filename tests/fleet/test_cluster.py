@@ -43,9 +43,9 @@ def test_a_submitted_job_whose_processes_are_killed_gives_the_same_tables(cluste
     module, machines = cluster
     Path("vehicles").mkdir()
     for number in range(2):
-        Path(f"vehicles/car{number}.toml").write_text(car_text)
+        Path(f"vehicles/car{number}.toml").write_text(car_text, encoding="utf-8")
     Lake("lake").write(window(f"car{v}", k, FAULT if v == 0 and k >= 3 else None) for v in range(2) for k in range(6))
-    Path("sprung-fleet.py").write_text("from sprung.cli import main\nraise SystemExit(main())\n")
+    Path("sprung-fleet.py").write_text("from sprung.cli import main\nraise SystemExit(main())\n", encoding="utf-8")
     words = "fleet run lake --vehicles vehicles --out submitted --steps baseline,diagnose --learn 3"
     submitted = subprocess.Popen(
         [module.SPARK_SUBMIT, "--master", machines.url, "sprung-fleet.py", *words.split(), "--master", ""],

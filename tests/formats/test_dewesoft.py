@@ -1,5 +1,6 @@
 """A test drive of DEWESoft, whose library reads some channels and refuses others."""
 
+import locale
 import sys
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,14 @@ from sprung.formats.table import join
 
 dwdatareader: Any = pytest.importorskip("dwdatareader")
 REFUSED = "STWH_ANGLE, STWH_SIGN, V_SPEED2, ENG_RPM, V_SPEED, GAS_PEDAL, TEMP_OUTSIDE, WSPEED_FL, WSPEED_FR"
+
+
+@pytest.fixture(autouse=True)
+def _locale_is_kept():
+    """Set the locale back that the library, here in this process, changes for all that comes after."""
+    kept = locale.setlocale(locale.LC_ALL)
+    yield
+    locale.setlocale(locale.LC_ALL, kept)
 
 
 @pytest.fixture

@@ -80,7 +80,7 @@ def frozen_server(postgresql_server):
     @contextmanager
     def frozen():
         server = int((postgresql_server / "data" / "postmaster.pid").read_text().split()[0])
-        children = Path(f"/proc/{server}/task/{server}/children").read_text().split()
+        children = Path(f"/proc/{server}/task/{server}/children").read_text(encoding="utf-8").split()
         processes = [server, *map(int, children)]
         for process in processes:
             os.kill(process, signal.SIGSTOP)

@@ -94,7 +94,7 @@ def _started(configuration: Any, *, is_quiet: bool) -> "SparkSession":
     from pyspark.java_gateway import launch_gateway
     from pyspark.sql import SparkSession
 
-    with tempfile.TemporaryFile("w+") as said:
+    with tempfile.TemporaryFile("w+", encoding="utf-8") as said:
         try:
             # One Java for all sessions of a process, as PySpark has it.
             gateway = pyspark.SparkContext._gateway or launch_gateway(  # type: ignore[no-untyped-call]

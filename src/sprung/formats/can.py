@@ -75,7 +75,7 @@ def can_database(path: str | PathLike[str], *, extra: str = "can") -> Any:
     >>> text = 'BU_: BOX  BO_ 256 ACC: 2 BOX  SG_ acc_fl : 0|16@1- (0.01,0) [0|0] "m/s^2" BOX'
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder, "car.dbc")
-    ...     _ = path.write_text(text)
+    ...     _ = path.write_text(text, encoding="utf-8")
     ...     database = can_database(path)
     >>> [(message.name, [signal.name for signal in message.signals]) for message in database.messages]
     [('ACC', ['acc_fl'])]

@@ -306,7 +306,7 @@ def _limit_memory(extra: int) -> None:
         import resource
     except ImportError:  # not a Unix system
         return
-    present = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    present = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]) * resource.getpagesize()
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     wanted = present + extra
     resource.setrlimit(resource.RLIMIT_AS, (wanted if hard < 0 else min(wanted, hard), hard))

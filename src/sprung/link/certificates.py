@@ -41,7 +41,7 @@ def common_name(path: str | Path) -> str:
     ... )
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder, "box.crt")
-    ...     _ = path.write_text("\n".join(lines))
+    ...     _ = path.write_text("\n".join(lines), encoding="utf-8")
     ...     common_name(path)
     'bus-17'
     """
@@ -86,7 +86,7 @@ def valid_until(path: str | Path) -> int:
     ... )
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder, "box.crt")
-    ...     _ = path.write_text("\n".join(lines))
+    ...     _ = path.write_text("\n".join(lines), encoding="utf-8")
     ...     valid_until(path)
     2110761664000000000
     """

@@ -175,7 +175,7 @@ def save_animation(modes: Modes, channels: Sequence[Channel], path: str | PathLi
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder, "modes.html")
     ...     save_animation(identification.modes, identification.channels, path)
-    ...     "<canvas" in path.read_text()
+    ...     "<canvas" in path.read_text(encoding="utf-8")
     True
     """
     path = Path(path)
