@@ -27,7 +27,7 @@ test: check
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal --durations=25 --durations-min=5
 
 fast: check
-	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not slow" --durations=25 --durations-min=5
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not slow" --durations=10 --durations-min=1
 
 check: $(READY)
 	$(BIN)/ruff check .

@@ -1,5 +1,6 @@
 """Fixtures of all tests."""
 
+import gc
 import hashlib
 import io
 import os
@@ -38,6 +39,28 @@ LONGEST = ("acceptance", "world", "reproduce")
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the longest tests, so that no process is left alone with one at the end; the rest stays in order."""
     items.sort(key=lambda item: item.path.parent.name not in LONGEST)
+
+
+def pytest_collection_finish() -> None:
+    """Leave modules and tests out of garbage collection: some tests collect, each time through a million objects."""
+    gc.collect()
+    gc.freeze()
+
+
+@pytest.fixture(scope="session")
+def _empty_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the file of a store with all tables and no rows."""
+    from sprung.storage import open_store
+
+    path = tmp_path_factory.mktemp("empty") / "store.sqlite"
+    open_store(f"sqlite:///{path}").close()
+    return path
+
+
+@pytest.fixture
+def sqlite_url(_empty_store: Path, tmp_path: Path) -> str:
+    """Return the address of an empty store, a copy: to make its tables takes ten times as long."""
+    return f"sqlite:///{shutil.copy(_empty_store, tmp_path / 'store.sqlite')}"
 
 
 @pytest.fixture

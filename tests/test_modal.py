@@ -76,6 +76,7 @@ def test_mac_does_not_depend_on_complex_scale(shapes, others, size, phase) -> No
     np.testing.assert_allclose(np.diag(mac(shapes, shapes)), 1, atol=1e-12)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(complex_shapes(1, 5), complex_shapes(1, 5))
 def test_mac_is_the_squared_cosine_by_another_route(shapes, others) -> None:

@@ -41,6 +41,7 @@ def test_types_of_results_have_a_public_name() -> None:
     assert isinstance(sprung.read_description("chain3"), sprung.Chain)
 
 
+@pytest.mark.slow
 def test_figures_are_reachable_from_the_package() -> None:
     code = "import sprung; print(sprung.plotting.save_figures.__name__, 'tracks_figure' in dir(sprung.plotting))"
     process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

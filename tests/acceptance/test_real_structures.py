@@ -51,6 +51,7 @@ def test_parts_of_200_seconds_show_the_light_modes_beside_drift_and_machines(rea
             assert nearest(modes, frequency) == pytest.approx(frequency, rel=0.015)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_koma_shear_frame(real_file, method) -> None:
     # Simulated by time steps that lengthen the short periods: the reference's modes 4 and 5 (1.071, 1.222 Hz) are

@@ -187,5 +187,5 @@ class History(RuleBasedStateMachine):
             assert alert.count or alert.is_acknowledged
 
 
-TestHistory = History.TestCase
+TestHistory = pytest.mark.slow(History.TestCase)
 TestHistory.settings = hypothesis_settings(max_examples=150, stateful_step_count=40, deadline=None)

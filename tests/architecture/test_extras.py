@@ -49,6 +49,7 @@ def required(extra: str) -> set[str]:
     return {name for name, _ in found}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extra", PARTS)
 def test_an_extra_has_what_its_part_imports(extra: str) -> None:
     present = required(extra)

@@ -115,6 +115,7 @@ def test_bounds_of_light_modes_are_those_of_the_likelihood_of_modes(certified: A
     np.testing.assert_allclose(of_damping, [mode["damping_ratio_bound"] for mode in stated], rtol=0.01)
 
 
+@pytest.mark.slow
 def test_the_bound_of_a_short_record_tends_to_that_of_a_long_one(certified: Any) -> None:
     """All samples' covariance and the quadrature over frequency agree where the record is long against the decay."""
     systems, records, bounds = certified.systems, certified.records, certified.bounds

@@ -46,6 +46,7 @@ def test_files_remember_when_they_began(settings, listener, recording) -> None:
     assert first == again
 
 
+@pytest.mark.slow
 def test_a_folder_reads_each_file_once(settings, recording, tmp_path: Path) -> None:
     folder = tmp_path / "in"
     folder.mkdir()

@@ -180,6 +180,7 @@ def test_blocks_hold_what_they_should() -> None:
     assert regular.finish() == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "time_of",
     [

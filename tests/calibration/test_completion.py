@@ -71,6 +71,7 @@ def test_windows_with_other_channels_are_refused(hatchback, drive) -> None:
         calibrate([drive.recording, other], hatchback, allow_missing=True)
 
 
+@pytest.mark.slow
 def test_channels_that_are_combinations_of_others_are_refused(hatchback) -> None:
     """More accelerometers than motions, and no noise: the spectral matrices are singular."""
     middle = hatchback.sensor[0].model_copy(update={"channel": "acc_middle", "position": (0.2, 0.1, 0.0)})

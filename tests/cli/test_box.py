@@ -53,6 +53,7 @@ def words(address, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_the_end_of_the_source_is_logged(words, drive):
     ended = "source finished; all frames of car-1 acknowledged"
     for said in (f"{ended}: 60 frames, 0.02 hours in this run", f"{ended}: 0 frames, 0.00 hours in this run"):
@@ -63,6 +64,7 @@ def test_the_end_of_the_source_is_logged(words, drive):
         assert done.stdout == ""
 
 
+@pytest.mark.slow
 def test_an_unreadable_recording_is_a_warning_with_the_reason(words, drive, tmp_path):
     folder = tmp_path / "in"
     folder.mkdir()

@@ -39,11 +39,13 @@ def test_commands_and_options_are_offered(folder) -> None:
     assert offered("sprung identify --format s", folder) == ["svg"]
 
 
+@pytest.mark.slow
 def test_vehicles_are_offered_by_name_and_as_files(folder) -> None:
     assert offered("sprung corners --vehicle ", folder) == [*VEHICLES, "car.toml", "records/"]
     assert offered("sprung identify --vehicle za", folder) == ["zafira", "zafira-printed"]
 
 
+@pytest.mark.slow
 def test_files_are_offered_by_what_a_command_reads(folder) -> None:
     assert offered("sprung info r", folder) == ["records/", "run.csv", "run.parquet"]
     assert offered("sprung info records/", folder) == ["records/a.npz"]

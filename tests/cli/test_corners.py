@@ -37,6 +37,7 @@ def test_json_has_the_contracts_names(sprung, drive, tmp_path):
     assert isinstance(document["notes"], list)
 
 
+@pytest.mark.slow
 def test_table_and_figures(sprung, drive, tmp_path):
     run, car = drive
     outcome = sprung("corners", run, "--vehicle", car, "--figures", tmp_path / "figures", "--json", tmp_path / "c.json")
@@ -65,6 +66,7 @@ def test_bad_usage_is_one_sentence(sprung, drive, words, message):
     assert message in outcome.err
 
 
+@pytest.mark.slow
 def test_missing_speed_comes_from_the_delay(sprung, drive):
     outcome = sprung("corners", drive[0], "--vehicle", "zafira", "--channels", "acc_fl,acc_fr,acc_rl,acc_rr")
     assert outcome.code == 0
@@ -111,6 +113,7 @@ def test_every_command_refuses_a_recording_that_lacks_a_sensor(sprung, drive, mi
     assert "--allow-missing" in outcome.err
 
 
+@pytest.mark.slow
 def test_without_a_sensor_every_output_says_so(sprung, drive, misnamed, tmp_path) -> None:
     notes = [
         "missing sensors, which the vehicle file names: AccRR (did you mean 'acc_rr'?)",

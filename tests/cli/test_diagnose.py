@@ -9,6 +9,8 @@ from sprung.formats import write
 from sprung.simulation import RoadDrive, dead, simulate_drive
 from sprung.vehicles import MountedMass, parse_fault, read_vehicle
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def drives(tmp_path_factory):
@@ -126,7 +128,6 @@ def test_an_inconclusive_drive_is_not_called_healthy(sprung, drives, baseline, t
     assert json.loads((tmp_path / "d.json").read_text())["healthy"] is None
 
 
-@pytest.mark.slow
 def test_excluded_windows_are_explained(sprung, baseline, tmp_path):
     """An engine on soft mounts that the file does not have."""
     car = read_vehicle("zafira")

@@ -33,7 +33,7 @@ def shape_of(mode):
 
 def test_simulated_chain_is_identified_with_its_truth(sprung, chain):
     result = sprung("identify", chain, "--json", "-").document()
-    true = json.loads(Path(f"{chain}.truth.json").read_text())
+    true = json.loads(Path(f"{chain}.truth.json").read_text(encoding="utf-8"))
     assert len(result["modes"]) == len(true["modes"]) == 3
     for mode, truth in zip(result["modes"], true["modes"], strict=True):
         assert mode["natural_frequency"] == pytest.approx(truth["natural_frequency"], rel=0.01)
@@ -161,6 +161,7 @@ def test_sampling_rate_is_stated_for_files_without_time(sprung, chain, tmp_path)
     )
 
 
+@pytest.mark.slow
 def test_harmonics_are_reported_and_not_called_modes(sprung, tmp_path):
     path = tmp_path / "quarter.parquet"
     assert sprung("simulate", "quarter", "--case", "4", "--minutes", "2", "--seed", "3", "--out", path).code == 0
@@ -225,6 +226,7 @@ def test_large_files_are_read_in_blocks(sprung, chain, monkeypatch):
         )
 
 
+@pytest.mark.slow
 def test_figures_are_written_and_named(sprung, chain, tmp_path):
     outcome = sprung("identify", chain, "--figures", tmp_path / "figures")
     assert outcome.code == 0
@@ -281,7 +283,7 @@ def roving(chain, tmp_path):
 
 
 def test_files_as_set_ups_of_roving_sensors(sprung, chain, roving):
-    true = json.loads(Path(f"{chain}.truth.json").read_text())["modes"]
+    true = json.loads(Path(f"{chain}.truth.json").read_text(encoding="utf-8"))["modes"]
     words = ("identify", *roving[:2], "--setups", "--references", "base")
     result = sprung(*words, "--json", "-").document()
     assert result["channels"] == ["base", "rov (1)", "rov (2)"]
@@ -300,6 +302,7 @@ def test_files_as_set_ups_of_roving_sensors(sprung, chain, roving):
     assert "2 of 2" in shown.out
 
 
+@pytest.mark.slow
 def test_files_of_other_channels_are_set_ups_without_being_told(sprung, roving, tmp_path):
     outcome = sprung("identify", roving[0], roving[2], "--figures", tmp_path / "figures")
     assert outcome.code == 0
@@ -340,6 +343,7 @@ def test_shapes_as_a_universal_file(sprung, chain, tmp_path):
     assert [each["type"] for each in sets] == [164, 15, 82, 55, 55, 55]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ending", "head"), [("svg", b"<?xml"), ("pdf", b"%PDF")])
 def test_figures_have_the_format_that_is_asked_for(sprung, chain, tmp_path, ending, head):
     outcome = sprung("identify", chain, "--figures", tmp_path, "--format", ending)

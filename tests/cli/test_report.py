@@ -20,6 +20,7 @@ def store(tmp_path_factory):
     return url
 
 
+@pytest.mark.slow
 def test_a_report_and_its_document(sprung, store, tmp_path) -> None:
     path = tmp_path / "r.html"
     outcome = sprung("report", VEHICLE, "--store", store, "--until", "2026-10-10", "--out", path)
@@ -30,6 +31,7 @@ def test_a_report_and_its_document(sprung, store, tmp_path) -> None:
     assert document["sentence"].startswith("Front-left spring 25 %")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("weasyprint") is None, reason="needs weasyprint")
 def test_a_report_as_pdf(sprung, store, tmp_path) -> None:
     path = tmp_path / "r.pdf"

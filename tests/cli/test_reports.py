@@ -22,6 +22,7 @@ def document_of(page):
     return json.loads(text)
 
 
+@pytest.mark.slow
 def test_report_of_an_identification(sprung, chain, tmp_path) -> None:
     path = tmp_path / "modes.html"
     outcome = sprung("identify", chain, "--report", path, "--json", tmp_path / "m.json")
@@ -45,6 +46,7 @@ def test_report_of_an_identification(sprung, chain, tmp_path) -> None:
         assert text in page
 
 
+@pytest.mark.slow
 def test_hostile_names_stay_text_and_faults_are_named(sprung, chain, tmp_path) -> None:
     run = read(chain)
     names = (HOSTILE, "</script><script>alert(2)</script>", "c")
@@ -77,6 +79,7 @@ def test_report_without_modes_says_why(sprung, tmp_path) -> None:
     assert document_of(page)["modes"] == []
 
 
+@pytest.mark.slow
 def test_report_of_modes_over_time(sprung, chain, tmp_path) -> None:
     assert sprung("track", chain, "--window", 40, "--report", tmp_path / "t.html").code == 0
     page = (tmp_path / "t.html").read_text(encoding="utf-8")

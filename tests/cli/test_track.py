@@ -23,6 +23,7 @@ def softened(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_windows_of_a_file(monkeypatch, sprung, softened, tmp_path) -> None:
     monkeypatch.setenv("COLUMNS", "120")
     outcome = sprung(
@@ -47,6 +48,7 @@ def test_windows_of_a_file(monkeypatch, sprung, softened, tmp_path) -> None:
         assert min(point["mac"] for point in track["points"]) > 0.98
 
 
+@pytest.mark.slow
 def test_identifications_as_files(sprung, chain, bogie, tmp_path) -> None:
     for number, method in enumerate(("cov", "acs", "coss")):
         assert sprung("identify", chain, "--method", method, "--json", tmp_path / f"{number}.json").code == 0
@@ -68,6 +70,7 @@ def test_identifications_as_files(sprung, chain, bogie, tmp_path) -> None:
     assert (other.code, "window 2 has the channels" in other.err) == (2, True)
 
 
+@pytest.mark.slow
 def test_document_is_read_again(sprung, chain, tmp_path) -> None:
     assert sprung("track", chain, "--window", 40, "--json", tmp_path / "t.json").code == 0
     document = read_document(tmp_path / "t.json")

@@ -18,12 +18,14 @@ def minute(member: Member):
     return joined(list(islice(drives(read_vehicle("zafira"), member, START), 12)))
 
 
+@pytest.mark.slow
 def test_a_drive_comes_in_blocks_that_follow_each_other() -> None:
     run = minute(Member("car-1", 1))
     assert (run.start, run.duration, run.gaps) == (START, pytest.approx(60.0), ())
     assert np.isfinite(run.samples).all()
 
 
+@pytest.mark.slow
 def test_a_fault_and_a_dead_sensor_begin_after_their_piece() -> None:
     healthy = minute(Member("car-1", 1))
     later = minute(Member("car-1", 1, fault="front_left.spring=-0.5", dead_channel="acc_rr", after=1))

@@ -11,6 +11,7 @@ from sprung.demo.fleet import waiting_time
 pytest.importorskip("numba")
 
 
+@pytest.mark.slow
 def test_pages_move_to_a_free_port_where_the_usual_one_is_taken() -> None:
     try:
         taken = socket.create_server(("127.0.0.1", 8737))
@@ -24,6 +25,7 @@ def test_pages_move_to_a_free_port_where_the_usual_one_is_taken() -> None:
         assert "No vehicle is known yet." in text
 
 
+@pytest.mark.slow
 def test_a_run_that_is_stopped_finds_nothing() -> None:
     with open_demo(pace=60.0) as demonstration:
         assert demonstration.find_faults(60.0, is_stopped=lambda: True) == []

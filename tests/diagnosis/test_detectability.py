@@ -36,6 +36,7 @@ def vehicle(baseline, generator):
     return scores
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("n_learnt", "n_windows", "part"),
     [(6, 1, "front_left.spring"), (6, 6, "rear_right.tyre"), (12, 1, "rear_left.damper"), (12, 6, "front_left.spring")],
@@ -55,6 +56,7 @@ def test_a_change_of_the_size_stated_by_a_baseline_is_found_with_95_percent_powe
     assert (0.93 if n_learnt > 6 else 0.9) <= alerts / 600 <= 0.975
 
 
+@pytest.mark.slow
 def test_windows_state_what_others_like_them_would_find(healthy) -> None:
     """The size from twelve healthy windows, in twelve others of the same vehicle."""
     baseline = learn(healthy(12))

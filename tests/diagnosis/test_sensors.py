@@ -176,6 +176,7 @@ def test_a_speed_that_stays_while_the_delay_says_another_is_left_out(car, run, s
     assert not {"speed", "standing"} & found.conditions.keys()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "road"), [(5.5, "A"), (30.0, "B")])
 def test_a_kept_speed_is_not_stuck(car, speed, road) -> None:
     settings = nonlinear(road, duration=180.0, speed=(speed, speed), snr=30.0)

@@ -142,6 +142,7 @@ def test_p_values_of_sound_vehicles_hold_and_faults_are_found() -> None:
     assert n_found >= 0.88 * 400
 
 
+@pytest.mark.slow
 def test_a_fleet_is_ranked_with_the_faulty_first() -> None:
     """Twenty vehicles with two windows each, five of them with a part 20 % weaker; nobody has a baseline."""
     faults = ("front_left.spring", "rear_right.damper", "front_right.tyre", "rear_left.tyre", "front_left.damper")

@@ -12,6 +12,8 @@ import pytest
 
 from sprung.vehicles.sections import Axle
 
+pytestmark = pytest.mark.slow
+
 REPOSITORY = Path(__file__).parents[2]
 #: Attributes by which a page loads something.
 _LOADED = {"script": "src", "link": "href", "img": "src", "iframe": "src", "source": "src", "object": "data"}

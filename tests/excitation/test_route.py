@@ -38,6 +38,7 @@ def test_steps_add_up_where_they_overlap():
     assert both == pytest.approx(steps([0.0], [1.0], [1.0])(x) + steps([0.3], [-2.0], [0.5])(x))
 
 
+@pytest.mark.slow
 def test_the_integral_of_the_acceleration_is_the_speed():
     speed = random_speed(300.0, low=5.0, high=20.0, n_stops=2, generator=np.random.default_rng(1))
     time = np.arange(0, 300, 1e-3)

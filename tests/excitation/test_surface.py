@@ -46,6 +46,7 @@ def bands(n, values):
     return np.array([values[(n >= a) & (n < b)].mean() for a, b in itertools.pairwise(edges)])
 
 
+@pytest.mark.slow
 def test_spectrum_is_that_of_the_class(class_c) -> None:
     n, left, right, _ = class_c
     expected = np.divide(256e-6 * 0.1**2, n**2, where=n > 0, out=np.zeros_like(n))
@@ -57,6 +58,7 @@ def test_classes_are_a_factor_of_four_apart() -> None:
     assert [road_class(name).roughness for name in "ABCDEFGH"] == pytest.approx([16e-6 * 4**k for k in range(8)])
 
 
+@pytest.mark.slow
 def test_coherence_of_left_and_right(class_c) -> None:
     n, left, right, cross = class_c
     found = bands(n, cross.real) / np.sqrt(bands(n, left) * bands(n, right))
@@ -173,6 +175,7 @@ def test_unknown_class_and_axles_out_of_order_are_refused() -> None:
         SurfaceMotion(road_class("A"), (-1.0, 1.0), constant_speed(5.0))
 
 
+@pytest.mark.slow
 def test_a_rougher_right_track_has_its_level_and_keeps_the_left(class_c) -> None:
     n, left, right, cross = spectra(heights(road_class("C"), length=100e3, right_over_left=10 ** (2.5 / 20)))
     inside = (n > 0.03) & (n < 8)
@@ -187,6 +190,7 @@ def broken(side):
     return (Potholes(per_kilometre=2.0, side=side),)
 
 
+@pytest.mark.slow
 def test_potholes_keep_to_their_side() -> None:
     smooth = heights(road_class("A"), length=20e3)
     for side, row in (("left", 0), ("right", 1)):

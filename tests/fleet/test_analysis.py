@@ -26,6 +26,7 @@ def plain(document):
 
 
 class TestAnalysis:
+    @pytest.mark.slow
     def test_rows_are_the_documents_of_the_commands(self, window, car, car_text):
         row = window("car1", 0).row
         recording = recording_of(row)
@@ -130,6 +131,7 @@ class TestTasks:
             rows, _ = analyst({**work}, window("car1", 0).row, WindowSettings(seconds=0.02))
         assert "took longer than" in rows["windows"]["reason"]
 
+    @pytest.mark.slow
     def test_a_window_that_ends_its_process_is_a_row_with_its_reason(self, window, car_text):
         work = {"vehicle_text": car_text, "vehicle_file": "", "reason": "", "steps": ["observe"], "has_segments": False}
         with apart(is_apart=True) as analyst, ThreadPoolExecutor(1) as pool:

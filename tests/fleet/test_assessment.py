@@ -62,6 +62,7 @@ def assert_close(one, other, place=""):
 
 
 class TestAssessment:
+    @pytest.mark.slow
     def test_baseline_and_diagnosis_are_those_of_the_library(self, rows):
         found = assess(rows, SETTINGS)
         observed = [

@@ -114,6 +114,7 @@ class TestAssembly:
         assert digests([drive()]) == expected
         assert digests([[payload] for payload in drive()]) == expected
 
+    @pytest.mark.slow
     @settings(max_examples=25, deadline=None)
     @given(data=st.data())
     def test_order_duplicates_and_batches_do_not_matter(self, expected, data):

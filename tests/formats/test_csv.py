@@ -139,6 +139,7 @@ def test_text_in_numbers_names_line_and_column(text_file) -> None:
         read(path)
 
 
+@pytest.mark.slow
 def test_text_far_down_names_its_line(text_file) -> None:
     rows = [f"{index},{index / 7:.9f}" for index in range(300_000)]
     rows[250_001] += "?"

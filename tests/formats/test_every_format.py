@@ -42,6 +42,7 @@ def any_recording(draw):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", WRITERS)
 @RELAXED
 @given(recording=any_recording())
@@ -89,6 +90,7 @@ def test_names_that_would_not_be_read_back_are_refused(tmp_path: Path, name) -> 
         write(Recording(np.zeros((1, 20)), 10.0, (Channel(name),)), tmp_path / "run.csv")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ENDINGS)
 @RELAXED
 @given(content=st.binary(min_size=0, max_size=400))

@@ -86,6 +86,7 @@ def test_two_streams_do_not_disturb_each_other(groups_of) -> None:
     assert [block.values[0, 0] for block in second] == [1, 2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", ["crash at once", "crash later", "allocate"])
 def test_a_failing_reader_gives_a_sentence_and_the_next_file_is_read(groups_of, text) -> None:
     with pytest.raises(FormatError, match=r"run\.odd cannot be read"):

@@ -199,6 +199,7 @@ def test_comments_and_latin_letters(real_file) -> None:
     assert "LOST COMMUNICATION" in run.comment
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("x_columns", ["No", "One", "Multi"])
 def test_mutations_give_a_sentence(text_file, x_columns) -> None:
     generator = np.random.default_rng(13)

@@ -216,6 +216,7 @@ def test_motion_is_no_clock(tmp_path_factory, kind, seed, name) -> None:
     assert read(path, sampling_rate=100).names == (name, "b")
 
 
+@pytest.mark.slow
 @RELAXED
 @given(kind=signals.filter(lambda kind: kind != "ramp"), seed=st.integers(0, 10_000))
 def test_motion_in_the_first_column_without_names_is_no_clock(tmp_path_factory, kind, seed) -> None:

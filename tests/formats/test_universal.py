@@ -348,6 +348,7 @@ def test_names_that_the_format_cannot_hold_are_refused(tmp_path, name) -> None:
         write(Recording(np.zeros((1, 20)), 10.0, (Channel(name),)), tmp_path / "run.uff")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("binary", [True, False])
 def test_mutations_give_a_sentence(file, binary) -> None:
     generator = np.random.default_rng(11)

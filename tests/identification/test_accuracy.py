@@ -56,6 +56,7 @@ def with_tones(record, frequencies, amplitude, generator):
 # The published chain
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("snr", [10.0, 0.5])
 @pytest.mark.parametrize("seeds", SEEDS)
@@ -74,6 +75,7 @@ def test_twenty_records_with_white_noise_give_exactly_the_three_modes(seeds, snr
     assert len(found.subsets) == (n_ranges if method == "coss" else 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("has_disjoint_references", [False, True])
 @pytest.mark.parametrize("method", SUBSPACE_METHODS)
 @pytest.mark.parametrize("seeds", SEEDS)
@@ -187,6 +189,7 @@ def test_tones_within_the_bandwidths_of_all_modes_leave_the_modes(amplitude) -> 
 # Forms and editing
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "settings",
     [

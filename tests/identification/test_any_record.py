@@ -80,6 +80,7 @@ def test_noise_on_a_drift_has_no_modes(n_samples) -> None:
         assert len(found.modes) == 0
 
 
+@pytest.mark.slow
 def test_seventeen_channels_show_a_faint_first_mode() -> None:
     """The matrix holds 23 block rows of 17 channels: 0.46 s at the rate of the fifth mode, a period of the first."""
     generator = np.random.default_rng(17)

@@ -45,6 +45,7 @@ def of_three_records(method, settings=None):
     return METHODS[method]([run(seed) for seed in range(3)], settings=settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factors", [(1e-6, 1.0, 1e6), (1e6, 1e6, 1e6), (-1.0, 1.0, 1e-3)])
 @pytest.mark.parametrize("method", METHODS)
 def test_scaled_channels_give_the_same_poles_and_scaled_shapes(method, factors) -> None:
@@ -66,6 +67,7 @@ def test_offsets_and_the_time_of_day_do_not_matter(method) -> None:
     assert_same(METHODS[method](record), METHODS[method](moved), deviations=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_the_order_of_records_hardly_matters(method) -> None:
     """What is chosen from the first record (scales of channels) changes in the fourth digit.

@@ -157,6 +157,7 @@ def test_names_that_repeat_need_references() -> None:
     check_modes(identify_setups(cov_ssi, records, references=("ref_1", "ref_2")), building, plan)
 
 
+@pytest.mark.slow
 def test_moved_sensors_under_equal_names_give_a_note() -> None:
     _, _, records = setup_records(names="same")
     identification = cov_ssi(records)
@@ -252,6 +253,7 @@ def test_a_bad_set_up_is_left_out_with_a_note() -> None:
         identify_setups(cov_ssi, [])
 
 
+@pytest.mark.slow
 def test_set_ups_by_coss() -> None:
     building, plan, records = setup_records(names="distinct", n_setups=2, duration=300.0)
     identification = coss_ssi(records)

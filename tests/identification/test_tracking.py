@@ -269,6 +269,7 @@ def mast_windows(path):
     return hours.astype(float), windows
 
 
+@pytest.mark.slow
 def test_weeks_of_a_guyed_mast(real_file) -> None:
     # The README of the data states clusters at 0.16, 0.34 to 0.36 and 0.60 to 0.64 (two planes of bending each, found
     # nearly every hour), 1.28 to 1.34, 2.02 to 2.06, 3.28 to 3.36 and 3.45 Hz, and false poles of up to 90 % damping.

@@ -59,6 +59,7 @@ def test_standard_deviations_equal_a_finite_difference_of_the_poles(known, case,
         np.testing.assert_allclose(getattr(reported, std)[nearest], np.abs(high - low) / 2, rtol=tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("snr", [10.0, 0.5])
 @pytest.mark.parametrize("is_weighted", [True, False])
 def test_standard_deviations_are_those_of_repeated_runs(vehicle, measured, snr, is_weighted) -> None:

@@ -15,6 +15,8 @@ import pytest
 from playwright.sync_api import Page, expect
 from playwright.sync_api import TimeoutError as PageTimeout
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("numba")
 
 _PROGRAM = Path(sys.executable).with_name("sprung")
@@ -75,7 +77,6 @@ def demo():
     running.close()
 
 
-@pytest.mark.slow
 def test_from_the_demonstration_to_a_report(demo, visit, tmp_path) -> None:
     url = demo.wait_for(r"pages of this monitor: (http://127\.0\.0\.1:\d+)", seconds=60)
     assert "alert" not in demo.wait_for(r"(pages[^\0]*)", seconds=1)

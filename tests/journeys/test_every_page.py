@@ -10,6 +10,8 @@ from tests.service.test_pages import PAGES, SAVED
 
 from sprung.service.app import ROUTERS
 
+pytestmark = pytest.mark.slow
+
 #: Most that a page may load, without the library of charts [bytes].
 _MOST = 300_000
 _DESK = {"width": 1280, "height": 900}
@@ -43,7 +45,6 @@ def _fits(path: str, address: str) -> bool:
     )
 
 
-@pytest.mark.slow
 def test_no_serious_finding_of_axe(shown, visit, watch) -> None:
     """All rules on a desk and on a phone, contrast in the dark, too."""
     watch.expected = {403}

@@ -5,6 +5,8 @@ from tests.journeys.conftest import serving
 from tests.service.conftest import store
 from tests.service.test_pages import HOSTILE, KNOWN, PAGES, SAVED, put_hostile_texts
 
+pytestmark = pytest.mark.slow
+
 __all__ = ["store"]
 
 _ADDRESSES = [

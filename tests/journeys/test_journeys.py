@@ -4,12 +4,15 @@ import re
 import time
 from urllib.parse import urlsplit
 
+import pytest
 from playwright.sync_api import expect
 from tests.journeys import depot
 from tests.service.conftest import PASSWORD
 
 from sprung.alerting import AlertSettings, Report, reported
 from sprung.monitor import AlertBook
+
+pytestmark = pytest.mark.slow
 
 
 def test_after_a_repair_one_form_closes_an_alert(serve, visit) -> None:

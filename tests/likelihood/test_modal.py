@@ -70,6 +70,7 @@ def test_both_searches_end_at_the_same_modes() -> None:
     assert one[:6] == pytest.approx(other[:6], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_gradient_and_derivatives_are_those_of_the_model() -> None:
     values = replace(parameters(), common_exponent=np.array([0.1]), force_exponents=np.array([0.02, 0.0, -0.03]))
     exact = model_of(values, spread=0.01, exponent=1.0)

@@ -191,6 +191,7 @@ def test_shared_subscription_gives_each_message_to_one_and_mqtt_3_gets_all(plain
     assert len(heard[0]) == len(heard[1]) == 5
 
 
+@pytest.mark.slow
 def test_link_comes_back_and_subscribes_again_after_the_broker_was_killed(mosquitto) -> None:
     broker, name = mosquitto(), "sprung/v1/bus/raw"
     with connected(Client(broker, "ears", topics=[name])) as [ears]:
@@ -206,6 +207,7 @@ def test_link_comes_back_and_subscribes_again_after_the_broker_was_killed(mosqui
             ears.heard_until_now(ears, name)  # after what the killed broker had not confirmed, if anything
 
 
+@pytest.mark.slow
 def test_link_waits_for_a_broker_that_starts_later(mosquitto) -> None:
     broker = mosquitto()
     broker.kill9()
@@ -323,6 +325,7 @@ def assert_refused(broker, where, *, says="", **options):
         one.link.close()
 
 
+@pytest.mark.slow
 def test_nobody_gets_in_without_a_certificate(shipped, certificates) -> None:
     assert_refused(shipped, address(shipped, certificates))
 
@@ -335,11 +338,13 @@ def test_expired_certificate_is_refused(shipped, certificates) -> None:
     assert_refused(shipped, address(shipped, certificates, certificates / "expired"))
 
 
+@pytest.mark.slow
 def test_certificate_of_another_authority_is_refused(shipped, certificates, tmp_path: Path) -> None:
     other = make_test_ca(tmp_path, "A")
     assert_refused(shipped, address(shipped, certificates, other / "A"))
 
 
+@pytest.mark.slow
 def test_link_refuses_a_broker_of_another_authority(shipped, certificates, tmp_path: Path) -> None:
     other = make_test_ca(tmp_path, "A")
     where = address(shipped, other, certificates / "A")

@@ -57,6 +57,7 @@ ERRORS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("error", "sentence"), ERRORS, ids=lambda value: type(value).__name__)
 def test_each_cause_is_named_apart(made, monkeypatch: pytest.MonkeyPatch, error, sentence) -> None:
     def fail(*_, **__):
@@ -84,6 +85,7 @@ def test_refusal_of_a_real_port(made, free_port) -> None:
         made(f"mqtt://127.0.0.1:{free_port}").open(timeout=30.0)
 
 
+@pytest.mark.slow
 def test_patience_waits_for_a_broker_that_is_not_there_yet(made, mosquitto) -> None:
     """The first attempt is refused, and the next one, a second later, is let in."""
     broker = mosquitto()

@@ -210,13 +210,20 @@ def alike_():
     return alike
 
 
+@pytest.fixture
+def store(sqlite_url: str):
+    """An empty store."""
+    with open_store(sqlite_url) as opened:
+        yield opened
+
+
 @pytest.fixture(scope="session")
 def new_bench():
     return Bench
 
 
 @pytest.fixture
-def bench(tmp_path: Path, car, drive):
+def bench(sqlite_url: str, tmp_path: Path, car, drive):
     made = []
 
     def begun(folder=tmp_path, **site):

@@ -1,23 +1,13 @@
 """Trouble with monitoring itself is one alert, however often it is reported."""
 
-from pathlib import Path
-
 import numpy as np
-import pytest
 
 import sprung
 from sprung.alerting import AlertSettings
 from sprung.monitor import AlertBook, Observed
-from sprung.storage import open_store
 from sprung.vehicles import Component
 
 NOW = 1_795_219_200_000_000_000
-
-
-@pytest.fixture
-def store(tmp_path: Path):
-    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
-        yield opened
 
 
 def test_trouble_that_stays_the_same_is_named_once(store) -> None:

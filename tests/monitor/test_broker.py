@@ -46,6 +46,7 @@ def test_a_message_passes_through(free_port) -> None:
         broker.close()
 
 
+@pytest.mark.slow
 def test_open_connections_are_closed_with_the_broker(free_port, monkeypatch) -> None:
     left_open = []
     monkeypatch.setattr(sys, "unraisablehook", lambda each: left_open.append(each.exc_value))
@@ -95,6 +96,7 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     return tmp_path / "state"
 
 
+@pytest.mark.slow
 def test_programs_of_this_user_find_the_password_and_no_others_get_in(state, free_port, monkeypatch) -> None:
     broker = f"embedded:{free_port}"
     plain = Address.parse(f"mqtt://127.0.0.1:{free_port}")

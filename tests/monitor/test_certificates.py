@@ -38,6 +38,7 @@ def test_files_of_a_site() -> None:
     assert certificates_of(Site(broker="mqtt://host")) == []
 
 
+@pytest.mark.slow
 def test_the_alert_stands_until_the_certificate_is_renewed(bench, tmp_path: Path) -> None:
     path = tmp_path / "web.crt"
 

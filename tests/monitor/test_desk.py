@@ -1,7 +1,5 @@
 """What operators do to alerts and ask of the monitor, by way of the store."""
 
-from pathlib import Path
-
 import pytest
 
 from sprung.alerting import AlertSettings
@@ -14,8 +12,8 @@ HOUR = 3600 * 10**9
 
 
 @pytest.fixture
-def store(tmp_path: Path):
-    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
+def store(sqlite_url):
+    with open_store(sqlite_url) as opened:
         opened.inbox.put_vehicle("car-1", configuration="c", description="", channels=[], now=NOW)
         AlertBook(opened, AlertSettings()).report("car-1", "silent", "car-1 has sent nothing", now=NOW)
         yield opened

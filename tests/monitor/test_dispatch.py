@@ -15,7 +15,7 @@ from sprung.monitor import AlertBook, Failure, MonitorSettings, Observed, Openin
 from sprung.monitor.dispatch import Dispatch
 from sprung.monitor.ledger import Ledger
 from sprung.recording import Channel, Recording
-from sprung.storage import LeaseLostError, Progress, RefusedError, StoredFrame, StoreError, open_store
+from sprung.storage import LeaseLostError, Progress, RefusedError, StoredFrame, StoreError
 from sprung.vehicles import Component, read_vehicle, vehicle_text
 
 NOW = 1_795_219_200_000_000_000
@@ -52,12 +52,6 @@ class Played(Workers):
 
     def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str | Baseline = "") -> None:
         self.jobs.append((vehicle, list(frames), learn))
-
-
-@pytest.fixture
-def store(tmp_path: Path):
-    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
-        yield opened
 
 
 @pytest.fixture

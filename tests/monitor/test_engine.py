@@ -106,6 +106,7 @@ def test_a_channel_that_vanishes_is_a_failing_sensor(car, drive) -> None:
     assert monitor.learning == (0, 4)
 
 
+@pytest.mark.slow
 def test_window_ends_within_a_block(car, drive, alike) -> None:
     whole = joined([drive(0), drive(1)])
     monitor = VehicleMonitor(car, settings=MonitorSettings(identify_every=0))
@@ -206,6 +207,7 @@ def test_evidence_is_that_of_the_batch(car, drive, alike) -> None:
     assert detection_of(batch).first_alert is not None
 
 
+@pytest.mark.slow
 def test_evidence_of_windows_that_are_forgotten_goes(car, drive) -> None:
     settings = MonitorSettings(window=120.0, identify_every=0, learning_windows=2, most_windows=3)
     monitor = VehicleMonitor(car, settings=settings)
@@ -218,6 +220,7 @@ def test_evidence_of_windows_that_are_forgotten_goes(car, drive) -> None:
     assert after.evidence[:2].tolist() == before.evidence[1:].tolist()
 
 
+@pytest.mark.slow
 def test_frames_give_what_their_samples_give(car, drive, frames_of, alike) -> None:
     run = drive(0)
     blocks = [frame_block(decode(payload), quantities_of(run, car.sensor)) for payload in frames_of(run)]

@@ -1,7 +1,6 @@
 """Vehicles of one type in a store: the baseline of their type, its use by vehicles that learn, and their ranking."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from sprung.documents import baseline_document, observation_document
 from sprung.monitor import MonitorSettings, Observed, VehicleMonitor, desk
 from sprung.monitor.fleets import VehicleTypes, rankings, type_of_others
 from sprung.recording import Channel, Recording
-from sprung.storage import Progress, StoredFrame, open_store
+from sprung.storage import Progress, StoredFrame
 from sprung.vehicles import Component, vehicle_text
 
 NOW = 1_795_219_200_000_000_000
@@ -36,12 +35,6 @@ def window(own, seed, number):
     conditions = {"temperature": 20.0, "speed": float(generator.uniform(8, 18))}
     time = NOW / 1e9 + 600.0 * number
     return Observation(time, COMPONENTS, values, 0.01**2 * np.eye(12), conditions, {}, (), vehicle="van")
-
-
-@pytest.fixture
-def store(tmp_path: Path):
-    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
-        yield opened
 
 
 def put(store, name, car, windows, *, taught=()) -> None:

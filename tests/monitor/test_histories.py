@@ -11,8 +11,8 @@ WATCH = {"watch": {"learning_windows": 2, "window_minutes": 2, "identify_every_m
 
 
 @pytest.fixture
-def store(tmp_path):
-    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
+def store(sqlite_url):
+    with open_store(sqlite_url) as opened:
         opened.inbox.add_frames([StoredFrame("car-1", 1, 0, NOW, b"")], now=NOW)
         yield opened
 
@@ -46,6 +46,7 @@ def test_a_learning_under_way_keeps_its_reason(store) -> None:
     assert history_of(store, "car-1", most_windows=9).relearning == "new dampers"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("document", [b"damaged", write_state({"schema": f"{NAME}/{VERSION + 1}", "more": 1}), b""])
 def test_a_state_that_cannot_be_used_costs_no_frame_and_no_baseline(
     bench, drive, frames_of, tmp_path, document

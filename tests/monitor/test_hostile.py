@@ -26,6 +26,7 @@ def stepped(payloads, shifts):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", [3600 * 10**9, -3600 * 10**9, -BEGUN, 2_145_916_800_000_000_000 - BEGUN])
 def test_a_clock_that_steps_is_one_gap(bench, drive, frames_of, car, shift) -> None:
     """An hour, 1970, 2038: windows hold the same samples, and only the stretch ends there."""
@@ -47,6 +48,7 @@ def test_a_drifting_clock_makes_no_gap(drive, frames_of) -> None:
     assert joined([frame_block(decode(payload), {}) for payload in drifting]).gaps == ()
 
 
+@pytest.mark.slow
 def test_a_store_that_cannot_write_acknowledges_nothing_and_recovers(
     bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,7 +1,6 @@
 """What vehicles send is validated, stored, acknowledged and counted."""
 
 from itertools import count
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from hypothesis import strategies as st
 from sprung.link import UPWARDS, Frame, Key, Loss, checked_map, encode, message, topic
 from sprung.monitor.intake import Intake
 from sprung.monitor.refusals import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals
-from sprung.storage import Progress, RefusedError, StoreError, open_store
+from sprung.storage import Progress, RefusedError, StoreError
 from sprung.vehicles import read_vehicle, vehicle_text
 
 ANSWER = {"did": "raw", "boot": 1, "last": 4, "frames": 5, "from": 0, "to": 5, "reason": "r" * 300}
@@ -22,12 +21,6 @@ ANSWER = {"did": "raw", "boot": 1, "last": 4, "frames": 5, "from": 0, "to": 5, "
 def published():
     """Topics and contents that the intake published."""
     return []
-
-
-@pytest.fixture
-def store(tmp_path: Path):
-    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
-        yield opened
 
 
 @pytest.fixture
@@ -172,6 +165,7 @@ ORIGINALS: dict[str, dict[Any, Any]] = {
 NAMES = count()
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_any_value_in_any_field_costs_an_honest_vehicle_nothing(store, published, data) -> None:

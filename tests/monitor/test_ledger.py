@@ -14,8 +14,8 @@ NOW = 1_795_219_200_000_000_000
 
 
 @pytest.fixture
-def store(tmp_path: Path):
-    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
+def store(sqlite_url):
+    with open_store(sqlite_url) as opened:
         opened.inbox.add_frames([StoredFrame("car-1", 1, seq, NOW, b"x") for seq in range(5)], now=NOW)
         yield opened
 

@@ -91,6 +91,7 @@ def lost_alert(station, *, is_active=True):
     return next((row for row in rows if row.cause == "lost"), None)
 
 
+@pytest.mark.slow
 def test_a_full_store_and_a_small_spool_are_a_loss_that_both_sides_name(lossy) -> None:
     station, made, run = lossy
     station.station._gate.set_shortage("the disk is full")

@@ -154,6 +154,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory):
         one.store.close()
 
 
+@pytest.mark.slow
 def test_overload_is_said_and_over_when_caught_up(driven) -> None:
     one = driven(2.0)
     assert max(one.ages[:15]) < 3
@@ -169,6 +170,7 @@ def test_overload_is_said_and_over_when_caught_up(driven) -> None:
     assert "frames of 5 vehicles wait" in row.text
 
 
+@pytest.mark.slow
 def test_modes_are_thinned_and_no_window_is(driven) -> None:
     """Every window has the same result as without overload; the identifications left out are exactly those missing."""
     slow, ample = driven(2.0), driven(0.1)

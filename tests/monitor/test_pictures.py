@@ -13,16 +13,18 @@ from sprung.storage import Progress, StoredFrame, open_store
 from sprung.vehicles import vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
 
+pytestmark = pytest.mark.slow
+
 NOW = 1_795_219_200_000_000_000
 
 
 @pytest.fixture
-def store(tmp_path, car, drive, frames_of):
+def store(sqlite_url, car, drive, frames_of):
     """A store with a vehicle after two windows that taught and one with a soft spring."""
     runs = [drive(0), drive(1), drive(2, "front_left.spring=-0.3")]
     quantities = quantities_of(runs[0], car.sensor)
     monitor = VehicleMonitor(car, settings=MonitorSettings(learning_windows=2, identify_every=0))
-    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
+    with open_store(sqlite_url) as opened:
         channels = [list(pair) for pair in quantities.items()]
         text = vehicle_text(car)
         opened.inbox.put_vehicle("car-1", configuration="c", description=text, channels=channels, now=NOW)

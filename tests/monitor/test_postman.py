@@ -8,7 +8,6 @@ import threading
 import urllib.request
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
 
 import pytest
 
@@ -16,7 +15,7 @@ from sprung.alerting import AlertSettings, MailSender, SendError, WebhookSender
 from sprung.errors import ParameterError
 from sprung.monitor import AlertBook, PostOffice, Site
 from sprung.monitor.postman import try_senders
-from sprung.storage import StoreError, open_store
+from sprung.storage import StoreError
 
 NOW = 1_795_219_200_000_000_000
 SECOND = 10**9
@@ -44,12 +43,6 @@ class Clock:
 
     def __call__(self):
         return self.now
-
-
-@pytest.fixture
-def store(tmp_path: Path):
-    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
-        yield opened
 
 
 @pytest.fixture
@@ -325,6 +318,7 @@ SICK = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", SICK)
 def test_a_sick_server_is_left_after_the_limit(store, office, case) -> None:
     sender_of, answer = SICK[case]
@@ -338,6 +332,7 @@ def test_a_sick_server_is_left_after_the_limit(store, office, case) -> None:
     assert store.alerts.n_open() == 1
 
 
+@pytest.mark.slow
 def test_a_healthy_server_gets_every_message_once_while_all_others_hold_their_threads(store, clock) -> None:
     """All sick servers hold their senders for the whole test: their limits are longer than it lasts."""
     n_messages = 25

@@ -1,7 +1,5 @@
 """The return to an earlier baseline, from the request to the judgement of the windows that follow."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -36,11 +34,11 @@ def learnt(seed=0, previous=None):
 
 
 @pytest.fixture
-def store(tmp_path: Path):
+def store(sqlite_url):
     """A vehicle with two baselines."""
     first = learnt()
     rows = [(each.version, NOW, each.reason, baseline_document(each).as_json()) for each in (first, learnt(1, first))]
-    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
+    with open_store(sqlite_url) as opened:
         opened.inbox.put_vehicle("car-1", configuration="c", description="", channels=[], now=NOW)
         opened.inbox.add_frames([StoredFrame("car-1", 1, 0, NOW, b"x")], now=NOW)
         opened.results.commit(Progress("car-1", 1, done_seq=0, baselines=tuple(rows), status={"is_learning": False}))

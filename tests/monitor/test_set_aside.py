@@ -11,12 +11,6 @@ NOW = 1_795_219_200_000_000_000
 WATCH = {"watch": {"learning_windows": 2, "window_minutes": 2, "identify_every_minutes": 1, "calibrate": False}}
 
 
-@pytest.fixture
-def store(tmp_path):
-    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
-        yield opened
-
-
 def put_aside(store, parts, *, payloads=None):
     """Set frames of a boot aside, each part for a reason."""
     last = max(last for _, last, _ in parts)
@@ -55,6 +49,7 @@ def test_frames_without_a_description_cannot_be_analysed(store) -> None:
     assert entry["again"] == "cannot be analysed: the vehicle has sent no description"
 
 
+@pytest.mark.slow
 def test_frames_are_analysed_from_the_baseline_on_and_nothing_is_stored(bench, drive, frames_of, tmp_path) -> None:
     one = bench(tmp_path, **WATCH)
     one.describe()

@@ -145,6 +145,7 @@ def windows(monitor):
     return monitor.station.figures()["sprung_windows_total"]
 
 
+@pytest.mark.slow
 def test_two_monitors_share_the_work_and_store_what_one_would(fleet, runs, expected, alike, car) -> None:
     fleet.work()
     for vehicle, payloads in runs.items():
@@ -157,6 +158,7 @@ def test_two_monitors_share_the_work_and_store_what_one_would(fleet, runs, expec
     assert fleet.monitors[0].store.inbox.boots("car-1") == []
 
 
+@pytest.mark.slow
 def test_monitor_that_was_held_up_stores_nothing_after_its_shards_were_taken_over(
     fleet, runs, expected, alike, car
 ) -> None:
@@ -205,6 +207,7 @@ def test_description_that_another_monitor_stored_opens_the_vehicle_anew(fleet, r
     assert first.workers.watched["car-2"] is not opened
 
 
+@pytest.mark.slow
 def test_commands_and_silence_are_left_to_the_holder(fleet, runs, car) -> None:
     first, second = fleet.monitors
     fleet.work()

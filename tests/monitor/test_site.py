@@ -194,6 +194,7 @@ values = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(place=st.sampled_from(PLACES), value=values)
 def test_any_value_anywhere_is_read_or_refused_in_one_sentence(place, value) -> None:
     message = ""

@@ -60,6 +60,7 @@ def test_a_state_of_every_version_is_kept() -> None:
     assert list(MIGRATIONS) == list(range(1, VERSION))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", KEPT, ids=lambda path: path.name)
 def test_every_kept_state_is_continued(path, car, drive) -> None:
     """Nothing of it is lost, and the next samples complete the window whose beginning it holds."""
@@ -114,6 +115,7 @@ def test_what_is_no_state_is_refused_in_a_sentence(state, words) -> None:
     assert issubclass(StateError, ParameterError)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", sorted(read_state(of_present("monitoring"))))
 @pytest.mark.parametrize("value", [-1, 2**70, "text", b"bytes", [None], {"a": 1}, [{}], float("nan")])
 def test_a_part_of_another_type_is_refused_or_does_no_harm(car, drive, part, value) -> None:
@@ -138,6 +140,7 @@ def test_damaged_bytes_are_refused() -> None:
                 read_state(bytes(damaged))
 
 
+@pytest.mark.slow
 def test_a_lost_state_leaves_baseline_and_evidence(car, drive, alike) -> None:
     """The monitor that begins anew from the store continues as the one that was lost, next window included."""
     lost = VehicleMonitor.from_state(car, read_state(of_present("monitoring")))

@@ -15,6 +15,8 @@ from sprung.link import checked_map, message, topic
 from sprung.monitor import AlertBook, alert_of
 from sprung.storage import StoreError
 
+pytestmark = pytest.mark.slow
+
 #: 2026-11-21, UTC ns.
 BEGUN = 1_795_219_200_000_000_000
 
@@ -50,7 +52,6 @@ def expected(run_frames, car, drive, tmp_path_factory: pytest.TempPathFactory, n
     return found
 
 
-@pytest.mark.slow
 def test_a_run_is_stored(expected) -> None:
     assert len(expected["observations"]) == 3
     assert len(expected["modes"]) == 6
@@ -60,7 +61,7 @@ def test_a_run_is_stored(expected) -> None:
     assert (finding["corner"], finding["component"]) == ("front_left", "spring")
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))])
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
 def test_any_order_with_duplicates_gives_the_same_store(bench, alike, run_frames, expected, seed) -> None:
     generator = np.random.default_rng(seed)
     one = bench(**WATCH)
@@ -75,7 +76,6 @@ def test_any_order_with_duplicates_gives_the_same_store(bench, alike, run_frames
     assert one.store.inbox.boots("car-1") == []
 
 
-@pytest.mark.slow
 def test_a_restart_anywhere_gives_the_same_store(bench, alike, run_frames, expected, tmp_path: Path) -> None:
     first = bench(tmp_path, **WATCH)
     first.describe()
@@ -89,7 +89,6 @@ def test_a_restart_anywhere_gives_the_same_store(bench, alike, run_frames, expec
     assert alike(contents(third.store), expected)
 
 
-@pytest.mark.slow
 def test_a_restarted_box_goes_on_in_the_same_window(bench, alike, drive, frames_of, expected) -> None:
     runs = [drive(0), drive(1), drive(2, "front_left.spring=-0.3")]
     whole = [payload for run in runs for payload in frames_of(run)]
@@ -202,7 +201,6 @@ def poisoned(submit):
     return tried
 
 
-@pytest.mark.slow
 def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run_frames) -> None:
     """The jobs before the one that fails do not forgive it, or it would be tried for ever."""
     from sprung.monitor import Outcome, VehicleStatus
@@ -227,7 +225,6 @@ def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run
     assert one.station.figures()["sprung_failures_total"] == 2
 
 
-@pytest.mark.slow
 def test_learning_again_is_asked_for_in_the_store(bench, run_frames) -> None:
     one = bench(**WATCH)
     one.describe()
@@ -352,7 +349,6 @@ def test_a_box_of_another_version_is_named_which_to_speak(bench, run_frames) -> 
     assert one.station.figures()["sprung_messages_refused_total"] == 3
 
 
-@pytest.mark.slow
 def test_modes_from_a_box_amid_samples_lose_none_of_them(bench, run_frames, expected, tmp_path: Path, alike) -> None:
     """A report in the middle of a window, and a restart of the monitor after it."""
     report = {0: 1, 1: "car-1", 2: 1, 3: 250, 4: BEGUN, 16: "modes", "number": 900, "modes": [], "reason": "none"}

@@ -22,6 +22,8 @@ from sprung.reports.page import Picture
 from sprung.storage import Progress, open_store
 from sprung.tables import Table
 
+pytestmark = pytest.mark.slow
+
 TITLES = [
     "Springs, dampers and tyres",
     "Trends",

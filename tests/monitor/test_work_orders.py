@@ -1,22 +1,13 @@
 """Work orders: what a workshop is to do about an alert."""
 
-from pathlib import Path
-
 import pytest
 
 from sprung.alerting import AlertSettings, Report, SendError, reported
 from sprung.errors import ParameterError
 from sprung.monitor import AlertBook
 from sprung.monitor.work_orders import send_work_order, work_order
-from sprung.storage import open_store
 
 NOW = 1_795_219_200_000_000_000
-
-
-@pytest.fixture
-def store(tmp_path: Path):
-    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
-        yield opened
 
 
 def raise_alert(store, cause, severity=700, **evidence):

@@ -84,6 +84,7 @@ def test_a_killed_worker_is_replaced_and_its_vehicle_named(workers, opening, dri
     assert outcome(some).error == ""
 
 
+@pytest.mark.slow
 def test_a_hanging_vehicle_is_stopped_and_tried_again_in_a_process_of_its_own(workers, opening, drive, frames_of):
     now = [0.0]
     some = workers(1, clock=lambda: now[0])
@@ -109,6 +110,7 @@ def test_a_hanging_vehicle_is_stopped_and_tried_again_in_a_process_of_its_own(wo
     assert {outcome(some).vehicle, outcome(some).vehicle} == {"car-1", "car-2"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fields", "frames", "expected"),
     [
@@ -130,6 +132,7 @@ def test_nonsense_is_an_outcome_with_a_reason(workers, opening, fields, frames, 
     assert outcome(some).error == ""
 
 
+@pytest.mark.slow
 def test_a_window_that_takes_too_much_memory_costs_its_own_job_only(workers, opening, drive, frames_of) -> None:
     some = workers(1, job_bytes=2e7)
     for vehicle in ("car-1", "car-2"):
@@ -144,6 +147,7 @@ def test_a_window_that_takes_too_much_memory_costs_its_own_job_only(workers, ope
     assert (outcome(some).error, some.pids) == ("", pids)
 
 
+@pytest.mark.slow
 def test_a_window_beyond_the_quota_is_refused_before_it_is_held(workers, opening, drive, frames_of) -> None:
     """2 minutes of 5 channels at 200 Hz are 0.96 MB in float64."""
     some = workers(1, vehicle_bytes=9e5)
@@ -158,6 +162,7 @@ def test_a_window_beyond_the_quota_is_refused_before_it_is_held(workers, opening
     assert outcome(some).status.share == 0.0
 
 
+@pytest.mark.slow
 def test_processes_end_with_the_workers(workers) -> None:
     some = workers(2)
     pids = some.pids

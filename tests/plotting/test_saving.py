@@ -24,11 +24,13 @@ def check(paths, directory, names):
         assert 0.01 < np.mean(picture[..., :3].min(axis=-1) < 0.95) < 0.9
 
 
+@pytest.mark.slow
 def test_all_pictures_of_a_record_are_written(chain_with_lines, tmp_path: Path) -> None:
     folder = tmp_path / "new" / "figures"
     check(save_figures(chain_with_lines, folder, source="run.csv"), folder, ALWAYS | OF_MODES)
 
 
+@pytest.mark.slow
 def test_edited_spectra_are_written(edited, tmp_path: Path) -> None:
     check(save_figures(edited, str(tmp_path)), tmp_path, ALWAYS | OF_MODES)
 

@@ -88,6 +88,7 @@ def test_compass_has_an_arrow_for_each_channel() -> None:
     np.testing.assert_allclose(angles, np.angle(shape))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_channels", [1, 60])
 def test_few_and_many_channels_are_drawn(n_channels) -> None:
     channels = tuple(Channel(f"accelerometer_{k}") for k in range(n_channels))

@@ -49,6 +49,7 @@ def test_units_of_other_quantities(chain, quantity, unit) -> None:
     assert axes.get_ylabel().endswith(unit)
 
 
+@pytest.mark.slow
 def test_very_many_channels_are_cut_off_and_that_is_said(chain) -> None:
     names = tuple(f"a{k}" for k in range(30))
     rows = np.arange(30) % 3

@@ -1,7 +1,5 @@
 """A fleet in a store, and a client of the application."""
 
-from pathlib import Path
-
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -35,9 +33,9 @@ def _passwords_cost_little():
 
 
 @pytest.fixture
-def store(tmp_path: Path):
+def store(sqlite_url):
     """Three vehicles; the spring of the first is soft (alert 1), the second is silent (alert 2)."""
-    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
+    with open_store(sqlite_url) as opened:
         for name, seen in (("bus-1", NOW), ("bus-2", NOW - 5 * HOUR), ("bus-3", NOW)):
             opened.inbox.put_vehicle(name, configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
         book = AlertBook(opened, AlertSettings())

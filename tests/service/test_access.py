@@ -56,6 +56,7 @@ def test_every_route_has_one_role_or_is_free() -> None:
     assert {len(roles) for _, _, roles in ROUTES} == {0, 1}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("role", [None, *ROLES])
 def test_roles_by_routes(serve, people, store, role) -> None:
     """Each role is refused exactly where it is below the least role of the route; a token as a session is."""
@@ -146,6 +147,7 @@ def test_a_session_ends_with_its_account_and_with_its_role(serve, people, store)
         assert (page.status_code, page.headers["location"]) == (303, "/log-in?next=%2Falerts")
 
 
+@pytest.mark.slow
 def test_what_a_token_may_ends_with_it(serve, people, store) -> None:
     _, client = serve()
     _, old = add_token(store, "old", "admin", days=1, who="ada", now=NOW - 24 * 3600 * 10**9)

@@ -121,6 +121,7 @@ def test_unknown_alerts(log_in_page) -> None:
 ATTACKS = ('<script>alert("x")</script>', '"><img src=x onerror=alert(1)>', "{{ 7 * 7 }}", "javascript:alert(1)")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("attack", ATTACKS)
 def test_texts_of_people_and_vehicles_are_only_text(log_in_page, store, attack) -> None:
     report = Report("bus-3", f"sensor:{attack}", 400, attack, {"kind": attack, "advice": attack, "runner_up": attack})

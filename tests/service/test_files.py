@@ -31,6 +31,7 @@ def client(store):
         yield opened
 
 
+@pytest.mark.slow
 def test_page_and_interface_give_the_same_report(client) -> None:
     address = f"/vehicles/{VEHICLE}/report"
     shown = client.get(address, params={"until": "2026-10-10"})
@@ -75,6 +76,7 @@ def test_what_is_impossible_is_refused(client, address, status, words) -> None:
     assert words in answer.text
 
 
+@pytest.mark.slow
 def test_one_report_is_written_at_a_time(client, monkeypatch) -> None:
     begun, wanted = threading.Event(), threading.Event()
     drawn = vehicle_report

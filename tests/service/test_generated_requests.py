@@ -105,6 +105,7 @@ def send_generated(context, role, *, n_examples):
     return statuses
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("role", "answered"),
     [(None, {401}), ("viewer", {200, 403, 404, 422}), ("engineer", {200, 403, 404, 409, 422})],
@@ -113,6 +114,7 @@ def test_answers_are_as_described(shared, role, answered) -> None:
     assert answered <= send_generated(shared, role, n_examples=2).keys()
 
 
+@pytest.mark.slow
 def test_answers_to_an_administrator_are_as_described(shared) -> None:
     assert {200, 404, 409, 422} <= send_generated(shared, "admin", n_examples=3).keys()
 

@@ -78,6 +78,7 @@ def shown(client, path, role, headers):
     return answer.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("role", ROLES)
 def test_pages_of_each_role(serve, people, store, role) -> None:
     """Pages link only what the role may see; pages above it answer with a page that says so."""
@@ -148,6 +149,7 @@ def hostile(store):
         yield client
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "number"),
     [(path, number) for path, _ in PAGES for number in ("1", "3", "4") if number == "1" or "{num" in path],
@@ -164,6 +166,7 @@ def test_no_text_becomes_markup(hostile, path, number) -> None:
         assert "49</a>" not in answer.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path",
     [

@@ -153,6 +153,7 @@ def test_without_accounts_the_page_says_so_and_what_to_do(serve, people, store) 
         assert "sprung accounts add NAME --role admin" in text
 
 
+@pytest.mark.slow
 def test_monitors_that_share_a_store_are_listed(postgresql_url) -> None:
     with open_store(postgresql_url) as store:
         for monitor in ("monitor-a", "monitor-b", "monitor-a"):

@@ -20,6 +20,7 @@ def line(frequency, tolerance=0.01):
     return Line(frequency, tolerance, 3 * tolerance, 20.0, frozenset([0]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_segments", [5, 6, 7, 11])
 def test_chance_of_regularity_is_uniform_for_random_signals(n_segments) -> None:
     """Against the definition: the share of random signals that look at least as regular."""

@@ -94,6 +94,7 @@ def test_spread_is_the_exact_covariance(name) -> None:
         assert found / np.outer(spread, spread) == pytest.approx(exact[:, :, lag] / np.outer(spread, spread), abs=0.1)
 
 
+@pytest.mark.slow
 def test_record_starts_in_the_steady_state() -> None:
     vehicle = chain()
     starts = [

@@ -116,10 +116,10 @@ def url(request: pytest.FixtureRequest):
     return request.getfixturevalue("postgresql_url")
 
 
-@pytest.fixture
-def store(url):
+@pytest.fixture(params=[pytest.param("sqlite_url", id="sqlite"), pytest.param("postgresql_url", id="postgresql")])
+def store(request: pytest.FixtureRequest):
     """An empty store."""
-    with open_store(url) as opened:
+    with open_store(request.getfixturevalue(request.param)) as opened:
         yield opened
 
 

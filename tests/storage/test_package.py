@@ -8,6 +8,7 @@ import pytest
 WITHOUT = "import sys; sys.modules['sqlalchemy'] = None; from sprung.cli import main; raise SystemExit(main({words}))"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["alerts"], ["vehicles", "list"], ["monitor"]], ids=" ".join)
 def test_missing_package_is_one_sentence(words: list[str]) -> None:
     command = [sys.executable, "-c", WITHOUT.format(words=words)]

@@ -16,6 +16,7 @@ def _short_limits(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(postgresql, "CONNECT", 2)
 
 
+@pytest.mark.slow
 def test_a_frozen_server_is_an_error_and_the_store_is_back_when_it_is(postgresql_url, frozen_server) -> None:
     frames = [StoredFrame("car-1", 1, seq, 0, b"") for seq in range(2)]
     with open_store(postgresql_url) as store:
@@ -41,6 +42,7 @@ def test_a_server_that_freezes_within_a_transaction_is_an_error(postgresql_url, 
         freeze_and_ask(store._database)
 
 
+@pytest.mark.slow
 def test_a_socket_that_never_answers_is_an_error(tmp_path: Path) -> None:
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(str(tmp_path / ".s.PGSQL.5432"))

@@ -64,6 +64,7 @@ def test_old_rows_of_every_table_with_an_age_go_and_new_ones_stay(store) -> None
     assert store.delete_older(100) == 0
 
 
+@pytest.mark.slow
 def test_rows_go_in_batches_up_to_a_limit(store) -> None:
     for _ in range(2500):
         store.requests.audit("eve", "ack", "1", now=1)

@@ -32,6 +32,7 @@ def test_steps_lead_to_the_tables(engine) -> None:
         assert compare_metadata(MigrationContext.configure(connection), METADATA) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("revision", [step.revision for step in steps().walk_revisions()])
 def test_every_released_schema_is_brought_up_to_date(engine, url, revision) -> None:
     with engine.begin() as connection:

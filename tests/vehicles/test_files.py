@@ -345,6 +345,7 @@ places = st.sampled_from(
 )
 
 
+@pytest.mark.slow
 @given(place=places, value=values)
 def test_any_value_anywhere_is_read_or_refused_in_one_sentence(place, value) -> None:
     fields, message = changed(place, value), ""

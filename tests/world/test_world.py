@@ -18,6 +18,7 @@ def run(*options: str, hash_seed: str = "0") -> subprocess.CompletedProcess[str]
     return subprocess.run(command, capture_output=True, text=True, timeout=280, check=False, env=environment)
 
 
+@pytest.mark.slow
 def test_no_promise_is_broken_by_some_hundred_faults() -> None:
     done = run("--faults", "250", "--steps", "300")
     assert done.returncode == 0, done.stdout + done.stderr
@@ -26,6 +27,7 @@ def test_no_promise_is_broken_by_some_hundred_faults() -> None:
     assert int(n_faults.replace(",", "")) >= 250
 
 
+@pytest.mark.slow
 def test_a_seed_says_all_that_happens() -> None:
     """Whatever the order of sets and the time of day."""
     first, second = (run("--seed", "5", "--steps", "150", hash_seed=seed) for seed in ("1", "2"))
