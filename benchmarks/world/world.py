@@ -176,6 +176,7 @@ class World:
             while self.broker.n_under_way:
                 self.broker.deliver()
             self.monitor.step()
+            self.monitor.step()  # the boxes report in every round, and a station that has just taken that is not idle
             self.monitor.post()
             if number > 20 and self._is_done():
                 return

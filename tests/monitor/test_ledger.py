@@ -8,7 +8,7 @@ from sprung.alerting import AlertSettings
 from sprung.link import Key, message
 from sprung.monitor import AlertBook, Identified, Outcome, Site, VehicleStatus
 from sprung.monitor.ledger import Ledger
-from sprung.storage import StoredFrame, StoreError, open_store
+from sprung.storage import RefusedError, StoredFrame, StoreError, open_store
 
 NOW = 1_795_219_200_000_000_000
 
@@ -114,6 +114,37 @@ def test_modes_that_the_store_refuses_do_not_keep_others_out(ledger, store, capl
     ledger.flush()
     assert (stored(store, "car-1"), stored(store, "car-2")) == ([], [(0, 1.5)])
     assert "modes were not stored" in caplog.text
+
+
+def test_modes_wait_where_the_store_cannot_write_each_alone(ledger, store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Modes were lost if the store was busy for the transaction of all, and once more for one vehicle."""
+    from sprung.storage.results import Results
+
+    commit = Results.commit
+    errors = [
+        StoreError("the store is busy"),
+        RefusedError("the store cannot hold this"),
+        None,
+        StoreError("the disk is full"),
+    ]
+
+    def faulty(self, progress, *before) -> None:
+        error = errors.pop(0) if errors else None
+        if error is not None:
+            raise error
+        commit(self, progress, *before)
+
+    for vehicle in ("car-1", "car-2", "car-3"):
+        ledger.commit(modes_of(vehicle, 0, 1.5), 1, 1)
+    with monkeypatch.context() as patch:
+        patch.setattr(Results, "commit", faulty)
+        with pytest.raises(StoreError, match="is busy"):
+            ledger.flush()
+        with pytest.raises(StoreError, match="disk is full"):  # refused as a whole, car-1 alone is stored, car-2 is not
+            ledger.flush()
+    assert ledger.waiting == ["car-2", "car-3"]
+    ledger.flush()
+    assert [stored(store, vehicle) for vehicle in ("car-1", "car-2", "car-3")] == [[(0, 1.5)]] * 3
 
 
 def test_modes_wait_while_the_store_cannot_write(ledger, store, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ from sprung.monitor.jobs import Outcome
 from sprung.monitor.on_board import archive_correlations, reported_modes
 from sprung.monitor.site import Site
 from sprung.recording import Recording
-from sprung.storage import LeaseLostError, Progress, Store, StoredFrame, StoreError, write_archive
+from sprung.storage import Progress, RefusedError, Store, StoredFrame, StoreError, write_archive
 
 LOG = logging.getLogger("sprung.monitor")
 
@@ -160,24 +160,22 @@ class Ledger:
         LeaseLostError
             If another monitor has taken over one of the vehicles: they wait on.
         StoreError
-            If the store cannot write: they wait on. Those that it refuses while it takes others are dropped.
+            If the store cannot write: those not yet stored wait on. Those that it refuses are dropped.
         """
         waiting = self._waiting if vehicle is None else self._of(vehicle)
         if not waiting:
             return
         try:
             self._store.results.commit(waiting[-1], *waiting[:-1])
-        except LeaseLostError:
+        except RefusedError:
+            for progress in waiting:
+                self._store_alone(progress)
+        except StoreError:
+            self._waiting = self._waiting[-_MOST_WAITING:]
             raise
-        except StoreError as error:
-            refused = [progress for progress in waiting if not self._is_stored(progress)]
-            if len(refused) == len(waiting):
-                self._waiting = self._waiting[-_MOST_WAITING:]
-                raise
-            vehicles = ", ".join(sorted({progress.vehicle for progress in refused}))
-            LOG.error("modes were not stored", extra={"vehicle": vehicles, "reason": str(error)})
-        stored = set(map(id, waiting))
-        self._waiting = [progress for progress in self._waiting if id(progress) not in stored]
+        else:
+            stored = set(map(id, waiting))
+            self._waiting = [progress for progress in self._waiting if id(progress) not in stored]
 
     def update_alerts(self, vehicle: str, events: tuple[Event | Restored, ...]) -> None:
         """Raise, update and clear alerts according to windows, which clear those about the analysis.
@@ -289,13 +287,13 @@ class Ledger:
         """Return the results of a vehicle that wait."""
         return [progress for progress in self._waiting if progress.vehicle == vehicle]
 
-    def _is_stored(self, progress: Progress) -> bool:
-        """Return whether results could be stored alone."""
+    def _store_alone(self, progress: Progress) -> None:
+        """Store results by themselves, or drop them if the store refuses them."""
         try:
             self._store.results.commit(progress)
-        except StoreError:
-            return False
-        return True
+        except RefusedError as error:
+            LOG.error("modes were not stored", extra={"vehicle": progress.vehicle, "reason": str(error)})
+        self._waiting = [each for each in self._waiting if each is not progress]
 
     def _archive(self, vehicle: str, boot: int, event: Observed) -> None:
         """Write the samples of a window to the archive; a failure is only logged."""
