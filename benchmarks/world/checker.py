@@ -135,7 +135,8 @@ class Checker:
         others = [each for each in box.disk.contents() if each != content]
         elsewhere = {(boot, seq) for each in others for boot, seq, _ in _intact(each)}
         for boot, seq, _ in _intact(content):
-            if (boot, seq) in elsewhere:
+            # One that the box said is lost may be there all the same: its disk neither synced it nor cut it off.
+            if (boot, seq) in elsewhere or box.fates.get((boot, seq)) == REFUSED:
                 continue
             if (boot, seq) != box.appended and seq > box.confirmed.get(boot, -1):
                 box.dropped.setdefault(boot, set()).add(seq)

@@ -270,6 +270,23 @@ def test_the_end_of_a_boot_stays_where_its_last_frame_is_torn(tmp_path: Path) ->
     assert spool.boots[0] == 2
 
 
+def test_the_end_of_a_boot_stays_while_frames_of_the_next_are_held(tmp_path: Path) -> None:
+    """A box may start any number of times without a monitor, which then waits for what the disk has lost."""
+    for _ in range(40):
+        filled(tmp_path, 2).close()
+    oldest = min(tmp_path.glob("*.spool"))
+    oldest.write_bytes(oldest.read_bytes()[:-1])
+    spool = Spool(tmp_path)
+    assert [tuple(loss)[:4] for loss in spool.unreported_losses] == [(0, 1, 1, 1)]
+    oldest.unlink()
+    spool.close()
+    spool = Spool(tmp_path)
+    assert (spool.boots[0], len(spool.boots)) == (2, 41)
+    for boot in range(39):
+        spool.acknowledge(boot, 1)
+    assert sorted(spool.boots) == [0, *range(24, 40), 41]  # the loss is not yet acknowledged
+
+
 def test_a_boot_that_was_dropped_as_a_whole_is_known_after_a_restart(broken) -> None:
     """Those of its frames that the monitor has wait for the others."""
     spool, disk = broken

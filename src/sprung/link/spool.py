@@ -2,8 +2,9 @@
 
 import struct
 import zlib
+from bisect import bisect_left
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
@@ -158,7 +159,7 @@ class Spool:
             if file.last > known.get(file.boot, -1)
         }
         beyond = {loss.boot: max(loss.last + 1, self._ends.get(loss.boot, 0)) for loss in self.losses}
-        return {**self._ends, **beyond, self._boot: self._seq, **held}
+        return {**_last_ends(self._ends, min(held, default=self._boot)), **beyond, self._boot: self._seq, **held}
 
     def last_frame(self) -> bytes | None:
         """Return the payload of the newest frame, of this boot or an earlier one; None if the spool is empty."""
@@ -332,7 +333,8 @@ class Spool:
         ends = dict(zip(numbers[1::2], numbers[2::2], strict=False))
         for file in self._files:
             ends[file.boot] = max(file.last + 1, ends.get(file.boot, 0))
-        return max([*numbers[:1], *ends], default=-1), dict(sorted(ends.items())[-_MOST_ENDS:])
+        last = max([*numbers[:1], *ends], default=-1)
+        return last, _last_ends(ends, min((file.boot for file in self._files), default=last))
 
     def _write_boot(self) -> None:
         """Write the number of this boot, and the ends of those before."""
@@ -380,6 +382,17 @@ class Spool:
         """Yield the intact records of a file, up to the first incomplete one; none while it cannot be read."""
         with suppress(OSError):
             yield from _intact(self._disk.read(path))
+
+
+def _last_ends(ends: Mapping[int, int], oldest: int) -> dict[int, int]:
+    """Return the ends of the last boots, and of all from the one before the oldest of which frames are held.
+
+    The frames of a boot state the end of the one before, and the monitor waits for its frames: it must hear which of
+    them are gone, however many boots ago that was.
+    """
+    boots = sorted(ends)
+    first = min(bisect_left(boots, oldest) - 1, len(boots) - _MOST_ENDS)
+    return {boot: ends[boot] for boot in boots[max(first, 0) :]}
 
 
 def _record(boot: int, seq: int, payload: bytes) -> bytes:
