@@ -287,6 +287,15 @@ def test_the_end_of_a_boot_stays_while_frames_of_the_next_are_held(tmp_path: Pat
     assert sorted(spool.boots) == [0, *range(24, 40), 41]  # the loss is not yet acknowledged
 
 
+def test_the_end_of_a_boot_stays_until_its_loss_is_known(tmp_path: Path) -> None:
+    ends = " ".join(f"{boot} 5" for boot in range(20))
+    (tmp_path / "boot").write_text(f"20 {ends}")
+    (tmp_path / "losses").write_text("0 0 1 2 0 0")
+    spool = Spool(tmp_path)
+    assert [tuple(loss)[:4] for loss in spool.losses] == [(0, 0, 1, 2)]
+    assert spool.boots == dict.fromkeys((0, *range(4, 20)), 5) | {21: 0}
+
+
 def test_a_boot_that_was_dropped_as_a_whole_is_known_after_a_restart(broken) -> None:
     """Those of its frames that the monitor has wait for the others."""
     spool, disk = broken

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sprung.alerting import AlertSettings
-from sprung.link import checked_map, message, topic
+from sprung.link import Key, checked_map, message, topic
 from sprung.monitor import AlertBook, alert_of
 from sprung.storage import StoreError
 
@@ -101,6 +101,22 @@ def test_a_restarted_box_goes_on_in_the_same_window(bench, alike, drive, frames_
     assert contents(one.store)["observations"] == []
     one.send(first)
     assert alike(contents(one.store), expected)
+
+
+def test_a_boot_does_not_wait_for_one_that_its_box_no_longer_names(bench, run_frames) -> None:
+    """The disk of the box has lost the end of boot 1, and the box has started too often since to remember it."""
+    first = [decoded_again(payload, boot=1, seq=k) for k, payload in enumerate(run_frames[:300])]
+    rest = [decoded_again(payload, boot=20, seq=k, previous=(1, 400)) for k, payload in enumerate(run_frames[400:800])]
+    one = bench(**WATCH)
+    one.describe()
+    one.send(first + rest)
+    for boots, n_waiting in (([], 400), ([[1, 300, -1], [20, 400, -1]], 400), ([[20, 400, -1]], 0)):
+        one.link.on_message(topic("car-1", "state"), message({Key.VERSION: 1, "boots": boots}))
+        one.work()
+        assert one.station.figures()["sprung_backlog_frames"] == n_waiting
+    assert one.store.inbox.cursor("car-1", 1).lost == 100
+    assert one.station.figures()["sprung_frames_lost_total"] == 100
+    assert [entry.boot for entry in one.store.results.observations("car-1")] == [20]
 
 
 def decoded_again(payload, **changes):

@@ -92,10 +92,10 @@ class Spool:
             self._lock = self._locked()
             names = [name for name in self._disk.names(folder) if name.endswith(_SUFFIX)]
             self._files = [found for name in names if (found := self._scanned(folder / name)) is not None]
+            self._losses = self._losses_before()
             last, self._ends = self._boots_before()
             self._boot = max(last + 1, int(boot_from))
             self._write_boot()
-            self._losses = self._losses_before()
             self._lose_vanished()
         except OSError as error:
             raise SpoolError(f"the spool {folder} cannot be used ({error.strerror}): give another folder") from None
@@ -159,7 +159,8 @@ class Spool:
             if file.last > known.get(file.boot, -1)
         }
         beyond = {loss.boot: max(loss.last + 1, self._ends.get(loss.boot, 0)) for loss in self.losses}
-        return {**_last_ends(self._ends, min(held, default=self._boot)), **beyond, self._boot: self._seq, **held}
+        ends = _last_ends(self._ends, min(held, default=self._boot))
+        return {**ends, **beyond, self._boot: self._seq, **held}
 
     def last_frame(self) -> bytes | None:
         """Return the payload of the newest frame, of this boot or an earlier one; None if the spool is empty."""
@@ -334,7 +335,8 @@ class Spool:
         for file in self._files:
             ends[file.boot] = max(file.last + 1, ends.get(file.boot, 0))
         last = max([*numbers[:1], *ends], default=-1)
-        return last, _last_ends(ends, min((file.boot for file in self._files), default=last))
+        known = {boot: end for boot, end in ends.items() if boot in self._losses}
+        return last, known | _last_ends(ends, min((file.boot for file in self._files), default=last))
 
     def _write_boot(self) -> None:
         """Write the number of this boot, and the ends of those before."""

@@ -174,6 +174,10 @@ class Dispatch:
         """Hold frames that have just been stored, without repeats, so that they need not be read back."""
         self._handover.hold(frames)
 
+    def awaited(self, vehicle: str) -> dict[int, int]:
+        """Return the boots of a vehicle of which later ones wait for more frames, and how many frames they had."""
+        return self._streams[vehicle].awaited if vehicle in self._streams else {}
+
     def describe(self, vehicle: str) -> None:
         """Record that a vehicle sent a description: if it is new, frames are analysed again from the stored state."""
         row = self._store.inbox.vehicle(vehicle)

@@ -63,12 +63,15 @@ class Taken:
         Frames that were stored, without repeats.
     n_messages
         Number of messages.
+    held
+        Boots of which a box still has or expects frames, by vehicle of the states that name all of them.
     """
 
     arrived: dict[tuple[str, int], int] = field(default_factory=dict)
     described: dict[str, int] = field(default_factory=dict)
     frames: list[StoredFrame] = field(default_factory=list)
     n_messages: int = 0
+    held: dict[str, frozenset[int]] = field(default_factory=dict)
 
 
 class _BootsError(FormatError):
@@ -189,9 +192,9 @@ class Intake:
                     self._check_boot(vehicle, frame.boot)
                     frames.append(frame)
                 elif what == "state":
-                    behind, stated = self._lost_below(vehicle, checked_map(payload))
-                    below |= behind
-                    dropped[vehicle] = stated
+                    first, dropped[vehicle] = self._stated(vehicle, checked_map(payload))
+                    below |= {(vehicle, boot): seq for boot, seq in first.items() if seq > 0}
+                    taken.held[vehicle] = frozenset(first if len(first) < MOST_BOOTS else ())
                 else:
                     self._handle(vehicle, what, checked_map(payload), now)
                     if what == "meta":
@@ -211,6 +214,26 @@ class Intake:
                 document = {Key.VERSION: VERSION, Key.BOOT: boot, Key.SEQ: contiguous}
                 self._publish(topic(vehicle, "ack"), message(document))
         return taken
+
+    def declare_lost(self, vehicle: str, ends: Mapping[int, int], *, now: int) -> dict[tuple[str, int], int]:
+        """Declare missing frames of boots lost, which their box has no longer, and return up to where none is missing.
+
+        Parameters
+        ----------
+        vehicle
+            Name of the vehicle.
+        ends
+            Number of frames of each boot.
+        now
+            Present time, UTC ns.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write.
+        """
+        below = {(vehicle, boot): end for boot, end in ends.items()}
+        return self._declare_lost(below, {vehicle: _Dropped((), 0)}, now)
 
     def _add_frames(
         self, frames: Sequence[StoredFrame], new: list[StoredFrame], now: int
@@ -337,7 +360,7 @@ class Intake:
         if len(self._answers) > _MOST_ANSWERS:
             self._answers.pop(next(iter(self._answers)))
 
-    def _lost_below(self, vehicle: str, document: dict[Any, Any]) -> tuple[dict[tuple[str, int], int], "_Dropped"]:
+    def _stated(self, vehicle: str, document: dict[Any, Any]) -> tuple[dict[int, int], "_Dropped"]:
         """Note whether a box was switched off, and return the first frames of its first boots, and what it dropped."""
         boots, dropped = document.get("boots"), _Dropped.of(document)
         if not isinstance(boots, list):
@@ -346,14 +369,13 @@ class Intake:
         if len(first) < MOST_BOOTS:  # otherwise frames of other boots may be left
             for loss in dropped.losses:
                 first.setdefault(loss.boot, loss.last + 1)
-        behind = sorted(boot for boot, seq in first.items() if seq > 0)
-        for boot in behind:
+        for boot in sorted(boot for boot, seq in first.items() if seq > 0):
             self._check_boot(vehicle, boot)
         is_leaving = bool(document.get("is_leaving"))
         if is_leaving != (vehicle in self._parked):
             self._store.inbox.park(vehicle, is_parked=is_leaving)
             (self._parked.add if is_leaving else self._parked.discard)(vehicle)
-        return {(vehicle, boot): first[boot] for boot in behind}, dropped
+        return first, dropped
 
 
 @dataclass(frozen=True, slots=True)

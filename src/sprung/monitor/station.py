@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 
@@ -298,10 +298,21 @@ class Station:
         for (vehicle, boot), contiguous in taken.arrived.items():
             if self._shards.holds(vehicle):
                 self._dispatch.add(vehicle, boot, contiguous)
+        for vehicle, held in taken.held.items():
+            self._give_up(vehicle, held)
         for vehicle, checksum in taken.described.items():
             if self._shards.holds(vehicle):
                 self._gate.guard(partial(self._describe, vehicle, checksum))
         return taken.n_messages
+
+    def _give_up(self, vehicle: str, held: Collection[int]) -> None:
+        """Give up what boots wait for, if it is of a boot that their box no longer names: its disk has lost it."""
+        awaited = self._dispatch.awaited(vehicle)
+        ends = {boot: end for boot, end in awaited.items() if boot not in held and boot < max(held, default=-1)}
+        if ends:
+            lost = self._gate.guard(partial(self._intake.declare_lost, vehicle, ends, now=self._clock())) or {}
+            for (_, boot), contiguous in lost.items():
+                self._dispatch.add(vehicle, boot, contiguous)
 
     def _describe(self, vehicle: str, checksum: int) -> None:
         """Analyse a vehicle by its stored description, and let its box know."""

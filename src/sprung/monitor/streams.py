@@ -105,6 +105,12 @@ class Stream:
                 return frames
         return []
 
+    @property
+    def awaited(self) -> dict[int, int]:
+        """Boots of which others wait for more frames, and the number of frames that they had."""
+        others = [previous for previous in self._previous.values() if previous is not None]
+        return {boot: end for boot, end in others if self.contiguous.get(boot, -1) < end - 1}
+
     def covered(self, boot: int) -> list[tuple[int, int]]:
         """Return other boots whose frames the present state covers and the store does not, and the last of these."""
         others = [place for place in self.dispatched.items() if place[0] != boot]
