@@ -39,7 +39,7 @@ def test_a_seed_says_all_that_happens() -> None:
 
 @pytest.mark.slow
 def test_every_broken_protocol_is_found() -> None:
-    done = run("--mutants", "40", "--steps", "400")
+    done = run("--mutants", "200", "--steps", "400")
     assert done.returncode == 0, done.stdout + done.stderr
     rows = re.findall(r"^\| (?!broken)([a-z ]+) \| (\d+) \|", done.stdout, re.MULTILINE)
     assert len(rows) >= 10
