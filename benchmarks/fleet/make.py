@@ -38,12 +38,12 @@ def driven(seed: tuple[int, ...], minutes: float, rate: float, fault: str | None
     return replace(recording, history=(), channels=channels)
 
 
-def windows_of(case: tuple[int, int, float, float, int, int]) -> list[LakeWindow]:
+def windows_of(case: tuple[int, int, int, float, float, int, int]) -> list[LakeWindow]:
     """The windows of a vehicle; on `roads` different roads, if that is not 0, so that drives repeat."""
-    vehicle, n_windows, minutes, rate, every, roads = case
+    vehicle, first, n_windows, minutes, rate, every, roads = case
     fault = fault_of(vehicle, every)
     made = []
-    for number in range(n_windows):
+    for number in range(first, n_windows):
         seed = (11, vehicle, number) if not roads else (11, 0, (vehicle * n_windows + number) % roads)
         recording = driven(seed, minutes, rate, fault if number >= n_windows // 2 else None)
         stamped = replace(recording, start=START + number * BETWEEN)
@@ -56,13 +56,14 @@ def make(
     *,
     vehicles: int,
     windows: int,
+    first: int = 0,
     minutes: float = 2.0,
     rate: float = 100.0,
     every: int = 20,
     roads: int = 0,
     processes: int = 2,
 ) -> Lake:
-    """Make the lake and the vehicle files."""
+    """Make the lake and the vehicle files, or add the windows from `first` on."""
     (folder / "vehicles").mkdir(parents=True, exist_ok=True)
     text = vehicle_text(read_vehicle("zafira"))
     for vehicle in range(vehicles):
@@ -70,7 +71,7 @@ def make(
     faults = {f"car{k:05d}": fault for k in range(vehicles) if (fault := fault_of(k, every))}
     (folder / "faults.json").write_text(json.dumps(faults))
     lake = Lake(folder / "lake")
-    cases = [(vehicle, windows, minutes, rate, every, roads) for vehicle in range(vehicles)]
+    cases = [(vehicle, first, windows, minutes, rate, every, roads) for vehicle in range(vehicles)]
     with ProcessPoolExecutor(processes) as pool:
         lake.write(window for made in pool.map(windows_of, cases, chunksize=4) for window in made)
     return lake

@@ -1,18 +1,22 @@
 """What a run moves and keeps when a fleet grows: bytes to the driver and between tasks, memory, files of the tables.
 
     python benchmarks/fleet/volume.py --vehicles 50 1000 --windows 20
+    python benchmarks/fleet/volume.py --vehicles 20 --windows 40 160 --more 1
 
-Prints a table with a column for each size of the fleet. Bytes are those of Spark's own log of events.
+Prints a table with a column for each size of the fleet and its history. With `--more`, the columns are of a second run,
+when each vehicle has some windows more. Bytes are those of Spark's own log of events.
 """
 
 import argparse
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
 import threading
 import time
+from itertools import product
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -44,6 +48,7 @@ TABLES = ("windows", "baselines", "types", "diagnoses", "findings")
 
 def measured(folder: Path, learn: int, steps: str) -> dict[str, Any]:
     """Run once; what it said, and the largest resident memory of its driver and of Java [bytes]."""
+    shutil.rmtree(folder / "events", ignore_errors=True)
     (folder / "events").mkdir()
     peaks = {"driver": 0, "java": 0}
     process = subprocess.Popen(
@@ -91,24 +96,23 @@ def moved(folder: Path) -> dict[str, int]:
     }
 
 
-def size(folder: Path, vehicles: int, given: argparse.Namespace) -> dict[str, str]:
+def size(folder: Path, vehicles: int, windows: int, given: argparse.Namespace) -> dict[str, str]:
     """Make a fleet, run, and return the values of a column."""
     begin = time.monotonic()
-    lake = make(
-        folder,
-        vehicles=vehicles,
-        windows=given.windows,
-        minutes=given.minutes,
-        rate=given.rate,
-        every=20,
-        roads=given.roads,
-    )
-    n_windows = vehicles * given.windows
+    fleet = {"vehicles": vehicles, "minutes": given.minutes, "rate": given.rate, "every": 20, "roads": given.roads}
+    lake = make(folder, windows=windows, **fleet)
+    n_windows = vehicles * windows
     made = time.monotonic() - begin
     print(f"{n_windows} windows made in {made:.0f} s", file=sys.stderr, flush=True)
-    ran = measured(folder, given.windows // 4, given.steps)
+    ran = measured(folder, given.learn or windows // 4, given.steps)
+    if given.more:
+        lake = make(folder, first=windows, windows=windows + given.more, **fleet)
+        n_windows = vehicles * given.more
+        ran = measured(folder, given.learn or windows // 4, given.steps)
     bytes_of = moved(folder)
+    each = f"{windows} + {given.more}" if given.more else f"{windows}"
     column = {
+        "vehicles, windows of each": f"{vehicles}, {each}",
         "windows": f"{n_windows}",
         "run [s]": f"{ran['elapsed']:.0f}",
         "analysis [CPU s]": f"{ran['seconds']:.0f}",
@@ -132,7 +136,9 @@ def size(folder: Path, vehicles: int, given: argparse.Namespace) -> dict[str, st
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--vehicles", type=int, nargs="+", default=[50, 1000])
-    parser.add_argument("--windows", type=int, default=20)
+    parser.add_argument("--windows", type=int, nargs="+", default=[20])
+    parser.add_argument("--more", type=int, default=0, help="number of new windows of each vehicle in a second run")
+    parser.add_argument("--learn", type=int, default=0, help="windows of a baseline; 0: a quarter of them")
     parser.add_argument("--minutes", type=float, default=2.0)
     parser.add_argument("--rate", type=float, default=25.0, help="samples per second")
     parser.add_argument("--roads", type=int, default=40, help="number of different drives; 0: all different")
@@ -140,9 +146,9 @@ def main() -> None:
     given = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     columns = []
-    for vehicles in given.vehicles:
+    for vehicles, windows in product(given.vehicles, given.windows):
         with tempfile.TemporaryDirectory(prefix="fleet-volume-") as name:
-            columns.append(size(Path(name), vehicles, given))
+            columns.append(size(Path(name), vehicles, windows, given))
         print(json.dumps(columns[-1]), file=sys.stderr, flush=True)
     print("| |" + " |" * len(columns))
     print("|---|" + "---|" * len(columns))

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from sprung.diagnosis import diagnose, false_discoveries, learn
 from sprung.documents import baseline_document, diagnosis_document, observation_from_document
 from sprung.fleet.analysis import WindowSettings, Work, analyse
-from sprung.fleet.assessment import AssessmentSettings, Windows, assess, assessed_vehicles, discoveries
+from sprung.fleet.assessing import COMPARED
+from sprung.fleet.assessment import AssessmentSettings, Windows, assess, assessments, discoveries, learnt, outline
 from sprung.fleet.results import SCHEMAS
 from sprung.monitor.states import restored_statistics
 
@@ -29,9 +30,36 @@ def rows(window, car_text):
     for number in range(8):
         row = window("car0", number, FAULT if number >= 5 else None).row
         results, _ = analyse(row, Work(car_text, "f", steps=["observe"], has_segments=True), WindowSettings())
-        others = {"type": "t", "type_name": "zafira", "vehicle_text": car_text, "type_baseline": "", "state": "s"}
-        found.append(results["windows"] | others)
+        found.append(results["windows"])
     return found
+
+
+@pytest.fixture(scope="module")
+def vehicle(car_text):
+    """The row of the vehicle."""
+    names = {"vehicle": "car0", "type": "t", "type_name": "zafira", "vehicle_file": "f", "state": "s"}
+    return names | {"vehicle_text": car_text}
+
+
+def keys(rows):
+    return [row | {"has_result": bool(row["document"]), "document": None, "residuals": None} for row in rows]
+
+
+def outlined(vehicle, rows, settings=SETTINGS):
+    """The outline of a vehicle and its baseline, and what its assessment takes."""
+    found = outline(vehicle, keys(rows), settings)
+    first = [row for row in rows if found["learning"] and row["start"] <= found["learn_until"]]
+    own = learnt(found, first, settings) if first else {"document": "", "reason": ""}
+    since = found["since"] if own["document"] else found["since_alone"]
+    compared = {"baseline": own["document"], "no_baseline": own["reason"], "since": since}
+    return own, found | compared | {"type_baseline": "", "type_state": ""}
+
+
+def assessed(vehicle, rows, settings=SETTINGS):
+    """The assessment of a vehicle, of no more windows than it takes."""
+    _, compared = outlined(vehicle, rows, settings)
+    last = [row for row in rows if compared["since"] is not None and row["start"] >= compared["since"]]
+    return assess(compared, last, settings)
 
 
 def without_times(value):
@@ -63,8 +91,9 @@ def assert_close(one, other, place=""):
 
 class TestAssessment:
     @pytest.mark.slow
-    def test_baseline_and_diagnosis_are_those_of_the_library(self, rows):
-        found = assess(rows, SETTINGS)
+    def test_baseline_and_diagnosis_are_those_of_the_library(self, vehicle, rows):
+        own, _ = outlined(vehicle, rows)
+        found = assessed(vehicle, rows)
         observed = [
             replace(
                 observation_from_document(json.loads(row["document"])),
@@ -76,7 +105,7 @@ class TestAssessment:
         ]
         baseline = learn(observed[:LEARN], least_windows=2)
         diagnosis = diagnose(observed[LEARN:], baseline)
-        assert_close(without_times(json.loads(found["baseline"])), without_times(baseline_document(baseline).as_json()))
+        assert_close(without_times(json.loads(own["document"])), without_times(baseline_document(baseline).as_json()))
         document = diagnosis_document(diagnosis, modes=()).as_json() | {"modes": []}
         assert_close(without_times(json.loads(found["document"]) | {"modes": []}), without_times(document))
         assert found["verdict"] == "change"
@@ -84,43 +113,64 @@ class TestAssessment:
         assert (finding["corner"], finding["component"]) == ("rear_left", "damper")
         assert finding["interval"][0] < -0.5 < finding["interval"][1]
         assert finding["since"] == rows[5]["start"] / 1e9
-        assert (found["n_learnt"], found["learnt_until"]) == (LEARN, rows[LEARN - 1]["start"])
+        assert (own["n_windows"], own["until"]) == (LEARN, rows[LEARN - 1]["start"])
 
-    def test_the_order_of_windows_does_not_matter(self, rows):
+    def test_the_order_of_windows_does_not_matter(self, vehicle, rows):
         shuffled = list(rows)
         random.Random(3).shuffle(shuffled)
-        assert assess(shuffled, SETTINGS) == assess(rows, SETTINGS)
+        assert outlined(vehicle, shuffled) == outlined(vehicle, rows)
+        assert assessed(vehicle, shuffled) == assessed(vehicle, rows)
 
-    def test_overlapping_windows_count_once(self, rows):
+    def test_overlapping_windows_count_once(self, vehicle, rows):
         late = [{**row, "start": row["start"] + 30 * 10**9, "digest": "late"} for row in rows]
-        found = assess([*rows, *late], SETTINGS)
-        alone = assess(rows, SETTINGS)
-        assert found | {"n_left_out": 0} == alone
-        assert found["n_left_out"] == len(late)
+        found = assessed(vehicle, [*rows, *late])
+        alone = assessed(vehicle, rows)
+        counts = {"n_windows": 2 * len(rows), "n_sound": 2 * len(rows), "n_left_out": len(late)}
+        assert found == alone | counts
 
-    def test_a_vehicle_without_enough_windows_is_compared_with_its_type(self, rows):
-        found = assess(rows[:2], SETTINGS)
+    def test_a_vehicle_without_enough_windows_is_compared_with_its_type(self, vehicle, rows):
+        own, _ = outlined(vehicle, rows[:2])
+        found = assessed(vehicle, rows[:2])
         assert found["reason"].startswith("2 of the 4 sound windows that a baseline needs")
         assert found["verdict"] == "inconclusive"
-        assert found.get("baseline") is None
+        assert own["document"] == ""
 
-    def test_a_vehicle_whose_windows_all_failed_states_the_commonest_reason(self, rows):
+    def test_a_vehicle_whose_windows_all_failed_states_the_commonest_reason(self, vehicle, rows):
         broken = [{**row, "document": "", "is_sound": False, "reason": "no motion"} for row in rows]
-        assert assess(broken, SETTINGS)["reason"] == "no motion"
+        assert assessed(vehicle, broken)["reason"] == "no motion"
 
-    def test_a_vehicle_without_a_file_states_this(self, rows):
+    def test_a_vehicle_without_a_file_states_this(self, vehicle, rows):
         broken = [{**row, "document": "", "is_sound": False, "vehicle_file": "", "reason": "no file"} for row in rows]
-        assert assess(broken, SETTINGS)["reason"] == "no file"
+        assert assessed(vehicle | {"vehicle_file": ""}, broken)["reason"] == "no file"
 
-    def test_damaged_results_are_a_reason(self, rows):
-        found = assess([{**row, "document": "{"} for row in rows], SETTINGS)
+    def test_damaged_results_are_a_reason(self, vehicle, rows):
+        found = assessed(vehicle, [{**row, "document": "{"} for row in rows])
         assert "JSONDecodeError" in found["reason"]
 
-    def test_an_assessment_is_a_row_of_a_table(self, rows):
-        names = ("type", "type_name", "vehicle_text", "type_baseline", "state")
-        schema = pa.schema([*SCHEMAS["windows"], *((name, pa.string()) for name in names)])
-        table = assessed_vehicles(pa.Table.from_pylist(rows, schema=schema), settings=SETTINGS)
+    def test_a_vehicle_whose_baseline_cannot_be_learnt_is_compared_in_all_windows(self, vehicle, rows):
+        damaged = [row | {"document": "{"} if k == 1 else row for k, row in enumerate(rows[:5])]
+        own, compared = outlined(vehicle, damaged)
+        assert own["reason"].startswith("no baseline: JSONDecodeError")
+        assert compared["since"] == rows[0]["start"]
+
+    def test_an_assessment_is_a_row_of_a_table(self, vehicle, rows):
+        _, compared = outlined(vehicle, rows)
+        windows = pa.Table.from_pylist(rows[LEARN:], schema=SCHEMAS["windows"])
+        table = assessments(pa.Table.from_pylist([compared], schema=COMPARED), windows, settings=SETTINGS)
         assert table["verdict"].to_pylist() == ["change"]
+
+    def test_a_baseline_stays_the_same_while_its_windows_do(self, vehicle, rows):
+        whole = outline(vehicle, keys(rows), SETTINGS)
+        assert outline(vehicle, keys(rows[:LEARN]), SETTINGS)["learning"] == whole["learning"] != ""
+        earlier = rows[0] | {"start": rows[0]["start"] - 1800 * 10**9, "digest": "earlier"}
+        assert outline(vehicle, keys([earlier, *rows]), SETTINGS)["learning"] != whole["learning"]
+        assert outline(vehicle | {"vehicle_file": "g"}, keys(rows), SETTINGS)["learning"] != whole["learning"]
+
+    def test_no_more_windows_are_needed_than_are_compared(self, vehicle, rows):
+        settings = replace(SETTINGS, most_windows=2)
+        found = outline(vehicle, keys(rows), settings)
+        assert (found["learn_until"], found["since"]) == (rows[LEARN - 1]["start"], rows[-2]["start"])
+        assert found["since_alone"] == rows[-2]["start"]
 
 
 class TestWindows:

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from sprung.errors import DataError, ParameterError
-from sprung.fleet import FleetSettings, Results, explain, run, summarise
+from sprung.fleet import FleetSettings, Results, assessment, explain, run, summarise
 from sprung.fleet.analysis import WindowSettings, Work, analyse
 from sprung.fleet.assessment import AssessmentSettings
 from sprung.fleet.results import SCHEMAS
@@ -108,6 +108,24 @@ def test_late_and_repeated_windows_lead_to_the_same_tables(spark, whole, fleet, 
     assert first.n_windows["windows"] + second.n_windows["windows"] == len(fleet.windows)
     assert tables(results) == tables(whole.results)
     assert all(len(results[name].files()) <= 1 for name in SCHEMAS if name not in {"runs"})
+
+
+def test_what_is_learnt_stays_while_its_windows_do(spark, whole, fleet, monkeypatch, tmp_path):
+    """A later window of a vehicle leads to a diagnosis, for which no window of a baseline is read again."""
+
+    def refuse(*_, **__):
+        raise AssertionError("learnt again")
+
+    lake, results = Lake(tmp_path / "lake"), Results(tmp_path / "results")
+    last = fleet.windows[5]
+    lake.write(made for made in fleet.windows if made is not last)
+    run(spark, lake, fleet.vehicles, results, settings=SETTINGS)
+    lake.write([last])
+    monkeypatch.setattr(assessment, "baselines", refuse)
+    monkeypatch.setattr(assessment, "types", refuse)
+    done = run(spark, lake, fleet.vehicles, results, settings=SETTINGS)
+    assert (done.n_windows, done.n_vehicles) == ({"windows": 1}, 1)
+    assert tables(results) == tables(whole.results)
 
 
 def test_a_corrected_vehicle_file_is_taken_in(spark, whole, fleet, car_text, tmp_path):

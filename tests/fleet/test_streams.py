@@ -6,11 +6,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from tests.fleet.test_assessment import assessed, outlined
 
 from sprung.errors import DataError, ParameterError
 from sprung.fleet import FleetSettings, Results, streams
 from sprung.fleet.analysis import WindowSettings, Work, analyse
-from sprung.fleet.assessment import AssessmentSettings, assess
+from sprung.fleet.assessment import AssessmentSettings
 from sprung.fleet.sources import messages_in_folder, messages_in_kafka, windows_of_lake, windows_of_messages
 from sprung.fleet.streams import StreamBatch, StreamSettings, stream
 from sprung.fleet.vehicles import described
@@ -105,11 +106,10 @@ def test_an_interrupted_stream_continues_and_each_window_counts_once(
     work = Work(car_text, vehicle["vehicle_file"], steps=("observe",), has_segments=True)
     rows = [analyse(window.row, work, WindowSettings())[0]["windows"] for window in windows]
     assert [row["document"] for row in rows_of(results, "windows")] == [row["document"] for row in rows]
-    about = {name: vehicle[name] for name in ("vehicle_text", "type", "type_name")} | {"type_baseline": "", "state": ""}
-    expected = assess([row | about for row in rows], ASSESSMENT)
+    own, _ = outlined(vehicle | {"state": ""}, rows, ASSESSMENT)
     (diagnosis,) = rows_of(results, "diagnoses")
-    assert diagnosis["document"] == expected["document"]
-    assert [row["document"] for row in rows_of(results, "baselines")] == [expected["baseline"]]
+    assert diagnosis["document"] == assessed(vehicle | {"state": ""}, rows, ASSESSMENT)["document"]
+    assert [row["document"] for row in rows_of(results, "baselines")] == [own["document"]]
 
 
 def test_windows_of_a_lake_that_have_results_are_left_alone(spark, windows, window, vehicles, tmp_path):

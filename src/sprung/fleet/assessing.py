@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import partial
 from hashlib import blake2b
 from typing import TYPE_CHECKING
@@ -11,22 +11,25 @@ from uuid import uuid4
 import numpy as np
 import pyarrow as pa
 
-from sprung.fleet.assessment import (
-    SCHEMA,
-    AssessmentSettings,
-    assessed_vehicles,
-    discoveries,
-    findings_of,
-    learnt_types,
-)
+from sprung.diagnosis.type_baselines import LEAST_VEHICLES
+from sprung.fleet import assessment
+from sprung.fleet.assessment import LEARNT, OUTLINE, SCHEMA, AssessmentSettings, discoveries, findings_of
 from sprung.fleet.files import filesystem, read, read_files, spark_schema, write, write_files
 from sprung.fleet.results import KEY, SCHEMAS, Results
 
 if TYPE_CHECKING:
-    from pyspark.sql import DataFrame, SparkSession
+    from pyspark.sql import Column, DataFrame, SparkSession
 
 #: Largest number of vehicles that the baseline of a type is learnt from.
 _MOST_OF_TYPE = 50
+_TEXT = pa.string()
+#: Outlines of vehicles with what they are compared with.
+COMPARED = pa.schema(
+    [*OUTLINE, *((name, _TEXT) for name in ("baseline", "type_baseline", "type_state", "no_baseline"))]
+)
+#: Vehicles, and the start of the first or last of their windows that is needed, UTC ns.
+_BOUNDS = pa.schema([("vehicle", _TEXT), ("vehicle_file", _TEXT), ("type", _TEXT), ("bound", pa.int64())])
+_FOUND = pa.schema([("vehicle", _TEXT)])
 #: Computes rows of a schema, once, and returns them.
 Keep = Callable[["DataFrame", pa.Schema], "DataFrame"]
 
@@ -61,116 +64,211 @@ def assess_vehicles(
     -----
     What changed is found by a digest of the windows of each vehicle, so that it does not matter which run or stream
     analysed them, or where one was interrupted. The table of diagnoses has these digests and is replaced last.
+    Of most windows the keys alone are read: a baseline is learnt once, and again where its windows are others; a
+    diagnosis takes the last windows.
     """
-    from pyspark.sql import functions as f
 
     report("learning baselines", 0.0)
-    windows = _current(session, fleet, results)
-    states = _states(windows, settings).cache()
-    try:
-        known = read(session, results["diagnoses"]).select("vehicle", f.col("state").alias("known"))
-        touched = states.join(known, "vehicle", "left").where(f.coalesce("known", f.lit("")) != f.col("state"))
-        count = touched.count()
-        if not count and not known.join(states, "vehicle", "left_anti").count():
-            return 0
-        with _kept_files(session, results) as keep:
-            own = _needed(windows.join(touched.select("vehicle", "state"), "vehicle"), settings)
-            assessed = keep(_assessed(own.withColumn("type_baseline", f.lit("")), settings), SCHEMA)
-            every = _kept(session, results, states, touched).unionByName(assessed)
-            types = keep(_types(windows, every, settings), SCHEMAS["types"])
-            report("comparing vehicles with their type", 0.0)
-            every = keep(_with_types(windows, states, every, types, settings), SCHEMA)
+    with _kept_files(session, results) as keep:
+        step = _Assessor(session, fleet, results, settings, keep)
+        states = step.states().cache()
+        try:
+            touched = step.touched(states)
+            count = touched.count()
+            if not count and not step.known("diagnoses", "vehicle").join(states, "vehicle", "left_anti").count():
+                return 0
+            outlines = keep(step.outlines(states, touched), OUTLINE)
+            learnt = keep(step.learnt(outlines), LEARNT)
+            baselines = keep(step.baselines(states, outlines, learnt), SCHEMAS["baselines"])
+            types = keep(step.types(baselines), SCHEMAS["types"])
+            report("diagnosing", 0.0)
+            compared = keep(step.compared(outlines, learnt, baselines, types, touched), COMPARED)
+            every = keep(step.kept(states, compared).unionByName(step.assessed(compared)), SCHEMA)
             report("writing baselines and diagnoses", 0.0)
-            _replace(results, every, states, types, found=_discoveries(every, rate))
-        return count
-    finally:
-        states.unpersist()
+            found = keep(_discoveries(every, rate), _FOUND)
+            _replace(results, every, baselines, types, found)
+            return count
+        finally:
+            states.unpersist()
 
 
-def _current(session: "SparkSession", fleet: "DataFrame", results: Results) -> "DataFrame":
-    """Return the rows of windows that are of the present vehicle files, once each."""
-    from pyspark.sql import functions as f
+@dataclass(frozen=True, slots=True)
+class _Assessor:
+    """Steps of an assessment.
 
-    columns = (*KEY, "duration", "reason", "is_sound", "document", "residuals")
-    # By vehicle first, so that what follows finds the rows where they are and they move once.
-    rows = read(session, results["windows"]).select(*columns).repartition("vehicle").dropDuplicates(list(KEY))
-    present = fleet.select("vehicle", f.col("vehicle_file").alias("present"), "vehicle_text", "type", "type_name")
-    joined = rows.join(present, "vehicle", "left").where(f.coalesce("present", f.lit("")) == f.col("vehicle_file"))
-    blank = {name: f.coalesce(name, f.lit("")) for name in ("vehicle_text", "type", "type_name", "document")}
-    return joined.drop("present").withColumns(blank)
+    Parameters
+    ----------
+    session, fleet, results, settings
+        As for `assess_vehicles`.
+    keep
+        Computes a data frame once.
+    """
 
+    session: "SparkSession"
+    fleet: "DataFrame"
+    results: Results
+    settings: AssessmentSettings
+    keep: Keep
 
-def _states(windows: "DataFrame", settings: AssessmentSettings) -> "DataFrame":
-    """Return the numbers of windows of each vehicle, and a digest of all that its assessment depends on."""
-    from pyspark.sql import functions as f
+    def known(self, table: str, *columns: "str | Column") -> "DataFrame":
+        """Return columns of a table of results."""
+        return read(self.session, self.results[table]).select(*columns)
 
-    of_settings = blake2b(repr(sorted(asdict(settings).items())).encode(), digest_size=6).hexdigest()
-    of_windows = f.bit_xor(f.xxhash64("start", "digest", "vehicle_file"))
-    state = f.concat_ws("-", f.lit(of_settings), f.count(f.lit(1)).cast("string"), f.hex(of_windows))
-    return windows.groupBy("vehicle").agg(
-        state.alias("state"), f.count(f.lit(1)).alias("n_windows"), f.count_if("is_sound").alias("n_sound")
-    )
+    def keys(self) -> "DataFrame":
+        """Return what is known of each window of the present vehicle files without its results, once each."""
+        from pyspark.sql import functions as f
 
+        # A window without a result has no conditions; the documents, which are large, are left unread.
+        has_result = f.col("conditions").isNotNull().alias("has_result")
+        rows = self.known("windows", *KEY, "duration", "reason", "is_sound", has_result)
+        # By vehicle first, so that what follows finds the rows where they are and they move once.
+        once = rows.repartition("vehicle").dropDuplicates(list(KEY))
+        present = self.fleet.select("vehicle", f.col("vehicle_file").alias("present"))
+        joined = once.join(present, "vehicle", "left").where(f.coalesce("present", f.lit("")) == f.col("vehicle_file"))
+        return joined.drop("present")
 
-def _needed(windows: "DataFrame", settings: AssessmentSettings) -> "DataFrame":
-    """Return the windows that an assessment needs: the first sound ones, and the last ones."""
-    from pyspark.sql import Window
-    from pyspark.sql import functions as f
+    def states(self) -> "DataFrame":
+        """Return a digest of all that the assessment of each vehicle depends on but its type."""
+        from pyspark.sql import functions as f
 
-    forward = Window.partitionBy("vehicle").orderBy("start", "digest").rowsBetween(Window.unboundedPreceding, 0)
-    backward = Window.partitionBy("vehicle").orderBy(f.desc("start"), f.desc("digest"))
-    # Windows that overlap others do not count: enough remain of twice or three times as many.
-    first = f.col("is_sound") & (f.count_if("is_sound").over(forward) <= 3 * settings.learning_windows)
-    last = f.row_number().over(backward) <= 2 * settings.most_windows
-    return windows.withColumn("is_needed", first | last).where("is_needed").drop("is_needed")
+        of_settings = blake2b(repr(sorted(asdict(self.settings).items())).encode(), digest_size=6).hexdigest()
+        of_windows = f.bit_xor(f.xxhash64("start", "digest", "vehicle_file"))
+        state = f.concat_ws("-", f.lit(of_settings), f.count(f.lit(1)).cast("string"), f.hex(of_windows))
+        return self.keys().groupBy("vehicle").agg(state.alias("state"))
 
+    def touched(self, states: "DataFrame") -> "DataFrame":
+        """Return the vehicles whose windows, or whose settings, are others than before."""
+        from pyspark.sql import functions as f
 
-def _assessed(windows: "DataFrame", settings: AssessmentSettings) -> "DataFrame":
-    """Return the assessments of vehicles."""
-    assess = partial(assessed_vehicles, settings=settings)
-    return windows.groupBy("vehicle").applyInArrow(_of_one_argument(assess), spark_schema(SCHEMA))
+        before = self.known("diagnoses", "vehicle", f.col("state").alias("before"))
+        changed = states.join(before, "vehicle", "left").where(f.coalesce("before", f.lit("")) != f.col("state"))
+        return changed.select("vehicle")
 
+    def outlines(self, states: "DataFrame", touched: "DataFrame") -> "DataFrame":
+        """Return outlines of the touched vehicles, and of those without a baseline, whose type may change."""
+        from pyspark.sql import functions as f
 
-def _kept(session: "SparkSession", results: Results, states: "DataFrame", touched: "DataFrame") -> "DataFrame":
-    """Return the assessments of vehicles whose windows have not changed."""
-    from pyspark.sql import functions as f
+        settled = self.known("baselines", "vehicle").join(touched, "vehicle", "left_anti")
+        open_ones = states.select("vehicle", "state").join(settled, "vehicle", "left_anti")
+        texts = ("type", "type_name", "vehicle_file", "vehicle_text")
+        named = open_ones.join(self.fleet, "vehicle", "left")
+        vehicles = named.select("vehicle", "state", *(f.coalesce(name, f.lit("")).alias(name) for name in texts))
+        return self._per("vehicle", vehicles, self.keys().drop("vehicle_file"), assessment.outlines, OUTLINE)
 
-    rest = states.join(touched, "vehicle", "left_anti").select("vehicle")
-    of_baseline = (f.col("n_windows").alias("n_learnt"), f.col("until").alias("learnt_until"))
-    baselines = read(session, results["baselines"]).select("vehicle", *of_baseline, f.col("document").alias("baseline"))
-    diagnoses = read(session, results["diagnoses"]).join(rest, "vehicle")
-    return diagnoses.join(baselines, "vehicle", "left").select(*SCHEMA.names)
+    def learnt(self, outlines: "DataFrame") -> "DataFrame":
+        """Return the baselines of vehicles whose first sound windows are new, or others than before."""
+        from pyspark.sql import functions as f
 
+        before = self.known("baselines", "vehicle", f.col("state").alias("learning"))
+        fresh = outlines.where("learning != ''").join(before, ["vehicle", "learning"], "left_anti")
+        rows = self._rows(fresh, until="learn_until")
+        return self._per("vehicle", fresh, rows, assessment.baselines, LEARNT)
 
-def _types(windows: "DataFrame", every: "DataFrame", settings: AssessmentSettings) -> "DataFrame":
-    """Return the baselines of types, each learnt from a limited number of its vehicles."""
-    from pyspark.sql import Window
-    from pyspark.sql import functions as f
+    def baselines(self, states: "DataFrame", outlines: "DataFrame", learnt: "DataFrame") -> "DataFrame":
+        """Return the baselines of all vehicles: those just learnt, and those whose windows are as before."""
+        from pyspark.sql import functions as f
 
-    order = Window.partitionBy("type").orderBy(f.xxhash64("vehicle"), "vehicle")
-    with_baseline = every.where("baseline IS NOT NULL").select("vehicle", "type", "learnt_until")
-    sample = with_baseline.withColumn("rank", f.row_number().over(order)).where(f.col("rank") <= _MOST_OF_TYPE)
-    learning = windows.join(sample.select("vehicle", "learnt_until"), "vehicle").where("start <= learnt_until")
-    learn = partial(learnt_types, settings=settings)
-    of_types = learning.drop("learnt_until").groupBy("type")
-    return of_types.applyInArrow(_of_one_argument(learn), spark_schema(SCHEMAS["types"]))
+        names = SCHEMAS["baselines"].names
+        before = self.known("baselines", *names)
+        others = states.join(outlines, "vehicle", "left_anti").select("vehicle")
+        same = outlines.select("vehicle", f.col("learning").alias("state"))
+        kept = before.join(others, "vehicle", "left_semi").unionByName(
+            before.join(same, ["vehicle", "state"], "left_semi")
+        )
+        return kept.unionByName(learnt.where("document != ''").select(*names))
 
+    def types(self, baselines: "DataFrame") -> "DataFrame":
+        """Return the baselines of types, each learnt from a limited number of its vehicles where these have changed."""
+        from pyspark.sql import Window
+        from pyspark.sql import functions as f
 
-def _with_types(
-    windows: "DataFrame",
-    states: "DataFrame",
-    every: "DataFrame",
-    types: "DataFrame",
-    settings: AssessmentSettings,
-) -> "DataFrame":
-    """Return the assessments of all vehicles, those without a baseline compared with their type."""
-    from pyspark.sql import functions as f
+        schema = SCHEMAS["types"]
+        order = Window.partitionBy("type").orderBy(f.xxhash64("vehicle"), "vehicle")
+        ranked = baselines.withColumn("rank", f.row_number().over(order)).where(f.col("rank") <= _MOST_OF_TYPE)
+        names = self.fleet.select("vehicle", "type_name")
+        sample = ranked.select("vehicle", "type", "vehicle_file", "until", "state").join(names, "vehicle")
+        digest = f.hex(f.bit_xor(f.xxhash64("vehicle", "state")))
+        kinds = sample.groupBy("type").agg(
+            f.min("type_name").alias("name"), digest.alias("state"), f.count(f.lit(1)).alias("count")
+        )
+        before = self.known("types", *schema.names)
+        enough = kinds.where(f.col("count") >= LEAST_VEHICLES)
+        fresh = enough.join(before.select("type", "state"), ["type", "state"], "left_anti")
+        rows = self._rows(sample.join(fresh.select("type"), "type"), until="until")
+        learnt = self._per("type", fresh, rows, assessment.types, schema)
+        return before.join(kinds.select("type", "state"), ["type", "state"], "left_semi").unionByName(learnt)
 
-    documents = types.select("type", f.col("document").alias("type_baseline"))
-    alone = every.where("baseline IS NULL").select("vehicle", "type").join(documents, "type").drop("type")
-    again = windows.join(alone, "vehicle").join(states.select("vehicle", "state"), "vehicle")
-    compared = _assessed(_needed(again, settings), settings)
-    return every.join(alone, "vehicle", "left_anti").unionByName(compared)
+    def compared(
+        self,
+        outlines: "DataFrame",
+        learnt: "DataFrame",
+        baselines: "DataFrame",
+        types: "DataFrame",
+        touched: "DataFrame",
+    ) -> "DataFrame":
+        """Return the vehicles whose windows, or whose type where they have no baseline, are others than before."""
+        from pyspark.sql import functions as f
+
+        def or_empty(name: str) -> "Column":
+            return f.coalesce(name, f.lit(""))
+
+        own = baselines.select("vehicle", f.col("document").alias("baseline"))
+        of_type = types.select(
+            f.col("type").alias("alone"), f.col("document").alias("type_baseline"), f.col("state").alias("type_state")
+        )
+        failed = learnt.select("vehicle", f.col("reason").alias("no_baseline"))
+        before = self.known("diagnoses", "vehicle", f.col("type_state").alias("type_before"))
+        new = touched.select("vehicle", f.lit(True).alias("is_touched"))
+        joined = outlines
+        # Baselines are large, and one for each vehicle: they move between tasks, and not through the driver.
+        for other in (failed, before, new, own.hint("merge")):
+            joined = joined.join(other, "vehicle", "left")
+        is_alone = f.col("baseline").isNull()
+        whole = (
+            joined.withColumn("alone", f.when(is_alone, f.col("type")))
+            .join(of_type, "alone", "left")
+            .withColumns(
+                {
+                    "since": f.when(is_alone, f.col("since_alone")).otherwise(f.col("since")),
+                    **{name: or_empty(name) for name in ("baseline", "no_baseline", "type_baseline", "type_state")},
+                }
+            )
+        )
+        is_of_other_type = or_empty("type_before") != f.col("type_state")
+        return whole.where(f.col("is_touched").isNotNull() | is_of_other_type).select(*COMPARED.names)
+
+    def assessed(self, compared: "DataFrame") -> "DataFrame":
+        """Return the assessments of vehicles."""
+        return self._per("vehicle", compared, self._rows(compared, since="since"), assessment.assessments, SCHEMA)
+
+    def kept(self, states: "DataFrame", compared: "DataFrame") -> "DataFrame":
+        """Return the assessments of all other vehicles."""
+        others = states.select("vehicle").join(compared, "vehicle", "left_anti")
+        return self.known("diagnoses", *SCHEMA.names).join(others, "vehicle", "left_semi")
+
+    def _rows(self, vehicles: "DataFrame", *, since: str = "", until: str = "") -> "DataFrame":
+        """Return the windows of vehicles from or up to a time of each; the others are left out before these move."""
+        from pyspark.sql import functions as f
+
+        bound = f.col(since or until).alias("bound")
+        # Files of known size: a table of bounds that is small enough goes to the windows, and not these to it.
+        bounds = self.keep(vehicles.select(*_BOUNDS.names[:-1], bound).where("bound IS NOT NULL"), _BOUNDS)
+        windows = self.known("windows", *KEY, "duration", "is_sound", "document", "residuals")
+        is_needed = f.col("start") >= f.col("bound") if since else f.col("start") <= f.col("bound")
+        needed = windows.join(bounds, ["vehicle", "vehicle_file"]).where(is_needed)
+        return needed.drop("bound")
+
+    def _per(
+        self,
+        key: str,
+        vehicles: "DataFrame",
+        rows: "DataFrame",
+        function: Callable[..., pa.Table],
+        schema: pa.Schema,
+    ) -> "DataFrame":
+        """Return what a function makes of each vehicle, or type, and its windows."""
+        together = vehicles.groupBy(key).cogroup(rows.groupBy(key))
+        return together.applyInArrow(_of_two(partial(function, settings=self.settings)), spark_schema(schema))
 
 
 def _discoveries(every: "DataFrame", rate: float) -> "DataFrame":
@@ -181,24 +279,18 @@ def _discoveries(every: "DataFrame", rate: float) -> "DataFrame":
     candidates = every.where(f.col("e_value") >= -float(np.log(rate))).select("vehicle", "e_value")
     find = partial(discoveries, rate=rate, n_vehicles=n_vehicles)
     # The tail of the fleet alone: vehicles whose e-value could be among the discoveries at all.
-    return candidates.withColumn("all", f.lit("")).groupBy("all").applyInArrow(_of_one_argument(find), "vehicle string")
+    return candidates.withColumn("all", f.lit("")).groupBy("all").applyInArrow(_of_one(find), "vehicle string")
 
 
 def _replace(
-    results: Results, every: "DataFrame", states: "DataFrame", types: "DataFrame", *, found: "DataFrame"
+    results: Results, every: "DataFrame", baselines: "DataFrame", types: "DataFrame", found: "DataFrame"
 ) -> None:
     """Replace the tables of vehicles; that which says what is done comes last."""
     from pyspark.sql import functions as f
 
     is_found = found.withColumn("is_discovery", f.lit(True))
-    whole = every.join(states.select("vehicle", "n_windows", "n_sound"), "vehicle").join(is_found, "vehicle", "left")
+    whole = every.join(is_found, "vehicle", "left")
     diagnoses = whole.withColumn("is_discovery", f.coalesce("is_discovery", f.lit(False)))
-    baselines = every.where("baseline IS NOT NULL").select(
-        *("vehicle", "type", "vehicle_file"),
-        f.col("n_learnt").alias("n_windows"),
-        f.col("learnt_until").alias("until"),
-        f.col("baseline").alias("document"),
-    )
     names = SCHEMAS["diagnoses"].names
     findings = diagnoses.select(*names).mapInArrow(findings_of, spark_schema(SCHEMAS["findings"]))
     n_vehicles = every.count()
@@ -224,10 +316,19 @@ def _kept_files(session: "SparkSession", results: Results) -> Iterator[Keep]:
             system.delete_dir(folder)
 
 
-def _of_one_argument(function: Callable[..., pa.Table]) -> Callable[[pa.Table], pa.Table]:
+def _of_one(function: Callable[..., pa.Table]) -> Callable[[pa.Table], pa.Table]:
     """Return a function of one argument without defaults, by which Spark knows what it takes."""
 
     def of_group(group: pa.Table) -> pa.Table:
         return function(group)
 
     return of_group
+
+
+def _of_two(function: Callable[..., pa.Table]) -> Callable[[pa.Table, pa.Table], pa.Table]:
+    """Return a function of two arguments without defaults, by which Spark knows what it takes."""
+
+    def of_groups(one: pa.Table, other: pa.Table) -> pa.Table:
+        return function(one, other)
+
+    return of_groups

@@ -3,13 +3,13 @@
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from hashlib import blake2b
 from typing import Any
 
 import pyarrow as pa
 
 from sprung.diagnosis import (
     LEARNING_WINDOWS,
-    Baseline,
     Observation,
     diagnose,
     false_discoveries,
@@ -32,17 +32,31 @@ from sprung.vehicles import vehicle_from_text
 
 #: Overlap of windows that does not count [ns]: clocks of loggers jitter.
 _OVERLAP = 10**9
-#: Columns of diagnoses that come from all windows of a vehicle, or from all vehicles.
-_OF_FLEET = ("n_windows", "n_sound", "is_discovery")
-#: Rows of an assessment: a diagnosis with its findings, and the baseline of the vehicle.
-SCHEMA = pa.schema(
+_TEXT, _COUNT = pa.string(), pa.int64()
+#: What is known of a vehicle without the results of its windows: which of them an assessment needs.
+OUTLINE = pa.schema(
     [
-        *(SCHEMAS["diagnoses"].field(name) for name in SCHEMAS["diagnoses"].names if name not in _OF_FLEET),
-        pa.field("n_learnt", pa.int64()),  # windows of the baseline; null where there is none
-        pa.field("learnt_until", pa.int64()),
-        pa.field("baseline", pa.string()),
+        ("vehicle", _TEXT),
+        ("type", _TEXT),
+        ("type_name", _TEXT),
+        ("vehicle_file", _TEXT),
+        ("vehicle_text", _TEXT),
+        ("state", _TEXT),
+        ("n_windows", _COUNT),
+        ("n_sound", _COUNT),
+        ("n_left_out", _COUNT),  # windows that overlap earlier ones
+        ("learning", _TEXT),  # digest of the windows of the baseline; empty where they are too few
+        ("learn_until", _COUNT),  # start of the last of them, UTC ns
+        ("since", _COUNT),  # start of the first window to compare with the baseline, UTC ns; null where there is none
+        ("since_alone", _COUNT),  # the same for a vehicle without a baseline
+        ("lack", _TEXT),  # why there is no baseline
+        ("failure", _TEXT),  # why a window has no result
     ]
 )
+#: Baselines as they are learnt; one without a document could not be, and `reason` states why.
+LEARNT = pa.schema([*SCHEMAS["baselines"], ("reason", _TEXT)])
+#: Assessments: diagnoses without what only all vehicles together state.
+SCHEMA = pa.schema([field for field in SCHEMAS["diagnoses"] if field.name != "is_discovery"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,49 +111,122 @@ class Windows:
         return sound[:count] if len(sound) >= count else []
 
 
-def assess(rows: Sequence[Mapping[str, Any]], settings: AssessmentSettings) -> dict[str, Any]:
-    """Return the assessment of a vehicle from its own windows.
+def outline(
+    vehicle: Mapping[str, Any], keys: Sequence[Mapping[str, Any]], settings: AssessmentSettings
+) -> dict[str, Any]:
+    """Return which windows of a vehicle its assessment needs, as a row of `OUTLINE`.
 
     Parameters
     ----------
-    rows
-        Rows of the table of windows, in any order, of one vehicle and vehicle file: its first ones, as many as a
-        baseline needs, and the last ones; with the columns `type`, `vehicle_text`, `type_baseline` and `state`.
+    vehicle
+        Row of the vehicle: `vehicle`, `type`, `type_name`, `vehicle_file`, `vehicle_text` and `state`.
+    keys
+        All windows of the vehicle, in any order, with the columns `start`, `duration`, `digest`, `is_sound`,
+        `has_result` and `reason`.
     settings
         Settings of baseline and diagnosis.
 
     Notes
     -----
-    The baseline is learnt from the first sound windows, and the windows after these are compared with it. A vehicle
-    with too few is compared with its type, where that is known, or left with right: `type_baseline` is the document of
-    its type, or empty.
+    The baseline is learnt from the first sound windows, and the last ones after these are compared with it. A vehicle
+    with too few is compared with its type, where that is known, or left with right.
     """
-    windows = Windows.of(rows)
-    first = rows[0]
-    outcome: dict[str, Any] = {
-        "vehicle": first["vehicle"],
-        "type": first["type"],
-        "vehicle_file": first["vehicle_file"],
+    windows = Windows.of(keys)
+    learning = windows.learning(settings.learning_windows) if vehicle["vehicle_file"] else []
+    until = learning[-1]["start"] if learning else None
+    results = [row for row in windows.rows if row["has_result"]] if vehicle["vehicle_file"] else []
+    alone = results[-settings.most_windows :]
+    compared = [row for row in results if until is not None and row["start"] > until][-settings.most_windows :]
+    n_sound = sum(bool(row["is_sound"]) for row in windows.rows)
+    lack = "" if learning else f"{n_sound} of the {settings.learning_windows} sound windows that a baseline needs"
+    failures = [row["reason"] for row in windows.rows if not row["has_result"]]
+    return {
+        **{name: vehicle[name] for name in ("vehicle", "type", "type_name", "vehicle_file", "vehicle_text", "state")},
+        "n_windows": len(keys),
+        "n_sound": sum(bool(row["is_sound"]) for row in keys),
         "n_left_out": windows.n_left_out,
-        "state": first["state"],
-        "verdict": "inconclusive",
+        "learning": _digest(vehicle["vehicle_file"], learning) if learning else "",
+        "learn_until": until,
+        "since": compared[0]["start"] if compared else None,
+        "since_alone": alone[0]["start"] if alone else None,
+        "lack": lack if vehicle["vehicle_file"] else "",
+        "failure": _commonest(failures),
+    }
+
+
+def learnt(
+    vehicle: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], settings: AssessmentSettings
+) -> dict[str, Any]:
+    """Return the baseline of a vehicle, as a row of `LEARNT`.
+
+    Parameters
+    ----------
+    vehicle
+        Row of `OUTLINE`.
+    rows
+        Rows of the table of windows, in any order: all of the vehicle up to `learn_until`.
+    settings
+        Settings of the baseline.
+    """
+    outcome = {
+        **{name: vehicle[name] for name in ("vehicle", "type", "vehicle_file")},
+        "until": vehicle["learn_until"],
+        "state": vehicle["learning"],
+        "document": "",
         "reason": "",
     }
+    learning = Windows.of(rows).learning(settings.learning_windows)
+    least = max(2, settings.learning_windows // 2)
     try:
-        return outcome | _assessed(windows, settings)
+        baseline = learn([_observation(row, vehicle["type_name"]) for row in learning], least_windows=least)
+    except SprungError as error:
+        return outcome | {"reason": f"no baseline: {error}"}
+    except Exception as error:  # whatever a vehicle makes of it, the others go on
+        return outcome | {"reason": f"no baseline: {type(error).__name__}: {error}"}
+    document = json.dumps(baseline_document(baseline).as_json())
+    return outcome | {"n_windows": baseline.n_windows, "document": document}
+
+
+def assess(
+    vehicle: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], settings: AssessmentSettings
+) -> dict[str, Any]:
+    """Return the assessment of a vehicle, as a row of `SCHEMA`.
+
+    Parameters
+    ----------
+    vehicle
+        Row of `OUTLINE`, with the documents `baseline` of the vehicle and `type_baseline` of its type, each empty where
+        there is none, the reason `no_baseline`, and `type_state`; `since` is `since_alone` where there is no baseline.
+    rows
+        Rows of the table of windows, in any order: all of the vehicle from `since` on.
+    settings
+        Settings of the diagnosis.
+    """
+    names = ("vehicle", "type", "vehicle_file", "n_windows", "n_sound", "n_left_out", "state", "type_state")
+    reason = vehicle["no_baseline"] or vehicle["lack"]
+    outcome = {name: vehicle[name] for name in names} | {"verdict": "inconclusive", "reason": reason}
+    if vehicle["since"] is None:
+        none = "no window after those of the baseline" if vehicle["baseline"] else vehicle["failure"]
+        return outcome | {"reason": none}
+    try:
+        return outcome | _assessed(vehicle, reason, Windows.of(rows), settings)
     except SprungError as error:
         return outcome | {"reason": str(error)}
     except Exception as error:  # whatever a vehicle makes of it, the others go on
         return outcome | {"reason": f"{type(error).__name__}: {error}"}
 
 
-def type_of(rows: Sequence[Mapping[str, Any]], settings: AssessmentSettings) -> dict[str, Any] | None:
+def type_of(
+    kind: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], settings: AssessmentSettings
+) -> dict[str, Any] | None:
     """Return the baseline of a type as a row of the table of types; None where it cannot be learnt.
 
     Parameters
     ----------
+    kind
+        Row of the type: `type`, `name` and `state`.
     rows
-        Rows of the table of windows of several vehicles of the type, with the columns `type` and `type_name`.
+        Rows of the table of windows of several vehicles of the type, in any order.
     settings
         Settings of baselines: each vehicle takes part with the windows of its own baseline.
     """
@@ -147,31 +234,45 @@ def type_of(rows: Sequence[Mapping[str, Any]], settings: AssessmentSettings) -> 
     for row in rows:
         by_vehicle.setdefault(row["vehicle"], []).append(row)
     learning = {
-        vehicle: [replace(_observation(row), vehicle="") for row in Windows.of(own).learning(settings.learning_windows)]
+        vehicle: [_observation(row, "") for row in Windows.of(own).learning(settings.learning_windows)]
         for vehicle, own in sorted(by_vehicle.items())
     }
     try:
-        learnt = learn_type({vehicle: own for vehicle, own in learning.items() if own}, name=rows[0]["type_name"])
+        of_type = learn_type({vehicle: own for vehicle, own in learning.items() if own}, name=kind["name"])
     except SprungError:
         return None
     return {
-        "type": rows[0]["type"],
-        "name": learnt.name,
-        "n_vehicles": learnt.n_vehicles,
-        "n_windows": learnt.n_windows,
-        "document": json.dumps(type_baseline_document(learnt).as_json()),
+        "type": kind["type"],
+        "name": of_type.name,
+        "n_vehicles": of_type.n_vehicles,
+        "n_windows": of_type.n_windows,
+        "document": json.dumps(type_baseline_document(of_type).as_json()),
+        "state": kind["state"],
     }
 
 
-def assessed_vehicles(table: pa.Table, *, settings: AssessmentSettings) -> pa.Table:
-    """Return the assessment of a vehicle as a table of one row; parameters as for `assess`."""
-    return pa.Table.from_pylist([assess(table.to_pylist(), settings)], schema=SCHEMA)
+def outlines(vehicles: pa.Table, keys: pa.Table, *, settings: AssessmentSettings) -> pa.Table:
+    """Return the outline of the vehicle of a table of one row, as such a table; parameters as for `outline`."""
+    rows = [outline(vehicle, keys.to_pylist(), settings) for vehicle in vehicles.to_pylist()]
+    return pa.Table.from_pylist(rows, schema=OUTLINE)
 
 
-def learnt_types(table: pa.Table, *, settings: AssessmentSettings) -> pa.Table:
-    """Return the baseline of a type as a table of one row, or none; parameters as for `type_of`."""
-    learnt = type_of(table.to_pylist(), settings)
-    return pa.Table.from_pylist([] if learnt is None else [learnt], schema=SCHEMAS["types"])
+def baselines(vehicles: pa.Table, rows: pa.Table, *, settings: AssessmentSettings) -> pa.Table:
+    """Return the baseline of the vehicle of a table of one row, as such a table; parameters as for `learnt`."""
+    found = [learnt(vehicle, rows.to_pylist(), settings) for vehicle in vehicles.to_pylist()]
+    return pa.Table.from_pylist(found, schema=LEARNT)
+
+
+def assessments(vehicles: pa.Table, rows: pa.Table, *, settings: AssessmentSettings) -> pa.Table:
+    """Return the assessment of the vehicle of a table of one row, as such a table; parameters as for `assess`."""
+    found = [assess(vehicle, rows.to_pylist(), settings) for vehicle in vehicles.to_pylist()]
+    return pa.Table.from_pylist(found, schema=SCHEMA)
+
+
+def types(kinds: pa.Table, rows: pa.Table, *, settings: AssessmentSettings) -> pa.Table:
+    """Return the baseline of the type of a table of one row, as such a table or none; parameters as for `type_of`."""
+    found = [type_of(kind, rows.to_pylist(), settings) for kind in kinds.to_pylist()]
+    return pa.Table.from_pylist([row for row in found if row], schema=SCHEMAS["types"])
 
 
 def discoveries(table: pa.Table, *, rate: float, n_vehicles: int) -> pa.Table:
@@ -216,27 +317,15 @@ def findings_of(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
         yield pa.RecordBatch.from_pylist(rows, schema=SCHEMAS["findings"])
 
 
-def _assessed(windows: Windows, settings: AssessmentSettings) -> dict[str, Any]:
-    """Return baseline, verdict and what led to it."""
-    if not windows.rows[0]["vehicle_file"]:
-        return {"reason": windows.rows[0]["reason"]}
-    learning = windows.learning(settings.learning_windows)
-    baseline, reason = _baseline(learning, len([row for row in windows.rows if row["is_sound"]]), settings)
-    outcome: dict[str, Any] = {"reason": reason}
-    after = windows.rows
-    if baseline is not None:
-        last = learning[-1]["start"]
-        after = tuple(row for row in windows.rows if row["start"] > last)
-        document = json.dumps(baseline_document(baseline).as_json())
-        outcome |= {"n_learnt": baseline.n_windows, "learnt_until": last, "baseline": document}
-    after = tuple(row for row in after if row["document"])[-settings.most_windows :]
-    if not after:
-        failures = [row["reason"] for row in windows.rows if not row["document"]]
-        none = "no window after those of the baseline" if baseline is not None else _commonest(failures)
-        return outcome | {"reason": none}
-    observations = [_observation(row) for row in after]
-    of_type = windows.rows[0]["type_baseline"]
+def _assessed(
+    vehicle: Mapping[str, Any], reason: str, windows: Windows, settings: AssessmentSettings
+) -> dict[str, Any]:
+    """Return verdict, diagnosis and what led to it."""
+    own, of_type = vehicle["baseline"], vehicle["type_baseline"]
+    baseline = baseline_from_document(json.loads(own)) if own else None
     known = type_baseline_from_document(json.loads(of_type)) if of_type and baseline is None else None
+    compared = [row for row in windows.rows if row["document"]][-settings.most_windows :]
+    observations = [_observation(row, vehicle["type_name"]) for row in compared]
     if known is not None and not any(window.components == known.components for window in observations):
         known = None
     diagnosis = diagnose(
@@ -246,17 +335,17 @@ def _assessed(windows: Windows, settings: AssessmentSettings) -> dict[str, Any]:
         false_alarms=settings.false_alarms,
         windows_per_day=settings.windows_per_day,
     )
-    vehicle = vehicle_from_text(windows.rows[0]["vehicle_text"], source="the vehicle file")
+    description = vehicle_from_text(vehicle["vehicle_text"], source="the vehicle file")
     changes = [
         change
         for finding in diagnosis.findings
-        for change in mode_changes(vehicle, finding, baseline, observations=observations)
+        for change in mode_changes(description, finding, baseline, observations=observations)
     ]
     worst = max(diagnosis.findings, key=lambda finding: finding.severity_number, default=None)
     verdict = diagnosis.verdict
-    return outcome | {
-        "since": after[0]["start"],
-        "until": after[-1]["start"],
+    return {
+        "since": compared[0]["start"],
+        "until": compared[-1]["start"],
         "verdict": verdict,
         "healthy": diagnosis.is_healthy,
         "severity": None if worst is None else worst.severity,
@@ -266,25 +355,16 @@ def _assessed(windows: Windows, settings: AssessmentSettings) -> dict[str, Any]:
     }
 
 
-def _baseline(
-    learning: Sequence[Mapping[str, Any]], n_sound: int, settings: AssessmentSettings
-) -> tuple[Baseline | None, str]:
-    """Return the baseline of a vehicle, and why there is none."""
-    if not learning:
-        return None, f"{n_sound} of the {settings.learning_windows} sound windows that a baseline needs"
-    try:
-        learnt = learn([_observation(row) for row in learning], least_windows=max(2, settings.learning_windows // 2))
-    except SprungError as error:
-        return None, f"no baseline: {error}"
-    return baseline_from_document(baseline_document(learnt).as_json()), ""
-
-
-def _observation(row: Mapping[str, Any]) -> Observation:
-    """Return the observation of a row."""
-    document = json.loads(row["document"])
-    observation = observation_from_document(document)
-    name = row.get("type_name") or ""
+def _observation(row: Mapping[str, Any], name: str) -> Observation:
+    """Return the observation of a row, under the name of its vehicle file."""
+    observation = observation_from_document(json.loads(row["document"]))
     return replace(observation, vehicle=name, residuals=restored_statistics(row["residuals"]))
+
+
+def _digest(vehicle_file: str, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return a digest of windows."""
+    text = repr((vehicle_file, [(row["start"], row["digest"]) for row in rows]))
+    return blake2b(text.encode(), digest_size=8).hexdigest()
 
 
 def _commonest(reasons: Sequence[str]) -> str:

@@ -51,7 +51,7 @@ def read_files(session: "SparkSession", schema: pa.Schema, paths: list[str], *, 
     """
     columns = spark_schema(schema)
     if not paths:
-        return session.createDataFrame([], columns)
+        return session.createDataFrame([], columns).limit(0)  # known to be empty, so that no join with it is computed
     reader = session.read.schema(columns)
     return (reader if base is None else reader.option("basePath", base)).parquet(*paths)
 

@@ -86,6 +86,7 @@ SCHEMAS: Mapping[str, pa.Schema] = {
         n_windows=_COUNT,
         until=_TIME,  # start of the last window learnt from, UTC ns
         document=_TEXT,  # sprung.baseline/1
+        state=_TEXT,  # digest of the windows learnt from
     ),
     "types": _schema(
         type=_TEXT,  # digest of the vehicle file without its name
@@ -93,6 +94,7 @@ SCHEMAS: Mapping[str, pa.Schema] = {
         n_vehicles=_COUNT,
         n_windows=_COUNT,
         document=_TEXT,  # sprung.type_baseline/1
+        state=_TEXT,  # digest of the baselines of its vehicles
     ),
     "diagnoses": _schema(
         vehicle=_TEXT,
@@ -110,7 +112,8 @@ SCHEMAS: Mapping[str, pa.Schema] = {
         is_discovery=_FLAG,  # at the rate of false discoveries in the fleet
         reason=_TEXT,  # why it is inconclusive, or has no baseline
         document=_TEXT,  # sprung.diagnosis/1
-        state=_TEXT,  # digest of all that the row depends on
+        state=_TEXT,  # digest of the vehicle's windows and the settings
+        type_state=_TEXT,  # of the type that the vehicle is compared with; empty for one with a baseline of its own
     ),
     "findings": _schema(
         vehicle=_TEXT,
