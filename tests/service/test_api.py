@@ -5,7 +5,8 @@ from tests.service.conftest import HOUR, NOW
 
 from sprung.alerting import AlertSettings, Report, health_index, reported
 from sprung.monitor import AlertBook, alert_of
-from sprung.storage import AlertRow, FleetFilter
+from sprung.service.pages import fleet
+from sprung.storage import AlertRow, FleetFilter, Progress
 
 
 @pytest.fixture
@@ -25,7 +26,66 @@ def test_the_fleet_in_order_of_urgency(client) -> None:
     assert first["health_index"] == 30.0
     assert (second["vehicle"], second["state"], second["health_index"]) == ("bus-2", "silent", None)
     assert (third["vehicle"], third["state"], third["health_index"]) == ("bus-3", "waiting", None)
-    assert client.get("/api/v1/counts").json() == {"vehicles": 3, "steps": [0, 1, 0, 1, 0], "learning": 0, "silent": 1}
+    counts = {"vehicles": 3, "steps": [0, 1, 0, 1, 0], "learning": 0, "silent": 1, "unacknowledged": 2}
+    assert client.get("/api/v1/counts").json() == counts
+    assert client.post("/api/v1/alerts/1/shelve", json={"hours": 8}).status_code == 200
+    assert client.post("/api/v1/alerts/2/acknowledge", json={}).status_code == 200
+    assert client.get("/api/v1/counts").json() == counts | {"unacknowledged": 0}
+    page = client.get("/", headers={"Accept": "text/html"}).text
+    assert "<h1>None of 3 vehicles needs attention. 1 is silent.</h1>" in page
+    assert '<span class="note">shelved</span>' in page
+    assert "<h1>No alert needs attention. " in client.get("/alerts", headers={"Accept": "text/html"}).text
+
+
+@pytest.mark.parametrize(
+    ("sent", "expected"),
+    [
+        ((0, False, False), ("no change detected", 100.0)),
+        ((20 * HOUR, True, False), ("no change detected", 100.0)),
+        ((90 * 24 * HOUR, True, False), ("parked", None)),
+        ((2 * HOUR, False, False), ("silent", None)),
+        ((0, False, True), ("learning", None)),
+    ],
+)
+def test_old_data_are_never_healthy(client, store, sent, expected) -> None:
+    (age, is_parked, is_learning), (state, health) = sent, expected
+    name, seen = "bus-9", NOW - age
+    store.inbox.put_vehicle(name, configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
+    store.inbox.park(name, is_parked=is_parked)
+    status = {"share": 0.0, "n_learnt": 3 if is_learning else 12, "n_needed": 12, "until": seen}
+    baselines = ((1, seen, "first learning", {"n_windows": 12}),)
+    store.results.commit(
+        Progress(name, 1, done_seq=-1, baselines=baselines, status=status | {"is_learning": is_learning}, now=seen)
+    )
+    (vehicle,) = client.get("/api/v1/vehicles?text=bus-9").json()["vehicles"]
+    assert (vehicle["state"], vehicle["health_index"]) == (state, health)
+    page = client.get("/?text=bus-9", headers={"Accept": "text/html"}).text
+    assert ('<tr class="unknown">' in page) == (health is None)
+    assert ("1 of 1 good" in page) == (state not in {"silent", "parked"})
+
+
+def test_an_alert_does_not_hide_that_its_vehicle_is_silent(client, store) -> None:
+    seen = NOW - 72 * HOUR
+    store.inbox.put_vehicle("bus-8", configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
+    report = Report("bus-8", "front_left.spring", 900, "front-left spring 20 % softer")
+    AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), seen), now=seen)
+    (first,) = client.get("/api/v1/vehicles?text=bus-8").json()["vehicles"]
+    assert (first["state"], first["is_old"], first["health_index"]) == ("alert", True, None)
+    page = client.get("/?text=bus-8", headers={"Accept": "text/html"}).text
+    assert '<tr class="unknown">' in page
+    assert '<span class="note">silent</span>' in page
+
+
+def test_a_search_keeps_the_filter_of_the_fleet(client) -> None:
+    page = client.get("/?step=high&is_silent=true&text=bus", headers={"Accept": "text/html"}).text
+    assert '<input type="hidden" name="step" value="high">' in page
+    assert '<input type="hidden" name="is_silent" value="true">' in page
+    assert 'href="/?text=bus&amp;step=high&amp;is_silent=True&amp;is_unacknowledged=True"' in page
+
+
+def test_an_empty_fleet_shows_a_command_that_works(serve) -> None:
+    context, _ = serve(broker="embedded:18831")
+    assert fleet._broker(context) == "mqtt://127.0.0.1:18831"
 
 
 def test_the_quality_of_data_in_the_fleet(client, store) -> None:

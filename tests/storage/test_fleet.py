@@ -88,4 +88,6 @@ def test_filters(fleet, wanted, vehicles) -> None:
 
 
 def test_counts(fleet) -> None:
-    assert fleet.counts(silent_before=NOW - HOUR) == FleetCounts(7, (0, 1, 0, 3, 1), learning=1, silent=1)
+    assert fleet.counts(silent_before=NOW - HOUR) == FleetCounts(
+        7, (0, 1, 0, 3, 1), learning=1, silent=1, unacknowledged=4
+    )

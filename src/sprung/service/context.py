@@ -15,6 +15,9 @@ from sprung.service.live import Feed
 from sprung.service.runs import RunResults
 from sprung.storage import Store
 
+#: Time for which the state of a parked vehicle counts as its present one, ns.
+_PARKED = 86400 * 10**9
+
 
 @dataclass(frozen=True, eq=False)
 class Context:
@@ -79,6 +82,10 @@ class Context:
     def silent_before(self) -> int:
         """Time, UTC ns, before which the last message of a silent vehicle came."""
         return self.clock() - round(60e9 * self.site.alerts.silent_after_minutes)
+
+    def is_old(self, last_seen: int, *, is_parked: bool) -> bool:
+        """Return whether the last message of a vehicle [UTC ns] is too old for a statement about its present state."""
+        return last_seen < (self.clock() - _PARKED if is_parked else self.silent_before)
 
 
 def is_loopback(host: str) -> bool:

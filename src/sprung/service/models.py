@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from sprung.documents.monitoring import AlertEntry, HistoryEntry
 
 #: States of a vehicle without an active alert of the suspension or a sensor.
-VehicleState = Literal["alert", "silent", "learning", "inconclusive", "no change detected", "waiting"]
+VehicleState = Literal["alert", "silent", "parked", "learning", "inconclusive", "no change detected", "waiting"]
 VerdictWord = Literal["confirmed", "another part", "nothing found", "not looked at"]
 #: Texts of people, short enough for a table.
 Line = Annotated[str, Field(max_length=200)]
@@ -42,6 +42,7 @@ class FleetVehicle(Answer):
     has_lost: bool = Field(description="whether an active alert states that frames were lost")
     last_seen: int
     is_parked: bool
+    is_old: bool = Field(description="whether it is silent, or was parked more than a day ago")
     learnt: int | None = Field(description="windows collected for a baseline")
     needed: int | None = Field(description="windows needed for a baseline")
     baseline: int | None = Field(description="version of its baseline")
@@ -56,6 +57,7 @@ class FleetCount(Answer):
     steps: tuple[int, int, int, int, int]
     learning: int
     silent: int
+    unacknowledged: int = Field(description="vehicles with an active alert that is neither acknowledged nor shelved")
 
 
 class FleetPage(Answer):

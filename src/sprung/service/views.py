@@ -133,10 +133,10 @@ def _alert(row: AlertRow) -> AlertEntry:
 def _fleet_vehicle(context: Context, row: FleetRow, active: list[AlertRow]) -> FleetVehicle:
     """Return a vehicle in the fleet; old data never look healthy."""
     status = None if row.status is None else VehicleStatus(**row.status)
-    is_silent = row.last_seen < context.silent_before and not row.is_parked
+    is_old = context.is_old(row.last_seen, is_parked=row.is_parked)
     worst = max(active, key=lambda alert: (alert.severity, -alert.raised), default=None)
-    state, sentence = _state(row, status, worst, is_silent=is_silent)
-    is_known = not is_silent and row.baseline is not None and (status is None or not status.note)
+    state, sentence = _state(row, status, worst, is_old=is_old)
+    is_known = not is_old and row.baseline is not None and (status is None or not (status.note or status.is_learning))
     return FleetVehicle(
         vehicle=row.place.vehicle,
         state=state,
@@ -151,6 +151,7 @@ def _fleet_vehicle(context: Context, row: FleetRow, active: list[AlertRow]) -> F
         has_lost=any(alert.cause == "lost" for alert in active),
         last_seen=row.last_seen,
         is_parked=row.is_parked,
+        is_old=is_old,
         learnt=None if status is None else status.n_learnt,
         needed=None if status is None else status.n_needed,
         baseline=row.baseline,
@@ -160,20 +161,20 @@ def _fleet_vehicle(context: Context, row: FleetRow, active: list[AlertRow]) -> F
 
 
 def _state(
-    row: FleetRow, status: VehicleStatus | None, worst: AlertRow | None, *, is_silent: bool
+    row: FleetRow, status: VehicleStatus | None, worst: AlertRow | None, *, is_old: bool
 ) -> tuple[VehicleState, str]:
     """Return what matters most about a vehicle, in a word and in a sentence."""
-    if worst is not None and worst.cause != "silent":
-        return "alert", worst.text
-    if is_silent or worst is not None:
-        return "silent", worst.text if worst is not None else f"{row.place.vehicle} sends no data"
+    if worst is not None:
+        return "silent" if worst.cause == "silent" else "alert", worst.text
+    if is_old and not row.is_parked:
+        return "silent", f"{row.place.vehicle} sends no data"
     if status is None:
         return "waiting", "no samples analysed yet"
-    if status.is_learning:
-        return "learning", status.in_words
-    if status.note:
-        return "inconclusive", status.in_words
-    return "no change detected", status.in_words or "no change detected"
+    state: VehicleState = "inconclusive" if status.note else "no change detected"
+    sentence = status.in_words or "no change detected"
+    if is_old:
+        return "parked", f"parked; until then {sentence}"
+    return "learning" if status.is_learning else state, sentence
 
 
 def _cursor(place: Place) -> str:

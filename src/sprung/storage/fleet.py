@@ -105,12 +105,15 @@ class FleetCounts:
         Vehicles that learn a baseline.
     silent
         Vehicles that should send and do not.
+    unacknowledged
+        Vehicles with an active alert that is neither acknowledged nor shelved.
     """
 
     vehicles: int
     steps: tuple[int, int, int, int, int]
     learning: int
     silent: int
+    unacknowledged: int
 
 
 class ChangeRow(NamedTuple):
@@ -190,13 +193,15 @@ class Fleet:
         """Return numbers of vehicles; those not parked whose last message came before a time [UTC ns] are silent."""
         worst = _worst()
         step = (worst.c.severity - 1) // _STEP
+        is_known = exists().where(VEHICLES.c.vehicle == ALERTS.c.vehicle)
         of_steps = select(step, func.count()).where(exists().where(VEHICLES.c.vehicle == worst.c.vehicle))
         with self._database.reading() as connection:
             n_of = {int(key): number for key, number in connection.execute(of_steps.group_by(step))}
             n_vehicles = connection.scalar(select(func.count()).select_from(VEHICLES)) or 0
             n_learning = connection.scalar(select(func.count()).where(STATUSES.c.is_learning)) or 0
             n_silent = connection.scalar(select(func.count()).where(_is_silent(silent_before))) or 0
-        return FleetCounts(n_vehicles, tuple(n_of.get(k, 0) for k in range(5)), n_learning, n_silent)
+            n_open = connection.scalar(select(func.count(ALERTS.c.vehicle.distinct())).where(_is_open(), is_known)) or 0
+        return FleetCounts(n_vehicles, tuple(n_of.get(k, 0) for k in range(5)), n_learning, n_silent, n_open)
 
     def newest(self) -> tuple[int, int]:
         """Return the number of the last change of an alert, and when the last window was stored, UTC ns; 0: none."""
@@ -256,8 +261,7 @@ def _alerted(wanted: FleetFilter, after: Place | None) -> Select[Any]:
     if wanted.assignee is not None:
         query = query.where(exists().where(of_vehicle, ALERTS.c.assignee == wanted.assignee))
     if wanted.is_unacknowledged:
-        is_open = and_(not_(ALERTS.c.is_acknowledged), ALERTS.c.shelved_until.is_(None))
-        query = query.where(exists().where(of_vehicle, is_open))
+        query = query.where(exists().where(of_vehicle, _is_open()))
     if after is not None:
         is_equal = and_(severity == after.severity, impact == after.impact)
         is_later = or_(
@@ -267,6 +271,11 @@ def _alerted(wanted: FleetFilter, after: Place | None) -> Select[Any]:
         )
         query = query.where(is_later)
     return query.order_by(severity.desc(), impact.desc(), vehicle)
+
+
+def _is_open() -> ColumnElement[bool]:
+    """Return the condition for active alerts that are neither acknowledged nor shelved."""
+    return and_(ALERTS.c.is_active, not_(ALERTS.c.is_acknowledged), ALERTS.c.shelved_until.is_(None))
 
 
 def _may_be_calm(wanted: FleetFilter) -> bool:

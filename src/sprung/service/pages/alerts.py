@@ -274,7 +274,7 @@ def _sentence(counts: AlertCounts) -> str:
     waiting = counts.states["unacknowledged"] + counts.states["returned to normal, unacknowledged"]
     if not any(counts.states[name] for name in STATES[:-1]):
         return "No alert is open."
-    parts = [f"{counted(waiting, 'alert')} {'needs' if waiting == 1 else 'need'} attention."]
+    parts = [f"{counted(waiting, 'alert') if waiting else 'No alert'} {'needs' if waiting < 2 else 'need'} attention."]
     for number, word in ((counts.states["acknowledged"], "acknowledged"), (counts.states["shelved"], "shelved")):
         if number:
             parts.append(f"{number} {'is' if number == 1 else 'are'} {word}.")

@@ -6,9 +6,10 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import BaseModel, Field
 
+from sprung.monitor import embedded_port
 from sprung.service import views
 from sprung.service.access import Viewer
-from sprung.service.context import Shared
+from sprung.service.context import Context, Shared
 from sprung.service.models import FleetCount
 from sprung.service.pages.rendering import page
 from sprung.tables import counted
@@ -37,6 +38,11 @@ def fleet(request: Request, context: Shared, _: Viewer, wanted: Annotated[Wanted
     counts = FleetCount.model_validate(context.store.fleet.counts(silent_before=context.silent_before))
     given = wanted.model_dump(exclude_defaults=True)
     cursor = given.pop("cursor", None)
+
+    def link(**changes: Any) -> str:
+        kept = {name: value for name, value in (given | changes).items() if value not in (None, [], "", False)}
+        return "/" + (f"?{urlencode(kept, doseq=True)}" if kept else "")
+
     found = views.fleet_page(
         context, views.fleet_filter(context, **wanted.model_dump(exclude={"cursor"})), cursor=cursor, limit=_LIMIT
     )
@@ -50,24 +56,24 @@ def fleet(request: Request, context: Shared, _: Viewer, wanted: Annotated[Wanted
         wanted=wanted,
         is_all=not given,
         cursor=cursor,
-        now_wanted=given,
         limit=_LIMIT,
-        link=_link,
-        broker=context.site.broker,
+        link=link,
+        broker=_broker(context),
     )
 
 
-def _link(**wanted: Any) -> str:
-    """Return the address of the fleet with a filter."""
-    return "/?" + urlencode(wanted, doseq=True)
+def _broker(context: Context) -> str:
+    """Return the address of the broker for programs of this machine."""
+    port = embedded_port(context.site.broker)
+    return context.site.broker if port is None else f"mqtt://127.0.0.1:{port}"
 
 
 def _sentence(counts: FleetCount) -> str:
     """Return the state of the fleet in words."""
-    urgent = sum(counts.steps[3:])
     if not counts.vehicles:
         return "No vehicle is known yet."
-    parts = [f"{urgent} of {counted(counts.vehicles, 'vehicle')} {'needs' if urgent == 1 else 'need'} attention today."]
+    urgent, of = counts.unacknowledged, f"of {counted(counts.vehicles, 'vehicle')}"
+    parts = [f"{urgent or 'None'} {of} {'needs' if urgent < 2 else 'need'} attention."]
     for number, word in ((counts.silent, "silent"), (counts.learning, "still learning")):
         if number:
             parts.append(f"{number} {'is' if number == 1 else 'are'} {word}.")

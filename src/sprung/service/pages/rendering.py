@@ -23,6 +23,7 @@ MARKS = {"note": "○", "low": "△", "medium": "◇", "high": "■", "critical"
 STATE_MARKS = {
     "alert": "■",
     "silent": "◌",
+    "parked": "◌",
     "learning": "…",
     "inconclusive": "?",
     "no change detected": "✓",

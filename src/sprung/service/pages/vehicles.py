@@ -98,7 +98,7 @@ def overview(
         quality=quality,
         n_good=sum(channel.is_good for channel in quality.channels),
         body=vehicle_data.last_body_modes(store, vehicle),
-        is_old=detail.summary.last_seen < context.silent_before and not detail.summary.is_parked,
+        is_old=detail.summary.is_old,
         wanted=wanted.value,
         ranges=[each.value for each in Range],
         corners=corners,
