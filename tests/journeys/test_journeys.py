@@ -23,7 +23,7 @@ def test_after_a_repair_one_form_closes_an_alert(serve, visit) -> None:
     page.get_by_label("confirmed").check()
     page.get_by_label("What was done").fill("spring renewed")
     page.get_by_label("learn a new baseline").check()
-    page.get_by_role("button", name="State verdict").click()
+    page.get_by_role("button", name="Save verdict").click()
     expect(page.locator("#alert-verdicts")).to_contain_text("confirmed; spring renewed; new baseline requested")
     expect(page.locator("#alert-head")).to_contain_text("normal")
     row = monitor.store.alerts.row(number)
@@ -39,7 +39,7 @@ def test_another_part_and_its_name_stand_with_the_verdict(serve, visit) -> None:
     page.goto(f"/alerts/{monitor.number_of(depot.WEAK)}")
     page.get_by_label("another part").check()
     page.get_by_label("Other part", exact=True).fill("strut mount")
-    page.get_by_role("button", name="State verdict").click()
+    page.get_by_role("button", name="Save verdict").click()
     expect(page.locator("#alert-verdicts")).to_contain_text("another part: strut mount")
 
 

@@ -267,7 +267,7 @@ def test_a_recording_that_is_replayed_teaches_once(car, drive) -> None:
     ("channel", "level", "note"),
     [
         ("speed", 1e-3, "the vehicle stood still for 100 % of the time"),
-        ("acc_fl", 1.0, "sensor acc_fl is dead: stays at 0 for 100 % of the time"),
+        ("acc_fl", 1.0, "sensor acc_fl is dead: stays at 0 throughout"),
     ],
 )
 def test_a_window_that_teaches_nothing_leaves_its_reason(car, drive, channel, level, note) -> None:

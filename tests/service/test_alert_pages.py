@@ -11,7 +11,9 @@ from markupsafe import escape
 from tests.service.conftest import NOW, PASSWORD
 
 from sprung.alerting import AlertSettings, Report, reported
+from sprung.documents.monitoring import HistoryEntry
 from sprung.monitor import AlertBook, desk
+from sprung.service.pages.alerts import _folded
 
 
 @pytest.fixture
@@ -79,12 +81,22 @@ def test_an_impossible_act_keeps_what_was_entered(log_in_page, store) -> None:
     client, mark = log_in_page("engineer")
     answer = send(client, mark, "verdict", verdict="another part", action="<b>looked</b> at it")
     assert answer.status_code == 409
-    assert "must be given with the verdict" in answer.text
+    assert "Name the part with the verdict" in answer.text
     assert "&lt;b&gt;looked&lt;/b&gt; at it</textarea>" in answer.text
     assert 'value="another part" required checked' in answer.text
     assert send(client, mark, "shelve", hours="-1").status_code == 409
     assert send(client, mark, "comment", comment="x" * 4001).status_code == 409
     assert store.verdicts.all() == []
+
+
+def test_the_history_folds_updates() -> None:
+    words = ["raised", "updated", "updated", "updated", "acknowledged", "updated"]
+    history = [
+        HistoryEntry(time=NOW + k, what=what, who="", comment="", assignee=None, shelved_until=None)
+        for k, what in enumerate(words)
+    ]
+    folded = [(number, entry.what, entry.time - NOW) for number, entry in _folded(history)]
+    assert folded == [(1, "updated", 5), (1, "acknowledged", 4), (3, "updated", 3), (1, "raised", 0)]
 
 
 def test_two_people_acknowledge_the_same_alert(log_in_page, store) -> None:

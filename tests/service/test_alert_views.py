@@ -80,6 +80,22 @@ def test_the_windows_behind_an_alert_have_their_conditions(serve, alert) -> None
     assert last.parts[0].interval == pytest.approx((0.7 * math.exp(-0.0392), 0.7 * math.exp(0.0392)), rel=1e-9)
 
 
+def test_the_windows_behind_the_alert_of_a_sensor_begin_with_its_fault(serve, store) -> None:
+    """Also where the samples are older than the alert, as after a replay."""
+    fault = {"channel": "acc_rr", "kind": "stuck_low", "detail": "it is constant"}
+    windows = [window(k, NOW + (k - 40) * HOUR) for k in range(10)]
+    for _, _, document in windows[6:]:
+        document["sensor_faults"] = [fault]
+    store.inbox.add_frames([StoredFrame("bus-3", 1, 0, NOW, b"x")], now=NOW)
+    store.results.commit(Progress("bus-3", 1, done_seq=0, observations=tuple(windows), now=NOW))
+    report = Report("bus-3", "sensor:acc_rr", 300, "sensor acc_rr is dead", {"kind": "dead"})
+    AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), NOW), now=NOW)
+    (number,) = [row.id for row in store.alerts.find(vehicle="bus-3")]
+    context, _ = serve()
+    found = [(each.number, each.is_since_onset, each.note) for each in evidence_of(context, number).windows]
+    assert found == [(k, k >= 6, "acc_rr stuck low" if k >= 6 else "") for k in range(1, 10)]
+
+
 def test_alerts_by_state_severity_vehicle_and_assignee(serve, alert, store) -> None:
     """Alert 1 (high) is acknowledged, 2 (low) shelved, 3 (high) assigned."""
     context, _ = serve()

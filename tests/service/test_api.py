@@ -220,7 +220,7 @@ def test_a_verdict_without_a_repair_acknowledges(client, store) -> None:
         ("alerts/1/comment", {"comment": "x" * 4001}, 422, "comment"),
         ("alerts/1/unshelve", {}, 409, "not shelved"),
         ("alerts/1/verdict", {"verdict": "maybe"}, 422, "verdict"),
-        ("alerts/1/verdict", {"verdict": "another part"}, 409, "must be given with the verdict 'another part'"),
+        ("alerts/1/verdict", {"verdict": "another part"}, 409, "name the part with the verdict 'another part'"),
         ("alerts/1/verdict", {"verdict": "confirmed", "part": "x"}, 409, "and with no other"),
         ("alerts/99999999999999999999/acknowledge", {}, 422, "number"),
         ("vehicles/bus-9/baselines", {"reason": "new dampers"}, 404, "unknown vehicle"),

@@ -174,7 +174,7 @@ def test_samples_that_are_not_kept(served, store) -> None:
     assert "no longer kept" in page.text
     assert "Compute again" not in page.text
     assert "raw_days = 8" in client.get("/vehicles/bus-1/diagrams").text
-    assert "The first one needs ten minutes of driving" in client.get("/vehicles/bus-3/diagrams").text
+    assert "The first one needs 10 minutes of driving" in client.get("/vehicles/bus-3/diagrams").text
     for path in ("diagrams", "figures/spectra"):
         answer = client.get(f"/api/v1/vehicles/bus-1/windows/1/0/{path}")
         assert (answer.status_code, answer.json()["detail"][:11]) == (404, "The samples")
@@ -237,5 +237,8 @@ def test_page_and_interface_show_the_same_diagrams(served, site) -> None:
     for name, picture in PICTURES.items():
         assert f'src="{address}/figures/{name}"' in text
         shown = client.get(f"{address}/figures/{name}")
+        assert shown.headers["content-encoding"] == "gzip"
+        plain = client.get(f"{address}/figures/{name}", headers={"accept-encoding": "identity"})
+        assert (plain.text, "content-encoding" in plain.headers) == (shown.text, False)
         assert (shown.headers["content-type"], shown.text) == ("image/svg+xml", picture)
     assert client.get(f"{address}/figures/other").status_code == 422

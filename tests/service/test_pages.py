@@ -216,4 +216,5 @@ def test_dates_in_headings_are_not_broken_and_texts_stay_texts() -> None:
     from sprung.service.pages.rendering import _environment
 
     text = _environment().from_string("{{ text|unbroken }}").render(text="<b> since 2026-11-19 06:10 UTC; in 2026")
-    assert text == '&lt;b&gt; since <span class="date">2026-11-19 06:10 UTC</span>; in 2026'
+    time = '<time class="date" datetime="2026-11-19T06:10:00Z">2026-11-19 06:10 UTC</time>'
+    assert text == f"&lt;b&gt; since {time}; in 2026"

@@ -147,7 +147,7 @@ def open_demo(*, pace: float) -> Iterator[Demonstration]:
                 "name": "Demonstration",
                 "store": f"sqlite:///{folder}/sprung.sqlite",
                 "watch": {"learning_windows": _LEARNING, "identify_every_minutes": 5.0},
-                "keep": {"raw_days": 0.0},
+                "keep": {"raw_days": 2.0},
             }
         )
         with open_broker(f"embedded:{_free_port()}") as address, open_store(site.store) as store:

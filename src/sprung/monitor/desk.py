@@ -200,7 +200,7 @@ def add_verdict(
     if verdict not in VERDICTS:
         raise ParameterError(f"verdict {verdict!r} is unknown: give {', '.join(VERDICTS)}")
     if bool(part.strip()) != (verdict == "another part"):
-        raise ParameterError(f"part={part!r} must be given with the verdict 'another part', and with no other")
+        raise ParameterError("name the part with the verdict 'another part', and with no other verdict")
     words = "; ".join(text for text in (f"verdict: {verdict}", part.strip(), action.strip()) if text)
     with _locked(store, number) as row:
         request = None

@@ -182,12 +182,25 @@ def _windows(context: Context, row: AlertRow, onset: int | None) -> tuple[Eviden
     """Return the windows behind an alert of the suspension or of a sensor."""
     if not is_of_suspension(row.cause) and not row.cause.startswith("sensor:"):
         return ()
-    since = (row.raised if onset is None else onset) - TIME_ROUNDING
+    since = (_first_with_fault(context, row) if onset is None else onset) - TIME_ROUNDING
     observations = context.store.results.observations
     before = observations(row.vehicle, until=since - 1, limit=BEFORE)
     after = observations(row.vehicle, since=since, until=row.cleared, limit=SINCE)
     windows = [*((entry, False) for entry in before), *((entry, True) for entry in after)]
     return tuple(_window(entry, row.cause, is_since=is_since) for entry, is_since in windows)
+
+
+def _first_with_fault(context: Context, row: AlertRow) -> int:
+    """Return the start of the first of the windows before an alert that show its fault, UTC ns.
+
+    Samples may be older than the alert by any time, as those of a box that was offline.
+    """
+    channel, first = row.cause.removeprefix("sensor:"), row.raised
+    for entry in reversed(context.store.results.observations(row.vehicle, until=row.raised, limit=SINCE)):
+        if all(each.get("channel") != channel for each in entry.document.get("sensor_faults") or ()):
+            break
+        first = entry.t0
+    return first
 
 
 def _window(entry: Entry, cause: str, *, is_since: bool) -> EvidenceWindow:
@@ -202,8 +215,8 @@ def _window(entry: Entry, cause: str, *, is_since: bool) -> EvidenceWindow:
         for k, (name, log_ratio, variances) in enumerate(zip(names, logs, covariance, strict=False))
         if _is_of(name, cause)
     )
-    faults = [f"{each.get('channel')} {each.get('kind', '')}" for each in document.get("sensor_faults") or ()]
-    note = document.get("reason") or "; ".join(faults).replace("_", " ")
+    faults = [(each.get("channel"), each.get("kind", "")) for each in document.get("sensor_faults") or ()]
+    note = document.get("reason") or "; ".join(f"{channel} {kind.replace('_', ' ')}" for channel, kind in faults)
     return EvidenceWindow(
         boot=entry.boot,
         number=entry.number,

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse
 from pydantic import Field
 
@@ -46,9 +46,9 @@ def evidence(context: Shared, _: Viewer, number: Number) -> Evidence:
 
 
 @router.get("/alerts/{number}/work-order", response_model=WorkOrderDocument)
-def order(context: Shared, person: Viewer, number: Number) -> JSONResponse:
+def order(request: Request, context: Shared, person: Viewer, number: Number) -> JSONResponse:
     """The work order of an alert, `sprung.work-order/1`."""
-    link = context.site.alert_url(number)
+    link = context.site.alert_url(number) or f"{request.base_url}alerts/{number}"
     document = work_order(context.store, number, who=person.name, now=context.clock(), link=link)
     return JSONResponse(document.as_json())
 

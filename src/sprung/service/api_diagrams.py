@@ -1,15 +1,16 @@
 """The interface to the diagrams of a window, which are computed from its samples on demand."""
 
+import gzip
 from typing import Literal
 
-from fastapi import APIRouter, HTTPException, Response
+from fastapi import APIRouter, HTTPException, Request, Response
 
 from sprung.service import diagram_views
 from sprung.service.access import Viewer
 from sprung.service.api import VehicleName
 from sprung.service.api_vehicles import Place
 from sprung.service.busy import BusyError
-from sprung.service.context import Shared
+from sprung.service.context import Shared, context_of
 from sprung.service.diagram_models import WindowDiagrams
 from sprung.service.diagrams import RETRY, NoSamplesError
 
@@ -30,10 +31,12 @@ def diagrams(context: Shared, _: Viewer, vehicle: VehicleName, boot: Place, numb
 
 
 @router.get("/vehicles/{vehicle}/windows/{boot}/{number}/figures/{figure}", response_class=Response)
-def figure(context: Shared, _: Viewer, vehicle: VehicleName, boot: Place, number: Place, figure: Figure) -> Response:
+def figure(
+    request: Request, _: Viewer, *, vehicle: VehicleName, boot: Place, number: Place, figure: Figure
+) -> Response:
     """Figure of the diagrams of a window as SVG; 503 with retry-after while they are computed."""
     try:
-        computed = diagram_views.computed_diagrams(context, vehicle, boot, number)
+        computed = diagram_views.computed_diagrams(context_of(request), vehicle, boot, number)
     except NoSamplesError as error:
         raise HTTPException(404, str(error)) from None
     except BusyError as error:
@@ -41,4 +44,7 @@ def figure(context: Shared, _: Viewer, vehicle: VehicleName, boot: Place, number
     if figure not in computed.pictures:
         notes = computed.error or "; ".join(computed.values.get("notes", ()))
         raise HTTPException(404, f"there is no figure {figure}: {notes}")
-    return Response(computed.pictures[figure], media_type="image/svg+xml", headers={"cache-control": "no-store"})
+    picture, headers = computed.pictures[figure].encode(), {"cache-control": "no-store", "vary": "accept-encoding"}
+    if "gzip" in request.headers.get("accept-encoding", ""):
+        picture, headers["content-encoding"] = gzip.compress(picture, 6), "gzip"
+    return Response(picture, media_type="image/svg+xml", headers=headers)

@@ -62,7 +62,8 @@ def _is_zero(rest: Rest, values: Real) -> bool:
 
 
 def _rest_in_words(rest: Rest) -> str:
-    return f"stays at {rest.value:.4g} for {100 * rest.share:.0f} % of the time"
+    share = 100 * rest.share
+    return f"stays at {rest.value:.4g} {'throughout' if share >= 99.5 else f'for {share:.0f} % of the time'}"
 
 
 def clipped(channels: Channels) -> dict[int, str]:

@@ -1,6 +1,6 @@
 """Alerts: the list, and one alert with its evidence and the actions on it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
@@ -10,6 +10,7 @@ from pydantic import Field
 
 from sprung.alerting import STEPS, is_of_suspension, severity_step
 from sprung.documents import document_text
+from sprung.documents.monitoring import HistoryEntry
 from sprung.errors import ParameterError
 from sprung.monitor import MONITOR, desk
 from sprung.monitor.work_orders import work_order
@@ -101,9 +102,9 @@ def alert(
 
 
 @router.get("/alerts/{number}/work-order.json")
-def order(context: Shared, person: Viewer, number: Number) -> Response:
+def order(request: Request, context: Shared, person: Viewer, number: Number) -> Response:
     """Give the work order of an alert as a file."""
-    link = context.site.alert_url(number)
+    link = context.site.alert_url(number) or f"{request.base_url}alerts/{number}"
     document = work_order(context.store, number, who=person.name, now=context.clock(), link=link)
     headers = {"content-disposition": f'attachment; filename="work-order-{number}.json"', "cache-control": "no-store"}
     return Response(document_text(document), media_type="application/json", headers=headers)
@@ -250,6 +251,7 @@ def _alert_page(
         detail=detail,
         facts=_facts(detail),
         acknowledged=_acknowledged(detail),
+        history=_folded(detail.history),
         evidence=evidence,
         course=course_of(evidence.course, evidence.threshold),
         best=max((each.log_evidence for each in evidence.hypotheses), default=0.0),
@@ -305,6 +307,17 @@ def _acknowledged(detail: AlertDetail) -> tuple[int, str] | None:
         if entry.what == "acknowledged" and entry.time >= detail.alert.raised
     )
     return next(events, None)
+
+
+def _folded(history: Sequence[HistoryEntry]) -> list[tuple[int, HistoryEntry]]:
+    """Return the entries of a history, the last first; of consecutive updates only the last one, and how many."""
+    folded: list[tuple[int, HistoryEntry]] = []
+    for entry in reversed(history):
+        if folded and folded[-1][1].what == entry.what == "updated":
+            folded[-1] = folded[-1][0] + 1, folded[-1][1]
+        else:
+            folded.append((1, entry))
+    return folded
 
 
 def _step(severity: int) -> str:

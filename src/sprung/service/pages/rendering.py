@@ -30,7 +30,7 @@ STATE_MARKS = {
     "waiting": "◌",
 }
 #: A date, perhaps with its time.
-_DATE = re.compile(r"\d{4}-\d\d-\d\d( \d\d:\d\d)?( UTC)?")
+_DATE = re.compile(r"(\d{4}-\d\d-\d\d)(?: (\d\d:\d\d))?( UTC)?")
 #: Section that is shown where the site names results of runs over the fleet.
 _RUNS = "/runs"
 #: Sections of the site, and the least role that sees each.
@@ -133,8 +133,16 @@ def _duration(length: int) -> str:
 
 
 def _unbroken(sentence: str) -> Markup:
-    """Return a sentence as markup in which dates are not broken at the end of a line."""
-    return Markup(_DATE.sub(r'<span class="date">\g<0></span>', str(escape(sentence))))
+    """Return a sentence as markup: dates are not broken at the end of a line, times change to the reader's zone."""
+    return Markup(_DATE.sub(_date, str(escape(sentence))))
+
+
+def _date(found: re.Match[str]) -> str:
+    """Return a date as markup; with its time, if that is stated as UTC, as one that the browser converts."""
+    text, day, time, zone = found[0], found[1], found[2], found[3]
+    if time and zone:
+        return f'<time class="date" datetime="{day}T{time}:00Z">{text}</time>'
+    return f'<span class="date">{text}</span>'
 
 
 def _signed(value: float, digits: int = 0) -> str:

@@ -247,6 +247,7 @@ def vehicle_page(
         template,
         vehicle=vehicle,
         path=f"/vehicles/{quote(vehicle, safe='')}",
+        minutes=f"{context.site.watch.window_minutes:g} minutes",
         tab=tab,
         tabs=_TABS,
         signed=_signed,

@@ -24,6 +24,7 @@ export function showTimes(root = document) {
     element.textContent = element.classList.contains("age") ? age(at) : moment(at);
     if (element.classList.contains("age")) element.title = moment(at);
   }
+  for (const element of root.querySelectorAll("[data-time]")) element.textContent = moment(Date.parse(element.dataset.time));
 }
 
 /** Send a request that changes something; the answer is its JSON, or an Error with the server's sentence. */
