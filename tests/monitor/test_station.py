@@ -103,6 +103,26 @@ def test_a_restarted_box_goes_on_in_the_same_window(bench, alike, drive, frames_
     assert alike(contents(one.store), expected)
 
 
+def test_frames_of_a_commit_that_is_reported_as_failed_are_analysed(bench, run_frames) -> None:
+    """Also if their box has lost them meanwhile, and sends them no more."""
+    one = bench(**WATCH)
+    one.describe()
+    add_frames, errors = one.store.inbox.add_frames, [StoreError("disk I/O error")]
+
+    def fails_after_the_commit(*given, **options):
+        arrived = add_frames(*given, **options)
+        if errors:
+            raise errors.pop()
+        return arrived
+
+    one.store.inbox.add_frames = fails_after_the_commit
+    one.send(run_frames[:600])
+    one.look(10.0)
+    assert not errors
+    assert [cursor.contiguous for cursor in one.store.inbox.cursors().values()] == [599]
+    assert len(one.store.results.observations("car-1")) == 1
+
+
 def test_a_boot_does_not_wait_for_one_that_its_box_no_longer_names(bench, run_frames) -> None:
     """The disk of the box has lost the end of boot 1, and the box has started too often since to remember it."""
     first = [decoded_again(payload, boot=1, seq=k) for k, payload in enumerate(run_frames[:300])]

@@ -291,6 +291,9 @@ class Station:
             return 0
         taken = self._gate.guard(partial(self._intake.take, self._batch(), now=self._clock()))
         if taken is None:
+            # The store may have frames all the same, if it failed after a commit, and a box may have no more of them.
+            self._comparing.reset()
+            self._following.reset()
             return 0
         if taken.arrived or taken.described:
             self._gate.succeed()
