@@ -176,8 +176,18 @@ def test_the_sentence_says_what_matters_in_the_period(store, whole) -> None:
     )
     empty = document_at(store, 70, 80)
     assert empty.sentence.startswith("Front-left spring")
+    assert empty.sentence.endswith("The store contains no window of this period.")
     assert (empty.windows, empty.changes, empty.changes_since) == (0, (), None)
     assert document_at(store, -10, -5).sentence == "Inconclusive: the store contains no window of this period."
+
+
+def test_an_alert_on_old_samples_counts_from_the_onset(store) -> None:
+    """As after a replay, or where a box was offline."""
+    alert = next(each for each in read_history(store, VEHICLE, Period(None, None)).alerts if each.row.id == 2)
+    late = replace(alert, events=tuple(replace(event, time=event.time + 90 * DAY * NS) for event in alert.events))
+    onset = (BEGIN + ONSET_DAY * DAY) * NS
+    assert late.spans == [(onset, None)]
+    assert (late.is_active_at(onset + DAY * NS), late.is_active_at(onset - 1)) == (True, False)
 
 
 def test_changes_count_from_the_onset_or_the_baseline(store) -> None:

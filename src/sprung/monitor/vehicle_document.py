@@ -63,7 +63,8 @@ def _sentence(history: VehicleHistory, usable: Sequence[Observation], changes: S
         more = (
             f" {counted(len(others), 'further alert')} {'is' if len(others) == 1 else 'are'} active." if others else ""
         )
-        return f"{_capital(first)}.{more}"
+        none = "" if history.windows else " The store contains no window of this period."
+        return f"{_capital(first)}.{more}{none}"
     past = f" {counted(len(history.alerts), 'alert')} of this period ended." if history.alerts else ""
     last = f" The last window began at {time_in_words(int(history.times[-1]))} UTC." if history.windows else ""
     return f"{_result(history, len(usable), changes)}{past}{last}"

@@ -15,6 +15,7 @@ from sprung.errors import FormatError, ParameterError, SprungError
 from sprung.monitor.jobs import VehicleStatus
 from sprung.monitor.periods import Period
 from sprung.monitor.pictures import assessed
+from sprung.monitor.work_orders import onset_of
 from sprung.storage import AlertRow, AsideRow, BaselineRow, Entry, HistoryRow, Store, VehicleRow, VerdictRow
 
 #: Largest number of windows, and of findings, the last ones of a period: ten minutes each, 69 days.
@@ -41,7 +42,10 @@ class AlertHistory:
 
     @property
     def spans(self) -> list[tuple[int, int | None]]:
-        """Begin and end (UTC ns; None: still active) of each time that it was active, as far as its history goes."""
+        """Begin and end (UTC ns; None: still active) of each time that its cause lasted, as far as its history goes.
+
+        The last one begins at the onset, where the evidence has it: samples may be older than the alert by any time.
+        """
         spans: list[tuple[int, int | None]] = []
         for event in self.events:
             is_open = bool(spans) and spans[-1][1] is None
@@ -49,7 +53,10 @@ class AlertHistory:
                 spans.append((event.time, None))
             elif event.what == "cleared" and is_open:
                 spans[-1] = (spans[-1][0], event.time)
-        return spans or [(self.row.raised, None if self.row.is_active else self.row.cleared)]
+        spans = spans or [(self.row.raised, None if self.row.is_active else self.row.cleared)]
+        onset = onset_of(self.row.document.get("evidence", {}))
+        begin, end = spans.pop()
+        return [*spans, (begin if onset is None else min(begin, onset), end)]
 
     def is_active_at(self, time: int | None) -> bool:
         """Return whether it was active at a time, UTC ns; None: now."""
