@@ -217,7 +217,7 @@ def vehicle_life(n_healthy, folder, seed):
 
 def windows(n_healthy, folder, life):
     """Return the observations of learning, healthy and faulty windows, and their modes where the thesis' way runs."""
-    from sprung.documents import observation_document, observation_from_document
+    from sprung.results.documents import observation_document, observation_from_document
     from sprung.vehicles import Component, Fault
 
     seed = life["seed"]

@@ -17,10 +17,10 @@ from chaos.servers import Database, postgresql
 from httpx import Response
 from starlette.testclient import TestClient
 
-from sprung.monitor import Site
-from sprung.service import Context, application
-from sprung.storage import Store, open_store
-from sprung.storage.schema import ALERT_HISTORY, ALERTS, BASELINES, STATUSES, VEHICLES, VERDICTS
+from sprung.online.monitor import Site
+from sprung.online.site import Context, application
+from sprung.online.store import Store, open_store
+from sprung.online.store.schema import ALERT_HISTORY, ALERTS, BASELINES, STATUSES, VEHICLES, VERDICTS
 
 NOW = 1_795_219_200_000_000_000
 HOUR = 3600 * 10**9

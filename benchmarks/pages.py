@@ -16,7 +16,7 @@ from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
-from sprung.storage import open_store
+from sprung.online.store import open_store
 
 N_LOADS = 5
 

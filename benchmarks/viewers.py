@@ -22,9 +22,9 @@ from statistics import median
 
 from fleet_pages import fill
 
-from sprung.monitor import Site, desk
-from sprung.service import Context, Server
-from sprung.storage import open_store
+from sprung.online.monitor import Site, desk
+from sprung.online.site import Context, Server
+from sprung.online.store import open_store
 
 PATHS = ("/", "/alerts", "/vehicles/bus-000001", "/alerts/4", "/api/v1/vehicles", "/static/base.css")
 #: Time between pages of a viewer, between changes of the store, and between looks at the server [s].

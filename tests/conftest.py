@@ -50,7 +50,7 @@ def pytest_collection_finish() -> None:
 @pytest.fixture(scope="session")
 def _empty_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the file of a store with all tables and no rows."""
-    from sprung.storage import open_store
+    from sprung.online.store import open_store
 
     path = tmp_path_factory.mktemp("empty") / "store.sqlite"
     open_store(f"sqlite:///{path}").close()
@@ -186,7 +186,7 @@ def _has_type(value: object, name: str) -> bool:
 @pytest.fixture(scope="session")
 def check_document() -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Return a function that checks a JSON document against the JSON Schema that its key `schema` names."""
-    from sprung.documents import json_schema
+    from sprung.results.documents import json_schema
 
     def check(document: dict[str, Any]) -> dict[str, Any]:
         schema = json_schema(document["schema"])

@@ -9,12 +9,12 @@ import pytest
 from matplotlib.figure import Figure
 
 import sprung
-from sprung import tables
 from sprung._display import in_short
 from sprung.calibration import CalibratedNumber
-from sprung.documents import identification_document
-from sprung.tables.frames import data_frame
-from sprung.tables.notebook import as_html
+from sprung.results import tables
+from sprung.results.documents import identification_document
+from sprung.results.tables.frames import data_frame
+from sprung.results.tables.notebook import as_html
 
 pandas: Any = pytest.importorskip("pandas")
 COMPONENTS = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
@@ -278,7 +278,7 @@ def test_the_obvious_picture_is_drawn_and_shown_in_notebooks(values, kind) -> No
 
 def test_what_has_no_picture_is_refused() -> None:
     with pytest.raises(sprung.ParameterError, match=r"^a float has no picture of its own"):
-        sprung.plotting.picture_of(1.0)
+        sprung.results.figures.picture_of(1.0)
 
 
 def test_a_vehicle_shows_kind_sensors_and_coordinates() -> None:

@@ -19,8 +19,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from processes import MOSQUITTO
-from results import Result
 from runs import Plan, run
+
+from results import Result
 
 
 def table(result: Result) -> str:

@@ -12,9 +12,9 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from results import Result
 from stores import VEHICLE, cursors
 
+from results import Result
 from sprung.link import Address, Header, Key, Link, checked_map, topic
 
 #: 2026-11-21, UTC ns; and the pause between two drives [s].

@@ -13,9 +13,9 @@ from typing import Any
 
 from network import BEGUN, PAUSE, Forwarder, Relay
 from processes import SPRUNG, Program, broker, free_port, is_alive, tail, until
-from results import LEAST_ACKNOWLEDGEMENTS, Result
 from stores import VEHICLE, contents, cursors, rows
 
+from results import LEAST_ACKNOWLEDGEMENTS, Result
 from sprung.formats import write
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.vehicles import parse_fault, read_vehicle

@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from make import make
 
-from sprung.fleet import Results
+from sprung.fleet.jobs import Results
 
 PROGRAM = "import sys; from sprung.cli import main; sys.exit(main())"
 #: Times are counted from the first file by the commands, and from 1970 by a run; sources are files or windows.

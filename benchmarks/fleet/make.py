@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
-from sprung.lake import Lake, LakeWindow, window_of_recording
+from sprung.fleet.lake import Lake, LakeWindow, window_of_recording
 from sprung.recording import Channel, Recording
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.vehicles import parse_fault, read_vehicle, vehicle_text

@@ -2,8 +2,8 @@
 
     python benchmarks/fleet/speed.py --vehicles 20 --windows 10
 
-Prints a table. Both analyse every window with `sprung.fleet.analysis.analyse`; the run also plans, commits and assesses
-vehicles, and starts Java, which is stated apart.
+Prints a table. Both analyse every window with `sprung.fleet.jobs.analysis.analyse`; the run also plans, commits and
+assesses vehicles, and starts Java, which is stated apart.
 """
 
 import argparse
@@ -21,16 +21,16 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from make import make
 
-from sprung.fleet.analysis import WindowSettings, Work, analyse
-from sprung.lake import Lake
+from sprung.fleet.jobs.analysis import WindowSettings, Work, analyse
+from sprung.fleet.lake import Lake
 from sprung.vehicles import read_vehicle, vehicle_text
 
 ONE_RUN = """
 import json, sys, time
 begin = time.perf_counter()
-from sprung.fleet import FleetSettings, Results, run, spark_session
-from sprung.fleet.assessment import AssessmentSettings
-from sprung.lake import Lake
+from sprung.fleet.jobs import FleetSettings, Results, run, spark_session
+from sprung.fleet.jobs.assessment import AssessmentSettings
+from sprung.fleet.lake import Lake
 folder, results, cores, learn = sys.argv[1:]
 session = spark_session(f"local[{cores}]")
 session.range(1).count()

@@ -22,9 +22,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 from cluster import Cluster, kill
 from make import make
 
-from sprung.fleet import Results
-from sprung.fleet.results import SCHEMAS
-from sprung.lake import Lake, LakeWindow
+from sprung.fleet.jobs import Results
+from sprung.fleet.jobs.results import SCHEMAS
+from sprung.fleet.lake import Lake, LakeWindow
 
 PROGRAM = "import sys; from sprung.cli import main; sys.exit(main())"
 

@@ -30,7 +30,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from sprung.fleet import Results
+from sprung.fleet.jobs import Results
 from sprung.link import Frame, encode, quantised
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.vehicles import parse_fault, read_vehicle, vehicle_text

@@ -27,13 +27,13 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from make import make
 
-from sprung.fleet import Results
+from sprung.fleet.jobs import Results
 
 ONE_RUN = """
 import json, sys
-from sprung.fleet import FleetSettings, Results, run, spark_session
-from sprung.fleet.assessment import AssessmentSettings
-from sprung.lake import Lake
+from sprung.fleet.jobs import FleetSettings, Results, run, spark_session
+from sprung.fleet.jobs.assessment import AssessmentSettings
+from sprung.fleet.lake import Lake
 folder, learn, steps = sys.argv[1:]
 session = spark_session("local[2]", settings={
     "spark.eventLog.enabled": "true", "spark.eventLog.dir": f"file:{folder}/events", "spark.eventLog.compress": "false",

@@ -209,9 +209,9 @@ def bytes_stored(recorded: Recorded, folder: Path, *, hours: int = 50) -> dict[s
     """Return bytes of the store per vehicle-hour by table and index, from outcomes stored over and over."""
     import sqlite3
 
-    from sprung.monitor import AlertBook, Site
-    from sprung.monitor.ledger import Ledger
-    from sprung.storage import StoredFrame, open_store
+    from sprung.online.monitor import AlertBook, Site
+    from sprung.online.monitor.ledger import Ledger
+    from sprung.online.store import StoredFrame, open_store
 
     file = folder / "bytes.sqlite"
     store = open_store(f"sqlite:///{file}")
@@ -239,7 +239,7 @@ def bytes_stored(recorded: Recorded, folder: Path, *, hours: int = 50) -> dict[s
 
 def _numbered(outcome: Any, number: int) -> Any:
     """Return an outcome at the place of an identification of a number, without frames."""
-    from sprung.monitor import Identified
+    from sprung.online.monitor import Identified
 
     start = time.time_ns() + number * _MINUTE * 10**9
     events = []
@@ -274,7 +274,7 @@ class Inline:
         return {}
 
     def open(self, opening: Any) -> None:
-        from sprung.monitor.jobs import open_monitor
+        from sprung.online.monitor.jobs import open_monitor
 
         self.watched[opening.vehicle] = open_monitor(opening)
 
@@ -282,7 +282,7 @@ class Inline:
         self.watched.pop(vehicle, None)
 
     def submit(self, vehicle: str, frames: list[bytes], **given: Any) -> None:
-        from sprung.monitor.jobs import analyse
+        from sprung.online.monitor.jobs import analyse
 
         self._outcomes.append(analyse(vehicle, self.watched[vehicle], frames, **given))
         self.kept.append(self._outcomes[-1])
@@ -345,8 +345,8 @@ def here(
     folder: Path, workers: object, *, clock: Any = time.time_ns, timer: Any = time.monotonic, **watch: float
 ) -> Any:
     """Return a station in this process without a link."""
-    from sprung.monitor import Site, Station
-    from sprung.storage import open_store
+    from sprung.online.monitor import Site, Station
+    from sprung.online.store import open_store
 
     url = f"sqlite:///{folder}/here.sqlite"
     site = Site.model_validate({"store": url, "http": "127.0.0.1:0", "watch": watch})

@@ -75,9 +75,9 @@ def eight_channels(duration: float) -> object:
 
 def measure_delivery(_given: argparse.Namespace, folder: Path) -> None:
     """What each step of the way of a frame can do."""
-    from sprung.box import blocks_of
     from sprung.link import Frame, Spool, decode, encode, quantised
-    from sprung.storage import StoredFrame, open_store
+    from sprung.online.box import blocks_of
+    from sprung.online.store import StoredFrame, open_store
 
     prepared, large = course(), list(blocks_of(eight_channels(30.0), length=1.0))
     small = [prepared.first]

@@ -42,7 +42,7 @@ def memories(folder: Path, *, quick: bool, length: float) -> dict[str, float]:
 def memory_of(n_vehicles: int, seconds: int, file: Path) -> float:
     """Return the memory of a process that watches vehicles whose windows hold some seconds [MiB]."""
     from sprung.link import decode, frame_block
-    from sprung.monitor import MonitorSettings, VehicleMonitor
+    from sprung.online.monitor import MonitorSettings, VehicleMonitor
     from sprung.vehicles import read_vehicle, vehicle_from_text, vehicle_text
 
     documents, quantities, length = pickle.loads(file.read_bytes())

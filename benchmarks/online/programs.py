@@ -177,8 +177,8 @@ def course(n_drives: int = 1, *, length: float = 1.0, car: Any = None) -> Course
 
     Without a car it is one with four accelerations.
     """
-    from sprung.box import blocks_of
     from sprung.link import Frame, checked_map, encode, quantised
+    from sprung.online.box import blocks_of
     from sprung.simulation import RoadDrive, simulate_drive
     from sprung.vehicles import read_vehicle
 
@@ -199,8 +199,8 @@ class Vehicle:
     """A box whose frames are prepared."""
 
     def __init__(self, name: str, broker: str, folder: Path, course: Course, car: Any = None) -> None:
-        from sprung.box import Box, BoxSettings
         from sprung.link import Address, Spool
+        from sprung.online.box import Box, BoxSettings
         from sprung.vehicles import read_vehicle, vehicle_text
         from sprung.vehicles.sensor_layout import quantities_of
 

@@ -49,7 +49,7 @@ def latencies(
     folder: Path, every: int, n_others: int, n_windows: int, *, n_viewers: int = 0
 ) -> tuple[list[float], list[float], int]:
     """Return the latencies of windows after the two that are learnt from, and the times of pages and their failures."""
-    from sprung.storage import open_store
+    from sprung.online.store import open_store
 
     prepared, times, stopping = course(3), [], threading.Event()
     with mosquitto(folder) as broker:

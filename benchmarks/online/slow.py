@@ -39,7 +39,7 @@ def waits_of(
     folder: Path, *, has_wide: bool, n_windows: int, **watch: float
 ) -> tuple[list[float], int, dict[str, float]]:
     """Return the waits of all windows of the neighbours, the number of windows of the wide vehicle, and figures."""
-    from sprung.storage import open_store
+    from sprung.online.store import open_store
 
     car = wide_car()
     wide_course = course(length=_FRAME, car=car) if has_wide else None

@@ -9,8 +9,8 @@ from chance import Chance
 
 from sprung.diagnosis import Observation, SensorFault
 from sprung.link import Header, checked_map, decode
-from sprung.monitor.engine import Event, Identified, Observed
-from sprung.monitor.jobs import Failure, Opening, Outcome, VehicleStatus, failed
+from sprung.online.monitor.engine import Event, Identified, Observed
+from sprung.online.monitor.jobs import Failure, Opening, Outcome, VehicleStatus, failed
 from sprung.recording import Channel, Recording
 
 #: Samples of a window, and between identifications; a sensor seems to fail in alternating groups of samples.
@@ -77,7 +77,7 @@ class Analysis:
 
 
 class InlineWorkers:
-    """Workers in this process, as `sprung.monitor.workers.Workers`, which die and take their time as chance has it.
+    """Workers in this process, as those of `monitor.workers`, which die and take their time as chance has it.
 
     Parameters
     ----------

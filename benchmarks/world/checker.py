@@ -14,10 +14,10 @@ import numpy as np
 from chance import Chance
 from disk import SimulatedDisk
 
-from sprung.alerting import Message
 from sprung.link import Key, Loss, checked_map, decode
 from sprung.link.spool import _intact
-from sprung.storage.schema import Packed
+from sprung.online.alerts import Message
+from sprung.online.store.schema import Packed
 
 #: Kept: the spool said so. Refused: it said that it dropped the frame. Unsure: the box ended before it said anything.
 #: Dropped: it kept the frame, and removed it for want of space. Cut: a power cut took it from a spool without sync.

@@ -15,10 +15,10 @@ from checker import Checker
 from network import Broker, SimulatedLink
 from vehicle import BEGUN
 
-from sprung.alerting import Message, SendError
-from sprung.monitor import Site, Station, station
-from sprung.monitor.postman import PostOffice
-from sprung.storage import Store, StoreError, database, open_store
+from sprung.online.alerts import Message, SendError
+from sprung.online.monitor import Site, Station, station
+from sprung.online.monitor.postman import PostOffice
+from sprung.online.store import Store, StoreError, database, open_store
 
 SENDERS = ("mail", "webhook")
 _STATEMENT_FAULTS = {

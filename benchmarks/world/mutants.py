@@ -11,17 +11,17 @@ from sqlalchemy import delete
 
 from sprung.link import Key, Sending, Spool, checked_map, message, parse_topic, topic
 from sprung.link import spool as spool_module
-from sprung.monitor import strikes
-from sprung.monitor.alert_book import AlertBook
-from sprung.monitor.dispatch import Dispatch
-from sprung.monitor.intake import Intake
-from sprung.monitor.postman import Postman
-from sprung.monitor.streams import Handover, Stream
-from sprung.storage import Store, StoredFrame, StoreError, inbox
-from sprung.storage.aside import Aside
-from sprung.storage.inbox import Inbox
-from sprung.storage.results import Results
-from sprung.storage.schema import FRAMES
+from sprung.online.monitor import strikes
+from sprung.online.monitor.alert_book import AlertBook
+from sprung.online.monitor.dispatch import Dispatch
+from sprung.online.monitor.intake import Intake
+from sprung.online.monitor.postman import Postman
+from sprung.online.monitor.streams import Handover, Stream
+from sprung.online.store import Store, StoredFrame, StoreError, inbox
+from sprung.online.store.aside import Aside
+from sprung.online.store.inbox import Inbox
+from sprung.online.store.results import Results
+from sprung.online.store.schema import FRAMES
 
 Patches = Iterator[AbstractContextManager[Any]]
 

@@ -10,8 +10,8 @@ from checker import Checker
 from disk import SimulatedDisk
 from network import Broker, SimulatedLink
 
-from sprung.box import Box, BoxSettings
 from sprung.link import Address, Spool, SpoolError
+from sprung.online.box import Box, BoxSettings
 from sprung.recording import Channel, Recording
 from sprung.vehicles import read_vehicle, vehicle_text
 

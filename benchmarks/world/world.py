@@ -10,12 +10,12 @@ from typing import Any
 from analysis import InlineWorkers
 from chance import RATES, Chance
 from checker import Checker, Place, ViolationError
+from monitor import SENDERS, Monitor, empty_store, new_station, opened
 from network import Broker, SimulatedLink
 from vehicle import CHANNEL, Vehicle, description
 
-from monitor import SENDERS, Monitor, empty_store, new_station, opened
 from sprung.link import VERSION, Key, message, topic
-from sprung.monitor import Station
+from sprung.online.monitor import Station
 
 #: Largest number of rounds without faults until all is delivered.
 _ROUNDS = 600

@@ -16,8 +16,8 @@ from pydantic_core import PydanticUndefined
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from sprung.documents import DOCUMENTS, json_schema
-from sprung.monitor.site import Site
+from sprung.online.monitor.site import Site
+from sprung.results.documents import DOCUMENTS, json_schema
 from sprung.vehicles.description import Chain, Quarter, Vehicle
 
 #: Limits of pydantic and their names in JSON Schema.

@@ -41,7 +41,13 @@ _ARRAY_LIKE = stringify_annotation(ArrayLike, "smart")
 
 def packages() -> list[str]:
     """Return the packages with public names, `sprung` aside."""
-    found = (f"sprung.{module.name}" for module in pkgutil.iter_modules(sprung.__path__) if module.ispkg)
+    places = ("sprung", "sprung.results", "sprung.online", "sprung.fleet")
+    found = [
+        f"{place}.{module.name}"
+        for place in places
+        for module in pkgutil.iter_modules(importlib.import_module(place).__path__)
+        if module.ispkg
+    ]
     return [name for name in found if getattr(importlib.import_module(name), "__all__", ())]
 
 

@@ -8,7 +8,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from sprung.link import DOWNWARDS, UPWARDS, Key, topic
-from sprung.monitor.figures import FIGURES
+from sprung.online.monitor.figures import FIGURES
 
 
 class FrameKeys(SphinxDirective):

@@ -20,7 +20,7 @@ _NAMES = {
         "RankedVehicle ResidualReference ResidualStatistics ResidualTest SensorFault Size Trend TypeBaseline "
         "detectable diagnose learn learn_type observe rank_fleet windows"
     ),
-    "documents": (
+    "results.documents": (
         "CalibrationDocument CornersDocument DiagnosisDocument Document IdentificationDocument InspectionDocument "
         "TrackingDocument TruthDocument json_schema read_baseline read_calibration read_corners read_diagnosis "
         "read_document read_identification read_inspections read_tracking read_truth read_type_baseline "

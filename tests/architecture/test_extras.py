@@ -10,13 +10,13 @@ from packaging.utils import canonicalize_name
 
 #: Parts of the package by the extra that they need; none need the extras of single formats.
 PARTS = {
-    "": ["calibration", "diagnosis", "documents", "formats", "identification", "likelihood", "reports", "vehicles"],
+    "": ["calibration", "diagnosis", "formats", "identification", "likelihood", "results", "vehicles", "cli"],
     "simulate": ["simulation", "reproduce"],
-    "online": ["alerting", "box", "demo", "link", "monitor", "service", "storage"],
-    "fleet": ["fleet", "lake"],
+    "online": ["link", "online"],
+    "fleet": ["fleet"],
 }
 #: Modules that have an extra of their own.
-OTHERS = {"sprung.storage.postgresql"}
+OTHERS = {"sprung.online.store.postgresql"}
 IMPORT = """
 import importlib, pkgutil, sys
 

@@ -1,13 +1,15 @@
 """Imports go down the stairs only: a module imports from lower floors, never from its own or a higher one."""
 
 import ast
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 SOURCE = Path(__file__).parents[2] / "src" / "sprung"
 
-#: From the ground up; the same picture as in docs/architecture.md.
+#: From the ground up; the same picture as in docs/architecture.md. Packages that are wings have floors of their own.
 FLOORS = (
     ("errors", "_arrays", "_display"),
     ("_checks",),
@@ -18,44 +20,57 @@ FLOORS = (
     ("excitation", "likelihood"),
     ("identification",),
     ("simulation", "diagnosis", "calibration"),
-    ("documents", "tables"),
-    ("plotting", "storage", "link", "alerting", "lake"),
-    ("reports",),
-    ("reproduce", "monitor", "box"),
-    ("service", "fleet"),
-    ("demo",),
+    ("results.documents", "results.tables"),
+    ("results.figures", "results.periods"),
+    ("results.page", "plotting"),
+    ("reproduce",),
     ("cli",),
+    ("link",),
+    ("online.store", "online.alerts", "fleet.lake"),
+    ("online.monitor", "online.box"),
+    ("online.site", "fleet.jobs"),
+    ("online.demo", "fleet.streams"),
+    ("online.commands", "fleet.commands"),
 )
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}
-#: Libraries that only one floor may use.
+WINGS = {name.partition(".")[0] for name in FLOOR_OF if "." in name}
+#: Libraries that only one place may use.
 ONLY_IN = {
-    "matplotlib": {"plotting"},
-    "typer": {"cli"},
-    "rich": {"cli"},
-    "click": {"cli"},
-    **{key: {"storage"} for key in ("sqlalchemy", "alembic", "psycopg", "sqlite3")},
+    "matplotlib": {"results.figures"},
+    **{key: {"cli", "online.commands", "fleet.commands"} for key in ("typer", "rich", "click")},
+    **{key: {"online.store"} for key in ("sqlalchemy", "alembic", "psycopg", "sqlite3")},
     "paho": {"link"},
-    "deltalake": {"lake"},
-    "pyspark": {"fleet"},
-    **{key: {"service"} for key in ("fastapi", "starlette", "uvicorn", "prometheus_client", "pwdlib")},
-    "can": {"box"},
+    "deltalake": {"fleet.lake"},
+    "pyspark": {"fleet.jobs", "fleet.streams", "fleet.commands"},
+    **{key: {"online.site"} for key in ("fastapi", "starlette", "uvicorn", "prometheus_client", "pwdlib")},
+    "can": {"online.box"},
     **{key: {"formats"} for key in ("cantools", "asammdf", "nptdms", "idelib", "dwdatareader", "pymseed")},
 }
 
 
-def modules():
-    """Yield the name of the floor and the file of every module, but the package itself, which shows all floors."""
-    for path in sorted(set(SOURCE.rglob("*.py")) - {SOURCE / "__init__.py"}):
-        yield path.relative_to(SOURCE).parts[0].removesuffix(".py"), path
+@cache
+def modules() -> dict[str, Path]:
+    """Return the file of every module by its dotted name in the package, without the packages that only hold others."""
+    paths = {
+        ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in sorted(SOURCE.rglob("*.py"))
+    }
+    return {name: path for name, path in paths.items() if name not in {"__init__", *WINGS}}
 
 
-def imported(path):
-    """Return the dotted names that a module imports, everywhere in it but for type checking."""
+def place_of(name: str) -> str:
+    """Return the name of the floor on which a module stands."""
+    first, *rest = name.split(".")
+    return ".".join((first, *rest[:1])) if first in WINGS else first
+
+
+def imported(path: Path, *, with_types: bool = False) -> list[str]:
+    """Return the dotted names that a module imports, everywhere in it; those for type checking on request."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     for_types = {
         id(node)
         for branch in ast.walk(tree)
-        if isinstance(branch, ast.If) and "TYPE_CHECKING" in ast.unparse(branch.test)
+        if isinstance(branch, ast.If) and "TYPE_CHECKING" in ast.unparse(branch.test) and not with_types
         for node in ast.walk(branch)
     }
     names = []
@@ -64,27 +79,49 @@ def imported(path):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and id(node) not in for_types:
             assert node.level == 0, f"{path}: relative import"
-            base = node.module or ""
-            names += [f"{base}.{alias.name}" if base == "sprung" else base for alias in node.names]
+            own = [f"{node.module}.{alias.name}" for alias in node.names]
+            names += [name if _own(name) in modules() else node.module or "" for name in own]
     return names
 
 
+def _own(name: str) -> str:
+    return name.removeprefix("sprung.")
+
+
 def test_every_module_has_a_floor() -> None:
-    unknown = {name for name, _ in modules()} - FLOOR_OF.keys()
+    unknown = {place_of(name) for name in modules()} - FLOOR_OF.keys()
     assert not unknown, f"put {unknown} on a floor here and in docs/architecture.md"
 
 
 def test_every_floor_has_its_modules() -> None:
-    assert FLOOR_OF.keys() <= {name for name, _ in modules()}
+    assert FLOOR_OF.keys() <= {place_of(name) for name in modules()}
 
 
-@pytest.mark.parametrize(("name", "path"), list(modules()), ids=lambda value: str(value).removeprefix(str(SOURCE)))
-def test_imports_go_down(name, path) -> None:
-    for target in imported(path):
-        parts = target.split(".")
-        if parts[0] == "sprung" and len(parts) > 1 and parts[1] in FLOOR_OF and parts[1] != name:
-            assert FLOOR_OF[parts[1]] < FLOOR_OF[name], f"{path.name} imports {target}, which is not below {name}"
-        assert name in ONLY_IN.get(parts[0], {name}), f"{path.name} imports {parts[0]}, which belongs elsewhere"
+@pytest.mark.parametrize("name", modules())
+def test_imports_go_down(name) -> None:
+    place = place_of(name)
+    for target in imported(modules()[name]):
+        top = place_of(_own(target))
+        if target.startswith("sprung.") and top in FLOOR_OF and top != place:
+            assert FLOOR_OF[top] < FLOOR_OF[place], f"{name} imports {target}, which is not below {place}"
+        library = target.partition(".")[0]
+        assert place in ONLY_IN.get(library, {place}), f"{name} imports {library}, which belongs elsewhere"
+
+
+def test_no_circle_inside_packages() -> None:
+    """Not for the types of a signature either; a package may offer what its modules define."""
+    inside = {
+        name: {
+            _own(target)
+            for target in imported(path, with_types=True)
+            if _own(target) in modules() and _own(target) != name and not name.startswith(f"{_own(target)}.")
+        }
+        for name, path in modules().items()
+    }
+    try:
+        TopologicalSorter(inside).prepare()
+    except CycleError as error:
+        pytest.fail(f"import in a circle: {' <- '.join(error.args[1])}")
 
 
 def test_picture_in_the_documentation_is_this_one() -> None:
@@ -95,4 +132,4 @@ def test_picture_in_the_documentation_is_this_one() -> None:
 
 def test_no_module_has_an_empty_name() -> None:
     banned = {"utils", "helpers", "core", "base", "misc", "manager"}
-    assert not banned & {path.stem for _, path in modules()}
+    assert not banned & {path.stem for path in modules().values()}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import Observation, diagnose
-from sprung.documents import read_type_baseline, write_diagnosis
+from sprung.results.documents import read_type_baseline, write_diagnosis
 from sprung.vehicles import Component
 
 COMPONENTS = tuple(

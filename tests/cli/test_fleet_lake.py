@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import windows
-from sprung.fleet.exporting import export_windows
+from sprung.fleet.jobs.exporting import export_windows
+from sprung.fleet.lake import Lake, recording_of, window_of_recording
 from sprung.formats import read, write
-from sprung.lake import Lake, recording_of, window_of_recording
+from sprung.online.store import write_archive
 from sprung.recording import Channel, Gap, Recording
-from sprung.storage import write_archive
 
 START = 1_767_225_600 * 10**9 + 250_000_000  # 2026-01-01
 MINUTE = 60 * 10**9

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from sprung.alerting import AlertSettings, Report
-from sprung.alerting.rounds import reported
-from sprung.monitor import Site, row_of
-from sprung.storage import Progress, StoredFrame, open_store
+from sprung.online.alerts import AlertSettings, Report
+from sprung.online.alerts.rounds import reported
+from sprung.online.monitor import Site, row_of
+from sprung.online.store import Progress, StoredFrame, open_store
 
 NOW = 1_795_219_200_000_000_000
 

@@ -5,9 +5,9 @@ import json
 from typing import Any
 
 import pytest
-from tests.monitor.history_store import VEHICLE, fill
+from tests.online.monitor.history_store import VEHICLE, fill
 
-from sprung.storage import open_store
+from sprung.online.store import open_store
 
 pandas: Any = pytest.importorskip("pandas")
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from sprung import write
-from sprung.documents import TrackingDocument, read_document
 from sprung.recording import join
+from sprung.results.documents import TrackingDocument, read_document
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain as chain_of
 

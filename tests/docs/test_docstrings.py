@@ -13,7 +13,6 @@ from dataclasses import fields, is_dataclass
 import pytest
 from numpydoc.validate import validate
 
-import sprung
 from sprung.errors import SprungError
 
 #: Checks of numpydoc that are off, and why.
@@ -33,7 +32,12 @@ _SEE = re.compile(r"\bsee `|\bas `|\bas for `")
 
 def packages() -> list[str]:
     """Return the packages with public names."""
-    found = [f"sprung.{module.name}" for module in pkgutil.iter_modules(sprung.__path__) if module.ispkg]
+    found = [
+        f"{place}.{module.name}"
+        for place in ("sprung", "sprung.results", "sprung.online", "sprung.fleet")
+        for module in pkgutil.iter_modules(importlib.import_module(place).__path__)
+        if module.ispkg
+    ]
     return ["sprung", *(name for name in found if hasattr(importlib.import_module(name), "__all__"))]
 
 

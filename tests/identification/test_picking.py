@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.documents import identification_document
 from sprung.errors import ParameterError
 from sprung.identification import METHODS, IdentificationSettings, coss_ssi, cov_ssi, pick_modes
 from sprung.identification.stabilisation import StabilityCriteria
 from sprung.modal import PoleStatus
+from sprung.results.documents import identification_document
 from sprung.signals.cepstrum import Exponential
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain

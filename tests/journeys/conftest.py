@@ -13,12 +13,12 @@ from urllib.parse import urlsplit
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Dialog, Page, Request, Response, Route, expect, sync_playwright
 from tests.journeys import depot
-from tests.service.conftest import PASSWORD, _passwords_cost_little
+from tests.online.site.conftest import PASSWORD, _passwords_cost_little
 
-from sprung.monitor import Site
-from sprung.service import Context, Server, add_account
-from sprung.service.people import log_in
-from sprung.storage import Store, open_store
+from sprung.online.monitor import Site
+from sprung.online.site import Context, Server, add_account
+from sprung.online.site.people import log_in
+from sprung.online.store import Store, open_store
 
 __all__ = ["_passwords_cost_little"]
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from tests.diagnosis.conftest import drawn_window
 
-from sprung.alerting import AlertSettings, Report, reported
 from sprung.diagnosis import Observation, SensorFault, diagnose, learn
-from sprung.documents import baseline_document, finding_document, observation_document
-from sprung.monitor import AlertBook, desk
-from sprung.monitor.engine import Observed
+from sprung.online.alerts import AlertSettings, Report, reported
+from sprung.online.monitor import AlertBook, desk
+from sprung.online.monitor.engine import Observed
+from sprung.online.store import AlertRow, Progress, Store, StoredFrame
 from sprung.recording import Channel, Recording
-from sprung.storage import AlertRow, Progress, Store, StoredFrame
+from sprung.results.documents import baseline_document, finding_document, observation_document
 from sprung.vehicles import read_vehicle, vehicle_text
 
 N_VEHICLES = 214

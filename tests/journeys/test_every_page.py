@@ -6,9 +6,9 @@ import pytest
 from tests.journeys.axe import axe_source
 from tests.journeys.conftest import PHONE
 from tests.journeys.routes import addresses, load
-from tests.service.test_pages import PAGES, SAVED
+from tests.online.site.test_pages import PAGES, SAVED
 
-from sprung.service.app import ROUTERS
+from sprung.online.site.app import ROUTERS
 
 pytestmark = pytest.mark.slow
 

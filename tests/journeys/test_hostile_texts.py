@@ -2,8 +2,8 @@
 
 import pytest
 from tests.journeys.conftest import serving
-from tests.service.conftest import store
-from tests.service.test_pages import HOSTILE, KNOWN, PAGES, SAVED, put_hostile_texts
+from tests.online.site.conftest import store
+from tests.online.site.test_pages import HOSTILE, KNOWN, PAGES, SAVED, put_hostile_texts
 
 pytestmark = pytest.mark.slow
 

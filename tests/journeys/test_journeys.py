@@ -7,10 +7,10 @@ from urllib.parse import urlsplit
 import pytest
 from playwright.sync_api import expect
 from tests.journeys import depot
-from tests.service.conftest import PASSWORD
+from tests.online.site.conftest import PASSWORD
 
-from sprung.alerting import AlertSettings, Report, reported
-from sprung.monitor import AlertBook
+from sprung.online.alerts import AlertSettings, Report, reported
+from sprung.online.monitor import AlertBook
 
 pytestmark = pytest.mark.slow
 

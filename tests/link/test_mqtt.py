@@ -16,13 +16,13 @@ from urllib.parse import urlencode
 import numpy as np
 import pytest
 
-from sprung.box.running import box_of, replay
 from sprung.errors import DataError
 from sprung.link import UPWARDS, Address, Link, LinkError, Spool, shared_topic, topic
 from sprung.link.messages import LARGEST
-from sprung.monitor import Intake
+from sprung.online.box.running import box_of, replay
+from sprung.online.monitor import Intake
+from sprung.online.store import open_store
 from sprung.recording import Channel, Recording
-from sprung.storage import open_store
 from sprung.vehicles import read_vehicle
 
 pytest.importorskip("paho.mqtt.client")

@@ -1,8 +1,8 @@
 import math
 
-from sprung.reports.page import Section
 from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.runs import Effort
+from sprung.results.page.page import Section
 
 
 def test_a_chapter_runs_its_experiment_for_every_seed() -> None:

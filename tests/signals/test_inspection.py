@@ -105,7 +105,7 @@ def test_nothing_to_inspect() -> None:
 
 
 def test_faults_are_named_with_their_shares() -> None:
-    from sprung.tables import inspection_table
+    from sprung.results.tables import inspection_table
 
     noise = np.random.default_rng(6).standard_normal((6, 6000))
     half, stuck, filled, repeating, spiking, healthy = noise

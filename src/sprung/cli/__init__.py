@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Sequence
+from importlib.metadata import distribution
 from io import TextIOWrapper
 from typing import Annotated, Any, TextIO
 
@@ -11,26 +12,17 @@ from typer.main import get_command
 
 from sprung import __version__
 from sprung.cli import (
-    accounts,
-    alerts,
     baseline,
-    box,
     calibrate,
     convert,
     corners,
-    demo,
     describe,
     diagnose,
-    fleet,
     identify,
     info,
-    monitor,
-    replay,
-    report,
     reproduce,
     simulate,
     track,
-    vehicles,
 )
 from sprung.cli.failures import explained
 
@@ -67,13 +59,13 @@ def _tolerant(stream: TextIO | None) -> TextIO:
 
 
 def _application() -> typer.Typer:
-    """Return the application with all its commands."""
+    """Return the application with its commands and those that the wings register by entry point."""
     application = typer.Typer(
         context_settings=_HELP,
         pretty_exceptions_enable=False,
     )
     application.callback()(_common)
-    commands = (
+    for command in (
         info.info,
         convert.convert,
         identify.identify,
@@ -84,20 +76,11 @@ def _application() -> typer.Typer:
         baseline.baseline,
         diagnose.diagnose,
         reproduce.reproduce,
-        monitor.monitor,
-        box.box,
-        replay.replay,
-        report.report,
-        demo.demo,
-    )
-    for command in commands:
+    ):
         application.command()(command)
     application.add_typer(simulate.simulate, name="simulate")
-    application.add_typer(fleet.application, name="fleet")
-    application.add_typer(alerts.application, name="alerts")
-    application.add_typer(vehicles.application, name="vehicles")
-    application.add_typer(accounts.accounts_application, name="accounts")
-    application.add_typer(accounts.tokens_application, name="tokens")
+    for wing in sorted(distribution("sprung").entry_points.select(group="sprung.commands"), key=lambda each: each.name):
+        wing.load()(application)
     return application
 
 

@@ -50,9 +50,9 @@ def baseline(
     json: Json = None,
 ) -> None:
     """Learn the baseline of a vehicle from drives while it is healthy."""
-    from sprung import tables
     from sprung.diagnosis import learn
-    from sprung.documents import baseline_document, write_baseline
+    from sprung.results import tables
+    from sprung.results.documents import baseline_document, write_baseline
     from sprung.vehicles import read_vehicle, vehicle_text
 
     if previous is not None and not reason.strip():
@@ -119,7 +119,7 @@ def _calibration(
 
 def baseline_of(vehicle: "Vehicle", path: Path) -> "Baseline":
     """Read the baseline of a vehicle; that of another vehicle is refused."""
-    from sprung.documents import read_baseline
+    from sprung.results.documents import read_baseline
 
     baseline = read_baseline(path)
     if baseline.vehicle != vehicle.name:
@@ -132,7 +132,7 @@ def baseline_of(vehicle: "Vehicle", path: Path) -> "Baseline":
 
 def type_of(vehicle: "Vehicle", path: Path) -> "TypeBaseline":
     """Read the baseline of a vehicle's type; that of another type is refused."""
-    from sprung.documents import read_type_baseline
+    from sprung.results.documents import read_type_baseline
 
     type_baseline = read_type_baseline(path)
     if type_baseline.name != vehicle.name:

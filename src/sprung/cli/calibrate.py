@@ -32,12 +32,12 @@ def calibrate(
     json: Json = None,
 ) -> None:
     """Complete a vehicle file from healthy drives: sensors, wheels, masses on mounts, modes of the body."""
-    from sprung import tables
     from sprung.calibration import CalibrationSettings
     from sprung.calibration import calibrate as calibrated
     from sprung.diagnosis import windows
-    from sprung.documents import calibration_document
     from sprung.formats.records import read_records
+    from sprung.results import tables
+    from sprung.results.documents import calibration_document
     from sprung.vehicles import read_vehicle, write_vehicle
 
     check_file("--out", out, inputs=files)
@@ -62,8 +62,8 @@ def _draw(calibration: "Calibration", folder: Path | None, source: str, file_for
     """Write the figures and return their paths."""
     if folder is None:
         return []
-    from sprung.plotting.calibration import learnt_figure, misfit_figure
-    from sprung.plotting.saving import save
+    from sprung.results.figures.calibration import learnt_figure, misfit_figure
+    from sprung.results.figures.saving import save
 
     figures = {
         "misfit": misfit_figure(calibration, source=source),

@@ -62,11 +62,12 @@ def corners(
     json: Json = None,
 ) -> None:
     """Estimate the springs, dampers and tyres of every corner from the spectra of a drive or a rig run."""
-    from sprung import reports, tables
     from sprung.diagnosis.drives import fit_drive
-    from sprung.documents import corners_document
     from sprung.formats.records import read_records
     from sprung.likelihood import CornerSettings
+    from sprung.results import tables
+    from sprung.results.documents import corners_document
+    from sprung.results.page import corners_report
     from sprung.vehicles import read_vehicle
 
     check_file("--json", json, inputs=[*files, vehicle])
@@ -91,7 +92,7 @@ def corners(
         document = corners_document(fit)
         paths += write_page(
             page,
-            lambda inputs: reports.corners_report(fit, inputs, document=document),
+            lambda inputs: corners_report(fit, inputs, document=document),
             files,
             reading=reading,
             others={"vehicle": vehicle},
@@ -105,6 +106,6 @@ def _draw(fit: "CornerFit", folder: "Path | None", source: str, file_format: str
     """Write the figures and return their paths."""
     if folder is None:
         return []
-    from sprung.plotting.saving import corner_figures, save
+    from sprung.results.figures.saving import corner_figures, save
 
     return save(corner_figures(fit, source=source), folder, file_format=file_format)

@@ -55,9 +55,11 @@ def diagnose(
     json: Json = None,
 ) -> None:
     """Find which spring, damper, tyre or sensor changed, by how much, since when and with what certainty."""
-    from sprung import diagnosis, reports, tables
+    from sprung import diagnosis
     from sprung._checks import check_number
-    from sprung.documents import diagnosis_document
+    from sprung.results import tables
+    from sprung.results.documents import diagnosis_document
+    from sprung.results.page import diagnosis_report
     from sprung.vehicles import read_vehicle
 
     check_file("--json", json, inputs=[*files, vehicle, *filter(None, (baseline, of_type))])
@@ -90,9 +92,7 @@ def diagnose(
         document = diagnosis_document(result, modes=changes)
         paths += write_page(
             page,
-            lambda inputs: reports.diagnosis_report(
-                result, inputs, baseline=normal, changes=changes, document=document
-            ),
+            lambda inputs: diagnosis_report(result, inputs, baseline=normal, changes=changes, document=document),
             files,
             reading=reading,
             others={"vehicle": vehicle, "baseline": baseline, "type": of_type},
@@ -114,6 +114,6 @@ def _draw(
     """Write the figures and return their paths."""
     if folder is None or diagnosis.detection is None:
         return []
-    from sprung.plotting.saving import diagnosis_figures, save
+    from sprung.results.figures.saving import diagnosis_figures, save
 
     return save(diagnosis_figures(diagnosis, baseline, changes), folder, file_format=file_format)

@@ -129,11 +129,12 @@ def identify(
     json: Json = None,
 ) -> None:
     """Identify natural frequencies, damping ratios and mode shapes from recordings of one condition."""
-    from sprung import reports, tables
     from sprung._checks import check_one_of
-    from sprung.documents import identification_document
     from sprung.formats.records import read_records
     from sprung.identification import METHODS, identify_setups, pick_modes
+    from sprung.results import tables
+    from sprung.results.documents import identification_document
+    from sprung.results.page import identification_report
     from sprung.vehicles import read_description
 
     check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
@@ -189,7 +190,7 @@ def identify(
         document = identification_document(identification, vehicle=description)
         paths += write_page(
             page,
-            lambda inputs: reports.identification_report(identification, inputs, document=document),
+            lambda inputs: identification_report(identification, inputs, document=document),
             files,
             reading=reading,
             others={"vehicle": vehicle},
@@ -252,7 +253,7 @@ def _draw(identification: "Identification", folder: Path | None, source: str, fi
     """Write the figures and return their paths."""
     if folder is None:
         return []
-    from sprung.plotting import save_figures
+    from sprung.results.figures import save_figures
 
     return save_figures(identification, folder, source=source, file_format=file_format)
 
@@ -267,7 +268,7 @@ def _write_shapes(identification: "Identification", path: Path | None, source: s
 
         write_universal(modes, channels, path)
     else:
-        from sprung.plotting import save_animation
+        from sprung.results.figures import save_animation
 
         save_animation(modes, channels, path, source=source)
     return [path]

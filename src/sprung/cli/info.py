@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 @reads_files
 def info(files: Files, *, reading: "ReadSettings", json: Json = None) -> None:
     """Summarise recordings: groups, channels, units, rate, length, gaps, levels and faults."""
-    from sprung import tables
-    from sprung.documents import inspection_document
     from sprung.formats.records import read_records
+    from sprung.results import tables
+    from sprung.results.documents import inspection_document
     from sprung.signals.inspection import inspect_blocks
 
     check_file("--json", json, inputs=files)
@@ -49,8 +49,8 @@ def info(files: Files, *, reading: "ReadSettings", json: Json = None) -> None:
 
 def _parts(path: Path, reading: "ReadSettings") -> "dict[str, ReadSettings]":
     """Return the settings for each inspected part by name: the file, or each group if the groups share no clock."""
-    from sprung.documents.recordings import group_label
     from sprung.formats import groups
+    from sprung.results.documents.recordings import group_label
 
     found = groups(path, reading)
     if reading.groups or reading.channels is not None or len({group.clock for group in found}) == 1:

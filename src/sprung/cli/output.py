@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table as Grid
 
-    from sprung.documents import Document
-    from sprung.tables import Table
+    from sprung.results.documents import Document
+    from sprung.results.tables import Table
 
 #: Columns where standard output is not a terminal and COLUMNS is not set.
 _WIDTH_OF_A_FILE = 120
@@ -20,7 +20,7 @@ _WIDTH_OF_A_FILE = 120
 
 def write_json(document: "Document | Mapping[str, Any]", path: str) -> None:
     """Write a document to a file, or to standard output where `path` is "-"."""
-    from sprung.documents import document_text, write_document
+    from sprung.results.documents import document_text, write_document
 
     if path == "-":
         sys.stdout.write(document_text(document))
@@ -54,7 +54,7 @@ def written(paths: "Iterable[Path | str]", json: str | None = None) -> list[str]
 
 def show(*parts: "Table | Sequence[str]", heading: str = "") -> None:
     """Print tables and lists of sentences, with an empty line between them; an empty list is left out."""
-    from sprung.tables import Table
+    from sprung.results.tables import Table
 
     screen = console()
     if heading:

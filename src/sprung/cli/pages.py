@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sprung.formats import ReadSettings
-    from sprung.reports import Inputs, Report
+    from sprung.results.page import Inputs, Report
 
 
 def write_page(
@@ -37,7 +37,7 @@ def write_page(
     """
     if page is None:
         return []
-    from sprung.reports import Inputs, inspected, render
+    from sprung.results.page import Inputs, inspected, render
 
     given = {purpose: str(name) for purpose, name in others.items() if name is not None}
     inputs = Inputs(tuple(files), {}, given)

@@ -357,8 +357,8 @@ def _write(
     simulations: "Sequence[Simulation]", vehicle: "AnyVehicle", settings: dict[str, Any], output: Output
 ) -> None:
     """Simulate and write the recordings, and the truth and the vehicle file next to them; print the files."""
-    from sprung import tables
     from sprung.formats import write
+    from sprung.results import tables
     from sprung.simulation.runs import joint_truth, record_seeds
     from sprung.vehicles import write_vehicle
 

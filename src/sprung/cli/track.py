@@ -81,10 +81,11 @@ def track(
     json: Json = None,
 ) -> None:
     """Follow modes over files or windows by frequency, shape and standard deviations, with births and deaths."""
-    from sprung import reports, tables
-    from sprung.documents import tracking_document
     from sprung.identification.tracking import track_modes
     from sprung.identification.tracks import TrackingSettings
+    from sprung.results import tables
+    from sprung.results.documents import tracking_document
+    from sprung.results.page import tracking_report
     from sprung.vehicles import read_description
 
     check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
@@ -115,7 +116,7 @@ def track(
         document = tracking_document(tracked, windows, start=start, has_times=has_times, notes=notes)
         paths += write_page(
             page,
-            lambda inputs: reports.tracking_report(
+            lambda inputs: tracking_report(
                 tracked, inputs, start=start, has_times=has_times, notes=notes, document=document
             ),
             files,
@@ -148,8 +149,8 @@ def _are_documents(files: Sequence[Path]) -> bool:
 def _from_documents(files: Sequence[Path], *, distance: float) -> "list[WindowModes]":
     """Read the modes of identifications, one window each."""
     from sprung._checks import check_number
-    from sprung.documents import read_identification
     from sprung.identification.window_modes import WindowModes
+    from sprung.results.documents import read_identification
 
     check_number("--window", distance, above=0)
     windows = []
@@ -225,8 +226,8 @@ def _draw(
     """Write the figure and return its path."""
     if folder is None:
         return []
-    from sprung.plotting.saving import save
-    from sprung.plotting.tracking import tracks_figure
+    from sprung.results.figures.saving import save
+    from sprung.results.figures.tracking import tracks_figure
 
     figure = tracks_figure(tracked, start=start, has_times=has_times, source=source)
     return save({"tracks": figure}, folder, file_format=file_format)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Generic, TypeVar
 
-from sprung.reports.page import Report, Section
 from sprung.reproduce.runs import Effort, Progress, over_seeds
+from sprung.results.page.page import Report, Section
 
 Example = TypeVar("Example")
 Result = TypeVar("Result")

@@ -8,7 +8,12 @@ import numpy as np
 from sprung._arrays import Real
 from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, Identification, IdentificationSettings
 from sprung.modal import Modes
-from sprung.plotting import (
+from sprung.recording import Recording
+from sprung.reproduce.chapter import Chapter
+from sprung.reproduce.matching import matched, theoretical
+from sprung.reproduce.tables import numbers_table, theory_table
+from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
+from sprung.results.figures import (
     Spread,
     densities_figure,
     histories_figure,
@@ -18,15 +23,10 @@ from sprung.plotting import (
     stabilisation_figure,
     stable_rates_figure,
 )
-from sprung.recording import Recording
-from sprung.reports.page import Block, Section, picture
-from sprung.reproduce.chapter import Chapter
-from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.tables import numbers_table, theory_table
-from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
+from sprung.results.page.page import Block, Section, picture
+from sprung.results.tables import Table
 from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate, usual_excitation, with_noise
-from sprung.tables import Table
 from sprung.vehicles import Structure, read_description, structure
 
 RATE, DURATION, N_RECORDS = 500.0, 60.0, 20

@@ -8,7 +8,12 @@ from sprung._arrays import Real
 from sprung.excitation import QUARTER_CASES
 from sprung.identification import Identification, coss_ssi
 from sprung.modal import Modes
-from sprung.plotting import (
+from sprung.recording import Recording
+from sprung.reproduce.chapter import Chapter
+from sprung.reproduce.matching import matched, theoretical
+from sprung.reproduce.tables import numbers_table, theory_table
+from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
+from sprung.results.figures import (
     Spread,
     cepstrum_figure,
     densities_figure,
@@ -17,16 +22,11 @@ from sprung.plotting import (
     runs_figure,
     stabilisation_figure,
 )
-from sprung.recording import Recording
-from sprung.reports.page import Block, Section, picture
-from sprung.reproduce.chapter import Chapter
-from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.tables import numbers_table, theory_table
-from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
+from sprung.results.page.page import Block, Section, picture
+from sprung.results.tables import Table
 from sprung.signals.cepstrum import ShortPass, edit
 from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate
-from sprung.tables import Table
 from sprung.vehicles import frequency_response, read_description, structure
 
 RATE, DURATION, N_RECORDS, QUEFRENCY = 1000.0, 60.0, 10, 0.25

@@ -10,7 +10,12 @@ from sprung._arrays import Real
 from sprung.excitation import RollerRig, random_speed
 from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, Identification, IdentificationSettings
 from sprung.modal import Modes
-from sprung.plotting import (
+from sprung.recording import Recording
+from sprung.reproduce.chapter import Chapter
+from sprung.reproduce.matching import matched, theoretical
+from sprung.reproduce.tables import numbers_table, theory_table
+from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
+from sprung.results.figures import (
     Spread,
     densities_figure,
     histories_figure,
@@ -20,15 +25,10 @@ from sprung.plotting import (
     stabilisation_figure,
     stable_rates_figure,
 )
-from sprung.recording import Recording
-from sprung.reports.page import Block, Paragraph, Section, picture
-from sprung.reproduce.chapter import Chapter
-from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.tables import numbers_table, theory_table
-from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
+from sprung.results.page.page import Block, Paragraph, Section, picture
+from sprung.results.tables import Table
 from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate
-from sprung.tables import Table
 from sprung.vehicles import Structure, parse_fault, read_vehicle, structure, with_faults
 
 RATE, DURATION, N_RECORDS, SEGMENT, SNR = 1500.0, 40.0, 10, 4096 / 1500.0, 10.0

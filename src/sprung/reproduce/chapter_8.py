@@ -9,7 +9,12 @@ from sprung._arrays import Real
 from sprung.excitation import RollerRig, constant_speed
 from sprung.identification import Identification, coss_ssi
 from sprung.modal import Modes
-from sprung.plotting import (
+from sprung.recording import Recording
+from sprung.reproduce.chapter import Chapter
+from sprung.reproduce.matching import matched, theoretical
+from sprung.reproduce.tables import column_table, deviations, numbers, numbers_table
+from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, share, thesis_settings
+from sprung.results.figures import (
     Spread,
     cepstrum_figure,
     densities_figure,
@@ -19,16 +24,11 @@ from sprung.plotting import (
     stabilisation_figure,
     stable_rates_figure,
 )
-from sprung.recording import Recording
-from sprung.reports.page import Block, Section, picture
-from sprung.reproduce.chapter import Chapter
-from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.tables import column_table, deviations, numbers, numbers_table
-from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, share, thesis_settings
+from sprung.results.page.page import Block, Section, picture
+from sprung.results.tables import Table
 from sprung.signals.cepstrum import ShortPass, edit
 from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate
-from sprung.tables import Table
 from sprung.vehicles import read_vehicle, structure
 
 RATE, DURATION, N_RECORDS, SEGMENT, QUEFRENCY = 1000.0, 60.0, 6, 7.168, 0.25

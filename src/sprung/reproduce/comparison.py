@@ -8,16 +8,16 @@ from sprung._arrays import Real
 from sprung.excitation import RandomInputs
 from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, IdentificationSettings
 from sprung.modal import Modes
-from sprung.plotting import Spread, runs_figure
 from sprung.recording import Recording
-from sprung.reports.page import Block, Paragraph, Section, picture
 from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
 from sprung.reproduce.tables import numbers_table
 from sprung.reproduce.thesis import THRESHOLDS, number, share, thesis_settings, worst_error
+from sprung.results.figures import Spread, runs_figure
+from sprung.results.page.page import Block, Paragraph, Section, picture
+from sprung.results.tables import Table
 from sprung.signals.harmonics import Harmonic
 from sprung.simulation import ForceLaw, simulate, simulate_nonlinear, with_noise
-from sprung.tables import Table
 from sprung.vehicles import Structure, read_description, structure
 
 RATE, DURATION, N_RECORDS, SEGMENT, RATIO = 125.0, 60.0, 8, 20.0, 1.0

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sprung.reproduce.thesis import deviation, number
-from sprung.tables import Table
+from sprung.results.tables import Table
 
 #: Heading and cells of a column.
 Column = tuple[str, Sequence[str]]

@@ -26,7 +26,7 @@ def plausibility_notes(vehicle: Description) -> tuple[str, ...]:
     Notes
     -----
     Usual are 0.5 to 20 Hz, more for models shorter than 2.5 m between the axles, and damping ratios of 2 to 100 %.
-    Numbers out of all proportion are refused as the file is read (`magnitudes`).
+    Numbers out of all proportion are refused as the file is read (`description`).
     """
     if not isinstance(vehicle, Vehicle):
         return ()

@@ -3,10 +3,10 @@
 import numpy as np
 
 from sprung._arrays import Real
-from sprung.reports.page import Block, Section
 from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.chapter_6 import figures, prose
 from sprung.reproduce.chapter_6.numbers import Example, car_truth, example, experiment, plate_truth
+from sprung.results.page.page import Block, Section
 
 
 def contents(example: Example, results: list[tuple[Real, Real]]) -> tuple[str, tuple[Section, ...]]:

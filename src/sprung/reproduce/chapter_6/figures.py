@@ -5,7 +5,11 @@ import numpy as np
 from sprung._arrays import Real
 from sprung.identification import Identification
 from sprung.modal import Modes
-from sprung.plotting import (
+from sprung.recording import Recording
+from sprung.reproduce.chapter_6.numbers import PLATE_IDENTIFIED, car, car_truth, wheelbase
+from sprung.reproduce.matching import theoretical
+from sprung.reproduce.thesis import BODY_MODES
+from sprung.results.figures import (
     Spread,
     densities_figure,
     histories_figure,
@@ -16,11 +20,7 @@ from sprung.plotting import (
     stabilisation_figure,
     stable_rates_figure,
 )
-from sprung.recording import Recording
-from sprung.reports.page import Picture, picture
-from sprung.reproduce.chapter_6.numbers import PLATE_IDENTIFIED, car, car_truth, wheelbase
-from sprung.reproduce.matching import theoretical
-from sprung.reproduce.thesis import BODY_MODES
+from sprung.results.page.page import Picture, picture
 from sprung.vehicles import frequency_response, parse_fault, structure, with_faults
 
 

@@ -5,7 +5,6 @@ import numpy as np
 from sprung._arrays import Real
 from sprung.identification import Identification
 from sprung.modal import Modes
-from sprung.reports.page import Paragraph
 from sprung.reproduce.chapter_6.numbers import (
     CAR_DURATION,
     CAR_IDENTIFIED,
@@ -29,7 +28,8 @@ from sprung.reproduce.chapter_6.numbers import (
 from sprung.reproduce.matching import matched, theoretical
 from sprung.reproduce.tables import column_table, deviations, numbers, numbers_table, theory_table
 from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, share, worst_error
-from sprung.tables import Table
+from sprung.results.page.page import Paragraph
+from sprung.results.tables import Table
 from sprung.vehicles import read_vehicle, structure
 
 SETTINGS = (

@@ -1,6 +1,0 @@
-"""The demonstration: a small simulated fleet, its monitor and the pages."""
-
-from sprung.demo.fleet import Member, drive_fleet
-from sprung.demo.scenario import CarState, Demonstration, open_demo
-
-__all__ = ["CarState", "Demonstration", "Member", "drive_fleet", "open_demo"]

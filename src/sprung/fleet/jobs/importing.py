@@ -1,0 +1,156 @@
+"""Files of any format into a lake, as the windows that `sprung diagnose` makes of them."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from sprung._checks import check_number
+from sprung.diagnosis import windows
+from sprung.errors import DataError, ParameterError, SprungError
+from sprung.fleet.lake import Lake, LakeWindow, window_of_recording
+from sprung.formats import ReadSettings
+from sprung.formats.records import read_records
+from sprung.online.store import is_archive, read_archive
+from sprung.recording import Channel, Gap, Recording
+
+#: Size of samples in memory after which they are written [bytes].
+_WRITTEN_TOGETHER = 1 << 27
+
+
+@dataclass(slots=True)
+class ImportedFile:
+    """Result of importing a file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    vehicle
+        Name of the vehicle.
+    n_windows, n_added
+        Number of its windows, and of those that the lake did not hold before.
+    reason
+        Why it could not be imported; empty if it was.
+    """
+
+    path: Path
+    vehicle: str = ""
+    n_windows: int = 0
+    n_added: int = 0
+    reason: str = ""
+
+
+class Importer:
+    """Adds files to a lake, one after the other.
+
+    Parameters
+    ----------
+    lake
+        The lake.
+    vehicle
+        Name of the vehicle of all files; None: that in a file of the monitor's archive, else the name of the folder.
+    length
+        Length of a window [s].
+    start
+        Time of the first sample of the first file without a start time, UTC ns; further such files of the same vehicle
+        follow. None: such files are refused.
+    settings
+        As for `sprung.formats.read`.
+    """
+
+    def __init__(
+        self,
+        lake: Lake,
+        *,
+        vehicle: str | None = None,
+        length: float = 600.0,
+        start: int | None = None,
+        settings: ReadSettings | None = None,
+    ) -> None:
+        check_number("length", length, at_least=60)
+        self._lake, self._vehicle, self._length, self._start = lake, vehicle, length, start
+        self._settings = settings or ReadSettings()
+        self._ends: dict[str, int] = {}
+        self._waiting: list[tuple[ImportedFile, LakeWindow]] = []
+
+    def add(
+        self, paths: Sequence[Path], *, on_progress: Callable[[str, float], None] = lambda step, share: None
+    ) -> list[ImportedFile]:
+        """Add files, and return the result of each; one that cannot be read does not stop the import of the others.
+
+        Parameters
+        ----------
+        paths
+            Files in the order of time.
+        on_progress
+            Callback that receives the current step and the share that is done (0 to 1).
+
+        Raises
+        ------
+        SprungError
+            If the lake cannot be read or written.
+        """
+        files = []
+        for number, path in enumerate(paths):
+            on_progress(f"importing {path.name}", number / len(paths))
+            files.append(file := ImportedFile(path))
+            for window in self._each_window(file):
+                file.n_windows += 1
+                self._waiting.append((file, window))
+                if sum(waiting.n_bytes for _, waiting in self._waiting) >= _WRITTEN_TOGETHER:
+                    self._write()
+        self._write()
+        return files
+
+    def _each_window(self, file: ImportedFile) -> Iterator[LakeWindow]:
+        """Yield the windows of a file; where that fails, the file has the reason."""
+        try:
+            file.vehicle = self._vehicle_of(file.path)
+            for recording in self._recordings(file.path, file.vehicle):
+                for _, part in windows(recording, length=self._length):
+                    yield window_of_recording(file.vehicle, part, source=file.path.name)
+        except (SprungError, OSError) as error:
+            file.reason = str(error)
+
+    def _vehicle_of(self, path: Path) -> str:
+        """Return the name of the vehicle of a file."""
+        stated = read_archive(path).vehicle if self._vehicle is None and is_archive(path) else ""
+        name = self._vehicle or stated or path.absolute().parent.name
+        if not name.strip():
+            raise ParameterError(f"{path} is in no folder that names its vehicle: give its name with --vehicle-id")
+        return name
+
+    def _recordings(self, path: Path, vehicle: str) -> Iterator[Recording]:
+        """Yield the recordings in a file, with start times."""
+        records = [_archived(path, self._settings)] if is_archive(path) else None
+        for recording in records or read_records([path], settings=self._settings):
+            if recording.start is not None:
+                yield recording
+                continue
+            begin = self._ends.get(vehicle, self._start)
+            if begin is None:
+                raise DataError(f"{path} has no start time: state that of the first sample with --start TIME")
+            gaps = sum(gap.duration for gap in recording.gaps)
+            self._ends[vehicle] = begin + round(1e9 * (recording.duration + gaps))
+            yield replace(recording, start=begin)
+
+    def _write(self) -> None:
+        """Write the windows that wait."""
+        new = self._lake.missing([window for _, window in self._waiting])
+        self._lake.write(new)
+        added = set(map(id, new))
+        for file, window in self._waiting:
+            file.n_added += id(window) in added
+        self._waiting.clear()
+
+
+def _archived(path: Path, settings: ReadSettings) -> Recording:
+    """Return the samples of a file of the monitor's archive, whose gaps and start are in its metadata."""
+    if settings.start is not None or settings.end is not None:
+        raise ParameterError(f"{path} is of the archive of a monitor, which is read whole: leave out --from and --to")
+    kept = read_archive(path)
+    quantities = kept.quantities or ("unknown",) * len(kept.channels)
+    channels = tuple(Channel(name, quantity) for name, quantity in zip(kept.channels, quantities, strict=True))
+    gaps = tuple(Gap(index, length) for index, length in kept.gaps)
+    recording = Recording(kept.samples, kept.sampling_rate, channels, kept.t0 or None, gaps)
+    return recording if settings.channels is None else recording.select(settings.channels)

@@ -1,0 +1,224 @@
+"""The lake of a fleet: windows of samples of many vehicles, by date and vehicle."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, date, datetime
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from sprung.fleet.lake.table import AddedFile, Table
+from sprung.fleet.lake.windows import KEY, SCHEMA, LakeWindow
+
+#: Largest number of rows in a row group: one window is read without many others.
+ROWS_IN_GROUP = 4
+#: Size of samples in memory after which they are written [bytes].
+_WRITTEN_TOGETHER = 1 << 28
+
+
+@dataclass(frozen=True, slots=True)
+class LakeFacts:
+    """What a lake holds.
+
+    Parameters
+    ----------
+    n_windows, n_files, n_bytes
+        Numbers of windows and files, and the size of the files.
+    first, last
+        First and last date with samples, as YYYY-mm-dd; None in an empty lake.
+    """
+
+    n_windows: int
+    n_files: int
+    n_bytes: int
+    first: str | None
+    last: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleFacts:
+    """What a lake holds for a vehicle.
+
+    Parameters
+    ----------
+    vehicle
+        Its name.
+    n_windows
+        Number of its windows.
+    first, last
+        Times of the first sample of its first and last window, UTC ns.
+    """
+
+    vehicle: str
+    n_windows: int
+    first: int
+    last: int
+
+
+class Lake:
+    """Windows of samples of many vehicles, one row each, in files by date and clustered by vehicle.
+
+    Parameters
+    ----------
+    location
+        Folder, or URL of an object store.
+    options
+        Settings of the object store.
+    """
+
+    def __init__(self, location: str | Path, *, options: Mapping[str, str] | None = None) -> None:
+        self.table = Table(location, SCHEMA, partition_by=["date"], options=options)
+
+    @property
+    def location(self) -> str:
+        """Folder or URL."""
+        return self.table.location
+
+    @property
+    def facts(self) -> LakeFacts:
+        """Numbers, size and dates."""
+        files = self.table.files()
+        days = sorted(str(file.partition["date"]) for file in files)
+        return LakeFacts(
+            sum(file.n_rows for file in files),
+            len(files),
+            sum(file.n_bytes for file in files),
+            days[0] if days else None,
+            days[-1] if days else None,
+        )
+
+    def write(self, windows: Iterable[LakeWindow]) -> int:
+        """Add windows that the lake does not hold yet, and return how many were added.
+
+        Parameters
+        ----------
+        windows
+            Windows in any order; a few hundred megabytes of them are in memory at a time, and each such part is one
+            commit.
+        """
+        return sum(self._append(part) for part in _parts(windows))
+
+    def missing(self, windows: Sequence[LakeWindow]) -> list[LakeWindow]:
+        """Return those of some windows that the lake does not hold yet, once each, by date, vehicle and time."""
+        known = self._keys(windows) if windows else set()
+        new: dict[tuple[object, ...], LakeWindow] = {}
+        for window in windows:
+            key = tuple(window.row[name] for name in KEY)
+            if key not in known:
+                new.setdefault(key, window)
+        return sorted(new.values(), key=lambda window: (window.day, window.vehicle, window.row["start"]))
+
+    def windows(
+        self, *, vehicle: str | None = None, since: int | None = None, until: int | None = None
+    ) -> Iterator[LakeWindow]:
+        """Yield the windows that begin in a period, a few at a time in memory.
+
+        Parameters
+        ----------
+        vehicle
+            Name of the vehicle; None: all.
+        since, until
+            Begin and end of the period, UTC ns; None: open.
+
+        Raises
+        ------
+        DataError
+            If there is no lake.
+        """
+        rule = pc.field("start") >= (0 if since is None else since)
+        if since is not None:
+            rule &= pc.field("date") >= _date(since)
+        if until is not None:
+            rule &= (pc.field("start") <= until) & (pc.field("date") <= _date(until))
+        if vehicle is not None:
+            rule &= pc.field("vehicle") == vehicle
+        for row in self.table.each_row(filter=rule, batch_size=ROWS_IN_GROUP):
+            yield LakeWindow(row["vehicle"], row)
+
+    def vehicles(self) -> list[VehicleFacts]:
+        """Return the number of windows and the period of each vehicle, by name."""
+        rows = self.table.rows(["vehicle", "start"]).group_by("vehicle")
+        facts = rows.aggregate([("start", "count"), ("start", "min"), ("start", "max")]).sort_by("vehicle")
+        return [
+            VehicleFacts(row["vehicle"], row["start_count"], row["start_min"], row["start_max"])
+            for row in facts.to_pylist()
+        ]
+
+    def files(self, *, since: int | None = None, until: int | None = None) -> list[AddedFile]:
+        """Return the files that hold the dates of a period, by date.
+
+        Parameters
+        ----------
+        since, until
+            Begin and end of the period, UTC ns; None: open.
+        """
+        first, last = ("" if since is None else _day(since)), ("9999-12-31" if until is None else _day(until))
+        chosen = (file for file in self.table.files() if first <= str(file.partition["date"]) <= last)
+        return sorted(chosen, key=lambda file: (str(file.partition["date"]), file.path))
+
+    def compact(self, *, most_bytes: float = math.inf) -> int:
+        """Rewrite the small files of each date as large ones by vehicle, and return how many dates were.
+
+        Parameters
+        ----------
+        most_bytes
+            Size above which a date is left as it is: this takes about three times its size in memory.
+        """
+        return self.table.compact(sort_by=["vehicle"], largest_group=ROWS_IN_GROUP, most_bytes=most_bytes)
+
+    def prune(self, *, before: int, hours: float = 24.0) -> int:
+        """Delete dates that ended before a time, and return the number of files that no reader needs any more.
+
+        Parameters
+        ----------
+        before
+            Time before which whole dates are deleted, UTC ns.
+        hours
+            Age above which files that were replaced or deleted are removed from the disk [h].
+        """
+        if not self.table.exists:
+            return 0
+        if any(str(file.partition["date"]) < _day(before) for file in self.table.files()):
+            self.table.delete(f"date < '{_day(before)}'")
+        return self.table.vacuum(hours=hours)
+
+    def _append(self, windows: Sequence[LakeWindow]) -> int:
+        """Add windows in one commit."""
+        ordered = self.missing(windows)
+        if ordered:
+            rows = pa.Table.from_pylist([dict(window.row) for window in ordered], schema=SCHEMA)
+            self.table.append(rows, largest_group=ROWS_IN_GROUP)
+        return len(ordered)
+
+    def _keys(self, windows: Sequence[LakeWindow]) -> set[tuple[object, ...]]:
+        """Return the keys that the lake holds of the vehicles and dates of windows."""
+        days, vehicles = {window.day for window in windows}, {window.vehicle for window in windows}
+        wanted = pc.field("date").isin(sorted(days)) & pc.field("vehicle").isin(sorted(vehicles))
+        known = self.table.rows(KEY, filter=wanted)
+        return set(zip(*(known[name].to_pylist() for name in KEY), strict=True))
+
+
+def _parts(windows: Iterable[LakeWindow]) -> Iterator[list[LakeWindow]]:
+    """Yield windows in parts of limited size."""
+    part: list[LakeWindow] = []
+    size = 0
+    for window in windows:
+        part.append(window)
+        size += window.n_bytes
+        if size >= _WRITTEN_TOGETHER:
+            yield part
+            part, size = [], 0
+    if part:
+        yield part
+
+
+def _day(time: int) -> str:
+    """Return the date of a time, UTC ns, as YYYY-mm-dd."""
+    return f"{_date(time):%Y-%m-%d}"
+
+
+def _date(time: int) -> date:
+    """Return the date of a time, UTC ns."""
+    return datetime.fromtimestamp(time // 10**9, UTC).date()

@@ -1,0 +1,15 @@
+"""Commands of the depot: boxes, the monitor, its store, alerts, vehicles, accounts."""
+
+import typer
+
+from sprung.online.commands import accounts, alerts, box, demo, monitor, replay, report, vehicles
+
+
+def register(application: typer.Typer) -> None:
+    """Add the commands to the application."""
+    for command in (monitor.monitor, box.box, replay.replay, report.report, demo.demo):
+        application.command()(command)
+    application.add_typer(alerts.application, name="alerts")
+    application.add_typer(vehicles.application, name="vehicles")
+    application.add_typer(accounts.accounts_application, name="accounts")
+    application.add_typer(accounts.tokens_application, name="tokens")

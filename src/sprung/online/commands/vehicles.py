@@ -1,0 +1,184 @@
+"""The command `sprung vehicles`: the vehicles of a monitor, and requests to it."""
+
+import getpass
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from sprung.cli.checks import check_file
+from sprung.cli.options import Json, Since, Until, option
+from sprung.cli.output import show, write_pieces, write_result, written
+from sprung.cli.progress import progress_bar
+from sprung.errors import ParameterError
+from sprung.online.commands.stores import DEFAULT_STORE, StoreUrl, Who, check_options_follow, existing_store
+
+if TYPE_CHECKING:
+    from sprung.online.store import Store
+
+application = typer.Typer(invoke_without_command=True)
+
+VehicleName = Annotated[str, typer.Argument(metavar="ID", help="Name of the vehicle.", show_default=False)]
+
+
+@application.callback()
+def vehicles(context: typer.Context, *, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
+    """List the monitored vehicles; sub-commands rank them, show what is set aside, or request baselines or samples."""
+    check_options_follow(context)
+    if context.invoked_subcommand is None:
+        list_vehicles(store=store, json=json)
+
+
+@application.command("list")
+def list_vehicles(*, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
+    """List the monitored vehicles and the open requests."""
+    from sprung.online.monitor.requests import open_request_in_words
+
+    with existing_store(store) as opened:
+        _print_vehicles(opened, json, [open_request_in_words(row) for row in opened.requests.open_commands()])
+
+
+@application.command()
+def rank(
+    *,
+    rate: Annotated[float, option("SHARE", "Expected share of sound vehicles among those reported to deviate.")] = 0.05,
+    store: StoreUrl = DEFAULT_STORE,
+    json: Json = None,
+) -> None:
+    """Rank the vehicles of each type (same vehicle file) by how much they deviate from the others."""
+    from sprung.online.monitor.desk import NO_VEHICLES, ranking_document
+    from sprung.results import tables
+
+    with existing_store(store) as opened:
+        document = ranking_document(opened, rate=rate)
+    if write_result(document, json):
+        notes = document["notes"] or ([] if document["types"] else [NO_VEHICLES])
+        show(*tables.fleet_tables(document), notes, written([], json))
+
+
+@application.command()
+def aside(
+    vehicle: Annotated[str, typer.Argument(metavar="[ID]", help="Name of the vehicle.", show_default=False)] = "",
+    *,
+    again: Annotated[
+        bool, typer.Option("--again", help="Analyse the frames again with this version; nothing is stored.")
+    ] = False,
+    store: StoreUrl = DEFAULT_STORE,
+    json: Json = None,
+) -> None:
+    """List frames and states that could not be analysed and were set aside, such as after an upgrade."""
+    from sprung.online.monitor.set_aside import aside_document
+    from sprung.results import tables
+
+    with existing_store(store) as opened:
+        document = aside_document(opened, vehicle=vehicle, is_analysed=again)
+    if write_result(document, json):
+        table = tables.aside_table(document)
+        show(table if document["aside"] else ["nothing is set aside"], written([], json))
+
+
+@application.command()
+def learn(
+    vehicle: VehicleName,
+    *,
+    reason: Annotated[str, option("TEXT", "Reason, such as 'new dampers'; required.", show_default=False)] = "",
+    store: StoreUrl = DEFAULT_STORE,
+    who: Who = None,
+    json: Json = None,
+) -> None:
+    """Learn a new baseline of a vehicle, such as after maintenance."""
+    from sprung.online.monitor.desk import relearn
+    from sprung.online.monitor.requests import relearning_in_words
+
+    with existing_store(store) as opened:
+        relearn(opened, vehicle, reason=reason, who=who or getpass.getuser(), now=time.time_ns())
+        _print_vehicles(opened, json, [relearning_in_words(vehicle, reason)])
+
+
+@application.command("rollback")
+def roll_back(
+    vehicle: VehicleName,
+    *,
+    version: Annotated[int | None, option("N", "Earlier version to return to; required.", min=1)] = None,
+    reason: Annotated[
+        str, option("TEXT", "Reason, such as 'learnt with a broken spring'; required.", show_default=False)
+    ] = "",
+    store: StoreUrl = DEFAULT_STORE,
+    who: Who = None,
+    json: Json = None,
+) -> None:
+    """Return to an earlier baseline of a vehicle; it becomes the newest version."""
+    from sprung.online.monitor.desk import roll_back
+    from sprung.online.monitor.requests import rolling_back_in_words
+
+    if version is None:
+        raise ParameterError("give --version N, the baseline to return to: the page of the vehicle lists them")
+    with existing_store(store) as opened:
+        roll_back(opened, vehicle, version=version, reason=reason, who=who or getpass.getuser(), now=time.time_ns())
+        _print_vehicles(opened, json, [rolling_back_in_words(vehicle, version, reason)])
+
+
+@application.command()
+def raw(
+    vehicle: VehicleName,
+    *,
+    minutes: Annotated[float, option("M", "Minutes to look back.", min=0)] = 30.0,
+    wait: Annotated[float, option("SECONDS", "Longest wait for the samples; the request stays open.", min=0)] = 60.0,
+    store: StoreUrl = DEFAULT_STORE,
+    who: Who = None,
+    json: Json = None,
+) -> None:
+    """Request the latest samples of a vehicle whose box identifies on board."""
+    from sprung.online.monitor.desk import request_samples
+    from sprung.online.monitor.requests import wait_for_samples
+
+    with existing_store(store) as opened:
+        who, now = who or getpass.getuser(), time.time_ns()
+        number = request_samples(opened, vehicle, minutes=minutes, who=who, now=now)
+        with progress_bar() as report:
+            sentence = wait_for_samples(opened, number, timeout=wait, on_progress=report)
+        _print_vehicles(opened, json, [sentence])
+
+
+@application.command()
+def export(
+    vehicle: VehicleName,
+    *,
+    what: Annotated[Literal["windows", "modes", "findings", "alerts"], option(None, "What to export.")] = "windows",
+    out: Annotated[Path | None, option("FILE", "File to write: .csv, .parquet or .json.", "--out")] = None,
+    since: Since = None,
+    until: Until = None,
+    store: StoreUrl = DEFAULT_STORE,
+    json: Json = None,
+) -> None:
+    """Export windows, modes, findings or alerts of a vehicle as a table."""
+    from sprung.online.monitor.exports import FORMATS, export
+    from sprung.results.periods import parse_period
+
+    check_file("--out", out)
+    check_file("--json", json)
+    file_format = "" if out is None else out.suffix.lower().removeprefix(".")
+    if out is not None and file_format not in FORMATS:
+        raise ParameterError(f"--out {out} must end in {', '.join(f'.{name}' for name in FORMATS)}: rename it")
+    if out is None and json is None:
+        raise ParameterError("there is no file to write: give --out FILE or --json PATH")
+    period = parse_period(since, until)
+    with existing_store(store) as opened:
+        if out is not None:
+            write_pieces(export(opened, vehicle, what, file_format=file_format, period=period), str(out))
+        if json is not None:
+            write_pieces(export(opened, vehicle, what, file_format="json", period=period), json)
+    if json != "-":
+        show(written([] if out is None else [out], json))
+
+
+def _print_vehicles(store: "Store", json: str | None, sentences: list[str]) -> None:
+    """Print vehicles as a table with sentences under it, as JSON, or both."""
+    from sprung.online.monitor.desk import NO_VEHICLES, vehicles_document
+    from sprung.results import tables
+
+    document = vehicles_document(store)
+    if write_result(document, json):
+        table = tables.vehicles_table(document, now=time.time_ns())
+        show(table if document["vehicles"] else [NO_VEHICLES], [*sentences, *written([], json)])

@@ -1,0 +1,278 @@
+"""From windows of vehicles, and problems of monitoring, to alerts in the store."""
+
+import json
+from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import asdict, replace
+from functools import partial
+from typing import Any
+
+from sprung._display import counted
+from sprung.diagnosis import Diagnosis, SensorFault, detectable_in_words
+from sprung.online.alerts import (
+    Alert,
+    AlertSettings,
+    Report,
+    Transition,
+    absent,
+    assess,
+    is_of_suspension,
+    message_of,
+    reported,
+    shelf_ended,
+)
+from sprung.online.monitor.engine import Observed, fault_in_words
+from sprung.online.store import AlertRow, Store
+from sprung.results.documents import detectable_document, detection_document, finding_document
+from sprung.results.tables import span_in_words
+
+#: Severity of a failing sensor, of a silent vehicle, of lost frames, and of a problem of the monitor itself.
+_SENSOR, _SILENT, _LOST, _MONITOR = 400, 300, 500, 800
+#: Largest number of boots of a vehicle whose lost frames are remembered.
+_MOST_BOOTS = 100
+_INNER = ("streak", "worst", "notified", "evidence")
+#: Last windows and likeliest hypotheses of the change test that an alert keeps.
+_MOST_WINDOWS, _MOST_HYPOTHESES = 40, 5
+
+
+class AlertBook:
+    """Keeps the alerts of all vehicles in the store.
+
+    Parameters
+    ----------
+    store
+        Store of the alerts.
+    settings
+        Hold-off, hysteresis and reminders.
+    monitor
+        Name of this monitor, among those that use the store.
+    """
+
+    def __init__(self, store: Store, settings: AlertSettings, *, monitor: str = "this monitor") -> None:
+        self._store, self._settings, self._monitor = store, settings, monitor
+
+    def take_window(self, vehicle: str, event: Observed, *, now: int) -> None:
+        """Raise, update and clear alerts according to a window."""
+        sensors = event.observation.sensor_faults
+        reports = [_of_sensor(vehicle, fault) for fault in _first_of_each_channel(sensors)]
+        if event.diagnosis is not None:
+            reports += _of_diagnosis(vehicle, event.diagnosis)
+        is_sound = event.observation.is_conclusive and not sensors
+        with self._store.alerts.locked_of(vehicle) as rows:
+            transitions = assess(
+                {row.cause: alert_of(row) for row in rows},
+                reports,
+                looked_for=lambda cause: (
+                    cause.startswith("sensor:") or (is_of_suspension(cause) and event.diagnosis is not None)
+                ),
+                is_inhibited=not is_sound,
+                settings=self._settings,
+                now=now,
+            )
+            for transition in transitions:
+                self.put(transition, now=now)
+
+    def report(self, vehicle: str, cause: str, text: str, *, now: int) -> None:
+        """Raise an alert about monitoring itself, without hold-off: cause "silent", or "monitor..."."""
+        severity = _SILENT if cause == "silent" else _MONITOR
+        known = self._known(vehicle).get(cause)
+        if known is not None and known.is_active and known.text == text:
+            return
+        with self._store.alerts.locked(vehicle, cause) as row:
+            known = None if row is None else alert_of(row)
+            self.put(reported(known, Report(vehicle, cause, severity, text), self._at_once, now), now=now)
+
+    def report_own(self, vehicle: str, cause: str, text: str, *, now: int) -> None:
+        """Raise an alert that each monitor reports separately: it stays until each has cleared its own."""
+        self._change_sentences(vehicle, cause, lambda sentences: sentences | {self._monitor: text}, now)
+
+    def clear_own(self, vehicle: str, cause: str, *, now: int) -> None:
+        """Clear what this monitor reported by `report_own`, and the alert if no other monitor reports it."""
+        self._change_sentences(vehicle, cause, lambda sentences: _without(sentences, {self._monitor}), now)
+
+    def keep_reports_of(self, monitors: Collection[str], *, now: int) -> None:
+        """Clear what monitors that have stopped reported by `report_own`: all except `monitors`."""
+        for row in self._store.alerts.find(is_active=True):
+            if gone := _sentences(alert_of(row)).keys() - set(monitors):
+                self._change_sentences(row.vehicle, row.cause, partial(_without, monitors=gone), now)
+
+    def report_lost(self, vehicle: str, counts: Mapping[int, int], *, begin: int = 0, end: int = 0, now: int) -> None:
+        """Raise or update the alert about lost frames of a vehicle, "lost".
+
+        Parameters
+        ----------
+        vehicle
+            Name of the vehicle.
+        counts
+            Number of frames lost so far, by boot; those in the alert already are not counted again.
+        begin, end
+            Times of the first sample and after the last one that were lost, UTC ns; 0 if unknown.
+        now
+            Present time, UTC ns.
+        """
+        with self._store.alerts.locked(vehicle, "lost") as row:
+            self._add_lost(None if row is None else alert_of(row), vehicle, counts, begin=begin, end=end, now=now)
+
+    def _add_lost(
+        self, known: Alert | None, vehicle: str, counts: Mapping[int, int], *, begin: int, end: int, now: int
+    ) -> None:
+        """Raise or update the alert `known` about lost frames, if more are lost than it counts."""
+        before = {} if known is None else known.evidence
+        by_boot = {int(boot): count for boot, count in before.get("boots", {}).items()}
+        n_new = sum(max(0, count - by_boot.get(boot, 0)) for boot, count in counts.items())
+        if not n_new:
+            return
+        is_active = known is not None and known.is_active
+        n_frames = n_new + (before["frames"] if is_active else 0)
+        begins = [time for time in (begin, before["from"] if is_active else 0) if time]
+        span = {"from": min(begins, default=0), "to": max(end, before["to"] if is_active else 0)}
+        when = f", {span_in_words(span['from'], span['to'])}," if span["from"] else ""
+        is_one = n_frames == 1
+        sentence = (
+            f"{counted(n_frames, 'frame')} of {vehicle}{when} {'is' if is_one else 'are'} lost, as its box had to drop "
+            f"{'it before it was' if is_one else 'them before they were'} stored here: "
+            "give its spool more space, and check its connection and the store of the monitor"
+        )
+        boots = dict(sorted((by_boot | dict(counts)).items())[-_MOST_BOOTS:])
+        evidence = {"frames": n_frames, **span, "boots": {str(boot): count for boot, count in boots.items()}}
+        self.put(reported(known, Report(vehicle, "lost", _LOST, sentence, evidence), self._at_once, now), now=now)
+
+    def clear(self, vehicle: str, cause: str, *, now: int) -> None:
+        """Clear an alert about monitoring itself, if it is active, without hysteresis."""
+        known = self._known(vehicle).get(cause)
+        if known is None or not known.is_active:
+            return
+        with self._store.alerts.locked(vehicle, cause) as row:
+            if row is not None and row.is_active:
+                self.put(absent(alert_of(row), self._at_once, now), now=now)
+
+    def end_shelves(
+        self, *, holds: Callable[[str], bool], fence: Callable[[str], AbstractContextManager[None]], now: int
+    ) -> None:
+        """End the shelving of alerts whose time has come.
+
+        Parameters
+        ----------
+        holds
+            Function that returns whether this monitor is responsible for a vehicle.
+        fence
+            Function that returns the context in which this monitor writes about a vehicle.
+        now
+            Present time, UTC ns.
+        """
+        for row in self._store.alerts.shelved(until=now):
+            if holds(row.vehicle):
+                with fence(row.vehicle), self._store.alerts.locked(row.vehicle, row.cause) as present:
+                    if present is not None:
+                        self.put(shelf_ended(alert_of(present), now), now=now)
+
+    def put(self, transition: Transition, *, now: int) -> None:
+        """Store the new state of an alert, and the notification about it, if there is one."""
+        if transition.what == "none":
+            return
+        notify = _notification(transition) if transition.is_notified else None
+        history = (transition.what, transition.who, transition.comment)
+        self._store.alerts.put(row_of(transition.alert), history=history, notify=notify, now=now)
+
+    def _change_sentences(
+        self, vehicle: str, cause: str, change: Callable[[dict[str, str]], dict[str, str]], now: int
+    ) -> None:
+        """Raise, update or clear an alert by a change of the sentences of the monitors that report it."""
+        with self._store.alerts.locked(vehicle, cause) as row:
+            known = None if row is None else alert_of(row)
+            before = _sentences(known)
+            sentences = change(before)
+            if not sentences:
+                if known is not None and known.is_active:
+                    self.put(absent(known, self._at_once, now), now=now)
+            elif sentences != before:
+                named = [f"{monitor}: {text}" for monitor, text in sorted(sentences.items())]
+                text = "; ".join(named if len(named) > 1 else sentences.values())
+                report = Report(vehicle, cause, _MONITOR, text, {"monitors": sentences})
+                self.put(reported(known, report, self._at_once, now), now=now)
+
+    @property
+    def _at_once(self) -> AlertSettings:
+        """Settings without hold-off and hysteresis."""
+        return replace(self._settings, raise_after=1, clear_after=1)
+
+    def _known(self, vehicle: str) -> dict[str, Alert]:
+        """Return the alerts of a vehicle by cause."""
+        return {row.cause: alert_of(row) for row in self._store.alerts.find(vehicle=vehicle)}
+
+
+def alert_of(row: AlertRow) -> Alert:
+    """Return the alert of a row.
+
+    Examples
+    --------
+    >>> from sprung.online.alerts import AlertSettings, Report, reported
+    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=60).alert
+    >>> alert_of(row_of(alert)) == alert
+    True
+    """
+    fields = {name: value for name, value in asdict(row).items() if name not in {"id", "document"}}
+    return Alert(**fields, **row.document)
+
+
+def row_of(alert: Alert) -> AlertRow:
+    """Return the row of an alert.
+
+    Examples
+    --------
+    >>> from sprung.online.alerts import AlertSettings, Report, reported
+    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=60).alert
+    >>> row = row_of(alert)
+    >>> row.cause, row.raised, row.document
+    ('front_left.spring', 60, {'streak': 0, 'worst': 700, 'notified': 60, 'evidence': {}})
+    """
+    fields = asdict(alert)
+    inner = {name: fields.pop(name) for name in _INNER}
+    return AlertRow(**fields, document=json.loads(json.dumps(inner, default=str)))
+
+
+def _sentences(alert: Alert | None) -> dict[str, str]:
+    """Return the sentences of an active alert by reporting monitor; empty if it was raised otherwise."""
+    return dict(alert.evidence.get("monitors", {})) if alert is not None and alert.is_active else {}
+
+
+def _without(sentences: Mapping[str, str], monitors: Collection[str]) -> dict[str, str]:
+    """Return the sentences of other monitors."""
+    return {monitor: text for monitor, text in sentences.items() if monitor not in monitors}
+
+
+def _notification(transition: Transition) -> dict[str, Any]:
+    """Return the notification about an event as the store keeps it: picture and key come when it is sent."""
+    fields = asdict(message_of(transition.alert, transition))
+    del fields["picture"], fields["key"]
+    return fields
+
+
+def _first_of_each_channel(faults: Iterable[SensorFault]) -> list[SensorFault]:
+    """Return the first fault of each channel."""
+    return list({fault.channel: fault for fault in reversed(list(faults))}.values())
+
+
+def _of_sensor(vehicle: str, fault: SensorFault) -> Report:
+    """Return the report of a sensor fault."""
+    return Report(vehicle, f"sensor:{fault.channel}", _SENSOR, fault_in_words(fault), {"kind": fault.kind})
+
+
+def _of_diagnosis(vehicle: str, diagnosis: Diagnosis) -> list[Report]:
+    """Return the reports of the findings of a diagnosis, with the change test behind them."""
+    test: dict[str, Any] = {"detectable": detectable_document(diagnosis.detectable)}
+    if diagnosis.detection is not None:
+        test["detection"] = detection_document(
+            diagnosis.detection, most_windows=_MOST_WINDOWS, most_hypotheses=_MOST_HYPOTHESES
+        )
+    limit = detectable_in_words(diagnosis.detectable)
+    return [
+        Report(
+            vehicle,
+            f"{finding.corner}.{finding.component}",
+            finding.severity_number,
+            f"{finding.sentence}; {limit}" if limit else finding.sentence,
+            {**finding_document(finding), **test},
+        )
+        for finding in diagnosis.findings
+    ]

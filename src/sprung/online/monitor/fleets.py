@@ -1,0 +1,193 @@
+"""Vehicles of one type in the store: the baseline of their type, and how much each deviates from the others.
+
+Vehicles are of one type if their vehicle files are the same, apart from the name: estimates are relative to the nominal
+values of the file, and comparable only then.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+from sprung._checks import check_number
+from sprung.diagnosis import LEARNING_WINDOWS, Observation, RankedVehicle, TypeBaseline, learn_type, rank_fleet
+from sprung.diagnosis.type_baselines import LEAST_VEHICLES
+from sprung.errors import DataError, SprungError
+from sprung.online.store import BaselineRow, Entry, Store
+from sprung.results.documents import observation_from_document
+from sprung.vehicles import vehicle_from_text, vehicle_text
+
+#: Largest number of vehicles that the baseline of a type is learnt from.
+_MOST_VEHICLES = 50
+
+
+def vehicles_by_type(store: Store) -> dict[str, list[str]]:
+    """Return the vehicles of each type, by the text of its vehicle file; vehicles without a valid one are left out."""
+    types: dict[str, list[str]] = {}
+    for row in store.inbox.vehicles():
+        if text := _type_text(row.description):
+            types.setdefault(text, []).append(row.vehicle)
+    return types
+
+
+class VehicleTypes:
+    """Types of the vehicles of a store, and their normal windows, read again only when they change.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._of_type: dict[str, list[str]] = {}
+        self._type_of: dict[str, str] = {}
+        self._count: int | None = None
+        self._windows: dict[str, tuple[tuple[int, int], list[Observation]]] = {}
+
+    def forget(self) -> None:
+        """Read the vehicles again when next needed, as a description has changed."""
+        self._count = None
+
+    def others(self, vehicle: str) -> list[str]:
+        """Return the other vehicles of the type of a vehicle.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot be used.
+        """
+        count = self._store.inbox.n_vehicles()
+        if count != self._count:
+            self._of_type = vehicles_by_type(self._store)
+            self._type_of = {own: text for text, group in self._of_type.items() for own in group}
+            self._count = count
+        group = self._of_type.get(self._type_of.get(vehicle, ""), [])
+        return [other for other in group[: _MOST_VEHICLES + 1] if other != vehicle]
+
+    def has_type(self, vehicle: str) -> bool:
+        """Return whether there are enough other vehicles of its type to learn a baseline of the type from.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot be used.
+        """
+        return len(self.others(vehicle)) >= LEAST_VEHICLES
+
+    def normal_windows(self, vehicles: Sequence[str]) -> dict[str, list[Observation]]:
+        """Return the windows with which vehicles take part in the baseline of their type.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot be used.
+        """
+        windows = {}
+        for vehicle, latest in self._store.results.latest(vehicles).items():
+            known = self._windows.get(vehicle)
+            if known is None or known[0] != latest:
+                known = self._windows[vehicle] = latest, _normal_windows(self._store, vehicle)
+            windows[vehicle] = known[1]
+        return windows
+
+
+def type_of_others(store: Store, vehicle: str, *, types: VehicleTypes | None = None) -> TypeBaseline | None:
+    """Return the baseline of the type of a vehicle, learnt from the other vehicles; None if there are too few.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    vehicle
+        Name of the vehicle.
+    types
+        Types of the vehicles of the store; None: read for this call.
+
+    Notes
+    -----
+    Each vehicle takes part with the windows that its own baseline was learnt from, so that a later change does not
+    count as normal, or with its last windows before it has one.
+    """
+    types = types or VehicleTypes(store)
+    others = types.others(vehicle)[:_MOST_VEHICLES]
+    if len(others) < LEAST_VEHICLES:
+        return None
+    try:
+        return learn_type(types.normal_windows(others), name=_name(store, vehicle))
+    except DataError:
+        return None
+
+
+def rankings(store: Store, *, rate: float) -> tuple[list[tuple[str, tuple[RankedVehicle, ...]]], list[str]]:
+    """Return the name and the ranking of each type by its vehicles' last windows, and notes on what is not ranked.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    rate
+        Expected share of sound vehicles among the discoveries, above 0 and up to 1.
+
+    Raises
+    ------
+    ParameterError
+        If the rate is not above 0 and at most 1.
+    """
+    check_number("rate", rate, above=0, at_most=1)
+    ranked, notes = [], []
+    for vehicles in vehicles_by_type(store).values():
+        name = _name(store, vehicles[0])
+        calibrated = [vehicle for vehicle in vehicles if _is_calibrated(store.results.baselines(vehicle))]
+        notes += [f"{vehicle} is not ranked: a calibration completed its vehicle file" for vehicle in calibrated]
+        windows = {vehicle: _last_windows(store, vehicle) for vehicle in vehicles if vehicle not in calibrated}
+        try:
+            ranked.append((name, rank_fleet(windows, rate=rate)))
+        except DataError as error:
+            notes.append(f"vehicles of the type {name} are not ranked: {error}")
+    return ranked, notes
+
+
+@lru_cache(maxsize=1024)
+def _type_text(description: str) -> str:
+    """Return the text of a vehicle file without the vehicle's name; empty if it is not valid."""
+    try:
+        vehicle = vehicle_from_text(description, source="the vehicle file")
+    except SprungError:
+        return ""
+    return vehicle_text(vehicle.model_copy(update={"name": "type"}))
+
+
+def _name(store: Store, vehicle: str) -> str:
+    """Return the name in the file of a vehicle."""
+    row = store.inbox.vehicle(vehicle)
+    return "" if row is None else vehicle_from_text(row.description, source="the vehicle file").name
+
+
+def _normal_windows(store: Store, vehicle: str) -> list[Observation]:
+    """Return the windows of a vehicle's baseline, or the last ones if it has none."""
+    baselines = store.results.baselines(vehicle)
+    if _is_calibrated(baselines):
+        return []
+    taught = baselines[-1].document.get("taught", []) if baselines else []
+    if not taught:
+        return _last_windows(store, vehicle)
+    since, until = (round(1e9 * end) for end in (min(taught) - 1, max(taught) + 1))
+    times = set(taught)
+    every = _observations(store.results.observations(vehicle, since=since, until=until))
+    return [observation for observation in every if observation.time in times]
+
+
+def _last_windows(store: Store, vehicle: str) -> list[Observation]:
+    """Return the last windows of a vehicle."""
+    return _observations(store.results.observations(vehicle, limit=LEARNING_WINDOWS))
+
+
+def _observations(entries: list[Entry]) -> list[Observation]:
+    """Return the observations in rows of the store, without the statistics of the residual test."""
+    return [replace(observation_from_document(entry.document), vehicle="") for entry in entries]
+
+
+def _is_calibrated(baselines: list[BaselineRow]) -> bool:
+    """Return whether windows are in terms of a vehicle file that a calibration completed for this vehicle alone."""
+    return bool(baselines) and bool(baselines[-1].document.get("vehicle_file"))

@@ -1,0 +1,462 @@
+"""Intake of messages from vehicles: validated, stored once, and only then acknowledged."""
+
+import logging
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+from sprung.errors import FormatError, ParameterError
+from sprung.link import (
+    VERSION,
+    Header,
+    Key,
+    Loss,
+    VersionError,
+    check_frame,
+    checked_map,
+    losses_in,
+    message,
+    parse_topic,
+    span_of,
+    topic,
+)
+from sprung.link.messages import MOST_BOOTS, checksum, count, integer, text
+from sprung.online.monitor.inflow import vehicle_of
+from sprung.online.monitor.refusals import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals
+from sprung.online.store import Cursor, RefusedError, Store, StoredFrame
+from sprung.vehicles import vehicle_from_text
+
+T = TypeVar("T")
+
+LOG = logging.getLogger("sprung.monitor")
+
+#: The monitor's own name among the vehicles.
+MONITOR = "monitor"
+#: Largest number of channels that a vehicle may announce, and of characters of its description, and of a line.
+_MOST_CHANNELS, _MOST_TEXT, _LONGEST_LINE = 256, 40_000, 1000
+#: Largest number of boots of a vehicle with frames that are not analysed: each takes memory, and time at every step.
+_MOST_OPEN_BOOTS = 1000
+#: Kinds of messages that boxes with on-board identification send in the sequence of frames.
+REPORTS = ("corr", "modes")
+#: Fields of a box's answer to a request for samples.
+_ANSWER = ("boot", "last", "frames", "from", "to")
+#: Time between updates of when vehicles were last seen [ns]: each is a transaction of its own.
+_NOTED_EVERY = 10**9
+#: Largest number of refusals, and of answers of boxes, that are remembered.
+_MOST_REFUSALS, _MOST_ANSWERS = 100, 1000
+
+
+@dataclass(slots=True)
+class Taken:
+    """Contents of a batch of messages.
+
+    Parameters
+    ----------
+    arrived
+        Sequence number up to which nothing is missing, by vehicle and boot of the messages.
+    described
+        Checksum of the last description, which may be new to this monitor or to others only, by vehicle.
+    frames
+        Frames that were stored, without repeats.
+    n_messages
+        Number of messages.
+    held
+        Boots of which a box still has or expects frames, by vehicle of the states that name all of them.
+    """
+
+    arrived: dict[tuple[str, int], int] = field(default_factory=dict)
+    described: dict[str, int] = field(default_factory=dict)
+    frames: list[StoredFrame] = field(default_factory=list)
+    n_messages: int = 0
+    held: dict[str, frozenset[int]] = field(default_factory=dict)
+
+
+class _BootsError(FormatError):
+    """A message of a box that counts more starts than are kept."""
+
+
+class Intake:
+    """Takes in messages of vehicles.
+
+    Parameters
+    ----------
+    store
+        Store of the frames.
+    publish
+        Function that sends a payload to a topic.
+    refusals
+        Counts of refused messages; None: its own.
+    on_lost
+        Function of vehicle, number of lost frames by boot, time of the first sample and after the last one (UTC ns, 0
+        where unknown), and present time; called before the loss is acknowledged, and again if that was interrupted.
+
+    Notes
+    -----
+    A frame is acknowledged after the transaction that stored it, and again whenever it is repeated; the acknowledgement
+    states the highest sequence number up to which nothing is missing. Every number is checked before the store sees it.
+    If the store refuses values all the same, messages are stored vehicle by vehicle, and those of the vehicle singly.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        publish: Callable[[str, bytes], object],
+        *,
+        refusals: Refusals | None = None,
+        on_lost: Callable[[str, Mapping[int, int], int, int, int], None] = lambda *_: None,
+    ) -> None:
+        self._store, self._publish, self._on_lost = store, publish, on_lost
+        self._tally = refusals or Refusals()
+        self._lost: Counter[str] = Counter()
+        self._counts = {"messages": 0, "frames": 0, "lost": 0}
+        self._refusals: dict[str, str] = {}
+        self._parked: set[str] = set()
+        self._free: dict[str, float] = {}
+        self._answers: dict[tuple[str, int], Mapping[str, Any]] = {}
+        self._seen: dict[str, int] = {}
+        self._noted = 0
+        self._boots: dict[str, set[int]] = {}
+        self._crowded: set[str] = set()
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Figures of `figures.FIGURES` that count messages, and the least free disk space of a box."""
+        counts, free = self._counts, list(self._free.values())
+        return {
+            "sprung_messages_total": counts["messages"],
+            "sprung_messages_refused_total": self._tally.total,
+            "sprung_frames_total": counts["frames"],
+            "sprung_frames_lost_total": counts["lost"],
+            **{
+                f'sprung_vehicle_frames_lost_total{{vehicle="{vehicle}"}}': lost
+                for vehicle, lost in dict(self._lost).items()
+            },
+            **({"sprung_boxes_free_bytes": min(free)} if free else {}),
+        }
+
+    def is_parked(self, vehicle: str) -> bool:
+        """Return whether a vehicle was shut down properly."""
+        return vehicle in self._parked
+
+    def recall_parked(self) -> None:
+        """Read which vehicles are parked whose messages went to other monitors."""
+        self._parked = self._store.inbox.parked()
+
+    def answer(self, vehicle: str, number: int) -> Mapping[str, Any] | None:
+        """Return the answer of a box to the request of a number; None before it answered."""
+        return self._answers.get((vehicle, number))
+
+    def confirm(self, vehicle: str, checksum: int) -> None:
+        """Confirm to a box that the description of a checksum is known: until then it repeats it."""
+        document = {Key.VERSION: VERSION, "do": "described", "checksum": checksum}
+        self._publish(topic(vehicle, "cmd"), message(document))
+
+    def take(self, messages: Iterable[tuple[str, bytes]], *, now: int) -> Taken:
+        """Store the contents of messages, and acknowledge them.
+
+        Parameters
+        ----------
+        messages
+            Topics and payloads.
+        now
+            Present time, UTC ns.
+
+        Returns
+        -------
+        Taken
+            Frames that are stored, and what else the messages announce.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write: nothing is acknowledged, and boxes will send the messages again.
+        """
+        frames: list[StoredFrame] = []
+        below: dict[tuple[str, int], int] = {}
+        dropped: dict[str, _Dropped] = {}
+        taken = Taken()
+        while self._crowded:
+            self._boots.pop(self._crowded.pop(), None)  # counted again: many may be analysed by now
+        for name, payload in messages:
+            self._counts["messages"] += 1
+            taken.n_messages += 1
+            try:
+                vehicle, what = parse_topic(name)
+                if vehicle == MONITOR:
+                    continue  # messages of monitors about themselves
+                if what == "raw" or what in REPORTS:
+                    frame = _frame(vehicle, payload) if what == "raw" else _report(vehicle, what, payload)
+                    self._check_boot(vehicle, frame.boot)
+                    frames.append(frame)
+                elif what == "state":
+                    first, dropped[vehicle] = self._stated(vehicle, checked_map(payload))
+                    below |= {(vehicle, boot): seq for boot, seq in first.items() if seq > 0}
+                    taken.held[vehicle] = frozenset(first if len(first) < MOST_BOOTS else ())
+                else:
+                    self._handle(vehicle, what, checked_map(payload), now)
+                    if what == "meta":
+                        taken.described[vehicle] = checksum(payload)
+                # The broker retains descriptions, and sends them even if the vehicle is long gone.
+                self._seen |= {} if what == "meta" else {vehicle: now}
+            except (FormatError, ParameterError, RefusedError) as error:
+                self._refuse(name, error)
+        # Frames first: what arrived is not lost.
+        taken.arrived.update(self._add_frames(frames, taken.frames, now))
+        taken.arrived.update(self._declare_lost(below, dropped, now))
+        if self._seen and abs(now - self._noted) >= _NOTED_EVERY:
+            self._store.inbox.seen(self._seen)
+            self._seen, self._noted = {}, now
+        for (vehicle, boot), contiguous in taken.arrived.items():
+            if contiguous >= 0:
+                document = {Key.VERSION: VERSION, Key.BOOT: boot, Key.SEQ: contiguous}
+                self._publish(topic(vehicle, "ack"), message(document))
+        return taken
+
+    def declare_lost(self, vehicle: str, ends: Mapping[int, int], *, now: int) -> dict[tuple[str, int], int]:
+        """Declare missing frames of boots lost, which their box has no longer, and return up to where none is missing.
+
+        Parameters
+        ----------
+        vehicle
+            Name of the vehicle.
+        ends
+            Number of frames of each boot.
+        now
+            Present time, UTC ns.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write.
+        """
+        below = {(vehicle, boot): end for boot, end in ends.items()}
+        return self._declare_lost(below, {vehicle: _Dropped((), 0)}, now)
+
+    def _add_frames(
+        self, frames: Sequence[StoredFrame], new: list[StoredFrame], now: int
+    ) -> dict[tuple[str, int], int]:
+        """Store frames that are not refused, add new ones to `new`, and return up to where none is missing."""
+        try:
+            arrived = self._store.inbox.add_frames(frames, new=new, now=now)
+        except RefusedError as error:
+            if len(frames) == 1:
+                self._refuse(topic(frames[0].vehicle, frames[0].kind), error)
+                return {}
+            arrived = {}
+            for part in _parts(frames, lambda frame: frame.vehicle):
+                arrived.update(self._add_frames(part, new, now))
+            return arrived
+        self._counts["frames"] += len(frames)
+        return arrived
+
+    def _declare_lost(
+        self, below: Mapping[tuple[str, int], int], dropped: Mapping[str, "_Dropped"], now: int
+    ) -> dict[tuple[str, int], int]:
+        """Declare frames lost that boxes no longer have, and return up to where nothing is missing.
+
+        Vehicles that the store refuses are left out. Alerts are part of the transaction: the next frame that arrives is
+        acknowledged beyond what is declared lost, and its box then no longer reports it.
+        """
+        try:
+            with self._store.together():
+                progress = self._store.inbox.declare_lost(below, now=now)
+                arrived = self._report_lost(progress, dropped, now)
+        except RefusedError as error:
+            if len(below) == 1:
+                self._refuse(topic(next(iter(below))[0], "state"), error)
+                return {}
+            arrived = {}
+            for part in _parts(list(below.items()), lambda entry: entry[0][0]):
+                arrived.update(self._declare_lost(dict(part), dropped, now))
+            return arrived
+        for (vehicle, _), (before, after) in progress.items():
+            self._counts["lost"] += after.lost - before.lost
+            self._lost[vehicle] += after.lost - before.lost
+        return arrived
+
+    def _report_lost(
+        self, progress: Mapping[tuple[str, int], tuple[Cursor, Cursor]], dropped: Mapping[str, "_Dropped"], now: int
+    ) -> dict[tuple[str, int], int]:
+        """Report frames that were declared lost, and return up to where nothing is missing."""
+        arrived: dict[tuple[str, int], int] = {}
+        counts: dict[str, dict[int, int]] = {}
+        for (vehicle, boot), (before, after) in progress.items():
+            stated = dropped[vehicle]
+            # Until a box knows that its loss is known here, it states it again.
+            if after.contiguous > before.contiguous or boot in stated.n_frames:
+                arrived[vehicle, boot] = after.contiguous
+                # Frames that neither arrived nor were dropped may be at another monitor, with another store.
+                counts.setdefault(vehicle, {})[boot] = min(after.lost, stated.n_frames.get(boot, stated.unstated))
+        for vehicle, by_boot in counts.items():
+            if any(by_boot.values()):
+                self._on_lost(vehicle, by_boot, *span_of(dropped[vehicle].losses), now)
+        return arrived
+
+    def _check_boot(self, vehicle: str, boot: int) -> None:
+        """Refuse a boot if too many of the vehicle wait to be analysed."""
+        if vehicle not in self._boots:
+            self._boots[vehicle] = set(self._store.inbox.open_boots(vehicle, limit=_MOST_OPEN_BOOTS))
+        known = self._boots[vehicle]
+        if boot in known:
+            return
+        if len(known) > _MOST_OPEN_BOOTS // 2:
+            self._crowded.add(vehicle)
+        if len(known) >= _MOST_OPEN_BOOTS:
+            raise _BootsError(
+                f"boot {boot} of {vehicle}, while {_MOST_OPEN_BOOTS} of its boots wait to be analysed: a box must "
+                "count its starts one by one, and send the oldest first"
+            )
+        known.add(boot)
+
+    def _handle(self, vehicle: str, what: str, document: dict[Any, Any], now: int) -> None:
+        """Handle a message that is neither a frame, a report nor a state; those of unknown kinds are ignored."""
+        if what == "meta":
+            self._describe(vehicle, document, now)
+        elif what == "health":
+            self._free[vehicle] = _free_bytes(document)
+        elif what == "event" and document.get("did") == "raw":
+            self._keep_answer(vehicle, document)
+        elif what == "event" and document.get("did") == "misnamed":
+            raise FormatError(_misnamed(vehicle, document))
+
+    def _refuse(self, name: str, reason: FormatError | ParameterError | RefusedError) -> None:
+        """Count a refused message, log the first reason of each topic, and announce the supported version."""
+        self._tally.add(vehicle_of(name), _reason(reason))
+        if name[:120] not in self._refusals:
+            LOG.warning(f"messages on {name[:120]} are refused: {reason}")
+        if isinstance(reason, VersionError) and name[:120] not in self._refusals:
+            request = message({Key.VERSION: VERSION, "do": "speak", "versions": [VERSION]})
+            self._publish(topic(parse_topic(name)[0], "cmd"), request)
+        self._refusals[name[:120]] = str(reason)
+        if len(self._refusals) > _MOST_REFUSALS:
+            self._refusals.pop(next(iter(self._refusals)))
+
+    def _describe(self, vehicle: str, document: dict[Any, Any], now: int) -> None:
+        """Store a vehicle's description if it is new."""
+        description, quantities = document.get("description"), document.get("quantities")
+        configuration = text(document.get(Key.CONFIGURATION))
+        if not isinstance(description, str) or not isinstance(quantities, dict):
+            raise FormatError("a description without text and quantities of the channels")
+        if len(quantities) > _MOST_CHANNELS:
+            raise FormatError(f"a description of {len(quantities)} channels: at most {_MOST_CHANNELS}")
+        channels = [[text(name), text(quantity)] for name, quantity in quantities.items()]
+        # The time to parse a key of many dotted names grows with the square of its length.
+        if len(description) > _MOST_TEXT or max(map(len, description.splitlines()), default=0) > _LONGEST_LINE:
+            raise FormatError(f"a description of more than {_MOST_TEXT} characters, or {_LONGEST_LINE} in a line")
+        inbox = self._store.inbox
+        known = inbox.vehicle(vehicle)
+        if known is not None and (known.description, known.channels) == (description, channels):
+            return
+        vehicle_from_text(description, source=f"the vehicle file of {vehicle}")
+        inbox.put_vehicle(vehicle, configuration=configuration, description=description, channels=channels, now=now)
+
+    def _keep_answer(self, vehicle: str, document: dict[Any, Any]) -> None:
+        """Keep the answer of a box to a request."""
+        number, answer = _answer(document)
+        self._answers[vehicle, number] = answer
+        if len(self._answers) > _MOST_ANSWERS:
+            self._answers.pop(next(iter(self._answers)))
+
+    def _stated(self, vehicle: str, document: dict[Any, Any]) -> tuple[dict[int, int], "_Dropped"]:
+        """Note whether a box was switched off, and return the first frames of its first boots, and what it dropped."""
+        boots, dropped = document.get("boots"), _Dropped.of(document)
+        if not isinstance(boots, list):
+            raise FormatError("a state without boots")
+        first = dict(map(_first_frame, boots[:MOST_BOOTS]))
+        if len(first) < MOST_BOOTS:  # otherwise frames of other boots may be left
+            for loss in dropped.losses:
+                first.setdefault(loss.boot, loss.last + 1)
+        for boot in sorted(boot for boot, seq in first.items() if seq > 0):
+            self._check_boot(vehicle, boot)
+        is_leaving = bool(document.get("is_leaving"))
+        if is_leaving != (vehicle in self._parked):
+            self._store.inbox.park(vehicle, is_parked=is_leaving)
+            (self._parked.add if is_leaving else self._parked.discard)(vehicle)
+        return first, dropped
+
+
+@dataclass(frozen=True, slots=True)
+class _Dropped:
+    """Frames that a box reports as dropped: with boot and time, or, from older boxes, only their number."""
+
+    losses: tuple[Loss, ...]
+    unstated: int
+
+    @classmethod
+    def of(cls, document: Mapping[Any, Any]) -> "_Dropped":
+        """Return the dropped frames that a state message reports."""
+        return cls(tuple(losses_in(document)), 0 if "lost" in document else count(document, "dropped", 0))
+
+    @property
+    def n_frames(self) -> dict[int, int]:
+        """Number of frames by boot."""
+        return {loss.boot: loss.n_frames for loss in self.losses}
+
+
+def _parts(things: Sequence[T], name: Callable[[T], str]) -> list[list[T]]:
+    """Return things of several names split by name, and things of one name split one by one."""
+    names = dict.fromkeys(map(name, things))
+    if len(names) == 1:
+        return [[thing] for thing in things]
+    return [[thing for thing in things if name(thing) == each] for each in names]
+
+
+def _reason(error: Exception) -> str:
+    """Return the reason of a refusal for the figures."""
+    kinds = ((VersionError, VERSION_UNKNOWN), (_BootsError, BOOTS), (RefusedError, UNSTORABLE))
+    return next((reason for kind, reason in kinds if isinstance(error, kind)), INVALID)
+
+
+def _first_frame(entry: Any) -> tuple[int, int]:
+    """Return a boot and the first frame of it that a box still has, from an entry of its state."""
+    if not isinstance(entry, list) or len(entry) != 3:
+        raise FormatError(f"{str(entry)[:40]!r} found where boot, first and end are expected")
+    boot, first, _ = map(integer, entry)
+    if boot < 0:
+        raise FormatError(f"boot={boot} must be at least 0")
+    return boot, first
+
+
+def _frame(vehicle: str, payload: bytes) -> StoredFrame:
+    """Return a frame in the form of the store, if it belongs to the vehicle."""
+    header = check_frame(payload, vehicle)
+    return StoredFrame(vehicle, header.boot, header.seq, header.start, payload)
+
+
+def _report(vehicle: str, what: str, payload: bytes) -> StoredFrame:
+    """Return correlations or modes in the form of the store, if they belong to the vehicle."""
+    document = checked_map(payload)
+    if (document.get(Key.VERSION), document.get(Key.VEHICLE), document.get(Key.KIND)) != (VERSION, vehicle, what):
+        raise FormatError(f"a message other than {what} of {vehicle!r} in version {VERSION}")
+    header = Header.of(document)
+    count(document, "number")
+    return StoredFrame(vehicle, header.boot, header.seq, header.start, payload, what)
+
+
+def _answer(document: dict[Any, Any]) -> tuple[int, Mapping[str, Any]]:
+    """Return the number of a request for samples, and the answer of a box."""
+    number, *values = (integer(document.get(key)) for key in ("number", *_ANSWER))
+    reason = document.get("reason", "")
+    if min(number, *values) < -1 or not isinstance(reason, str):
+        raise FormatError(f"an answer without number, {', '.join(_ANSWER)} or with a reason that is not text")
+    return number, MappingProxyType({**dict(zip(_ANSWER, values, strict=True)), "reason": reason[:200]})
+
+
+def _misnamed(user: str, document: dict[Any, Any]) -> str:
+    """Return the sentence about a box whose vehicle has another name than the broker knows it by."""
+    vehicle = text(document.get("vehicle"))
+    return (
+        f"a box with the certificate of {user!r} calls itself {vehicle!r}, so that the broker refuses its samples: use "
+        f"--vehicle-id {user} on the box, or give it the certificate of {vehicle}"
+    )
+
+
+def _free_bytes(document: dict[Any, Any]) -> float:
+    """Return the free space on the disk of a box [bytes]."""
+    free = document.get("free")
+    if isinstance(free, bool) or not isinstance(free, int | float) or not 0 <= free < math.inf:
+        raise FormatError("a health report without free disk space")
+    return float(free)

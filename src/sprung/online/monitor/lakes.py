@@ -1,0 +1,171 @@
+"""Windows of the monitor into a lake, for engines that analyse fleets."""
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from sprung.errors import SprungError
+from sprung.link import Every
+from sprung.online.monitor.site import Site
+from sprung.recording import Recording
+
+if TYPE_CHECKING:
+    from sprung.fleet.lake import Lake, Outbox
+
+LOG = logging.getLogger("sprung.monitor")
+
+#: Longest wait of a window, and of all after a failure [s]; number of windows that do not wait that long.
+_WAIT, _MANY = 600.0, 64
+#: Time between checks, and between deletions of old dates and compactions [s].
+_LOOK, _DAY = 5.0, 86400.0
+#: Largest size of a date that the monitor compacts [bytes].
+_COMPACTED = 1 << 28
+#: Longest wait for a commit under way at the end [s].
+_CLOSING = 2.0
+
+
+class LakeWriter:
+    """Keeps windows on disk, and writes them to a lake in a thread of its own: a slow object store delays nothing else.
+
+    Parameters
+    ----------
+    lake
+        The lake.
+    outbox
+        Windows that wait.
+    source
+        Name of the monitor in the lake.
+    before
+        Function of the present time that returns the time before which dates are deleted, both UTC ns.
+    is_first
+        Function that returns whether this monitor deletes and compacts, and not another one.
+    clock
+        Present time, UTC ns.
+    timer
+        Present time [s] of a monotonic clock.
+    """
+
+    def __init__(
+        self,
+        lake: "Lake",
+        outbox: "Outbox",
+        *,
+        source: str,
+        before: Callable[[int], int],
+        is_first: Callable[[], bool],
+        clock: Callable[[], int],
+        timer: Callable[[], float],
+    ) -> None:
+        self._lake, self._outbox, self._source = lake, outbox, source
+        self._before, self._is_first, self._clock = before, is_first, clock
+        self._moving, self._tidying = Every(_WAIT, timer), Every(_DAY, timer)
+        self._moving.start()
+        self._n_written = self._n_failures = 0
+        self._reasons: dict[str, str] = {}
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="lake", daemon=True)
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Figures of `sprung.online.monitor.figures.FIGURES` about the lake."""
+        return {
+            "sprung_lake_windows_total": self._n_written,
+            "sprung_lake_windows_waiting": len(self._outbox.files),
+            "sprung_lake_failures_total": self._n_failures,
+        }
+
+    @property
+    def trouble(self) -> str:
+        """Sentence about the last failures; empty if there is none."""
+        reasons = list(dict.fromkeys(self._reasons.copy().values()))
+        return f"windows are not written to the lake: {'; '.join(reasons)}" if reasons else ""
+
+    def open(self) -> None:
+        """Start writing."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop; windows that wait stay on the disk."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join(_CLOSING)
+
+    def keep(self, vehicle: str, recording: Recording) -> None:
+        """Keep a window until it is written; a failure is logged and raises an alert."""
+        from sprung.fleet.lake import window_of_recording
+
+        try:
+            self._outbox.put(window_of_recording(vehicle, recording, source=self._source))
+            self._reasons.pop("keep", None)
+        except (SprungError, OSError) as error:
+            self._fail("keep", error)
+
+    def step(self) -> None:
+        """Do what is due."""
+        n_waiting = len(self._outbox.files)
+        has_failed = "write" in self._reasons
+        if n_waiting and (self._moving.is_due or (n_waiting >= _MANY and not has_failed)):
+            self._attempt("write", self._move)
+            self._moving.start()
+        elif not n_waiting:
+            self._moving.start()  # the next window waits for as long as any
+        if self._is_first() and self._tidying.is_due:
+            self._tidying.start()
+            self._attempt("tidy", self._tidy)
+
+    def _move(self) -> None:
+        """Write the windows that wait."""
+        self._n_written += self._outbox.move(self._lake)
+
+    def _tidy(self) -> None:
+        """Delete old dates, and compact."""
+        self._lake.prune(before=self._before(self._clock()))
+        self._lake.compact(most_bytes=_COMPACTED)
+
+    def _attempt(self, what: str, act: Callable[[], None]) -> None:
+        """Do something with the lake; whatever fails is logged, and tried again later."""
+        try:
+            act()
+            self._reasons.pop(what, None)
+        except Exception as error:  # an object store fails in many ways, and the monitor continues
+            self._fail(what, error)
+
+    def _fail(self, what: str, error: Exception) -> None:
+        """Record and log a failure."""
+        self._n_failures += 1
+        self._reasons[what] = str(error) or type(error).__name__
+        LOG.warning("windows are not written to the lake", extra={"reason": self._reasons[what]})
+
+    def _run(self) -> None:
+        """Do what is due until stopped."""
+        while not self._stopping.wait(_LOOK):
+            self.step()
+
+
+def lake_writer(
+    site: Site, *, is_first: Callable[[], bool], clock: Callable[[], int], timer: Callable[[], float]
+) -> LakeWriter | None:
+    """Return the lake writer of a site; None if it has no lake.
+
+    Parameters
+    ----------
+    site
+        Settings.
+    is_first, clock, timer
+        As for `LakeWriter`.
+    """
+    if site.keep.lake is None:
+        return None
+    from sprung.fleet.lake import Lake, Outbox
+
+    outbox = Outbox(site.outbox, most_bytes=1e9 * site.keep.raw_gigabytes)
+    return LakeWriter(
+        Lake(site.keep.lake),
+        outbox,
+        source=f"monitor {site.name}",
+        before=site.keep.lake_before,
+        is_first=is_first,
+        clock=clock,
+        timer=timer,
+    )

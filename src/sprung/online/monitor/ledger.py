@@ -1,0 +1,348 @@
+"""Storage of the analysis: results and progress in one transaction, samples in an archive, alerts."""
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+from sprung.diagnosis import Baseline
+from sprung.errors import SprungError
+from sprung.link import checked_map
+from sprung.online.monitor.alert_book import AlertBook
+from sprung.online.monitor.engine import Event, Identified, Observed, Restored
+from sprung.online.monitor.jobs import Outcome
+from sprung.online.monitor.on_board import archive_correlations, reported_modes
+from sprung.online.monitor.site import Site
+from sprung.online.store import Progress, RefusedError, Store, StoredFrame, StoreError, write_archive
+from sprung.recording import Recording
+from sprung.results.documents import baseline_document, finding_document, observation_document
+
+LOG = logging.getLogger("sprung.monitor")
+
+#: Alerts about the analysis of a vehicle, which the next window clears.
+_TROUBLES = ("monitor:analysis", "monitor:state", "monitor:opening")
+#: Largest number of results that wait to be stored together.
+_MOST_WAITING = 1000
+#: Useful digits: of identified modes, and of the windows that diagnosis and types compare.
+_OF_MODES, _OF_WINDOWS = 6, 9
+
+
+class Ledger:
+    """Stores the results of workers' jobs.
+
+    Parameters
+    ----------
+    site
+        Settings, including those of the archive.
+    store
+        Store of results and progress.
+    alerts
+        Alerts of all vehicles.
+    clock
+        Present time, UTC ns.
+    keep_window
+        Function that keeps the samples of a window of a vehicle for the lake; None: no lake.
+
+    Notes
+    -----
+    Modes of an incomplete window wait to be stored with those of other vehicles, until `flush`. A restart before that
+    analyses their frames again, and stores the same.
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        store: Store,
+        *,
+        alerts: AlertBook,
+        clock: Callable[[], int],
+        keep_window: Callable[[str, Recording], None] | None = None,
+    ) -> None:
+        self._keep_window = keep_window
+        self._store, self._alerts, self._clock = store, alerts, clock
+        self._warned: dict[tuple[str, str], str] = {}
+        self._waiting: list[Progress] = []
+        self._samples, self._correlations = site.archive, site.correlations
+        self._n_windows = self._n_identifications = self._n_thinned = self._n_frames_aside = self._n_states_aside = 0
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Figures of `sprung.online.monitor.figures.FIGURES` about results."""
+        return {
+            "sprung_windows_total": self._n_windows,
+            "sprung_identifications_total": self._n_identifications,
+            "sprung_identifications_thinned_total": self._n_thinned,
+            "sprung_identifications_thinned_ratio": self._n_thinned / max(1, self._n_thinned + self._n_identifications),
+            "sprung_frames_set_aside_total": self._n_frames_aside,
+            "sprung_states_set_aside_total": self._n_states_aside,
+        }
+
+    def commit(self, outcome: Outcome, boot: int, seq: int) -> bool:
+        """Store the events of a job: those of a window in one transaction with the state after it, others at `flush`.
+
+        Parameters
+        ----------
+        outcome
+            Outcome of the job.
+        boot, seq
+            Boot of its frames, and sequence number of the last one.
+
+        Returns
+        -------
+        bool
+            Whether the frames up to `seq` are recorded as analysed, which requires a state.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write.
+        """
+        windows = [event for event in outcome.events if isinstance(event, Observed)]
+        identified = [event for event in outcome.events if isinstance(event, Identified)]
+        changes = [event for event in outcome.events if isinstance(event, Observed | Restored)]
+        # Without modes nothing is kept: why a window has none is in its observation.
+        modes = tuple(_modes(event) for event in identified if event.modes)
+        self._n_windows += len(windows)
+        self._n_identifications += len(identified)
+        self._n_thinned += outcome.n_thinned
+        is_saved = outcome.state is not None
+        if not (identified or is_saved):
+            return False
+        now = self._clock()
+        for event in windows:
+            self._archive(outcome.vehicle, boot, event)
+            if self._keep_window is not None:
+                self._keep_window(outcome.vehicle, event.recording)
+        done = seq if is_saved else -1
+        progress = Progress(
+            outcome.vehicle,
+            boot,
+            done_seq=done,
+            delete_through_seq=done,
+            observations=tuple(_numbered(event, observation_document(event.observation)) for event in windows),
+            modes=modes,
+            findings=tuple(_numbered(event, finding) for event in windows for finding in _findings(event)),
+            baselines=tuple(_baseline(change.baseline, now) for change in changes if change.baseline is not None),
+            snapshot=outcome.state,
+            status=outcome.status._asdict(),
+            now=now,
+        )
+        if not is_saved:
+            self._waiting.append(progress)
+            if len(self._waiting) >= _MOST_WAITING:
+                self.flush()
+            return False
+        self._store.results.commit(progress, *self._of(outcome.vehicle))
+        self._waiting = [each for each in self._waiting if each.vehicle != outcome.vehicle]
+        for change in changes:
+            if change.baseline is not None:
+                learnt = {"version": change.baseline.version, "windows": change.baseline.n_windows}
+                words = "baseline restored" if isinstance(change, Restored) else "baseline learnt"
+                LOG.info(words, extra={"vehicle": outcome.vehicle, **learnt})
+            elif outcome.status.is_learning and outcome.status.note:
+                reason = {"reason": outcome.status.note}
+                LOG.info("window not used for learning", extra={"vehicle": outcome.vehicle, **reason})
+        return True
+
+    @property
+    def waiting(self) -> list[str]:
+        """Vehicles with results that wait to be stored."""
+        return list(dict.fromkeys(progress.vehicle for progress in self._waiting))
+
+    def forget(self, vehicle: str) -> None:
+        """Forget the results of a vehicle that wait: another monitor stores the same."""
+        self._waiting = [progress for progress in self._waiting if progress.vehicle != vehicle]
+
+    def flush(self, vehicle: str | None = None) -> None:
+        """Store the results of a vehicle, or of all, that wait, in one transaction.
+
+        Raises
+        ------
+        LeaseLostError
+            If another monitor has taken over one of the vehicles: they wait on.
+        StoreError
+            If the store cannot write: those not yet stored wait on. Those that it refuses are dropped.
+        """
+        waiting = self._waiting if vehicle is None else self._of(vehicle)
+        if not waiting:
+            return
+        try:
+            self._store.results.commit(waiting[-1], *waiting[:-1])
+        except RefusedError:
+            for progress in waiting:
+                self._store_alone(progress)
+        except StoreError:
+            self._waiting = self._waiting[-_MOST_WAITING:]
+            raise
+        else:
+            stored = set(map(id, waiting))
+            self._waiting = [progress for progress in self._waiting if id(progress) not in stored]
+
+    def update_alerts(self, vehicle: str, events: tuple[Event | Restored, ...]) -> None:
+        """Raise, update and clear alerts according to windows, which clear those about the analysis.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write.
+        """
+        for event in events:
+            if isinstance(event, Observed):
+                self._alerts.take_window(vehicle, event, now=self._clock())
+                for cause in _TROUBLES:
+                    self._alerts.clear(vehicle, cause, now=self._clock())
+                    self._warned.pop((vehicle, cause), None)
+
+    def complete(self, vehicle: str, boot: int, seq: int) -> None:
+        """Remove the frames of a boot up to a sequence number, which the stored state covers.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write.
+        """
+        self._store.results.commit(Progress(vehicle, boot, done_seq=seq, delete_through_seq=seq))
+
+    def set_frames_aside(self, vehicle: str, boot: int, first: int, last: int, *, reason: str) -> None:
+        """Set the frames of a boot between two sequence numbers aside, and raise an alert.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write.
+        """
+        now = self._clock()
+        self._n_frames_aside += self._store.aside.put_frames(vehicle, boot, first, last, reason=reason, now=now)
+        self.warn(vehicle, "monitor:analysis", f"frames could not be analysed and were set aside: {reason}")
+
+    def set_state_aside(self, vehicle: str, *, reason: str) -> bool:
+        """Set the saved state of a vehicle aside, and raise an alert; return whether there was one.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write.
+        """
+        if not self._store.aside.put_state(vehicle, reason=reason, now=self._clock()):
+            return False
+        self._n_states_aside += 1
+        sentence = (
+            f"the saved state could not be used and was set aside: {reason}; monitoring starts again from the "
+            "baseline and the windows in the store, and no frame is left out"
+        )
+        self.warn(vehicle, "monitor:state", sentence)
+        return True
+
+    def warn(self, vehicle: str, cause: str, sentence: str) -> None:
+        """Log a problem with the analysis of a vehicle, and raise an alert, unless it is the same as before.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write.
+        """
+        if self._warned.get((vehicle, cause)) != sentence:
+            LOG.error(sentence, extra={"vehicle": vehicle})
+            self._alerts.report(vehicle, cause, sentence, now=self._clock())
+            self._warned[vehicle, cause] = sentence
+
+    def finish_learning(self, command: int) -> None:
+        """Record that a request for a new or an earlier baseline was completed.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write.
+        """
+        self._store.requests.command_done(command, self._clock())
+
+    def store_report(self, frame: StoredFrame) -> None:
+        """Store modes, or archive correlations, from a box; invalid ones are logged and removed.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write.
+        """
+        modes: tuple[tuple[int, int, dict[str, Any]], ...] = ()
+        try:
+            document = checked_map(frame.payload)
+            if frame.kind == "modes":
+                modes = ((document["number"], frame.t0, reported_modes(document)),)
+            elif self._correlations is not None:
+                archive_correlations(document, self._correlations, frame.vehicle)
+        except SprungError as error:
+            LOG.warning("report of a box discarded", extra={"vehicle": frame.vehicle, "reason": str(error)})
+        self._store.results.commit(
+            Progress(
+                frame.vehicle,
+                frame.boot,
+                done_seq=frame.seq,
+                delete_through_seq=frame.seq,
+                modes=modes,
+                now=self._clock(),
+            )
+        )
+
+    def _of(self, vehicle: str) -> list[Progress]:
+        """Return the results of a vehicle that wait."""
+        return [progress for progress in self._waiting if progress.vehicle == vehicle]
+
+    def _store_alone(self, progress: Progress) -> None:
+        """Store results by themselves, or drop them if the store refuses them."""
+        try:
+            self._store.results.commit(progress)
+        except RefusedError as error:
+            LOG.error("modes were not stored", extra={"vehicle": progress.vehicle, "reason": str(error)})
+        self._waiting = [each for each in self._waiting if each is not progress]
+
+    def _archive(self, vehicle: str, boot: int, event: Observed) -> None:
+        """Write the samples of a window to the archive; a failure is only logged."""
+        recording = event.recording
+        if self._samples is None:
+            return
+        try:
+            write_archive(
+                self._samples,
+                vehicle,
+                boot,
+                event.number,
+                recording.start or 0,
+                samples=recording.samples,
+                channels=recording.names,
+                sampling_rate=recording.sampling_rate,
+                gaps=[(gap.index, gap.duration) for gap in recording.gaps],
+                quantities=[channel.quantity for channel in recording.channels],
+            )
+        except (SprungError, OSError) as error:
+            LOG.warning("samples were not archived", extra={"vehicle": vehicle, "reason": str(error)})
+
+
+def _numbered(event: Observed, document: dict[str, Any]) -> tuple[int, int, dict[str, Any]]:
+    """Return number, time and a document of a window."""
+    return event.number, event.recording.start or 0, rounded(document, _OF_WINDOWS)
+
+
+def _modes(event: Identified) -> tuple[int, int, dict[str, Any]]:
+    """Return number, time and document of an identification."""
+    return event.number, event.start or 0, {"modes": rounded(list(event.modes), _OF_MODES), "reason": event.reason}
+
+
+def rounded(value: Any, digits: int) -> Any:
+    """Return plain values with all floats rounded to significant digits."""
+    if isinstance(value, float):
+        return float(f"{value:.{digits}g}")
+    if isinstance(value, dict):
+        return {name: rounded(own, digits) for name, own in value.items()}
+    if isinstance(value, list | tuple):
+        return [rounded(own, digits) for own in value]
+    return value
+
+
+def _findings(event: Observed) -> list[dict[str, Any]]:
+    """Return the findings of a window as documents."""
+    return [] if event.diagnosis is None else [finding_document(finding) for finding in event.diagnosis.findings]
+
+
+def _baseline(baseline: Baseline, now: int) -> tuple[int, int, str, dict[str, Any]]:
+    """Return version, time, reason and document of a baseline that is in use from now on."""
+    return baseline.version, now, baseline.reason, baseline_document(baseline).as_json()

@@ -1,0 +1,369 @@
+"""The monitor: link, store, workers and alerts together, in one loop."""
+
+import logging
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+
+from sprung.link import UPWARDS, VERSION, Every, Key, Link, message, shared_topic, topic
+from sprung.online.monitor.alert_book import AlertBook
+from sprung.online.monitor.dispatch import Dispatch
+from sprung.online.monitor.engine import Observed
+from sprung.online.monitor.figures import labelled
+from sprung.online.monitor.gate import Gate
+from sprung.online.monitor.heartbeats import Heartbeats, Loop
+from sprung.online.monitor.inflow import Inflow, vehicle_of
+from sprung.online.monitor.intake import MONITOR, Intake
+from sprung.online.monitor.jobs import VehicleStatus
+from sprung.online.monitor.lakes import lake_writer
+from sprung.online.monitor.ledger import Ledger
+from sprung.online.monitor.overload import Overload
+from sprung.online.monitor.pictures import alert_picture
+from sprung.online.monitor.postman import PostOffice, senders_of
+from sprung.online.monitor.refusals import OVERLOAD, Refusals
+from sprung.online.monitor.shards import Shards
+from sprung.online.monitor.site import Site
+from sprung.online.monitor.upkeep import Upkeep
+from sprung.online.monitor.workers import Workers
+from sprung.online.store import N_SHARDS, Store, StoreError
+
+LOG = logging.getLogger("sprung.monitor")
+
+#: Largest number of messages taken in together, of their bytes, and longest time to read them [s].
+_BATCH, _BATCH_BYTES, _BATCH_SECONDS = 2000, 16 << 20, 0.25
+#: Time between checks for vehicles that send too much [s], and largest number of alerts about them.
+_EXAMINE, _MOST_ALERTS = 60.0, 20
+#: Longest time of a pass of the loop, and of the thread that sends notifications; of a job, besides its limit [s].
+_STILL, _STILL_POST, _LATE = 15.0, 300.0, 60.0
+#: Messages that each of several monitors gets: retained ones, which no shared subscription gets, and answers of boxes.
+_FOR_ALL = ("meta", "event")
+#: Time between checks for frames that other monitors took in: of what has changed, and of all [s].
+_FOLLOW, _COMPARE = 1.0, 60.0
+#: Longest time for which results wait to be stored together [s].
+_FLUSH = 1.0
+
+
+class Station:
+    """Monitors all vehicles that send.
+
+    Parameters
+    ----------
+    site
+        Settings.
+    store
+        Open store.
+    connect
+        Function of topics, message handler and will that returns a link, such as `partial(Link, address, name)`.
+    workers
+        Processes that analyse.
+    clock
+        Present time, UTC ns.
+    timer
+        Present time [s] of a monotonic clock.
+    sleep
+        Function that waits for a time [s].
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        store: Store,
+        *,
+        connect: Callable[..., Link],
+        workers: Workers,
+        clock: Callable[[], int] = time.time_ns,
+        timer: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._site, self._clock, self._sleep = site, clock, sleep
+        self._inflow, self._refusals, self._timer, self._store = Inflow(), Refusals(), timer, store
+        self._last_message: float | None = None
+        self._last_window: float | None = None
+        self._link = connect(
+            topics=[
+                shared_topic("+", what) if store.leases.is_shared and what not in _FOR_ALL else topic("+", what)
+                for what in UPWARDS
+            ],
+            on_message=self.receive,
+            will=(topic(MONITOR, "state"), message({Key.VERSION: VERSION, "is_dead": True})),
+        )
+        senders = senders_of(site.send, self._link.publish)
+        loops = loops_of(site.watch.seconds_per_job, [sender.name for sender in senders])
+        self._heartbeats = Heartbeats(loops, timer)
+        self._shards = Shards(store, patience=site.watch.takeover_seconds, timer=timer)
+        alerts = self._alerts = AlertBook(store, site.alerts.settings, monitor=self._shards.name)
+        self._gate = Gate(timer)
+        self._intake = Intake(
+            store,
+            self._link.publish,
+            refusals=self._refusals,
+            on_lost=lambda vehicle, counts, begin, end, now: alerts.report_lost(
+                vehicle, counts, begin=begin, end=end, now=now
+            ),
+        )
+        self._lake = lake_writer(site, is_first=lambda: self._shards.is_first, clock=clock, timer=timer)
+        ledger = Ledger(
+            site, store, alerts=alerts, clock=clock, keep_window=None if self._lake is None else self._lake.keep
+        )
+        self._following, self._comparing = Every(_FOLLOW, timer), Every(_COMPARE, timer)
+        self._dispatch = Dispatch(
+            store,
+            workers,
+            ledger,
+            site.watch.settings,
+            timer=timer,
+            fence=self._shards.fence,
+            overload=Overload(alerts, limit=site.watch.overload_seconds, clock=clock),
+            clock=clock,
+        )
+        self._post = PostOffice(
+            store,
+            senders,
+            clock=clock,
+            link=site.alert_url,
+            picture=partial(alert_picture, store),
+            beat=self._heartbeats.beat,
+            is_on_duty=lambda: self._shards.is_first,
+        )
+        self._upkeep = Upkeep(
+            site,
+            store,
+            alerts=alerts,
+            intake=self._intake,
+            link=self._link,
+            gate=self._gate,
+            post=self._post,
+            shards=self._shards,
+            relearn=self._dispatch.relearn,
+            lake=self._lake,
+            clock=clock,
+            timer=timer,
+        )
+        self._examining = Every(_EXAMINE, timer)
+        self._overloaded: set[str] = set()
+        self._flushing = Every(_FLUSH, timer)
+        self._is_resting = self._is_open = False
+
+    @property
+    def statuses(self) -> Mapping[str, VehicleStatus]:
+        """Status of each vehicle after its last job."""
+        return self._dispatch.statuses
+
+    @property
+    def n_vehicles(self) -> int:
+        """Number of vehicles that have sent."""
+        return int(self._dispatch.figures["sprung_vehicles"])
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether all received frames are analysed, except those that wait for earlier frames or a description."""
+        return self._is_resting and self._inflow.is_empty and self._dispatch.is_idle
+
+    def open(self, *, timeout: float = 0.0) -> None:
+        """Continue from the store, and connect; `timeout` as for `Link.open`.
+
+        Raises
+        ------
+        StoreError
+            If another monitor uses the store, and it is a file.
+        """
+        self._shards.open()
+        if not self._shards.is_shared:
+            self._alerts.keep_reports_of(self._shards.monitors, now=self._clock())
+        self._upkeep.open()
+        self._is_open = True
+        self._follow()
+        self._post.open()
+        if self._lake is not None:
+            self._lake.open()
+        self._link.open(timeout=timeout)
+        self._heartbeats.beat("station")
+        LOG.info("monitoring", extra={"vehicles": self.n_vehicles})
+
+    def run(self, is_done: Callable[[], bool]) -> None:
+        """Monitor until `is_done` returns True."""
+        while not is_done():
+            self.step()
+
+    def step(self) -> None:
+        """Do what is due; wait for 5 ms if nothing is."""
+        self._heartbeats.beat("station")
+        n_taken = n_given = 0
+        if self._gate.is_open:
+            self._gate.guard(self._follow)
+            n_taken = self._take()
+            n_given = self._gate.guard(self._dispatch.give) or 0
+        outcomes = self._dispatch.collect(timeout=0.0 if n_taken else 0.05)
+        for outcome in outcomes:
+            self._gate.guard(partial(self._dispatch.settle, outcome))
+            if any(isinstance(event, Observed) for event in outcome.events):
+                self._last_window = self._timer()
+        if outcomes or self._dispatch.is_idle:
+            self._heartbeats.beat("analysis")
+        self._upkeep.step()
+        if self._examining.is_due:
+            self._examining.start()
+            self._gate.guard(self._examine)
+        self._is_resting = not (n_taken or n_given or outcomes)
+        if self._is_resting or self._flushing.is_due:
+            self._flushing.start()
+            self._gate.guard(self._dispatch.flush)
+        if self._is_resting:
+            self._sleep(0.005)
+
+    def close(self) -> None:
+        """Stop cleanly."""
+        self._post.close()
+        if self._lake is not None:
+            self._lake.close()
+        self._link.close()
+        self._gate.guard(self._dispatch.flush)
+        self._dispatch.close()
+        if self._is_open:
+            self._is_open = False
+            self._upkeep.close()
+            LOG.info("stopped")
+        with suppress(StoreError):  # others take over later
+            self._shards.close()
+
+    def receive(self, name: str, payload: bytes) -> None:
+        """Queue a message for the next step; beyond the limit it is dropped, and sent again as unacknowledged."""
+        self._last_message = self._timer()
+        if not self._inflow.put(name, payload):
+            vehicle = vehicle_of(name)
+            self._refusals.add(vehicle, OVERLOAD)
+            if vehicle and len(self._overloaded) < _MOST_ALERTS:
+                self._overloaded.add(vehicle)
+
+    def figures(self) -> dict[str, float]:
+        """Return the figures of `FIGURES` that need no store."""
+        ages, refusals = self._heartbeats.ages, self._refusals.counts
+        last = {"sprung_message_age_seconds": self._last_message, "sprung_window_age_seconds": self._last_window}
+        now = self._timer()
+        return {
+            **self._intake.figures,
+            **self._dispatch.figures,
+            **self._post.figures,
+            **({} if self._lake is None else self._lake.figures),
+            **{name: now - time for name, time in last.items() if time is not None},
+            "sprung_queue_bytes": self._inflow.n_bytes,
+            "sprung_link_connected": float(self._link.is_connected),
+            "sprung_monitors": len(self._shards.monitors),
+            "sprung_shards": len(self._shards.held) if self._shards.is_shared else N_SHARDS,
+            "sprung_store_writable": float(not self._gate.trouble),
+            **{labelled("sprung_heartbeat_age_seconds", loop=loop): age for loop, age in ages.items()},
+            **{
+                labelled("sprung_refusals_total", vehicle=vehicle, reason=reason): n_messages
+                for (vehicle, reason), n_messages in refusals.items()
+            },
+        }
+
+    def troubles(self) -> list[str]:
+        """Return sentences about problems of the monitor itself."""
+        broker = "" if self._link.is_connected else self._link.problem or "the broker has not answered yet"
+        inner = (*self._heartbeats.troubles, *self._post.troubles)
+        return [sentence for sentence in (broker, self._gate.trouble, *inner) if sentence]
+
+    def _follow(self) -> None:
+        """Take over and leave vehicles, and find the frames that other monitors took in for this one."""
+        change = self._shards.renew()
+        self._dispatch.leave(change.lost)
+        for monitor in change.dead:
+            self._upkeep.report_dead(monitor)
+        if change.is_other_crew:
+            self._alerts.keep_reports_of(self._shards.monitors, now=self._clock())
+        if change.gained or change.lost:
+            LOG.info("shards", extra={"held": len(self._shards.held), "monitors": len(self._shards.monitors)})
+            self._comparing.reset()
+            self._following.reset()
+        if not self._following.is_due or (self._comparing.started is not None and not self._shards.is_shared):
+            return
+        self._following.start()
+        is_complete = self._comparing.is_due
+        self._dispatch.follow(self._shards.held if self._shards.is_shared else None, is_complete=is_complete)
+        if is_complete:
+            self._comparing.start()
+
+    def _take(self) -> int:
+        """Store the messages received, and return their number."""
+        if self._inflow.is_empty:
+            return 0
+        taken = self._gate.guard(partial(self._intake.take, self._batch(), now=self._clock()))
+        if taken is None:
+            # The store may have frames all the same, if it failed after a commit, and a box may have no more of them.
+            self._comparing.reset()
+            self._following.reset()
+            return 0
+        if taken.arrived or taken.described:
+            self._gate.succeed()
+        self._dispatch.hold([frame for frame in taken.frames if self._shards.holds(frame.vehicle)])
+        for (vehicle, boot), contiguous in taken.arrived.items():
+            if self._shards.holds(vehicle):
+                self._dispatch.add(vehicle, boot, contiguous)
+        for vehicle, held in taken.held.items():
+            self._give_up(vehicle, held)
+        for vehicle, checksum in taken.described.items():
+            if self._shards.holds(vehicle):
+                self._gate.guard(partial(self._describe, vehicle, checksum))
+        return taken.n_messages
+
+    def _give_up(self, vehicle: str, held: Collection[int]) -> None:
+        """Give up what boots wait for, if it is of a boot that their box no longer names: its disk has lost it."""
+        awaited = self._dispatch.awaited(vehicle)
+        ends = {boot: end for boot, end in awaited.items() if boot not in held and boot < max(held, default=-1)}
+        if ends:
+            lost = self._gate.guard(partial(self._intake.declare_lost, vehicle, ends, now=self._clock())) or {}
+            for (_, boot), contiguous in lost.items():
+                self._dispatch.add(vehicle, boot, contiguous)
+
+    def _describe(self, vehicle: str, checksum: int) -> None:
+        """Analyse a vehicle by its stored description, and let its box know."""
+        self._dispatch.describe(vehicle)
+        self._intake.confirm(vehicle, checksum)
+
+    def _batch(self) -> Iterator[tuple[str, bytes]]:
+        """Yield messages, vehicle by vehicle in turn, while their number, their bytes and the time allow it."""
+        n_bytes, begun = 0, self._timer()
+        for _ in range(_BATCH):
+            message = self._inflow.take()
+            if message is None:
+                return
+            yield message
+            n_bytes += len(message[1])
+            if n_bytes > _BATCH_BYTES or self._timer() - begun > _BATCH_SECONDS:
+                return
+
+    def _examine(self) -> None:
+        """Raise an alert for each vehicle that sent more than could wait since the last check; clear the others."""
+        now = self._clock()
+        overloaded, self._overloaded = self._overloaded, set()
+        for vehicle in sorted(overloaded):
+            sentence = f"{vehicle} sends more than the monitor takes in: messages are refused"
+            self._alerts.report_own(vehicle, "monitor:intake", sentence, now=now)
+        for row in self._store.alerts.find(is_active=True):
+            if row.cause == "monitor:intake" and row.vehicle not in overloaded:
+                self._alerts.clear_own(row.vehicle, row.cause, now=now)
+
+
+def loops_of(seconds_per_job: float, senders: Sequence[str]) -> dict[str, Loop]:
+    """Return the loops that must keep running, by name.
+
+    Parameters
+    ----------
+    seconds_per_job
+        Longest time of a job [s].
+    senders
+        Names of the senders of notifications.
+    """
+    return {
+        "station": Loop(
+            _STILL,
+            "the main loop of the monitor has stopped: check its store and disk, restart it if it does not resume",
+        ),
+        "analysis": Loop(seconds_per_job + _LATE, "no analysis job finishes: restart the monitor"),
+        **{
+            f"post {sender}": Loop(_STILL_POST, f"notifications wait for {sender}, which does not answer: check it")
+            for sender in senders
+        },
+    }

@@ -1,0 +1,259 @@
+"""Periodic housekeeping: silent vehicles, expired shelves, operator commands, retention, disk space."""
+
+import logging
+from collections.abc import Callable
+from datetime import UTC, datetime
+
+from sprung.link import VERSION, Every, Key, Link, message, topic
+from sprung.online.monitor.alert_book import AlertBook
+from sprung.online.monitor.certificates import certificates_of
+from sprung.online.monitor.gate import Gate
+from sprung.online.monitor.histories import LEARN, ROLL_BACK
+from sprung.online.monitor.intake import MONITOR, Intake
+from sprung.online.monitor.lakes import LakeWriter
+from sprung.online.monitor.postman import PostOffice
+from sprung.online.monitor.shards import Shards
+from sprung.online.monitor.site import Site
+from sprung.online.store import CommandRow, Retention, Store
+
+LOG = logging.getLogger("sprung.monitor")
+
+#: Time between checks of vehicles and commands, between sweeps of the disk, and between deletions of old rows [s].
+_LOOK, _SWEEP, _TIDY = 1.0, 60.0, 3600.0
+#: Largest number of old rows that a sweep deletes, as intake pauses meanwhile.
+_MOST_ROWS = 10_000
+#: Causes of the alerts about certificates that expire, and about a lake that cannot be written.
+CERTIFICATE, LAKE = "monitor:certificate", "monitor:lake"
+#: Shortest time before samples are requested again, and between warnings that the broker cannot be reached [s].
+_ASK, _REMIND = 10.0, 600.0
+#: Time without a change after which the alert about lost frames clears [ns].
+_CALM = 3600 * 10**9
+
+
+class Upkeep:
+    """Periodic work that no message of a vehicle triggers.
+
+    Parameters
+    ----------
+    site
+        Settings.
+    store
+        Store of vehicles, commands and alerts.
+    alerts
+        Alerts of all vehicles.
+    intake
+        Intake, for parked vehicles and the answers of boxes.
+    link
+        Connection to the broker.
+    gate
+        Gate that is closed while the store cannot write.
+    post
+        Senders of notifications.
+    shards
+        Vehicles that this monitor works for.
+    relearn
+        Function called with each open request for a new or an earlier baseline.
+    lake
+        Lake writer; None: no lake.
+    clock
+        Present time, UTC ns.
+    timer
+        Present time [s] of a monotonic clock.
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        store: Store,
+        *,
+        alerts: AlertBook,
+        intake: Intake,
+        link: Link,
+        gate: Gate,
+        post: PostOffice,
+        shards: Shards,
+        relearn: Callable[[CommandRow], None],
+        lake: LakeWriter | None = None,
+        clock: Callable[[], int],
+        timer: Callable[[], float],
+    ) -> None:
+        self._site, self._store, self._alerts, self._intake = site, store, alerts, intake
+        self._link, self._gate, self._post, self._shards = link, gate, post, shards
+        self._relearn, self._clock, self._lake = relearn, clock, lake
+        self._begun = clock()
+        self._archives = [Retention(folder) for folder in (site.archive, site.correlations) if folder is not None]
+        self._asking: dict[int, Every] = {}
+        self._looking, self._sweeping = Every(_LOOK, timer), Every(_SWEEP, timer)
+        self._tidying = Every(_TIDY, timer)
+        self._outage = Outage(link, clock)
+
+    def open(self) -> None:
+        """Record the start; raise alerts about a damaged store and a monitor that did not stop cleanly."""
+        now = self._clock()
+        for notice in self._store.notices:
+            LOG.warning(notice)
+            self._alerts.report(MONITOR, "monitor:store", notice, now=now)
+        own = [row for row in self._store.requests.audited(limit=1000) if row.who == MONITOR]
+        if own and own[-1].act == "started" and not self._shards.is_shared:  # else another monitor will notice
+            sentence = "the monitor stopped unexpectedly and was restarted"
+            self._alerts.report(MONITOR, "monitor", sentence, now=now)
+        self._store.requests.audit(MONITOR, "started", MONITOR, now=now)
+
+    def close(self) -> None:
+        """Record the stop."""
+        self._gate.guard(lambda: self._store.requests.audit(MONITOR, "stopped", MONITOR, now=self._clock()))
+
+    def step(self) -> None:
+        """Do what is due."""
+        if self._looking.is_due:
+            self._looking.start()
+            self._outage.step()
+            self._gate.guard(self._look)
+        if self._sweeping.is_due:
+            self._sweeping.start()
+            self._gate.guard(self._sweep)
+
+    def report_dead(self, monitor: str) -> None:
+        """Raise an alert about another monitor that has died."""
+        sentence = f"the monitor {monitor} stopped unexpectedly: others have taken over its vehicles"
+        self._alerts.report(MONITOR, "monitor", sentence, now=self._clock())
+
+    def _look(self) -> None:
+        """Update shelved alerts and alerts of silent vehicles, and carry out commands, all for own vehicles only."""
+        now, holds = self._clock(), self._shards.holds
+        self._alerts.end_shelves(holds=holds, fence=self._shards.fence, now=now)
+        if self._shards.is_first:
+            self._update_own("monitor:notifications", self._post.lasting_trouble, now)
+        self._intake.recall_parked()
+        last_seen = {vehicle: seen for vehicle, seen in self._store.inbox.last_seen().items() if holds(vehicle)}
+        self._update_silence(last_seen, now)
+        for command in self._store.requests.open_commands():
+            if holds(command.vehicle):
+                with self._shards.fence(command.vehicle):
+                    self._carry_out(command, last_seen.get(command.vehicle, 0), now)
+
+    def _carry_out(self, command: CommandRow, last_seen: int, now: int) -> None:
+        """Carry out a command for a vehicle."""
+        if command.act == "raw":
+            self._request_samples(command, last_seen, now)
+        elif command.act in {LEARN, ROLL_BACK}:
+            self._relearn(command)
+        else:
+            LOG.warning("unknown command", extra={"act": command.act})
+            self._store.requests.command_done(command.id, now)
+
+    def _update_own(self, cause: str, trouble: str, now: int) -> None:
+        """Raise an alert about a problem of the monitor, or clear it if there is none."""
+        if trouble:
+            self._alerts.report(MONITOR, cause, trouble, now=now)
+        else:
+            self._alerts.clear(MONITOR, cause, now=now)
+
+    def _update_silence(self, last_seen: dict[str, int], now: int) -> None:
+        """Raise an alert for each vehicle that has become silent; clear what has ended."""
+        patience = round(60e9 * self._site.alerts.silent_after_minutes)
+        rows = self._store.alerts.find(is_active=True)
+        for row in rows:
+            if row.cause == "lost" and self._shards.holds(row.vehicle) and now - row.updated >= _CALM:
+                self._alerts.clear(row.vehicle, "lost", now=now)
+        active = {row.vehicle for row in rows if row.cause == "silent"}
+        for vehicle, seen in last_seen.items():
+            is_silent = now - max(seen, self._begun) > patience and not self._intake.is_parked(vehicle)
+            if is_silent and vehicle not in active:
+                since = datetime.fromtimestamp(seen / 1e9, tz=UTC)
+                sentence = f"{vehicle} has sent nothing since {since:%Y-%m-%d %H:%M} UTC"
+                with self._shards.fence(vehicle):
+                    self._alerts.report(vehicle, "silent", sentence, now=now)
+            elif vehicle in active and not is_silent:
+                with self._shards.fence(vehicle):
+                    self._alerts.clear(vehicle, "silent", now=now)
+
+    def _request_samples(self, command: CommandRow, last_seen: int, now: int) -> None:
+        """Request samples from a box, again whenever it was seen since, until all that it announced have arrived."""
+        vehicle, inbox = command.vehicle, self._store.inbox
+        answer = self._intake.answer(vehicle, command.id)
+        if answer is not None and inbox.cursor(vehicle, answer["boot"]).contiguous >= answer["last"]:
+            self._store.requests.command_done(command.id, now, detail={"asked": command.detail, **answer})
+            self._asking.pop(command.id, None)
+            LOG.info("request for samples completed", extra={"vehicle": vehicle, **answer})
+            return
+        timer = self._asking.setdefault(command.id, Every(_ASK, lambda: self._clock() / 1e9))
+        is_first = timer.started is None
+        if is_first or (timer.is_due and last_seen / 1e9 > (timer.started or 0.0)):
+            request = {Key.VERSION: VERSION, "do": "raw", "number": command.id, **command.detail}
+            if self._link.publish(topic(vehicle, "cmd"), message(request)):
+                timer.start()
+
+    def _sweep(self) -> None:
+        """Delete what is old, and close the gate while disk space is short."""
+        now = self._clock()
+        most = round(1e9 * self._site.keep.raw_gigabytes)
+        for archive in self._archives:  # before anything else: a store on a full disk cannot even delete
+            archive.prune(before=self._site.keep.raw_before(now), most_bytes=most)
+        self._check_certificates(now)
+        self._update_seen_here(LAKE, "" if self._lake is None else self._lake.trouble, now)
+        if self._shards.is_first:
+            self._tidy(now)
+        free = self._store.free()
+        if free is not None and free < 1e6 * self._site.keep.free_megabytes:
+            sentence = f"intake is stopped, as only {free / 1e6:.0f} MB are free on the disk of the store: free space"
+            self._gate.set_shortage(sentence)
+            self._alerts.report(MONITOR, "monitor:disk", sentence, now=now)
+            return
+        self._store.check()
+        self._gate.set_shortage("")
+        self._gate.succeed()
+        for cause in ("monitor:disk", "monitor"):
+            self._alerts.clear(MONITOR, cause, now=now)
+
+    def _check_certificates(self, now: int) -> None:
+        """Raise an alert about certificates of this monitor that expire soon, or clear it where there are none."""
+        troubles = [trouble for each in certificates_of(self._site) if (trouble := each.trouble(now))]
+        self._update_seen_here(CERTIFICATE, "; ".join(troubles), now)
+
+    def _update_seen_here(self, cause: str, trouble: str, now: int) -> None:
+        """Raise an alert about a problem that each monitor reports separately, or clear this monitor's part of it."""
+        if trouble:
+            self._alerts.report_own(MONITOR, cause, trouble, now=now)
+        else:
+            self._alerts.clear_own(MONITOR, cause, now=now)
+
+    def _tidy(self, now: int) -> None:
+        """Delete old rows, once an hour, or again at the next sweep if many are left."""
+        if not self._tidying.is_due:
+            return
+        keep = self._site.keep
+        n_deleted = self._store.delete_older(
+            keep.results_before(now),
+            audit_before=keep.audit_before(now),
+            boots_before=keep.boots_before(now),
+            limit=_MOST_ROWS,
+        )
+        if n_deleted < _MOST_ROWS:
+            self._tidying.start()
+
+
+class Outage:
+    """Logs that the broker cannot be reached: immediately, every ten minutes, and once it is back.
+
+    Parameters
+    ----------
+    link
+        Connection to the broker.
+    clock
+        Present time, UTC ns.
+    """
+
+    def __init__(self, link: Link, clock: Callable[[], int]) -> None:
+        self._link = link
+        self._reminder = Every(_REMIND, lambda: clock() / 1e9)
+
+    def step(self) -> None:
+        """Log what is due."""
+        if self._link.is_connected:
+            if self._reminder.started is not None:
+                LOG.info("connected to broker")
+            self._reminder.reset()
+        elif self._link.problem and self._reminder.is_due:
+            LOG.warning(self._link.problem)
+            self._reminder.start()

@@ -1,0 +1,169 @@
+"""Changes in the store as server-sent events: one poll for all listeners."""
+
+import asyncio
+import json
+from collections.abc import AsyncGenerator, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from starlette.concurrency import run_in_threadpool
+
+from sprung.errors import SprungError
+from sprung.online.store import ChangeRow, Store, WindowRow
+
+#: Time between polls of the store, and between signs of life [s].
+_LOOK, _SIGN = 1.0, 15.0
+#: Events that wait for one listener: one that is slower is cut off, and continues from the last that it has.
+_MOST_WAITING = 500
+#: Largest number of events of one poll.
+_MOST_EVENTS = 1000
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Mark:
+    """Place up to which the store was read: number of the last change of an alert, time of the last stored window."""
+
+    change: int = 0
+    window: int = 0
+
+    def __str__(self) -> str:
+        """Return the identifier of an event."""
+        return f"{self.change}-{self.window}"
+
+    @classmethod
+    def parse(cls, text: str) -> "Mark | None":
+        """Return the mark of an identifier; None if it is not a mark."""
+        change, _, window = text.partition("-")
+        is_mark = all(part.isdecimal() and len(part) <= 19 and int(part) < 2**63 for part in (change, window))
+        return cls(int(change), int(window)) if is_mark else None
+
+
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """An event: "alert" or "window", the mark after it, and what it is about."""
+
+    kind: str
+    mark: Mark
+    data: dict[str, Any]
+
+    @property
+    def text(self) -> str:
+        """Event as it is sent."""
+        return f"id: {self.mark}\nevent: {self.kind}\ndata: {json.dumps(self.data)}\n\n"
+
+
+class Feed:
+    """Changes in a store for all listeners.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    look
+        Time between polls of it [s].
+    """
+
+    def __init__(self, store: Store, *, look: float = _LOOK) -> None:
+        self._store, self._look = store, look
+        self._listeners: set[asyncio.Queue[Happening | None]] = set()
+        self._task: asyncio.Task[None] | None = None
+        self._starting = asyncio.Lock()
+        self._mark = Mark()
+
+    @property
+    def n_listeners(self) -> int:
+        """Number of listeners."""
+        return len(self._listeners)
+
+    async def listen(self, after: Mark | None) -> AsyncGenerator[str, None]:
+        """Yield events as text, from a mark on, or from now on; and a sign of life when nothing happens.
+
+        Parameters
+        ----------
+        after
+            Mark of the last event that the listener has; None: none.
+        """
+        queue: asyncio.Queue[Happening | None] = asyncio.Queue(_MOST_WAITING)
+        async with self._starting:  # of several at the same time, one starts polling the store
+            if self._task is None or self._task.done():
+                self._mark = await run_in_threadpool(lambda: Mark(*self._store.fleet.newest()))
+                self._task = asyncio.create_task(self._run())
+        reached = self._mark if after is None else after
+        self._listeners.add(queue)
+        try:
+            yield f"retry: 3000\nid: {reached}\n\n"
+            while after is not None and (missed := await run_in_threadpool(self._since, reached)):
+                for happening in missed:
+                    reached = happening.mark
+                    yield happening.text
+            while True:
+                try:
+                    async with asyncio.timeout(_SIGN):
+                        following = await queue.get()
+                except TimeoutError:
+                    yield ": nothing new\n\n"
+                    continue
+                if following is None:
+                    return
+                if _is_new(following.mark, reached):
+                    yield following.text
+        finally:
+            self._listeners.discard(queue)
+
+    async def close(self) -> None:
+        """End all listening."""
+        if self._task is not None:
+            self._task.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._task
+        for queue in self._listeners:
+            _cut_off(queue)
+
+    async def _run(self) -> None:
+        """Look for changes while anybody listens."""
+        while self._listeners:
+            await asyncio.sleep(self._look)
+            try:
+                happenings = await run_in_threadpool(self._since, self._mark)
+            except (SprungError, OSError):
+                continue  # the store does not answer: /health states it
+            for happening in happenings:
+                self._mark = happening.mark
+                self._send(happening)
+
+    def _send(self, happening: Happening) -> None:
+        """Give an event to all listeners; cut off those that are too slow."""
+        for queue in list(self._listeners):
+            if queue.full():
+                self._listeners.discard(queue)
+                _cut_off(queue)
+            else:
+                queue.put_nowait(happening)
+
+    def _since(self, mark: Mark) -> list[Happening]:
+        """Return what happened after a mark."""
+        changes, windows = self._store.fleet.since(mark.change, mark.window, limit=_MOST_EVENTS)
+        return list(_in_order(mark, changes, windows))
+
+
+def _in_order(mark: Mark, changes: Iterable[ChangeRow], windows: Iterable[WindowRow]) -> Iterable[Happening]:
+    """Yield the events of changes of alerts, then those of windows, each with the mark after it."""
+    for row in changes:
+        mark = Mark(row.id, mark.window)
+        yield Happening("alert", mark, {"number": row.alert, "vehicle": row.vehicle, "what": row.what})
+    for window in windows:
+        mark = Mark(mark.change, window.stored)
+        yield Happening("window", mark, {"vehicle": window.vehicle, "boot": window.boot, "number": window.number})
+
+
+def _is_new(mark: Mark, reached: Mark) -> bool:
+    """Return whether an event comes after what a listener has."""
+    return mark.change > reached.change or mark.window > reached.window
+
+
+def _cut_off(queue: asyncio.Queue[Happening | None]) -> None:
+    """Let the listener of a queue end: it continues from the last event that it received."""
+    while not queue.empty():
+        queue.get_nowait()
+    queue.put_nowait(None)

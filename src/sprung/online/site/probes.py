@@ -1,0 +1,123 @@
+"""/health for supervisors, and /metrics for Prometheus."""
+
+import asyncio
+import re
+import threading
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from typing import TypeVar
+
+from fastapi import APIRouter, HTTPException, Request
+from fastapi.responses import JSONResponse, Response
+from prometheus_client import CollectorRegistry
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
+from prometheus_client.registry import Collector
+from pydantic import BaseModel
+
+from sprung.errors import SprungError
+from sprung.online.monitor import FIGURES
+from sprung.online.site.access import Allowed
+from sprung.online.site.context import Context, Shared, context_of
+from sprung.online.site.people import Role
+
+T = TypeVar("T")
+
+router = APIRouter(tags=["site"])
+_VIEWER = Allowed(Role.VIEWER)
+
+#: Longest time for an answer of the store [s], and largest number of requests that wait for one.
+_PATIENCE, _MOST_ASKING = 2.0, 4
+_ASKING = threading.Semaphore(_MOST_ASKING)
+
+
+class Health(BaseModel):
+    """Whether the monitor is healthy, and a sentence about each problem."""
+
+    healthy: bool
+    troubles: list[str]
+
+
+@router.get("/health", response_model=Health, responses={503: {"model": Health, "description": "Not healthy."}})
+async def health(request: Request) -> JSONResponse:
+    """Whether the monitor is healthy, and what is not; it needs no store and no log-in."""
+    troubles = context_of(request).troubles()
+    return JSONResponse({"healthy": not troubles, "troubles": troubles}, 503 if troubles else 200)
+
+
+@router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+async def metrics(request: Request, context: Shared) -> Response:
+    """Figures for Prometheus; those of the store are left out if it fails or takes too long.
+
+    Programs of this machine need no log-in: a store that does not answer must not withhold the figures from them.
+    """
+    if not context.is_private and await _within_patience(lambda: _VIEWER(request)) is None:
+        raise HTTPException(503, "the store does not answer: try again later, and see /health")
+    stored = await _within_patience(lambda: _stored(context))
+    figures = {**context.figures(), **({"sprung_store_writable": 0.0} if stored is None else stored)}
+    return Response(exposition(figures), media_type=CONTENT_TYPE_PLAIN_0_0_4)
+
+
+class _Figures(Collector):
+    """Figures as Prometheus collects them; a name may be followed by labels in braces."""
+
+    def __init__(self, figures: Mapping[str, float]) -> None:
+        self._figures = figures
+
+    def collect(self) -> Iterable[Metric]:
+        """Yield each kind of figure with its samples."""
+        families: dict[str, CounterMetricFamily | GaugeMetricFamily] = {}
+        for key, value in self._figures.items():
+            name, _, braced = key.partition("{")
+            labels = dict(re.findall(r'(\w+)="([^"]*)"', braced))
+            if name not in families:
+                kind, meaning = FIGURES[name]
+                family = CounterMetricFamily if kind == "counter" else GaugeMetricFamily
+                families[name] = family(name, meaning, labels=list(labels))
+            families[name].add_metric(list(labels.values()), value)
+        yield from (families[name] for name in FIGURES if name in families)
+
+
+def exposition(figures: Mapping[str, float]) -> bytes:
+    """Return figures in the text format of Prometheus."""
+    registry = CollectorRegistry(auto_describe=False)
+    registry.register(_Figures(figures))
+    return generate_latest(registry)
+
+
+def _stored(context: Context) -> Mapping[str, float]:
+    """Return the figures of the store."""
+    store = context.store
+    return {"sprung_alerts_active": float(store.alerts.n_active()), "sprung_store_bytes": float(store.size())}
+
+
+async def _within_patience(act: Callable[[], T]) -> T | None:
+    """Return what a function of the store returns; None if it fails, takes too long, or many others ask."""
+    if not _ASKING.acquire(blocking=False):
+        return None
+    loop = asyncio.get_running_loop()
+    answer: asyncio.Future[T | None] = loop.create_future()
+
+    def settle(result: T | None, refusal: HTTPException | None) -> None:
+        if not answer.done():
+            answer.set_result(result) if refusal is None else answer.set_exception(refusal)
+
+    def ask() -> None:
+        result, refusal = None, None
+        try:
+            result = act()
+        except HTTPException as error:
+            refusal = error
+        except (SprungError, OSError):
+            pass
+        finally:
+            _ASKING.release()
+        with suppress(RuntimeError):  # the server has stopped
+            loop.call_soon_threadsafe(settle, result, refusal)
+
+    # A thread of its own: those of the other requests may all wait for the same store.
+    threading.Thread(target=ask, name="metrics", daemon=True).start()
+    try:
+        return await asyncio.wait_for(answer, _PATIENCE)
+    except TimeoutError:
+        return None

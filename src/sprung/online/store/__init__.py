@@ -1,0 +1,87 @@
+"""Results and state of the monitor in SQL, and the archive of samples; independent of the model of a vehicle."""
+
+from sprung._checks import missing_package
+
+try:
+    from sprung.online.store.accounts import AccountRow, TokenRow, VerdictRow
+    from sprung.online.store.archive import (
+        ArchivedSamples,
+        Retention,
+        archive_path,
+        is_archive,
+        read_archive,
+        write_archive,
+    )
+    from sprung.online.store.contents import MOST_COUNTED, Contents, Counted
+    from sprung.online.store.fleet import ChangeRow, FleetCounts, FleetFilter, FleetRow, Place, WindowRow
+    from sprung.online.store.leases import N_SHARDS, Holder, Holding, Lease, shard_of
+    from sprung.online.store.rows import (
+        AlertFilter,
+        AlertPlace,
+        AlertRow,
+        AsideRow,
+        AuditRow,
+        BaselineRow,
+        CommandRow,
+        Cursor,
+        Delivery,
+        Entry,
+        HistoryRow,
+        NotificationRow,
+        Progress,
+        Snapshot,
+        StoredFrame,
+        VehicleRow,
+    )
+    from sprung.online.store.schema import LeaseLostError, RefusedError, StoreError
+    from sprung.online.store.store import Store, check_address, open_store
+except ImportError as error:
+    raise missing_package(error, "sqlalchemy", purpose="the store", extra="online") from None
+
+__all__ = [
+    "MOST_COUNTED",
+    "N_SHARDS",
+    "AccountRow",
+    "AlertFilter",
+    "AlertPlace",
+    "AlertRow",
+    "ArchivedSamples",
+    "AsideRow",
+    "AuditRow",
+    "BaselineRow",
+    "ChangeRow",
+    "CommandRow",
+    "Contents",
+    "Counted",
+    "Cursor",
+    "Delivery",
+    "Entry",
+    "FleetCounts",
+    "FleetFilter",
+    "FleetRow",
+    "HistoryRow",
+    "Holder",
+    "Holding",
+    "Lease",
+    "LeaseLostError",
+    "NotificationRow",
+    "Place",
+    "Progress",
+    "RefusedError",
+    "Retention",
+    "Snapshot",
+    "Store",
+    "StoreError",
+    "StoredFrame",
+    "TokenRow",
+    "VehicleRow",
+    "VerdictRow",
+    "WindowRow",
+    "archive_path",
+    "check_address",
+    "is_archive",
+    "open_store",
+    "read_archive",
+    "shard_of",
+    "write_archive",
+]

@@ -1,0 +1,287 @@
+"""Results of analysis: observations, modes, findings, baselines, and the state to continue from."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal
+
+from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, delete, func, not_, select, tuple_, update
+
+from sprung.errors import ParameterError
+from sprung.online.store.database import Database
+from sprung.online.store.rows import BaselineRow, Document, Entry, Numbered, Progress, Snapshot
+from sprung.online.store.schema import (
+    BASELINES,
+    CURSORS,
+    FINDINGS,
+    FRAMES,
+    MODES,
+    OBSERVATIONS,
+    SNAPSHOTS,
+    STATUSES,
+    VEHICLES,
+)
+
+# Statements are built once: building one takes longer than running it.
+_OF_CURSOR, _OF_FRAMES = (
+    and_(table.c.vehicle == bindparam("of_vehicle"), table.c.boot == bindparam("of_boot"))
+    for table in (CURSORS, FRAMES)
+)
+_LAST = bindparam("last", type_=CURSORS.c.done.type)
+_CONTIGUOUS = select(func.coalesce(func.max(CURSORS.c.contiguous), -1)).where(_OF_CURSOR)
+_ANALYSED = update(CURSORS).where(_OF_CURSOR, CURSORS.c.done < _LAST).values(done=_LAST)
+_UNNEEDED = delete(FRAMES).where(_OF_FRAMES, FRAMES.c.seq <= _LAST)
+#: Tables of documents about windows.
+_KINDS = {"observations": OBSERVATIONS, "modes": MODES, "findings": FINDINGS}
+
+
+class Results:
+    """Results, stored together with the progress of analysis.
+
+    Parameters
+    ----------
+    database
+        Database of the store.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def commit(self, progress: Progress, *before: Progress) -> None:
+        """Store results of analysis in one transaction; storing the same again has no effect.
+
+        Parameters
+        ----------
+        progress
+            Results of one vehicle.
+        before
+            Others that are stored first, of any vehicles.
+
+        Raises
+        ------
+        ParameterError
+            If incomplete frames are declared analysed.
+        StoreError
+            If the store cannot write; nothing is stored then.
+        """
+        every = (*before, progress)
+        with self._database.writing() as connection:
+            for each in every:
+                _mark_done(connection, each)
+            self._add(connection, OBSERVATIONS, [row for each in every for row in _rows(each, each.observations)])
+            self._add(connection, MODES, [row for each in every for row in _rows(each, each.modes)])
+            self._add(connection, FINDINGS, [row for each in every for row in _placed(_rows(each, each.findings))])
+            names = ("version", "created", "reason", "document")
+            rows = [
+                {"vehicle": each.vehicle, **dict(zip(names, baseline, strict=True))}
+                for each in every
+                for baseline in each.baselines
+            ]
+            self._add(connection, BASELINES, rows)
+            for each in every:
+                if each.snapshot is not None:
+                    self._put_snapshot(connection, each, each.snapshot)
+            self._put_statuses(connection, {each.vehicle: each.status for each in every if each.status is not None})
+
+    def observations(
+        self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
+    ) -> list[Entry]:
+        """Return the observations of a vehicle in order of time, from `since` to `until`, at most the last `limit`."""
+        return self._entries(OBSERVATIONS, vehicle, since, limit, until=until)
+
+    def modes(
+        self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
+    ) -> list[Entry]:
+        """Return the modes of a vehicle in order of time, from `since` to `until`, at most the last `limit`."""
+        return self._entries(MODES, vehicle, since, limit, until=until)
+
+    def findings(
+        self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
+    ) -> list[Entry]:
+        """Return the findings on a vehicle in order of time, from `since` to `until`, at most the last `limit`."""
+        return self._entries(FINDINGS, vehicle, since, limit, until=until)
+
+    def last_modes(
+        self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
+    ) -> list[Entry]:
+        """Return the modes of a vehicle as `modes` does, of each window only those identified last."""
+        last = select(MODES.c.boot, func.max(MODES.c.number)).where(MODES.c.vehicle == vehicle)
+        for end in (None if since is None else MODES.c.t0 >= since, None if until is None else MODES.c.t0 <= until):
+            last = last if end is None else last.where(end)
+        is_last = tuple_(MODES.c.boot, MODES.c.number).in_(last.group_by(MODES.c.boot, MODES.c.t0))
+        return self._entries(MODES, vehicle, since, limit, until=until, where=(is_last,))
+
+    def observation(self, vehicle: str, boot: int, number: int) -> Entry | None:
+        """Return the observation of one window; None if there is none."""
+        where = OBSERVATIONS.c.boot == boot, OBSERVATIONS.c.number == number
+        return next(iter(self._entries(OBSERVATIONS, vehicle, None, 1, where=where)), None)
+
+    def first_observation(self, vehicle: str, *, after: int) -> Entry | None:
+        """Return the first observation of a vehicle that begins after a time; None if there is none."""
+        first = select(func.min(OBSERVATIONS.c.t0)).where(OBSERVATIONS.c.vehicle == vehicle, OBSERVATIONS.c.t0 > after)
+        where = (OBSERVATIONS.c.t0 == first.scalar_subquery(),)
+        return next(iter(self._entries(OBSERVATIONS, vehicle, None, 1, where=where)), None)
+
+    def findings_of(self, vehicle: str, boot: int, number: int) -> list[Entry]:
+        """Return the findings of one window."""
+        where = FINDINGS.c.boot == boot, FINDINGS.c.number == number
+        return self._entries(FINDINGS, vehicle, None, None, where=where)
+
+    def n_observations(self, vehicle: str) -> int:
+        """Return the number of observations of a vehicle."""
+        query = select(func.count()).where(OBSERVATIONS.c.vehicle == vehicle)
+        with self._database.reading() as connection:
+            return connection.scalar(query) or 0
+
+    def n_numbered(self, vehicle: str) -> tuple[int, int]:
+        """Return the numbers that follow those of the observations and of the modes of a vehicle."""
+        with self._database.reading() as connection:
+            return _n_numbered(connection, OBSERVATIONS, vehicle), _n_numbered(connection, MODES, vehicle)
+
+    def latest(self, vehicles: Sequence[str]) -> dict[str, tuple[int, int]]:
+        """Return number of the last observation and version of the baseline of vehicles, -1 if there is none."""
+        ends = (
+            select(func.coalesce(func.max(column), -1)).where(column.table.c.vehicle == VEHICLES.c.vehicle)
+            for column in (OBSERVATIONS.c.number, BASELINES.c.version)
+        )
+        query = select(VEHICLES.c.vehicle, *(end.scalar_subquery() for end in ends))
+        with self._database.reading() as connection:
+            rows = connection.execute(query.where(VEHICLES.c.vehicle.in_(vehicles)).order_by(VEHICLES.c.vehicle))
+            return {vehicle: (number, version) for vehicle, number, version in rows}
+
+    def status(self, vehicle: str) -> Document | None:
+        """Return the progress of the analysis of a vehicle; None before the first."""
+        query = select(STATUSES.c.document).where(STATUSES.c.vehicle == vehicle)
+        with self._database.reading() as connection:
+            return connection.scalar(query)
+
+    def baselines(self, vehicle: str) -> list[BaselineRow]:
+        """Return the baselines of a vehicle, the present one last."""
+        query = select(BASELINES).where(BASELINES.c.vehicle == vehicle).order_by(BASELINES.c.version)
+        with self._database.reading() as connection:
+            return [BaselineRow(**row) for row in connection.execute(query).mappings()]
+
+    def pieces(
+        self,
+        kind: Literal["observations", "modes", "findings"],
+        vehicle: str,
+        *,
+        since: int | None = None,
+        until: int | None = None,
+        size: int = 500,
+    ) -> Iterator[list[Entry]]:
+        """Yield all documents of a kind about a vehicle in order of time, so that memory does not grow with them.
+
+        Parameters
+        ----------
+        kind
+            Kind of the documents.
+        vehicle
+            Name of the vehicle.
+        since, until
+            Earliest and latest time, UTC ns; None: the first and the last.
+        size
+            Largest number of documents in a piece, each of which is a transaction of its own.
+        """
+        table = _KINDS[kind]
+        place = (table.c.t0, *(column for column in reversed(table.primary_key.columns) if column.name != "vehicle"))
+        columns = [table.c[name] for name in (*Entry.__dataclass_fields__, "packed")]
+        query = select(*columns, *(column.label(f"at_{column.name}") for column in place)).order_by(*place).limit(size)
+        query = query.where(table.c.vehicle == vehicle)
+        if until is not None:
+            query = query.where(table.c.t0 <= until)
+        following = query if since is None else query.where(table.c.t0 >= since)
+        while True:
+            with self._database.reading() as connection:
+                rows = connection.execute(following).all()
+            if rows:
+                yield [_entry(**dict(zip((*Entry.__dataclass_fields__, "packed"), row, strict=False))) for row in rows]
+            if len(rows) < size:
+                return
+            following = query.where(tuple_(*place) > tuple_(*rows[-1][len(columns) :]))
+
+    def snapshot(self, vehicle: str) -> Snapshot | None:
+        """Return the state from which the analysis of a vehicle continues."""
+        with self._database.reading() as connection:
+            row = connection.execute(select(SNAPSHOTS).where(SNAPSHOTS.c.vehicle == vehicle)).mappings().first()
+            return None if row is None else Snapshot(**row)
+
+    def _add(self, connection: Connection, table: Table, rows: list[dict[str, Any]]) -> None:
+        """Store new rows."""
+        if rows:
+            connection.execute(self._database.insert(table).on_conflict_do_nothing(), rows)
+
+    def _put_snapshot(self, connection: Connection, progress: Progress, document: bytes) -> None:
+        """Store the state, unless that of the same boot is ahead."""
+        values = {"boot": progress.boot, "seq": progress.done_seq, "document": document}
+        row = self._database.insert(SNAPSHOTS).values(vehicle=progress.vehicle, **values)
+        is_behind = and_(SNAPSHOTS.c.boot == progress.boot, SNAPSHOTS.c.seq > progress.done_seq)
+        connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_=values, where=not_(is_behind)))
+
+    def _put_statuses(self, connection: Connection, documents: Mapping[str, Document]) -> None:
+        """Store the progress of vehicles."""
+        if documents:
+            row = self._database.insert(STATUSES)
+            new = {name: row.excluded[name] for name in ("document", "is_learning")}
+            rows = [
+                {"vehicle": name, "document": own, "is_learning": bool(own.get("is_learning"))}
+                for name, own in sorted(documents.items())
+            ]
+            connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_=new), rows)
+
+    def _entries(
+        self,
+        table: Table,
+        vehicle: str,
+        since: int | None,
+        limit: int | None,
+        *,
+        until: int | None = None,
+        where: Sequence[ColumnElement[bool]] = (),
+    ) -> list[Entry]:
+        """Return documents in order of time."""
+        newest_first = (column.desc() for column in (table.c.t0, *reversed(table.primary_key.columns)))
+        columns = (table.c[name] for name in (*Entry.__dataclass_fields__, "packed"))
+        query = select(*columns).where(table.c.vehicle == vehicle, *where).order_by(*newest_first).limit(limit)
+        if since is not None:
+            query = query.where(table.c.t0 >= since)
+        if until is not None:
+            query = query.where(table.c.t0 <= until)
+        with self._database.reading() as connection:
+            return [_entry(**row) for row in reversed(connection.execute(query).mappings().all())]
+
+
+def _mark_done(connection: Connection, progress: Progress) -> None:
+    """Advance the cursor and delete the frames that are no longer needed."""
+    if progress.done_seq < 0:
+        return
+    place = {"of_vehicle": progress.vehicle, "of_boot": progress.boot}
+    contiguous = connection.scalar(_CONTIGUOUS, place)
+    if contiguous is None or progress.done_seq > contiguous:
+        raise ParameterError(
+            f"done_seq={progress.done_seq} of {progress.vehicle!r} {progress.boot} must be at most {contiguous}, "
+            f"up to where its frames are complete: analyse what pending returns"
+        )
+    connection.execute(_ANALYSED, {**place, "last": progress.done_seq})
+    connection.execute(_UNNEEDED, {**place, "last": progress.delete_through_seq})
+
+
+def _n_numbered(connection: Connection, table: Table, vehicle: str) -> int:
+    """Return the number that follows those of a table about a vehicle."""
+    last = connection.scalar(select(func.max(table.c.number)).where(table.c.vehicle == vehicle))
+    return 0 if last is None else int(last) + 1
+
+
+def _rows(progress: Progress, entries: Sequence[Numbered]) -> list[dict[str, Any]]:
+    """Return the columns of documents about numbered windows."""
+    common = {"vehicle": progress.vehicle, "boot": progress.boot, "stored": progress.now, "document": {}}
+    return [common | {"number": number, "t0": t0, "packed": document} for number, t0, document in entries]
+
+
+def _placed(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the columns of findings, counted within each window."""
+    numbers = [row["number"] for row in rows]
+    return [row | {"place": numbers[:k].count(row["number"])} for k, row in enumerate(rows)]
+
+
+def _entry(*, document: Document, packed: Document | None, **fields: Any) -> Entry:
+    """Return the document of a row, packed or as earlier programs stored it."""
+    return Entry(**fields, document=document if packed is None else packed)

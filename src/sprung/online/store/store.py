@@ -1,0 +1,276 @@
+"""The store, and how it is opened."""
+
+import sqlite3
+from contextlib import AbstractContextManager, closing
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Self
+
+from sqlalchemy import URL, make_url
+from sqlalchemy.exc import ArgumentError
+
+from sprung.errors import ParameterError
+from sprung.online.store.accounts import Accounts, Verdicts
+from sprung.online.store.alerts import Alerts
+from sprung.online.store.aside import Aside
+from sprung.online.store.contents import Contents, contents_of, n_windows_since
+from sprung.online.store.database import PATIENCE, Database
+from sprung.online.store.fleet import Fleet
+from sprung.online.store.inbox import Inbox
+from sprung.online.store.leases import Leases
+from sprung.online.store.requests import Requests
+from sprung.online.store.results import Results
+from sprung.online.store.retention import Ages, delete_older
+from sprung.online.store.schema import StoreError
+
+# How files of SQLite begin and are usually called: one of such a name that begins otherwise is damaged.
+_SQLITE, _ENDINGS = b"SQLite format 3\0", {".sqlite", ".sqlite3", ".db"}
+# The header or a page makes no sense, or the disk cannot read it.
+_DAMAGED = {
+    sqlite3.SQLITE_CORRUPT,
+    sqlite3.SQLITE_NOTADB,
+    sqlite3.SQLITE_IOERR_READ,
+    sqlite3.SQLITE_IOERR_SHORT_READ,
+    sqlite3.SQLITE_IOERR_CORRUPTFS,
+}
+
+
+class Store:
+    """Results and state of the monitor; each method is one transaction, from any thread. Made by `open_store`.
+
+    Methods that are called within `together` are one transaction.
+
+    Parameters
+    ----------
+    database
+        Open database with the present schema.
+
+    Attributes
+    ----------
+    inbox
+        Vehicles and their frames that wait for analysis.
+    results
+        Observations, modes, findings, baselines and snapshots.
+    aside
+        Frames and states that could not be used.
+    alerts
+        Alerts with their history, and notifications.
+    requests
+        Commands for the monitor, and the audit trail.
+    leases
+        Leases of the monitors on vehicles.
+    fleet
+        The fleet in order of urgency, for people.
+    accounts
+        People and programs that may use the interface.
+    verdicts
+        Verdicts of the workshop on alerts.
+    notices
+        Sentences about problems found when the store was opened.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self.inbox, self.results, self.aside = Inbox(database), Results(database), Aside(database)
+        self.alerts, self.requests = Alerts(database), Requests(database)
+        self.leases, self.fleet = Leases(database), Fleet(database)
+        self.accounts, self.verdicts = Accounts(database), Verdicts(database)
+        self.notices = database.notices
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def folder(self) -> Path | None:
+        """Folder of the SQLite file; None with a server."""
+        return None if self._database.path is None else self._database.path.parent
+
+    def size(self) -> int:
+        """Return the size of the store on disk [bytes]."""
+        return self._database.size()
+
+    def free(self) -> int | None:
+        """Return the free space on the disk of the store [bytes]; None with a server."""
+        return self._database.free()
+
+    def contents(self) -> Contents:
+        """Return the contents of the store."""
+        return contents_of(self._database)
+
+    def n_windows_since(self, time: int) -> int:
+        """Return the number of windows analysed since a time (UTC ns), at most a million."""
+        return n_windows_since(self._database, time)
+
+    def check(self) -> None:
+        """Write and roll back.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write, or its disk has less than 1 MiB left.
+        """
+        self._database.check()
+
+    def together(self) -> AbstractContextManager[None]:
+        """Return a context in which all that this thread writes is one transaction, as `Database.together`."""
+        return self._database.together()
+
+    def close(self) -> None:
+        """Close all connections, and let another monitor use a file."""
+        self.leases.unlock()
+        self._database.close()
+
+    def delete_older(
+        self, before: int, *, audit_before: int | None = None, boots_before: int | None = None, limit: int = 10**9
+    ) -> int:
+        """Delete what is older than a time, by the rules of `sprung.online.store.retention`.
+
+        Parameters
+        ----------
+        before
+            Time, UTC ns, before which results, notifications and requests are deleted. Results count from when they
+            were stored or from their t0, whichever is later, so that those of an old recording that is replayed stay.
+        audit_before
+            The same for the audit trail and the history of alerts; None: `before`.
+        boots_before
+            The same for the progress of finished starts of boxes; None: `before`.
+        limit
+            Number of rows at which to stop; the rest is deleted the next time.
+
+        Returns
+        -------
+        int
+            Number of rows deleted. A file of SQLite keeps its size and reuses the space.
+
+        Notes
+        -----
+        Rows are deleted in batches, so that no transaction keeps other writers waiting for long.
+        """
+        ages = Ages(
+            before,
+            audit=before if audit_before is None else audit_before,
+            boots=before if boots_before is None else boots_before,
+        )
+        return delete_older(self._database, ages, limit=limit)
+
+
+def open_store(url: str) -> Store:
+    """Open a store, create it if needed, and bring its schema up to date.
+
+    Parameters
+    ----------
+    url
+        ``sqlite:///folder/file.sqlite`` (four slashes before an absolute path) or ``postgresql://user@host/database``.
+
+    Raises
+    ------
+    ParameterError
+        If the address is neither of these.
+    StoreError
+        If the store cannot be opened, or a newer program wrote it.
+
+    Notes
+    -----
+    A damaged SQLite file is renamed to ``<name>.corrupt-<time>``, which `Store.notices` reports.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder, open_store(f"sqlite:///{folder}/sprung.sqlite") as store:
+    ...     store.inbox.put_vehicle("bus-17", configuration="", description="", channels=[["acc_fl", "m/s^2"]], now=0)
+    ...     store.inbox.vehicle("bus-17").channels
+    [['acc_fl', 'm/s^2']]
+    """
+    from sprung.online.store.migrations import upgrade
+
+    address = check_address(url)
+    is_file = address.get_backend_name() == "sqlite"
+    database = Database(address, notices=_prepare(Path(address.database or "")) if is_file else ())
+    try:
+        with database.upgrading() as connection:
+            upgrade(connection)
+    except BaseException:
+        database.close()
+        raise
+    return Store(database)
+
+
+def check_address(url: str) -> URL:
+    """Return the parts of the address of a store, or raise what is wrong with it.
+
+    Raises
+    ------
+    ParameterError
+        If the address is not that of a store.
+
+    Examples
+    --------
+    >>> check_address("sqlite:///sprung-data/sprung.sqlite").database
+    'sprung-data/sprung.sqlite'
+    >>> check_address("postgresql://sprung@depot/fleet").drivername
+    'postgresql+psycopg'
+    """
+    try:
+        address = make_url(url)
+    except ArgumentError:
+        raise ParameterError(f"{url!r} is not the address of a store: {_FORMS}") from None
+    if address.drivername == "postgresql":
+        address = address.set(drivername="postgresql+psycopg")
+    hidden = address.render_as_string(hide_password=True)
+    if address.drivername not in {"sqlite", "postgresql+psycopg"}:
+        raise ParameterError(f"{hidden!r} is an address of neither SQLite nor PostgreSQL: {_FORMS}")
+    if address.drivername == "sqlite" and address.database in {None, "", ":memory:"}:
+        raise ParameterError(f"{hidden!r} names no file, and a store must outlast its program: {_FORMS}")
+    return address
+
+
+_FORMS = "write sqlite:///folder/file.sqlite or postgresql://user@host/database"
+
+
+def _prepare(path: Path) -> tuple[str, ...]:
+    """Make the folder of a file of SQLite, set the file aside if it is damaged, and return notices."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists():
+            return ()
+        _check_is_store(path)
+        damage = _damage(path)
+        return () if damage is None else (_set_aside(path, damage),)
+    except (OSError, sqlite3.Error) as error:
+        raise StoreError(
+            f"the store {path} cannot be opened ({error}): check that its folder and disk can be written"
+        ) from error
+
+
+def _check_is_store(path: Path) -> None:
+    """Refuse a file that is not a store by name and content: no recording may be set aside."""
+    with path.open("rb") as file:
+        begin = file.read(len(_SQLITE))
+    if begin and begin != _SQLITE and path.suffix not in _ENDINGS:
+        raise ParameterError(f"{path} is not a store but another file: give a new name, such as {path.stem}.sqlite")
+
+
+def _damage(path: Path) -> str | None:
+    """Return what is wrong inside a file of SQLite."""
+    with closing(sqlite3.connect(path, timeout=PATIENCE)) as connection:
+        try:
+            (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+        except sqlite3.DatabaseError as error:
+            code = getattr(error, "sqlite_errorcode", 0)
+            if code not in _DAMAGED and code & 0xFF not in _DAMAGED:
+                raise
+            return str(error)
+    return None if found == "ok" else " ".join(str(found).split())
+
+
+def _set_aside(path: Path, damage: str) -> str:
+    """Rename a damaged file, its log first, and return the sentence about it."""
+    aside = path.with_name(f"{path.name}.corrupt-{datetime.now(UTC):%Y%m%dT%H%M%S}")
+    for ending in ("-wal", "-shm", ""):
+        part = path.with_name(path.name + ending)
+        if part.exists():
+            part.rename(aside.with_name(aside.name + ending))
+    return f"the store {path} was damaged ({damage}): it is kept as {aside.name}, and a new one was created"

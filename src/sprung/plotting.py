@@ -1,0 +1,3 @@
+"""The functions of `sprung.results.figures` under the name that users of recordings know."""
+
+from sprung.results.figures import *  # noqa: F403

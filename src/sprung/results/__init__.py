@@ -1,0 +1,1 @@
+"""Results as published documents, tables of text, figures and self-contained pages."""

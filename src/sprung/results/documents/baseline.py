@@ -1,0 +1,240 @@
+"""The document of a baseline, `sprung.baseline/1`."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from sprung._arrays import Real
+from sprung._checks import check_type
+from sprung.diagnosis import Baseline, ResidualReference, TypeBaseline, detectable
+from sprung.diagnosis.baseline import CONDITIONS
+from sprung.errors import FormatError, ParameterError
+from sprung.results.documents.document import Document, Pair, checked, read_fields, write_document
+from sprung.vehicles import Component
+
+
+class ConditionDocument(Document):
+    """Dependence of the mean on a condition; `middle` and `range` are null if it was never known."""
+
+    middle: float | None
+    range: Pair | None
+    slopes: Real
+
+
+class BaselineDocument(Document):
+    """Normal state of one vehicle, as stored in a file."""
+
+    schema_name: Literal["sprung.baseline/1"] = Field(alias="schema")
+    vehicle: str
+    version: int
+    reason: str
+    n_windows: int
+    n_refused: int
+    model_error: float = 0.0
+    components: tuple[Component, ...]
+    mean: Real
+    covariance: Real
+    nuisance: Real
+    reported: Real
+    information: Real
+    degrees: float
+    taught: tuple[float, ...] = ()
+    vehicle_file: str = ""
+    missing: tuple[str, ...] = ()
+    conditions: dict[str, ConditionDocument]
+    residuals: ResidualReference | None = None
+    detectable: dict[str, dict[str, float]] = Field(default_factory=dict)
+
+
+#: Numbers of further windows for which a baseline states the smallest detectable losses.
+FURTHER_WINDOWS = (6, 12)
+#: Fields of a baseline that its document lists by condition.
+BY_CONDITION = ("slopes", "middle", "ranges")
+
+
+def baseline_document(baseline: Baseline) -> BaselineDocument:
+    """Return a baseline as `sprung.baseline/1`.
+
+    Parameters
+    ----------
+    baseline
+        Learnt from windows of a healthy vehicle.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows)
+    >>> document = baseline_document(baseline)
+    >>> document.schema_name, document.n_windows, len(document.components)
+    ('sprung.baseline/1', 12, 12)
+    """
+    check_type("baseline", baseline, Baseline)
+    return BaselineDocument.model_validate(
+        {
+            "schema": "sprung.baseline/1",
+            **{name: getattr(baseline, name) for name in _alike()},
+            "conditions": conditions_document(baseline),
+            "detectable": {
+                str(count): {str(part): loss for part, loss in detectable(baseline, n_windows=count).items()}
+                for count in FURTHER_WINDOWS
+            },
+        }
+    )
+
+
+def baseline_from_document(document: BaselineDocument | Mapping[str, Any], *, source: str = "the baseline") -> Baseline:
+    """Return the baseline of a document.
+
+    Parameters
+    ----------
+    document
+        Document, or its fields.
+    source
+        Name of the document in messages.
+
+    Raises
+    ------
+    FormatError
+        If it is not the document of a baseline.
+
+    Examples
+    --------
+    >>> import json
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows)
+    >>> text = sprung.results.documents.document_text(sprung.results.documents.baseline_document(baseline))
+    >>> again = baseline_from_document(json.loads(text))
+    >>> bool(np.array_equal(again.mean, baseline.mean)), again.components == baseline.components
+    (True, True)
+    """
+    if not isinstance(document, BaselineDocument):
+        document = checked(BaselineDocument, document, source=source)
+    try:
+        return Baseline(
+            **{name: getattr(document, name) for name in _alike()},
+            **conditions_from_document(document.conditions, source=source),
+        )
+    except (ParameterError, ValueError) as error:
+        raise FormatError(f"{source}: {error}") from None
+
+
+def conditions_document(baseline: Baseline | TypeBaseline) -> dict[str, dict[str, Any]]:
+    """Return the dependence on each condition, of `BY_CONDITION`."""
+    conditions = {
+        name: {
+            "middle": baseline.middle.get(name),
+            "range": baseline.ranges.get(name),
+            "slopes": baseline.slopes[:, column],
+        }
+        for column, name in enumerate(CONDITIONS)
+    }
+    without_slopes = {
+        name: {"middle": None, "range": baseline.ranges[name], "slopes": np.zeros(len(baseline.components))}
+        for name in baseline.ranges
+        if name not in conditions
+    }
+    return conditions | without_slopes
+
+
+def conditions_from_document(conditions: Mapping[str, ConditionDocument], *, source: str) -> dict[str, Any]:
+    """Return the fields of `BY_CONDITION` from the dependence on each condition.
+
+    Raises
+    ------
+    FormatError
+        If a condition is missing.
+    """
+    missing = [name for name in CONDITIONS if name not in conditions]
+    if missing:
+        raise FormatError(f"{source} lacks the condition {missing[0]!r}: learn the baseline again")
+    return {
+        "slopes": np.array([conditions[name].slopes for name in CONDITIONS]).T,
+        "middle": {name: condition.middle for name, condition in conditions.items() if condition.middle is not None},
+        "ranges": {name: condition.range for name, condition in conditions.items() if condition.range is not None},
+    }
+
+
+def write_baseline(baseline: Baseline, path: str | Path) -> None:
+    """Write a baseline as a JSON file, `sprung.baseline/1`; reading it gives an equal baseline.
+
+    Parameters
+    ----------
+    baseline
+        Learnt from windows of a healthy vehicle.
+    path
+        File to write; an existing one is replaced.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "car.json")
+    ...     write_baseline(baseline, path)
+    ...     again = sprung.read_baseline(path)
+    >>> bool(np.array_equal(again.covariance, baseline.covariance))
+    True
+    """
+    write_document(baseline_document(baseline), path)
+
+
+def read_baseline(path: str | Path) -> Baseline:
+    """Read a baseline from a JSON file.
+
+    Parameters
+    ----------
+    path
+        File that `write_baseline` or `sprung baseline` wrote.
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be read.
+    FormatError
+        If it contains something else.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "car.json")
+    ...     sprung.write_baseline(baseline, path)
+    ...     again = read_baseline(path)
+    >>> again.n_windows, bool(np.array_equal(again.mean, baseline.mean))
+    (12, True)
+    """
+    return baseline_from_document(read_fields(path), source=str(path))
+
+
+def _alike() -> list[str]:
+    """Return the fields of a baseline that its document holds unchanged."""
+    return [field.name for field in fields(Baseline) if field.name not in BY_CONDITION]

@@ -1,0 +1,404 @@
+"""The documents of windows and diagnoses, `sprung.diagnosis/1`."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AliasChoices, BeforeValidator, Field, TypeAdapter, ValidationError
+
+from sprung._arrays import Real
+from sprung._checks import check_type
+from sprung._display import in_short
+from sprung.diagnosis import (
+    Candidate,
+    Detection,
+    Diagnosis,
+    Finding,
+    Findings,
+    ModeChange,
+    Observation,
+    Observations,
+    SensorFault,
+    Verdict,
+)
+from sprung.errors import FormatError
+from sprung.results.documents.document import (
+    Computed,
+    Document,
+    Number,
+    Pair,
+    Published,
+    checked,
+    first_problem,
+    plain,
+    read_fields,
+    write_document,
+)
+from sprung.vehicles import Component
+
+
+def _restored(fields: Any) -> Any:
+    """Restore what JSON does not keep of a window: the shape of an empty covariance, and NaN."""
+    if not isinstance(fields, Mapping):
+        return fields
+    conditions = {name: np.nan if value is None else value for name, value in fields.get("conditions", {}).items()}
+    restored = {**fields, "conditions": conditions}
+    return restored if fields.get("covariance") else {**restored, "covariance": np.zeros((0, 0))}
+
+
+Window = Annotated[
+    Observation,
+    Published(
+        *("time", "components", "log_ratios", "covariance", "conditions", "modes", "sensor_faults", "reason"),
+        *("missing", "notes"),
+    ),
+    BeforeValidator(_restored),
+]
+_WINDOW: TypeAdapter[Observation] = TypeAdapter(Window)
+_FINDING: TypeAdapter[Finding] = TypeAdapter(Annotated[Finding, Computed("sentence", "string")])
+
+
+class PartDocument(Document):
+    """A part of a pair with its size."""
+
+    name: str
+    change: float
+    interval: Pair
+    score: float
+
+
+class HypothesisDocument(Document):
+    """A hypothesis of what changed, with its evidence."""
+
+    name: str
+    kind: str
+    log_evidence: float
+    explained: float
+    change: float | None
+    interval: Pair | None
+    score: float | None
+    onset: float
+    onset_interval: Pair
+    parts: tuple[PartDocument, ...] = ()
+
+
+class DetectionDocument(Document):
+    """The change test behind the findings."""
+
+    times: Real
+    evidence: Real
+    e_value: Number
+    threshold: float
+    first_alert: float | None
+    hypotheses: tuple[HypothesisDocument, ...]
+
+
+class ModeChangeDocument(Document):
+    """A mode of the body before and after a change."""
+
+    label: str
+    natural_frequency: Pair = Field(validation_alias=AliasChoices("natural_frequency", "frequency"))
+    damping_ratio: Pair = Field(validation_alias=AliasChoices("damping_ratio", "damping"))
+    mac: float
+    channels: tuple[str, ...]
+    shapes: Real
+    measured_before: Pair | None
+    measured_since: Pair | None
+
+
+class ResidualTestDocument(Document):
+    """The subspace residual test of a window."""
+
+    time: float
+    p_value: float
+
+
+class DiagnosisDocument(Document):
+    """A diagnosis as stored in a file: with the version of the baseline instead of the baseline itself."""
+
+    schema_name: Literal["sprung.diagnosis/1"] = Field(alias="schema")
+    vehicle: str | None
+    baseline: int | None
+    false_alarms: float
+    verdict: Verdict
+    healthy: bool | None
+    detectable: dict[str, float]
+    findings: tuple[Annotated[Finding, Computed("sentence", "string")], ...]
+    sensor_faults: tuple[SensorFault, ...]
+    windows: tuple[Window, ...]
+    detection: DetectionDocument | None
+    notes: tuple[str, ...]
+    modes: tuple[ModeChangeDocument, ...] = ()
+    residual_test: tuple[ResidualTestDocument, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return the verdict with the findings, or the notes."""
+        head = f"DiagnosisDocument of {self.vehicle!r}: {self.verdict.replace('_', ' ')}"
+        return in_short(head, *(finding.sentence for finding in self.findings), *self.notes)
+
+    def _repr_html_(self) -> str:
+        return Findings(self.findings)._repr_html_()
+
+    def to_dataframe(self) -> Any:
+        """Return the findings as a pandas.DataFrame, as `Diagnosis.to_dataframe`."""
+        return Findings(self.findings).to_dataframe()
+
+    @property
+    def observations(self) -> Observations:
+        """Windows of the diagnosis."""
+        return Observations(self.windows)
+
+
+def observation_document(observation: Observation) -> dict[str, Any]:
+    """Return a window as one JSON object, as in the `windows` of `sprung.diagnosis/1` and in the store.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> part, conditions = (sprung.Component("front_left", "spring"),), {"speed": 15.0, "payload": 40.0}
+    >>> window = sprung.Observation(600.0, part, np.zeros(1), np.eye(1), conditions, {"bounce": (1.4, 0.25)}, ())
+    >>> document = observation_document(window)
+    >>> document["time"], document["conditions"], document["modes"]
+    (600.0, {'speed': 15.0, 'payload': 40.0}, {'bounce': [1.4, 0.25]})
+    """
+    fields: dict[str, Any] = plain(_WINDOW.dump_python(observation, mode="json"))
+    return fields
+
+
+def observation_from_document(document: Mapping[str, Any]) -> Observation:
+    """Return the window of a JSON object.
+
+    Raises
+    ------
+    FormatError
+        If the object does not describe a window.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> part, conditions = (sprung.Component("front_left", "spring"),), {"speed": 15.0, "payload": 40.0}
+    >>> window = sprung.Observation(600.0, part, np.zeros(1), np.eye(1), conditions, {"bounce": (1.4, 0.25)}, ())
+    >>> again = observation_from_document(sprung.results.documents.observation_document(window))
+    >>> again.time, again.conditions == window.conditions, again.components == window.components
+    (600.0, True, True)
+    """
+    try:
+        return _WINDOW.validate_python(document)
+    except ValidationError as error:
+        raise FormatError(f"the window's {first_problem(error)}") from None
+
+
+def finding_document(finding: Finding) -> dict[str, Any]:
+    """Return a finding as one JSON object, as in the `findings` of `sprung.diagnosis/1` and in the store.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> document = finding_document(diagnosis.findings[0])
+    >>> document["corner"], document["component"], round(document["change"], 1), document["severity"]
+    ('front_left', 'spring', -0.3, 'high')
+    """
+    fields: dict[str, Any] = plain(_FINDING.dump_python(finding, mode="json"))
+    return fields
+
+
+def detectable_document(detectable: Mapping[Component, float]) -> dict[str, float]:
+    """Return the smallest detectable losses as one JSON object, as in `detectable` of `sprung.diagnosis/1`.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import Component
+    >>> detectable_document({Component("front_left", "spring"): 0.07})
+    {'front_left.spring': 0.07}
+    """
+    return {str(component): loss for component, loss in detectable.items()}
+
+
+def detection_document(detection: Detection, *, most_windows: int, most_hypotheses: int) -> dict[str, Any]:
+    """Return a change test as one JSON object, as `detection` of `sprung.diagnosis/1`, shortened for an alert.
+
+    Parameters
+    ----------
+    detection
+        Change test.
+    most_windows, most_hypotheses
+        Number of the last windows, and of the likeliest hypotheses, that are kept.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> document = detection_document(diagnosis.detection, most_windows=2, most_hypotheses=1)
+    >>> document["times"], [hypothesis["name"] for hypothesis in document["hypotheses"]]
+    ([7200.0, 7800.0], ['front_left.spring'])
+    """
+    fields = DetectionDocument.model_validate(_detection(detection)).as_json()
+    kept = {name: fields[name][-most_windows:] for name in ("times", "evidence")}
+    return {**fields, **kept, "hypotheses": fields["hypotheses"][:most_hypotheses]}
+
+
+def diagnosis_document(
+    diagnosis: Diagnosis,
+    *,
+    modes: Iterable[ModeChange] = (),
+) -> DiagnosisDocument:
+    """Return a diagnosis as `sprung.diagnosis/1`.
+
+    Parameters
+    ----------
+    diagnosis
+        Findings and what led to them.
+    modes
+        Changes of the body's modes that the findings imply.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> document = diagnosis_document(diagnosis)
+    >>> document.schema_name, document.verdict, len(document.windows)
+    ('sprung.diagnosis/1', 'change', 6)
+    """
+    check_type("diagnosis", diagnosis, Diagnosis)
+    baseline = diagnosis.baseline
+    return DiagnosisDocument.model_validate(
+        {
+            "schema": "sprung.diagnosis/1",
+            "vehicle": None if baseline is None else baseline.vehicle,
+            "baseline": None if baseline is None else baseline.version,
+            "false_alarms": diagnosis.false_alarms,
+            "verdict": diagnosis.verdict,
+            "healthy": diagnosis.is_healthy,
+            "detectable": detectable_document(diagnosis.detectable),
+            "findings": diagnosis.findings,
+            "sensor_faults": diagnosis.sensor_faults,
+            "windows": diagnosis.observations,
+            "detection": None if diagnosis.detection is None else _detection(diagnosis.detection),
+            "notes": diagnosis.notes,
+            "modes": tuple(modes),
+            "residual_test": [
+                {"time": time, "p_value": test.p_value} for time, test in diagnosis.residual_tests.items()
+            ],
+        }
+    )
+
+
+def write_diagnosis(diagnosis: Diagnosis, path: str | Path, *, modes: Iterable[ModeChange] = ()) -> None:
+    """Write a diagnosis as a JSON file, `sprung.diagnosis/1`.
+
+    Parameters
+    ----------
+    diagnosis
+        Findings and what led to them.
+    path
+        File to write; an existing one is replaced.
+    modes
+        Changes of the body's modes that the findings imply.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "diagnosis.json")
+    ...     write_diagnosis(diagnosis, path)
+    ...     again = sprung.read_diagnosis(path)
+    >>> again.verdict, again.findings[0].sentence == diagnosis.findings[0].sentence
+    ('change', True)
+    """
+    write_document(diagnosis_document(diagnosis, modes=modes), path)
+
+
+def read_diagnosis(path: str | Path) -> DiagnosisDocument:
+    """Read a diagnosis from a JSON file.
+
+    Parameters
+    ----------
+    path
+        File that `write_diagnosis` or `sprung diagnose --json` wrote.
+
+    Returns
+    -------
+    DiagnosisDocument
+        Findings, sensor faults, windows and evidence. The baseline of a `Diagnosis` is not in the file, only its
+        version.
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be read.
+    FormatError
+        If it contains something else.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "diagnosis.json")
+    ...     sprung.write_diagnosis(diagnosis, path)
+    ...     again = read_diagnosis(path)
+    >>> print(again.findings[0].sentence)
+    front-left spring 30 % (27 to 32 %) softer, since 80 min; inspect before the next 500 km
+    """
+    return checked(DiagnosisDocument, read_fields(path), source=str(path))
+
+
+def _detection(detection: Detection) -> dict[str, Any]:
+    names = ("times", "evidence", "e_value", "threshold", "first_alert")
+    return {
+        **{name: getattr(detection, name) for name in names},
+        "hypotheses": [_hypothesis(candidate) for candidate in detection.candidates],
+    }
+
+
+def _hypothesis(candidate: Candidate) -> dict[str, Any]:
+    names = ("log_evidence", "explained", "change", "interval", "score", "onset", "onset_interval")
+    return {
+        "name": candidate.hypothesis.name,
+        "kind": candidate.hypothesis.scope,
+        **{name: getattr(candidate, name) for name in names},
+        "parts": [
+            {"name": change.name, "change": size.change, "interval": size.interval, "score": size.score}
+            for change, size in zip(candidate.hypothesis.changes, candidate.sizes, strict=True)
+            if len(candidate.sizes) > 1
+        ],
+    }

@@ -1,0 +1,361 @@
+"""The document of an identification, `sprung.identification/1`."""
+
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from sprung._checks import check_type
+from sprung._display import in_short
+from sprung.identification import Identification, RovingSetups, SubsetModes
+from sprung.identification.refinement import Refinement
+from sprung.modal import Modes
+from sprung.recording import Channel
+from sprung.results.documents.document import (
+    Computed,
+    Document,
+    Number,
+    Pair,
+    checked,
+    plain,
+    read_fields,
+    write_document,
+)
+from sprung.results.documents.modes import (
+    IdentifiedMode,
+    ModeValues,
+    Participation,
+    identified_modes,
+    modes_from_documents,
+    participations,
+)
+from sprung.signals.harmonics import Harmonic
+from sprung.vehicles.usable import AnyVehicle
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class SubsetValues(ModeValues):
+    """A mode as identified from one subset of segments."""
+
+    stable_rate: Number
+
+
+class LevelTrend(Document):
+    """Dependence of a mode on the level of the motion."""
+
+    natural_frequency: float
+    natural_frequency_std: float
+    damping_ratio: float
+    damping_ratio_std: float
+    p_value: float
+    contrast: float
+    is_detected: bool
+
+
+class MergedMode(IdentifiedMode):
+    """A mode with the method that gave it, its share in the rigid-body motions, and its values in each subset."""
+
+    source: Literal["ssi", "plscf", "fdd", "road_likelihood"] = "ssi"
+    participation: Participation | None
+    subsets: tuple[SubsetValues | None, ...]
+    level_trend: LevelTrend | None = None
+
+
+class SubsetDocument(Document):
+    """The modes of a subset of segments."""
+
+    n_segments: int
+    level: Pair | None
+    modes: tuple[IdentifiedMode, ...]
+
+
+class BandDocument(Document):
+    """Fit of the modes in one band: numbers of the modes, and misfit of the spectra relative to chance."""
+
+    band: Pair
+    modes: tuple[int, ...]
+    is_converged: bool
+    misfit_before: Number
+    misfit: Number
+    misfit_excess: Number
+
+
+class RefinedDocument(ModeValues):
+    """Refinement of one mode: its values before, the change in standard deviations, or why there is none."""
+
+    distance: Number
+    reason: str | None
+
+
+class RefinementDocument(Document):
+    """Refinement of the modes, in their order, by the likelihood of the spectra."""
+
+    modes: tuple[RefinedDocument, ...]
+    bands: tuple[BandDocument, ...]
+
+
+class SetUpDocument(Document):
+    """A set-up of roving sensors, with its own modes."""
+
+    number: int
+    channels: tuple[str, ...]
+    modes: tuple[IdentifiedMode, ...]
+    members: tuple[int | None, ...]
+    mac: tuple[Number, ...]
+
+
+class SetUpsDocument(Document):
+    """The set-ups that are merged."""
+
+    references: tuple[str, ...]
+    parts: tuple[SetUpDocument, ...]
+
+
+class IdentificationDocument(Document):
+    """An identification as stored in a file: without stabilisation diagrams and spectra."""
+
+    schema_name: Literal["sprung.identification/1"] = Field(alias="schema")
+    method: str
+    channels: tuple[str, ...]
+    sensors: tuple[Channel, ...] = ()
+    sampling_rate: float
+    band: tuple[Number, Number]
+    modes: tuple[MergedMode, ...]
+    subsets: tuple[SubsetDocument, ...]
+    harmonics: tuple[Annotated[Harmonic, Computed("unit", "string", lambda line: _UNITS[line.kind])], ...]
+    refinement: RefinementDocument | None = None
+    settings: dict[str, Any]
+    notes: tuple[str, ...]
+    setups: SetUpsDocument | None = None
+
+    def __repr__(self) -> str:
+        """Return method, channels and modes in words."""
+        head = f"IdentificationDocument by {self.method} of {len(self.channels)} channels: {len(self.modes)} modes"
+        return in_short(head, self.as_modes().in_words, *self.notes[:1])
+
+    def _repr_html_(self) -> str:
+        return self.as_modes()._repr_html_()
+
+    def to_dataframe(self) -> Any:
+        """Return the modes as a pandas.DataFrame, as `Modes.to_dataframe`."""
+        return self.as_modes().to_dataframe()
+
+    def plot(self) -> "Figure":
+        """Return the picture of the mode shapes: on the body where the places of the sensors are known."""
+        figure: Figure = resolve_name("sprung.results.figures.shapes:shapes_figure")(
+            self.as_modes(), self.as_channels()
+        )
+        return figure
+
+    def as_channels(self) -> tuple[Channel, ...]:
+        """Return the outputs with quantity, position and direction, as far as the file states them."""
+        return self.sensors or tuple(Channel(name) for name in self.channels)
+
+    def as_modes(self) -> Modes:
+        """Return the modes as arrays, for comparisons and pictures."""
+        return modes_from_documents(self.modes, self.channels)
+
+
+_UNITS = {"constant": "Hz", "drifting": "Hz", "speed": "1/m"}
+
+
+def identification_document(
+    identification: Identification, *, vehicle: AnyVehicle | None = None
+) -> IdentificationDocument:
+    """Return an identification as `sprung.identification/1`.
+
+    Parameters
+    ----------
+    identification
+        Result of any method.
+    vehicle
+        Vehicle of the identification, whose mass matrix weights the participation; None: equal masses.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> document = identification_document(identification)
+    >>> document.schema_name, [round(mode.natural_frequency) for mode in document.modes]
+    ('sprung.identification/1', [7, 20, 28])
+    """
+    check_type("identification", identification, Identification)
+    settings = identification.effective_settings
+    lifter = None if settings.lifter is None else {"kind": type(settings.lifter).__name__, **plain(settings.lifter)}
+    return IdentificationDocument.model_validate(
+        {
+            "schema": "sprung.identification/1",
+            "method": identification.method,
+            "channels": [channel.name for channel in identification.channels],
+            "sensors": identification.channels,
+            "sampling_rate": identification.sampling_rate,
+            "band": identification.band,
+            "modes": _merged_modes(identification, vehicle),
+            "subsets": [
+                SubsetDocument(n_segments=subset.n_segments, level=subset.level, modes=identified_modes(subset.modes))
+                for subset in identification.subsets
+            ],
+            "harmonics": identification.harmonics,
+            "refinement": None if identification.refinement is None else _refinement(identification.refinement),
+            "settings": {**plain(settings), "lifter": lifter},
+            "notes": identification.notes,
+            **({} if identification.setups is None else {"setups": _setups(identification.setups)}),
+        }
+    )
+
+
+def _refinement(refinement: Refinement) -> RefinementDocument:
+    """Return the document of a refinement."""
+    start = refinement.start
+    return RefinementDocument(
+        modes=tuple(
+            RefinedDocument(
+                natural_frequency=start.natural_frequency[k],
+                natural_frequency_std=start.natural_frequency_std[k],
+                damping_ratio=start.damping_ratio[k],
+                damping_ratio_std=start.damping_ratio_std[k],
+                distance=refinement.distances[k],
+                reason=refinement.reasons[k] or None,
+            )
+            for k in range(len(start))
+        ),
+        bands=tuple(BandDocument.model_validate(band) for band in refinement.bands),
+    )
+
+
+def write_identification(
+    identification: Identification, path: str | Path, *, vehicle: AnyVehicle | None = None
+) -> None:
+    """Write an identification as a JSON file, `sprung.identification/1`.
+
+    Parameters
+    ----------
+    identification
+        Result of any method.
+    path
+        File to write; an existing one is replaced.
+    vehicle
+        Vehicle of the identification, whose mass matrix weights the participation; None: equal masses.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "modes.json")
+    ...     write_identification(identification, path)
+    ...     again = sprung.read_identification(path)
+    >>> len(again.modes), again.modes[0].natural_frequency == float(identification.modes.natural_frequency[0])
+    (3, True)
+    """
+    write_document(identification_document(identification, vehicle=vehicle), path)
+
+
+def read_identification(path: str | Path) -> IdentificationDocument:
+    """Read an identification from a JSON file.
+
+    Parameters
+    ----------
+    path
+        File that `write_identification` or `sprung identify --json` wrote.
+
+    Returns
+    -------
+    IdentificationDocument
+        Modes, subsets, harmonics, settings and notes. The stabilisation diagrams and spectra of an `Identification`
+        are not in the file.
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be read.
+    FormatError
+        If it contains something else.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "modes.json")
+    ...     sprung.write_identification(identification, path)
+    ...     again = read_identification(path)
+    >>> [round(mode.natural_frequency) for mode in again.modes]
+    [7, 20, 28]
+    """
+    return checked(IdentificationDocument, read_fields(path), source=str(path))
+
+
+def _setups(setups: RovingSetups) -> SetUpsDocument:
+    return SetUpsDocument(
+        references=setups.references,
+        parts=tuple(
+            SetUpDocument(
+                number=part.number,
+                channels=part.channels,
+                modes=identified_modes(part.identification.modes),
+                members=tuple(None if member < 0 else int(member) for member in part.members),
+                mac=tuple(part.mac.tolist()),
+            )
+            for part in setups.parts
+        ),
+    )
+
+
+def _merged_modes(identification: Identification, vehicle: AnyVehicle | None) -> list[dict[str, Any]]:
+    return [
+        {
+            **dict(mode),
+            "source": source,
+            "participation": participation,
+            "subsets": [
+                _subset_values(subset, int(member)) if member >= 0 else None
+                for subset, member in zip(identification.subsets, members, strict=True)
+            ],
+            "level_trend": trend,
+        }
+        for mode, source, participation, members, trend in zip(
+            identified_modes(identification.modes),
+            identification.sources,
+            participations(identification.modes, identification.channels, vehicle),
+            identification.members,
+            _level_trends(identification),
+            strict=True,
+        )
+    ]
+
+
+def _level_trends(identification: Identification) -> list[dict[str, float] | None]:
+    trends = identification.level_trends
+    if trends is None:
+        return [None] * len(identification.modes)
+    return [
+        {name: getattr(trends, name)[k] for name in LevelTrend.model_fields} if np.isfinite(trends.p_value[k]) else None
+        for k in range(len(identification.modes))
+    ]
+
+
+def _subset_values(subset: SubsetModes, member: int) -> dict[str, float]:
+    return {name: getattr(subset.modes, name)[member] for name in SubsetValues.model_fields}

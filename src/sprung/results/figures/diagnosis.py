@@ -1,0 +1,315 @@
+"""Figures of a diagnosis: evidence, changes of the corners, components over time, implied changes of the modes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from sprung._arrays import Real
+from sprung.diagnosis import Baseline, Diagnosis, Finding, Hypothesis, ModeChange, Observation
+from sprung.diagnosis.deviations import mean_deviation, usual_std
+from sprung.diagnosis.findings import time_in_words
+from sprung.errors import ParameterError
+from sprung.results.figures.corners import corner_bars
+from sprung.results.figures.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
+from sprung.vehicles import Component
+
+_MOST = 8
+_KINDS = ("spring", "damper", "tyre")
+#: Colours of the usual range, with and without the scatter that corners share.
+_BANDS = ("#EDEDED", "#D5D5D5")
+#: Colour of the interval of an onset.
+_ONSET = "#F3D9C9"
+
+
+def evidence_figure(diagnosis: Diagnosis) -> Figure:
+    """Draw the evidence of a change after every window with its threshold, and the most likely hypotheses.
+
+    Parameters
+    ----------
+    diagnosis
+        Diagnosis with at least one conclusive window.
+
+    Raises
+    ------
+    ParameterError
+        If no window was conclusive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> axes = evidence_figure(sprung.diagnose(windows[8:], sprung.learn(windows[:8]))).axes[0]
+    >>> evidence, threshold = (line.get_ydata() for line in axes.lines[:2])
+    >>> round(float(threshold[0]), 1), bool(evidence[-1] > threshold[0])
+    (10.8, True)
+    """
+    detection = diagnosis.detection
+    if detection is None:
+        raise ParameterError("the diagnosis has no conclusive window, but its evidence needs one: add windows")
+    sentence = diagnosis.findings[0].sentence if diagnosis.findings else diagnosis.verdict.replace("_", " ")
+    figure = new_figure("Evidence of a change", sentence[:1].upper() + sentence[1:], width=9.5, height=4.2)
+    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+    for axes in (left, right):
+        plain(axes)
+    minutes = detection.times / 60
+    left.plot(minutes, detection.evidence, marker="o", markersize=3, color=MODE_COLOURS[0])
+    left.axhline(detection.threshold, color=MODE_COLOURS[1], linewidth=1.2)
+    left.annotate(
+        "threshold",
+        (minutes[0], detection.threshold),
+        xytext=(0, 3),
+        textcoords="offset points",
+        fontsize=SMALL,
+        color=MODE_COLOURS[1],
+    )
+    if diagnosis.findings:
+        left.axvspan(*(time / 60 for time in diagnosis.findings[0].since_interval), color=_ONSET, zorder=0)
+        left.axvline(diagnosis.findings[0].since / 60, color=FAINT, linewidth=1, label="onset, with 95 % interval")
+        left.legend(fontsize=SMALL, frameon=False)
+    left.set_xlim(*_span(minutes))
+    left.set_xlabel("start of the window [min]", fontsize=NORMAL)
+    left.set_ylabel("ln evidence of any change", fontsize=NORMAL)
+    best = detection.candidates[:_MOST][::-1]
+    named = "+".join(finding.hypothesis for finding in diagnosis.findings) or best[-1].hypothesis.name
+    right.barh(
+        [candidate.hypothesis.name.replace("_", " ").replace(".", " ").replace("all ", "every ") for candidate in best],
+        [candidate.log_evidence for candidate in best],
+        color=[MODE_COLOURS[0] if candidate.hypothesis.name == named else FAINT for candidate in best],
+    )
+    right.axvline(0, color=INK, linewidth=0.8)
+    right.set_xlabel("ln evidence of each hypothesis", fontsize=NORMAL)
+    right.tick_params(labelsize=SMALL)
+    return figure
+
+
+def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Figure:
+    """Draw the components of every corner against the baseline, averaged over the windows since the onset.
+
+    Parameters
+    ----------
+    diagnosis
+        Diagnosis with at least one conclusive window.
+    baseline
+        Baseline of the vehicle; None: that of the diagnosis, which is of its type or its vehicle file.
+
+    Raises
+    ------
+    ParameterError
+        If no window was conclusive.
+
+    Examples
+    --------
+    Eight windows of a healthy vehicle, and six with a front-left spring that has lost 30 % of its stiffness:
+
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows[:8])
+    >>> figure = corner_changes_figure(sprung.diagnose(windows[8:], baseline), baseline)
+    >>> figure.axes[0].get_title(loc="left"), figure.axes[0].texts[0].get_text()
+    ('front left', '-29.0 %')
+    """
+    normal = baseline or diagnosis.baseline
+    if diagnosis.detection is None or normal is None:
+        raise ParameterError("the diagnosis has no conclusive window, but changes of corners need one: add windows")
+    conclusive = _witnesses(diagnosis)
+    since = diagnosis.findings[0].since if diagnosis.findings else conclusive[0].time
+    conclusive = [window for window in conclusive if window.time >= since]
+    mean = mean_deviation(normal, conclusive)
+    return corner_bars(
+        mean.components,
+        mean.log_ratios,
+        mean.std,
+        is_identifiable=np.ones(len(mean.components), dtype=np.bool_),
+        heading=(
+            f"Corners against {_name(normal)}: mean of {len(conclusive)} windows since {time_in_words(since)}",
+            "95 % intervals: thick: independent scatter; thin: with common effects; arrow: beyond the axis",
+        ),
+        by_chance=mean.std_by_chance,
+    )
+
+
+def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Figure:
+    """Draw every component over the windows with its usual range, and onset and trend of a finding.
+
+    Parameters
+    ----------
+    diagnosis
+        Diagnosis with at least one conclusive window.
+    baseline
+        Baseline of the vehicle; None: that of the diagnosis, which is of its type or its vehicle file.
+
+    Raises
+    ------
+    ParameterError
+        If no window was conclusive.
+
+    Notes
+    -----
+    Values are corrected to the mean conditions of the baseline. The line is the mean of the baseline (0, the value of
+    the vehicle file, without one); the grey band holds 95 % of usual single windows, the darker one without the
+    scatter that corners share.
+
+    Examples
+    --------
+    Eight windows of a healthy vehicle, and six with a front-left spring that has lost 30 % of its stiffness:
+
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows[:8])
+    >>> figure = trends_figure(sprung.diagnose(windows, baseline), baseline)
+    >>> len(figure.axes), figure.axes[0].get_title(loc="left"), figure.axes[0].get_ylabel()
+    (12, 'front left', 'spring [%]')
+    """
+    normal = baseline or diagnosis.baseline
+    if diagnosis.detection is None or normal is None:
+        raise ParameterError("the diagnosis has no conclusive window, but trends need one: add windows")
+    conclusive = _witnesses(diagnosis)
+    components = normal.components
+    corners = list(dict.fromkeys(component.corner for component in components))
+    what = "Components over time against the vehicle file, with 95 % intervals"
+    where = f"Grey: 95 % of usual windows by {_name(normal)}; darker: without common effects"
+    figure = new_figure(what, where, width=max(9.5, 2.4 * len(corners)), height=7)
+    panels = figure.subplots(len(_KINDS), len(corners), sharex=True, sharey="row", squeeze=False)
+    minutes = np.array([window.time for window in conclusive]) / 60
+    values = np.array([normal.mean + normal.residual(window) for window in conclusive])
+    bars = HALF_WIDTH_95 * np.sqrt([np.diag(window.covariance) for window in conclusive])
+    own, usual = (HALF_WIDTH_95 * std for std in (np.sqrt(np.diag(normal.covariance)), usual_std(normal)))
+    for line, kind in zip(panels, _KINDS, strict=True):
+        line[0].set_ylabel(f"{kind} [%]", fontsize=NORMAL)
+        for axes, corner in zip(line, corners, strict=True):
+            plain(axes)
+            if Component(corner, kind) not in components:
+                continue
+            row = components.index(Component(corner, kind))
+            _draw_limits(axes, float(normal.mean[row]), (usual[row], own[row]))
+            middle, low, high = (_percent(values[:, row] + sign * bars[:, row]) for sign in (0, -1, 1))
+            axes.errorbar(minutes, middle, (middle - low, high - middle), fmt="o", color=MODE_COLOURS[0], markersize=3)
+            for finding in diagnosis.findings:
+                if components[row] in _parts(finding, components):
+                    _draw_onset(axes, finding, minutes, values[:, row])
+    for axes, corner in zip(panels[0], corners, strict=True):
+        axes.set_title(corner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
+    panels[0, 0].set_xlim(*_span(minutes))
+    for axes in panels[-1]:
+        axes.set_xlabel("start of the window [min]", fontsize=NORMAL)
+    return figure
+
+
+def _draw_limits(axes: Axes, mean: float, halves: tuple[float, float]) -> None:
+    """Draw the usual range: its mean, and a light and a dark band of given half widths [ln]."""
+    for half, colour in zip(halves, _BANDS, strict=True):
+        axes.axhspan(*_percent([mean - half, mean + half]), color=colour, zorder=0)
+    axes.axhline(float(_percent(mean)), color=INK, linewidth=0.8)
+
+
+def _draw_onset(axes: Axes, finding: Finding, minutes: Real, values: Real) -> None:
+    """Draw the onset of a finding with its interval, and its trend through the values [ln] since then."""
+    axes.axvspan(*(time / 60 for time in finding.since_interval), color=_ONSET, zorder=0.5)
+    axes.axvline(finding.since / 60, color=MODE_COLOURS[1], linewidth=1.2, label="onset, with 95 % interval")
+    if finding.trend is not None:
+        later = minutes >= finding.since / 60
+        away = minutes[later] - minutes[later].mean()
+        trend = values[later].mean() + np.log1p(finding.trend.per_hour) * away / 60
+        label = f"{100 * finding.trend.per_hour:+.1f} % per hour"
+        axes.plot(minutes[later], _percent(trend), color=MODE_COLOURS[1], linewidth=1.5, linestyle="--", label=label)
+    axes.legend(fontsize=SMALL, frameon=False)
+
+
+def _name(normal: Baseline) -> str:
+    """Return what windows are compared with, in words."""
+    if normal.version:
+        return f"baseline {normal.version}"
+    return "the type" if normal.n_windows else "the vehicle file"
+
+
+def _witnesses(diagnosis: Diagnosis) -> list[Observation]:
+    """Return the windows of the change test, without excluded ones and those with failing sensors."""
+    tested = set() if diagnosis.detection is None else set(diagnosis.detection.times.tolist())
+    return [window for window in diagnosis.observations if window.time in tested]
+
+
+def _parts(finding: Finding, components: tuple[Component, ...]) -> tuple[Component, ...]:
+    """Return the components that a finding concerns."""
+    return Hypothesis("", finding.corner, finding.component).parts(components)
+
+
+def _span(minutes: Real) -> tuple[float, float]:
+    """Return the limits of a time axis, also for a single window."""
+    room = max(1.0, 0.05 * float(np.ptp(minutes)))
+    return float(minutes[0]) - room, float(minutes[-1]) + room
+
+
+def _percent(log_ratio: ArrayLike) -> Real:
+    """Return the relative change [%] of ln values."""
+    return 100 * np.expm1(log_ratio)
+
+
+def mode_changes_figure(changes: Sequence[ModeChange], *, heading: str = "") -> Figure:
+    """Draw the body modes before and after a change as implied by a finding, with frequencies and MAC.
+
+    Parameters
+    ----------
+    changes
+        Changes of modes, at least one.
+    heading
+        Line below the heading, such as the finding's sentence.
+
+    Raises
+    ------
+    ParameterError
+        If there are no changes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> (finding,) = sprung.diagnose(windows[8:], sprung.learn(windows[:8])).findings
+    >>> changes = sprung.diagnosis.mode_changes(sprung.read_vehicle("zafira"), finding)
+    >>> figure = mode_changes_figure(changes, heading=finding.sentence)
+    >>> figure.axes[0].get_title()
+    'bounce: 1.52 to 1.43 Hz, MAC 0.924'
+    """
+    if not changes:
+        raise ParameterError("changes is empty, but must hold at least one change of a mode: draw it only for findings")
+    figure = new_figure("Body modes before and after, as the finding implies", heading, width=9.5, height=3.4)
+    panels = figure.subplots(1, len(changes), sharey=True, squeeze=False)[0]
+    for axes, change in zip(panels, changes, strict=True):
+        plain(axes)
+        places = np.arange(len(change.channels))
+        for shift, shape, colour, label in (
+            (-0.2, change.shapes[0], FAINT, "before"),
+            (0.2, change.shapes[1], MODE_COLOURS[0], "after"),
+        ):
+            axes.bar(places + shift, shape, 0.4, color=colour, label=label)
+        axes.set_xticks(places, [name.replace("acc_", "").upper() for name in change.channels], fontsize=SMALL)
+        title = f"{change.label}: {change.frequency[0]:.3g} to {change.frequency[1]:.3g} Hz, MAC {change.mac:.3f}"
+        if change.measured_before is not None and change.measured_since is not None:
+            title += f"\nmeasured: {change.measured_before[0]:.3g} to {change.measured_since[0]:.3g} Hz"
+        axes.set_title(title, fontsize=SMALL)
+    panels[0].set_ylabel("modulus of the shape [-]", fontsize=NORMAL)
+    panels[0].set_ylim(0, 1.2)
+    panels[-1].legend(fontsize=SMALL, frameon=False, loc="upper right", ncols=2)
+    return figure

@@ -1,0 +1,202 @@
+"""Signals over time, and their spectra."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from sprung._arrays import Real
+from sprung.results.figures.style import INK, MODE_COLOURS, NORMAL, SMALL, new_figure, panel_grid, plain, with_unit
+from sprung.recording import Recording
+from sprung.signals.spectrum import spectral_matrix
+
+_MOST_POINTS = 4000
+
+
+def histories_figure(recordings: Sequence[tuple[str, Recording]], *, title: str, window: float | None = None) -> Figure:
+    """Draw every channel over time, one panel for each, one curve for each recording.
+
+    Parameters
+    ----------
+    recordings
+        Names in the legend and recordings, all with the channels of the first; the largest recording first.
+    title
+        Heading of the figure.
+    window
+        Length shown [s]; None: all. Long records are drawn by the largest and smallest value in each of 2000 intervals.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
+    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
+    >>> axes = histories_figure([("run", run)], title="A tone", window=2.0).axes[0]
+    >>> axes.get_ylabel(), round(float(axes.lines[0].get_xdata()[-1]), 2)
+    ('acceleration [m/s²]', 1.99)
+    """
+    first = recordings[0][1]
+    figure, panels = _panels(title, len(first.channels))
+    for row, (axes, channel) in enumerate(zip(panels, first.channels, strict=True)):
+        plain(axes)
+        for number, (_, recording) in enumerate(recordings):
+            shown = (
+                recording.n_samples
+                if window is None
+                else min(recording.n_samples, round(window * recording.sampling_rate))
+            )
+            time, values = _envelope(np.arange(shown) / recording.sampling_rate, recording.samples[row, :shown])
+            axes.plot(time, values, color=_colour(number, len(recordings)), linewidth=0.7)
+        axes.set_title(channel.name, fontsize=NORMAL, color=INK, loc="left")
+        quantity = "value" if channel.quantity == "unknown" else channel.quantity.replace("_", " ")
+        axes.set_ylabel(with_unit(quantity, channel.unit), fontsize=SMALL)
+    _name_axis(panels, "Time [s]")
+    _name_curves(figure, [name for name, _ in recordings])
+    return figure
+
+
+def levels_figure(recordings: Sequence[tuple[str, Recording]], *, title: str, interval: float = 2.0) -> Figure:
+    """Draw the RMS of every channel in intervals of time; parameters as for `histories_figure`, interval in s.
+
+    Examples
+    --------
+    A tone with an RMS of 3 m/s²:
+
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
+    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
+    >>> levels = levels_figure([("run", run)], title="A tone").axes[0].lines[0].get_ydata()
+    >>> len(levels), float(levels[0].round(6))
+    (20, 3.0)
+    """
+    first = recordings[0][1]
+    figure, panels = _panels(title, len(first.channels))
+    for row, (axes, channel) in enumerate(zip(panels, first.channels, strict=True)):
+        plain(axes)
+        for number, (_, recording) in enumerate(recordings):
+            per = round(interval * recording.sampling_rate)
+            blocks = recording.samples[row, : recording.n_samples // per * per].reshape(-1, per)
+            level = np.sqrt(np.mean(blocks**2, axis=1))
+            axes.plot(
+                (np.arange(len(level)) + 0.5) * interval,
+                level,
+                color=_colour(number, len(recordings)),
+                marker=".",
+                lw=1,
+            )
+        axes.set_ylim(0, None)
+        axes.set_title(channel.name, fontsize=NORMAL, color=INK, loc="left")
+        axes.set_ylabel(with_unit("RMS", channel.unit), fontsize=SMALL)
+    _name_axis(panels, "Time [s]")
+    _name_curves(figure, [name for name, _ in recordings])
+    return figure
+
+
+def densities_figure(
+    recordings: Sequence[tuple[str, Recording]],
+    *,
+    title: str,
+    highest: float,
+    lowest: float = 0.0,
+    segment: float = 4.0,
+    marked: Sequence[tuple[str, float]] = (),
+) -> Figure:
+    """Draw the power spectral density of every channel.
+
+    Parameters
+    ----------
+    recordings
+        Names in the legend and recordings, all with the channels of the first.
+    title
+        Heading of the figure.
+    highest, lowest
+        Range of frequencies [Hz].
+    segment
+        Length of the averaged segments [s].
+    marked
+        Names and frequencies [Hz] of vertical lines.
+
+    Examples
+    --------
+    The area below the density is the mean square, 9 (m/s²)²:
+
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
+    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
+    >>> line = densities_figure([("run", run)], title="A tone", highest=50.0).axes[0].lines[0]
+    >>> frequency, density = line.get_xdata(), line.get_ydata()
+    >>> round(float(density.sum() * (frequency[1] - frequency[0])), 2)
+    9.0
+    """
+    first = recordings[0][1]
+    figure, panels = _panels(title, len(first.channels))
+    spectra = [spectral_matrix(recording, segment_length=segment) for _, recording in recordings]
+    for row, (axes, channel) in enumerate(zip(panels, first.channels, strict=True)):
+        plain(axes)
+        for number, one in enumerate(spectra):
+            shown = (one.frequencies >= max(lowest, 1 / segment)) & (one.frequencies <= highest)
+            axes.semilogy(
+                one.frequencies[shown], one.densities[row, shown], color=_colour(number, len(spectra)), linewidth=1
+            )
+        for name, frequency in marked:
+            axes.axvline(frequency, color="#888888", linewidth=0.8, linestyle=":")
+            if row == 0:
+                axes.annotate(
+                    name,
+                    (frequency, 1.0),
+                    xycoords=("data", "axes fraction"),
+                    fontsize=SMALL,
+                    rotation=90,
+                    ha="right",
+                    va="top",
+                    color="#555555",
+                )
+        axes.set_xlim(lowest, highest)
+        axes.set_title(channel.name, fontsize=NORMAL, color=INK, loc="left")
+        axes.set_ylabel(with_unit("PSD", channel.unit and f"({channel.unit})^2/Hz"), fontsize=SMALL)
+    _name_axis(panels, "Frequency [Hz]")
+    _name_curves(figure, [name for name, _ in recordings])
+    return figure
+
+
+def _panels(title: str, n_channels: int) -> tuple[Figure, list[Axes]]:
+    """Return a figure with a panel for each channel, one below another; two columns for many."""
+    n_rows, n_columns = panel_grid(n_channels, most_columns=1 if n_channels <= 3 else 2)
+    figure = new_figure(title, "", width=9.5, height=1.1 + 1.75 * n_rows)
+    panels = figure.subplots(n_rows, n_columns, sharex=True, squeeze=False).ravel()
+    for axes in panels[n_channels:]:
+        axes.set_visible(False)
+    return figure, list(panels[:n_channels])
+
+
+def _name_axis(panels: Sequence[Axes], name: str) -> None:
+    """Write the name and the ticks of the common axis below the lowest panel of each column."""
+    for axes in panels[-1 if len(panels) <= 3 else -2 :]:
+        axes.tick_params(labelbottom=True)
+        axes.set_xlabel(name, fontsize=NORMAL)
+
+
+def _colour(number: int, count: int) -> str:
+    """Return the colour of a curve; a single one is blue."""
+    return MODE_COLOURS[number % len(MODE_COLOURS)] if count > 1 else MODE_COLOURS[0]
+
+
+def _name_curves(figure: Figure, names: Sequence[str]) -> None:
+    """Write the names of the curves below the panels, if there are several."""
+    if len(names) < 2:
+        return
+    handles = [figure.axes[0].lines[number] for number in range(len(names))]
+    figure.legend(handles, names, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
+
+
+def _envelope(time: Real, values: Real) -> tuple[Real, Real]:
+    """Return the largest and smallest value of each interval if there are too many samples to draw."""
+    per = -(-values.size * 2 // _MOST_POINTS)
+    if per <= 2:
+        return time, values
+    blocks = values[: values.size // per * per].reshape(-1, per)
+    middle = time[: values.size // per * per].reshape(-1, per).mean(axis=1)
+    return np.repeat(middle, 2), np.stack([blocks.min(axis=1), blocks.max(axis=1)], axis=1).ravel()

@@ -1,0 +1,146 @@
+"""Spectra of the channels, before and after cepstrum editing."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from sprung._arrays import Real
+from sprung.identification import Identification
+from sprung.results.figures.frequency import (
+    FrequencyRange,
+    curve_limits,
+    frequency_range,
+    harmonic_handles,
+    head_room,
+    mark_harmonics,
+    mark_modes,
+)
+from sprung.results.figures.style import (
+    FAINT,
+    INK,
+    NORMAL,
+    SMALL,
+    new_figure,
+    origin,
+    panel_grid,
+    plain,
+    pretty_unit,
+)
+from sprung.signals.spectrum import SpectralMatrix
+
+_WIDTH = 11.0
+#: More channels than this are not drawn.
+MOST_CHANNELS = 24
+_DYNAMIC_RANGE = 90.0
+#: Additional height of the first row, where harmonics are labelled.
+_LABELLED = 0.4
+
+
+def spectra_figure(identification: Identification, *, source: str = "") -> Figure:
+    """Draw the power spectral density of each channel, before and after cepstrum editing, with harmonics and modes.
+
+    Parameters
+    ----------
+    identification
+        Identification; without cepstrum editing there is one curve for each channel.
+    source
+        Name of the recording, for the heading.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Figure with a panel for each of the first 24 channels; harmonics are marked in the channels that show them.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> figure = spectra_figure(identification)
+    >>> len(figure.axes), figure.axes[-1].get_xlabel()
+    (3, 'Frequency [Hz]')
+    """
+    n_channels = min(len(identification.channels), MOST_CHANNELS)
+    n_rows, n_columns = panel_grid(n_channels, most_columns=1 if n_channels <= 4 else 2 if n_channels <= 10 else 3)
+    what = "Power spectral densities"
+    if identification.edited_spectra is not None:
+        what += " before and after cepstrum editing"
+    if n_channels < len(identification.channels):
+        what += f" of the first {n_channels} of {len(identification.channels)} channels"
+    row_height = 3.4 if n_rows == 1 else 2.1
+    figure = new_figure(
+        f"{what}: {source}" if source else what,
+        origin(identification),
+        width=_WIDTH,
+        height=2.0 + row_height * (n_rows + _LABELLED * bool(identification.harmonics)),
+    )
+    heights = [1.0 + _LABELLED * bool(identification.harmonics)] + [1.0] * (n_rows - 1)
+    panels = figure.subplots(n_rows, n_columns, sharex=True, squeeze=False, height_ratios=heights)
+    shown = frequency_range(identification)
+    width = 0.9 * _WIDTH / n_columns
+    for k, axes in enumerate(panels.flat):
+        if k >= n_channels:
+            axes.set_axis_off()
+            continue
+        plain(axes)
+        shown.put_on(axes)
+        has_labels = k < n_columns
+        name = identification.channels[k].name
+        room = head_room(identification.harmonics if has_labels else (), row_height)
+        _draw_channel(axes, identification, k, shown, room)
+        mark_harmonics(axes, identification.harmonics, width=width, channel=name, has_labels=has_labels)
+        style: dict[str, Any] = {"has_labels": has_labels, "is_short": n_columns > 1}
+        mark_modes(axes, identification.modes, width=width, height=0.8 * row_height, **style)
+        axes.set_ylabel(f"{name}\n{_level_unit(identification.channels[k].unit)}", fontsize=SMALL)
+        if k + n_columns >= n_channels:
+            axes.set_xlabel("Frequency [Hz]", fontsize=NORMAL)
+            axes.tick_params(labelbottom=True)
+    figure.legend(handles=_legend(identification), loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
+    return figure
+
+
+def _level_unit(unit: str) -> str:
+    """Return the unit of the level of a power spectral density, such as "[dB re 1 (m/s²)²/Hz]"."""
+    if not unit:
+        return "[dB], as recorded"
+    density = f"({pretty_unit(unit)})²/Hz" if set(unit) & set("/^") else f"{pretty_unit(unit)}²/Hz"
+    return f"[dB re 1 {density}]"
+
+
+def _draw_channel(axes: Axes, identification: Identification, row: int, shown: FrequencyRange, room: float) -> None:
+    """Draw the curves of one channel and leave room above them for labels."""
+    before, after = identification.spectra, identification.edited_spectra
+    curves = [(after or before, INK, 1.3, "spectrum")]
+    if after is not None:
+        curves.insert(0, (before, FAINT, 0.9, "spectrum before editing"))
+    levels = []
+    for spectra, colour, width, gid in curves:
+        level = _decibels(spectra, row)
+        axes.plot(spectra.frequencies[1:], level[1:], color=colour, linewidth=width, gid=gid, zorder=2)
+        levels.append(level[shown.holds(spectra.frequencies)])
+    axes.set_ylim(curve_limits(np.concatenate(levels), dynamic_range=_DYNAMIC_RANGE, room=room))
+
+
+def _decibels(spectra: SpectralMatrix, row: int) -> Real:
+    """Return the density of a channel [dB]."""
+    return 10 * np.log10(np.maximum(spectra.matrix[row, row].real, 1e-30))
+
+
+def _legend(identification: Identification) -> list[Line2D | Patch]:
+    """Return a legend entry for each kind of line."""
+    after = Line2D([], [], color=INK, linewidth=1.3, label="power spectral density")
+    handles: list[Line2D | Patch] = [after]
+    if identification.edited_spectra is not None:
+        after.set_label("power spectral density after cepstrum editing")
+        handles.insert(0, Line2D([], [], color=FAINT, linewidth=0.9, label="before editing"))
+    handles += harmonic_handles(identification.harmonics)
+    if any(set(line.channels) != {c.name for c in identification.channels} for line in identification.harmonics):
+        handles.append(Line2D([], [], linestyle="none", label="(faint: not in this channel)"))
+    return handles

@@ -1,0 +1,202 @@
+"""Baselines, diagnoses and discoveries are those of the library, whatever the order of the windows."""
+
+import json
+import random
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sprung.diagnosis import diagnose, false_discoveries, learn
+from sprung.fleet.jobs.analysis import WindowSettings, Work, analyse
+from sprung.fleet.jobs.assessing import COMPARED
+from sprung.fleet.jobs.assessment import AssessmentSettings, Windows, assess, assessments, discoveries, learnt, outline
+from sprung.fleet.jobs.results import SCHEMAS
+from sprung.online.monitor.states import restored_statistics
+from sprung.results.documents import baseline_document, diagnosis_document, observation_from_document
+
+LEARN = 4
+SETTINGS = AssessmentSettings(learning_windows=LEARN)
+FAULT = "rear_left.damper=-0.5"
+
+
+@pytest.fixture(scope="module")
+def rows(window, car_text):
+    """Rows of the table of windows: a damper changes after the fifth."""
+    found = []
+    for number in range(8):
+        row = window("car0", number, FAULT if number >= 5 else None).row
+        results, _ = analyse(row, Work(car_text, "f", steps=["observe"], has_segments=True), WindowSettings())
+        found.append(results["windows"])
+    return found
+
+
+@pytest.fixture(scope="module")
+def vehicle(car_text):
+    """The row of the vehicle."""
+    names = {"vehicle": "car0", "type": "t", "type_name": "zafira", "vehicle_file": "f", "state": "s"}
+    return names | {"vehicle_text": car_text}
+
+
+def keys(rows):
+    return [row | {"has_result": bool(row["document"]), "document": None, "residuals": None} for row in rows]
+
+
+def outlined(vehicle, rows, settings=SETTINGS):
+    """The outline of a vehicle and its baseline, and what its assessment takes."""
+    found = outline(vehicle, keys(rows), settings)
+    first = [row for row in rows if found["learning"] and row["start"] <= found["learn_until"]]
+    own = learnt(found, first, settings) if first else {"document": "", "reason": ""}
+    since = found["since"] if own["document"] else found["since_alone"]
+    compared = {"baseline": own["document"], "no_baseline": own["reason"], "since": since}
+    return own, found | compared | {"type_baseline": "", "type_state": ""}
+
+
+def assessed(vehicle, rows, settings=SETTINGS):
+    """The assessment of a vehicle, of no more windows than it takes."""
+    _, compared = outlined(vehicle, rows, settings)
+    last = [row for row in rows if compared["since"] is not None and row["start"] >= compared["since"]]
+    return assess(compared, last, settings)
+
+
+def without_times(value):
+    """A document without the times of its windows, which the command counts from the first file."""
+    if isinstance(value, dict):
+        return {
+            name: without_times(own)
+            for name, own in value.items()
+            if name
+            not in {"time", "times", "since", "since_interval", "onset", "onset_interval", "first_alert", "taught"}
+        }
+    return [without_times(own) for own in value] if isinstance(value, list) else value
+
+
+def assert_close(one, other, place=""):
+    if isinstance(one, dict):
+        assert one.keys() == other.keys(), place
+        for name in one:
+            assert_close(one[name], other[name], f"{place}.{name}")
+    elif isinstance(one, list):
+        assert len(one) == len(other), place
+        for number, (first, second) in enumerate(zip(one, other, strict=True)):
+            assert_close(first, second, f"{place}[{number}]")
+    elif isinstance(one, float):
+        assert one == pytest.approx(other, rel=1e-9, abs=1e-12), place
+    elif not (isinstance(one, str) and "since" in one):
+        assert one == other, place
+
+
+class TestAssessment:
+    @pytest.mark.slow
+    def test_baseline_and_diagnosis_are_those_of_the_library(self, vehicle, rows):
+        own, _ = outlined(vehicle, rows)
+        found = assessed(vehicle, rows)
+        observed = [
+            replace(
+                observation_from_document(json.loads(row["document"])),
+                time=1800.0 * k,
+                vehicle="zafira",
+                residuals=restored_statistics(row["residuals"]),
+            )
+            for k, row in enumerate(rows)
+        ]
+        baseline = learn(observed[:LEARN], least_windows=2)
+        diagnosis = diagnose(observed[LEARN:], baseline)
+        assert_close(without_times(json.loads(own["document"])), without_times(baseline_document(baseline).as_json()))
+        document = diagnosis_document(diagnosis, modes=()).as_json() | {"modes": []}
+        assert_close(without_times(json.loads(found["document"]) | {"modes": []}), without_times(document))
+        assert found["verdict"] == "change"
+        (finding,) = json.loads(found["document"])["findings"]
+        assert (finding["corner"], finding["component"]) == ("rear_left", "damper")
+        assert finding["interval"][0] < -0.5 < finding["interval"][1]
+        assert finding["since"] == rows[5]["start"] / 1e9
+        assert (own["n_windows"], own["until"]) == (LEARN, rows[LEARN - 1]["start"])
+
+    def test_the_order_of_windows_does_not_matter(self, vehicle, rows):
+        shuffled = list(rows)
+        random.Random(3).shuffle(shuffled)
+        assert outlined(vehicle, shuffled) == outlined(vehicle, rows)
+        assert assessed(vehicle, shuffled) == assessed(vehicle, rows)
+
+    def test_overlapping_windows_count_once(self, vehicle, rows):
+        late = [{**row, "start": row["start"] + 30 * 10**9, "digest": "late"} for row in rows]
+        found = assessed(vehicle, [*rows, *late])
+        alone = assessed(vehicle, rows)
+        counts = {"n_windows": 2 * len(rows), "n_sound": 2 * len(rows), "n_left_out": len(late)}
+        assert found == alone | counts
+
+    def test_a_vehicle_without_enough_windows_is_compared_with_its_type(self, vehicle, rows):
+        own, _ = outlined(vehicle, rows[:2])
+        found = assessed(vehicle, rows[:2])
+        assert found["reason"].startswith("2 of the 4 sound windows that a baseline needs")
+        assert found["verdict"] == "inconclusive"
+        assert own["document"] == ""
+
+    def test_a_vehicle_whose_windows_all_failed_states_the_commonest_reason(self, vehicle, rows):
+        broken = [{**row, "document": "", "is_sound": False, "reason": "no motion"} for row in rows]
+        assert assessed(vehicle, broken)["reason"] == "no motion"
+
+    def test_a_vehicle_without_a_file_states_this(self, vehicle, rows):
+        broken = [{**row, "document": "", "is_sound": False, "vehicle_file": "", "reason": "no file"} for row in rows]
+        assert assessed(vehicle | {"vehicle_file": ""}, broken)["reason"] == "no file"
+
+    def test_damaged_results_are_a_reason(self, vehicle, rows):
+        found = assessed(vehicle, [{**row, "document": "{"} for row in rows])
+        assert "JSONDecodeError" in found["reason"]
+
+    def test_a_vehicle_whose_baseline_cannot_be_learnt_is_compared_in_all_windows(self, vehicle, rows):
+        damaged = [row | {"document": "{"} if k == 1 else row for k, row in enumerate(rows[:5])]
+        own, compared = outlined(vehicle, damaged)
+        assert own["reason"].startswith("no baseline: JSONDecodeError")
+        assert compared["since"] == rows[0]["start"]
+
+    def test_an_assessment_is_a_row_of_a_table(self, vehicle, rows):
+        _, compared = outlined(vehicle, rows)
+        windows = pa.Table.from_pylist(rows[LEARN:], schema=SCHEMAS["windows"])
+        table = assessments(pa.Table.from_pylist([compared], schema=COMPARED), windows, settings=SETTINGS)
+        assert table["verdict"].to_pylist() == ["change"]
+
+    def test_a_baseline_stays_the_same_while_its_windows_do(self, vehicle, rows):
+        whole = outline(vehicle, keys(rows), SETTINGS)
+        assert outline(vehicle, keys(rows[:LEARN]), SETTINGS)["learning"] == whole["learning"] != ""
+        earlier = rows[0] | {"start": rows[0]["start"] - 1800 * 10**9, "digest": "earlier"}
+        assert outline(vehicle, keys([earlier, *rows]), SETTINGS)["learning"] != whole["learning"]
+        assert outline(vehicle | {"vehicle_file": "g"}, keys(rows), SETTINGS)["learning"] != whole["learning"]
+
+    def test_no_more_windows_are_needed_than_are_compared(self, vehicle, rows):
+        settings = replace(SETTINGS, most_windows=2)
+        found = outline(vehicle, keys(rows), settings)
+        assert (found["learn_until"], found["since"]) == (rows[LEARN - 1]["start"], rows[-2]["start"])
+        assert found["since_alone"] == rows[-2]["start"]
+
+
+class TestWindows:
+    def test_windows_that_touch_do_not_overlap(self):
+        rows = [{"start": k * 600 * 10**9, "duration": 600.2, "digest": ""} for k in range(5)]
+        assert Windows.of(rows).n_left_out == 0
+
+    def test_the_earlier_and_longer_window_counts(self):
+        rows = [
+            {"start": 0, "duration": 100.0, "digest": "a"},
+            {"start": 0, "duration": 600.0, "digest": "b"},
+            {"start": 300 * 10**9, "duration": 600.0, "digest": "c"},
+            {"start": 600 * 10**9, "duration": 600.0, "digest": "d"},
+        ]
+        assert [row["digest"] for row in Windows.of(rows).rows] == ["b", "d"]
+
+
+@given(
+    st.lists(st.floats(-5, 30, allow_nan=False), min_size=1, max_size=40),
+    st.sampled_from([0.01, 0.05, 0.2, 1.0]),
+)
+def test_discoveries_are_those_of_all_vehicles(values, rate):
+    names = [f"car{k}" for k in range(len(values))]
+    candidates = [(name, value) for name, value in zip(names, values, strict=True) if value >= -np.log(rate)]
+    table = pa.table(
+        {"vehicle": pa.array([name for name, _ in candidates], pa.string()), "e_value": [v for _, v in candidates]}
+    )
+    found = discoveries(table, rate=rate, n_vehicles=len(values))["vehicle"].to_pylist()
+    assert found == [names[k] for k in false_discoveries(values, rate=rate)]

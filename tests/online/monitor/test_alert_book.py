@@ -1,0 +1,62 @@
+"""Trouble with monitoring itself is one alert, however often it is reported."""
+
+import numpy as np
+
+import sprung
+from sprung.online.alerts import AlertSettings
+from sprung.online.monitor import AlertBook, Observed
+from sprung.vehicles import Component
+
+NOW = 1_795_219_200_000_000_000
+
+
+def test_trouble_that_stays_the_same_is_named_once(store) -> None:
+    book = AlertBook(store, AlertSettings())
+    for second in range(5):
+        book.report("car-1", "silent", "car-1 has sent nothing", now=NOW + second)
+    assert store.alerts.n_open() == 1
+    book.clear("car-1", "silent", now=NOW + 10)
+    book.clear("car-1", "silent", now=NOW + 11)
+    assert store.alerts.n_open() == 2
+    (row,) = store.alerts.find()
+    assert [entry.what for entry in store.alerts.history(row.id)] == ["raised", "cleared"]
+
+
+COMPONENTS = tuple(
+    Component(f"{axle}_{side}", kind)
+    for axle in ("front", "rear")
+    for side in ("left", "right")
+    for kind in ("spring", "damper", "tyre")
+)
+
+
+def window(generator, number, *, change):
+    """A window whose parts scatter by 2 %, the front-left spring changed by a log ratio."""
+    values = 0.02 * generator.standard_normal(12) + change * np.eye(12)[0]
+    conditions = {name: float(generator.uniform(1, 2)) for name in ("payload", "roughness", "speed")}
+    time = NOW / 1e9 + 600.0 * number
+    return sprung.Observation(time, COMPONENTS, values, 0.02**2 * np.eye(12), conditions, {}, (), vehicle="car-1")
+
+
+def test_an_alert_keeps_the_change_test_behind_it(store) -> None:
+    """Eight healthy windows to learn from, fifty to compare, the last ten with a softer spring."""
+    generator = np.random.default_rng(1)
+    healthy = [window(generator, k, change=0.0) for k in range(8)]
+    compared = [window(generator, k, change=-0.4 if k >= 48 else 0.0) for k in range(8, 58)]
+    diagnosis = sprung.diagnose(compared, sprung.learn(healthy))
+    recording = sprung.Recording(np.zeros((1, 2)), 1.0, (sprung.Channel("a"),), NOW)
+    AlertBook(store, AlertSettings()).take_window(
+        "car-1", Observed(57, recording, compared[-1], diagnosis, None), now=NOW
+    )
+    (row,) = store.alerts.find()
+    evidence = row.document["evidence"]
+    detection = diagnosis.detection
+    assert detection is not None
+    assert row.cause == "front_left.spring"
+    assert evidence["since"] == compared[40].time
+    assert evidence["detection"]["threshold"] == detection.threshold
+    assert evidence["detection"]["times"] == detection.times[-40:].tolist()
+    assert evidence["detection"]["evidence"] == detection.evidence[-40:].tolist()
+    names = [hypothesis["name"] for hypothesis in evidence["detection"]["hypotheses"]]
+    assert names == [candidate.hypothesis.name for candidate in detection.candidates[:5]]
+    assert names[0] == "front_left.spring"

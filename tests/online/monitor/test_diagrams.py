@@ -1,0 +1,134 @@
+"""Diagrams of a window from its archived samples: those of the samples themselves."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.diagnosis import observe_window
+from sprung.identification import METHODS
+from sprung.modal import PoleStatus
+from sprung.online.monitor.diagrams import answer, archived_recording, diagram_values, window_diagrams
+from sprung.online.monitor.engine import IDENTIFICATION
+from sprung.online.store import StoreError, write_archive
+from sprung.recording import Gap
+from sprung.results.documents import mode_documents
+from sprung.vehicles import vehicle_text
+from sprung.vehicles.sensor_layout import quantities_of
+
+
+def archived(folder, recording):
+    return write_archive(
+        folder,
+        "car-1",
+        1,
+        0,
+        recording.start,
+        samples=recording.samples,
+        channels=recording.names,
+        sampling_rate=recording.sampling_rate,
+        gaps=[(gap.index, gap.duration) for gap in recording.gaps],
+    )
+
+
+def test_archived_samples_are_those_of_the_window(tmp_path, car, drive) -> None:
+    run = replace(drive(0), gaps=(Gap(500, 2.5),))
+    kept = archived_recording(archived(tmp_path, run), quantities_of(run, car.sensor))
+    np.testing.assert_array_equal(kept.samples, run.samples.astype(np.float32))
+    assert (kept.names, kept.sampling_rate, kept.start, kept.gaps) == (
+        run.names,
+        run.sampling_rate,
+        run.start,
+        run.gaps,
+    )
+    assert [channel.quantity for channel in kept.channels] == list(quantities_of(run, car.sensor).values())
+
+
+def test_samples_that_are_gone_or_damaged(tmp_path) -> None:
+    with pytest.raises(StoreError, match=r"the samples in 1-0.parquet cannot be read"):
+        archived_recording(tmp_path / "1-0.parquet", {})
+    (tmp_path / "1-0.parquet").write_bytes(b"PAR1 and nothing else")
+    with pytest.raises(StoreError, match=r"the samples in 1-0.parquet cannot be read"):
+        archived_recording(tmp_path / "1-0.parquet", {})
+
+
+@pytest.mark.slow
+def test_diagrams_are_those_of_the_same_samples(tmp_path, car, drive) -> None:
+    """With the functions of the monitor and the command line on the samples before they were archived."""
+    run = drive(0)
+    recording = archived_recording(archived(tmp_path, run), quantities_of(run, car.sensor))
+    diagrams = window_diagrams(recording, car)
+    assert diagrams.notes == ()
+    values = json.loads(json.dumps(diagram_values(diagrams, vehicle=car)))
+    direct = METHODS["cov"](run, settings=IDENTIFICATION, vehicle=car)
+    for own, other in zip(values["identification"]["modes"], mode_documents(direct.modes), strict=True):
+        assert own["label"] == other["label"]
+        assert own["natural_frequency"] == pytest.approx(other["natural_frequency"], rel=1e-5)
+        assert own["damping_ratio"] == pytest.approx(other["damping_ratio"], rel=1e-4)
+    for row, channel in enumerate(values["spectra"]["channels"]):
+        assert channel["channel"] == direct.channels[row].name
+        assert channel["unit"] == "m/s^2"
+        largest = direct.spectra.densities[row].max()
+        np.testing.assert_allclose(
+            channel["density"], direct.spectra.densities[row], rtol=1e-5, atol=1e-6 * largest, err_msg=str(row)
+        )
+    (poles,) = values["stabilisation"]["poles"]
+    (diagram,) = direct.subsets[0].diagrams
+    assert len(poles["rung"]) == len(poles["status"]) == len(diagram.status)
+    selected = np.array(poles["status"]) == "selected"
+    np.testing.assert_allclose(
+        np.array(poles["natural_frequency"])[selected],
+        diagram.poles.natural_frequency[diagram.status == PoleStatus.SELECTED],
+        rtol=1e-4,
+    )
+    levels = METHODS["coss"](run, settings=IDENTIFICATION, vehicle=car)
+    assert [subset["n_segments"] for subset in values["levels"]["subsets"]] == [
+        subset.n_segments for subset in levels.subsets
+    ]
+    for own, subset in zip(values["levels"]["subsets"], levels.subsets, strict=True):
+        assert own["level"] == pytest.approx(subset.level, rel=1e-5)
+        np.testing.assert_allclose(
+            [mode["natural_frequency"] for mode in own["modes"]], subset.modes.natural_frequency, rtol=1e-4
+        )
+    assert diagrams.fit is not None
+    np.testing.assert_allclose(diagrams.fit.log_ratios, observe_window(run, car).log_ratios, atol=1e-4)
+    fit = values["fit"]
+    for coordinate in fit["coordinates"]:
+        measured, fitted = (np.array(coordinate[name]) for name in ("measured", "fitted"))
+        np.testing.assert_allclose(np.median(measured / fitted), 1.0, atol=0.2)
+
+
+@pytest.mark.slow
+def test_a_process_of_its_own_answers_with_values_and_figures(tmp_path, car, drive) -> None:
+    run = drive(0)
+    request = {
+        "samples": str(archived(tmp_path, run)),
+        "quantities": quantities_of(run, car.sensor),
+        "description": vehicle_text(car),
+        "method": "cov",
+        "source": "car-1",
+    }
+    command = [sys.executable, "-P", "-m", "sprung.online.monitor.diagrams"]
+    done = subprocess.run(command, input=json.dumps(request), capture_output=True, text=True, check=True)
+    answered = json.loads(done.stdout)
+    assert answered["pictures"].keys() == {"spectra", "stabilisation", "fit", "levels"}
+    for picture in answered["pictures"].values():
+        assert picture.startswith("<?xml")
+        assert "<script" not in picture
+    assert answered["values"]["stabilisation"]["rung"] == "model order"
+
+
+def test_why_there_are_no_diagrams_is_said(tmp_path, car, drive) -> None:
+    run = replace(drive(0), samples=np.zeros_like(drive(0).samples))
+    request = {
+        "samples": str(archived(tmp_path, run)),
+        "quantities": quantities_of(run, car.sensor),
+        "description": vehicle_text(car),
+        "method": "cov",
+        "source": "car-1",
+    }
+    assert set(answer(request)) == {"error"}
+    assert "cannot be read" in answer(request | {"samples": "/nowhere/1-0.parquet"})["error"]

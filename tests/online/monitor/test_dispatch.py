@@ -1,0 +1,513 @@
+"""Which frames a worker gets, and what happens where its jobs fail; the analysis itself is played by hand."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sprung.diagnosis import Baseline, Observation, SensorFault
+from sprung.link import message
+from sprung.online.alerts import AlertSettings
+from sprung.online.monitor import (
+    AlertBook,
+    Failure,
+    MonitorSettings,
+    Observed,
+    Opening,
+    Outcome,
+    Site,
+    VehicleStatus,
+    Workers,
+)
+from sprung.online.monitor.dispatch import Dispatch
+from sprung.online.monitor.ledger import Ledger
+from sprung.online.store import LeaseLostError, Progress, RefusedError, StoredFrame, StoreError
+from sprung.recording import Channel, Recording
+from sprung.results.documents import observation_document
+from sprung.vehicles import Component, read_vehicle, vehicle_text
+
+NOW = 1_795_219_200_000_000_000
+SPRINGS = (Component("front_left", "spring"), Component("front_right", "spring"))
+WINDOW = Observation(NOW / 1e9, SPRINGS, np.zeros(2), 1e-4 * np.eye(2), {}, {}, ())
+
+
+WINDOW_EVENT = Observed(0, Recording(np.zeros((1, 2)), 1.0, (Channel("a"),), NOW), WINDOW, None, None)
+
+
+class Played(Workers):
+    """Workers without processes, which keep what they are given."""
+
+    def __init__(self) -> None:
+        super().__init__(0, limit=1.0, clock=lambda: 0.0)
+        self.opened: dict[str, Opening] = {}
+        self.jobs: list[tuple[str, list[bytes], str | Baseline]] = []
+
+    @property
+    def is_busy(self) -> bool:
+        return False
+
+    def is_open(self, vehicle: str) -> bool:
+        return vehicle in self.opened
+
+    def is_free(self, vehicle: str) -> bool:
+        return True
+
+    def open(self, opening: Opening) -> None:
+        self.opened[opening.vehicle] = opening
+
+    def close_vehicle(self, vehicle: str) -> None:
+        self.opened.pop(vehicle, None)
+
+    def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str | Baseline = "") -> None:
+        self.jobs.append((vehicle, list(frames), learn))
+
+
+@pytest.fixture
+def workers():
+    return Played()
+
+
+@pytest.fixture
+def dispatch(store, workers, timer, tmp_path: Path):
+    site = Site.model_validate({"store": f"sqlite:///{tmp_path}/store.sqlite"})
+    ledger = Ledger(site, store, alerts=AlertBook(store, AlertSettings()), clock=lambda: NOW)
+    return Dispatch(store, workers, ledger, MonitorSettings(), timer=timer)
+
+
+def arrive(store, dispatch, vehicle, first, last, *, boot=1) -> None:
+    frames = [StoredFrame(vehicle, boot, seq, NOW, b"%d" % seq) for seq in range(first, last)]
+    dispatch.add(vehicle, boot, store.inbox.add_frames(frames, now=NOW)[vehicle, boot])
+
+
+def describe(store, vehicle, description="text") -> None:
+    store.inbox.put_vehicle(vehicle, configuration="c", description=description, channels=[["a", "speed"]], now=NOW)
+
+
+def done(vehicle, n_consumed, state=None) -> Outcome:
+    return Outcome(vehicle, n_consumed, (), state, VehicleStatus())
+
+
+def failed(vehicle, n_consumed=0, failure=Failure.FRAME) -> Outcome:
+    return Outcome(vehicle, n_consumed, (), None, VehicleStatus(), "it fails", failure)
+
+
+class Timer:
+    """A clock that is set by hand."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def timer():
+    return Timer()
+
+
+@pytest.mark.parametrize("is_learning", [True, False])
+def test_after_a_restart_the_type_is_learnt_for_vehicles_that_learn_alone(
+    dispatch, workers, store, monkeypatch: pytest.MonkeyPatch, is_learning
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(
+        "sprung.online.monitor.dispatch.type_of_others", lambda _store, vehicle, types: asked.append(vehicle)
+    )
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 3)
+    status = VehicleStatus(is_learning=is_learning)._asdict()
+    store.results.commit(Progress("car-1", 1, done_seq=1, delete_through_seq=1, snapshot=b"state", status=status))
+    dispatch.give()
+    assert list(workers.opened) == ["car-1"]
+    assert asked == (["car-1"] if is_learning else [])
+
+
+def test_frames_wait_for_the_description_of_their_vehicle(dispatch, workers, store) -> None:
+    arrive(store, dispatch, "car-1", 0, 3)
+    assert dispatch.give() == 0
+    describe(store, "car-1")
+    dispatch.describe("car-1")
+    assert dispatch.give() == 1
+    assert workers.jobs == [("car-1", [b"0", b"1", b"2"], "")]
+    assert workers.opened["car-1"].quantities == {"a": "speed"}
+    assert workers.opened["car-1"].state is None
+
+
+def test_a_vehicle_has_one_job_at_a_time(dispatch, workers, store) -> None:
+    for vehicle in ("car-1", "car-2"):
+        describe(store, vehicle)
+        arrive(store, dispatch, vehicle, 0, 2)
+    assert dispatch.give() == 2
+    arrive(store, dispatch, "car-1", 2, 4)
+    assert dispatch.give() == 0
+    assert dispatch.figures["sprung_backlog_frames"] == 6
+    dispatch.settle(done("car-1", 2))
+    assert dispatch.give() == 1
+    assert workers.jobs[-1] == ("car-1", [b"2", b"3"], "")
+    assert not dispatch.is_idle
+
+
+def test_frames_that_a_job_left_come_in_the_next_one(dispatch, workers, store) -> None:
+    """A job ends with the frame that completes a window."""
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 4)
+    dispatch.give()
+    dispatch.settle(done("car-1", 3, b"state"))
+    assert store.inbox.cursor("car-1", 1).done == 2
+    dispatch.give()
+    assert workers.jobs[-1] == ("car-1", [b"3"], "")
+
+
+def aside(store, vehicle="car-1"):
+    return [(row.kind, row.seq) for row in store.aside.find(vehicle)]
+
+
+def test_only_the_frame_that_fails_is_set_aside(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 5)
+    for strike in (1, 2):
+        dispatch.give()
+        assert workers.jobs[-1] == ("car-1", [b"0", b"1", b"2", b"3", b"4"], "")
+        dispatch.settle(failed("car-1", 3))
+        assert not workers.is_open("car-1")
+        assert dispatch.figures["sprung_failures_total"] == strike
+    assert aside(store) == [("raw", 3)]
+    (row,) = store.alerts.find(vehicle="car-1")
+    assert (row.cause, row.is_active) == ("monitor:analysis", True)
+    assert row.text == "frames could not be analysed and were set aside: it fails"
+    dispatch.give()
+    assert workers.jobs[-1] == ("car-1", [b"0", b"1", b"2", b"4"], "")
+    dispatch.settle(Outcome("car-1", 4, (WINDOW_EVENT,), b"state", VehicleStatus(), seconds=1.5))
+    assert dispatch.figures["sprung_analysis_cpu_seconds_total"] == 1.5
+    assert store.inbox.cursor("car-1", 1).done == 4
+    assert dispatch.figures["sprung_frames_set_aside_total"] == 1
+    assert [row.is_active for row in store.alerts.find(vehicle="car-1")] == [False]
+
+
+def test_a_frame_that_the_store_did_not_set_aside_costs_no_others(dispatch, workers, store, monkeypatch) -> None:
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 5)
+
+    def full(*_: object, **__: object) -> int:
+        raise StoreError("the store is full")
+
+    dispatch.give()
+    dispatch.settle(failed("car-1", 3))
+    dispatch.give()
+    with monkeypatch.context() as patched:
+        patched.setattr(store.aside, "put_frames", full)
+        with pytest.raises(StoreError, match="full"):
+            dispatch.settle(failed("car-1", 3))
+    dispatch._backoff.succeed("car-1")
+    dispatch.give()
+    dispatch.settle(failed("car-1", 3))
+    assert aside(store) == [("raw", 3)]
+
+
+def test_failures_in_different_places_set_nothing_aside(dispatch, workers, store, timer) -> None:
+    """As of processes that are killed from outside: the frames are tried again, later each time."""
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 5)
+    for place in (0, 3, 1, 2, 4):
+        timer.now += 300.0
+        assert dispatch.give() == 1
+        dispatch.settle(failed("car-1", place))
+    assert aside(store) == []
+    assert dispatch.give() == 0
+    assert dispatch.figures["sprung_vehicles_waiting"] == 1
+
+
+def test_a_window_that_fails_whatever_frame_completes_it_is_set_aside(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2)
+    dispatch.give()
+    dispatch.settle(done("car-1", 2, b"state"))
+    arrive(store, dispatch, "car-1", 2, 9)
+    for place in (3, 3, 3):  # of the frames 2 to 8; the third time without frame 5
+        dispatch.give()
+        dispatch.settle(failed("car-1", place))
+    assert aside(store) == [("raw", seq) for seq in (2, 3, 4, 5, 6)]
+    dispatch.give()
+    assert workers.opened["car-1"].state == b"state"
+    assert workers.jobs[-1] == ("car-1", [b"7", b"8"], "")
+
+
+def test_frames_of_windows_that_are_too_large_are_set_aside_at_once(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 4)
+    dispatch.give()
+    dispatch.settle(failed("car-1", 3, Failure.QUOTA))
+    assert aside(store) == [("raw", seq) for seq in (0, 1, 2)]
+    assert workers.is_open("car-1")
+    dispatch.give()
+    assert workers.jobs[-1] == ("car-1", [b"3"], "")
+
+
+def test_a_vehicle_that_begins_anew_keeps_its_frames(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2)
+    dispatch.give()
+    dispatch.settle(Outcome("car-1", 2, (WINDOW_EVENT,), b"of a newer program", VehicleStatus()))
+    dispatch.describe("car-1")
+    arrive(store, dispatch, "car-1", 2, 4)
+    dispatch.give()
+    dispatch.settle(failed("car-1", 0, Failure.STATE))
+    assert aside(store) == [("state", 1)]
+    assert store.aside.find("car-1")[0].payload == b"of a newer program"
+    (row,) = store.alerts.find(vehicle="car-1")
+    assert row.cause == "monitor:state"
+    assert "it fails; monitoring starts again from the baseline and the windows in the store" in row.text
+    dispatch.give()
+    opening = workers.opened["car-1"]
+    assert (opening.state, opening.history.n_windows) == (None, 1)
+    assert workers.jobs[-1] == ("car-1", [b"2", b"3"], "")
+    assert dispatch.figures["sprung_states_set_aside_total"] == 1
+
+
+@pytest.mark.parametrize("failure", [Failure.STATE, Failure.VEHICLE, Failure.FRAME])
+def test_a_vehicle_that_cannot_be_opened_waits_longer_each_time(dispatch, workers, store, timer, failure) -> None:
+    """Also with a request to learn and no frames; nothing is set aside, and there is one alert."""
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 1)
+    dispatch.give()
+    dispatch.settle(done("car-1", 1, None if failure is Failure.STATE else b"state"))
+    number = store.requests.add_command("anna", "car-1", "learn", "new dampers", now=NOW)
+    dispatch.relearn(store.requests.command(number))
+    times = []
+    for _ in range(2500):
+        if dispatch.give():
+            times.append(timer.now)
+            dispatch.settle(failed("car-1", 0, failure))
+        timer.now += 0.5
+    assert times == [0.0, 0.5, 1.5, 3.5, 7.5, 15.5, 31.5, 63.5, 127.5, 255.5, 511.5, 811.5, 1111.5]
+    assert aside(store) == []
+    (row,) = store.alerts.find(vehicle="car-1")
+    assert (row.cause, row.text) == ("monitor:opening", "frames wait, as the vehicle cannot be opened: it fails")
+    describe(store, "car-1", "another text")
+    dispatch.describe("car-1")
+    assert dispatch.give() == 1
+
+
+def test_results_that_the_store_refuses_are_a_failure_of_their_vehicle(
+    dispatch, workers, store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    commit = store.results.commit
+
+    def refuse(progress):
+        if progress.snapshot is not None:
+            raise RefusedError("the store cannot hold this: a number of 65 bits")
+        commit(progress)
+
+    monkeypatch.setattr(store.results, "commit", refuse)
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2)
+    for _ in range(2):
+        dispatch.give()
+        dispatch.settle(done("car-1", 2, b"state"))
+        assert not workers.is_open("car-1")
+    assert aside(store) == [("raw", 1)]
+    (row,) = store.alerts.find(vehicle="car-1")
+    assert row.text.endswith("were set aside: the store cannot hold this: a number of 65 bits")
+
+
+def test_a_report_that_the_store_refuses_is_set_aside(dispatch, store, monkeypatch: pytest.MonkeyPatch) -> None:
+    commit = store.results.commit
+
+    def refuse(progress):
+        if progress.modes:
+            raise RefusedError("the store cannot hold this: a number of 65 bits")
+        commit(progress)
+
+    monkeypatch.setattr(store.results, "commit", refuse)
+    describe(store, "car-1")
+    report = message({0: 1, 1: "car-1", 2: 1, 3: 0, 4: NOW, 16: "modes", "number": 0, "modes": []})
+    frames = [StoredFrame("car-1", 1, 0, NOW, report, "modes")]
+    dispatch.add("car-1", 1, store.inbox.add_frames(frames, now=NOW)["car-1", 1])
+    assert dispatch.give() == 1
+    assert dispatch.give() == 0
+    assert aside(store) == [("modes", 0)]
+    (row,) = store.alerts.find(vehicle="car-1")
+    assert row.text.endswith("were set aside: the store cannot hold this: a number of 65 bits")
+    assert store.inbox.cursor("car-1", 1).done == 0
+
+
+def test_a_state_that_the_store_has_opens_the_vehicle_again(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2)
+    dispatch.give()
+    dispatch.settle(done("car-1", 2, b"state"))
+    describe(store, "car-1", "another text")
+    dispatch.describe("car-1")
+    arrive(store, dispatch, "car-1", 2, 3)
+    dispatch.give()
+    assert workers.opened["car-1"].state == b"state"
+    assert workers.jobs[-1] == ("car-1", [b"2"], "")
+
+
+def test_a_request_to_learn_goes_with_the_next_job(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    number = store.requests.add_command("anna", "car-1", "learn", "new dampers", now=NOW)
+    arrive(store, dispatch, "car-1", 0, 1)
+    dispatch.relearn(store.requests.command(number))
+    dispatch.give()
+    assert workers.jobs == [("car-1", [b"0"], "new dampers")]
+    dispatch.settle(done("car-1", 1, b"state"))
+    assert store.requests.open_commands() == []
+
+
+def test_a_request_to_roll_back_gives_the_earlier_baseline(dispatch, workers, store, monkeypatch) -> None:
+    describe(store, "car-1")
+    given = []
+
+    def restored(_, vehicle, **detail):
+        given.append((vehicle, detail))
+        return "the earlier baseline"
+
+    monkeypatch.setattr("sprung.online.monitor.dispatch.restored_baseline", restored)
+    detail = {"version": 1, "reason": "broken spring"}
+    number = store.requests.add_command("anna", "car-1", "roll back", detail, now=NOW)
+    arrive(store, dispatch, "car-1", 0, 1)
+    dispatch.relearn(store.requests.command(number))
+    dispatch.give()
+    assert given == [("car-1", detail)]
+    assert workers.jobs == [("car-1", [b"0"], "the earlier baseline")]
+    dispatch.settle(done("car-1", 1, b"state"))
+    assert store.requests.open_commands() == []
+
+
+def test_a_request_to_roll_back_to_nothing_leaves_the_baseline(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    number = store.requests.add_command("anna", "car-1", "roll back", {"version": 3, "reason": "x"}, now=NOW)
+    arrive(store, dispatch, "car-1", 0, 1)
+    dispatch.relearn(store.requests.command(number))
+    dispatch.give()
+    assert workers.jobs == [("car-1", [b"0"], "")]
+
+
+def test_a_request_to_learn_that_comes_during_a_job_waits_for_the_next(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2)
+    dispatch.give()
+    number = store.requests.add_command("anna", "car-1", "learn", "new dampers", now=NOW)
+    dispatch.relearn(store.requests.command(number))
+    dispatch.settle(done("car-1", 1, b"state"))
+    assert [command.id for command in store.requests.open_commands()] == [number]
+    dispatch.give()
+    assert workers.jobs[-1] == ("car-1", [b"1"], "new dampers")
+    dispatch.settle(done("car-1", 1, b"state"))
+    assert store.requests.open_commands() == []
+
+
+def test_a_window_is_not_stored_without_its_alert(dispatch, workers, store, monkeypatch) -> None:
+    """A monitor that ended between the two would never raise the alert: its state is beyond the window."""
+
+    def fail(*_, **__):
+        raise StoreError("the store cannot write")
+
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2)
+    dead = replace(WINDOW, sensor_faults=(SensorFault("a", "dead", "it is constant"),))
+    event = Observed(0, Recording(np.zeros((1, 2)), 1.0, (Channel("a"),), NOW), dead, None, None)
+    outcome = Outcome("car-1", 2, (event,), b"state", VehicleStatus())
+    dispatch.give()
+    with monkeypatch.context() as patch:
+        patch.setattr(store.alerts, "put", fail)
+        with pytest.raises(StoreError):
+            dispatch.settle(outcome)
+    assert (store.results.observations("car-1"), store.results.snapshot("car-1")) == ([], None)
+    assert store.inbox.cursor("car-1", 1).done == -1
+    dispatch.give()
+    dispatch.settle(outcome)
+    assert [row.cause for row in store.alerts.find(vehicle="car-1", is_active=True)] == ["sensor:a"]
+    assert len(store.results.observations("car-1")) == 1
+
+
+def test_a_learning_vehicle_is_opened_with_the_type_of_the_others(dispatch, workers, store) -> None:
+    """After each of its windows, from the state just stored, and no longer once it has a baseline."""
+    text = vehicle_text(read_vehicle("zafira"))
+    for number in range(5):
+        store.inbox.put_vehicle(f"car-{number}", configuration="c", description=text, channels=[["a", ""]], now=NOW)
+        store.inbox.add_frames([StoredFrame(f"car-{number}", 1, 0, NOW, b"")], now=NOW)
+        entry = (0, NOW, observation_document(WINDOW))
+        store.results.commit(Progress(f"car-{number}", 1, done_seq=0, observations=(entry,)))
+    arrive(store, dispatch, "car-0", 1, 4)
+    for is_learning in (True, False):
+        dispatch.give()
+        of_type = workers.opened["car-0"].type_baseline
+        assert of_type is not None
+        assert (of_type.name, of_type.n_vehicles) == ("zafira", 4)
+        dispatch.settle(Outcome("car-0", 1, (WINDOW_EVENT,), b"state", VehicleStatus(is_learning=is_learning)))
+        assert workers.is_open("car-0") is not is_learning
+
+
+def test_frames_in_memory_and_in_the_store_make_one_run(dispatch, workers, store) -> None:
+    """Those of a vehicle that cannot be analysed yet, and those analysed before, do not stay in memory."""
+    frames = [StoredFrame("car-1", 1, seq, NOW, b"%d" % seq) for seq in range(6)]
+
+    def take(numbers) -> None:
+        dispatch.add("car-1", 1, store.inbox.add_frames([frames[k] for k in numbers], now=NOW)["car-1", 1])
+
+    take([0, 1])
+    dispatch.hold(frames[:2])
+    assert dispatch.give() == 0
+    describe(store, "car-1")
+    dispatch.describe("car-1")
+    dispatch.hold(frames[2:4])
+    take([2, 3])
+    for expected in ([b"0", b"1", b"2", b"3"], [b"4", b"5"]):
+        assert dispatch.give() == 1
+        assert workers.jobs[-1] == ("car-1", expected, "")
+        dispatch.settle(done("car-1", len(expected), b"state"))
+        assert dispatch._handover.n_bytes == 0
+        take([4, 5])
+
+
+def test_an_older_boot_that_comes_late_is_analysed_once_whatever_restarts(dispatch, workers, store, timer) -> None:
+    """A box that lost power may forget which boot was before, so that the next one does not wait for it."""
+
+    def analyse(*expected, state=None) -> None:
+        assert dispatch.give() == 1
+        assert workers.jobs[-1] == ("car-1", list(expected), "")
+        dispatch.settle(done("car-1", len(expected), state))
+
+    def restart() -> None:
+        dispatch.settle(failed("car-1"))
+        timer.now += 300.0
+
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2, boot=5)
+    analyse(b"0", b"1", state=b"all of boot 5")
+    arrive(store, dispatch, "car-1", 0, 2, boot=3)
+    assert dispatch.give() == 1
+    restart()
+    analyse(b"0", b"1")
+    arrive(store, dispatch, "car-1", 2, 4, boot=5)
+    analyse(b"2", b"3")
+    arrive(store, dispatch, "car-1", 2, 3, boot=3)
+    analyse(b"2", state=b"all of boots 3 and 5")
+    arrive(store, dispatch, "car-1", 4, 5, boot=5)
+    assert dispatch.give() == 1
+    restart()
+    analyse(b"4")
+    cursors = store.inbox.cursors(vehicle="car-1")
+    assert {boot: cursor.done for (_, boot), cursor in cursors.items()} == {3: 2, 5: 3}
+
+
+def test_a_vehicle_lost_during_a_job_leaves_nothing_behind(dispatch, workers, store, monkeypatch) -> None:
+    """Or the time of that job would count as a wait, should the vehicle come back."""
+
+    def refuse(*_):
+        raise LeaseLostError("another monitor has taken over shard 1")
+
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2)
+    assert dispatch.give() == 1
+    monkeypatch.setattr(dispatch, "_fence", refuse)
+    dispatch.settle(done("car-1", 2, b"state"))
+    assert dispatch.figures["sprung_vehicles"] == 0
+    assert "car-1" not in dispatch._job_since
+    assert not workers.is_open("car-1")
+    assert store.results.snapshot("car-1") is None

@@ -1,0 +1,257 @@
+"""Full and read-only disks, clocks that step, senders that fail: it goes on, says so, and loses nothing."""
+
+import os
+import subprocess
+import zlib
+from pathlib import Path
+
+import cbor2
+import numpy as np
+import pytest
+
+from sprung.link import checked_map, decode, frame_block, joined, message, topic
+from sprung.vehicles import vehicle_text
+
+BEGUN = 1_795_219_200_000_000_000
+WATCH = {"watch": {"learning_windows": 2, "window_minutes": 2, "identify_every_minutes": 0}, "keep": {"raw_days": 0}}
+
+
+def stepped(payloads, shifts):
+    """Frames whose clock is off from some frame on: {number: ns}."""
+    found, shift = [], 0
+    for number, payload in enumerate(payloads):
+        shift = shifts.get(number, shift)
+        document = checked_map(payload)
+        found.append(message(document | {4: document[4] + shift}))
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shift", [3600 * 10**9, -3600 * 10**9, -BEGUN, 2_145_916_800_000_000_000 - BEGUN])
+def test_a_clock_that_steps_is_one_gap(bench, drive, frames_of, car, shift) -> None:
+    """An hour, 1970, 2038: windows hold the same samples, and only the stretch ends there."""
+    frames = frames_of(drive(0))
+    one = bench(**WATCH)
+    one.describe()
+    one.send(stepped(frames, {150: shift}))
+    found = one.store.results.observations("car-1")
+    assert len(found) == 5
+    assert all(not entry.document["reason"] for entry in found)
+    blocks = [frame_block(decode(payload), {}) for payload in stepped(frames[120:240], {30: shift})]
+    assert [gap.index for gap in joined(blocks).gaps] == [6000]
+
+
+def test_a_drifting_clock_makes_no_gap(drive, frames_of) -> None:
+    """100 ppm: a sample in 50 s."""
+    frames = [checked_map(payload) for payload in frames_of(drive(0))]
+    drifting = [message(one | {4: one[4] + (one[4] - BEGUN) // 10_000}) for one in frames]
+    assert joined([frame_block(decode(payload), {}) for payload in drifting]).gaps == ()
+
+
+@pytest.mark.slow
+def test_a_store_that_cannot_write_acknowledges_nothing_and_recovers(
+    bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sprung.online.store import StoreError
+
+    frames = frames_of(drive(0))
+    one = bench(**WATCH)
+    one.describe()
+    one.work()
+    add = one.store.inbox.add_frames
+
+    def refuse(*_, **__):
+        raise StoreError("the store cannot write: the disk is full: free space")
+
+    monkeypatch.setattr(one.store.inbox, "add_frames", refuse)
+    one.send(frames[:200])
+    assert one.station.troubles() == ["the store cannot write: the disk is full: free space"]
+    assert not any(name == topic("car-1", "ack") for name, _ in one.link.published)
+    monkeypatch.setattr(one.store.inbox, "add_frames", add)
+    one.seconds += 2.0
+    one.send(frames)
+    assert one.station.troubles() == []
+    assert len(one.store.results.observations("car-1")) == 5
+
+
+@pytest.mark.slow
+def test_a_result_that_cannot_be_stored_is_worked_out_again(
+    bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sprung.online.store import StoreError
+
+    one = bench(**WATCH)
+    one.describe()
+    commit, left = one.store.results.commit, iter(range(3))
+
+    def refuse(progress):
+        if next(left, None) is not None:
+            raise StoreError("the store cannot write: the disk is full: free space")
+        commit(progress)
+
+    monkeypatch.setattr(one.store.results, "commit", refuse)
+    one.send(frames_of(drive(0)))
+    while next(left, None) is not None or one.store.inbox.cursor("car-1", 1).done < 590:
+        one.seconds += 2.0
+        one.work()
+    found = [(entry.number, entry.t0) for entry in one.store.results.observations("car-1")]
+    assert found == [(k, BEGUN + k * 120 * 10**9) for k in range(5)]
+
+
+@pytest.mark.slow
+def test_a_small_disk_fills_and_is_freed(bench, drive, frames_of, tmp_path: Path) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=12m", "tmpfs", str(disk)]
+    if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode != 0:
+        pytest.skip("a small disk can only be mounted by root")
+    try:
+        one = bench(disk, watch={**WATCH["watch"], "window_minutes": 10}, keep={"raw_days": 0, "free_megabytes": 0.1})
+        one.describe()
+        frames = frames_of(drive(0))
+        filler = disk / "filler"
+        room = os.statvfs(disk).f_bavail * os.statvfs(disk).f_frsize
+        filler.write_bytes(bytes(room - 600_000))
+        one.send(frames)
+        assert one.station.troubles()
+        acknowledged = [checked_map(payload)[3] for name, payload in one.link.published if name.endswith("/ack")]
+        stored = one.store.inbox.cursor("car-1", 1).contiguous
+        assert max(acknowledged, default=-1) <= stored < 599
+        filler.unlink()
+        for _ in range(3):
+            one.seconds += 60.0
+            one.send(frames)
+        assert one.station.troubles() == []
+        assert len(one.store.results.observations("car-1")) == 1
+        one.close()
+    finally:
+        subprocess.run(["umount", "-l", str(disk)], check=True)
+
+
+def test_little_room_is_an_alert_and_stops_taking_in(bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = bench(**WATCH)
+    one.describe()
+    one.work()
+    monkeypatch.setattr(one.store, "free", lambda: 5_000_000)
+    one.look(60.0)
+    (row,) = one.store.alerts.find(vehicle="monitor")
+    assert (row.cause, row.is_active) == ("monitor:disk", True)
+    one.link.on_message(topic("car-1", "raw"), frames_of(drive(0))[0])
+    one.station.step()
+    assert one.station.figures()["sprung_frames_total"] == 0
+    monkeypatch.setattr(one.store, "free", lambda: 5_000_000_000)
+    one.look(60.0)
+    assert not one.store.alerts.find(vehicle="monitor")[0].is_active
+    one.work()
+    assert one.station.figures()["sprung_frames_total"] == 1
+
+
+def test_samples_make_room_though_the_store_can_no_longer_delete(bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    from sprung.online.store import StoreError, write_archive
+
+    one = bench(watch=WATCH["watch"], keep={"raw_days": 1})
+
+    def refuse(*_, **__):
+        raise StoreError("the store cannot write: the disk is full: free space")
+
+    monkeypatch.setattr(one.store, "delete_older", refuse)
+    for folder in ("raw", "correlations"):
+        one.now = BEGUN
+        where = one.store.folder / folder
+        old, new = (
+            write_archive(where, "car-1", 1, k, BEGUN + k, samples=[[1.0]], channels=["a"], sampling_rate=1.0)
+            for k in range(2)
+        )
+        one.now = BEGUN + 86400 * 10**9 + 1
+        one.look(60.0)
+        assert one.station.troubles() == ["the store cannot write: the disk is full: free space"]
+        assert (old.exists(), new.exists()) == (False, True)
+
+
+def test_any_bytes_on_any_topic_do_no_harm(bench, drive, frames_of, memory_below) -> None:
+    """Mutated frames, reports, descriptions and states, sealed again."""
+    one = bench(**WATCH)
+    one.describe()
+    generator = np.random.default_rng(1)
+    originals = {
+        "raw": checked_map(frames_of(drive(0))[0]),
+        "state": {0: 1, 2: 1, "boots": [[1, 0, 5]]},
+        "modes": {0: 1, 1: "car-1", 2: 1, 3: 7, 4: 5, 16: "modes", "number": 1, "modes": []},
+        "corr": {0: 1, 1: "car-1", 2: 1, 3: 8, 4: 5, 16: "corr", "number": 1, "summary": {}},
+        "meta": {0: 1, 14: "c", "description": "x", "quantities": {}},
+    }
+    for number in range(1500):
+        what = list(originals)[number % 5]
+        document = dict(originals[what])
+        key = list(document)[generator.integers(0, len(document))]
+        document[key] = [None, -1, 2**63, "x", b"y", [], {}, 1.5, True, float("nan")][generator.integers(0, 10)]
+        body = bytearray(message({k: v for k, v in document.items() if generator.random() > 0.03}))
+        if generator.random() < 0.3:
+            body[generator.integers(0, len(body))] ^= 1 << int(generator.integers(0, 8))
+        one.link.on_message(topic("car-1", what), bytes(body))
+    one.link.on_message(topic("car-1", "raw"), cbor2.dumps({}))
+    with memory_below(32 << 20, kept=8 << 20):
+        one.work()
+    assert one.station.figures()["sprung_messages_total"] >= 1500
+    assert one.station.figures()["sprung_messages_refused_total"] > 500
+
+
+def claiming(generator, original):
+    """A frame that claims much, with data of that size packed to almost nothing."""
+    n_channels, n_samples = (int(2 ** generator.uniform(0, most)) for most in (8.1, 24))
+    size = min(n_channels * n_samples * int(generator.integers(2, 5)), 1 << 24)
+    each = {8: [f"c{k}" for k in range(n_channels)], 9: [1.0] * n_channels, 10: [0] * n_channels}
+    return message(original | each | {7: n_samples, 11: zlib.compress(bytes(size))})
+
+
+@pytest.mark.slow
+def test_claims_of_frames_bound_memory_and_work(bench, drive, frames_of, memory_below) -> None:
+    """Whatever they claim: no more samples than the largest frame holds unpacked, and 20 times its bytes to read it."""
+    one = bench(**WATCH)
+    original = checked_map(frames_of(drive(0))[0])
+    generator = np.random.default_rng(2)
+    for seq in range(1, 201):
+        one.link.on_message(topic("car-1", "raw"), claiming(generator, original | {3: seq}))
+    with memory_below(20 << 20, kept=8 << 20):
+        one.work()
+    figures = one.station.figures()
+    assert figures["sprung_messages_refused_total"] > 50
+    assert figures["sprung_frames_total"] > 50
+
+
+@pytest.mark.parametrize("modes", [b"y", [{"damping_ratio": float("nan")}], {b"x": 1}])
+def test_modes_that_the_store_cannot_hold_keep_nobody_waiting(bench, drive, frames_of, modes) -> None:
+    one = bench(**WATCH)
+    for vehicle in ("car-1", "car-2"):
+        one.describe(vehicle)
+    report = {0: 1, 1: "car-2", 2: 1, 3: 0, 4: BEGUN, 16: "modes", "number": 0, "modes": modes}
+    one.link.on_message(topic("car-2", "modes"), message(report))
+    one.send(frames_of(drive(0))[:3])
+    assert one.station.troubles() == []
+    assert one.store.inbox.cursor("car-2", 1).done == 0
+    assert one.store.results.modes("car-2") == []
+    assert one.store.inbox.cursor("car-1", 1).contiguous == 2
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"description": ".".join(["a"] * 50_000) + " = 1"},
+        {"description": "# nothing\n" * 20_000},
+        {14: "x" * 300},
+        {14: "a\0b"},
+        {"quantities": {"acc\0": "acceleration"}},
+        {"quantities": {f"c{k}": "acceleration" for k in range(300)}},
+    ],
+    ids=["dotted", "long", "long name", "null", "null in a channel", "channels"],
+)
+def test_descriptions_that_are_too_much_work_are_refused(bench, change) -> None:
+    one = bench(**WATCH)
+    document = {0: 1, 14: "c", "description": vehicle_text(one.car), "quantities": one.quantities}
+    one.link.on_message(topic("car-1", "meta"), message(document | change))
+    one.work()
+    assert one.station.figures()["sprung_messages_refused_total"] == 1
+    assert one.store.inbox.vehicle("car-1") is None
+    one.describe()
+    one.work()
+    assert one.store.inbox.vehicle("car-1") is not None

@@ -1,0 +1,286 @@
+"""What vehicles send is validated, stored, acknowledged and counted."""
+
+from itertools import count
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sprung.link import UPWARDS, Frame, Key, Loss, checked_map, encode, message, topic
+from sprung.online.monitor.intake import Intake
+from sprung.online.monitor.refusals import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals
+from sprung.online.store import Progress, RefusedError, StoreError
+from sprung.vehicles import read_vehicle, vehicle_text
+
+ANSWER = {"did": "raw", "boot": 1, "last": 4, "frames": 5, "from": 0, "to": 5, "reason": "r" * 300}
+
+
+@pytest.fixture
+def published():
+    """Topics and contents that the intake published."""
+    return []
+
+
+@pytest.fixture
+def refusals():
+    return Refusals()
+
+
+@pytest.fixture
+def intake(store, published, refusals):
+    return Intake(store, lambda name, payload: published.append((name, checked_map(payload))), refusals=refusals)
+
+
+def raw(vehicle, boot, seq, *, start=0):
+    """The smallest frame."""
+    counts = np.ones((1, 1), dtype=np.int16)
+    return topic(vehicle, "raw"), encode(Frame(vehicle, boot, seq, start, 10**6, ("a",), np.ones(1), counts))
+
+
+def state(vehicle, boots):
+    """What a box says of its spool: boot, first frame and end of each."""
+    return topic(vehicle, "state"), message({0: 1, 2: 1, "boots": boots, "dropped": 0, "is_leaving": False})
+
+
+def test_frames_are_acknowledged_up_to_the_first_that_is_missing(intake, drive, frames_of, published) -> None:
+    frames = frames_of(drive(0))[:5]
+    for taken, contiguous in ((frames[:2], 1), (frames[4:], 1), (frames[2:4], 4), (frames[:1], 4)):
+        arrived = intake.take([(topic("car-1", "raw"), payload) for payload in taken], now=0).arrived
+        assert arrived == {("car-1", 1): contiguous}
+        assert published.pop() == (topic("car-1", "ack"), {Key.VERSION: 1, Key.BOOT: 1, Key.SEQ: contiguous})
+    assert published == []
+    assert intake.figures["sprung_frames_total"] == 6
+
+
+def test_nothing_is_acknowledged_before_the_first_frame_of_a_boot(intake, drive, frames_of, published) -> None:
+    intake.take([(topic("car-1", "raw"), frames_of(drive(0))[3])], now=0)
+    assert published == []
+
+
+def test_a_description_is_reported_whenever_it_comes_as_others_may_have_stored_it(intake) -> None:
+    text = vehicle_text(read_vehicle("zafira"))
+    document = {Key.VERSION: 1, Key.CONFIGURATION: "c", "description": text, "quantities": {"acc_fl": "acceleration"}}
+    meta = (topic("car-1", "meta"), message(document))
+    checksum = int.from_bytes(meta[1][-4:], "little")
+    assert intake.take([meta], now=0).described == {"car-1": checksum}
+    assert intake.take([meta], now=0).described == {"car-1": checksum}
+
+
+def test_a_frame_on_the_topic_of_another_vehicle_is_refused(intake, drive, frames_of, published) -> None:
+    taken = intake.take([(topic("car-2", "raw"), frames_of(drive(0))[0])], now=0)
+    assert taken.arrived == {}
+    assert published == []
+    assert intake.figures["sprung_messages_refused_total"] == 1
+
+
+def test_what_monitors_say_of_themselves_is_ignored(intake) -> None:
+    intake.take([(topic("monitor", "state"), b"anything")], now=0)
+    assert intake.figures["sprung_messages_refused_total"] == 0
+
+
+def test_frames_that_a_box_no_longer_has_are_lost(intake, drive, frames_of) -> None:
+    intake.take([(topic("car-1", "raw"), frames_of(drive(0))[5])], now=0)
+    taken = intake.take([(topic("car-1", "state"), message({"boots": [[1, 5, 6]], "is_leaving": True}))], now=1)
+    assert taken.arrived == {("car-1", 1): 5}
+    assert intake.figures["sprung_frames_lost_total"] == 5
+    assert intake.is_parked("car-1")
+    intake.take([(topic("car-1", "state"), message({"boots": []}))], now=2)
+    assert not intake.is_parked("car-1")
+
+
+def test_frames_before_a_loss_that_a_box_still_has_are_not_lost(intake, store, drive, frames_of) -> None:
+    """A disk that refused one frame may hold those before it."""
+    lost = [[1, 4, 4, 1, 10**18, 10**18 + 10**9]]
+    intake.take([(topic("car-1", "state"), message({"boots": [[1, 0, 7]], "lost": lost}))], now=0)
+    assert store.inbox.cursor("car-1", 1).lost == 0
+    frames = [(topic("car-1", "raw"), payload) for place, payload in enumerate(frames_of(drive(0))[:7]) if place != 4]
+    intake.take(frames, now=1)
+    intake.take([(topic("car-1", "state"), message({"boots": [[1, 5, 7]], "lost": lost}))], now=2)
+    cursor = store.inbox.cursor("car-1", 1)
+    assert (cursor.contiguous, cursor.lost) == (6, 1)
+
+
+def test_the_last_thousand_answers_are_kept(intake) -> None:
+    answers = [(topic("car-2", "event"), message({**ANSWER, "number": number})) for number in range(1100)]
+    intake.take([*answers, (topic("car-2", "event"), message({"did": "something new"}))], now=0)
+    assert [number for number in range(1100) if intake.answer("car-2", number)] == list(range(100, 1100))
+    assert intake.answer("car-2", 1099) == {key: ANSWER[key] for key in ("boot", "last", "frames", "from", "to")} | {
+        "reason": "r" * 200
+    }
+    assert intake.answer("car-1", 1099) is None
+
+
+@pytest.mark.parametrize("number", [2**63, 2**64 - 1, -1, -(2**64), True, 1.0, float("nan"), "1", None])
+def test_a_state_with_impossible_numbers_costs_no_other_message(intake, published, refusals, number) -> None:
+    batch = [raw("car-1", 1, 0), state("car-2", [[number, 1, 1]]), raw("car-3", 1, 0)]
+    assert intake.take(batch, now=0).arrived == {("car-1", 1): 0, ("car-3", 1): 0}
+    assert [name for name, _ in published] == [topic("car-1", "ack"), topic("car-3", "ack")]
+    assert refusals.counts == {("car-2", INVALID): 1}
+
+
+def test_a_loss_is_stored_together_with_its_alert(intake, store, published) -> None:
+    """Else a crash between the two acknowledges the loss with the next frame, and its box says no more of it."""
+
+    def crash(*_: Any) -> None:
+        raise StoreError("it ends here")
+
+    stated = {0: 1, 2: 1, "boots": [[1, 2, 2]], "lost": [list(Loss(1, 0, 1, 2))], "is_leaving": False}
+    with pytest.raises(StoreError, match="it ends here"):
+        Intake(store, lambda *_: None, on_lost=crash).take([(topic("car-1", "state"), message(stated))], now=1)
+    intake.take([raw("car-1", 1, 2)], now=2)
+    assert published == []
+    assert store.inbox.cursor("car-1", 1).lost == 0
+
+
+def test_refusals_have_reasons(intake, refusals) -> None:
+    name, payload = raw("car-1", 1, 0)
+    intake.take([(name, message(checked_map(payload) | {0: 2})), (name, b"x"), ("else/where", b"")], now=0)
+    assert refusals.counts == {("car-1", VERSION_UNKNOWN): 1, ("car-1", INVALID): 1, ("(others)", INVALID): 1}
+
+
+#: Every value that a message can hold, extreme ones first.
+VALUES = st.recursive(
+    st.sampled_from([2**63, 2**64 - 1, 2**63 - 1, -(2**63), -(2**64), 0, -1, 1, "", "\0", "\ud7ff", float("inf"), None])
+    | st.integers(-(2**64), 2**64 - 1)
+    | st.floats()
+    | st.text(max_size=20)
+    | st.binary(max_size=20)
+    | st.booleans(),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.integers(-9, 30) | st.text(max_size=9), inner, max_size=4)
+    ),
+    max_leaves=8,
+)
+ORIGINALS: dict[str, dict[Any, Any]] = {
+    "raw": checked_map(raw("car-2", 1, 3)[1]),
+    "state": {0: 1, 2: 1, "boots": [[1, 2, 5], [2, 0, 9]], "dropped": 1, "spooled": 5, "is_leaving": False},
+    "modes": {0: 1, 1: "car-2", 2: 1, 3: 7, 4: 5, 5: 0, 7: 9, 15: [0, 4], 16: "modes", "number": 1, "modes": []},
+    "corr": {0: 1, 1: "car-2", 2: 1, 3: 8, 4: 5, 16: "corr", "number": 1, "summary": {}},
+    "meta": {0: 1, 14: "c", "description": vehicle_text(read_vehicle("zafira")), "quantities": {"a": "acceleration"}},
+    "health": {0: 1, "cpu_seconds": 1.0, "memory": 5, "free": 5, "waiting": 0, "problem": ""},
+    "event": {0: 1, **ANSWER, "number": 3},
+}
+NAMES = count()
+
+
+@pytest.mark.slow
+@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_any_value_in_any_field_costs_an_honest_vehicle_nothing(store, published, data) -> None:
+    honest, intake = (
+        f"car-{next(NAMES)}",
+        Intake(store, lambda name, payload: published.append((name, checked_map(payload)))),
+    )
+    batch = []
+    for _ in range(data.draw(st.integers(1, 4))):
+        what = data.draw(st.sampled_from(sorted(ORIGINALS)))
+        document = dict(ORIGINALS[what])
+        key = data.draw(st.sampled_from(list(document)))
+        document[key] = data.draw(VALUES)
+        if what == "state" and key == "boots":
+            place = data.draw(st.integers(0, 2))
+            entry = [1, 2, 5]
+            entry[place] = data.draw(VALUES)
+            document[key] = [entry, [3, 4, 5]]
+        batch.append((topic("car-2", data.draw(st.sampled_from([what, *UPWARDS]))), message(document)))
+    place = data.draw(st.integers(0, len(batch)))
+    batch[place:place] = [raw(honest, 1, seq) for seq in range(3)]
+    published.clear()
+    assert intake.take(batch, now=10**18).arrived[honest, 1] == 2
+    assert (topic(honest, "ack"), {Key.VERSION: 1, Key.BOOT: 1, Key.SEQ: 2}) in published
+    assert len(store.inbox.pending(honest, 1, after=-1, limit=9)) == 3
+
+
+def test_what_the_store_refuses_all_the_same_is_left_out_alone(
+    intake, store, refusals, caplog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_frames, declare_lost = store.inbox.add_frames, store.inbox.declare_lost
+
+    def add(frames, *, now, new):
+        if any((frame.vehicle, frame.seq) == ("car-2", 1) for frame in frames):
+            raise RefusedError("the store cannot hold this: a number of 65 bits")
+        return add_frames(frames, now=now, new=new)
+
+    def declare(below, *, now):
+        if ("car-2", 5) in below:
+            raise RefusedError("the store cannot hold this: a number of 65 bits")
+        return declare_lost(below, now=now)
+
+    monkeypatch.setattr(store.inbox, "add_frames", add)
+    monkeypatch.setattr(store.inbox, "declare_lost", declare)
+    batch = [raw(vehicle, 1, seq) for seq in range(3) for vehicle in ("car-1", "car-2", "car-3")]
+    batch += [state("car-2", [[5, 1, 1], [6, 1, 1]]), state("car-1", [[9, 2, 2]])]
+    assert intake.take(batch, now=0).arrived == {
+        ("car-1", 1): 2,
+        ("car-2", 1): 0,
+        ("car-3", 1): 2,
+        ("car-2", 6): 0,
+        ("car-1", 9): 1,
+    }
+    assert refusals.counts == {("car-2", UNSTORABLE): 2}
+    assert caplog.messages == [
+        "messages on sprung/v1/car-2/raw are refused: the store cannot hold this: a number of 65 bits",
+        "messages on sprung/v1/car-2/state are refused: the store cannot hold this: a number of 65 bits",
+    ]
+    assert intake.figures["sprung_frames_total"] == 8
+
+
+def test_an_error_of_the_store_itself_is_none_of_the_message(intake, store, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(frames, **_):
+        raise StoreError("the store does not answer")
+
+    monkeypatch.setattr(store.inbox, "add_frames", fail)
+    with pytest.raises(StoreError, match="does not answer"):
+        intake.take([raw("car-1", 1, 0), raw("car-2", 1, 0)], now=0)
+
+
+def test_frames_that_came_before_their_state_are_not_lost(intake, store) -> None:
+    batch = [state("car-1", [[1, 3, 4]]), *(raw("car-1", 1, seq) for seq in range(3))]
+    assert intake.take(batch, now=0).arrived == {("car-1", 1): 2}
+    assert store.inbox.cursor("car-1", 1).lost == 0
+    assert len(store.inbox.pending("car-1", 1, after=-1, limit=9)) == 3
+
+
+def test_of_many_boots_the_first_32_count(intake, store) -> None:
+    boots = [[boot, 1, 1] for boot in range(1, 1001)]
+    taken = intake.take([state("car-1", boots)], now=0)
+    assert sorted(boot for _, boot in taken.arrived) == list(range(1, 33))
+    assert len(store.inbox.cursors()) == 32
+
+
+def test_boots_that_are_analysed_make_room(intake, store, refusals, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sprung.online.monitor.intake._MOST_OPEN_BOOTS", 6)
+    for boot in range(30):
+        intake.take([raw("car-1", boot, 0)], now=0)
+        store.results.commit(Progress("car-1", boot, done_seq=0, delete_through_seq=0))
+    assert refusals.counts == {}
+    assert len(store.inbox.cursors(vehicle="car-1")) == 30
+
+
+def test_a_vehicle_has_at_most_a_thousand_boots_that_wait(intake, store, refusals, caplog) -> None:
+    intake.take([raw("car-1", boot, 0) for boot in range(1001)], now=0)
+    assert refusals.counts == {("car-1", BOOTS): 1}
+    assert caplog.messages == [
+        "messages on sprung/v1/car-1/raw are refused: boot 1000 of car-1, while 1000 of its boots wait to be analysed: "
+        "a box must count its starts one by one, and send the oldest first"
+    ]
+    intake.take([state("car-1", [[2000, 1, 1]]), raw("car-1", 5, 1), raw("car-2", 1, 0)], now=0)
+    assert refusals.counts == {("car-1", BOOTS): 2}
+    assert store.inbox.cursor("car-1", 5).contiguous == 1
+    assert store.inbox.cursor("car-2", 1).contiguous == 0
+    again = Intake(store, lambda name, payload: None, refusals=refusals)
+    again.take([raw("car-1", 1000, 0)], now=0)
+    assert refusals.counts == {("car-1", BOOTS): 3}, "the bound holds after a restart"
+    store.results.commit(Progress("car-1", 0, done_seq=0, delete_through_seq=0))
+    intake.take([raw("car-1", 1000, 0)], now=0)
+    assert store.inbox.cursor("car-1", 1000).contiguous == 0
+
+
+def test_only_new_frames_are_handed_on(intake) -> None:
+    """A repeat of what was analysed long ago must not be analysed again from memory."""
+    first, second = raw("car-1", 1, 0), raw("car-1", 1, 1)
+    assert [frame.seq for frame in intake.take([first], now=0).frames] == [0]
+    assert [frame.seq for frame in intake.take([first, second], now=0).frames] == [1]
+    assert intake.take([first, second], now=0).frames == []

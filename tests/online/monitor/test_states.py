@@ -1,0 +1,173 @@
+"""Saved states: those of every version are continued, and whatever else is in their place is refused in a sentence."""
+
+import lzma
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import cbor2
+import numpy as np
+import pytest
+
+from sprung.diagnosis import diagnose
+from sprung.errors import ParameterError
+from sprung.online.monitor import MonitorSettings, Observed, VehicleMonitor
+from sprung.online.monitor.states import (
+    MIGRATIONS,
+    NAME,
+    VERSION,
+    History,
+    StateError,
+    migrated,
+    read_state,
+    state_of_history,
+    write_state,
+)
+from sprung.results.documents import baseline_document, observation_document
+
+#: States that released programs saved, by scripts/make-states.
+KEPT = sorted((Path(__file__).parent / "states").glob("*.cbor.xz"))
+
+
+def document(path):
+    return lzma.decompress(path.read_bytes())
+
+
+def of_present(name):
+    (path,) = (path for path in KEPT if path.name == f"{VERSION}-{name}.cbor.xz")
+    return document(path)
+
+
+def window(monitor, part):
+    """The one window that a part completes."""
+    (event,) = monitor.update(part)
+    assert isinstance(event, Observed)
+    return event
+
+
+def evidence(diagnosis):
+    assert diagnosis is not None
+    assert diagnosis.detection is not None
+    return diagnosis.detection.evidence.tolist()
+
+
+def baseline_of(monitor):
+    assert monitor.baseline is not None
+    return baseline_document(monitor.baseline).as_json()
+
+
+def test_a_state_of_every_version_is_kept() -> None:
+    assert {path.name.split("-")[0] for path in KEPT} == {str(version) for version in range(1, VERSION + 1)}
+    assert list(MIGRATIONS) == list(range(1, VERSION))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", KEPT, ids=lambda path: path.name)
+def test_every_kept_state_is_continued(path, car, drive) -> None:
+    """Nothing of it is lost, and the next samples complete the window whose beginning it holds."""
+    saved = read_state(document(path))
+    monitor = VehicleMonitor.from_state(car, saved)
+    assert read_state(write_state(monitor.state())) == saved
+    run = drive(0)
+    place = round((monitor.until - run.start) / 1e9 * run.sampling_rate)
+    event = window(monitor, run.part(place, place + 115 * 200))
+    assert event.number == saved["n_windows"]
+    assert event.recording.start == run.start + saved["n_windows"] * 120 * 10**9
+    assert event.recording.n_samples == 24_000
+    if saved["is_learning"]:
+        assert event.baseline is not None
+        assert event.baseline.taught == (saved["observations"][0]["time"], event.observation.time)
+        return
+    assert baseline_of(monitor) == saved["baseline"]
+    assert monitor.baseline is not None
+    batch = diagnose(monitor.observations, monitor.baseline, windows_per_day=8 * 30)
+    assert evidence(event.diagnosis) == evidence(batch)
+    assert evidence(event.diagnosis)[:1] == saved["evidence"]
+
+
+def test_early_states_of_version_1_lack_parts_that_are_empty_then(car) -> None:
+    whole = read_state(of_present("monitoring"))
+    later = {"type", "residuals", "completed", "completion", "repeats"}
+    early = {key: value for key, value in whole.items() if key not in later} | {"schema": f"{NAME}/1"}
+    monitor = VehicleMonitor.from_state(car, early)
+    assert monitor.diagnosis is not None
+    assert [one.residuals for one in monitor.observations] == [None]
+    assert monitor.state()["schema"] == f"{NAME}/{VERSION}"
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        (b"", "not CBOR"),
+        (b"\xff\x00", "not CBOR"),
+        (cbor2.dumps([1]), "schema 'None'"),
+        (of_present("monitoring").replace(b"zafira", b"safari"), "checksum"),
+        (cbor2.dumps({"schema": "other/1"}), "schema 'other/1'"),
+        (cbor2.dumps({"schema": f"{NAME}/0"}), "incomplete or invalid"),
+        (cbor2.dumps({"schema": f"{NAME}/1"}), "incomplete or invalid"),
+        (cbor2.dumps({"schema": f"{NAME}/{VERSION + 1}"}), "install the newer sprung that wrote it"),
+        (b"\x9b\x7f" + b"\xff" * 7, "not CBOR"),
+        (b"\x81" * 100_000, "not CBOR"),
+    ],
+)
+def test_what_is_no_state_is_refused_in_a_sentence(state, words) -> None:
+    with pytest.raises(StateError, match=words):
+        read_state(state)
+    assert issubclass(StateError, ParameterError)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", sorted(read_state(of_present("monitoring"))))
+@pytest.mark.parametrize("value", [-1, 2**70, "text", b"bytes", [None], {"a": 1}, [{}], float("nan")])
+def test_a_part_of_another_type_is_refused_or_does_no_harm(car, drive, part, value) -> None:
+    state = read_state(of_present("monitoring")) | {part: value}
+    try:
+        monitor = VehicleMonitor.from_state(car, state)
+    except StateError:
+        return
+    monitor.update(drive(0).part(73_000, 73_400))
+    write_state(monitor.state())
+
+
+def test_damaged_bytes_are_refused() -> None:
+    """Cut, changed and added bytes, seeded."""
+    whole, generator = of_present("monitoring"), np.random.default_rng(0)
+    for _ in range(1000):
+        damaged = bytearray(whole[: generator.integers(len(whole))] if generator.random() < 0.3 else whole)
+        for place in generator.integers(0, max(1, len(damaged)), generator.integers(0, 8)):
+            damaged[place : place + 1] = generator.bytes(int(generator.integers(0, 3)))
+        if bytes(damaged) != whole:
+            with pytest.raises(StateError):
+                read_state(bytes(damaged))
+
+
+@pytest.mark.slow
+def test_a_lost_state_leaves_baseline_and_evidence(car, drive, alike) -> None:
+    """The monitor that begins anew from the store continues as the one that was lost, next window included."""
+    lost = VehicleMonitor.from_state(car, read_state(of_present("monitoring")))
+    baseline = baseline_of(lost)
+    history = History(baseline, tuple(map(observation_document, lost.observations)), 3, 7)
+    monitor = VehicleMonitor.from_state(car, state_of_history(car.name, history, asdict(lost.settings)))
+    assert baseline_of(monitor) == baseline
+    assert (monitor.is_learning, monitor.buffered) == (False, 0.0)
+    run = drive(1).part(0, 24_000)
+    lost.update(replace(run.part(0, 1), channels=run.channels[:1], samples=run.samples[:1, :1]))  # a new window
+    expected, event = window(lost, run), window(monitor, run)
+    assert (event.number, monitor.state()["n_identified"]) == (3, 7)
+    assert alike(evidence(event.diagnosis), evidence(expected.diagnosis))
+
+
+def test_without_a_baseline_learning_begins_anew(car) -> None:
+    settings = asdict(MonitorSettings())
+    monitor = VehicleMonitor.from_state(car, state_of_history(car.name, History(n_windows=5), settings))
+    assert (monitor.learning, monitor.state()["n_windows"]) == ((0, 12), 5)
+
+
+def test_a_learning_under_way_begins_anew_after_the_baseline_it_replaces(car) -> None:
+    saved = read_state(of_present("monitoring"))
+    history = History(saved["baseline"], tuple(saved["observations"]), 3, 0, relearning="new dampers")
+    monitor = VehicleMonitor.from_state(car, state_of_history(car.name, history, saved["settings"]))
+    assert monitor.is_learning
+    assert monitor.learning == (0, 2)
+    assert monitor.baseline is not None
+    assert monitor.state()["reason"] == "new dampers"
+    assert migrated(monitor.state())

@@ -1,0 +1,220 @@
+"""The pages of alerts: acts by forms, what viewers see, and what people can write."""
+
+import json
+import re
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
+from typing import ClassVar
+
+import pytest
+from markupsafe import escape
+from tests.online.site.conftest import NOW, PASSWORD
+
+from sprung.online.alerts import AlertSettings, Report, reported
+from sprung.online.monitor import AlertBook, desk
+from sprung.online.site.pages.alerts import _folded
+from sprung.results.documents.monitoring import HistoryEntry
+
+
+@pytest.fixture
+def log_in_page(serve, people):
+    """Function of a role and settings that returns a client that logged in by the page, and the mark of its forms."""
+
+    def logged_in(role, **fields):
+        _, client = serve(**fields)
+        client.post("/log-in", data={"name": people[role], "password": PASSWORD, "next": "/"})
+        mark = re.search(r'data-mark="(\w+)"', client.get("/alerts").text)
+        assert mark is not None
+        return client, mark[1]
+
+    return logged_in
+
+
+def send(client, mark, act, **fields):
+    return client.post(
+        f"/alerts/1/{act}", data={"_mark": mark, **fields}, headers={"accept": "text/html"}, follow_redirects=False
+    )
+
+
+def test_a_list_of_alerts(log_in_page) -> None:
+    client, _ = log_in_page("viewer")
+    page = client.get("/alerts").text
+    assert "<h1>2 alerts need attention.</h1>" in page
+    assert '<a href="/alerts/1">front-left spring 20 % softer</a>' in page
+    assert "bus-2" not in client.get("/alerts?vehicle=bus-1").text
+    assert "No alert matches." in client.get("/alerts?state=shelved").text
+
+
+def test_every_act_by_a_form(log_in_page, store) -> None:
+    client, mark = log_in_page("engineer")
+    acts = [
+        ("acknowledge", {"comment": "seen"}, "Acknowledged."),
+        ("assign", {"assignee": "bert"}, "Assigned."),
+        ("shelve", {"hours": "24", "comment": "part ordered"}, "Shelved"),
+        ("unshelve", {}, "No longer shelved."),
+        ("comment", {"comment": "on its way"}, "Comment added."),
+        ("close", {"comment": "it was a stone"}, "Cleared."),
+    ]
+    for act, fields, notice in acts:
+        answer = send(client, mark, act, **fields)
+        assert (answer.status_code, answer.headers["location"]) == (303, f"/alerts/1?done={act}"), answer.text
+        assert notice in client.get(answer.headers["location"]).text
+    assert [entry.what for entry in store.alerts.history(1)] == [
+        *("raised", "acknowledged", "assigned", "shelved", "unshelved", "commented", "cleared")
+    ]
+    assert {entry.who for entry in store.alerts.history(1)[1:]} == {"eve"}
+    assert store.alerts.history(1)[3].shelved_until == NOW + 24 * 3600 * 10**9
+
+
+def test_one_form_closes_an_alert_after_a_repair(log_in_page, store) -> None:
+    client, mark = log_in_page("engineer")
+    answer = send(client, mark, "verdict", verdict="confirmed", action="spring renewed", new_baseline="yes")
+    assert answer.headers["location"] == "/alerts/1?done=baseline"
+    row = store.alerts.row(1)
+    assert (row.is_active, row.is_acknowledged) == (False, True)
+    (command,) = store.requests.open_commands()
+    assert (command.act, command.detail) == ("learn", "spring renewed")
+    assert "<strong>confirmed</strong>; spring renewed; new baseline requested" in client.get("/alerts/1").text
+
+
+def test_an_impossible_act_keeps_what_was_entered(log_in_page, store) -> None:
+    client, mark = log_in_page("engineer")
+    answer = send(client, mark, "verdict", verdict="another part", action="<b>looked</b> at it")
+    assert answer.status_code == 409
+    assert "Name the part with the verdict" in answer.text
+    assert "&lt;b&gt;looked&lt;/b&gt; at it</textarea>" in answer.text
+    assert 'value="another part" required checked' in answer.text
+    assert send(client, mark, "shelve", hours="-1").status_code == 409
+    assert send(client, mark, "comment", comment="x" * 4001).status_code == 409
+    assert store.verdicts.all() == []
+
+
+def test_the_history_folds_updates() -> None:
+    words = ["raised", "updated", "updated", "updated", "acknowledged", "updated"]
+    history = [
+        HistoryEntry(time=NOW + k, what=what, who="", comment="", assignee=None, shelved_until=None)
+        for k, what in enumerate(words)
+    ]
+    folded = [(number, entry.what, entry.time - NOW) for number, entry in _folded(history)]
+    assert folded == [(1, "updated", 5), (1, "acknowledged", 4), (3, "updated", 3), (1, "raised", 0)]
+
+
+def test_two_people_acknowledge_the_same_alert(log_in_page, store) -> None:
+    client, mark = log_in_page("engineer")
+    desk.acknowledge(store, 1, who="bert", now=NOW)
+    answer = send(client, mark, "acknowledge")
+    assert answer.status_code == 409
+    assert "is acknowledged already" in answer.text
+    assert "by bert" in answer.text
+
+
+def test_viewers_see_no_forms_and_cannot_act(log_in_page) -> None:
+    client, mark = log_in_page("viewer")
+    page = client.get("/alerts/1").text
+    assert 'action="/alerts/' not in page
+    assert "You see this alert as a viewer." in page
+    for act in ("acknowledge", "assign", "shelve", "unshelve", "comment", "close", "verdict", "work-order"):
+        assert send(client, mark, act).status_code == 403
+
+
+def test_forms_of_other_pages_are_refused(log_in_page, store) -> None:
+    client, _ = log_in_page("engineer")
+    assert send(client, "0" * 64, "acknowledge").status_code == 403
+    assert not store.alerts.row(1).is_acknowledged
+
+
+def test_unknown_alerts(log_in_page) -> None:
+    client, mark = log_in_page("engineer")
+    assert client.get("/alerts/77", headers={"accept": "text/html"}).status_code == 404
+    answer = client.post("/alerts/77/close", data={"_mark": mark}, headers={"accept": "text/html"})
+    assert answer.status_code == 404
+
+
+ATTACKS = ('<script>alert("x")</script>', '"><img src=x onerror=alert(1)>', "{{ 7 * 7 }}", "javascript:alert(1)")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_texts_of_people_and_vehicles_are_only_text(log_in_page, store, attack) -> None:
+    report = Report("bus-3", f"sensor:{attack}", 400, attack, {"kind": attack, "advice": attack, "runner_up": attack})
+    AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), NOW), now=NOW)
+    number = next(row.id for row in store.alerts.find(vehicle="bus-3"))
+    desk.add_comment(store, number, who=attack, comment=attack, now=NOW)
+    desk.assign(store, number, assignee=attack, who="eve", now=NOW)
+    desk.add_verdict(store, number, verdict="another part", part=attack, action=attack, who="eve", now=NOW)
+    client, _ = log_in_page("engineer")
+    for path in (f"/alerts/{number}", "/alerts", f"/alerts?vehicle={attack}"):
+        page = client.get(path).text
+        assert "<script>alert" not in page
+        assert "<img src=x" not in page
+        assert 'href="javascript' not in page
+        assert str(escape(attack)) in page
+
+
+def test_a_work_order_as_a_file(log_in_page, check_document) -> None:
+    client, _ = log_in_page("viewer", url="https://sprung.example.org")
+    answer = client.get("/alerts/1/work-order.json")
+    assert answer.headers["content-disposition"] == 'attachment; filename="work-order-1.json"'
+    order = answer.json()
+    check_document(order)
+    assert (order["vehicle"], order["corner"], order["part"]) == ("bus-1", "front_left", "spring")
+    assert (order["change"], order["interval"]) == (-0.2, [-0.22, -0.18])
+    assert order["link"] == "https://sprung.example.org/alerts/1"
+    assert order == client.get("/api/v1/alerts/1/work-order").json()
+
+
+class _Workshop(BaseHTTPRequestHandler):
+    """A server that takes work orders, and answers with its `status`."""
+
+    status = 204
+    received: ClassVar[list[tuple[str | None, dict[str, object]]]] = []
+
+    def do_POST(self) -> None:
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        self.received.append((self.headers["Idempotency-Key"], json.loads(body)))
+        self.send_response(self.status)
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        """Write nothing."""
+
+
+@pytest.fixture
+def workshop():
+    """The server's class and address."""
+    handler = type("Workshop", (_Workshop,), {"received": []})
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = Thread(target=server.serve_forever)
+        thread.start()
+        yield handler, f"http://127.0.0.1:{server.server_port}/orders"
+        server.shutdown()
+        thread.join()
+
+
+def test_a_work_order_by_webhook(log_in_page, store, workshop, check_document) -> None:
+    handler, url = workshop
+    client, mark = log_in_page("engineer", send={"webhook": [{"url": url}]})
+    answer = send(client, mark, "work-order")
+    assert (answer.status_code, answer.headers["location"]) == (303, "/alerts/1?done=work-order")
+    ((key, order),) = handler.received
+    check_document(order)
+    assert key == order["key"]
+    last = store.alerts.history(1)[-1]
+    assert (last.who, last.comment) == ("eve", "work order by webhook 1: sent")
+    handler.status = 500
+    refused = send(client, mark, "work-order")
+    assert refused.status_code == 409
+    assert "answered 500" in refused.text
+    assert "answered 500" in store.alerts.history(1)[-1].comment
+
+
+def test_a_work_order_needs_a_webhook_and_a_vehicle(log_in_page, store) -> None:
+    client, mark = log_in_page("engineer")
+    assert "he site file has no webhook" in send(client, mark, "work-order").text
+    AlertBook(store, AlertSettings()).report("monitor", "monitor:disk", "full", now=NOW)
+    assert client.get("/api/v1/alerts/3/work-order").status_code == 409
+    page = client.get("/alerts/3").text
+    assert "<h1>Full</h1>" in page
+    assert "work-order" not in page
+    assert "What did the workshop find?" not in page
+    assert "<h1>bus-2 has sent nothing</h1>" in client.get("/alerts/2").text

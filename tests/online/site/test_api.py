@@ -1,0 +1,258 @@
+"""The interface: every act, every list, pages of lists, and what is refused."""
+
+import pytest
+from tests.online.site.conftest import HOUR, NOW
+
+from sprung.online.alerts import AlertSettings, Report, health_index, reported
+from sprung.online.monitor import AlertBook, alert_of
+from sprung.online.site.pages import fleet
+from sprung.online.store import AlertRow, FleetFilter, Progress
+
+
+@pytest.fixture
+def client(log_in):
+    """Client of an engineer."""
+    made, headers = log_in("engineer")
+    made.headers.update(headers)
+    return made
+
+
+def test_the_fleet_in_order_of_urgency(client) -> None:
+    page = client.get("/api/v1/vehicles").json()
+    assert page["next"] is None
+    first, second, third = page["vehicles"]
+    assert (first["vehicle"], first["state"], first["step"], first["alert"]) == ("bus-1", "alert", "high", 1)
+    assert (first["sentence"], first["since"]) == ("front-left spring 20 % softer", NOW - HOUR)
+    assert first["health_index"] == 30.0
+    assert (second["vehicle"], second["state"], second["health_index"]) == ("bus-2", "silent", None)
+    assert (third["vehicle"], third["state"], third["health_index"]) == ("bus-3", "waiting", None)
+    counts = {"vehicles": 3, "steps": [0, 1, 0, 1, 0], "learning": 0, "silent": 1, "unacknowledged": 2}
+    assert client.get("/api/v1/counts").json() == counts
+    assert client.post("/api/v1/alerts/1/shelve", json={"hours": 8}).status_code == 200
+    assert client.post("/api/v1/alerts/2/acknowledge", json={}).status_code == 200
+    assert client.get("/api/v1/counts").json() == counts | {"unacknowledged": 0}
+    page = client.get("/", headers={"Accept": "text/html"}).text
+    assert "<h1>None of 3 vehicles needs attention. 1 is silent.</h1>" in page
+    assert '<span class="note">shelved</span>' in page
+    assert "<h1>No alert needs attention. " in client.get("/alerts", headers={"Accept": "text/html"}).text
+
+
+@pytest.mark.parametrize(
+    ("sent", "expected"),
+    [
+        ((0, False, False), ("no change detected", 100.0)),
+        ((20 * HOUR, True, False), ("no change detected", 100.0)),
+        ((90 * 24 * HOUR, True, False), ("parked", None)),
+        ((2 * HOUR, False, False), ("silent", None)),
+        ((0, False, True), ("learning", None)),
+    ],
+)
+def test_old_data_are_never_healthy(client, store, sent, expected) -> None:
+    (age, is_parked, is_learning), (state, health) = sent, expected
+    name, seen = "bus-9", NOW - age
+    store.inbox.put_vehicle(name, configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
+    store.inbox.park(name, is_parked=is_parked)
+    status = {"share": 0.0, "n_learnt": 3 if is_learning else 12, "n_needed": 12, "until": seen}
+    baselines = ((1, seen, "first learning", {"n_windows": 12}),)
+    store.results.commit(
+        Progress(name, 1, done_seq=-1, baselines=baselines, status=status | {"is_learning": is_learning}, now=seen)
+    )
+    (vehicle,) = client.get("/api/v1/vehicles?text=bus-9").json()["vehicles"]
+    assert (vehicle["state"], vehicle["health_index"]) == (state, health)
+    page = client.get("/?text=bus-9", headers={"Accept": "text/html"}).text
+    assert ('<tr class="unknown">' in page) == (health is None)
+    assert ("1 of 1 good" in page) == (state not in {"silent", "parked"})
+
+
+def test_an_alert_does_not_hide_that_its_vehicle_is_silent(client, store) -> None:
+    seen = NOW - 72 * HOUR
+    store.inbox.put_vehicle("bus-8", configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
+    report = Report("bus-8", "front_left.spring", 900, "front-left spring 20 % softer")
+    AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), seen), now=seen)
+    (first,) = client.get("/api/v1/vehicles?text=bus-8").json()["vehicles"]
+    assert (first["state"], first["is_old"], first["health_index"]) == ("alert", True, None)
+    page = client.get("/?text=bus-8", headers={"Accept": "text/html"}).text
+    assert '<tr class="unknown">' in page
+    assert '<span class="note">silent</span>' in page
+
+
+def test_a_search_keeps_the_filter_of_the_fleet(client) -> None:
+    page = client.get("/?step=high&is_silent=true&text=bus", headers={"Accept": "text/html"}).text
+    assert '<input type="hidden" name="step" value="high">' in page
+    assert '<input type="hidden" name="is_silent" value="true">' in page
+    assert 'href="/?text=bus&amp;step=high&amp;is_silent=True&amp;is_unacknowledged=True"' in page
+
+
+def test_an_empty_fleet_shows_a_command_that_works(serve) -> None:
+    context, _ = serve(broker="embedded:18831")
+    assert fleet._broker(context) == "mqtt://127.0.0.1:18831"
+
+
+def test_the_quality_of_data_in_the_fleet(client, store) -> None:
+    """A failing sensor and lost frames are seen next to a more severe finding."""
+
+    def quality():
+        first = client.get("/api/v1/vehicles").json()["vehicles"][0]
+        return first["channels"], first["failing"], first["has_lost"]
+
+    assert quality() == (1, [], False)
+    book = AlertBook(store, AlertSettings())
+    book.put(reported(None, Report("bus-1", "sensor:acc_fl", 300, "dead", {}), AlertSettings(), NOW), now=NOW)
+    assert quality() == (1, ["acc_fl"], False)
+    book.report_lost("bus-1", {1: 3}, now=NOW)
+    assert quality() == (1, ["acc_fl"], True)
+    page = client.get("/", headers={"Accept": "text/html"}).text
+    assert "0 of 1 good" in page
+
+
+@pytest.mark.parametrize(
+    ("query", "vehicles"),
+    [
+        ("text=US-1", ["bus-1"]),
+        ("step=high&step=none", ["bus-1", "bus-3"]),
+        ("is_silent=true", ["bus-2"]),
+        ("is_learning=true", []),
+        ("is_unacknowledged=true", ["bus-1", "bus-2"]),
+        ("assignee=bert", []),
+    ],
+)
+def test_filters(client, query, vehicles) -> None:
+    assert [each["vehicle"] for each in client.get(f"/api/v1/vehicles?{query}").json()["vehicles"]] == vehicles
+
+
+def test_pages_follow_their_cursor(client) -> None:
+    found, cursor = [], ""
+    while cursor is not None:
+        page = client.get("/api/v1/vehicles", params={"limit": 1} | ({"cursor": cursor} if cursor else {})).json()
+        found += [each["vehicle"] for each in page["vehicles"]]
+        cursor = page["next"]
+    assert found == ["bus-1", "bus-2", "bus-3"]
+    assert client.get("/api/v1/vehicles?cursor=x").status_code == 422
+
+
+def test_the_impact_of_alerts_is_what_the_health_index_lacks(store) -> None:
+    """The order of the fleet is computed in the store, the index from the alerts."""
+    causes = ("front_left.spring", "rear", "sensor:acc_fl", "lost", "silent", "monitor", "monitor:intake")
+    for cause in causes:
+        row = AlertRow(f"car {cause}", cause, 600, "text", NOW, document={"streak": 0})
+        store.alerts.put(row, history=("raised", "", ""), now=NOW)
+        store.inbox.put_vehicle(row.vehicle, configuration="c", description="", channels=[], now=NOW)
+    places = {row.place.vehicle: row.place for row in store.fleet.page(FleetFilter(text="car "))}
+    assert len(places) == len(causes)
+    for vehicle, place in places.items():
+        (row,) = store.alerts.find(vehicle=vehicle)
+        assert place.impact == pytest.approx(10 * (100 - health_index([alert_of(row)])), abs=1e-9)
+
+
+def test_a_vehicle(client) -> None:
+    found = client.get("/api/v1/vehicles/bus-1").json()
+    assert (found["channels"], found["windows"], found["first_seen"]) == (["acc_fl"], 5, NOW)
+    assert [alert["number"] for alert in found["alerts"]] == [1]
+    assert found["baselines"] == [{"version": 1, "created": NOW, "reason": "first learning", "windows": 12}]
+    missing = client.get("/api/v1/vehicles/bus-9")
+    assert (missing.status_code, missing.json()["detail"][:22]) == (404, "unknown vehicle 'bus-9")
+
+
+def test_windows_in_pages(client) -> None:
+    last = client.get("/api/v1/vehicles/bus-1/windows?limit=2").json()
+    assert [window["document"] for window in last["windows"]] == [{"time": 3}, {"time": 4}]
+    before = client.get(f"/api/v1/vehicles/bus-1/windows?limit=3&until={last['next']}").json()
+    assert [window["number"] for window in before["windows"]] == [0, 1, 2]
+    assert before["next"] is None
+    assert len(client.get("/api/v1/vehicles/bus-1/modes").json()["windows"]) == 1
+    assert len(client.get("/api/v1/vehicles/bus-1/findings").json()["windows"]) == 2
+
+
+def test_acts_on_an_alert(client, store) -> None:
+    def act(name, **body):
+        answer = client.post(f"/api/v1/alerts/1/{name}", json=body)
+        assert answer.status_code == 200, answer.text
+        return answer.json()
+
+    assert act("acknowledge", comment="seen")["alert"]["state"] == "acknowledged"
+    assert act("assign", assignee="bert")["alert"]["assignee"] == "bert"
+    assert act("shelve", hours=2)["alert"]["shelved_until"] == NOW + 2 * HOUR
+    assert act("unshelve")["alert"]["shelved_until"] is None
+    found = act("comment", comment="on its way")
+    assert [(entry["what"], entry["who"]) for entry in found["history"][1:]] == [
+        (what, "eve") for what in ("acknowledged", "assigned", "shelved", "unshelved", "commented")
+    ]
+    assert found["evidence"] == {"change": -0.2, "interval": [-0.22, -0.18]}
+    assert act("close", comment="it was a sensor")["alert"]["state"] == "normal"
+    assert [row.act for row in store.requests.audited()][-6:] == [
+        "ack",
+        "assign",
+        "shelve",
+        "unshelve",
+        "comment",
+        "close",
+    ]
+
+
+def test_a_repair_closes_an_alert_in_one_act(client, store) -> None:
+    body = {"verdict": "confirmed", "action": "spring renewed", "new_baseline": True}
+    found = client.post("/api/v1/alerts/1/verdict", json=body).json()
+    assert found["alert"]["state"] == "normal"
+    (command,) = store.requests.open_commands()
+    assert (command.vehicle, command.act, command.detail) == ("bus-1", "learn", "spring renewed")
+    (verdict,) = found["verdicts"]
+    assert (verdict["verdict"], verdict["who"], verdict["request"]) == ("confirmed", "eve", command.id)
+    assert found["history"][-1]["comment"] == "verdict: confirmed; spring renewed"
+
+
+def test_a_verdict_without_a_repair_acknowledges(client, store) -> None:
+    body = {"verdict": "another part", "part": "anti-roll bar link"}
+    found = client.post("/api/v1/alerts/1/verdict", json=body).json()
+    assert (found["alert"]["state"], found["verdicts"][0]["part"]) == ("acknowledged", "anti-roll bar link")
+    found = client.post("/api/v1/alerts/2/verdict", json={"verdict": "not looked at"}).json()
+    assert found["alert"]["state"] == "unacknowledged"
+    assert store.requests.open_commands() == []
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "status", "words"),
+    [
+        ("alerts/9/acknowledge", {}, 404, "unknown alert 9"),
+        ("alerts/1/acknowledge", {"who": "me"}, 422, "who: Extra inputs"),
+        ("alerts/1/shelve", {"hours": 0}, 422, "hours"),
+        ("alerts/1/shelve", {}, 422, "hours"),
+        ("alerts/1/comment", {"comment": " "}, 409, "is empty: write a comment"),
+        ("alerts/1/comment", {"comment": "x" * 4001}, 422, "comment"),
+        ("alerts/1/unshelve", {}, 409, "not shelved"),
+        ("alerts/1/verdict", {"verdict": "maybe"}, 422, "verdict"),
+        ("alerts/1/verdict", {"verdict": "another part"}, 409, "name the part with the verdict 'another part'"),
+        ("alerts/1/verdict", {"verdict": "confirmed", "part": "x"}, 409, "and with no other"),
+        ("alerts/99999999999999999999/acknowledge", {}, 422, "number"),
+        ("vehicles/bus-9/baselines", {"reason": "new dampers"}, 404, "unknown vehicle"),
+        ("vehicles/bus-1/baselines", {"reason": " "}, 422, "reason"),
+    ],
+)
+def test_acts_that_are_impossible_change_nothing(client, store, *, path, body, status, words) -> None:
+    before = store.alerts.find(), len(store.requests.audited())
+    answer = client.post(f"/api/v1/{path}", json=body)
+    assert (answer.status_code, words in answer.json()["detail"]) == (status, True), answer.text
+    assert (store.alerts.find(), len(store.requests.audited())) == before
+
+
+def test_a_new_baseline_is_requested(client, store) -> None:
+    answer = client.post("/api/v1/vehicles/bus-1/baselines", json={"reason": "new dampers"})
+    assert (answer.status_code, answer.json()["number"]) == (202, store.requests.open_commands()[0].id)
+
+
+def test_an_act_is_stored_as_a_whole_or_not_at_all(client, store, monkeypatch) -> None:
+    def fail(*_args, **_fields):
+        raise RuntimeError("the power fails")
+
+    monkeypatch.setattr("sprung.online.monitor.desk.close", fail)
+    body = {"verdict": "confirmed", "new_baseline": True}
+    assert client.post("/api/v1/alerts/1/verdict", json=body).status_code == 500
+    assert (store.verdicts.all(), store.requests.open_commands()) == ([], [])
+
+
+def test_the_description_has_every_act(client) -> None:
+    document = client.get("/api/v1/openapi.json").json()
+    assert len(document["paths"]) > 20
+    assert all(path.startswith("/api/v1/") or path in {"/health", "/metrics"} for path in document["paths"])
+    for path, methods in document["paths"].items():
+        for method, operation in methods.items():
+            assert operation["description"].endswith("."), (path, method)

@@ -1,0 +1,94 @@
+"""Precision of a site's alerts, and times to repair, from verdicts."""
+
+import pytest
+from tests.online.site.conftest import HOUR, NOW
+
+from sprung.online.alerts import AlertSettings, Report, reported
+from sprung.online.monitor import AlertBook, desk
+from sprung.online.site.precision import precision, share
+from sprung.online.store import Progress, StoredFrame, VerdictRow
+
+
+@pytest.mark.parametrize(
+    ("hits", "of", "interval"),
+    [
+        # R. G. Newcombe, Statistics in Medicine 17 (1998) 857-872, table I, method 5
+        (81, 263, (0.2527, 0.3676)),
+        (15, 148, (0.0578, 0.1617)),
+        (0, 20, (0.0, 0.1684)),
+        (1, 29, (0.0009, 0.1776)),
+    ],
+)
+def test_intervals_of_shares_are_published_ones(hits, of, interval) -> None:
+    assert share(hits, of).interval == pytest.approx(interval, abs=5e-5)
+
+
+def test_an_interval_without_misses_has_a_closed_form() -> None:
+    """All of n: the lower end p has p^n = 2.5 %."""
+    assert share(7, 7).interval == pytest.approx((0.025 ** (1 / 7), 1.0), abs=1e-12)
+    assert (share(0, 0).value, share(0, 0).interval) == (None, (0.0, 1.0))
+
+
+def raise_alert(store, vehicle, cause, *, onset, raised):
+    """Raise an alert, and return its number."""
+    evidence = {} if onset is None else {"since": onset / 1e9}
+    report = Report(vehicle, cause, 700, "text", evidence)
+    known = next((row for row in store.alerts.find(vehicle=vehicle) if row.cause == cause), None)
+    assert known is None
+    AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), raised), now=raised)
+    return next(row.id for row in store.alerts.find(vehicle=vehicle) if row.cause == cause)
+
+
+def test_verdicts_give_precision_and_delays(store) -> None:
+    """Six alerts: two confirmed, one another part, one nothing found, one not looked at, one of the monitor."""
+    given = [
+        ("front_left.spring", -3, ("confirmed", "", "spring renewed"), 10),
+        ("front_left.damper", -1, ("confirmed", "", ""), 20),
+        ("rear_left.tyre", None, ("another part", "bushing", "renewed"), 30),
+        ("sensor:acc_fl", None, ("nothing found", "", ""), 1),
+        ("rear_left.spring", None, ("not looked at", "", ""), 1),
+        ("lost", None, ("confirmed", "", "disk renewed"), 1),
+    ]
+    for cause, onset, (verdict, part, action), hours in given:
+        began = None if onset is None else NOW + onset * HOUR
+        number = raise_alert(store, "bus-3", cause, onset=began, raised=NOW)
+        desk.add_verdict(store, number, verdict=verdict, part=part, action=action, who="eve", now=NOW + hours * HOUR)
+    found = precision(store)
+    assert found.verdicts == {"confirmed": 2, "another part": 1, "nothing found": 1, "not looked at": 1}
+    assert (found.alert.hits, found.alert.of, found.alert.value) == (3, 4, 0.75)
+    assert (found.part.hits, found.part.of, found.part.value) == (2, 4, 0.5)
+    assert found.onset_to_alert is not None
+    assert found.alert_to_repair is not None
+    assert found.onset_to_repair is not None
+    assert found.onset_to_alert.number == 2
+    assert found.onset_to_alert.median == pytest.approx(2 * HOUR, abs=1e6)
+    assert (found.alert_to_repair.shortest, found.alert_to_repair.longest) == (10 * HOUR, 30 * HOUR)
+    assert found.onset_to_repair.median == pytest.approx(13 * HOUR, abs=1e6)
+
+
+def test_the_last_verdict_on_an_alert_counts(store) -> None:
+    desk.add_verdict(store, 1, verdict="nothing found", who="eve", now=NOW)
+    desk.add_verdict(store, 1, verdict="confirmed", who="eve", now=NOW + 1)
+    found = precision(store)
+    assert (found.alert.hits, found.alert.of) == (1, 1)
+
+
+def test_an_alert_that_was_raised_again_keeps_the_onset_of_its_findings(store) -> None:
+    """The alert has new evidence since; the finding of that time has the onset."""
+    finding = {"corner": "front_left", "component": "spring", "since": (NOW - 5 * HOUR) / 1e9}
+    store.inbox.add_frames([StoredFrame("bus-3", 1, 0, NOW, b"x")], now=NOW)
+    found = Progress("bus-3", 1, done_seq=0, findings=((0, NOW - 4 * HOUR, finding),), now=NOW)
+    store.results.commit(found)
+    number = raise_alert(store, "bus-3", "front_left.spring", onset=NOW - HOUR, raised=NOW)
+    earlier = VerdictRow(number, NOW - HOUR, "eve", "confirmed", "", "spring renewed", NOW - 2 * HOUR)
+    store.verdicts.add(earlier)
+    delay = precision(store).onset_to_alert
+    assert delay is not None
+    assert delay.median == pytest.approx(3 * HOUR, abs=1e6)
+
+
+def test_a_site_without_verdicts(store, log_in) -> None:
+    client, _ = log_in("viewer")
+    found = client.get("/api/v1/precision").json()
+    assert (found["alert"]["value"], found["onset_to_alert"]) == (None, None)
+    assert "No verdict yet." in client.get("/alerts").text

@@ -1,0 +1,260 @@
+"""The site: settings with where they come from, secrets that stay hidden, senders, false alarms, storage."""
+
+import subprocess
+import threading
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+
+import pytest
+from scipy.stats import chi2
+from starlette.testclient import TestClient
+from tests.online.site.conftest import NOW, PASSWORD
+
+from sprung.online.monitor import Site, desk
+from sprung.online.site import Context, application, site_views
+from sprung.online.store import Progress, open_store
+
+SECRET = "top-secret"
+#: Senders with secrets.
+SENDERS = {
+    "webhook": [{"url": f"http://127.0.0.1:1/{SECRET}", "headers": {"Authorization": SECRET}}],
+    "mail": [
+        {
+            "host": "127.0.0.1",
+            "port": 1,
+            "sender": "sprung@example.org",
+            "recipients": ["depot@example.org"],
+            "username": "sprung",
+            "password": SECRET,
+        }
+    ],
+    "apprise": [{"url": f"slack://{SECRET}/#depot"}],
+}
+#: A site in which everything has a secret that can have one.
+SETTINGS = {
+    "name": "Depot North",
+    "broker": f"mqtts://monitor:{SECRET}@broker.example:8883",
+    "url": f"https://user:{SECRET}@sprung.example.org",
+    "watch": {"false_alarms_per_day": 0.01},
+    "send": SENDERS,
+}
+#: Figures of a monitor, one loop of which stands still.
+FIGURES = {
+    "sprung_backlog_frames": 12.0,
+    "sprung_backlog_age_seconds": 7.0,
+    "sprung_windows_total": 200.0,
+    "sprung_analysis_cpu_seconds_total": 250.0,
+    "sprung_queue_bytes": 123_456.0,
+    "sprung_window_age_seconds": 1.25,
+    'sprung_heartbeat_age_seconds{loop="station"}': 0.5,
+    'sprung_heartbeat_age_seconds{loop="analysis"}': 300.0,
+    'sprung_heartbeat_age_seconds{loop="post mail 1"}': 2.0,
+    'sprung_refusals_total{vehicle="bus-1",reason="overload"}': 3.0,
+}
+
+
+@pytest.fixture
+def context(store):
+    """A site with secrets, whose monitor has a trouble."""
+    return Context(
+        store,
+        Site.model_validate(SETTINGS),
+        figures=lambda: FIGURES,
+        troubles=lambda: ["the broker has not answered yet"],
+        clock=lambda: NOW,
+    )
+
+
+@pytest.fixture
+def client(context):
+    with TestClient(application(context), base_url="http://127.0.0.1:8737") as opened:
+        yield opened
+
+
+def test_settings_have_values_defaults_and_where_they_come_from(context) -> None:
+    entries = {each.key: each for each in site_views.settings_of(context.site)}
+    assert len(entries) == 45
+    assert all(each.description for each in entries.values())
+    rate = entries["watch.false_alarms_per_day"]
+    assert (rate.value, rate.default, rate.source) == ("0.01", "0.001", "site file")
+    assert (entries["watch.method"].value, entries["watch.method"].source) == ('"cov"', "default")
+    assert entries["watch.calibrate"].value == "-"
+    assert entries["broker"].source == "site file or --broker"
+    assert entries["broker"].value == '"mqtts://monitor:(hidden)@broker.example:8883"'
+    assert entries["send.webhook 1.url"].value == '"http://127.0.0.1:1/(hidden)"'
+    assert entries["send.webhook 1.headers"].value == '{"Authorization": "(hidden)"}'
+    assert entries["send.mail 1.password"].value == '"(hidden)"'
+    assert entries["send.apprise 1.url"].value == '"slack://(hidden)"'
+    assert (entries["send.mail 1.host"].default, entries["send.mail 1.port"].default) == ("required", "587")
+
+
+@pytest.mark.parametrize(
+    ("store", "shown"),
+    [
+        ("sqlite:///folder/a.sqlite", "sqlite:///folder/a.sqlite"),
+        ("postgresql://u:top-secret@host/name", "postgresql://u:(hidden)@host/name"),
+        ("postgresql://u:top-secret@x@host/name", "postgresql://u:(hidden)@host/name"),
+        ("postgresql://u@host/name?password=top-secret&a=1", "postgresql://u@host/name?password=(hidden)&a=1"),
+    ],
+)
+def test_passwords_of_stores_are_hidden(store, shown) -> None:
+    entries = {each.key: each.value for each in site_views.settings_of(Site(store=store))}
+    assert entries["store"] == f'"{shown}"'
+
+
+def test_page_and_interface_have_the_same_values_and_no_secret(client, context) -> None:
+    text = client.get("/site", headers={"Accept": "text/html"}).text
+    document = client.get("/api/v1/site").json()
+    assert SECRET not in text
+    assert SECRET not in str(document)
+    assert document["sentence"] in text
+    assert document["sentence"] == "1 thing at this site needs attention."
+    assert document["troubles"] == ["the broker has not answered yet"]
+    for entry in document["settings"]:
+        assert f"<code>{entry['key']}</code>" in text
+    for entry in document["versions"]:
+        assert f"<dt>{entry['name']}</dt><dd>{entry['version']}</dd>" in text
+    assert {"Sprung", "Python", "schema of the store", "SQLite"} <= {each["name"] for each in document["versions"]}
+    assert document["vehicles"] == 3
+    assert {each["table"]: each["rows"] for each in document["store"]["tables"]}["observations"] == 5
+    assert document["store"]["size"] == context.store.size()
+
+
+def test_loops_that_stand_still_are_marked(client) -> None:
+    loops = {each["name"]: (each["age"], each["limit"]) for each in client.get("/api/v1/site").json()["loops"]}
+    assert loops == {"station": (0.5, 15.0), "analysis": (300.0, 240.0), "post mail 1": (2.0, 300.0)}
+    text = client.get("/site", headers={"Accept": "text/html"}).text
+    assert text.count(" stopped</span>") == 1
+    for words in (
+        "12</td>",
+        "123 kB</td>",
+        "1.2 s</td>",
+        "12 frames, the oldest for 7 s",
+        "200 windows, each in 1.2 s",
+    ):
+        assert words in text
+
+
+def test_healthy_site_says_so(serve) -> None:
+    _, client = serve()
+    text = client.get("/site", headers={"Accept": "text/html"}).text
+    assert "<h1>The monitor works: no problem is known.</h1>" in text
+    assert "No monitor runs in this process" in text
+
+
+def test_without_accounts_the_page_says_so_and_what_to_do(serve, people, store) -> None:
+    _, client = serve()
+    assert "There are no accounts" not in client.get("/log-in", headers={"Accept": "text/html"}).text
+    for name in ("anna", "eve", "ada"):
+        store.accounts.remove(name)
+    for path in ("/site", "/people"):
+        text = client.get(path, headers={"Accept": "text/html"}).text
+        assert "There are no accounts: the monitor serves this machine only" in text
+        assert "sprung accounts add NAME --role admin" in text
+
+
+@pytest.mark.slow
+def test_monitors_that_share_a_store_are_listed(postgresql_url) -> None:
+    with open_store(postgresql_url) as store:
+        for monitor in ("monitor-a", "monitor-b", "monitor-a"):
+            store.leases.renew(monitor, patience=30.0)
+        site = Site.model_validate({"store": "postgresql://sprung:top-secret@host/name"})
+        context = Context(store, site, figures=dict, troubles=list, clock=lambda: NOW)
+        with TestClient(application(context), base_url="http://127.0.0.1:8737") as client:
+            document, text = client.get("/api/v1/site").json(), client.get("/site").text
+    assert [(each["monitor"], each["shards"]) for each in document["monitors"]] == [
+        ("monitor-a", 128),
+        ("monitor-b", 0),
+    ]
+    assert '<th scope="row">monitor-b</th>' in text
+    assert document["store"]["free"] is None
+    assert "known to the database server only" in text
+    assert SECRET not in text
+
+
+def test_a_certificate_is_shown_with_its_end(store, tmp_path: Path) -> None:
+    words = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "20000", "-subj", "/CN=a"]
+    path, key = tmp_path / "a.crt", tmp_path / "a.key"
+    subprocess.run([*words, "-keyout", key, "-out", path], check=True, capture_output=True)
+    site = Site.model_validate({"web": {"certificate": str(path), "key": str(key)}})
+
+    def detail(now):
+        return site_views.site_detail(Context(store, site, figures=dict, troubles=list, clock=lambda: now))
+
+    (certificate,) = detail(NOW).certificates
+    assert certificate.trouble == ""
+    assert certificate.expires is not None
+    assert detail(NOW).sentence == "The monitor works: no problem is known."
+    assert "expires at" in detail(certificate.expires - 1).troubles[0]
+
+
+def test_false_alarms_from_verdicts(context, store) -> None:
+    """One false alarm in 48 windows of ten minutes, a day of driving; the interval by the chi-squared distribution."""
+    observations = tuple((k, NOW, {"time": k}) for k in range(10, 53))  # besides five of the fixture
+    store.results.commit(Progress("bus-1", 1, done_seq=8, observations=observations, now=NOW))
+    none = site_views.false_alarms(context)
+    assert (none.vehicle_days, none.verdicts, none.rate) == (pytest.approx(1.0), 0, 0.0)
+    assert none.interval == (0.0, pytest.approx(chi2.ppf(0.975, 2) / 2))
+    for verdict in ("confirmed", "nothing found"):
+        desk.add_verdict(store, 1, verdict=verdict, who="eve", now=NOW)
+    desk.add_verdict(store, 2, verdict="nothing found", who="eve", now=NOW)  # a silent vehicle is no false alarm
+    alarms = site_views.false_alarms(context)
+    assert (alarms.wanted, alarms.verdicts, alarms.false) == (0.01, 1, 1)
+    assert alarms.rate == pytest.approx(1.0)
+    assert alarms.interval == pytest.approx((chi2.ppf(0.025, 2) / 2, chi2.ppf(0.975, 4) / 2))
+    desk.add_verdict(store, 1, verdict="not looked at", who="eve", now=NOW)
+    assert site_views.false_alarms(context).verdicts == 0
+
+
+@pytest.fixture
+def receiver():
+    """A web server that keeps what is posted to it."""
+    bodies = []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self):
+            bodies.append(self.rfile.read(int(self.headers["Content-Length"])))
+            self.send_response(204)
+            self.end_headers()
+
+        def log_message(self, *_):
+            pass
+
+    server = HTTPServer(("127.0.0.1", 0), Handler)
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}/{SECRET}", bodies
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def test_senders_are_tested_from_the_page(store, people, receiver) -> None:
+    url, bodies = receiver
+    site = Site.model_validate({"send": {**SENDERS, "webhook": [{"url": url}]}})
+    context = Context(store, site, figures=dict, troubles=list, clock=lambda: NOW)
+    with TestClient(application(context), base_url="http://127.0.0.1:8737") as client:
+        mark = client.post("/api/v1/session", json={"name": "eve", "password": PASSWORD}).json()["mark"]
+        assert client.get("/site").text.count("Send a test</button>") == 3
+        for name in ("webhook 1", "mail 1"):
+            answer = client.post(f"/site/senders/{name}/test", data={"_mark": mark}, follow_redirects=False)
+            assert (answer.status_code, answer.headers["location"]) == (303, "/site#senders")
+        text = client.get("/site").text
+        unknown = client.post("/site/senders/mail 7/test", data={"_mark": mark})
+        assert (unknown.status_code, "unknown sender" in unknown.json()["detail"]) == (404, True)
+    assert len(bodies) == 1
+    assert "mail server 127.0.0.1:1 cannot be reached (Connection refused)" in text
+    senders = {each.name: each for each in site_views.senders(context)}
+    assert (senders["webhook 1"].tested, senders["webhook 1"].tested_by, senders["webhook 1"].problem) == (
+        NOW,
+        "eve",
+        "",
+    )
+    assert "cannot be reached" in senders["mail 1"].problem
+    assert senders["log"].tested is None
+    assert SECRET not in str(store.requests.audited())
+
+
+def test_viewers_do_not_see_the_test(log_in) -> None:
+    client, _ = log_in("viewer")
+    assert "Send a test" not in client.get("/site").text

@@ -1,0 +1,57 @@
+"""Accounts, sessions, tokens and verdicts, on both databases."""
+
+from dataclasses import replace
+
+from sprung.online.store import AccountRow, AlertRow, TokenRow, VerdictRow
+
+ANNA = AccountRow("anna", "engineer", "hash-1", 5)
+TOKEN = TokenRow("digest", "dashboard", "viewer", 5, "anna", expires=100)
+
+
+def test_accounts(store) -> None:
+    store.accounts.put(ANNA)
+    store.accounts.put(AccountRow("bert", "viewer", "hash-2", 6))
+    assert [row.name for row in store.accounts.all()] == ["anna", "bert"]
+    assert store.accounts.find("anna") == ANNA
+    assert store.accounts.find("carl") is None
+    store.accounts.put(AccountRow("anna", "admin", "hash-3", 9))
+    assert store.accounts.find("anna") == AccountRow("anna", "admin", "hash-3", 5)
+    assert (store.accounts.remove("bert"), store.accounts.remove("bert"), store.accounts.n_accounts()) == (
+        True,
+        False,
+        1,
+    )
+    assert "hash" not in repr(ANNA)
+
+
+def test_sessions_end_with_their_time_and_with_a_new_password(store) -> None:
+    store.accounts.put(ANNA)
+    store.accounts.add_session("one", "anna", now=10, expires=20)
+    store.accounts.add_session("two", "anna", now=10, expires=40)
+    assert store.accounts.of_session("one", now=19) == ANNA
+    assert store.accounts.of_session("one", now=20) is None
+    assert store.accounts.of_session("three", now=19) is None
+    store.accounts.end_session("one")
+    assert store.accounts.of_session("one", now=19) is None
+    store.accounts.put(replace(ANNA, password="new"))
+    assert store.accounts.of_session("two", now=19) is None
+
+
+def test_tokens_expire_and_are_revoked(store) -> None:
+    number = store.accounts.add_token(TOKEN)
+    endless = store.accounts.add_token(replace(TOKEN, digest="other", expires=None))
+    assert store.accounts.of_token("digest", now=99) == replace(TOKEN, id=number)
+    assert store.accounts.of_token("digest", now=100) is None
+    assert store.accounts.of_token("other", now=10**18) is not None
+    assert [row.id for row in store.accounts.tokens()] == [number, endless]
+    assert (store.accounts.remove_token(endless), store.accounts.remove_token(endless)) == (True, False)
+    assert store.accounts.of_token("other", now=0) is None
+
+
+def test_verdicts(store) -> None:
+    alert = store.alerts.put(AlertRow("bus-1", "silent", 300, "text", 4), history=("raised", "", ""), now=4)
+    assert alert.id is not None
+    row = VerdictRow(alert.id, 9, "anna", "another part", "bush", "bush renewed", raised=4, request=3)
+    number = store.verdicts.add(row)
+    assert store.verdicts.all() == store.verdicts.all(alerts=[alert.id]) == [replace(row, id=number)]
+    assert store.verdicts.all(alerts=[alert.id + 1]) == []

@@ -1,0 +1,102 @@
+"""Figures of months of a vehicle."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from sprung.results.figures import (
+    Stretch,
+    components_history_figure,
+    evidence_history_figure,
+    findings_history_figure,
+    modes_history_figure,
+    plan_figure,
+)
+from sprung.vehicles import Component
+
+COMPONENTS = tuple(
+    Component(f"{end}_{side}", kind)
+    for end in ("front", "rear")
+    for side in ("left", "right")
+    for kind in ("spring", "damper", "tyre")
+)
+DAY = 86400 * 10**9
+TIMES = 1_795_219_200_000_000_000 + DAY * np.arange(20)
+
+
+def drawn(figure: Figure) -> list[Any]:
+    """Return the axes of a figure that could be drawn."""
+    figure.canvas.draw()
+    return list(figure.axes)
+
+
+def texts(figure: Figure) -> set[str]:
+    """Return all texts of a figure."""
+    figure.canvas.draw()
+    axes = [text.get_text() for each in figure.axes for text in each.findobj() if hasattr(text, "get_text")]
+    return set(axes)
+
+
+def test_components_are_in_per_cent_with_intervals_in_their_panels() -> None:
+    values = np.zeros((20, 12))
+    values[10:, 0] = np.log(0.8)
+    figure = components_history_figure(
+        TIMES,
+        values,
+        np.full((20, 12), 0.05),
+        components=COMPONENTS,
+        usual=np.full(12, 0.1),
+        alerts=[Stretch("front_left.spring", int(TIMES[10]), int(TIMES[-1])), Stretch("silent", 0, 1)],
+        baselines=[int(TIMES[5])],
+    )
+    panels = drawn(figure)
+    assert len(panels) == 12
+    points = next(line for line in panels[0].lines if line.get_marker() == "o")
+    np.testing.assert_allclose(points.get_ydata(), [0.0] * 10 + [-20.0] * 10)
+    (intervals,) = panels[0].collections
+    low, high = intervals.get_segments()[15][:, 1]
+    assert (low, high) == pytest.approx([100 * np.expm1(np.log(0.8) + sign * 1.96 * 0.05) for sign in (-1, 1)])
+    assert [len(axes.patches) for axes in panels] == [2, *[1] * 11]  # the usual range, and the alert in one panel
+
+
+def test_modes_findings_and_evidence_are_drawn_at_their_values() -> None:
+    left, right = drawn(modes_history_figure({"bounce": (TIMES, np.full(20, 1.3), np.full(20, 0.2))}))
+    np.testing.assert_allclose(left.lines[0].get_ydata(), 1.3)
+    np.testing.assert_allclose(right.lines[0].get_ydata(), 20.0)
+    sizes = {"front_left.spring": (TIMES[:1], np.array([[-0.2, -0.22, -0.18]]))}
+    (axes,) = drawn(findings_history_figure(sizes))
+    np.testing.assert_allclose(axes.lines[-1].get_ydata(), -20.0)
+    np.testing.assert_allclose(axes.collections[0].get_segments()[0][:, 1], [-22.0, -18.0])
+    (axes,) = drawn(evidence_history_figure(TIMES, np.arange(20.0), threshold=10.8))
+    np.testing.assert_allclose(axes.lines[1].get_ydata(), 10.8)
+
+
+def test_many_windows_are_drawn_as_medians_with_their_spread() -> None:
+    """Thirty days of 48 windows in groups of twelve hours."""
+    times = TIMES[0] + 1800 * 10**9 * np.arange(30 * 48)
+    frequencies = np.tile(np.linspace(1.0, 2.0, 24), 60)
+    left, _ = drawn(modes_history_figure({"bounce": (times, frequencies, np.full(len(times), 0.2))}))
+    np.testing.assert_allclose(left.lines[0].get_ydata(), np.full(60, 1.5))
+    ends = np.array([segment[:, 1] for segment in left.collections[0].get_segments()])
+    np.testing.assert_allclose(ends, np.tile([1.025, 1.975], (60, 1)))
+
+
+def test_the_plan_marks_parts_with_alerts_by_a_sign_and_cuts_off_wide_intervals() -> None:
+    values, wide = np.zeros(12), np.full(12, 0.02)
+    values[0], wide[4] = np.log(0.7), 3.0
+    figure = plan_figure(
+        COMPONENTS,
+        values,
+        wide,
+        by_chance=np.full(12, 0.01),
+        steps={"front_left.spring": 3},
+        detectable={"front_left.spring": 0.07},
+        heading=("a", "b"),
+    )
+    shown = texts(figure)
+    assert {"■ −30.0 %", "+0.0 %", "forward", "front left", "rear right tyre"} <= shown
+    left, right = figure.axes[1].get_xlim()
+    assert -40 < left < -30 < 30 < right < 40
+    assert sum(line.get_clip_on() is False and line.get_marker() in {4, 5, 8, 9} for line in figure.axes[1].lines) == 2
