@@ -58,10 +58,10 @@ OF_ANALYSIS: tuple[Place, ...] = (
 )
 #: Parts of the station: the first one of which any place is on the stack.
 OF_STATION: tuple[Place, ...] = (
-    ("archive", ("storage/archive.py",)),
+    ("archive", ("store/archive.py",)),
     ("alerts", ("monitor/alert_book.py",)),
-    ("insert", ("storage/inbox.py:add_frames",)),
-    ("read back", ("storage/inbox.py:pending",)),
+    ("insert", ("store/inbox.py:add_frames",)),
+    ("read back", ("store/inbox.py:pending",)),
     ("settle, commit", ("monitor/dispatch.py:settle", "monitor/dispatch.py:flush")),
     ("upkeep", ("monitor/upkeep.py",)),
     ("receive, decode, acknowledge", ("monitor/intake.py",)),

@@ -16,7 +16,7 @@ from sprung.fleet.lake import Lake
 
 pytestmark = pytest.mark.slow
 
-FLEET = Path(__file__).parents[2] / "benchmarks" / "fleet"
+FLEET = Path(__file__).parents[3] / "benchmarks" / "fleet"
 FAULT = "rear_left.damper=-0.5"
 
 

@@ -16,7 +16,7 @@ from sprung.online.alerts import AlertSettings
 from sprung.online.monitor import MonitorSettings, Site, read_site
 from sprung.toml import checked
 
-MANUAL = Path(__file__).parents[2] / "docs" / "monitor.md"
+MANUAL = Path(__file__).parents[3] / "docs" / "monitor.md"
 
 
 def example():

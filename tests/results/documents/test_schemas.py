@@ -10,8 +10,8 @@ import sprung
 from sprung.errors import FormatError, ParameterError
 from sprung.results.documents import DOCUMENTS, json_schema, read_document, write_json_schemas
 
-SHIPPED = Path(sprung.__file__).parent / "documents" / "json_schemas"
-REFERENCE = (Path(__file__).parents[2] / "docs" / "json.md").read_text(encoding="utf-8")
+SHIPPED = Path(sprung.__file__).parent / "results" / "documents" / "json_schemas"
+REFERENCE = (Path(__file__).parents[3] / "docs" / "json.md").read_text(encoding="utf-8")
 
 
 def test_shipped_schemas_are_those_of_the_models(tmp_path) -> None:

@@ -135,7 +135,8 @@ def stream(
 
     Examples
     --------
-    >>> from sprung.fleet.jobs import Results, spark_session, windows_of_lake
+    >>> from sprung.fleet.jobs import Results, spark_session
+    >>> from sprung.fleet.streams import windows_of_lake
     >>> from sprung.fleet.lake import Lake
     >>> batches = []
     >>> options = {"settings": StreamSettings(is_once=True), "report": batches.append}

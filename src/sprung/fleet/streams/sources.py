@@ -141,7 +141,8 @@ def windows_of_messages(messages: "DataFrame", *, duration: float = 600.0) -> "D
 
     Examples
     --------
-    >>> from sprung.fleet.jobs import STREAM_SETTINGS, spark_session
+    >>> from sprung.fleet.jobs import spark_session
+    >>> from sprung.fleet.streams import STREAM_SETTINGS
     >>> session = spark_session("local[2]", settings=STREAM_SETTINGS)  # doctest: +SKIP
     >>> windows = windows_of_messages(messages_in_folder(session, "messages"), duration=300.0)  # doctest: +SKIP
     >>> windows.isStreaming, windows.columns[:3]  # doctest: +SKIP
