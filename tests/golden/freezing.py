@@ -56,6 +56,8 @@ def check(name: str, seen: Any, *, digits: int = DIGITS) -> None:
 def rounded(value: Any, *, digits: int, scale: float = 0.0) -> Any:
     """Return a value with numbers rounded to digits, those of a list relative to the largest of them."""
     if isinstance(value, Mapping):
+        if value.keys() == {"real", "imag"}:
+            value = _oriented(value)
         return {str(key): rounded(each, digits=digits) for key, each in value.items() if key not in _UNDETERMINED}
     if isinstance(value, list | tuple):
         value = _shortened(value)
@@ -70,6 +72,13 @@ def rounded(value: Any, *, digits: int, scale: float = 0.0) -> Any:
         for pattern, name in _VARYING:
             value = pattern.sub(name, value)
     return value
+
+
+def _oriented(shape: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a mode shape whose first large entry is positive: where two are largest, rounding decides on the sign."""
+    large = 0.1 * _scale(shape["real"])
+    first = next((entry for entry in shape["real"] if abs(entry) > large), 1.0)
+    return {part: [math.copysign(1.0, first) * entry for entry in shape[part]] for part in ("real", "imag")}
 
 
 def _shortened(value: Sequence[Any]) -> Any:
@@ -137,7 +146,7 @@ def _texts_are_alike(frozen: str, seen: str, tolerance: float) -> bool:
         if old != new and not (decimals or exponent):
             return False
         last = 10.0 ** (int(exponent or 0) - len(decimals))
-        if abs(float(old) - float(new)) > max(tolerance * float(old), 1.01 * last):
+        if abs(float(old) - float(new)) > max(tolerance * max(float(old), 0.01), 1.01 * last):
             return False
     return True
 

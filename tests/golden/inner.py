@@ -8,6 +8,7 @@ from typing import Any
 
 from starlette.testclient import TestClient
 from tests.golden.commands import NOW
+from tests.golden.freezing import DIGITS
 from tests.golden.recordings import disturbed
 from tests.journeys import depot
 from tests.journeys.conftest import FIGURES
@@ -80,13 +81,14 @@ def _station(store: Store, folder: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class _Kind:
-    """How a store is filled; the vehicles and alerts that are looked at; its time; whether it holds documents."""
+    """How a store is filled, which of it is looked at, its present time, whether it holds documents, stable digits."""
 
     fill: Callable[[Store, Path], dict[str, Any]]
     vehicles: tuple[str, ...] = ()
     alerts: int = 0
     now: int = NOW
     is_real: bool = True
+    digits: int = DIGITS
 
 
 _SOME = (depot.SOFT, depot.DEAD, depot.SILENT, depot.LEARNING)
@@ -96,7 +98,7 @@ STORES = {
     "hostile": _Kind(_hostile, ("bus-1", "bus-3"), 4, is_real=False),
     "history": _Kind(_history, (history_store.VEHICLE,), 2),
     "depot": _Kind(_depot, _SOME, 5),
-    "station": _Kind(_station, ("car-1",), 1, now=NOW + 1800 * 10**9),
+    "station": _Kind(_station, ("car-1",), 1, now=NOW + 1800 * 10**9, digits=4),
 }
 
 
@@ -110,6 +112,7 @@ class Opened:
     windows: Mapping[str, tuple[int, int]]
     now: int
     is_real: bool
+    digits: int
     client: TestClient
 
 
@@ -129,4 +132,13 @@ def opened(name: str, folder: Path) -> Iterator[Opened]:
         numbers = sorted(row.id for row in store.alerts.find(is_active=True) if row.vehicle in kind.vehicles and row.id)
         headers = {"Authorization": f"Bearer {secret}"}
         with TestClient(application(context), base_url="http://127.0.0.1:8737", headers=headers) as client:
-            yield Opened(folder, kind.vehicles, tuple(numbers[: kind.alerts]), windows, kind.now, kind.is_real, client)
+            yield Opened(
+                folder,
+                kind.vehicles,
+                tuple(numbers[: kind.alerts]),
+                windows,
+                kind.now,
+                kind.is_real,
+                kind.digits,
+                client,
+            )
