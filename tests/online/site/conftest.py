@@ -32,33 +32,38 @@ def _passwords_cost_little():
         yield
 
 
+def fill(opened):
+    """Three vehicles; the spring of the first is soft (alert 1), the second is silent (alert 2)."""
+    for name, seen in (("bus-1", NOW), ("bus-2", NOW - 5 * HOUR), ("bus-3", NOW)):
+        opened.inbox.put_vehicle(name, configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
+    book = AlertBook(opened, AlertSettings())
+    evidence = {"change": -0.2, "interval": [-0.22, -0.18]}
+    report = Report("bus-1", "front_left.spring", 700, "front-left spring 20 % softer", evidence)
+    book.put(reported(None, report, AlertSettings(), NOW - HOUR), now=NOW - HOUR)
+    book.report("bus-2", "silent", "bus-2 has sent nothing", now=NOW - HOUR)
+    opened.inbox.add_frames([StoredFrame("bus-1", 1, seq, NOW, b"x") for seq in range(9)], now=NOW)
+    status = {"share": 0.0, "n_learnt": 12, "n_needed": 12, "until": NOW}
+    windows = tuple((k, NOW + k * 600 * 10**9, {"time": k}) for k in range(5))
+    opened.results.commit(
+        Progress(
+            "bus-1",
+            1,
+            done_seq=8,
+            observations=windows,
+            modes=windows[:1],
+            findings=windows[3:],
+            baselines=((1, NOW, "first learning", {"n_windows": 12}),),
+            status=status,
+            now=NOW,
+        )
+    )
+
+
 @pytest.fixture
 def store(sqlite_url):
     """Three vehicles; the spring of the first is soft (alert 1), the second is silent (alert 2)."""
     with open_store(sqlite_url) as opened:
-        for name, seen in (("bus-1", NOW), ("bus-2", NOW - 5 * HOUR), ("bus-3", NOW)):
-            opened.inbox.put_vehicle(name, configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
-        book = AlertBook(opened, AlertSettings())
-        evidence = {"change": -0.2, "interval": [-0.22, -0.18]}
-        report = Report("bus-1", "front_left.spring", 700, "front-left spring 20 % softer", evidence)
-        book.put(reported(None, report, AlertSettings(), NOW - HOUR), now=NOW - HOUR)
-        book.report("bus-2", "silent", "bus-2 has sent nothing", now=NOW - HOUR)
-        opened.inbox.add_frames([StoredFrame("bus-1", 1, seq, NOW, b"x") for seq in range(9)], now=NOW)
-        status = {"share": 0.0, "n_learnt": 12, "n_needed": 12, "until": NOW}
-        windows = tuple((k, NOW + k * 600 * 10**9, {"time": k}) for k in range(5))
-        opened.results.commit(
-            Progress(
-                "bus-1",
-                1,
-                done_seq=8,
-                observations=windows,
-                modes=windows[:1],
-                findings=windows[3:],
-                baselines=((1, NOW, "first learning", {"n_windows": 12}),),
-                status=status,
-                now=NOW,
-            )
-        )
+        fill(opened)
         yield opened
 
 
