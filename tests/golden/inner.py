@@ -12,16 +12,16 @@ from tests.golden.freezing import DIGITS
 from tests.golden.recordings import disturbed
 from tests.journeys import depot
 from tests.journeys.conftest import FIGURES
-from tests.monitor import history_store
-from tests.monitor.conftest import Bench, frames
-from tests.service.conftest import PASSWORD
-from tests.service.conftest import fill as fill_three
-from tests.service.test_pages import put_hostile_texts
+from tests.online.monitor import history_store
+from tests.online.monitor.conftest import Bench, frames
+from tests.online.site.conftest import PASSWORD
+from tests.online.site.conftest import fill as fill_three
+from tests.online.site.test_pages import put_hostile_texts
 
-from sprung.monitor import Site, desk
-from sprung.service import Context, add_account, add_token, application
+from sprung.online.monitor import Site, desk
+from sprung.online.site import Context, add_account, add_token, application
+from sprung.online.store import Store, open_store
 from sprung.simulation import RoadDrive, simulate_drive
-from sprung.storage import Store, open_store
 from sprung.vehicles import parse_fault, read_vehicle
 
 #: Minutes of a window of the monitor that is fed with drives, and samples per second of these.
