@@ -1,7 +1,6 @@
 import math
 
-from sprung.reproduce.chapter import Chapter
-from sprung.reproduce.runs import Effort
+from sprung.reproduce.chapter import Chapter, Effort
 from sprung.results.page.page import Section
 
 

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from sprung.reproduce import chapter, chapter_4, chapter_5, chapter_6, chapter_7, chapter_8, comparison, reproduce
-from sprung.reproduce.matching import theoretical
-from sprung.reproduce.runs import over_seeds
-from sprung.reproduce.thesis import BODY_MODES
+from sprung.reproduce.chapter import over_seeds
+from sprung.reproduce.thesis import BODY_MODES, theoretical
 from sprung.vehicles import read_description, read_vehicle, structure
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from sprung.reproduce.matching import matched, theoretical
+from sprung.reproduce.thesis import matched, theoretical
 from sprung.vehicles import chain
 
 

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from sprung.reproduce.runs import over_seeds
+from sprung.reproduce.chapter import over_seeds
 
 
 @pytest.mark.slow

@@ -1,6 +1,6 @@
 import numpy as np
 
-from sprung.reproduce.tables import theory_table
+from sprung.reproduce.thesis import theory_table
 
 
 def test_tables_by_columns() -> None:

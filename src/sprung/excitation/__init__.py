@@ -1,10 +1,9 @@
 """Excitation of a vehicle: random forces, hammer blows, base motions, roads, tracks, roller rigs, harmonics."""
 
-from sprung.excitation.base_motion import QUARTER_CASES, BaseMotion, pulse_indices
 from sprung.excitation.hammer import HammerBlows
 from sprung.excitation.noise import BAND_ORDER, Excitation, RandomInputs, noise
 from sprung.excitation.orders import Lines, Stack, Sum
-from sprung.excitation.rig import RollerRig
+from sprung.excitation.rig import QUARTER_CASES, BaseMotion, RollerRig, pulse_indices
 from sprung.excitation.route import (
     GRAVITY,
     BodyAccelerations,

@@ -12,8 +12,7 @@ from typing import Any
 
 from sprung._checks import check_one_of
 from sprung.reproduce import chapter_4, chapter_5, chapter_6, chapter_7, chapter_8, comparison
-from sprung.reproduce.chapter import Chapter
-from sprung.reproduce.runs import Effort, Progress, usual_processes
+from sprung.reproduce.chapter import Chapter, Effort, Progress, usual_processes
 from sprung.results.page.page import render
 
 __all__ = ["CHAPTERS", "Effort", "reproduce"]

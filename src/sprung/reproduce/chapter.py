@@ -1,15 +1,94 @@
 """Skeleton of a chapter: one example, the same experiment with many seeds, and the contents of the page."""
 
-from collections.abc import Callable
+import multiprocessing
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
 from typing import Generic, TypeVar
 
-from sprung.reproduce.runs import Effort, Progress, over_seeds
+from sprung._checks import check_number
 from sprung.results.page.page import Report, Section
 
-Example = TypeVar("Example")
 Result = TypeVar("Result")
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """Computing effort for a report.
+
+    Parameters
+    ----------
+    n_seeds
+        Number of runs where the thesis shows one, at least 2.
+    n_processes
+        Number of processes, at least 1.
+
+    Raises
+    ------
+    ParameterError
+        If the number of seeds is below 2, or that of processes below 1.
+    """
+
+    n_seeds: int = 50
+    n_processes: int = 1
+
+    def __post_init__(self) -> None:
+        check_number("n_seeds", self.n_seeds, at_least=2)
+        check_number("n_processes", self.n_processes, at_least=1)
+
+
+def over_seeds(
+    experiment: Callable[[int], Result],
+    seeds: Sequence[int],
+    *,
+    n_processes: int = 1,
+    on_progress: Callable[[float], None] | None = None,
+) -> list[Result]:
+    """Return the result of an experiment for each seed, in the order of the seeds.
+
+    Parameters
+    ----------
+    experiment
+        Function of a seed, defined in a module or a `functools.partial` of such a function: it is sent to other
+        processes.
+    seeds
+        Seeds of the runs.
+    n_processes
+        Number of processes, at least 1; with 1 everything runs in this process. The results are the same.
+    on_progress
+        Function called with the share of the runs that are done.
+    """
+    check_number("n_processes", n_processes, at_least=1)
+    report = on_progress or (lambda share: None)
+    results: dict[int, Result] = {}
+    if n_processes == 1:
+        for number, seed in enumerate(seeds):
+            results[number] = experiment(seed)
+            report(len(results) / len(seeds))
+    else:
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(n_processes, mp_context=context, initializer=_one_thread) as pool:
+            numbers = {pool.submit(experiment, seed): number for number, seed in enumerate(seeds)}
+            for future in as_completed(numbers):
+                results[numbers[future]] = future.result()
+                report(len(results) / len(seeds))
+    return [results[number] for number in range(len(seeds))]
+
+
+def usual_processes() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _one_thread() -> None:
+    """Keep numerical libraries that are loaded later to one thread: the processes share the machine."""
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+
+Example = TypeVar("Example")
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -10,9 +10,18 @@ from sprung.identification import Identification, coss_ssi
 from sprung.modal import Modes
 from sprung.recording import Recording
 from sprung.reproduce.chapter import Chapter
-from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.tables import numbers_table, theory_table
-from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
+from sprung.reproduce.thesis import (
+    THRESHOLDS,
+    matched,
+    number,
+    numbers_table,
+    of_runs,
+    share,
+    theoretical,
+    theory_table,
+    thesis_settings,
+    worst_error,
+)
 from sprung.results.figures import (
     Spread,
     cepstrum_figure,

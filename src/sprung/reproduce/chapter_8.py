@@ -11,9 +11,20 @@ from sprung.identification import Identification, coss_ssi
 from sprung.modal import Modes
 from sprung.recording import Recording
 from sprung.reproduce.chapter import Chapter
-from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.tables import column_table, deviations, numbers, numbers_table
-from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, share, thesis_settings
+from sprung.reproduce.thesis import (
+    BODY_MODES,
+    THRESHOLDS,
+    column_table,
+    deviations,
+    matched,
+    number,
+    numbers,
+    numbers_table,
+    of_runs,
+    share,
+    theoretical,
+    thesis_settings,
+)
 from sprung.results.figures import (
     Spread,
     cepstrum_figure,

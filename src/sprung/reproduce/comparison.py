@@ -10,9 +10,16 @@ from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, Identification
 from sprung.modal import Modes
 from sprung.recording import Recording
 from sprung.reproduce.chapter import Chapter
-from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.tables import numbers_table
-from sprung.reproduce.thesis import THRESHOLDS, number, share, thesis_settings, worst_error
+from sprung.reproduce.thesis import (
+    THRESHOLDS,
+    matched,
+    number,
+    numbers_table,
+    share,
+    theoretical,
+    thesis_settings,
+    worst_error,
+)
 from sprung.results.figures import Spread, runs_figure
 from sprung.results.page.page import Block, Paragraph, Section, picture
 from sprung.results.tables import Table

@@ -1,10 +1,88 @@
-"""Settings of the thesis, and formatted numbers for its pages."""
+"""Settings of the thesis, its modes matched with ours, and numbers and tables for its pages."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import linear_sum_assignment
 
+from sprung._arrays import Real
 from sprung.identification import IdentificationSettings, as_in_thesis
+from sprung.modal import Modes, mac
+from sprung.results.tables import Table
 from sprung.signals.cepstrum import Lifter
+from sprung.vehicles import Structure
+
+# Cost of an unmatched mode; a match costs 1 - MAC plus its relative distance over the reach.
+_UNMATCHED = 2.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Match:
+    """Identified modes of each true mode.
+
+    Parameters
+    ----------
+    natural_frequency, damping_ratio, mac
+        Values of the identified modes, shape (true modes,); NaN where a mode was not found.
+    n_others
+        Number of identified modes that match no true one.
+    """
+
+    natural_frequency: Real
+    damping_ratio: Real
+    mac: Real
+    n_others: int
+
+
+def matched(modes: Modes, truth: Modes, *, reach: float = 0.12) -> Match:
+    """Return for each true mode the identified one that is nearest in shape and frequency.
+
+    Parameters
+    ----------
+    modes
+        Identified modes.
+    truth
+        True modes of the same channels.
+    reach
+        Largest relative difference of frequency; the MAC must also be above 0.5.
+    """
+    values = np.full((3, len(truth)), np.nan)
+    if len(modes):
+        apart = np.abs(modes.natural_frequency / truth.natural_frequency[:, None] - 1)
+        alike = mac(truth.mode_shapes, modes.mode_shapes)
+        is_possible = (apart <= reach) & (alike > 0.5)
+        cost = np.where(is_possible, 1 - alike + apart / reach, _UNMATCHED)
+        for row, column in zip(*linear_sum_assignment(cost), strict=True):
+            if is_possible[row, column]:
+                values[:, row] = modes.natural_frequency[column], modes.damping_ratio[column], alike[row, column]
+    return Match(values[0], values[1], values[2], len(modes) - int(np.isfinite(values[0]).sum()))
+
+
+def theoretical(structure: Structure, *, labels: tuple[str, ...] = ()) -> Modes:
+    """Return the exact modes of a structure in the form of identified ones.
+
+    Parameters
+    ----------
+    structure
+        Structure with sensors.
+    labels
+        Labels of the modes to return; none: all modes.
+    """
+    exact = structure.modes()
+    n = exact.poles.size
+    modes = Modes(
+        poles=exact.poles,
+        mode_shapes=exact.mode_shapes,
+        channels=exact.channels,
+        natural_frequency_std=np.zeros(n),
+        damping_ratio_std=np.zeros(n),
+        stable_rate=np.ones(n),
+        labels=exact.labels,
+    )
+    return modes.take(np.flatnonzero([not labels or label in labels for label in exact.labels]))
+
 
 BODY_MODES = ("bounce", "pitch", "roll")
 THRESHOLDS = (
@@ -118,3 +196,87 @@ def found_in(values: ArrayLike) -> str:
     """
     values = np.asarray(values, dtype=np.float64)
     return f"{np.isfinite(values).sum()} of {values.size}"
+
+
+#: Heading and cells of a column.
+Column = tuple[str, Sequence[str]]
+
+
+def numbers_table(title: str, columns: tuple[str, ...], rows: tuple[tuple[str, ...], ...], remark: str = "") -> Table:
+    """Return a table of formatted numbers whose first column holds words.
+
+    Parameters
+    ----------
+    title
+        Title, with the number of the thesis' table where there is one.
+    columns
+        Headings with units.
+    rows
+        Cells of each row, as many as there are columns.
+    remark
+        Sentence below the table.
+    """
+    return Table(title, columns, rows, ends_in_words=False, caption=remark)
+
+
+def column_table(title: str, columns: Sequence[Column], *, remark: str = "") -> Table:
+    """Return a table of columns with as many cells each.
+
+    Parameters
+    ----------
+    title
+        Title with the number of the thesis' table.
+    columns
+        Heading and cells of each column, the names of the rows first.
+    remark
+        Sentence below the table.
+    """
+    headings, cells = zip(*columns, strict=True)
+    return numbers_table(title, tuple(headings), tuple(zip(*cells, strict=True)), remark)
+
+
+def numbers(values: ArrayLike, *, digits: int = 2) -> list[str]:
+    """Return the cells of a column of numbers, a dash where there is none."""
+    return [number(value, digits=digits) for value in np.asarray(values, dtype=np.float64)]
+
+
+def deviations(ours: ArrayLike, published: ArrayLike) -> list[str]:
+    """Return the cells of a column of relative deviations from published numbers."""
+    return [deviation(our, other) for our, other in np.column_stack([np.asarray(ours), np.asarray(published)])]
+
+
+def theory_table(
+    title: str,
+    names: Sequence[str],
+    frequencies: tuple[ArrayLike, ArrayLike],
+    dampings: tuple[ArrayLike, ArrayLike],
+    *,
+    digits: tuple[int, int, int, int] = (2, 4, 2, 4),
+    remark: str = "",
+) -> Table:
+    """Return the table of theoretical modes, published next to ours.
+
+    Parameters
+    ----------
+    title
+        Title with the number of the thesis' table or figure.
+    names
+        Names of the modes.
+    frequencies, dampings
+        Published and our natural frequencies [Hz], and damping ratios [%].
+    digits
+        Decimals of published and our frequencies, and of published and our damping ratios.
+    remark
+        Sentence below the table.
+    """
+    columns: list[Column] = [("", names)]
+    for symbol, unit, (published, ours), (few, many) in (
+        ("f", "Hz", frequencies, digits[:2]),
+        ("ξ", "%", dampings, digits[2:]),
+    ):
+        columns += [
+            (f"{symbol} published [{unit}]", numbers(published, digits=few)),
+            (f"{symbol} ours [{unit}]", numbers(ours, digits=many)),
+            ("deviation", deviations(ours, published)),
+        ]
+    return column_table(title, columns, remark=remark)

@@ -7,8 +7,7 @@ from sprung.identification import Identification
 from sprung.modal import Modes
 from sprung.recording import Recording
 from sprung.reproduce.chapter_6.numbers import PLATE_IDENTIFIED, car, car_truth, wheelbase
-from sprung.reproduce.matching import theoretical
-from sprung.reproduce.thesis import BODY_MODES
+from sprung.reproduce.thesis import BODY_MODES, theoretical
 from sprung.results.figures import (
     Spread,
     densities_figure,

@@ -9,8 +9,7 @@ from sprung.excitation import HammerBlows
 from sprung.identification import Identification, acs_ssi, coss_ssi
 from sprung.modal import Modes
 from sprung.recording import Recording
-from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.thesis import BODY_MODES, thesis_settings
+from sprung.reproduce.thesis import BODY_MODES, matched, theoretical, thesis_settings
 from sprung.simulation import (
     FEW_POTHOLES,
     REALISTIC_SUSPENSION,

@@ -25,9 +25,21 @@ from sprung.reproduce.chapter_6.numbers import (
     plate_truth,
     wheelbase,
 )
-from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.tables import column_table, deviations, numbers, numbers_table, theory_table
-from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, share, worst_error
+from sprung.reproduce.thesis import (
+    BODY_MODES,
+    THRESHOLDS,
+    column_table,
+    deviations,
+    matched,
+    number,
+    numbers,
+    numbers_table,
+    of_runs,
+    share,
+    theoretical,
+    theory_table,
+    worst_error,
+)
 from sprung.results.page.page import Paragraph
 from sprung.results.tables import Table
 from sprung.vehicles import read_vehicle, structure
