@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from sprung.errors import FormatError
+from sprung.formats.columns import names_time, stated_unit
 from sprung.formats.dates import DAY_FIRST, MONTH_FIRST, YEAR_FIRST, possible_orders
 from sprung.formats.dialects import Layout
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import is_time, split_heading, time_column
-from sprung.formats.time_columns import names_time, stated_unit
 
 #: Date-time that is read as it is.
 ISO = re.compile(r"\d{4}-\d\d-\d\d([ T]\d\d:\d\d(:\d\d(\.\d*)?)?)?\s*(?P<zone>Z|[+-]\d\d(:?\d\d)?)?")
