@@ -216,8 +216,8 @@ def test_json_file_and_table_go_together(sprung, chain, tmp_path):
 
 def test_large_files_are_read_in_blocks(sprung, chain, monkeypatch):
     whole = sprung("identify", chain, "--json", "-").document()["modes"]
-    monkeypatch.setattr("sprung.formats.records.LARGE", 10_000)
-    monkeypatch.setattr("sprung.formats.records.BLOCK_SAMPLES", 6_000)
+    monkeypatch.setattr("sprung.formats.LARGE", 10_000)
+    monkeypatch.setattr("sprung.formats.BLOCK_SAMPLES", 6_000)
     modes = sprung("identify", chain, chain, "--json", "-").document()["modes"]
     assert len(modes) == 3
     for mode, reference in zip(modes, whole, strict=True):

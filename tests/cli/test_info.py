@@ -72,8 +72,8 @@ def test_chosen_channels_and_stated_rate(sprung, tmp_path):
 
 def test_large_files_are_inspected_in_blocks(sprung, chain, monkeypatch):
     (whole,) = sprung("info", chain, "--json", "-").document()["files"]
-    monkeypatch.setattr("sprung.formats.records.LARGE", 10_000)
-    monkeypatch.setattr("sprung.formats.records.BLOCK_SAMPLES", 5_000)
+    monkeypatch.setattr("sprung.formats.LARGE", 10_000)
+    monkeypatch.setattr("sprung.formats.BLOCK_SAMPLES", 5_000)
     (blocks,) = sprung("info", chain, "--json", "-").document()["files"]
     assert (blocks["n_samples"], blocks["duration"]) == (whole["n_samples"], pytest.approx(whole["duration"]))
     for channel, expected in zip(blocks["channels"], whole["channels"], strict=True):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from sprung.errors import FormatError
 from sprung.formats.can import Frames, message_groups
-from sprung.formats.selection import selected_table
+from sprung.formats.columns import wanted_table
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import join
 
@@ -193,7 +193,7 @@ def test_rows_are_read_from_the_piece_in_which_they_begin(dbc):
 def test_groups_of_two_clocks_need_a_choice(dbc):
     groups = tuple(groups_of([frames([256, 512], [bytes(8), bytes(8)])], dbc).values())
     assert len({group.clock for group in groups}) == len(groups)
-    assert selected_table(Path("x"), groups, ReadSettings(channels=["acc_z"])).columns[0].name == "acc_z"
+    assert wanted_table(Path("x"), groups, ReadSettings(channels=["acc_z"])).columns[0].name == "acc_z"
 
 
 def test_frames_without_a_database_or_with_that_of_another_bus_give_a_sentence(dbc):

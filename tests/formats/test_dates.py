@@ -7,7 +7,7 @@ import pytest
 
 from sprung.errors import FormatError
 from sprung.formats import read
-from sprung.formats.dates import kind_of
+from sprung.formats.dialects import kind_of
 
 START = datetime(2024, 12, 31, 13, 5, 1, 250_000, tzinfo=UTC)
 NOON = 1_735_650_301_250_000_000

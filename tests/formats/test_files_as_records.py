@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from sprung.formats import read, write
-from sprung.formats.records import read_records
+from sprung.formats import read, read_records, write
 from sprung.recording import Channel, Recording
 
 
@@ -26,7 +25,7 @@ def test_small_files_are_read_at_once(path):
 
 
 def test_files_small_by_themselves_but_large_together_are_not_held_together(path, monkeypatch):
-    monkeypatch.setattr("sprung.formats.records.LARGE", 2 * path.stat().st_size)
+    monkeypatch.setattr("sprung.formats.LARGE", 2 * path.stat().st_size)
     steps = []
     recordings = read_records([path] * 3, on_progress=lambda step, share: steps.append((step, share)))
     assert steps == []
@@ -35,8 +34,8 @@ def test_files_small_by_themselves_but_large_together_are_not_held_together(path
 
 
 def test_a_large_file_gives_several_records_with_all_its_samples(path, monkeypatch):
-    monkeypatch.setattr("sprung.formats.records.LARGE", 1)
-    monkeypatch.setattr("sprung.formats.records.BLOCK_SAMPLES", 1000)
+    monkeypatch.setattr("sprung.formats.LARGE", 1)
+    monkeypatch.setattr("sprung.formats.BLOCK_SAMPLES", 1000)
     recordings = list(read_records([path]))
     assert len(recordings) > 1
     np.testing.assert_array_equal(np.hstack([part.samples for part in recordings]), read(path).samples)

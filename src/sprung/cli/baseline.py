@@ -162,7 +162,7 @@ def windows_of(
     """Return the windows of files with their times, read one after the other."""
     from sprung._checks import check_number
     from sprung.diagnosis import windows
-    from sprung.formats.records import read_records
+    from sprung.formats import read_records
 
     check_number("--window", minutes, at_least=1)
     recordings = read_records(files, settings=reading, on_progress=report)

@@ -35,7 +35,7 @@ def calibrate(
     from sprung.calibration import CalibrationSettings
     from sprung.calibration import calibrate as calibrated
     from sprung.diagnosis import windows
-    from sprung.formats.records import read_records
+    from sprung.formats import read_records
     from sprung.results import tables
     from sprung.results.documents import calibration_document
     from sprung.vehicles import read_vehicle, write_vehicle

@@ -63,7 +63,7 @@ def corners(
 ) -> None:
     """Estimate the springs, dampers and tyres of every corner from the spectra of a drive or a rig run."""
     from sprung.diagnosis.drives import fit_drive
-    from sprung.formats.records import read_records
+    from sprung.formats import read_records
     from sprung.likelihood import CornerSettings
     from sprung.results import tables
     from sprung.results.documents import corners_document

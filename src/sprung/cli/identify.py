@@ -130,7 +130,7 @@ def identify(
 ) -> None:
     """Identify natural frequencies, damping ratios and mode shapes from recordings of one condition."""
     from sprung._checks import check_one_of
-    from sprung.formats.records import read_records
+    from sprung.formats import read_records
     from sprung.identification import METHODS, identify_setups, pick_modes
     from sprung.results import tables
     from sprung.results.documents import identification_document

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @reads_files
 def info(files: Files, *, reading: "ReadSettings", json: Json = None) -> None:
     """Summarise recordings: groups, channels, units, rate, length, gaps, levels and faults."""
-    from sprung.formats.records import read_records
+    from sprung.formats import read_records
     from sprung.results import tables
     from sprung.results.documents import inspection_document
     from sprung.signals.inspection import inspect_blocks

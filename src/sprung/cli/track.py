@@ -180,7 +180,7 @@ class _Recordings:
         self._report(step, self._share)
 
     def __iter__(self) -> "Iterator[Recording]":
-        from sprung.formats.records import read_records
+        from sprung.formats import read_records
 
         for number, path in enumerate(self._files):
             self.source, self._share = path.name, number / len(self._files)

@@ -4,22 +4,27 @@ A format is a module with `NAME`, `ENDINGS`, `recognises`, `groups` and, where i
 table as they are in the file; time and SI units are interpreted in one place for all formats.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import NoReturn
 
 from sprung._checks import check_number, check_path, check_type
 from sprung.errors import DataError, ParameterError
-from sprung.formats.assembly import assemble, limited, survey
+from sprung.formats.columns import wanted_table
+from sprung.formats.grid import assemble, survey
 from sprung.formats.isolation import isolated_groups
 from sprung.formats.registry import ENDINGS, FOREIGN, FORMATS, WRITERS, format_of
-from sprung.formats.selection import selected_table
-from sprung.formats.settings import ReadSettings, combined
-from sprung.formats.table import Group, Table, join, rebatch, reported
+from sprung.formats.settings import ReadSettings
+from sprung.formats.table import Group, join, rebatch, reported
 from sprung.recording import Recording
 
-__all__ = ["ENDINGS", "FORMATS", "WRITERS", "ReadSettings", "groups", "read", "read_blocks", "write"]
+__all__ = ["ENDINGS", "FORMATS", "WRITERS", "ReadSettings", "groups", "read", "read_blocks", "read_records", "write"]
+
+#: Total size [bytes] above which files are read in blocks, each a record of its own.
+LARGE = 256 * 2**20
+#: Samples in such a block.
+BLOCK_SAMPLES = 1 << 19
 
 
 def read(
@@ -69,10 +74,7 @@ def read(
     (('acc',), 100.0, [[0.0, 9.80665, 0.0]])
     """
     check_path("path", path)
-    settings = combined(settings, sampling_rate, channels)
-    table = _open_table(Path(path), settings)
-    blocks = [join(list(table.blocks()) or _no_samples(table))]
-    return next(assemble(table, blocks, survey(table, blocks, sampling_rate=settings.sampling_rate)))
+    return next(_recordings(Path(path), settings, sampling_rate, channels))
 
 
 def read_blocks(
@@ -121,14 +123,72 @@ def read_blocks(
     """
     check_path("path", path)
     check_number("block_samples", block_samples, at_least=1000)
-    return _read_blocks(Path(path), combined(settings, sampling_rate, channels), block_samples)
+    return _recordings(Path(path), settings, sampling_rate, channels, block_samples)
 
 
-def _read_blocks(path: Path, settings: ReadSettings, block_samples: int) -> Iterator[Recording]:
-    """Yield the recording in a file piece by piece."""
-    table = _open_table(path, settings)
-    facts = survey(table, table.blocks(), sampling_rate=settings.sampling_rate)
-    yield from assemble(table, rebatch(table.blocks(), block_samples), facts)
+def _recordings(
+    path: Path,
+    settings: ReadSettings | None,
+    sampling_rate: float | None,
+    channels: Sequence[str] | None,
+    block_samples: int | None = None,
+) -> Iterator[Recording]:
+    """Yield the recording in a file in blocks; None: as one."""
+    settings = settings or ReadSettings()
+    if sampling_rate is not None:
+        settings = replace(settings, sampling_rate=sampling_rate)
+    if channels is not None:
+        settings = replace(settings, channels=tuple(channels))
+    with reported(path, "file"):
+        table = wanted_table(path, groups(path, settings), settings)
+    if block_samples is None:
+        blocks = list(table.blocks())
+        if not blocks:
+            raise DataError(f"{path} holds no samples: it ends after the column names")
+        whole = [join(blocks)]
+        facts = survey(table, whole, sampling_rate=settings.sampling_rate)
+        yield from assemble(table, whole, facts, bridge=settings.bridge)
+    else:
+        facts = survey(table, table.blocks(), sampling_rate=settings.sampling_rate)
+        yield from assemble(table, rebatch(table.blocks(), block_samples), facts, bridge=settings.bridge)
+
+
+def read_records(
+    paths: Sequence[Path],
+    *,
+    settings: ReadSettings | None = None,
+    on_progress: Callable[[str, float], None] = lambda step, share: None,
+) -> Iterable[Recording]:
+    """Return the recordings in files: as a list, or one at a time where they are large together.
+
+    Parameters
+    ----------
+    paths
+        Files in the order of the records.
+    on_progress
+        Callback that receives the current step and the share that is done (0 to 1).
+
+    Returns
+    -------
+    iterable of Recording
+        One record for each file; a large file gives several.
+
+    Raises
+    ------
+    SprungError
+        As `read`; where the files are large together, once the record is reached.
+    """
+    sizes = [path.stat().st_size if path.is_file() else 0 for path in paths]
+
+    def records() -> Iterator[Recording]:
+        for path, size in zip(paths, sizes, strict=True):
+            on_progress(f"reading {path.name}", 0.0)
+            if size > LARGE:
+                yield from read_blocks(path, settings=settings, block_samples=BLOCK_SAMPLES)
+            else:
+                yield read(path, settings=settings)
+
+    return records() if sum(sizes) > LARGE else list(records())
 
 
 def groups(path: str | PathLike[str], settings: ReadSettings | None = None) -> tuple[Group, ...]:
@@ -204,14 +264,3 @@ def write(recording: Recording, path: str | PathLike[str]) -> None:
     if ending not in WRITERS:
         raise ParameterError(f"{path} ends in {ending!r}: recordings are written as {', '.join(WRITERS)}")
     WRITERS[ending].write(recording, path)
-
-
-def _open_table(path: Path, settings: ReadSettings) -> Table:
-    """Return the table of the wanted channels, rows and groups of a file."""
-    with reported(path, "file"):
-        return limited(selected_table(path, groups(path, settings), settings), settings)
-
-
-def _no_samples(table: Table) -> NoReturn:
-    """Raise the error for a table without rows."""
-    raise DataError(f"{table.path} holds no samples: it ends after the column names")

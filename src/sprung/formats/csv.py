@@ -6,9 +6,9 @@ import gzip
 import io
 import re
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import IO, Any, cast
@@ -16,14 +16,20 @@ from typing import IO, Any, cast
 import numpy as np
 
 from sprung.errors import FormatError
-from sprung.formats.dates import kind_of, moments
+from sprung.formats.columns import names_time, stated_unit
 from sprung.formats.dialects import (
     BLANK,
     COMMENT_MARKS,
+    DAY_FIRST,
+    MONTH_FIRST,
+    YEAR_FIRST,
     Layout,
     fields,
     is_comment,
+    kind_of,
     layout_of,
+    moments,
+    possible_orders,
     single_blanks,
     stated_line,
 )
@@ -40,23 +46,28 @@ from sprung.formats.table import (
     refuse_repeated,
     reported,
     single_group,
+    split_heading,
+    time_column,
     within,
     written_headings,
     written_stamps,
     written_values,
 )
-from sprung.formats.text_times import ISO, TextTime, named_columns, text_time
 from sprung.recording import Recording
 
-NAME, EXTRA = "text", None
+NAME = "text"
+EXTRA = None
 ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz", ".csv.zip", ".tsv.zip", ".txt.zip")
 
 _HEAD_BYTES = 1 << 18
 _HEAD_LINES = 5000
 #: The first piece is short, for those who want the first rows only.
-_FIRST_BYTES, _PIECE_BYTES = 1 << 20, 1 << 23
+_FIRST_BYTES = 1 << 20
+_PIECE_BYTES = 1 << 23
 _TAIL_BYTES = 1 << 16
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+#: Date-time that is read as it is.
+_ISO = re.compile(r"\d{4}-\d\d-\d\d([ T]\d\d:\d\d(:\d\d(\.\d*)?)?)?\s*(?P<zone>Z|[+-]\d\d(:?\d\d)?)?")
 _COMMENTED = re.compile(rb"(?m)^[ \t]*(#|%|//)")
 
 
@@ -80,10 +91,10 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
 
 def _table(path: Path, layout: Layout, channels: Sequence[str] | None, settings: ReadSettings) -> Table:
     """Return the table of the columns of some channels."""
-    time, notes = text_time(path, layout, settings, partial(_column_of_texts, path, layout))
-    texts = [heading for heading, kind in named_columns(layout) if kind != "number" and not is_time(heading)]
+    time, notes = _time_of(path, layout, settings, partial(_column_of_texts, path, layout))
+    texts = [heading for heading, kind in _named_columns(layout) if kind != "number" and not is_time(heading)]
     others = [heading for heading in texts if layout.headings.index(heading) not in (time.indices if time else ())]
-    wanted = [heading for heading, kind in named_columns(layout) if kind == "number" or channels is not None]
+    wanted = [heading for heading, kind in _named_columns(layout) if kind == "number" or channels is not None]
     columns = chosen_columns(wanted, channels, path=path)
     indices = [layout.headings.index(column.heading) for column in columns]
     if others and channels is None:
@@ -104,6 +115,99 @@ def _table(path: Path, layout: Layout, channels: Sequence[str] | None, settings:
         comment=layout.comment,
         notes=tuple(notes),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _TextTime:
+    """Time column of a text file.
+
+    Parameters
+    ----------
+    indices
+        Indices of its one or two columns, such as those of date and time of day.
+    order
+        Order of day, month and year; empty for numbers and ISO date-times, which are read as they are.
+    """
+
+    indices: tuple[int, ...]
+    order: str
+
+
+def _named_columns(layout: Layout) -> list[tuple[str, str]]:
+    """Return heading and kind of the columns that have a name."""
+    return [item for item in zip(layout.headings, layout.kinds, strict=True) if item[0]]
+
+
+def _time_of(
+    path: Path, layout: Layout, settings: ReadSettings, texts: Callable[[int], Iterable[Any]]
+) -> tuple[_TextTime | None, list[str]]:
+    """Return the time column that names, or texts of dates, show, with notes for the history; None without one.
+
+    `texts` yields a column, by its index, as arrays of texts.
+    """
+    heading = _time_heading(path, layout, settings)
+    if heading is None:
+        return None, []
+    index = layout.headings.index(heading)
+    kind = layout.kinds[index]
+    if kind == "number":
+        return _TextTime((index,), ""), []
+    if kind == "text":
+        raise FormatError(
+            f"{path}: time column {heading!r} holds {layout.first_row[index][:40]!r}: write seconds, or date-times as "
+            "2024-05-31 12:00:00.250"
+        )
+    indices: tuple[int, ...] = (index,)
+    if kind == "time of day" and "date" in layout.kinds:
+        indices = (layout.kinds.index("date"), index)
+    elif kind == "date" and "time of day" in layout.kinds:
+        indices = (index, layout.kinds.index("time of day"))
+    names = " and ".join(repr(layout.headings[k]) for k in indices)
+    notes = (
+        []
+        if is_time(heading) and len(indices) == 1
+        else [f"time: {names}, by {'its' if len(indices) == 1 else 'their'} dates and times"]
+    )
+    if len(indices) == 1 and _ISO.fullmatch(layout.first_row[index]):
+        return _TextTime(indices, ""), notes
+    order = _order(texts(indices[0])) if kind != "time of day" or len(indices) == 2 else YEAR_FIRST
+    if order is None and settings.sampling_rate is None:
+        raise FormatError(
+            f"{path}: column {layout.headings[indices[0]]!r} holds dates such as {layout.first_row[indices[0]]!r}, of "
+            "which day and month cannot be distinguished: write them as 2024-12-31, or state the sampling rate with "
+            "--sampling-rate"
+        )
+    if order is None:
+        return None, [f"dates in {names} left out: day and month cannot be distinguished"]
+    if order != YEAR_FIRST:
+        notes.append(f"dates in {layout.headings[indices[0]]!r} read as {order}")
+    return _TextTime(indices, order), notes
+
+
+def _time_heading(path: Path, layout: Layout, settings: ReadSettings) -> str | None:
+    """Return the heading of the time column: stated, by its name, or because it holds dates and times."""
+    columns = _named_columns(layout)
+    named = [heading for heading, _ in columns]
+    stated = [name for name in named if settings.time in (name, split_heading(name)[0])]
+    if stated:
+        return stated[0] if is_time(stated[0]) or layout.kinds[layout.headings.index(stated[0])] != "number" else None
+    by_name = time_column(named, path=path, stated=settings.time)
+    if by_name is not None or settings.time is not None:
+        return by_name
+    if any(kind == "number" and names_time(heading) and stated_unit(heading) for heading, kind in columns):
+        return None
+    texts = {kind: heading for heading, kind in reversed(columns)}
+    return texts.get("moment") or texts.get("time of day") or texts.get("date")
+
+
+def _order(texts: Iterable[Any]) -> str | None:
+    """Return the order of day, month and year in a column; None if it does not show."""
+    orders = {YEAR_FIRST, DAY_FIRST, MONTH_FIRST}
+    for part in texts:
+        orders &= possible_orders(part)
+        if len(orders) <= 1:
+            break
+    return next(iter(orders)) if len(orders) == 1 else None
 
 
 def _described(column: Column, layout: Layout) -> Column:
@@ -180,7 +284,7 @@ def _end(path: Path, layout: Layout) -> int | None:
     return begin
 
 
-def _blocks(path: Path, layout: Layout, indices: list[int], time: TextTime | None, end: int | None) -> Iterator[Block]:
+def _blocks(path: Path, layout: Layout, indices: list[int], time: _TextTime | None, end: int | None) -> Iterator[Block]:
     """Yield the rows of some columns, numbered by their lines."""
     import pyarrow as pa
 
@@ -208,7 +312,7 @@ def _tables(path: Path, layout: Layout, types: dict[int, Any], end: int | None) 
             yield line, table
 
 
-def _stamps(table: Any, time: TextTime) -> Any:
+def _stamps(table: Any, time: _TextTime) -> Any:
     """Return the time stamps of some rows."""
     import pyarrow.compute as pc
 
@@ -241,7 +345,7 @@ def _texts(path: Path, pieces: Iterator[bytes], line: int) -> Iterator[tuple[int
         end = text.rfind(b"\n") + 1
         if end == 0 and len(piece) >= _PIECE_BYTES:
             raise FormatError(
-                f"{path}, line {line} is longer than {_PIECE_BYTES} bytes: the text is not a table from there on"
+                f"{path}, line {line} is longer than {_PIECE_BYTES} bytes: not tabular from line {line} on"
             )
         lines, rest = text[:end], text[end:]
         yield from _without_comments(line, lines)
@@ -289,7 +393,7 @@ def _time_type(path: Path, layout: Layout, index: int) -> Any:
     import pyarrow as pa
 
     text = layout.first_row[index] if index < len(layout.first_row) else ""
-    match = ISO.fullmatch(text)
+    match = _ISO.fullmatch(text)
     return pa.timestamp("ns", "UTC" if match["zone"] else None) if match else pa.float64()
 
 
@@ -310,7 +414,7 @@ def _located_error(path: Path, layout: Layout, types: dict[int, Any], first: int
             field = row[index]
             is_right = is_number(field.replace(layout.decimal, ".")) or field in MISSING
             if pa.types.is_timestamp(kind):
-                is_right = ISO.fullmatch(field) is not None
+                is_right = _ISO.fullmatch(field) is not None
             elif pa.types.is_string(kind):
                 is_right = kind_of(field) is not None or field in MISSING
             if not is_right:

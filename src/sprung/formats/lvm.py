@@ -11,11 +11,11 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.errors import FormatError
+from sprung.formats.clock import neat_rate
 from sprung.formats.raw import decoded, half_digit, mapped, one_line
 from sprung.formats.settings import ReadSettings
 from sprung.formats.stated import chosen_indices, described, distinct
 from sprung.formats.table import Block, Group, Table, is_number, reported, stated_column, within
-from sprung.formats.timing import neat_rate
 
 NAME, EXTRA = "a LabVIEW measurement", None
 ENDINGS = (".lvm",)

@@ -1,7 +1,7 @@
 """Settings of reading a file."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from sprung._checks import check_number, check_one_of
@@ -63,15 +63,3 @@ class ReadSettings:
             check_number("start", self.start, at_least=0)
         if self.end is not None and self.end <= (self.start or 0.0):
             raise ParameterError(f"end={self.end:g} must be above start={self.start or 0:g}: state both in seconds")
-
-
-def combined(
-    settings: ReadSettings | None, sampling_rate: float | None, channels: Sequence[str] | None
-) -> ReadSettings:
-    """Return settings in which a stated rate and stated channels take the place of its own."""
-    settings = settings or ReadSettings()
-    return replace(
-        settings,
-        sampling_rate=settings.sampling_rate if sampling_rate is None else sampling_rate,
-        channels=settings.channels if channels is None else tuple(channels),
-    )

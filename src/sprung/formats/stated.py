@@ -7,15 +7,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 
-from sprung.errors import FormatError, ParameterError
+from sprung.errors import FormatError
 from sprung.formats.raw import one_line
-from sprung.formats.table import Column, split_heading
+from sprung.formats.table import Column, index_of, spellings
 
 #: Longest name or text that is taken from a file; damaged files may state longer ones.
-_LONGEST_NAME, _LONGEST_TEXT = 120, 1000
+_MAX_NAME = 120
+_MAX_TEXT = 1000
 
 
-def plain(text: object, longest: int = _LONGEST_TEXT) -> str:
+def plain(text: object, longest: int = _MAX_TEXT) -> str:
     """Return a text of a file as one printable line; an empty one for None."""
     line = " ".join(str("" if text is None else text).split())
     return "".join(character for character in line if character.isprintable())[:longest]
@@ -26,7 +27,7 @@ def distinct(names: Sequence[object]) -> list[str]:
     result: list[str] = []
     taken: set[str] = set()
     for index, stated in enumerate(names):
-        name = first = plain(stated, _LONGEST_NAME) or f"channel {index + 1}"
+        name = first = plain(stated, _MAX_NAME) or f"channel {index + 1}"
         number = 1
         while name in taken:
             number += 1
@@ -44,15 +45,7 @@ def linear(factor: float, offset: float) -> str:
 
 
 def chosen(path: Path, columns: Sequence[Column], names: Sequence[str] | None) -> tuple[Column, ...]:
-    """Return the columns of some channels, in that order; None: all.
-
-    Raises
-    ------
-    ParameterError
-        If a channel is not in the file.
-    FormatError
-        If there is no channel.
-    """
+    """Return the columns of some channels, in that order; None: all. Raises as `chosen_indices`."""
     return tuple(columns[index] for index in chosen_indices(columns, names, path=path))
 
 
@@ -70,18 +63,8 @@ def chosen_indices(columns: Sequence[Column], channels: Sequence[str] | None, *,
         raise FormatError(f"{path} holds no channel of numbers")
     if channels is None:
         return list(range(len(columns)))
-    indices = []
-    for wanted in channels:
-        index = next((k for k, column in enumerate(columns) if wanted in _names(column)), None)
-        if index is None:
-            known = ", ".join(column.name for column in columns)
-            raise ParameterError(f"{path} has no channel {wanted!r}: choose from {known}")
-        indices.append(index)
-    return indices
-
-
-def _names(column: Column) -> tuple[str, ...]:
-    return column.name, column.heading, split_heading(column.heading)[0]
+    spelled = [(column.name, *spellings(column.heading)) for column in columns]
+    return [index_of(name, spelled, path=path) for name in channels]
 
 
 def described(*texts: str) -> str:
@@ -93,14 +76,13 @@ def described(*texts: str) -> str:
 @contextmanager
 def silenced(*loggers: str) -> Iterator[None]:
     """Keep a foreign reader from printing, logging and warning about its file: what matters becomes an error."""
-    logs = [logging.getLogger(name) for name in loggers]
-    before = [log.disabled for log in logs]
-    for log in logs:
+    before = {log: log.disabled for log in map(logging.getLogger, loggers)}
+    for log in before:
         log.disabled = True
     try:
         with warnings.catch_warnings(), redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
             warnings.simplefilter("ignore")
             yield
     finally:
-        for log, disabled in zip(logs, before, strict=True):
+        for log, disabled in before.items():
             log.disabled = disabled

@@ -1,9 +1,11 @@
 """Tables, as every format provides them: columns with their units, and rows in blocks of any size."""
 
 import re
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -98,8 +100,6 @@ class Table:
         Function that opens other channels of the same rows, by their names (None: all); None where that is impossible.
     time_factor
         Seconds in one unit of the time stamps; None: by their heading or magnitude.
-    bridge
-        Longest gap [s] across which samples are interpolated; 0: none.
     notes
         Lines for the history on how the table was opened.
     """
@@ -115,7 +115,6 @@ class Table:
     comment: str = ""
     others: "Callable[[Sequence[str] | None], Table] | None" = None
     time_factor: float | None = None
-    bridge: float = 0.0
     notes: tuple[str, ...] = ()
 
 
@@ -148,18 +147,19 @@ class Group:
 
     def has(self, name: str) -> bool:
         """Return whether the group has the channel called `name`, with its unit or without."""
-        return any(name in (heading, heading.strip(), split_heading(heading)[0]) for heading in self.headings)
+        return any(name in spellings(heading) for heading in self.headings)
 
 
 def single_group(
     path: Path, headings: Sequence[str], open_table: Callable[[Sequence[str] | None], Table]
 ) -> tuple[Group, ...]:
     """Return the only group of a file, named after it."""
+    opened = partial(_with_others, open_table)
+    return (Group(path.name, tuple(headings), path.name, opened),)
 
-    def open_with_others(channels: Sequence[str] | None) -> Table:
-        return replace(open_table(channels), others=open_table)
 
-    return (Group(path.name, tuple(headings), path.name, open_with_others),)
+def _with_others(open_table: Callable[[Sequence[str] | None], Table], channels: Sequence[str] | None) -> Table:
+    return replace(open_table(channels), others=open_table)
 
 
 def within(blocks: Iterable[Block], first: int, last: int | None) -> Iterator[Block]:
@@ -182,6 +182,11 @@ def split_heading(heading: str) -> tuple[str, str | None, bool]:
     return match["name"], match["unit"].strip(), match["bracket"] == "["
 
 
+def spellings(heading: str) -> tuple[str, str, str]:
+    """Return the names by which people call the channel with this heading, the plain one first."""
+    return split_heading(heading)[0], heading, heading.strip()
+
+
 def is_time(heading: str) -> bool:
     """Return whether `heading` names a time column."""
     return split_heading(heading)[0].lower() in TIME_NAMES
@@ -194,12 +199,10 @@ def is_number(text: str) -> bool:
 
 def stated_column(heading: str, name: str, unit: str, *, comment: str = "", calibration: str = "") -> Column:
     """Return the channel of a file that states name and unit apart; an unknown unit leaves the values as they are."""
-    stated = unit.strip()
-    try:
-        known = ("unknown", 1.0) if stated in _NO_UNIT else conversion(stated)
-    except ParameterError:
-        return Column(heading, name, unit=stated, comment=comment, calibration=calibration)
-    return Column(heading, name, *known, comment=comment, calibration=calibration)
+    plain = unit.strip()
+    known = ("unknown", 1.0) if plain in _NO_UNIT else _known(plain)
+    quantity, factor = known or ("unknown", 1.0)
+    return Column(heading, name, quantity, factor, "" if known else plain, comment, calibration)
 
 
 def column(heading: str, *, unit: str | None = None, path: Path) -> Column:
@@ -213,33 +216,31 @@ def column(heading: str, *, unit: str | None = None, path: Path) -> Column:
         If the heading has no name, or an unknown unit in square brackets.
     """
     name, bracketed, is_square = split_heading(heading)
-    if not is_square and not _is_known(bracketed):
+    if not is_square and not _known(bracketed or ""):
         name, bracketed = heading.strip(), None
     if not name:
         raise FormatError(f"{path}: column {heading!r} has no name: give every column a name")
-    stated = bracketed if unit is None else unit
-    if stated is None or stated in _NO_UNIT:
-        return Column(heading, name)
-    try:
-        return Column(heading, name, *conversion(stated))
-    except ParameterError as error:
-        if stated in TIME_UNITS:
-            return Column(heading, name, unit=stated)
-        raise FormatError(f"{path}: column {heading!r}: {error}") from None
+    stated = (bracketed or "") if unit is None else unit
+    if stated.strip() not in (*_NO_UNIT, *TIME_UNITS):
+        try:
+            conversion(stated)
+        except ParameterError as error:
+            raise FormatError(f"{path}: column {heading!r}: {error}") from None
+    return stated_column(heading, name, stated)
 
 
-def _is_known(unit: str | None) -> bool:
-    """Return whether `unit` can be converted."""
+def _known(unit: str) -> tuple[str, float] | None:
+    """Return the quantity of a unit and its factor to SI; None where the unit cannot be converted."""
     try:
-        return unit is not None and bool(conversion(unit))
+        return conversion(unit)
     except ParameterError:
-        return False
+        return None
 
 
 def is_unit(text: str) -> bool:
     """Return whether `text` is a unit of a channel or of time, with or without brackets."""
     plain = text.strip().strip("[]()")
-    return plain in (*_NO_UNIT, *TIME_UNITS) or _is_known(plain)
+    return plain in (*_NO_UNIT, *TIME_UNITS) or _known(plain) is not None
 
 
 def time_column(headings: Iterable[str], *, path: Path, stated: str | None = None) -> str | None:
@@ -279,7 +280,8 @@ def chosen_columns(
     kept = [heading for heading in headings if heading.strip() and not is_time(heading)]
     refuse_repeated(kept, path=path)
     if channels is not None:
-        kept = [_find_heading(name, kept, path=path) for name in channels]
+        names = [spellings(heading) for heading in kept]
+        kept = [kept[index_of(name, names, path=path)] for name in channels]
     columns = tuple(column(heading, unit=stated[heading], path=path) for heading in kept)
     refuse_repeated([item.name for item in columns], path=path)
     if not columns:
@@ -288,26 +290,19 @@ def chosen_columns(
 
 
 def refuse_repeated(names: Sequence[str], *, path: Path) -> None:
-    """Raise if a name occurs twice.
-
-    Raises
-    ------
-    FormatError
-        If a name occurs twice.
-    """
-    seen: set[str] = set()
-    for name in names:
-        if name in seen:
+    """Raise a `FormatError` if a name occurs twice."""
+    for name, count in Counter(names).items():
+        if count > 1:
             raise FormatError(f"{path}: column name {name!r} occurs more than once: rename one of them")
-        seen.add(name)
 
 
-def _find_heading(name: str, headings: Sequence[str], *, path: Path) -> str:
-    """Return the heading of the channel called `name`, with its unit or without."""
-    for heading in headings:
-        if name in (heading, heading.strip(), split_heading(heading)[0]):
-            return heading
-    known = ", ".join(split_heading(heading)[0] for heading in headings)
+def index_of(name: str, spelled: Iterable[Sequence[str]], *, path: Path) -> int:
+    """Return the index of the channel called `name` among channels with several spellings each."""
+    spelled = list(spelled)
+    for index, spellings in enumerate(spelled):
+        if name in spellings:
+            return index
+    known = ", ".join(spellings[0] for spellings in spelled)
     raise ParameterError(f"{path} has no channel {name!r}: choose from {known}")
 
 
@@ -345,11 +340,6 @@ def reported(path: Path, kind: str) -> Iterator[None]:
     """Turn any error that a parser raises on a damaged file into one sentence.
 
     Parsers of binary formats may raise almost any exception on unexpected bytes, hence the broad `except`.
-
-    Raises
-    ------
-    FormatError
-        If the parser raises any other error.
     """
     try:
         yield
@@ -371,7 +361,7 @@ def written_unit(quantity: str) -> tuple[str, float]:
 def without_unit(name: str) -> str:
     """Return a name without a known unit in brackets at its end, with which it would not be read back."""
     plain, unit, _ = split_heading(name)
-    return plain if plain and _is_known(unit) else name
+    return plain if plain and _known(unit or "") else name
 
 
 def written_headings(recording: Recording, *, has_units: bool = True) -> list[str]:
@@ -386,27 +376,26 @@ def written_headings(recording: Recording, *, has_units: bool = True) -> list[st
     """
     headings = []
     for channel in recording.channels:
-        unit, factor = written_unit(channel.quantity)
-        expected = Column(channel.name, channel.name)
+        name, (unit, factor) = channel.name, written_unit(channel.quantity)
+        expected = Column(name, name)
         if unit and has_units:
-            expected = Column(f"{channel.name} [{unit}]", channel.name, channel.quantity, factor)
-        heading = expected.heading
-        if not _reads_back(heading, expected):
+            expected = Column(f"{name} [{unit}]", name, channel.quantity, factor)
+        if not _reads_back(expected):
             raise ParameterError(
-                f"channel name {channel.name!r} would not be read back from a file: rename it to plain text "
+                f"channel name {name!r} would not be read back from a file: rename it to plain text "
                 "without a unit, not a number and not a name of a time column"
             )
-        headings.append(heading)
+        headings.append(expected.heading)
     return headings
 
 
-def _reads_back(heading: str, expected: Column) -> bool:
-    """Return whether a file with `heading` gives the `expected` channel."""
+def _reads_back(expected: Column) -> bool:
+    """Return whether a file with the heading of a column gives this channel."""
     name = expected.name
-    if not name.isprintable() or is_number(name) or name in MISSING or is_time(heading):
+    if not name.isprintable() or is_number(name) or name in MISSING or is_time(expected.heading):
         return False
     try:
-        return column(heading, path=Path()) == expected
+        return column(expected.heading, path=Path()) == expected
     except FormatError:
         return False
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from sprung.errors import FormatError, ParameterError
+from sprung.formats.clock import neat_rate
 from sprung.formats.dataset58 import (
     FUNCTION_TYPES,
     TIME,
@@ -33,7 +34,6 @@ from sprung.formats.table import (
     stated_column,
     written_stamps,
 )
-from sprung.formats.timing import neat_rate
 from sprung.recording import Channel, Recording
 
 NAME, EXTRA = "a universal file", None

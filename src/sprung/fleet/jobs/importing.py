@@ -8,8 +8,7 @@ from sprung._checks import check_number
 from sprung.diagnosis import windows
 from sprung.errors import DataError, ParameterError, SprungError
 from sprung.fleet.lake import Lake, LakeWindow, window_of_recording
-from sprung.formats import ReadSettings
-from sprung.formats.records import read_records
+from sprung.formats import ReadSettings, read_records
 from sprung.online.store import is_archive, read_archive
 from sprung.recording import Channel, Gap, Recording
 

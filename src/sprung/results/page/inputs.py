@@ -8,8 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from sprung import __version__
-from sprung.formats import ReadSettings
-from sprung.formats.records import read_records
+from sprung.formats import ReadSettings, read_records
 from sprung.results.page.page import Block, Paragraph, Section, Sentences
 from sprung.results.tables import counted, inspection_in_words, inspection_table
 from sprung.signals.inspection import Inspection, inspect_blocks

@@ -1,7 +1,8 @@
-"""From time stamps to a sampling rate, gaps and jitter, and onto a uniform grid if the stamps require it.
+"""The clock of a file: from time stamps in any form to seconds, a sampling rate, gaps and jitter.
 
-The stamps t of the samples i are compared with straight lines t = a + i/fs, one for each stretch between gaps. Their
-deviation from the line, as a fraction of the sample interval, is the jitter.
+Stamps are numbers in some unit, counters that wrap around, or date-times. The stamps t of the samples i are compared
+with straight lines t = a + i/fs, one for each stretch between gaps. Their deviation from the line, as a fraction of the
+sample interval, is the jitter.
 
 Samples are left as they are if their stamps deviate by less than 1 % of an interval (RMS), or by no more than the
 rounding of printed digits. Taking such samples as uniform adds an error of at most 2 pi f/fs times the
@@ -9,8 +10,8 @@ deviation: 0.6 % of the amplitude at a tenth of the sampling rate. Resampling wo
 """
 
 import itertools
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,41 +19,41 @@ from numpy.typing import NDArray
 
 from sprung._arrays import Indices, Real
 from sprung.errors import DataError, FormatError
+from sprung.formats.table import Block
 
-#: RMS deviation from a straight line, in sample intervals, up to which samples are left as they are.
-JITTER_LIMIT = 0.01
 
-# Rounding to steps of q has an RMS error of q/sqrt(12) = 0.29 q.
-_ROUNDING_LIMIT = 0.35
-# A step in time of this many usual ones may be a gap; it is one if the stamps do not catch up again. Where the clock
-# is unsteady, a missing sample cannot be distinguished from a late one, and interpolating over it does no harm.
-_GAP_STEP = 1.5
-_GAP_STEP_UNSTEADY = 2.5
-_GAP_SHIFT = 0.5
-# Number of samples on either side that decide this.
-_WINDOW = 8
-_BURST_WINDOW = 64
-# Unsteady: more than this share of the steps differs from a multiple of the interval by more than this part of it.
-_UNSTEADY_SHARE = 0.02
-_FEWEST_UNSTEADY = 3
-_UNSTEADY_STEP = 0.1
-# More gaps than one in this number of samples are not gaps but a mixture of rates.
-_FEWEST_SAMPLES_PER_GAP = 20
-# Stamps that repeat the one before in at least this share of rows come in bursts.
-_BURST_SHARE = 0.1
-# Fewest bursts that give a rate.
-_FEWEST_BURSTS = 30
-# Number of samples within which the drift of a clock does not matter; over a day it does.
-_PIECE = 1 << 16
-# Delayed stamps crowd, and splines through crowded samples oscillate; smallest distance of two stamps in intervals.
-_NEAREST = 0.5
-# Number of stamps that show a rate and its jitter; ratio of rates of such stretches that exceeds any drift of clocks.
-_LONG_STRETCH = 1000
-_RATE_CHANGE = 1.05
+@dataclass(frozen=True, slots=True)
+class _Limits:
+    """Limits by which stamps are judged, in sample intervals where no unit is given."""
 
-# Seconds from 1970 to 2001 and to 2100.
-_EPOCH_SECONDS = (1e9, 4.1e9)
+    jitter: float = 0.01  # RMS deviation from a line up to which samples are left as they are
+    rounding: float = 0.35  # the same in printed digits: rounding to steps of q has an RMS error of q/sqrt(12)
+    gap_step: float = 1.5  # a larger step may be a gap
+    gap_step_unsteady: float = 2.5  # where a missing sample cannot be distinguished from a late one
+    gap_shift: float = 0.5  # after a gap, stamps stay late by more than this: after a late stamp they catch up
+    window: int = 8  # samples on either side of a step that decide this
+    burst_window: int = 64  # the same where several samples share a stamp
+    backlog: float = 0.1  # part of a step between bursts that must remain once a backlog has arrived
+    off_step: float = 0.1  # an uneven step differs from a multiple of the interval by more than this
+    max_off_share: float = 0.02  # share of uneven steps above which the clock is unsteady
+    min_off: int = 3  # a few uneven steps are late stamps
+    samples_per_gap: int = 20  # more gaps than one in this number of samples are a mixture of rates
+    burst_share: float = 0.1  # share of rows with the stamp of the row before from which stamps come in bursts
+    min_bursts: int = 30  # fewer bursts give no rate
+    piece: int = 1 << 16  # samples within which the drift of a clock does not matter; over a day it does
+    line: int = 1000  # stamps that show a rate and its jitter
+    rate_change: float = 1.05  # ratio of rates of such stretches that exceeds any drift of clocks
+    crowding: float = 0.5  # smallest distance of two stamps: splines through crowded samples oscillate
+
+
+_LIMITS = _Limits()
+#: Ranges of counters, that of the time of day [ns], and the part at its ends where a clock wraps around.
+_COUNTERS = (2.0**16, 2.0**24, 2.0**32)
+_DAY = 86_400e9
+_EDGE = 1 / 16
+#: Smallest stamps that only count from 1970, with their nanoseconds; seconds from 1970 to 2001 and to 2100.
 _EPOCHS = ((1e18, 1), (1e15, 10**3), (1e12, 10**6), (1e9, 10**9))
+_EPOCH_SECONDS = (1e9, 4.1e9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +106,34 @@ def time_scale(stamps: NDArray[Any], unit: float | None = None) -> TimeScale:
     return TimeScale(origin, 1.0)
 
 
+def unwrapped(blocks: Iterable[Block]) -> Iterator[Block]:
+    """Yield blocks whose time stamps continue where a counter, or the time of day at midnight, restarts.
+
+    A stamp that falls from the last sixteenth of a range (of 16, 24 or 32 bits, or a day) into its first sixteenth
+    begins a new one; all stamps that fall otherwise stay.
+    """
+    offset: float | int = 0
+    last = None
+    for block in blocks:
+        stamps = block.stamps
+        if stamps is None or stamps.dtype.kind == "M" or stamps.size == 0:
+            yield block
+            continue
+        numbers = stamps if stamps.dtype.kind == "f" else _plain_numbers(stamps)
+        before = np.concatenate([numbers[:1] if last is None else [last], numbers[:-1]])
+        offsets = np.full(numbers.size, offset, dtype=numbers.dtype)
+        for index in np.flatnonzero(numbers < before):
+            for period in (_DAY,) if stamps.dtype.kind == "m" else _COUNTERS:
+                if (1 - _EDGE) * period < before[index] < period and 0 <= numbers[index] < _EDGE * period:
+                    offsets[index:] += numbers.dtype.type(period)
+                    break
+        last, offset = numbers[-1], offsets[-1]
+        continued = numbers + offsets if offsets.any() else numbers
+        if stamps.dtype.kind == "m":
+            continued = np.where(np.isnat(stamps), np.timedelta64("NaT"), continued.view("m8[ns]"))
+        yield replace(block, stamps=continued)
+
+
 @dataclass(frozen=True, slots=True)
 class Clock:
     """Advance of the time stamps of a file.
@@ -130,7 +159,7 @@ class Clock:
 
     sampling_rate: float
     pitch: float
-    gap_step: float = _GAP_STEP
+    gap_step: float = _LIMITS.gap_step
     jitter_rms: float = 0.0
     jitter_max: float = 0.0
     in_bursts: bool = False
@@ -149,16 +178,16 @@ class Clock:
 
     def describe(self) -> str:
         """Return the line for the history."""
-        rate = f"time stamps advance at {self.sampling_rate:.8g} Hz"
         rms, largest = (
             f"{max(100 * share, 0.001):.3f}".rstrip("0").rstrip(".") for share in (self.jitter_rms, self.jitter_max)
         )
-        jitter = f"jitter {rms} % of a sample (RMS), {largest} % at most"
+        fate = "resampled onto a uniform grid by cubic splines" if self.is_resampled else "samples left as they are"
         if self.in_bursts:
-            return f"{rate} in bursts, {jitter}: time taken from a straight line, samples left as they are"
-        if self.is_resampled:
-            return f"{rate}, {jitter}: resampled onto a uniform grid by cubic splines"
-        return f"{rate}, {jitter}: samples left as they are"
+            fate = f"time taken from a straight line, {fate}"
+        return (
+            f"time stamps advance at {self.sampling_rate:.8g} Hz{' in bursts' * self.in_bursts}, "
+            f"jitter {rms} % of a sample (RMS), {largest} % at most: {fate}"
+        )
 
 
 def find_gaps(seconds: Real, clock: Clock) -> Indices:
@@ -177,9 +206,9 @@ def find_gaps(seconds: Real, clock: Clock) -> Indices:
     else:
         first = np.concatenate([[0], large[:-1] + 1])[:, None]
         last = np.concatenate([large[1:], [seconds.size - 1]])[:, None]
-        before = np.median(offset[np.maximum(large[:, None] - np.arange(_WINDOW), first)], axis=1)
-        after = np.median(offset[np.minimum(large[:, None] + 1 + np.arange(_WINDOW), last)], axis=1)
-        is_gap = after - before > _GAP_SHIFT * clock.pitch
+        before = np.median(offset[np.maximum(large[:, None] - np.arange(_LIMITS.window), first)], axis=1)
+        after = np.median(offset[np.minimum(large[:, None] + 1 + np.arange(_LIMITS.window), last)], axis=1)
+        is_gap = after - before > _LIMITS.gap_shift * clock.pitch
     gaps: Indices = large[is_gap] + 1
     return gaps
 
@@ -187,10 +216,10 @@ def find_gaps(seconds: Real, clock: Clock) -> Indices:
 def _outlasts_backlog(offset: Real, index: int, clock: Clock) -> bool:
     """Return whether stamps in bursts stay late after `index`, once the backlog of a stalled logger has arrived."""
     step = offset[index + 1] - offset[index] + clock.interval
-    reach = max(_BURST_WINDOW, int(1.2 * step / clock.interval))
+    reach = max(_LIMITS.burst_window, int(1.2 * step / clock.interval))
     before = np.median(offset[max(0, index + 1 - reach) : index + 1])
     after = np.median(offset[index + 1 :][reach : 2 * reach] if index + 1 + reach < offset.size else offset[-1:])
-    return bool(after - before > max(_GAP_SHIFT * clock.pitch, 0.1 * step))
+    return bool(after - before > max(_LIMITS.gap_shift * clock.pitch, _LIMITS.backlog * step))
 
 
 def uncrowded(seconds: Real, interval: float) -> Real:
@@ -198,7 +227,7 @@ def uncrowded(seconds: Real, interval: float) -> Real:
 
     A stamp can be late but not early: of two that are too close, the first is moved back.
     """
-    ramp = _NEAREST * interval * np.arange(seconds.size)
+    ramp = _LIMITS.crowding * interval * np.arange(seconds.size)
     apart: Real = np.minimum.accumulate((seconds - ramp)[::-1])[::-1] + ramp
     return apart
 
@@ -233,19 +262,32 @@ class ClockFit:
         self._pace: Clock | None = None
         self._last = -np.inf
         self._resolution = 1e9
-        self._moment = self._spread = 0.0
-        self._squares = self._largest = 0.0
-        self._n_stamps = self._n_fitted = self._n_gaps = self._n_repeated = 0
+        self._moment = 0.0  # sum over the lines of interval times spread
+        self._spread = 0.0
+        self._squares = 0.0
+        self._largest = 0.0
+        self._shortest = np.inf  # intervals of long stretches
+        self._longest = 0.0
+        self._n_stamps = 0
+        self._n_fitted = 0
+        self._n_gaps = 0
+        self._n_repeated = 0
         self._first_repeated = -1
-        self._intervals: tuple[float, float] | None = None
 
     def update(self, seconds: Real, rows: Indices, *, rounding: float = 0.0) -> None:
         """Add the next stamps [s], with the numbers of their rows and the rounding of the stamps [s]."""
         self._resolution = resolution(seconds, largest=self._resolution, rounding=rounding)
-        for first in range(0, seconds.size, _PIECE):
-            piece = slice(first, first + _PIECE)
-            self._check_order(seconds[piece], rows[piece])
-            self._update(seconds[piece])
+        for first in range(0, seconds.size, _LIMITS.piece):
+            piece = seconds[first : first + _LIMITS.piece]
+            self._check_order(piece, rows[first : first + _LIMITS.piece])
+            if self._pace is None:
+                self._pace = _first_pace(piece, self._resolution)
+            gaps = find_gaps(piece, self._pace)
+            self._n_stamps += piece.size
+            self._n_gaps += gaps.size
+            for begin, end in itertools.pairwise([0, *gaps, piece.size]):
+                if end - begin > 2:
+                    self._fit(piece[begin:end], self._pace)
 
     def _check_order(self, seconds: Real, rows: Indices) -> None:
         """Raise if time runs backwards; count repeated stamps."""
@@ -261,23 +303,12 @@ class ClockFit:
         self._n_repeated += repeated.size
         self._last = float(seconds[-1])
 
-    def _update(self, seconds: Real) -> None:
-        if self._pace is None:
-            self._pace = _first_pace(seconds, self._resolution)
-        gaps = find_gaps(seconds, self._pace)
-        self._n_stamps += seconds.size
-        self._n_gaps += gaps.size
-        for first, last in itertools.pairwise([0, *gaps, seconds.size]):
-            self._fit(seconds[first:last])
-
-    def _fit(self, stretch: Real) -> None:
+    def _fit(self, stretch: Real, pace: Clock) -> None:
         """Add a straight line through the stamps between two gaps."""
         n = stretch.size
-        if n < 3:
-            return
         spread = n * (n * n - 1) / 12
         interval = float((np.arange(n) - (n - 1) / 2) @ stretch) / spread
-        if self._pace and self._pace.shares_stamps:
+        if pace.shares_stamps:
             interval = _nearer(stretch, interval)
         self._moment += interval * spread
         self._spread += spread
@@ -285,9 +316,9 @@ class ClockFit:
             self._squares += float(np.vdot(deviation, deviation))
             self._n_fitted += deviation.size
             self._largest = max(self._largest, float(np.abs(deviation).max()))
-        if n >= _LONG_STRETCH:
-            shortest, longest = self._intervals or (interval, interval)
-            self._intervals = min(shortest, interval), max(longest, interval)
+        if n >= _LIMITS.line:
+            self._shortest = min(self._shortest, interval)
+            self._longest = max(self._longest, interval)
 
     def clock(self) -> Clock:
         """Return the clock of all stamps so far.
@@ -299,54 +330,51 @@ class ClockFit:
         FormatError
             If a stamp is repeated although stamps do not come in bursts.
         """
-        if self._pace is None or self._n_stamps < 2:
+        pace = self._pace
+        if pace is None or self._n_stamps < 2:
             raise DataError(
                 f"{self._place} {self._n_stamps} is the only one with values: a recording needs at least two samples"
             )
         self._check_rate()
-        interval = self._moment / self._spread if self._spread else self._pace.interval
+        interval = self._moment / self._spread if self._spread else pace.interval
         rms = float(np.sqrt(self._squares / max(1, self._n_fitted)))
-        is_uniform = rms <= max(JITTER_LIMIT * interval, _ROUNDING_LIMIT * self._resolution)
-        is_coarse = self._n_repeated >= _BURST_SHARE * self._n_stamps
-        in_bursts = is_coarse and not is_uniform
-        if self._n_repeated and not is_uniform and not in_bursts:
+        is_uniform = rms <= max(_LIMITS.jitter * interval, _LIMITS.rounding * self._resolution)
+        is_coarse = self._n_repeated >= _LIMITS.burst_share * self._n_stamps
+        if self._n_repeated and not is_uniform and not is_coarse:
             raise FormatError(
                 f"{self._place} {self._first_repeated} repeats the time of the row before: give every row its own "
                 "time, or state --sampling-rate"
             )
-        if is_coarse and self._n_stamps - self._n_repeated < _FEWEST_BURSTS:
+        n_bursts = self._n_stamps - self._n_repeated
+        if is_coarse and n_bursts < _LIMITS.min_bursts:
             raise DataError(
-                f"{self._place}s up to the last: {self._n_stamps} rows share {self._n_stamps - self._n_repeated} time "
-                "stamps, too few for a rate: state --sampling-rate"
+                f"{self._place}s up to the last: {self._n_stamps} rows share {n_bursts} time stamps, too few for a "
+                "rate: state --sampling-rate"
             )
+        digit = max(self._resolution, 2e-6 * interval)
         return Clock(
-            sampling_rate=neat_rate(interval, self._uncertainty(interval)),
-            pitch=self._pace.pitch if self._pace.shares_stamps else interval,
-            gap_step=self._pace.gap_step,
+            # uncertain by half a printed digit over the record, or by the standard error
+            sampling_rate=neat_rate(interval, digit * max(0.5 / self._n_stamps, 1 / np.sqrt(max(1.0, self._spread)))),
+            pitch=pace.pitch if pace.shares_stamps else interval,
+            gap_step=pace.gap_step,
             jitter_rms=rms / interval,
             jitter_max=self._largest / interval,
-            in_bursts=in_bursts,
-            is_resampled=not is_uniform and not in_bursts,
+            in_bursts=is_coarse and not is_uniform,
+            is_resampled=not is_uniform and not is_coarse,
             is_coarse=is_coarse,
         )
 
-    def _uncertainty(self, interval: float) -> float:
-        """Return the uncertainty of the interval [s]: half a printed digit over the record, or its standard error."""
-        digit = max(self._resolution, 2e-6 * interval)
-        return float(digit * max(0.5 / self._n_stamps, 1 / np.sqrt(max(1.0, self._spread))))
-
     def _check_rate(self) -> None:
         """Raise if the stamps do not advance at one rate."""
-        if self._n_gaps > max(2, self._n_stamps / _FEWEST_SAMPLES_PER_GAP):
+        if self._n_gaps > max(2, self._n_stamps / _LIMITS.samples_per_gap):
             raise DataError(
                 f"{self._place}s up to the last: time jumps {self._n_gaps} times in {self._n_stamps} rows, so rates "
                 "are mixed: keep the channels of one rate with --channels, or write one file for each rate"
             )
-        shortest, longest = self._intervals or (1.0, 1.0)
-        if longest > _RATE_CHANGE * shortest:
+        if self._longest > _LIMITS.rate_change * self._shortest:
             raise DataError(
-                f"{self._place}s up to the last: the sampling rate changes from {1 / shortest:.4g} to "
-                f"{1 / longest:.4g} Hz: write one file for each rate"
+                f"{self._place}s up to the last: the sampling rate changes from {1 / self._shortest:.4g} to "
+                f"{1 / self._longest:.4g} Hz: write one file for each rate"
             )
 
 
@@ -364,8 +392,8 @@ def _nearer(stretch: Real, interval: float) -> float:
 
 def _deviations(stretch: Real) -> Iterator[Real]:
     """Yield deviations of stamps from straight lines through each thousand of them: over more, clocks drift."""
-    n_whole = stretch.size - stretch.size % _LONG_STRETCH
-    for lines in (stretch[:n_whole].reshape(-1, _LONG_STRETCH), stretch[None, n_whole:]):
+    n_whole = stretch.size - stretch.size % _LIMITS.line
+    for lines in (stretch[:n_whole].reshape(-1, _LIMITS.line), stretch[None, n_whole:]):
         n = lines.shape[1]
         if lines.size >= 3:
             ramp = np.arange(n) - (n - 1) / 2
@@ -381,9 +409,9 @@ def _first_pace(seconds: Real, coarseness: float) -> Clock:
     if np.mean(steps == 0) < 0.01:
         interval = float(np.median(steps))
         off = np.abs(steps - interval * np.maximum(1, np.round(steps / interval)))
-        n_off = np.count_nonzero(off > max(_UNSTEADY_STEP * interval, 1.1 * coarseness))
-        is_unsteady = n_off > max(_FEWEST_UNSTEADY, _UNSTEADY_SHARE * steps.size)
-        return Clock(1 / interval, interval, _GAP_STEP_UNSTEADY if is_unsteady else _GAP_STEP)
+        n_off = np.count_nonzero(off > max(_LIMITS.off_step * interval, 1.1 * coarseness))
+        is_unsteady = n_off > max(_LIMITS.min_off, _LIMITS.max_off_share * steps.size)
+        return Clock(1 / interval, interval, _LIMITS.gap_step_unsteady if is_unsteady else _LIMITS.gap_step)
     span = min(64, steps.size)
     interval = float(np.median(seconds[span:] - seconds[:-span])) / span
     if interval == 0:

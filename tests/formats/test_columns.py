@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from sprung.errors import FormatError, ParameterError
 from sprung.formats import ReadSettings, read
-from sprung.formats.time_columns import names_time, stated_unit
+from sprung.formats.columns import names_time, stated_unit
 
 N = 300
 ACC = np.random.default_rng(1).standard_normal((2, N))

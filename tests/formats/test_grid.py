@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.formats import read, read_blocks
-from sprung.formats.assembly import assemble, survey
+from sprung.formats.grid import assemble, survey
 from sprung.formats.table import Block, Column, Table, rebatch, within
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import DataError, FormatError
-from sprung.formats.timing import Clock, ClockFit, find_gaps, interpolate, resolution, time_scale, uncrowded
+from sprung.formats.clock import Clock, ClockFit, find_gaps, interpolate, resolution, time_scale, uncrowded
 
 
 def fitted(seconds, *, pieces=1):

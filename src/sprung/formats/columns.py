@@ -1,0 +1,546 @@
+"""The columns of a file: which groups and channels are wanted, and which column is the time.
+
+Groups that share a clock stand side by side; channels of others are interpolated at the times of the first. A column is
+taken as time by its name and its behaviour together. Behaviour alone is not enough: a ramp without noise rises as a
+clock does. Only the first column of a table without names may be the time by its behaviour.
+"""
+
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from sprung._arrays import Booleans, Real
+from sprung.channel_names import identified, mapping_in_words, read_name_table
+from sprung.errors import DataError, FormatError, ParameterError, SprungError
+from sprung.formats.clock import TimeScale, interpolate, time_scale, unwrapped
+from sprung.formats.settings import TIME_UNITS, ReadSettings
+from sprung.formats.table import Block, Column, Group, Table, index_of, join, rebatch, spellings, split_heading
+from sprung.recording import Channel
+
+
+@dataclass(frozen=True, slots=True)
+class _Limits:
+    """Limits by which columns are judged."""
+
+    head_rows: int = 4096  # first rows by which the behaviour of a column is judged
+    min_steps: int = 20  # fewer steps show neither a unit of time nor a clock without a name
+    even: float = 0.1  # an even step differs from the usual one by at most this part of it
+    min_even_share: float = 0.95  # share of even steps of a clock
+    min_new_share: float = 0.05  # share of rows with a new stamp, of stamps in bursts
+    line: float = 0.1  # deviation of stamps in bursts from a straight line, as part of their span
+    long_step: float = 2.0  # a column without a unit hardly counts seconds with larger steps
+    min_rate: float = 5.0  # sampling rates [Hz] that another unit may give
+    max_rate: float = 20e3
+    same_rate: float = 0.05  # difference from the stated rate up to which a column is the time
+    same_sensor: float = 0.01  # difference of rates of one kind of sensor
+    block_rows: int = 1 << 16  # rows that are joined at a time
+    margin: int = 64  # rows on either side of a block that the splines through it need
+
+
+_LIMITS = _Limits()
+#: Quantities that vary slowly: they may come from a slower group.
+_SLOW = ("speed", "temperature", "pressure", "unknown")
+#: Words for time and its units, as parts of names.
+_UNIT_WORDS = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(("us", "µs", "usec", "micros", "microsecond", "microseconds"), "us"),
+    **dict.fromkeys(("ns", "nsec", "nanos", "nanosecond", "nanoseconds"), "ns"),
+    **dict.fromkeys(("min", "minutes"), "min"),
+}
+_TIME_WORDS = {"time", "timestamp", "timestamps", "elapsed", "clock", "zeit", "uhrzeit", "zeitstempel", "epoch", "utc"}
+_TIME_WORDS |= {word for word in _UNIT_WORDS if len(word) > 4}
+_COUNTER_WORDS = {"counter", "count", "packet", "index", "idx", "sample", "samples", "row", "line", "frame", "number"}
+_COUNTER_WORDS |= {"no", "nr", "num", "id", "seq", "sequence", "scan", "unnamed", "#"}
+_FLAG_WORDS = {"status", "flag", "flags", "valid", "error", "errors", "state", "mode", "quality", "ok", "sync", "id"}
+#: First column of a table without names, or without one for the first column.
+_FIRST = re.compile(r"(column|channel|unnamed)_1")
+_UNNAMED = "unnamed_1"
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-zµäöü]+|#")
+
+
+def wanted_table(path: Path, groups: Sequence[Group], settings: ReadSettings) -> Table:
+    """Return the table of the wanted groups, channels and rows of a file, with its time column.
+
+    Raises
+    ------
+    FormatError
+        If the unit of the time column cannot be found out.
+    ParameterError
+        If a group, a channel or the time column is not in the file, the groups have several clocks, or the wanted part
+        begins after the end of the file; or if there is neither a time column nor a sampling rate, but a column that
+        rises as a clock does.
+    """
+    return _part(_named(_timed(_joined(path, groups, settings), settings), settings), settings)
+
+
+def _joined(path: Path, groups: Sequence[Group], settings: ReadSettings) -> Table:
+    """Return the table of the wanted groups and channels."""
+    wanted = [_group(path, groups, name) for name in settings.groups] or list(groups)
+    if settings.channels is not None and len(wanted) > 1:
+        spelled = [(heading, *spellings(heading)) for group in wanted for heading in group.headings]
+        for name in settings.channels:
+            index_of(name, spelled, path=path)
+        wanted = [group for group in wanted if any(map(group.has, settings.channels))]
+    if len(wanted) == 1:
+        return wanted[0].open(settings.channels)
+    tables = [_distinct(wanted[:number], group, settings.channels) for number, group in enumerate(wanted)]
+    if len({group.clock for group in wanted}) == 1:
+        return _side_by_side(tables)
+    if settings.groups:
+        return _interpolated([_timed(table, settings) for table in tables])
+    listed = "; ".join(f"{group.name!r} ({', '.join(group.headings)})" for group in wanted)
+    raise ParameterError(
+        f"{path} holds {len(wanted)} groups of channels with different clocks: choose with --group (in Python: groups="
+        f"[...]), several to interpolate at the times of the first: {listed}"
+    )
+
+
+def _group(path: Path, groups: Sequence[Group], name: str) -> Group:
+    """Return the group called `name`."""
+    for group in groups:
+        if group.name == name:
+            return group
+    raise ParameterError(f"{path} has no group {name!r}: choose from {', '.join(repr(group.name) for group in groups)}")
+
+
+def _distinct(before: Sequence[Group], group: Group, channels: Sequence[str] | None) -> Table:
+    """Return the table of a group; names that an earlier group has as well begin with the name of the group."""
+    table = group.open(None if channels is None else list(filter(group.has, channels)))
+    taken = {heading for earlier in before for heading in earlier.headings}
+    columns = (
+        replace(column, name=f"{group.name}_{column.name}") if column.heading in taken else column
+        for column in table.columns
+    )
+    return replace(table, columns=tuple(columns))
+
+
+def _side_by_side(tables: Sequence[Table]) -> Table:
+    """Return tables with the same rows as one."""
+
+    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+        parts = (rebatch(table.blocks(first, last), _LIMITS.block_rows) for table in tables)
+        for same in zip(*parts, strict=True):
+            yield replace(same[0], values=np.concatenate([block.values for block in same]))
+
+    return replace(tables[0], columns=tuple(column for table in tables for column in table.columns), blocks=blocks)
+
+
+def _interpolated(tables: Sequence[Table]) -> Table:
+    """Return tables with rows of different times as one, with the rows of the first.
+
+    Speeds, temperatures and pressures of the others are interpolated linearly, motion of about the same rate by cubic
+    splines. Values are missing, and the rows left out, where a table has no rows around the time.
+    """
+    reference, *others = (_Times(table) for table in tables)
+    for times in others:
+        times.check(reference)
+
+    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+        readers = [_Interpolation(times, reference) for times in others]
+        row = first
+        for block in tables[0].blocks(first, last):
+            seconds = reference.seconds(block, row)
+            row += block.n_rows
+            yield replace(block, values=np.concatenate([block.values, *(reader.at(seconds) for reader in readers)]))
+
+    return replace(tables[0], columns=tuple(column for table in tables for column in table.columns), blocks=blocks)
+
+
+class _Times:
+    """Times of the rows of a table: seconds since 1970 where its start is known, otherwise as in the file."""
+
+    def __init__(self, table: Table) -> None:
+        head = next(iter(table.blocks(0, 1000)), None)
+        if head is None or head.n_rows < 2:
+            raise DataError(f"{table.path}: channel {table.columns[0].name!r} holds fewer than two samples")
+        self.table = table
+        self.scale: TimeScale | None = None
+        self.rate = table.sampling_rate or 0.0
+        self.start = table.start
+        if head.stamps is not None:
+            self.scale = time_scale(head.stamps, table.time_factor)
+            self.start = table.start if self.scale.start is None else self.scale.start
+            self.rate = 1 / max(float(np.mean(np.diff(self.scale.seconds(head.stamps)))), 1e-12)
+
+    def seconds(self, block: Block, first: int) -> Real:
+        """Return the times of rows from `first` on [s], since 1970 or since the origin of the stamps."""
+        if block.stamps is None or self.scale is None:
+            relative: Real = (first + np.arange(block.n_rows)) / self.rate
+            return relative
+        origin = 0.0 if self.scale.start is not None else self.scale.origin * self.scale.factor
+        return self.scale.seconds(block.stamps) + origin
+
+    def check(self, reference: "_Times") -> None:
+        """Raise if the channels cannot be joined to those of a reference."""
+        path = self.table.path
+        if (self.start is None) != (reference.start is None):
+            names = ", ".join(column.name for column in self.table.columns)
+            raise ParameterError(
+                f"{path}: the group of {names} states no time that the first group shares: read it by itself"
+            )
+        fast = [column.name for column in self.table.columns if column.quantity not in _SLOW]
+        if fast and abs(self.rate / reference.rate - 1) > _LIMITS.same_sensor:
+            raise ParameterError(
+                f"{path}: {', '.join(fast)} was sampled at {self.rate:.4g} Hz, the first group at "
+                f"{reference.rate:.4g} Hz: read motion of one rate at a time, or choose speed, temperature and "
+                "pressure with --channels"
+            )
+
+
+class _Interpolation:
+    """Channels of a table at rising times, read as the times advance."""
+
+    def __init__(self, times: _Times, reference: _Times) -> None:
+        columns = times.table.columns
+        self._times = times
+        self._shift = 1e-9 * ((times.start or 0) - (reference.start or 0))
+        self._blocks = rebatch(times.table.blocks(), _LIMITS.block_rows)
+        self._row = 0
+        self._is_smooth = np.array([column.quantity not in _SLOW for column in columns])
+        self._seconds: Real = np.empty(0)
+        self._values: Real = np.empty((len(columns), 0))
+
+    def at(self, seconds: Real) -> Real:
+        """Return the channels at some times [s] of the reference, shape (channels, times)."""
+        times = seconds - self._shift
+        self._read_until(times[-1])
+        result = np.full((len(self._values), times.size), np.nan)
+        if self._seconds.size > 1:
+            inside = (times >= self._seconds[0]) & (times <= self._seconds[-1])
+            for row, values in enumerate(self._values):
+                known = ~np.isnan(values)
+                if known.sum() > 1:
+                    result[row, inside] = np.interp(times[inside], self._seconds[known], values[known])
+            smooth = self._is_smooth & ~np.isnan(self._values).any(axis=1)
+            if smooth.any() and np.all(np.diff(self._seconds) > 0):
+                result[np.ix_(smooth, inside)] = interpolate(self._values[smooth], self._seconds, times[inside])
+        keep = max(0, int(np.searchsorted(self._seconds, times[-1])) - _LIMITS.margin)
+        self._seconds, self._values = self._seconds[keep:], self._values[:, keep:]
+        return result
+
+    def _read_until(self, time: float) -> None:
+        """Read rows until some lie behind a time."""
+        while self._seconds.size < _LIMITS.margin or self._seconds[-_LIMITS.margin] < time:
+            block = next(self._blocks, None)
+            if block is None:
+                return
+            self._seconds = np.concatenate([self._seconds, self._times.seconds(block, self._row)])
+            self._values = np.concatenate([self._values, block.values], axis=1)
+            self._row += block.n_rows
+
+
+def _timed(table: Table, settings: ReadSettings) -> Table:
+    """Return a table with its time column, without counters, flags and clocks unless they are wanted."""
+    if settings.time is not None:
+        table = _with_time(table, settings.time, "as stated", settings)
+    elif table.time_heading is None:
+        table = _with_found_time(table, settings)
+    elif not table.notes:
+        table = replace(table, notes=(f"time: column {table.time_heading!r}, by its name",))
+    if settings.channels is None:
+        table = _of_motion(table)
+    return _with_unit(table, settings)
+
+
+def stated_unit(heading: str) -> str | None:
+    """Return the unit of time, a key of `TIME_UNITS`, that a heading states in brackets or its name; None without."""
+    name, unit, _ = split_heading(heading)
+    if unit in TIME_UNITS:
+        return unit
+    words = _words(name)
+    long = [_UNIT_WORDS[word] for word in words if word in _UNIT_WORDS and len(word) > 4]
+    last = [_UNIT_WORDS[word] for word in words[-1:] if word in _UNIT_WORDS and len(words) > 1]
+    return next(iter(long + last), None)
+
+
+def _words(name: str) -> list[str]:
+    """Return the words of a name such as "SampleTimeFine" or "time_ms" in lower case."""
+    return [word.lower() for word in _WORD.findall(name)]
+
+
+def names_time(heading: str) -> bool:
+    """Return whether a heading is that of a clock, such as "SampleTimeFine", "t_us" or "elapsed [ms]"."""
+    name, unit, _ = split_heading(heading)
+    words = _words(name)
+    if unit in TIME_UNITS or not _TIME_WORDS.isdisjoint(words) or any(word.endswith("time") for word in words):
+        return True
+    return words[:1] == ["t"] and all(word in _UNIT_WORDS for word in words[1:])
+
+
+def _is_clock(column: Column, values: Real) -> bool:
+    """Return whether a column rises and has the name of a clock."""
+    return column.quantity == "unknown" and names_time(column.heading) and _rises(values)
+
+
+def _steps(values: Real) -> Real:
+    """Return the steps of a column; none where a value is missing, or it does not rise from the first to the last."""
+    if values.size < 2 or not np.isfinite(values).all():
+        return np.zeros(0)
+    stamps = next(unwrapped([Block(1, values, np.zeros((0, values.size)))])).stamps
+    return np.diff(stamps) if stamps is not None and stamps[-1] > stamps[0] else np.zeros(0)
+
+
+def _rises(values: Real) -> bool:
+    """Return whether a column rises and never falls."""
+    steps = _steps(values)
+    return bool(steps.size and np.all(steps >= 0))
+
+
+def _is_even(values: Real) -> bool:
+    """Return whether a column rises in even steps."""
+    steps = _steps(values)
+    if steps.size < _LIMITS.min_steps or not np.all(steps > 0):
+        return False
+    usual = np.median(steps)
+    return bool(np.mean(np.abs(steps - usual) <= _LIMITS.even * usual) >= _LIMITS.min_even_share)
+
+
+def _is_in_bursts(values: Real) -> bool:
+    """Return whether a column rises along a straight line, several rows at a time."""
+    steps = _steps(values)
+    if steps.size < _LIMITS.min_steps or np.any(steps < 0) or not np.any(steps == 0):
+        return False
+    rows = np.arange(values.size)
+    away = values - np.polynomial.Polynomial.fit(rows, values, 1)(rows)
+    return bool(np.mean(steps > 0) >= _LIMITS.min_new_share and np.ptp(away) <= 2 * _LIMITS.line * np.ptp(values))
+
+
+def _is_counter(column: Column, values: Real) -> bool:
+    """Return whether a column counts rows or packets."""
+    if column.quantity != "unknown" or _COUNTER_WORDS.isdisjoint(_words(column.name)):
+        return False
+    steps = _steps(values)
+    is_whole = steps.size > 1 and bool(np.all(values == np.round(values)))
+    return is_whole and bool(np.mean(steps >= 0) > 0.99 and np.mean(steps <= 2 * max(1.0, np.median(steps))) > 0.9)
+
+
+def _is_flag(column: Column, values: Real) -> bool:
+    """Return whether a column holds a constant whole number that says how the logger does."""
+    if column.quantity != "unknown" or _FLAG_WORDS.isdisjoint(_words(column.name)):
+        return False
+    present = values[np.isfinite(values)]
+    return bool(present.size and np.all(present == present[0]) and present[0] == np.round(present[0]))
+
+
+def _head(table: Table) -> Block:
+    """Return the first rows of the channels."""
+    empty = Block(0, None, np.zeros((len(table.columns), 0)))
+    return join([*table.blocks(0, _LIMITS.head_rows)] or [empty])
+
+
+def _with_found_time(table: Table, settings: ReadSettings) -> Table:
+    """Return the table with the time column that names and behaviour show; without one as it is."""
+    whole = table
+    if table.others is not None:
+        with suppress(SprungError):
+            whole = table.others(None)
+    head = _head(whole).values
+    columns = list(zip(whole.columns, head, strict=True))
+    clocks = [column for column, values in columns if _is_clock(column, values)]
+    clocks.sort(key=lambda column: stated_unit(column.heading) is None)
+    if clocks:
+        return _with_time(table, clocks[0].heading, "by its name, and as it rises steadily", settings)
+    rate = settings.sampling_rate or table.sampling_rate
+    if columns and _is_first(whole.columns[0], head[0], rate):
+        return _with_time(table, whole.columns[0].heading, "as the first column rises as a clock does", settings)
+    even = [column for column, values in columns if _is_even(values) and not _is_counter(column, values)]
+    if rate is None and even:
+        raise ParameterError(
+            f"{table.path} has no time column by name, but {even[0].name!r} rises evenly: if it is the time, name it "
+            f"with --time {even[0].name} (in Python: time=...); otherwise state the sampling rate in Hz with "
+            "--sampling-rate (in Python: sampling_rate=...)"
+        )
+    return table
+
+
+def _is_first(column: Column, values: Real, rate: float | None) -> bool:
+    """Return whether the first column of a table without names is the time."""
+    is_clock = _is_even(values) or _is_in_bursts(values) or (column.name == _UNNAMED and _rises(values))
+    if not is_clock or not _FIRST.fullmatch(column.name):
+        return False
+    steps = _steps(values)
+    if np.all(steps == 1) and values[0] == np.round(values[0]):
+        return False
+    mean = float(steps.mean())
+    return rate is None or any(abs(mean * unit * rate - 1) < _LIMITS.same_rate for unit in TIME_UNITS.values())
+
+
+def _with_time(table: Table, name: str, why: str, settings: ReadSettings) -> Table:
+    """Return the table with the column called `name` as its time."""
+    if table.time_heading is not None and name in (table.time_heading, split_heading(table.time_heading)[0]):
+        return table
+    opened = _opened_with(table, name, settings.channels)
+    index, column = next((k, item) for k, item in enumerate(opened.columns) if name in (item.heading, item.name))
+    kept = [k for k in range(len(opened.columns)) if k != index or name in (settings.channels or ())]
+
+    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+        for block in opened.blocks(first, last):
+            yield Block(block.first_row, block.values[index], block.values[kept])
+
+    return replace(
+        opened,
+        columns=tuple(opened.columns[k] for k in kept),
+        time_heading=column.heading,
+        blocks=blocks,
+        times=None,
+        notes=(*opened.notes, f"time: column {column.name!r}, {why}"),
+    )
+
+
+def _opened_with(table: Table, name: str, channels: Sequence[str] | None) -> Table:
+    """Return the table with the wanted channels and the one called `name`."""
+    if any(name in (column.heading, column.name) for column in table.columns) or table.others is None:
+        opened = table
+    else:
+        opened = table.others(None if channels is None else [*channels, name])
+    if not any(name in (column.heading, column.name) for column in opened.columns):
+        known = ", ".join(column.name for column in opened.columns)
+        raise ParameterError(f"{table.path} has no column {name!r} for the time: choose from {known}")
+    return opened
+
+
+def _of_motion(table: Table) -> Table:
+    """Return the table without counters, flags and clocks, which are named in its notes."""
+    reasons = {}
+    for column, values in zip(table.columns, _head(table).values, strict=True):
+        if _is_clock(column, values):
+            reasons[column.name] = "a clock"
+        elif _is_counter(column, values):
+            reasons[column.name] = "a counter"
+        elif _is_flag(column, values):
+            reasons[column.name] = "a constant flag"
+        elif column.name == _UNNAMED:
+            reasons[column.name] = "without a name"
+    if not reasons:
+        return table
+    kept = [k for k, column in enumerate(table.columns) if column.name not in reasons]
+    words = ", ".join(f"{name!r} ({reason})" for name, reason in reasons.items())
+    if not kept:
+        raise DataError(f"{table.path} holds no channel of motion: {words}")
+
+    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return (replace(block, values=block.values[kept]) for block in table.blocks(first, last))
+
+    return replace(
+        table,
+        columns=tuple(table.columns[k] for k in kept),
+        blocks=blocks,
+        notes=(*table.notes, f"left out, as they do not measure motion: {words}; name them in --channels to keep them"),
+    )
+
+
+def _with_unit(table: Table, settings: ReadSettings) -> Table:
+    """Return the table with the unit of its time column, and counters that restart continued."""
+    if table.time_heading is None:
+        return table
+
+    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return unwrapped(table.blocks(first, last))
+
+    times = table.times
+    continued = replace(table, blocks=blocks, times=None if times is None else lambda: unwrapped(times()))
+    if settings.time_unit is not None:
+        note = f"time: column {table.time_heading!r} in {settings.time_unit}, as stated"
+        return replace(continued, time_factor=TIME_UNITS[settings.time_unit], notes=(*table.notes, note))
+    unit = stated_unit(table.time_heading)
+    if unit is not None:
+        return replace(continued, time_factor=TIME_UNITS[unit])
+    return _with_likely_unit(continued, settings.sampling_rate or table.sampling_rate)
+
+
+def _with_likely_unit(table: Table, rate: float | None) -> Table:
+    """Return the table with the unit of time that gives a likely sampling rate, where seconds do not."""
+    stamps = _head(table).stamps
+    if stamps is None or stamps.dtype.kind in "mM" or not np.isfinite(stamps).all():
+        return table
+    numbers = stamps.astype(np.float64)
+    steps = np.diff(numbers)
+    if steps.size < _LIMITS.min_steps or np.any(steps < 0):
+        return table
+    step = float(np.median(steps)) or float(steps.mean())
+    if step * time_scale(stamps).factor <= _LIMITS.long_step:
+        return table
+    rates = {unit: 1 / (step * TIME_UNITS[unit]) for unit in ("s", "ms", "us", "ns")}
+    if rate is None:
+        likely = {unit: value for unit, value in rates.items() if _LIMITS.min_rate <= value <= _LIMITS.max_rate}
+    else:
+        likely = {unit: value for unit, value in rates.items() if abs(value / rate - 1) < _LIMITS.same_rate}
+    whole: Booleans = numbers == np.round(numbers)
+    if len(likely) == 1 and (rate is not None or whole.all()):
+        ((unit, _),) = likely.items()
+        note = f"time: column {table.time_heading!r} in {unit}, as seconds would mean {1 / step:.3g} Hz"
+        return replace(table, time_factor=TIME_UNITS[unit], notes=(*table.notes, note))
+    if rate is not None:
+        return table
+    others = "".join(f"; {value:.4g} Hz in {unit}" for unit, value in likely.items())
+    raise FormatError(
+        f"{table.path}: time column {table.time_heading!r} advances by {step:g} from row to row: {1 / step:.3g} Hz in "
+        f"seconds{others}: state its unit with --time-unit, or the rate with --sampling-rate"
+    )
+
+
+def _named(table: Table, settings: ReadSettings) -> Table:
+    """Return the table with what the names of its channels state and the file does not."""
+    rules = read_name_table(settings.names)
+    columns, notes = [], []
+    for column in table.columns:
+        channel = Channel(column.name, column.quantity)
+        named, factor, rule = identified(channel, rules)
+        if rule is None or column.unit:
+            columns.append(column)
+            continue
+        notes.append(mapping_in_words(channel, rule))
+        quantity, factor = named.quantity, column.factor * factor
+        columns.append(replace(column, quantity=quantity, factor=factor, direction=named.direction))
+    return replace(table, columns=tuple(columns), notes=(*table.notes, *notes))
+
+
+def _part(table: Table, settings: ReadSettings) -> Table:
+    """Return the table with only the rows of the wanted part."""
+    if settings.start is None and settings.end is None:
+        return table
+    begin, end, origin = _rows_of_part(table, settings)
+
+    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return table.blocks(begin + first, end if last is None else min(end, begin + last))
+
+    return replace(table, blocks=blocks, times=None, start=None if table.start is None else table.start + origin)
+
+
+def stated_rate(table: Table, sampling_rate: float | None) -> float:
+    """Return the sampling rate from the caller or the file [Hz]; NaN if only the time stamps give it."""
+    stated = table.sampling_rate if sampling_rate is None else sampling_rate
+    if stated is None and table.time_heading is None:
+        raise ParameterError(
+            f"{table.path} has no time column (time, t, t_s, time_s or timestamp): state its sampling rate in Hz "
+            "with --sampling-rate (in Python: sampling_rate=...)"
+        )
+    return np.nan if stated is None else stated
+
+
+def _rows_of_part(table: Table, settings: ReadSettings) -> tuple[int, int, int]:
+    """Return the first row of the wanted part, the row after its last one, and its start without stamps [ns]."""
+    start, end = settings.start or 0.0, np.inf if settings.end is None else settings.end
+    if table.time_heading is None:
+        rate = stated_rate(table, settings.sampling_rate)
+        first = int(np.ceil(start * rate - 1e-9))
+        return first, sys.maxsize if np.isinf(end) else int(np.ceil(end * rate - 1e-9)), round(1e9 * first / rate)
+    scale, n_before, n_until = None, 0, 0
+    for block in (table.times or table.blocks)():
+        if block.stamps is None:
+            break
+        scale = scale or time_scale(block.stamps, table.time_factor)
+        seconds = scale.seconds(block.stamps)
+        n_before += int(np.count_nonzero(seconds < start))
+        n_until += int(np.count_nonzero(seconds < end))
+        if seconds[-1] >= end:
+            break
+    if n_until <= n_before:
+        raise ParameterError(f"{table.path} holds no rows from {start:g} s on: state a part within the recording")
+    return n_before, n_until, 0

@@ -1,0 +1,470 @@
+"""From the rows of a table to recordings: missing values cut, gaps kept or bridged, samples on a uniform grid.
+
+A table is read twice. The survey establishes the facts that concern all rows: which channels are alive, which numbers
+are fillers and how time advances. The second pass turns blocks of rows into recordings. Both need memory for one block
+only.
+"""
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sprung._arrays import Booleans, Indices, Real
+from sprung.errors import DataError, FormatError, ParameterError
+from sprung.formats.clock import Clock, ClockFit, TimeScale, find_gaps, interpolate, time_scale, uncrowded
+from sprung.formats.columns import stated_rate
+from sprung.formats.table import Block, Table
+from sprung.recording import Channel, Gap, Recording
+
+
+@dataclass(frozen=True, slots=True)
+class _Limits:
+    """Limits by which rows are judged."""
+
+    max_value: float = 1e100  # larger numbers are not measured, and their squares might overflow
+    same_rate: float = 0.01  # difference up to which a stated rate and that of the time column agree
+    slow: float = 0.5  # rate [Hz] below which a clock is doubted
+    min_rows: int = 20  # fewer rows may well be slow
+    alive_share: float = 0.5  # a channel with values in fewer rows is dead
+    min_fillers: int = 3  # fewer equal values are no filler
+    max_filler_share: float = 0.5  # numbers in more of the values may be what a channel measures
+    filler_distance: float = 3.0  # distance of a filler from all other values, over their range
+    margin: int = 64  # rows around the end of a block that are used again: the reach of splines and medians
+    reach: int = 1000  # samples on either side of a gap that give its duration
+    min_gap: float = 0.25  # a shorter gap [intervals] is none
+    bridge_reach: int = 16  # samples on either side from which those in a gap are interpolated
+    min_bridge: int = 4  # fewer samples do not carry a bridge
+    bridge_fraction: float = 0.25  # difference of a bridged gap from whole sample intervals
+
+
+_LIMITS = _Limits()
+#: Numbers that loggers write, as in the file.
+_FILLERS = np.array(
+    [
+        *(sign * number for number in (999.0, 999.9, 9999.0, 9999.9, 99999.0, 999999.0) for sign in (-1, 1)),
+        *(-32768.0, 32767.0, 65535.0, -2147483648.0, 2147483647.0, 4294967295.0, 1e30, -1e30, 1e31, -1e31),
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Survey:
+    """Facts about all rows: live channels, scale and advance of time, and the first lines of the history.
+
+    `is_overruled` says that the stated sampling rate takes the place of an inconsistent clock; `fillers` are
+    the numbers of each channel that stand for missing values.
+    """
+
+    alive: Booleans
+    scale: TimeScale | None
+    clock: Clock
+    history: tuple[str, ...]
+    is_overruled: bool = False
+    fillers: tuple[tuple[float, ...], ...] = ()
+
+
+def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None) -> Survey:
+    """Return the facts about all rows of a table; `sampling_rate` as stated by the caller [Hz], None: of the file.
+
+    Raises
+    ------
+    FormatError
+        If a value is infinite, or time is missing, repeated or runs backwards; the message names the row.
+    DataError
+        If no channel holds values, there is only one sample, or rates are mixed.
+    ParameterError
+        If the sampling rate is missing, or contradicts the time column by more than 1 %.
+    """
+    stated = stated_rate(table, sampling_rate)
+    n_rows = 0
+    counts = np.zeros(len(table.columns), dtype=int)
+    scale = None
+    doubt = ""
+    fit = ClockFit(f"{table.path}, {table.row_word}")
+    count = FillerCount(len(table.columns))
+    for block in blocks:
+        count.update(block.values)
+        has_value = _values_present(table, block)
+        rows = has_value.any(axis=0)
+        n_rows += int(rows.sum())
+        counts += has_value.sum(axis=1)
+        if block.stamps is None or not rows.any() or doubt:
+            continue
+        stamps = block.stamps[rows]
+        scale = scale or time_scale(stamps, table.time_factor)
+        seconds = scale.seconds(stamps)
+        numbers = block.first_row + np.flatnonzero(rows)
+        try:
+            if not np.isfinite(seconds).all():
+                raise FormatError(
+                    f"{table.path}, {table.row_word} {numbers[np.argmin(np.isfinite(seconds))]}: column "
+                    f"{table.time_heading!r} holds no time: fill it in or remove the row"
+                )
+            fit.update(seconds, numbers, rounding=scale.rounding(stamps))
+        except (DataError, FormatError) as error:
+            doubt = _doubt(error, sampling_rate)
+    fillers = [count.fillers(channel) for channel in range(len(table.columns))]
+    counts -= [sum(numbers.values()) for numbers in fillers]
+    alive = _alive(table, counts, n_rows)
+    clock = Clock(stated, 1 / stated)
+    if scale and not doubt:
+        try:
+            clock = fit.clock()
+        except (DataError, FormatError) as error:
+            doubt = _doubt(error, sampling_rate)
+    if not doubt and sampling_rate is not None:
+        doubt = _disagreement(table, clock, sampling_rate)
+    if doubt:
+        clock = Clock(stated, 1 / stated)
+    elif table.time_heading is not None and abs(stated / clock.sampling_rate - 1) > _LIMITS.same_rate:
+        raise ParameterError(
+            f"{table.path}: sampling_rate={stated:g} contradicts the time column {table.time_heading!r}, which "
+            f"advances at {clock.sampling_rate:.6g} Hz: leave --sampling-rate out or correct the column"
+        )
+    of_clock = _history_of_clock(clock, scale, doubt, n_rows)
+    history = tuple(_history(table, of_clock, counts, n_rows, fillers))
+    return Survey(alive, scale, clock, history, bool(doubt), tuple(tuple(numbers) for numbers in fillers))
+
+
+def _doubt(error: Exception, sampling_rate: float | None) -> str:
+    """Return why an inconsistent clock is doubted; raise it where no sampling rate overrules."""
+    if sampling_rate is None:
+        raise error
+    return str(error).rsplit(": ", 1)[0]
+
+
+def _disagreement(table: Table, clock: Clock, stated: float) -> str:
+    """Return what is doubtful in a clock that the stated rate contradicts; empty if it agrees, or is a clean clock."""
+    if abs(stated / clock.sampling_rate - 1) <= _LIMITS.same_rate or not (
+        clock.is_coarse or clock.sampling_rate < _LIMITS.slow
+    ):
+        return ""
+    why = "but several rows share a stamp" if clock.is_coarse else "which is hardly that of a measurement of motion"
+    return f"{table.path}: {table.time_heading!r} advances at {clock.sampling_rate:.4g} Hz, {why}"
+
+
+def _values_present(table: Table, block: Block) -> Booleans:
+    """Return which values are present, shape (channels, rows); raise on infinite values and on other rates."""
+    excessive = np.abs(block.values) > _LIMITS.max_value
+    if excessive.any():
+        channel, row = np.argwhere(excessive)[0]
+        raise FormatError(
+            f"{table.path}, {table.row_word} {block.first_row + row}, column {table.columns[channel].heading!r}: "
+            f"{block.values[channel, row]:g} is not a measured value: correct it or leave it empty"
+        )
+    present = ~np.isnan(block.values)
+    for column, has_value in zip(table.columns, present, strict=True):
+        rows = np.flatnonzero(has_value)
+        if 10 <= rows.size < 0.6 * block.n_rows and np.median(np.diff(rows)) >= 2:
+            raise DataError(
+                f"{table.path}: channel {column.name!r} has a value in every {np.median(np.diff(rows)):.0f}th row only "
+                "(another rate): keep the channels of one rate with --channels, or write it to a file of its own"
+            )
+    return present
+
+
+def _alive(table: Table, counts: Indices, n_rows: int) -> Booleans:
+    """Return which channels have values in at least half of the rows."""
+    alive = counts >= max(1.0, _LIMITS.alive_share * n_rows)
+    if n_rows == 0 or not alive.any():
+        raise DataError(
+            f"{table.path} holds no samples: every channel is empty or has values in less than half the rows"
+        )
+    if n_rows == 1:
+        raise DataError(f"{table.path} holds one sample: a recording needs at least two")
+    return alive
+
+
+def _history(
+    table: Table, of_clock: Iterable[str], counts: Indices, n_rows: int, fillers: Sequence[dict[float, int]]
+) -> Iterator[str]:
+    """Yield the history of reading, line by line."""
+    yield f"read {table.path.name}: {len(table.columns)} channels, {n_rows} rows"
+    if table.comment:
+        yield f"comment: {table.comment}"
+    for column in table.columns:
+        if column.unit:
+            yield f"{column.name}: unit {column.unit!r} is unknown, values as in the file"
+        if column.quantity != "unknown" and column.factor != 1:
+            yield f"{column.name}: values times {column.factor:.6g} give {column.quantity.replace('_', ' ')} in SI"
+    yield from of_clock
+    yield from table.notes
+    for column, count in zip(table.columns, counts, strict=True):
+        if count < _LIMITS.alive_share * n_rows:
+            yield f"{column.name}: dead, values in {count} of {n_rows} rows"
+    for column, numbers in zip(table.columns, fillers, strict=True):
+        for number, count in numbers.items():
+            yield f"{column.name}: {number:g} in {count} rows is a filler, far from all other values: taken as missing"
+
+
+def _history_of_clock(clock: Clock, scale: TimeScale | None, doubt: str, n_rows: int) -> Iterator[str]:
+    """Yield what the history says of the clock."""
+    if doubt:
+        yield f"{clock.sampling_rate:g} Hz as stated, in place of an inconsistent clock ({doubt})"
+    else:
+        yield clock.describe() if scale else f"no time column: {clock.sampling_rate:g} Hz as stated"
+    if scale and n_rows >= _LIMITS.min_rows and clock.sampling_rate < _LIMITS.slow:
+        yield f"is {clock.sampling_rate:.3g} Hz right? if not, state the sampling rate or the unit of the time column"
+
+
+class FillerCount:
+    """Counts the fillers in channels block by block."""
+
+    def __init__(self, n_channels: int) -> None:
+        self._counts = np.zeros((n_channels, _FILLERS.size), dtype=np.intp)
+        self._others = np.zeros(n_channels, dtype=np.intp)
+        self._lowest = np.full(n_channels, np.inf)
+        self._highest = np.full(n_channels, -np.inf)
+
+    def update(self, values: Real) -> None:
+        """Add the next rows, shape (channels, rows), missing values as NaN."""
+        is_other = np.isfinite(values)
+        is_large = np.abs(values) >= np.abs(_FILLERS).min()
+        for row in np.flatnonzero(is_large.any(axis=1)):
+            matches = values[row] == _FILLERS[:, None]
+            self._counts[row] += np.count_nonzero(matches, axis=1)
+            is_other[row] &= ~matches.any(axis=0)
+        self._others += np.count_nonzero(is_other, axis=1)
+        lowest = np.min(values, axis=1, where=is_other, initial=np.inf)
+        highest = np.max(values, axis=1, where=is_other, initial=-np.inf)
+        self._lowest = np.minimum(self._lowest, lowest)
+        self._highest = np.maximum(self._highest, highest)
+
+    def fillers(self, channel: int) -> dict[float, int]:
+        """Return the fillers of a channel, each with the number of its values.
+
+        A filler occurs at least three times and is farther from all other values than three times their range; a
+        channel of which it is more than half has none, as it may be what the channel measures.
+        """
+        n_others = int(self._others[channel])
+        low, high = self._lowest[channel], self._highest[channel]
+        counts = self._counts[channel]
+        if not n_others or counts.sum() > _LIMITS.max_filler_share * (n_others + counts.sum()):
+            return {}
+        distance = np.maximum(low - _FILLERS, _FILLERS - high)
+        is_filler = (
+            (counts >= _LIMITS.min_fillers) & (distance > _LIMITS.filler_distance * (high - low)) & (distance > 0)
+        )
+        return {float(_FILLERS[k]): int(counts[k]) for k in np.flatnonzero(is_filler)}
+
+
+def without_fillers(values: Real, fillers: tuple[tuple[float, ...], ...]) -> Real:
+    """Return values (channels, rows) with NaN for the fillers of each channel."""
+    if not any(fillers):
+        return values
+    cleaned = values.copy()
+    for row, numbers in enumerate(fillers):
+        if numbers:
+            cleaned[row, np.isin(cleaned[row], numbers)] = np.nan
+    return cleaned
+
+
+def assemble(table: Table, blocks: Iterable[Block], facts: Survey, *, bridge: float = 0.0) -> Iterator[Recording]:
+    """Yield recordings of consecutive blocks: each begins where the one before ends; gaps lie inside recordings.
+
+    Samples are interpolated across gaps up to `bridge` [s].
+    """
+    assembler = _Assembler(table, facts, bridge)
+    for block, following in itertools.pairwise(itertools.chain(blocks, [None])):
+        if block is not None:
+            recording = assembler.update(block, is_last=following is None)
+            if recording is not None:
+                yield recording
+
+
+class _Assembler:
+    """Turns blocks of rows into recordings; holds back the last rows of each block until the next one."""
+
+    def __init__(self, table: Table, facts: Survey, bridge: float) -> None:
+        self._table = table
+        self._bridge = bridge
+        self._facts = facts
+        self._clock = facts.clock
+        self._channels = tuple(
+            Channel(
+                column.name,
+                column.quantity,
+                direction=column.direction,
+                comment=column.comment,
+                calibration=column.calibration,
+            )
+            for column in table.columns
+        )
+        self._factors = np.array([[column.factor] for column in table.columns])
+        self._n_rows = 0
+        self._seconds: Real = np.empty(0)
+        self._samples: Real = np.empty((len(self._channels), 0))
+        self._n_done = 0
+        self._next_time: float | None = None
+        self._n_cut = 0
+        self._bridged: dict[float, float] = {}
+
+    def update(self, block: Block, *, is_last: bool) -> Recording | None:
+        """Add the next rows; return the recording that they complete, None if there is none."""
+        self._append(block)
+        n_rows = self._seconds.size
+        gaps = self._gaps()
+        gaps = gaps[gaps > self._n_done]
+        end = n_rows if is_last else max(self._n_done, _quiet_end(gaps, n_rows))
+        if end <= self._n_done:
+            return None
+        recording = self._resample(gaps, end) if self._clock.is_resampled else self._take_rows(gaps, end)
+        self._forget(gaps, end)
+        return _bridge_gaps(recording, self._bridge) if self._bridge else recording
+
+    def _gaps(self) -> Indices:
+        """Return the rows before which time is missing; without short ones where splines pass over them."""
+        gaps = find_gaps(self._seconds, self._clock)
+        if not self._clock.is_resampled or not self._bridge:
+            return gaps
+        missing = self._seconds[gaps] - self._seconds[gaps - 1] - self._clock.interval
+        is_short = missing <= self._bridge
+        self._bridged |= {
+            float(self._seconds[gap]): float(length)
+            for gap, length in zip(gaps[is_short], missing[is_short], strict=True)
+        }
+        return gaps[~is_short]
+
+    def _append(self, block: Block) -> None:
+        """Add the rows in which every live channel has a value."""
+        values = without_fillers(block.values, self._facts.fillers)
+        present = ~np.isnan(values)
+        whole = present[self._facts.alive].all(axis=0)
+        self._n_cut += int(present.any(axis=0).sum() - whole.sum())
+        if self._facts.scale and block.stamps is not None and not self._facts.is_overruled:
+            seconds = self._facts.scale.seconds(block.stamps[whole])
+        else:
+            rows = self._n_rows + np.flatnonzero(whole)
+            seconds = rows.astype(np.float64) * self._clock.interval
+        self._n_rows += block.n_rows
+        self._seconds = np.concatenate([self._seconds, seconds])
+        self._samples = np.concatenate([self._samples, values[:, whole] * self._factors], axis=1)
+
+    def _take_rows(self, gaps: Indices, end: int) -> Recording:
+        """Return the rows up to `end` as they are; straight lines through the stamps give their times."""
+        offsets = self._seconds - self._clock.interval * np.arange(self._seconds.size)
+        edges = [0, *gaps, offsets.size]
+        durations = []
+        for first, here, last in zip(edges, edges[1:], edges[2:], strict=False):
+            before = np.median(offsets[max(first, here - _LIMITS.reach) : here])
+            after = np.median(offsets[here : min(last, here + _LIMITS.reach)])
+            durations.append((here, after - before))
+        start = np.median(offsets[: min(edges[1], _LIMITS.reach)])
+        return self._recording(self._samples[:, :end], float(start), [gap for gap in durations if gap[0] < end])
+
+    def _resample(self, gaps: Indices, end: int) -> Recording:
+        """Return the samples at uniform times, interpolated within each stretch."""
+        interval = self._clock.interval
+        edges = [0, *gaps, self._seconds.size]
+        parts: list[Real] = []
+        durations: list[tuple[int, float]] = []
+        next_time = self._next_time
+        start = None
+        for first, last in itertools.pairwise(edges):
+            if first >= end:
+                break
+            times = uncrowded(self._seconds[first:last], interval)
+            origin = times[0] if first or next_time is None else next_time
+            # An open stretch ends where the next block continues it; a closed one is used to its last sample.
+            until = times[-1] + 1e-6 * interval if last <= end else times[end - first]
+            wanted = origin + interval * np.arange(np.ceil((until - origin) / interval))
+            index = sum(part.shape[1] for part in parts)
+            if index and next_time is not None:
+                durations.append((index, float(origin - next_time)))
+            start = origin if start is None else start
+            parts.append(interpolate(self._samples[:, first:last], times, wanted))
+            next_time = float(origin + interval * wanted.size)
+        self._next_time = next_time
+        return self._recording(np.concatenate(parts, axis=1), float(start or 0.0), durations)
+
+    def _recording(self, samples: Real, start: float, gaps: list[tuple[int, float]]) -> Recording:
+        """Return the recording that begins `start` seconds after the origin."""
+        history = list(self._facts.history)
+        if self._n_cut:
+            history.append(f"{self._n_cut} rows removed in which a channel has no value")
+        if self._bridged:
+            history.append(_said(len(self._bridged), sum(self._bridged.values())))
+        origin = self._origin()
+        min_gap = _LIMITS.min_gap * self._clock.interval
+        self._n_cut = 0
+        return Recording(
+            samples,
+            self._clock.sampling_rate,
+            self._channels,
+            start=None if origin is None else origin + round(start * 1e9),
+            gaps=tuple(Gap(int(index), float(length)) for index, length in gaps if length > min_gap),
+            history=tuple(history),
+            comment=self._table.comment,
+        )
+
+    def _origin(self) -> int | None:
+        """Return the UTC time [ns] of the first row, or of the origin of its stamps."""
+        scale, stated = self._facts.scale, self._table.start
+        if scale is None or scale.start is not None or stated is None:
+            return stated if scale is None else scale.start
+        offset = scale.origin * scale.factor
+        return stated + round(1e9 * offset) if math.isfinite(offset) else stated
+
+    def _forget(self, gaps: Indices, end: int) -> None:
+        """Drop the rows before `end`, except those that splines beyond it need."""
+        last_gap = max((int(gap) for gap in gaps if gap <= end), default=0)
+        first = max(last_gap, end - _LIMITS.margin) if self._clock.is_resampled else end
+        self._seconds = self._seconds[first:]
+        self._samples = self._samples[:, first:]
+        self._n_done = end - first
+
+
+def _quiet_end(gaps: Indices, n_rows: int) -> int:
+    """Return a row before the last ones without a gap at it and, if possible, without one near it."""
+    latest = n_rows - _LIMITS.margin
+    end = latest
+    for gap in gaps[::-1]:
+        if gap <= end - _LIMITS.margin:
+            return end
+        end = min(end, int(gap) - _LIMITS.margin)
+    if end > _LIMITS.margin:
+        return end
+    calm = np.setdiff1d(np.arange(max(0, latest - _LIMITS.reach), latest + 1), gaps)
+    return int(calm.max(initial=0))
+
+
+def _bridge_gaps(recording: Recording, longest: float) -> Recording:
+    """Return the recording with gaps up to `longest` [s] filled by cubic splines through the samples on either side.
+
+    A gap stays if it is not a whole number of sample intervals long, or fewer than four samples lie between it and the
+    next one or an end of the recording: nothing is extrapolated.
+    """
+    edges = [0, *(gap.index for gap in recording.gaps), recording.n_samples]
+    parts: list[Real] = [recording.samples[:, : edges[1]]]
+    kept: list[Gap] = []
+    filled: list[float] = []
+    added = 0
+    for gap, first, last in zip(recording.gaps, edges, edges[2:], strict=False):
+        n_before = gap.index - first
+        n_after = last - gap.index
+        wanted = gap.duration * recording.sampling_rate
+        n_missing = round(wanted)
+        is_whole = n_missing and abs(wanted - n_missing) < _LIMITS.bridge_fraction
+        if is_whole and gap.duration <= longest and min(n_before, n_after) >= _LIMITS.min_bridge:
+            before = np.arange(-min(_LIMITS.bridge_reach, n_before), 0)
+            after = np.arange(min(_LIMITS.bridge_reach, n_after))
+            samples = recording.samples[:, gap.index + before[0] : gap.index + after.size]
+            times = np.concatenate([before, n_missing + after]).astype(np.float64)
+            parts.append(interpolate(samples, times, np.arange(n_missing, dtype=np.float64)))
+            filled.append(gap.duration)
+            added += n_missing
+        else:
+            kept.append(replace(gap, index=gap.index + added))
+        parts.append(recording.samples[:, gap.index : last])
+    if not filled:
+        return recording
+    step = _said(len(filled), sum(filled))
+    return recording.changed(step, samples=np.concatenate(parts, axis=1), gaps=tuple(kept))
+
+
+def _said(count: int, duration: float) -> str:
+    """Return the line of the history on bridged gaps, their number and total length [s]."""
+    return f"{count} gap{'s' * (count > 1)} of {duration:.4g} s in all bridged by cubic interpolation"
