@@ -25,7 +25,6 @@ OF_ANALYSIS: tuple[Place, ...] = (
             "identification/stabilisation.py",
             "identification/contribution.py",
             "identification/scatter.py",
-            "identification/merging.py",
             "identification/ladders.py",
         ),
     ),

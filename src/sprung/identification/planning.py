@@ -15,7 +15,7 @@ from sprung.errors import DataError, ParameterError
 from sprung.identification.ladders import Ladder, OrderLadder
 from sprung.identification.plscf import suitable_ladder
 from sprung.identification.preparation import Prepared
-from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
+from sprung.identification.settings import IdentificationSettings, Method, Plan, PreparationPlan
 from sprung.recording import Recording
 from sprung.signals.conditioning import detrend
 from sprung.signals.harmonics import Harmonic
@@ -188,7 +188,7 @@ def make_plan(
     harmonics: Sequence[Harmonic],
     *,
     settings: IdentificationSettings,
-    method: str,
+    method: Method,
     total_duration: float,
 ) -> Plan:
     """Choose the ladder and the length of segments from the first prepared record, where the settings leave them open.
@@ -204,7 +204,7 @@ def make_plan(
     settings
         Settings as given.
     method
-        "cov", "acs" or "coss".
+        Method, which needs its own segments and its own ladder.
     total_duration
         Duration of all records [s].
 
@@ -236,7 +236,7 @@ def make_plan(
         lag_span = min([lag_span, *(_OF_PULSE_PERIOD / line for line in _pulse_trains(harmonics))])
     lag_span = min(lag_span, total_duration / _RECORD_OVER_LAGS, stretch / rate / _STRETCH_OVER_LAGS)
     ladder = _ladder(settings, len(preparation.channels), rate, lag_span, _longest(motion))
-    if method == "plscf" and isinstance(ladder, OrderLadder):
+    if method.has_polynomials and isinstance(ladder, OrderLadder):
         n_references = len(settings.references or preparation.channels)
         given = {"block_rows": settings.block_rows, "max_order": settings.max_order}
         ladder = suitable_ladder(ladder.block_rows, n_references, **given)
@@ -512,10 +512,10 @@ def disjoint_splits(channels: Iterable[Name]) -> tuple[tuple[tuple[Name, ...], t
     return tuple(splits)
 
 
-def _segment(method: str, settings: IdentificationSettings, duration: float, lag_span: float) -> float:
+def _segment(method: Method, settings: IdentificationSettings, duration: float, lag_span: float) -> float:
     """Return a length of segments that gives enough of them to each subset and is long against the lags [s]."""
-    if method not in ("acs", "coss"):
+    if not method.has_own_segments:
         lag_spans = _LAG_SPANS_OF_A_BLOCK if settings.ladder is None else 1.0
         return max(duration / _BLOCKS_OF_A_RECORD, lag_spans * lag_span)
-    n_segments = _SEGMENTS_OF_A_SUBSET * (settings.n_subsets if method == "coss" else 1)
+    n_segments = _SEGMENTS_OF_A_SUBSET * (settings.n_subsets if method.is_sorted else 1)
     return max(duration / n_segments, _LAG_SPANS_OF_A_SEGMENT * lag_span)

@@ -3,8 +3,6 @@
 import math
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from sprung._arrays import Complex
 from sprung.identification.settings import PreparationPlan
 from sprung.modal import Modes, unit_shapes
@@ -125,9 +123,8 @@ def as_measured(modes: Modes, plan: PreparationPlan, lifter: Lifter | None) -> M
     lifter
         Lifter of the preparation; None: no editing.
     """
-    factors = np.array([plan.factors[name] for name in plan.channels])
     return replace(
-        modes, poles=without_lifter(modes.poles, lifter), mode_shapes=unit_shapes(modes.mode_shapes / factors)
+        modes, poles=without_lifter(modes.poles, lifter), mode_shapes=unit_shapes(modes.mode_shapes / plan.scales)
     )
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sprung._arrays import Indices
+from sprung._arrays import Indices, Real
 from sprung._checks import freeze
 from sprung.identification.settings import Plan
 from sprung.likelihood.modal_spectra import LineSums, block_sums, line_edges, line_sums
@@ -48,6 +48,11 @@ class RecordSpectra:
         records = np.concatenate([self.records, other.records + self.records.max(initial=-1) + 1])
         joined = replace(self, lines=self.lines + other.lines, blocks=tuple(blocks), records=records)
         return joined.with_fewer_blocks()
+
+    def scaled(self, factors: Real) -> "RecordSpectra":
+        """Return the spectra of channels multiplied by factors, shape (channels,)."""
+        blocks = tuple(block.scaled(factors) for block in self.blocks)
+        return replace(self, lines=self.lines.scaled(factors), blocks=blocks)
 
     def with_fewer_blocks(self) -> "RecordSpectra":
         """Return the spectra with at most as many blocks as the size of their matrices allows."""

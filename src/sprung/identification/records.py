@@ -21,7 +21,7 @@ from sprung.identification.levels import LevelCorrelations, correlate_by_level, 
 from sprung.identification.planning import make_plan, plan_preparation
 from sprung.identification.preparation import Prepared, highest_line, prepare, search_harmonics, without_slow_motion
 from sprung.identification.record_spectra import RecordSpectra, record_spectra
-from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
+from sprung.identification.settings import COV, IdentificationSettings, Method, Plan, PreparationPlan
 from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic, in_families, without_side_lines
 from sprung.signals.line_removal import subtract_lines
@@ -106,7 +106,7 @@ class _Remarks:
 def correlate_records(
     recordings: Recording | Iterable[Recording],
     *,
-    method: str,
+    method: Method,
     settings: IdentificationSettings,
     vehicle: AnyVehicle | None,
     report: Progress,
@@ -118,7 +118,7 @@ def correlate_records(
     recordings
         One record, or several of one condition; an iterator is read once.
     method
-        "cov", "acs" or "coss".
+        Method, which sorts and cuts the records.
     settings
         Settings as given.
     vehicle
@@ -162,7 +162,7 @@ class RunningRecords:
     def __init__(
         self,
         *,
-        method: str,
+        method: Method,
         settings: IdentificationSettings,
         vehicle: AnyVehicle | None,
         total_duration: float | None = None,
@@ -256,7 +256,7 @@ class RunningRecords:
         if harmonics and settings.band is None and settings.ladder is None and self._vehicle is None:
             searched = highest_line(preparation)
             preparation = plan_preparation(recording, settings=settings, harmonics=harmonics, searched=searched)
-        if method == "fdd":
+        if method.has_long_spectra:
             preparation = with_long_segments(preparation, recording, total_duration=duration, segment=settings.segment)
         prepared = prepare(recording, preparation, lifter=settings.lifter)
         plan = make_plan(
@@ -264,7 +264,7 @@ class RunningRecords:
             prepared,
             harmonics,
             settings=settings,
-            method="cov" if _is_by_level(method, settings) else method,
+            method=COV if _is_by_level(method, settings) else method,
             total_duration=duration,
         )
         if plan.preparation.high_pass != preparation.high_pass:
@@ -297,13 +297,13 @@ def _harmonics(
     return search_harmonics(recording, plan, speed=speed_channel(recording, vehicle))
 
 
-def _is_by_level(method: str, settings: IdentificationSettings) -> bool:
+def _is_by_level(method: Method, settings: IdentificationSettings) -> bool:
     """Return whether products are sorted by the level just before them."""
-    return method == "coss" and not settings.has_own_levels
+    return method.is_sorted and not settings.has_own_levels
 
 
 def _correlate(
-    method: str, prepared: Prepared, harmonics: tuple[Harmonic, ...], plan: Plan, settings: IdentificationSettings
+    method: Method, prepared: Prepared, harmonics: tuple[Harmonic, ...], plan: Plan, settings: IdentificationSettings
 ) -> _Correlated:
     """Correlate the segments of one prepared record."""
     # The thesis keeps the lines in and judges the poles on them.
@@ -315,7 +315,7 @@ def _correlate(
         n_lags=n_lags,
         segment=plan.segment,
         references=references,
-        is_continued=method not in ("acs", "coss") or is_by_level,
+        is_continued=is_by_level or not method.has_own_segments,
     )
     levels = None
     if is_by_level:

@@ -96,7 +96,7 @@ def _listed(frequencies: Sequence[str]) -> str:
     return ", ".join(frequencies[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
-def refine(
+def refined_by_spectra(
     modes: Modes, spectra: RecordSpectra, channels: Sequence[Channel], *, harmonics: Sequence[Harmonic] = ()
 ) -> tuple[Modes, Refinement]:
     """Refine identified modes to the largest likelihood of the records' spectra.
