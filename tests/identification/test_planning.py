@@ -10,8 +10,14 @@ from scipy import signal
 
 from sprung.errors import DataError, ParameterError
 from sprung.identification import BlockRowLadder, IdentificationSettings
-from sprung.identification.planning import disjoint_splits, make_plan, plan_preparation, rate_for_body
-from sprung.identification.preparation import prepare, search_harmonics
+from sprung.identification.planning import (
+    disjoint_splits,
+    make_plan,
+    plan_preparation,
+    prepare,
+    rate_for_body,
+    search_harmonics,
+)
 from sprung.identification.settings import ACS, COSS, COV
 from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic

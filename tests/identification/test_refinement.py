@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.identification import IdentificationSettings, acs_ssi, as_in_thesis, coss_ssi, cov_ssi
-from sprung.identification.record_spectra import RecordSpectra
+from sprung.identification.band_fits import RecordSpectra
 from sprung.identification.refinement import refined_by_spectra
 from sprung.likelihood.modal_spectra import LineSums, line_edges
 from sprung.modal import Modes, mac, unit_shapes

@@ -9,7 +9,7 @@ from sprung._arrays import Indices
 from sprung._checks import check_number, check_type
 from sprung.errors import ParameterError
 from sprung.identification.fdd import bells_at, modes_of_bells
-from sprung.identification.preparation import as_measured
+from sprung.identification.planning import as_measured
 from sprung.identification.results import Identification, SubsetModes
 from sprung.identification.stabilisation import (
     StabilisationDiagram,

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from sprung._arrays import Booleans, Indices, Real
 from sprung._checks import freeze
-from sprung.identification.band_fits import BandFit, Observed, fits_of_bands, refined_modes
-from sprung.identification.record_spectra import RecordSpectra
+from sprung.identification.band_fits import BandFit, Observed, RecordSpectra, fits_of_bands, refined_modes
 from sprung.likelihood.modal_spectra import LineSpectra
 from sprung.modal import Modes, join_modes
 from sprung.recording import Channel

@@ -9,10 +9,10 @@ from sprung._checks import check_one_of, freeze
 from sprung._display import Drawable, Savable, Tabular, counted, in_short
 from sprung.identification.correlation import Correlations
 from sprung.identification.ladders import BlockRowLadder
+from sprung.identification.levels import LevelTrends
 from sprung.identification.refinement import Refinement
 from sprung.identification.settings import KINDS, IdentificationSettings, Plan
 from sprung.identification.stabilisation import StabilisationDiagram
-from sprung.identification.trends import LevelTrends
 from sprung.modal import Modes
 from sprung.recording import Channel
 from sprung.signals.harmonics import Harmonic

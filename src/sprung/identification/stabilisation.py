@@ -10,8 +10,7 @@ from scipy.cluster import hierarchy
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_number, freeze
 from sprung._display import Tabular, counted, in_short
-from sprung.identification.correlation import Correlations
-from sprung.identification.scatter import deviation_of_mean
+from sprung.identification.correlation import Correlations, deviation_of_mean
 from sprung.identification.subspace import frequency_and_damping_changes, with_deviations
 from sprung.modal import Modes, Poles, PoleStatus, join_modes, mac, mpc, unit_shapes
 

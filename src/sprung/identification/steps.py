@@ -10,9 +10,15 @@ from sprung.errors import IdentificationError
 from sprung.identification.contribution import complete_shapes, significant
 from sprung.identification.correlation import Correlations, average
 from sprung.identification.fdd import find_bells, modes_of_bells
-from sprung.identification.levels import level_sets
-from sprung.identification.planning import disjoint_splits
-from sprung.identification.preparation import as_measured, without_lifter
+from sprung.identification.levels import (
+    N_LEVELS,
+    LevelTrends,
+    level_sets,
+    level_trends,
+    subsets_of_equal_width,
+    trends_in_words,
+)
+from sprung.identification.planning import as_measured, disjoint_splits, without_lifter
 from sprung.identification.records import CorrelatedRecords, Progress, correlate_records
 from sprung.identification.refinement import Refinement, refined_by_spectra
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
@@ -31,8 +37,6 @@ from sprung.identification.stabilisation import (
     with_status,
     with_total_deviations,
 )
-from sprung.identification.subsets import subsets_of_equal_width
-from sprung.identification.trends import N_LEVELS, LevelTrends, level_trends, trends_in_words
 from sprung.modal import Modes, PoleStatus, join_modes, unit_shapes
 from sprung.recording import Recording
 from sprung.signals.cepstrum import Lifter, ShortPass
