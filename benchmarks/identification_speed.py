@@ -94,9 +94,14 @@ def _recording(samples: Any) -> Any:
 def _sprung_coss_parts(options: Sequence[str], records: Any, watch: Stopwatch) -> None:
     """The eight steps of CoSS-SSI alone."""
     from sprung.identification.correlation import average, correlate_segments, join_segments
-    from sprung.identification.merging import merge_modes
-    from sprung.identification.stabilisation import THESIS_CRITERIA, StabilityCriteria, select_modes, stabilise
-    from sprung.identification.subsets import subsets_of_equal_width
+    from sprung.identification.levels import subsets_of_equal_width
+    from sprung.identification.stabilisation import (
+        THESIS_CRITERIA,
+        StabilityCriteria,
+        merge_modes,
+        select_modes,
+        stabilise,
+    )
     from sprung.identification.subspace import block_row_ladder, poles_of_orders, realise
     from sprung.signals.conditioning import decimate
 

@@ -17,15 +17,14 @@ ANALYSIS, STATION, BENCHMARK = "analysis: ", "station: ", "benchmark"
 OF_WORKER, OF_MONITOR = "monitor/jobs.py", "monitor/station.py"
 #: Parts of the analysis by the innermost place on the stack.
 OF_ANALYSIS: tuple[Place, ...] = (
-    ("lines", ("signals/harmonics.py", "signals/narrow_lines.py", "identification/preparation.py:search_harmonics")),
+    ("lines", ("signals/harmonics.py", "signals/narrow_lines.py", "identification/planning.py:search_harmonics")),
     (
         "ladders, SVD, selection",
         (
             "identification/subspace.py",
             "identification/stabilisation.py",
             "identification/contribution.py",
-            "identification/scatter.py",
-            "identification/merging.py",
+            "identification/correlation.py",
             "identification/ladders.py",
         ),
     ),
@@ -34,8 +33,8 @@ OF_ANALYSIS: tuple[Place, ...] = (
         "decimation, preparation",
         (
             "signals/conditioning.py",
-            "identification/preparation.py",
-            "identification/decimation.py",
+            "identification/planning.py",
+            "identification/ladders.py",
             "vehicles/window.py",
             "link/blocks.py:joined",
         ),
@@ -45,7 +44,7 @@ OF_ANALYSIS: tuple[Place, ...] = (
         (
             "identification/correlation.py",
             "identification/records.py",
-            "identification/record_spectra.py",
+            "identification/band_fits.py",
             "identification/levels.py",
             "diagnosis/residuals.py",
         ),

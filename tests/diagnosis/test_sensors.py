@@ -9,7 +9,7 @@ import pytest
 from sprung.diagnosis import KINDS, observe_window, sensor_faults
 from sprung.diagnosis.sensors import check_sensors, speed_fault
 from sprung.errors import DataError
-from sprung.identification.channel_faults import without_dead_parts
+from sprung.identification.records import without_dead_parts
 from sprung.signals.inspection import inspect
 from sprung.simulation import (
     FEW_POTHOLES,

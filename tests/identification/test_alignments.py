@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sprung.identification.contribution import contributions
+from sprung.identification.contribution import contributions, significant
 from sprung.identification.correlation import average, correlate_segments
-from sprung.identification.stabilisation import align, significant
+from sprung.identification.stabilisation import align
 from sprung.modal import Modes
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain

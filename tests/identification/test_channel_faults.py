@@ -5,7 +5,7 @@ import pytest
 
 from sprung.errors import DataError
 from sprung.identification import cov_ssi
-from sprung.identification.channel_faults import note_on_faults, without_dead_parts
+from sprung.identification.records import note_on_faults, without_dead_parts
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain
 

@@ -6,7 +6,7 @@ import pytest
 from sprung.errors import ParameterError
 from sprung.identification import OrderLadder
 from sprung.identification.correlation import exact_correlations
-from sprung.identification.decimation import PASSED, STOPPED, decimate_correlations, filter_half_width
+from sprung.identification.ladders import PASSED, STOPPED, decimate_correlations, filter_half_width
 from sprung.identification.subspace import poles_of_orders, realise, with_deviations
 from sprung.modal import mac
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sprung.identification.gluing import combine, glue, match_modes
+from sprung.identification.setups import combine, glue, match_modes
 from sprung.modal import Modes
 
 

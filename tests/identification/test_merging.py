@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.identification.merging import merge_modes
+from sprung.identification.stabilisation import merge_modes
 from sprung.modal import Modes, mac
 
 

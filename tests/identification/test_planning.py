@@ -10,8 +10,15 @@ from scipy import signal
 
 from sprung.errors import DataError, ParameterError
 from sprung.identification import BlockRowLadder, IdentificationSettings
-from sprung.identification.planning import disjoint_splits, make_plan, plan_preparation, rate_for_body
-from sprung.identification.preparation import prepare, search_harmonics
+from sprung.identification.planning import (
+    disjoint_splits,
+    make_plan,
+    plan_preparation,
+    prepare,
+    rate_for_body,
+    search_harmonics,
+)
+from sprung.identification.settings import ACS, COSS, COV
 from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate, usual_excitation
@@ -26,7 +33,7 @@ def run():
     return simulate(three_masses, usual_excitation(three_masses), duration=60.0, sampling_rate=500.0, seed=1, snr=10.0)
 
 
-def planned(recording, *, method="cov", total=None, **settings):
+def planned(recording, *, method=COV, total=None, **settings):
     wishes = IdentificationSettings(**settings)
     preparation = plan_preparation(recording, settings=wishes)
     return make_plan(
@@ -158,13 +165,13 @@ def test_given_settings_are_kept(run) -> None:
 
 
 def test_segments_are_many_and_long_against_the_lags(run) -> None:
-    cov, acs, coss = (planned(run, method=method, total=1200.0) for method in ("cov", "acs", "coss"))
+    cov, acs, coss = (planned(run, method=method, total=1200.0) for method in (COV, ACS, COSS))
     assert cov.segment == pytest.approx(1200.0 / 48)
     assert acs.segment == pytest.approx(60.0)
     assert coss.segment == pytest.approx(1200.0 / 36)
     for plan in (cov, acs, coss):
         assert plan.segment >= 3 * plan.ladder.n_lags / plan.preparation.decimate_to
-    short = planned(run, method="coss")
+    short = planned(run, method=COSS)
     assert short.segment == pytest.approx(3 * short.ladder.n_lags / short.preparation.decimate_to)
     assert short.segment > 60.0 / 36
 

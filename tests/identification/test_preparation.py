@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from sprung.identification import IdentificationSettings
-from sprung.identification.planning import plan_preparation
-from sprung.identification.preparation import prepare, search_harmonics
+from sprung.identification.planning import plan_preparation, prepare, search_harmonics
 from sprung.recording import Channel, Recording
 from sprung.signals.cepstrum import ShortPass
 from sprung.simulation import simulate, usual_excitation

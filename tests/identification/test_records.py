@@ -8,6 +8,7 @@ import pytest
 from sprung.errors import DataError
 from sprung.identification import IdentificationSettings, RunningSummary, summarise
 from sprung.identification.records import correlate_records
+from sprung.identification.settings import ACS
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain
 
@@ -20,7 +21,7 @@ def run(seed, *, duration=60.0):
 
 def correlated(records, **settings):
     wishes = IdentificationSettings(harmonics=(), **settings)
-    return correlate_records(records, method="acs", settings=wishes, vehicle=None, report=lambda doing, share: None)
+    return correlate_records(records, method=ACS, settings=wishes, vehicle=None, report=lambda doing, share: None)
 
 
 def test_records_of_an_iterator_do_not_pile_up() -> None:

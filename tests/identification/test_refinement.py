@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sprung.identification import IdentificationSettings, acs_ssi, as_in_thesis, coss_ssi, cov_ssi
-from sprung.identification.record_spectra import RecordSpectra
-from sprung.identification.refinement import refine
+from sprung.identification.band_fits import RecordSpectra
+from sprung.identification.refinement import refined_by_spectra
 from sprung.likelihood.modal_spectra import LineSums, line_edges
 from sprung.modal import Modes, mac, unit_shapes
 from sprung.recording import Channel, Gap
@@ -72,7 +72,7 @@ def test_exact_spectra_give_exact_modes(quantities) -> None:
         FREQUENCY * factor, DAMPING * np.array([1.05, 0.97, 1.04]), seen + 0.01 * generator.normal(size=seen.shape)
     )
     start = replace(start, natural_frequency_std=np.full(3, 0.05), damping_ratio_std=np.full(3, 0.01))
-    modes, refinement = refine(start, spectra, channels)
+    modes, refinement = refined_by_spectra(start, spectra, channels)
     assert refinement.reasons == ("", "", "")
     assert modes.natural_frequency == pytest.approx(FREQUENCY, rel=3e-4)  # 0.4 standard deviations
     assert modes.damping_ratio == pytest.approx(DAMPING, rel=0.02)
@@ -95,7 +95,7 @@ def test_forces_held_over_samples_hardly_move_refined_frequencies() -> None:
     lines = LineSums(edges, moments, matrices * n_lines[:, None, None], duration)
     spectra = RecordSpectra(lines, (), np.zeros(0, dtype=np.intp), rate)
     start = modes_of(exact.natural_frequency, exact.damping_ratio, exact.mode_shapes, stds=(0.2, 0.01))
-    modes, refinement = refine(start, spectra, system.outputs.channels)
+    modes, refinement = refined_by_spectra(start, spectra, system.outputs.channels)
     assert refinement.is_refined.all()
     assert modes.natural_frequency == pytest.approx(exact.natural_frequency, rel=1e-3)
 
@@ -104,7 +104,7 @@ def test_a_mode_far_from_the_largest_likelihood_keeps_its_values() -> None:
     shapes = np.random.default_rng(0).normal(size=(3, 3))
     spectra, channels = exact_spectra(shapes, ("unknown",) * 3)
     start = modes_of(FREQUENCY * np.array([1, 1, 1.01]), DAMPING, shapes.astype(complex), stds=(0.01, 0.001))
-    modes, refinement = refine(start, spectra, channels)
+    modes, refinement = refined_by_spectra(start, spectra, channels)
     assert refinement.is_refined.tolist() == [True, True, False]
     assert "refined values too far from" in refinement.reasons[2]
     assert modes.poles[2] == start.poles[2]
@@ -116,7 +116,7 @@ def test_heavily_damped_and_unresolved_modes_keep_their_values() -> None:
     shapes = np.eye(3)[:, :3].astype(complex)
     spectra, channels = exact_spectra(shapes.real, ("unknown",) * 3, duration=40.0)
     start = modes_of(FREQUENCY, np.array([1e-3, 0.02, 0.3]), shapes)
-    modes, refinement = refine(start, spectra, channels)
+    modes, refinement = refined_by_spectra(start, spectra, channels)
     assert "peak too narrow for stretches of 40 s: record longer" in refinement.reasons[0]
     assert "damped by more than 15 %" in refinement.reasons[2]
     assert np.array_equal(modes.poles[[0, 2]], start.poles[[0, 2]])

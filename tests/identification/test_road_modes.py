@@ -224,9 +224,9 @@ def test_recordings_that_can_be_read_once_are_kept_within_bounds() -> None:
         return Recording(np.zeros((1, n_samples)), 100.0, (Channel("a"),))
 
     small, large = record(10), Recording(np.broadcast_to(np.zeros(1), (1, 2**25)), 100.0, (Channel("a"),))
-    given, kept = kept_records(iter([small, large, small]))
+    given, kept = kept_records(iter([small, large, small]), is_keeping=True)
     assert not isinstance(given, Recording)
     assert [recording.n_samples for recording in given] == [10, 2**25, 10]
     assert kept == [small]
-    assert kept_records(small) == (small, [small])
-    assert kept_records([small, small]) == ([small, small], [small, small])
+    assert kept_records(small, is_keeping=False) == (small, (small,))
+    assert kept_records([small, small], is_keeping=False) == ([small, small], [small, small])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sprung.identification.scatter import deviation_of_mean
+from sprung.identification.correlation import deviation_of_mean
 
 N_BLOCKS, N_RUNS = 48, 2000
 

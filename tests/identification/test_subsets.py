@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from sprung.errors import ParameterError
 from sprung.identification.correlation import SegmentCorrelations, average, correlate_segments, with_limited_power
-from sprung.identification.subsets import segment_levels, subsets_of_equal_width
+from sprung.identification.levels import segment_levels, subsets_of_equal_width
 from sprung.recording import Channel, Recording
 
 N_LAGS = 4

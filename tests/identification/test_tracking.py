@@ -6,8 +6,7 @@ import pytest
 
 from sprung.errors import DataError, ParameterError
 from sprung.identification import cov_ssi
-from sprung.identification.tracking import track_modes
-from sprung.identification.tracks import TrackingSettings
+from sprung.identification.tracking import TrackingSettings, track_modes
 from sprung.modal import Modes, mac, unit_shapes
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sprung.identification import IdentificationSettings, LevelTrends, coss_ssi, cov_ssi
+from sprung.identification.levels import trends_in_words
 from sprung.identification.subspace import eigenvalue_weights, realise
-from sprung.identification.trends import trends_in_words
 from sprung.modal import Modes
 from sprung.recording import Channel, Recording
 

@@ -18,8 +18,8 @@ from sprung.errors import IdentificationError, ParameterError
 if TYPE_CHECKING:
     from sprung.formats import ReadSettings
     from sprung.identification import IdentificationSettings
-    from sprung.identification.tracks import TrackedModes
-    from sprung.identification.window_modes import WindowModes
+    from sprung.identification.methods import WindowModes
+    from sprung.identification.tracking import TrackedModes
     from sprung.recording import Recording
     from sprung.vehicles.usable import AnyVehicle
 
@@ -81,8 +81,7 @@ def track(
     json: Json = None,
 ) -> None:
     """Follow modes over files or windows by frequency, shape and standard deviations, with births and deaths."""
-    from sprung.identification.tracking import track_modes
-    from sprung.identification.tracks import TrackingSettings
+    from sprung.identification.tracking import TrackingSettings, track_modes
     from sprung.results import tables
     from sprung.results.documents import tracking_document
     from sprung.results.page import tracking_report
@@ -149,7 +148,7 @@ def _are_documents(files: Sequence[Path]) -> bool:
 def _from_documents(files: Sequence[Path], *, distance: float) -> "list[WindowModes]":
     """Read the modes of identifications, one window each."""
     from sprung._checks import check_number
-    from sprung.identification.window_modes import WindowModes
+    from sprung.identification.methods import WindowModes
     from sprung.results.documents import read_identification
 
     check_number("--window", distance, above=0)
@@ -200,7 +199,7 @@ def _identified(
     """Identify the modes of each window."""
     from sprung._checks import check_number
     from sprung.diagnosis import windows
-    from sprung.identification.window_modes import identify_window
+    from sprung.identification.methods import identify_window
 
     length = _WHOLE if window is None else check_number("--window", window, above=0)
     parts = []

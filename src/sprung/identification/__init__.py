@@ -1,6 +1,7 @@
 """Modal identification: Cov-SSI, ACS-Cov-SSI and CoSS-SSI; pLSCF and FDD as second opinions; picking by hand."""
 
 from sprung.identification.ladders import BlockRowLadder, OrderLadder
+from sprung.identification.levels import LevelTrends
 from sprung.identification.methods import (
     METHOD_NAMES,
     METHODS,
@@ -19,7 +20,6 @@ from sprung.identification.planning import rate_for_body
 from sprung.identification.results import CorrelationSummary, Identification, RovingSetups, SetUp, SubsetModes
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan, as_in_thesis
 from sprung.identification.setups import identify_setups
-from sprung.identification.trends import LevelTrends
 
 __all__ = [
     "METHODS",

@@ -4,11 +4,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+from scipy import ndimage, special
 
-from sprung._arrays import Complex, Indices, Real
+from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung.identification.correlation import Correlations
+from sprung.modal import Modes
 
+#: Probability that a contribution exceeds the bound by chance.
+_CHANCE = 1e-2
+#: Standard deviation of the frequency over the half-bandwidth up to which a contribution counts in full.
+_WELL_KNOWN = 0.2
+#: Number of blocks below which the excess of a mode must be larger.
+_MANY_BLOCKS = 24
 #: Half of a running median of a spectrum is one of this number of parts of it.
 _MEDIAN_SHARE = 12
 
@@ -173,3 +180,50 @@ def complete_shapes(
         responses = _responses(participations[:, others], powers)
         shapes[:, channel] = lagged[channel, others].ravel() @ _participation_operator(responses)
     return shapes
+
+
+def significant(modes: Modes, correlations: Correlations, *, least: float) -> Booleans:
+    """Return which modes contribute more than chance to the correlations between channels.
+
+    Parameters
+    ----------
+    modes
+        Candidates on the channels of `correlations`.
+    correlations
+        Correlations of all segments, with blocks.
+    least
+        Smallest contribution (see `contributions`); 0: all modes are significant.
+
+    Returns
+    -------
+    numpy.ndarray
+        Whether each mode is significant, shape (modes,).
+
+    Notes
+    -----
+    Backward elimination: the weakest mode is removed and the others are solved for again until all that remain
+    contribute enough. A contribution counts in full where the standard deviation of the mode's frequency is up to 0.2
+    of its half-bandwidth, and less in proportion beyond. The bound is not below the 99 % quantile of Fisher's
+    distribution for the complex participation of each reference, in the average over that in each block but one; this
+    matters where there are few channels or few blocks. The excess, too, must reach the bound, and with fewer than 24
+    blocks the bound times 24 over their number: in a short record chance offers a mode many places, of which the
+    stabilisation diagram shows the best.
+    """
+    is_kept = np.ones(len(modes), dtype=np.bool_)
+    if least <= 0:
+        return is_kept
+    freedom = 2 * len(correlations.references)
+    by_chance = special.fdtri(freedom, freedom * max(len(correlations.blocks) - 1, 1), 1 - _CHANCE)
+    least = max(least, float(by_chance))
+    spread = modes.natural_frequency_std / (modes.natural_frequency * modes.damping_ratio)
+    least_excess = least * max(1.0, _MANY_BLOCKS / len(correlations.blocks))
+    while is_kept.any():
+        kept = np.flatnonzero(is_kept)
+        contribution, excess = contributions(modes.poles[kept], modes.mode_shapes[kept], correlations)
+        certainty = contribution / np.fmax(spread[kept] / _WELL_KNOWN, 1.0)
+        certainty = np.minimum(certainty / least, excess / least_excess)
+        weakest = int(np.argmin(certainty))
+        if certainty[weakest] >= 1:
+            break
+        is_kept[kept[weakest]] = False
+    return is_kept

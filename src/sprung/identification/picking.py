@@ -9,10 +9,15 @@ from sprung._arrays import Indices
 from sprung._checks import check_number, check_type
 from sprung.errors import ParameterError
 from sprung.identification.fdd import bells_at, modes_of_bells
-from sprung.identification.merging import merge_modes
-from sprung.identification.preparation import as_measured
+from sprung.identification.planning import as_measured
 from sprung.identification.results import Identification, SubsetModes
-from sprung.identification.stabilisation import StabilisationDiagram, select_modes, with_status
+from sprung.identification.stabilisation import (
+    StabilisationDiagram,
+    merge_modes,
+    select_modes,
+    with_status,
+    with_total_deviations,
+)
 from sprung.modal import Modes, PoleStatus, join_modes
 from sprung.vehicles.labels import labelled
 from sprung.vehicles.usable import AnyVehicle
@@ -90,8 +95,8 @@ def _picked_bells(identification: Identification, wanted: Sequence[float]) -> tu
     for frequency in modes.natural_frequency.tolist():
         is_selected = np.any(np.abs(before - frequency) <= _SHARE * frequency)
         reasons[frequency] = "selected automatically too" if is_selected else "not selected automatically"
-    nothing, growth = np.zeros((len(modes), 0), dtype=np.intp), np.ones((2, len(modes)))
-    subset = replace(identification.subsets[0], modes=modes, alignments=nothing, growth=growth)
+    nothing = np.zeros((len(modes), 0), dtype=np.intp)
+    subset = replace(identification.subsets[0], modes=modes, alignments=nothing)
     return replace(identification, modes=modes, subsets=(subset,), members=np.arange(len(modes))[:, None]), reasons
 
 
@@ -188,19 +193,13 @@ def _subset_of(subset: SubsetModes, alignments: Indices, identification: Identif
     selected = np.unique(diagram.alignments[diagram.status == PoleStatus.SELECTED])
     changed = with_status(diagram, np.setdiff1d(selected, kept), PoleStatus.NOT_PICKED)
     changed = with_status(changed, kept, PoleStatus.SELECTED)
-    selected_modes = select_modes(changed)
-    modes, growth = selected_modes.modes, selected_modes.growth
-    modes = replace(
-        modes,
-        natural_frequency_std=growth[0] * modes.natural_frequency_std,
-        damping_ratio_std=growth[1] * modes.damping_ratio_std,
-    )
+    picked = select_modes(changed)
+    modes = with_total_deviations(picked.modes, picked.deviations)
     return replace(
         subset,
         modes=as_measured(modes, identification.plan.preparation, identification.settings.lifter),
         diagrams=(changed,),
-        alignments=selected_modes.alignments[:, None],
-        growth=np.ones_like(growth),
+        alignments=picked.alignments[:, None],
     )
 
 

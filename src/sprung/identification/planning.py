@@ -1,4 +1,4 @@
-"""Choices from the data: band, sampling rate, block rows, orders and segments."""
+"""Choices from the data (band, sampling rate, block rows, orders, segments) and the preparation that they ask for."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,21 +9,155 @@ from typing import TypeVar
 import numpy as np
 from scipy import special
 
-from sprung._arrays import Booleans, Real
+from sprung._arrays import Booleans, Complex, Real
 from sprung._checks import check_number
 from sprung.errors import DataError, ParameterError
 from sprung.identification.ladders import Ladder, OrderLadder
 from sprung.identification.plscf import suitable_ladder
-from sprung.identification.preparation import Prepared
-from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
+from sprung.identification.settings import IdentificationSettings, Method, Plan, PreparationPlan
+from sprung.modal import Modes, unit_shapes
 from sprung.recording import Recording
-from sprung.signals.conditioning import detrend
-from sprung.signals.harmonics import Harmonic
+from sprung.signals.cepstrum import Exponential, Lifter, edit, subtract_lifter_damping
+from sprung.signals.conditioning import PASS_BAND, band_pass, decimate, detrend, scale
+from sprung.signals.harmonics import Harmonic, find_harmonics
 from sprung.signals.line_removal import subtract_lines
 from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
 from sprung.vehicles import structure
 from sprung.vehicles.labels import body_range
 from sprung.vehicles.usable import AnyVehicle, speed_channel
+
+#: Largest relative difference of sampling rates that count as one: loggers of one kind differ by their clocks.
+_SAME_RATE = 5e-4
+#: Probability of calling anything a harmonic in a record without any.
+_FALSE_LINES = 1e-4
+#: Lines of wheels and engines are searched for below half of this rate [Hz], even where modes lie far lower.
+_RATE_FOR_LINES = 200.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Prepared:
+    """A record ready for correlation.
+
+    Parameters
+    ----------
+    motion
+        Outputs: edited, decimated, without motion below the band, RMS about 1.
+    spectra, edited_spectra
+        Spectral matrices of the decimated outputs before and after cepstrum editing (None without editing).
+    """
+
+    motion: Recording
+    spectra: SpectralMatrix
+    edited_spectra: SpectralMatrix | None
+
+
+def prepare(recording: Recording, plan: PreparationPlan, *, lifter: Lifter | None = None) -> Prepared:
+    """Prepare one record as planned.
+
+    Parameters
+    ----------
+    recording
+        Usable part of a record (`sprung.vehicles.usable`), with the channels of the plan.
+    plan
+        Decisions from `plan_preparation`.
+    lifter
+        Lifter for cepstrum editing; None: no editing.
+
+    Returns
+    -------
+    Prepared
+
+    Raises
+    ------
+    DataError
+        If a channel has missing values, or the record is too short for the filters or the spectra.
+    ParameterError
+        If a channel of the plan is missing.
+    """
+    outputs = _at_common_rate(recording, plan).select(plan.channels)
+    decimated = _decimate_to(outputs, plan.decimate_to)
+    spectra = spectral_matrix(decimated, segment_length=plan.spectrum_segment)
+    motion, edited_spectra = detrend(decimated, degree=plan.trend), None
+    if lifter is not None:
+        motion = _decimate_to(edit(detrend(outputs, degree=plan.trend), lifter), plan.decimate_to)
+        edited_spectra = spectral_matrix(motion, segment_length=plan.spectrum_segment)
+    return without_slow_motion(Prepared(scale(motion, plan.factors), spectra, edited_spectra), plan.high_pass)
+
+
+def without_slow_motion(prepared: Prepared, edge: float) -> Prepared:
+    """Return the record with the motion below an edge [Hz] filtered out; 0: as it is."""
+    return replace(prepared, motion=band_pass(prepared.motion, edge, None)) if edge > 0 else prepared
+
+
+def search_harmonics(recording: Recording, plan: PreparationPlan, *, speed: str | None) -> tuple[Harmonic, ...]:
+    """Search one record for harmonics of the excitation, up to 100 Hz or the band of the identification.
+
+    Parameters
+    ----------
+    recording
+        Usable part of a record, before preparation.
+    plan
+        Decisions from `plan_preparation`.
+    speed
+        Name of the speed channel; None without one.
+
+    Returns
+    -------
+    tuple of Harmonic
+
+    Raises
+    ------
+    DataError
+        If a channel has missing values, or there is no channel to search.
+    """
+    searched = _decimate_to(_at_common_rate(recording, plan), _rate_for_lines(plan))
+    return find_harmonics(searched, speed=speed, false_alarm_rate=_FALSE_LINES)
+
+
+def highest_line(plan: PreparationPlan) -> float:
+    """Return the frequency up to which `search_harmonics` shows lines in full [Hz], infinite without decimation."""
+    rate = _rate_for_lines(plan)
+    return float(PASS_BAND * rate / 2) if rate < plan.sampling_rate else math.inf
+
+
+def _rate_for_lines(plan: PreparationPlan) -> float:
+    """Return the sampling rate at which lines are searched for [Hz]."""
+    return max(plan.decimate_to, _RATE_FOR_LINES)
+
+
+def as_measured(modes: Modes, plan: PreparationPlan, lifter: Lifter | None) -> Modes:
+    """Return modes without the effects of scaling the channels and of an exponential lifter.
+
+    Parameters
+    ----------
+    modes
+        Modes of prepared records.
+    plan
+        Decisions on the preparation.
+    lifter
+        Lifter of the preparation; None: no editing.
+    """
+    return replace(
+        modes, poles=without_lifter(modes.poles, lifter), mode_shapes=unit_shapes(modes.mode_shapes / plan.scales)
+    )
+
+
+def without_lifter(poles: Complex, lifter: Lifter | None) -> Complex:
+    """Return poles [rad/s] without the damping that an exponential lifter adds."""
+    return subtract_lifter_damping(poles, lifter.time_constant) if isinstance(lifter, Exponential) else poles
+
+
+def _at_common_rate(recording: Recording, plan: PreparationPlan) -> Recording:
+    """Return the recording at the rate of the first record, where the two differ only by their clocks."""
+    if abs(recording.sampling_rate / plan.sampling_rate - 1) > _SAME_RATE:
+        return recording
+    return replace(recording, sampling_rate=plan.sampling_rate)
+
+
+def _decimate_to(recording: Recording, rate: float) -> Recording:
+    """Return the recording at `rate`, or as it is where its own rate is not higher."""
+    return recording if rate >= recording.sampling_rate else decimate(recording, rate)
+
 
 #: The band ends at this multiple of the frequency below which this share of the coherent power (per octave) lies.
 _MARGIN, _POWER_BELOW, _POWER_ABOVE = 1.25, 0.99, 0.01
@@ -188,7 +322,7 @@ def make_plan(
     harmonics: Sequence[Harmonic],
     *,
     settings: IdentificationSettings,
-    method: str,
+    method: Method,
     total_duration: float,
 ) -> Plan:
     """Choose the ladder and the length of segments from the first prepared record, where the settings leave them open.
@@ -204,7 +338,7 @@ def make_plan(
     settings
         Settings as given.
     method
-        "cov", "acs" or "coss".
+        Method, which needs its own segments and its own ladder.
     total_duration
         Duration of all records [s].
 
@@ -236,7 +370,7 @@ def make_plan(
         lag_span = min([lag_span, *(_OF_PULSE_PERIOD / line for line in _pulse_trains(harmonics))])
     lag_span = min(lag_span, total_duration / _RECORD_OVER_LAGS, stretch / rate / _STRETCH_OVER_LAGS)
     ladder = _ladder(settings, len(preparation.channels), rate, lag_span, _longest(motion))
-    if method == "plscf" and isinstance(ladder, OrderLadder):
+    if method.has_polynomials and isinstance(ladder, OrderLadder):
         n_references = len(settings.references or preparation.channels)
         given = {"block_rows": settings.block_rows, "max_order": settings.max_order}
         ladder = suitable_ladder(ladder.block_rows, n_references, **given)
@@ -512,10 +646,10 @@ def disjoint_splits(channels: Iterable[Name]) -> tuple[tuple[tuple[Name, ...], t
     return tuple(splits)
 
 
-def _segment(method: str, settings: IdentificationSettings, duration: float, lag_span: float) -> float:
+def _segment(method: Method, settings: IdentificationSettings, duration: float, lag_span: float) -> float:
     """Return a length of segments that gives enough of them to each subset and is long against the lags [s]."""
-    if method not in ("acs", "coss"):
+    if not method.has_own_segments:
         lag_spans = _LAG_SPANS_OF_A_BLOCK if settings.ladder is None else 1.0
         return max(duration / _BLOCKS_OF_A_RECORD, lag_spans * lag_span)
-    n_segments = _SEGMENTS_OF_A_SUBSET * (settings.n_subsets if method == "coss" else 1)
+    n_segments = _SEGMENTS_OF_A_SUBSET * (settings.n_subsets if method.is_sorted else 1)
     return max(duration / n_segments, _LAG_SPANS_OF_A_SEGMENT * lag_span)

@@ -9,26 +9,150 @@ import numpy as np
 
 from sprung._arrays import Booleans
 from sprung.errors import DataError
-from sprung.identification.channel_faults import ChannelFault, note_on_faults, without_dead_parts
-from sprung.identification.correlation import (
-    SegmentCorrelations,
-    correlate_segments,
-    join_segments,
-    with_limited_power,
-)
+from sprung.identification.band_fits import RecordSpectra, record_spectra
+from sprung.identification.correlation import SegmentCorrelations, correlate_segments, join_segments, with_limited_power
 from sprung.identification.fdd import with_long_segments
 from sprung.identification.levels import LevelCorrelations, correlate_by_level, joined_levels
-from sprung.identification.planning import make_plan, plan_preparation
-from sprung.identification.preparation import Prepared, highest_line, prepare, search_harmonics, without_slow_motion
-from sprung.identification.record_spectra import RecordSpectra, record_spectra
-from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
+from sprung.identification.planning import (
+    Prepared,
+    highest_line,
+    make_plan,
+    plan_preparation,
+    prepare,
+    search_harmonics,
+    without_slow_motion,
+)
+from sprung.identification.settings import COV, IdentificationSettings, Method, Plan, PreparationPlan
 from sprung.recording import Channel, Recording
+from sprung.signals.data_faults import REST_DURATION, REST_RUN_SHARE, has_runs, stuck_runs
 from sprung.signals.harmonics import Harmonic, in_families, without_side_lines
+from sprung.signals.inspection import ChannelFacts, inspect
 from sprung.signals.line_removal import subtract_lines
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles.plausibility import plausibility_notes
 from sprung.vehicles.sensor_layout import check_present, layout_notes
 from sprung.vehicles.usable import AnyVehicle, output_channels, speed_channel, usable
+
+#: A channel that is dead for more than this share of a record is left out, and of others only the dead parts.
+_MOSTLY_DEAD = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelFault:
+    """Faults of one channel in one record.
+
+    Parameters
+    ----------
+    channel
+        Name of the channel.
+    clipped, dead, missing
+        Shares of its samples at the limits of its range, in runs of one value, and without a value, 0 to 1.
+    is_left_out
+        Whether the channel is left out of the record.
+    """
+
+    channel: str
+    clipped: float
+    dead: float
+    missing: float
+    is_left_out: bool
+
+
+def without_dead_parts(recording: Recording, outputs: Sequence[str]) -> tuple[Recording, tuple[ChannelFault, ...]]:
+    """Mark the dead parts of a record as missing, and leave out channels that are mostly dead.
+
+    Parameters
+    ----------
+    recording
+        Recording as read.
+    outputs
+        Names of the channels of motion.
+
+    Returns
+    -------
+    tuple
+        Recording with NaN in runs of one value for two seconds and 1 % of the record or longer, without the channels
+        that are dead for more than half of it; and the faults of the outputs. A channel that is dead throughout stays
+        as it is.
+    """
+    doubtful = [name for name in outputs if has_runs(recording.samples[recording.index(name)])]
+    facts = inspect(recording.select(doubtful), counts_odd_samples=False).channels if doubtful else ()
+    samples, faults = recording.samples, []
+    for fact in facts:
+        if fact.is_dead or not (fact.is_clipped or fact.stuck or fact.n_values < recording.n_samples):
+            continue
+        row = recording.index(fact.name)
+        dead = _dead_samples(recording, row) if fact.stuck else np.zeros(0, dtype=np.intp)
+        share = dead.size / recording.n_samples
+        if dead.size and share <= _MOSTLY_DEAD:
+            samples = samples.copy() if samples is recording.samples else samples
+            samples[row, dead] = np.nan
+        if fact.is_clipped or dead.size or fact.n_values < recording.n_samples:
+            faults.append(_fault(fact, share, recording.n_samples))
+    left_out = {fault.channel for fault in faults if fault.is_left_out}
+    if samples is not recording.samples:
+        recording = recording.changed("dead parts of channels marked as missing", samples=samples)
+    if left_out:
+        recording = recording.select([name for name in recording.names if name not in left_out])
+    return recording, tuple(faults)
+
+
+def note_on_faults(records: Sequence[Sequence[ChannelFault]]) -> tuple[str, ...]:
+    """Return one sentence on the faults of all records; none without faults.
+
+    Parameters
+    ----------
+    records
+        Faults of each record.
+
+    Returns
+    -------
+    tuple of str
+    """
+    channels = dict.fromkeys(fault.channel for faults in records for fault in faults)
+    parts = [
+        f"{channel} ({_words([fault for faults in records for fault in faults if fault.channel == channel])})"
+        for channel in channels
+    ]
+    if not parts:
+        return ()
+    return (f"faults of channels: {', '.join(parts)}: check ranges, sensors and wiring",)
+
+
+def _fault(fact: ChannelFacts, dead: float, n_samples: int) -> ChannelFault:
+    """Return the faults that the facts about a channel show."""
+    return ChannelFault(
+        channel=fact.name,
+        clipped=fact.clipped if fact.is_clipped else 0.0,
+        dead=dead,
+        missing=1 - fact.n_values / n_samples,
+        is_left_out=dead > _MOSTLY_DEAD,
+    )
+
+
+def _dead_samples(recording: Recording, row: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Return the indices of the samples in long runs of one value."""
+    breaks = [gap.index for gap in recording.gaps]
+    starts, lengths = stuck_runs(recording.samples[row], recording.sampling_rate, breaks=breaks)
+    shortest = max(REST_DURATION * recording.sampling_rate, REST_RUN_SHARE * recording.n_samples)
+    is_long = lengths >= shortest
+    runs = [np.arange(start, start + n) for start, n in zip(starts[is_long], lengths[is_long], strict=True)]
+    return np.concatenate(runs) if runs else np.zeros(0, dtype=np.intp)
+
+
+def _words(faults: Sequence[ChannelFault]) -> str:
+    """Return the faults of one channel in words, with the largest shares of all records."""
+    clipped, dead, missing = (max(getattr(fault, name) for fault in faults) for name in ("clipped", "dead", "missing"))
+    words = []
+    if clipped:
+        words.append(f"clipped in {100 * clipped:.2g} % of its samples, which distorts the motion")
+    if dead:
+        is_left_out = any(fault.is_left_out for fault in faults)
+        words.append(f"dead in {100 * dead:.2g} %, {'channel' if is_left_out else 'this part of the record'} left out")
+    if missing:
+        words.append(f"missing in {100 * missing:.2g} %, this part of the record left out")
+    return ", ".join(words)
+
 
 #: Function called with the current step in words and the share that is done, 0 to 1.
 Progress = Callable[[str, float], None]
@@ -106,7 +230,7 @@ class _Remarks:
 def correlate_records(
     recordings: Recording | Iterable[Recording],
     *,
-    method: str,
+    method: Method,
     settings: IdentificationSettings,
     vehicle: AnyVehicle | None,
     report: Progress,
@@ -118,7 +242,7 @@ def correlate_records(
     recordings
         One record, or several of one condition; an iterator is read once.
     method
-        "cov", "acs" or "coss".
+        Method, which sorts and cuts the records.
     settings
         Settings as given.
     vehicle
@@ -162,7 +286,7 @@ class RunningRecords:
     def __init__(
         self,
         *,
-        method: str,
+        method: Method,
         settings: IdentificationSettings,
         vehicle: AnyVehicle | None,
         total_duration: float | None = None,
@@ -256,7 +380,7 @@ class RunningRecords:
         if harmonics and settings.band is None and settings.ladder is None and self._vehicle is None:
             searched = highest_line(preparation)
             preparation = plan_preparation(recording, settings=settings, harmonics=harmonics, searched=searched)
-        if method == "fdd":
+        if method.has_long_spectra:
             preparation = with_long_segments(preparation, recording, total_duration=duration, segment=settings.segment)
         prepared = prepare(recording, preparation, lifter=settings.lifter)
         plan = make_plan(
@@ -264,7 +388,7 @@ class RunningRecords:
             prepared,
             harmonics,
             settings=settings,
-            method="cov" if _is_by_level(method, settings) else method,
+            method=COV if _is_by_level(method, settings) else method,
             total_duration=duration,
         )
         if plan.preparation.high_pass != preparation.high_pass:
@@ -297,13 +421,13 @@ def _harmonics(
     return search_harmonics(recording, plan, speed=speed_channel(recording, vehicle))
 
 
-def _is_by_level(method: str, settings: IdentificationSettings) -> bool:
+def _is_by_level(method: Method, settings: IdentificationSettings) -> bool:
     """Return whether products are sorted by the level just before them."""
-    return method == "coss" and not settings.has_own_levels
+    return method.is_sorted and not settings.has_own_levels
 
 
 def _correlate(
-    method: str, prepared: Prepared, harmonics: tuple[Harmonic, ...], plan: Plan, settings: IdentificationSettings
+    method: Method, prepared: Prepared, harmonics: tuple[Harmonic, ...], plan: Plan, settings: IdentificationSettings
 ) -> _Correlated:
     """Correlate the segments of one prepared record."""
     # The thesis keeps the lines in and judges the poles on them.
@@ -315,7 +439,7 @@ def _correlate(
         n_lags=n_lags,
         segment=plan.segment,
         references=references,
-        is_continued=method not in ("acs", "coss") or is_by_level,
+        is_continued=is_by_level or not method.has_own_segments,
     )
     levels = None
     if is_by_level:

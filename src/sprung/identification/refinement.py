@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from sprung._arrays import Booleans, Indices, Real
 from sprung._checks import freeze
-from sprung.identification.band_fits import BandFit, Observed, fits_of_bands, refined_modes
-from sprung.identification.record_spectra import RecordSpectra
+from sprung.identification.band_fits import BandFit, Observed, RecordSpectra, fits_of_bands, refined_modes
 from sprung.likelihood.modal_spectra import LineSpectra
 from sprung.modal import Modes, join_modes
 from sprung.recording import Channel
@@ -96,7 +95,7 @@ def _listed(frequencies: Sequence[str]) -> str:
     return ", ".join(frequencies[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
-def refine(
+def refined_by_spectra(
     modes: Modes, spectra: RecordSpectra, channels: Sequence[Channel], *, harmonics: Sequence[Harmonic] = ()
 ) -> tuple[Modes, Refinement]:
     """Refine identified modes to the largest likelihood of the records' spectra.

@@ -5,23 +5,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sprung._arrays import Indices, Real
-from sprung._checks import freeze
+from sprung._checks import check_one_of, freeze
 from sprung._display import Drawable, Savable, Tabular, counted, in_short
 from sprung.identification.correlation import Correlations
 from sprung.identification.ladders import BlockRowLadder
+from sprung.identification.levels import LevelTrends
 from sprung.identification.refinement import Refinement
-from sprung.identification.settings import IdentificationSettings, Plan
+from sprung.identification.settings import KINDS, IdentificationSettings, Plan
 from sprung.identification.stabilisation import StabilisationDiagram
-from sprung.identification.trends import LevelTrends
 from sprung.modal import Modes
 from sprung.recording import Channel
 from sprung.signals.harmonics import Harmonic
 from sprung.signals.spectrum import SpectralMatrix
-
-
-def source_of(method: str) -> str:
-    """Return the source of modes that a method itself gives: "ssi", "plscf" or "fdd"."""
-    return method if method in ("plscf", "fdd") else "ssi"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -41,9 +36,6 @@ class SubsetModes:
         Stabilisation diagrams behind the modes, one for each split of outputs and references.
     alignments
         Number of the alignment behind each mode in each diagram, -1 for none; shape (modes, diagrams).
-    growth
-        Factors that make the standard deviations of the modes' frequency and damping hold slow variation and the choice
-        of the model order (1 where they do already), shape (2, modes).
     """
 
     level: tuple[float, float] | None
@@ -51,11 +43,9 @@ class SubsetModes:
     modes: Modes
     diagrams: tuple[StabilisationDiagram, ...]
     alignments: Indices
-    growth: Real
 
     def __post_init__(self) -> None:
         freeze(self, alignments=2, dtype=np.intp)
-        freeze(self, growth=2)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -116,7 +106,7 @@ class Identification(Tabular, Savable, Drawable):
 
     def __post_init__(self) -> None:
         freeze(self, members=2, dtype=np.intp)
-        object.__setattr__(self, "sources", self.sources or (source_of(self.method),) * len(self.modes))
+        object.__setattr__(self, "sources", self.sources or (KINDS[self.method].source,) * len(self.modes))
 
     @property
     def band(self) -> tuple[float, float]:
@@ -224,3 +214,6 @@ class CorrelationSummary:
     subsets: tuple[tuple[tuple[float, float] | None, Correlations], ...]
     average: Correlations
     harmonics: tuple[Harmonic, ...]
+
+    def __post_init__(self) -> None:
+        check_one_of("method", self.method, list(KINDS))

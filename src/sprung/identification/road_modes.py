@@ -74,21 +74,23 @@ class CombinedModes:
 
 
 def kept_records(
-    recordings: Recording | Iterable[Recording],
-) -> tuple[Recording | Iterable[Recording], list[Recording]]:
-    """Return recordings to read once, and a list that has them afterwards.
+    recordings: Recording | Iterable[Recording], *, is_keeping: bool
+) -> tuple[Recording | Iterable[Recording], Sequence[Recording]]:
+    """Return recordings to read once, and those that are still at hand afterwards.
 
     Parameters
     ----------
     recordings
-        One record, or several; of an iterator the list has the first records, up to 2^25 values.
+        One record, or several.
+    is_keeping
+        Whether the first records of an iterator, up to 2^25 values, are kept as they are read.
     """
     if isinstance(recordings, Recording):
-        return recordings, [recordings]
+        return recordings, (recordings,)
     if isinstance(recordings, Sequence):
-        return recordings, list(recordings)
+        return recordings, recordings
     kept: list[Recording] = []
-    return _keeping(recordings, kept), kept
+    return (_keeping(recordings, kept) if is_keeping else recordings), kept
 
 
 def _keeping(recordings: Iterable[Recording], kept: list[Recording]) -> Iterator[Recording]:

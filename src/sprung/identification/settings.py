@@ -1,13 +1,57 @@
 """Settings of an identification, and the plan that is made from them and the data."""
 
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
+import numpy as np
+
+from sprung._arrays import Real
 from sprung._checks import check_number, check_type
 from sprung.errors import ParameterError
 from sprung.identification.ladders import BlockRowLadder, Ladder
 from sprung.identification.stabilisation import THESIS_CRITERIA, StabilityCriteria
 from sprung.signals.cepstrum import Lifter
 from sprung.signals.harmonics import Harmonic
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """What distinguishes a method of identification from the others.
+
+    Parameters
+    ----------
+    name
+        Name in results and on the command line.
+    title
+        What people call it.
+    source
+        Source of its modes in results.
+    has_own_segments
+        Whether both factors of a product of samples lie in the same segment.
+    is_sorted
+        Whether the products are sorted by the level of the motion.
+    has_polynomials
+        Whether the ladder is over orders of polynomials, in place of realisations.
+    has_long_spectra
+        Whether modes are those of the spectra, whose segments are as long as possible.
+    """
+
+    name: str
+    title: str
+    source: str = "ssi"
+    has_own_segments: bool = False
+    is_sorted: bool = False
+    has_polynomials: bool = False
+    has_long_spectra: bool = False
+
+
+COV = Method("cov", "Cov-SSI")
+ACS = Method("acs", "ACS-Cov-SSI", has_own_segments=True)
+COSS = Method("coss", "CoSS-SSI", has_own_segments=True, is_sorted=True)
+PLSCF = Method("plscf", "pLSCF", source="plscf", has_polynomials=True)
+FDD = Method("fdd", "Enhanced FDD", source="fdd", has_long_spectra=True)
+#: Methods by their names.
+KINDS = MappingProxyType({method.name: method for method in (COV, ACS, COSS, PLSCF, FDD)})
 
 #: Block rows of the thesis for the chain of three masses.
 THESIS_ROWS = (12, 45)
@@ -198,6 +242,11 @@ class PreparationPlan:
     spectrum_segment: float
     notes: tuple[str, ...]
     trend: int = 1
+
+    @property
+    def scales(self) -> Real:
+        """Factors in the order of the channels, shape (channels,)."""
+        return np.array([self.factors[name] for name in self.channels])
 
 
 @dataclass(frozen=True, slots=True)

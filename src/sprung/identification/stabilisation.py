@@ -1,21 +1,18 @@
-"""From the poles of a ladder to modes: criteria, alignments, selection."""
+"""From the poles of a ladder to modes: criteria, alignments, selection; modes of several ladders merged."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 from scipy.cluster import hierarchy
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_number, freeze
 from sprung._display import Tabular, counted, in_short
-from sprung.identification.contribution import contributions
-from sprung.identification.correlation import Correlations
-from sprung.identification.scatter import deviation_of_mean
+from sprung.identification.correlation import Correlations, deviation_of_mean
 from sprung.identification.subspace import frequency_and_damping_changes, with_deviations
-from sprung.modal import Modes, Poles, PoleStatus, mac, mpc, unit_shapes
+from sprung.modal import Modes, Poles, PoleStatus, join_modes, mac, mpc, unit_shapes
 
 #: Two poles of one shape are one mode if they lie within this multiple of their half-power half-bandwidth (between
 #: rungs, and between modes whose damping may differ: there, if their half-power bands overlap) ...
@@ -23,11 +20,6 @@ _ALIGNED_BANDWIDTH, _MERGED_BANDWIDTH = 0.5, 2.0
 #: ... plus this share of their frequency. Two shapes are one if 1 - MAC is below this.
 _MERGED_FREQUENCY = 0.01
 _MERGED_MAC = 0.1
-#: Probability that a contribution exceeds the bound by chance, and standard deviation of the frequency (over the
-#: half-bandwidth) up to which a contribution counts in full.
-_CHANCE, _WELL_KNOWN = 1e-2, 0.2
-#: Number of blocks below which the excess of a mode must be larger.
-_MANY_BLOCKS = 24
 #: Fewest blocks whose spread gives standard deviations.
 _FEWEST_BLOCKS = 10
 
@@ -341,18 +333,18 @@ class SelectedModes:
         Modes by rising frequency.
     alignments
         Number of the alignment behind each mode, shape (modes,).
-    growth
-        Standard deviations of frequency and damping with slow variation and the choice of the model order over those
-        of independent blocks, shape (2, modes).
+    deviations
+        Standard deviations of frequency and damping ratio that hold slow variation and the choice of the model order,
+        shape (2, modes); those of the modes are from independent blocks.
     """
 
     modes: Modes
     alignments: Indices
-    growth: Real
+    deviations: Real
 
     def __post_init__(self) -> None:
         freeze(self, alignments=1, dtype=np.intp)
-        freeze(self, growth=2)
+        freeze(self, deviations=2)
 
 
 def select_modes(diagram: StabilisationDiagram, records: Sequence[int] = ()) -> SelectedModes:
@@ -390,26 +382,26 @@ def select_modes(diagram: StabilisationDiagram, records: Sequence[int] = ()) -> 
         labels=(None,) * len(chosen),
     )
     order = np.argsort(modes.natural_frequency)
-    return SelectedModes(modes.take(order), kept[order], _growth(diagram, chosen, records)[:, order])
+    return SelectedModes(modes.take(order), kept[order], _total_deviations(diagram, chosen, records)[:, order])
 
 
-def _growth(diagram: StabilisationDiagram, chosen: Indices, records: Sequence[int]) -> Real:
-    """Return the deviations of the chosen poles over those of independent blocks, shape (2, poles)."""
+def _total_deviations(diagram: StabilisationDiagram, chosen: Indices, records: Sequence[int]) -> Real:
+    """Return the standard deviations of the chosen poles, with slow variation and the scatter of their alignments."""
     poles = diagram.poles
+    independent = np.array([poles.natural_frequency_std[chosen], poles.damping_ratio_std[chosen]])
     if not len(poles.changes) or not len(chosen):
-        return np.ones((2, len(chosen)))
-    scatter = np.array([_scatter_of_orders(diagram, pole) for pole in chosen]).T
+        return independent
+    members = [diagram.alignments == diagram.alignments[pole] for pole in chosen]
+    scatter = [[np.std(values[own]) for own in members] for values in (poles.natural_frequency, poles.damping_ratio)]
     changes = frequency_and_damping_changes(poles.poles[chosen], poles.changes[:, chosen])
     numbers = np.array(records, dtype=np.intp) if len(records) else None
     deviations = np.array([deviation_of_mean(change, numbers) for change in changes])
-    independent = np.array([poles.natural_frequency_std[chosen], poles.damping_ratio_std[chosen]])
-    return np.asarray(np.hypot(deviations, scatter) / np.maximum(independent, np.finfo(float).tiny))
+    return np.where(np.isnan(independent), np.nan, np.hypot(deviations, scatter))
 
 
-def _scatter_of_orders(diagram: StabilisationDiagram, pole: int) -> tuple[float, float]:
-    """Return the standard deviations of frequency and damping ratio among the poles of a pole's alignment."""
-    members = diagram.alignments == diagram.alignments[pole]
-    return float(np.std(diagram.poles.natural_frequency[members])), float(np.std(diagram.poles.damping_ratio[members]))
+def with_total_deviations(modes: Modes, deviations: Real) -> Modes:
+    """Return modes with other standard deviations of frequency and damping ratio, shape (2, modes)."""
+    return replace(modes, natural_frequency_std=deviations[0], damping_ratio_std=deviations[1])
 
 
 def with_status(diagram: StabilisationDiagram, alignments: Iterable[int], status: PoleStatus) -> StabilisationDiagram:
@@ -418,48 +410,119 @@ def with_status(diagram: StabilisationDiagram, alignments: Iterable[int], status
     return replace(diagram, status=changed)
 
 
-def significant(modes: Modes, correlations: Correlations, *, least: float) -> Booleans:
-    """Return which modes contribute more than chance to the correlations between channels.
+@dataclass(frozen=True, eq=False, slots=True)
+class MergedModes:
+    """Modes merged over parts, and the modes of the parts that they combine.
 
     Parameters
     ----------
     modes
-        Candidates on the channels of `correlations`.
-    correlations
-        Correlations of all segments, with blocks.
-    least
-        Smallest contribution (see `contribution.contributions`); 0: all modes are significant.
+        Merged modes by rising frequency.
+    members
+        Index of the part's mode for each merged mode and part, -1 for none; shape (modes, parts).
+    shares
+        Share of each part in each merged pole, sum 1, 0 for none; shape (modes, parts).
+    """
+
+    modes: Modes
+    members: Indices
+    shares: Real
+
+    def __post_init__(self) -> None:
+        freeze(self, members=2, dtype=np.intp)
+        freeze(self, shares=2)
+
+
+def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float], has_mean_shapes: bool = False) -> MergedModes:
+    """Merge the modes of several identifications of one system.
+
+    Parameters
+    ----------
+    parts
+        Modes of the same channels: from subsets of segments, or from splits of outputs and references.
+    weights
+        Weights of the parts, above 0: the numbers of segments for subsets.
+    has_mean_shapes
+        Whether shapes are weighted means, too, of shapes with one phase and scale, and the weights are the inverse
+        variances of the frequencies, where these are known; False: the shape is that of the part of largest weight (the
+        form of the thesis).
+
+    Returns
+    -------
+    MergedModes
+        Modes of at least half of the parts. Poles are weighted means. Of several modes of one part that merge, the one
+        with the largest stable rate represents the part.
+
+    References
+    ----------
+    F. Liu (2020), section 4.2, step 8.
+    """
+    owners = np.concatenate([np.full(len(part), k) for k, part in enumerate(parts)])
+    places = np.concatenate([np.arange(len(part)) for part in parts])
+    together = join_modes(parts)
+    groups = align(together.poles, together.mode_shapes, has_free_damping=True)
+    merged, members, shares = [], [], []
+    for group in range(groups.max(initial=-1) + 1):
+        same = np.flatnonzero(groups == group)
+        same = same[np.argsort(-together.stable_rate[same], kind="stable")]
+        same = same[np.unique(owners[same], return_index=True)[1]]
+        if 2 * len(same) < len(parts):
+            continue
+        row = np.full(len(parts), -1)
+        row[owners[same]] = places[same]
+        members.append(row)
+        own = np.asarray(weights, dtype=float)[owners[same]]
+        if has_mean_shapes and np.all(together.natural_frequency_std[same] > 0):
+            own = 1 / together.natural_frequency_std[same] ** 2
+        mean = _mean_mode(together.take(same), own)
+        if has_mean_shapes:
+            mean = replace(mean, mode_shapes=unit_shapes(_mean_shape(together.mode_shapes[same], own)[None]))
+        merged.append(mean)
+        shares.append(np.zeros(len(parts)))
+        shares[-1][owners[same]] = own / own.sum()
+    modes = join_modes(merged) if merged else together.take(np.zeros(0, dtype=np.intp))
+    order = np.argsort(modes.natural_frequency)
+    rows, weighted = np.array(members, dtype=np.intp), np.array(shares, dtype=np.float64)
+    return MergedModes(modes.take(order), rows.reshape(-1, len(parts))[order], weighted.reshape(-1, len(parts))[order])
+
+
+def merged_deviations(deviations: Sequence[Real], merged: MergedModes) -> Real:
+    """Return the standard deviations of merged modes from those of the parts.
+
+    Parameters
+    ----------
+    deviations
+        Standard deviations of the modes of each part, shapes (values, modes of the part).
+    merged
+        Modes of the parts as merged.
 
     Returns
     -------
     numpy.ndarray
-        Whether each mode is significant, shape (modes,).
-
-    Notes
-    -----
-    Backward elimination: the weakest mode is removed and the others are solved for again until all that remain
-    contribute enough. A contribution counts in full where the standard deviation of the mode's frequency is up to 0.2
-    of its half-bandwidth, and less in proportion beyond. The bound is not below the 99 % quantile of Fisher's
-    distribution for the complex participation of each reference, in the average over that in each block but one; this
-    matters where there are few channels or few blocks. The excess, too, must reach the bound, and with fewer than 24
-    blocks the bound times 24 over their number: in a short record chance offers a mode many places, of which the
-    stabilisation diagram shows the best.
+        Standard deviations of the weighted means of independent parts, shape (values, modes).
     """
-    is_kept = np.ones(len(modes), dtype=np.bool_)
-    if least <= 0:
-        return is_kept
-    freedom = 2 * len(correlations.references)
-    by_chance = special.fdtri(freedom, freedom * max(len(correlations.blocks) - 1, 1), 1 - _CHANCE)
-    least = max(least, float(by_chance))
-    spread = modes.natural_frequency_std / (modes.natural_frequency * modes.damping_ratio)
-    least_excess = least * max(1.0, _MANY_BLOCKS / len(correlations.blocks))
-    while is_kept.any():
-        kept = np.flatnonzero(is_kept)
-        contribution, excess = contributions(modes.poles[kept], modes.mode_shapes[kept], correlations)
-        certainty = contribution / np.fmax(spread[kept] / _WELL_KNOWN, 1.0)
-        certainty = np.minimum(certainty / least, excess / least_excess)
-        weakest = int(np.argmin(certainty))
-        if certainty[weakest] >= 1:
-            break
-        is_kept[kept[weakest]] = False
-    return is_kept
+    combined = np.zeros((2, len(merged.modes)))
+    for row, (places, shares) in enumerate(zip(merged.members, merged.shares, strict=True)):
+        owners = np.flatnonzero(places >= 0)
+        values = np.array([deviations[owner][:, places[owner]] for owner in owners.tolist()]).T
+        combined[:, row] = np.sqrt(np.sum((shares[owners] * values) ** 2, axis=1))
+    return combined
+
+
+def _mean_shape(shapes: Complex, weights: Real) -> Complex:
+    """Return the weighted mean of shapes, each scaled to the same product with that of largest weight."""
+    best = shapes[np.argmax(weights)]
+    return np.asarray((weights / (shapes @ np.conj(best))) @ shapes)
+
+
+def _mean_mode(estimates: Modes, weights: Real) -> Modes:
+    """Return one mode from several estimates of it."""
+    shares = weights / weights.sum()
+    best = estimates.take(np.array([np.argmax(shares)]))
+    return replace(
+        best,
+        poles=np.array([np.sum(shares * estimates.poles)]),
+        natural_frequency_std=np.sqrt([np.sum((shares * estimates.natural_frequency_std) ** 2)]),
+        damping_ratio_std=np.sqrt([np.sum((shares * estimates.damping_ratio_std) ** 2)]),
+        stable_rate=np.array([np.mean(estimates.stable_rate)]),
+    )

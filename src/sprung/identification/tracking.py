@@ -1,17 +1,553 @@
 """Modes followed over windows or runs: which modes of different times are the same one."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import median_filter
+from scipy.optimize import linear_sum_assignment
 
-from sprung._arrays import Booleans, Real
-from sprung._checks import check_each
+from sprung._arrays import Booleans, Complex, Indices, Real
+from sprung._checks import check_each, check_number, freeze
+from sprung._display import Drawable, Savable, Tabular, counted, in_short, listed
 from sprung.errors import DataError, ParameterError
-from sprung.identification.assignment import Members, estimates_of, follow, with_scatter
-from sprung.identification.track_joining import JUMP_WINDOWS, continued, is_confirmed, united
-from sprung.identification.tracks import Jump, Track, TrackedModes, TrackingSettings
-from sprung.modal import Modes, join_modes
+from sprung.modal import Modes, join_modes, mac, unit_shapes
+
+#: Fewest windows for a scatter, and for a trend.
+FEWEST_FOR_SCATTER, _FOR_TREND = 3, 4
+#: Standard deviations from the running median of this many values beyond which a value is an outlier.
+_OUTLIER, _NEIGHBOURS = 4.0, 7
+#: Largest correlation of neighbouring residuals that the deviation of a trend allows for.
+_MOST_CORRELATED = 0.9
+#: Median of the absolute value of a standard normal number.
+MEDIAN_NORMAL = 0.6745
+
+
+@dataclass(frozen=True, slots=True)
+class TrackingSettings:
+    """Settings of `track_modes`.
+
+    Parameters
+    ----------
+    drift
+        Standard deviation of the relative change of a natural frequency from one window to the next, beyond that of
+        its estimates, 0 to 0.1.
+    reach
+        Largest relative change of a natural frequency at once that is followed as a jump of the same mode, 0 to 0.5.
+    least_mac
+        Smallest MAC of a mode with the recent shape of its track, 0 to 1.
+    gap
+        Longest time for which a mode may be absent, in the unit of the times; None: 48 median distances of the windows.
+    least_count, out_of
+        A track is confirmed where it has `least_count` modes in `out_of` windows that follow each other; fewer where
+        there are fewer windows.
+
+    Raises
+    ------
+    ParameterError
+        If a setting is out of range.
+    """
+
+    drift: float = 0.003
+    reach: float = 0.1
+    least_mac: float = 0.5
+    gap: float | None = None
+    least_count: int = 3
+    out_of: int = 10
+
+    def __post_init__(self) -> None:
+        check_number("drift", self.drift, above=0, at_most=0.1)
+        check_number("reach", self.reach, above=0, at_most=0.5)
+        check_number("least_mac", self.least_mac, at_least=0, at_most=1)
+        check_number("least_count", self.least_count, at_least=1)
+        check_number("out_of", self.out_of, at_least=self.least_count)
+        if self.gap is not None:
+            check_number("gap", self.gap, above=0)
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """Sudden change of a mode's natural frequency between two windows.
+
+    Parameters
+    ----------
+    window
+        Number of the first window after the change.
+    before, after
+        Natural frequencies on either side of it [Hz]: medians of up to ten windows.
+    """
+
+    window: int
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, slots=True)
+class TrackTrend:
+    """Straight line through the values of a track over time.
+
+    Parameters
+    ----------
+    slope, slope_std
+        Change per unit of time, and its standard deviation from the scatter of the values about the line.
+    change, change_std
+        Change from the first to the last window of the track, and its standard deviation.
+    """
+
+    slope: float
+    slope_std: float
+    change: float
+    change_std: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Track:
+    """One mode over time.
+
+    Parameters
+    ----------
+    windows
+        Numbers of the windows that have the mode, rising, shape (members,).
+    members
+        Index of the mode among those of each such window, shape (members,).
+    times
+        Times of these windows, shape (members,).
+    modes
+        The modes by time.
+    jumps
+        Sudden changes of the natural frequency that were followed.
+    presence
+        Share of the windows with results, from the first to the last of the track, that have the mode, 0 to 1.
+    """
+
+    windows: Indices
+    members: Indices
+    times: Real
+    modes: Modes
+    jumps: tuple[Jump, ...]
+    presence: float
+
+    def __post_init__(self) -> None:
+        freeze(self, windows=1, dtype=np.intp)
+        freeze(self, members=1, dtype=np.intp)
+        freeze(self, times=1)
+
+    def __len__(self) -> int:
+        return len(self.windows)
+
+    def __repr__(self) -> str:
+        """Return mean and range of the frequency, and the number of windows."""
+        value, label = self.natural_frequency, f" {self.label}" if self.label else ""
+        mean = f"{value.mean:.4g} Hz{label}, 95 % of windows {value.low:.4g} to {value.high:.4g} Hz"
+        return in_short(f"Track: {mean}; {counted(len(self), 'window')}, {counted(len(self.jumps), 'jump')}")
+
+    @property
+    def label(self) -> str | None:
+        """Most frequent label of the modes."""
+        labels = [label for label in self.modes.labels if label is not None]
+        return max(sorted(set(labels)), key=labels.count) if 2 * len(labels) > len(self) else None
+
+    @property
+    def mode_shape(self) -> Complex:
+        """Mean mode shape, 1 at its largest channel: first singular vector of all shapes; shape (channels,)."""
+        return mean_shape(self.modes.mode_shapes)
+
+    @property
+    def likeness(self) -> Real:
+        """MAC of each mode with the mean mode shape, shape (members,)."""
+        return mac(self.modes.mode_shapes, self.mode_shape[None])[:, 0]
+
+    @property
+    def natural_frequency(self) -> "TrackedValue":
+        """Natural frequency over time [Hz]."""
+        return _tracked(self.times, self.modes.natural_frequency, self.modes.natural_frequency_std)
+
+    @property
+    def damping_ratio(self) -> "TrackedValue":
+        """Damping ratio over time."""
+        return _tracked(self.times, self.modes.damping_ratio, self.modes.damping_ratio_std)
+
+
+@dataclass(frozen=True, slots=True)
+class TrackedValue:
+    """Natural frequency or damping ratio of a track over time.
+
+    Parameters
+    ----------
+    mean
+        Mean over the windows, without values that are more than 4 times the scatter off the median of their neighbours.
+    low, high
+        Range of 95 % of the values: 2.5 and 97.5 % quantiles.
+    scatter
+        Standard deviation from window to window, of differences of neighbouring values, so that trends and jumps do not
+        count: median of their absolute values over 0.6745 sqrt(2). NaN with fewer than three windows.
+    stated
+        Median of the standard deviations that the identifications state; NaN where none is known.
+    trend
+        Straight line; None with fewer than four windows.
+    """
+
+    mean: float
+    low: float
+    high: float
+    scatter: float
+    stated: float
+    trend: TrackTrend | None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TrackedModes(Tabular, Savable, Drawable):
+    """Modes followed over windows.
+
+    Parameters
+    ----------
+    times
+        Times of all windows, rising, shape (windows,).
+    has_result
+        Which windows have modes, shape (windows,).
+    channels
+        Names of the channels of the mode shapes.
+    tracks
+        Confirmed tracks by rising natural frequency.
+    strays
+        Tracks of too few modes, and second estimates of the modes of other tracks.
+    settings
+        Settings, with the longest absence filled in.
+    """
+
+    times: Real
+    has_result: Booleans
+    channels: tuple[str, ...]
+    tracks: tuple[Track, ...]
+    strays: tuple[Track, ...]
+    settings: TrackingSettings
+
+    def __post_init__(self) -> None:
+        freeze(self, times=1)
+        freeze(self, has_result=1, dtype=np.bool_)
+
+    def __repr__(self) -> str:
+        """Return the numbers of tracks and windows, and the mean frequencies."""
+        windows = f"{counted(len(self.times), 'window')}, {int(self.has_result.sum())} of them with modes"
+        means = (
+            f"{track.natural_frequency.mean:.4g} Hz{f' {track.label}' if track.label else ''} ({len(track)})"
+            for track in self.tracks
+        )
+        return in_short(f"TrackedModes: {counted(len(self.tracks), 'track')} over {windows}", listed(means))
+
+    @property
+    def has_times(self) -> bool:
+        """Whether the times of the windows are more than their numbers from 0."""
+        return not np.array_equal(self.times, np.arange(len(self.times)))
+
+
+def mean_shape(mode_shapes: Complex) -> Complex:
+    """Return the mean of mode shapes of any phase and scale, 1 at its largest channel: first right singular vector."""
+    norms = np.linalg.norm(mode_shapes, axis=1, keepdims=True)
+    directions = np.linalg.svd(mode_shapes / np.maximum(norms, np.finfo(float).tiny), full_matrices=False)[2]
+    shape: Complex = unit_shapes(directions[:1])[0]
+    return shape
+
+
+def scatter(values: Real) -> float:
+    """Return the standard deviation of values by time, from differences of neighbouring ones; NaN for fewer than three.
+
+    Median of their absolute values over 0.6745 sqrt(2): neither a trend nor a jump or a single outlier counts.
+    """
+    if len(values) < FEWEST_FOR_SCATTER:
+        return float("nan")
+    return float(np.median(np.abs(np.diff(values)))) / (MEDIAN_NORMAL * np.sqrt(2))
+
+
+def _tracked(times: Real, values: Real, deviations: Real) -> TrackedValue:
+    """Return the summary of values over time."""
+    known = deviations[np.isfinite(deviations)]
+    low, high = np.percentile(values, [2.5, 97.5])
+    own = scatter(values)
+    is_usual = np.ones(len(values), dtype=np.bool_)
+    if len(values) >= FEWEST_FOR_SCATTER:
+        away = np.abs(values - median_filter(values, size=_NEIGHBOURS, mode="nearest"))
+        is_usual = away <= _OUTLIER * own
+    return TrackedValue(
+        mean=float(np.mean(values[is_usual])),
+        low=float(low),
+        high=float(high),
+        scatter=own,
+        stated=float(np.median(known)) if len(known) else float("nan"),
+        trend=_trend(times[is_usual], values[is_usual]) if is_usual.sum() >= _FOR_TREND else None,
+    )
+
+
+def _trend(times: Real, values: Real) -> TrackTrend:
+    """Return the line of least squares; its deviation allows for residuals that are alike in neighbouring windows."""
+    lever = times - times.mean()
+    squares = float(lever @ lever)
+    slope = float(lever @ values) / squares
+    residuals = values - values.mean() - slope * lever
+    power = float(residuals @ residuals)
+    alike = float(residuals[1:] @ residuals[:-1]) / power if power > 0 else 0.0
+    alike = min(max(alike, 0.0), _MOST_CORRELATED)
+    variance = power / (len(values) - 2) / squares * (1 + alike) / (1 - alike)
+    span = float(np.ptp(times))
+    return TrackTrend(slope, float(np.sqrt(variance)), slope * span, float(np.sqrt(variance)) * span)
+
+
+#: Cost above which a mode is not that of a track, and difference 1 - MAC that costs as much as one standard deviation.
+_GATE, _SHAPE = 16.0, 0.05
+#: Further cost of a track that is not yet confirmed: established tracks choose first.
+_TENTATIVE = 8.0
+#: Cost of a shape in the plane of those of two tracks whose half-power bands overlap (within which the shapes of close
+#: modes turn), least share of the shape in that plane, and relative distance at which bands overlap in any case.
+_IN_PLANE, _PLANE_MAC, _CLOSE = 8.0, 0.9, 0.005
+#: Modes whose shapes are the recent shape of a track.
+_RECENT = 10
+#: Largest standard deviation of an estimate over the reach, and share of its damping ratio in place of an unknown one.
+_LARGEST_STD, _UNKNOWN_STD = 0.25, 0.2
+#: Least MAC of modes of neighbouring windows whose difference shows how modes scatter, pairs needed for that, and
+#: bounds of the scatter over the stated deviations.
+_PAIR_MAC, _FEWEST_PAIRS, _SCATTER_BOUNDS = 0.9, 10, (0.2, 5.0)
+
+
+#: Numbers of the windows of a track, and of its mode in each.
+Members = list[tuple[int, int]]
+
+
+@dataclass(frozen=True, slots=True)
+class Estimates:
+    """Modes of one window: ln of their frequencies, the variance of that, and shapes of norm 1."""
+
+    position: Real
+    variance: Real
+    damping: Real
+    shapes: Complex
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+
+class Tracker:
+    """State of one track: ln frequency with its variance, and shape, as of the last mode."""
+
+    def __init__(self, estimates: Estimates, member: int, window: int) -> None:
+        self.position, self.variance = float(estimates.position[member]), float(estimates.variance[member])
+        self.dampings = [float(estimates.damping[member])]
+        self.damping = self.dampings[0]
+        self.recent = [estimates.shapes[member]]
+        self.shape = estimates.shapes[member]
+        self.members: Members = [(window, member)]
+
+    @property
+    def last(self) -> int:
+        """Number of the last window with the mode."""
+        return self.members[-1][0]
+
+    def update(self, estimates: Estimates, member: int, window: int, predicted: float) -> None:
+        """Take the next mode, given the variance predicted for its window."""
+        gain = predicted / (predicted + estimates.variance[member])
+        self.position += gain * float(estimates.position[member] - self.position)
+        self.variance = (1 - gain) * predicted
+        self.members.append((window, member))
+        self.dampings = [*self.dampings[1 - _RECENT :], float(estimates.damping[member])]
+        self.recent = [*self.recent[1 - _RECENT :], estimates.shapes[member]]
+        self.damping = float(np.median(self.dampings))
+        self.shape = _main_directions(self.recent, 1)[0]
+
+
+def estimates_of(modes: Modes, settings: TrackingSettings) -> Estimates:
+    """Return the modes of a window for comparisons."""
+    frequency = modes.natural_frequency
+    relative = modes.natural_frequency_std / frequency
+    relative = np.where(np.isfinite(relative) & (relative > 0), relative, _UNKNOWN_STD * np.abs(modes.damping_ratio))
+    norms = np.linalg.norm(modes.mode_shapes, axis=1, keepdims=True)
+    shapes = modes.mode_shapes / np.maximum(norms, np.finfo(float).tiny)
+    variance = np.minimum(relative, _LARGEST_STD * settings.reach) ** 2
+    return Estimates(np.log(frequency), variance, modes.damping_ratio, shapes)
+
+
+def with_scatter(estimates: Sequence[Estimates | None], settings: TrackingSettings) -> list[Estimates | None]:
+    """Return the estimates with variances as modes of one shape scatter between neighbouring windows."""
+    present = [part for part in estimates if part is not None]
+    deviations = [z for before, after in pairwise(present) for z in _differences(before, after, settings)]
+    if len(deviations) < _FEWEST_PAIRS:
+        return list(estimates)
+    scale = float(np.clip(np.median(deviations) / MEDIAN_NORMAL, *_SCATTER_BOUNDS))
+    largest = (_LARGEST_STD * settings.reach) ** 2
+    return [
+        None if part is None else replace(part, variance=np.minimum(scale**2 * part.variance, largest))
+        for part in estimates
+    ]
+
+
+def _differences(before: Estimates, after: Estimates, settings: TrackingSettings) -> list[float]:
+    """Return the differences of modes that are nearest to each other and of one shape, in standard deviations."""
+    distance = np.abs(before.position[:, None] - after.position)
+    likeness = np.abs(np.conj(before.shapes) @ after.shapes.T) ** 2
+    cost = np.where(likeness >= _PAIR_MAC, distance, np.inf)
+    rows, columns = np.arange(len(before)), np.argmin(cost, axis=1)
+    is_mutual = (np.argmin(cost, axis=0)[columns] == rows) & (cost[rows, columns] <= settings.reach)
+    rows, columns = rows[is_mutual], columns[is_mutual]
+    deviations: list[float] = (
+        distance[rows, columns] / np.sqrt(before.variance[rows] + after.variance[columns])
+    ).tolist()
+    return deviations
+
+
+def follow(estimates: Sequence[Estimates | None], times: Real, gap: float, settings: TrackingSettings) -> list[Tracker]:
+    """Assign the modes of each window to the tracks, and start tracks; times and gap in distances of the windows."""
+    ended: list[Tracker] = []
+    alive: list[Tracker] = []
+    for window, part in enumerate(estimates):
+        if part is None:
+            continue
+        is_alive = [times[window] - times[tracker.last] <= gap for tracker in alive]
+        ended += [tracker for tracker, yes in zip(alive, is_alive, strict=True) if not yes]
+        alive = [tracker for tracker, yes in zip(alive, is_alive, strict=True) if yes]
+        predicted = np.array([t.variance + settings.drift**2 * (times[window] - times[t.last]) for t in alive])
+        predicted = np.minimum(predicted, (settings.reach / np.sqrt(_GATE)) ** 2)
+        taken = assigned(_costs(alive, part, predicted, settings))
+        for row, member in taken:
+            alive[row].update(part, member, window, float(predicted[row]))
+        new = set(range(len(part))) - {member for _, member in taken}
+        alive += [Tracker(part, member, window) for member in sorted(new)]
+    return sorted([*ended, *alive], key=lambda tracker: tracker.members[0])
+
+
+def _costs(trackers: Sequence[Tracker], part: Estimates, predicted: Real, settings: TrackingSettings) -> Real:
+    """Return the cost of each mode for each track, infinite where it is not the same mode; shape (tracks, modes)."""
+    if not trackers:
+        return np.zeros((0, len(part)))
+    positions = np.array([tracker.position for tracker in trackers])
+    likeness = np.abs(np.conj(np.array([tracker.shape for tracker in trackers])) @ part.shapes.T) ** 2
+    unlike = np.where(likeness >= settings.least_mac, (1 - likeness) / _SHAPE, np.inf)
+    is_established = np.array([len(tracker.members) >= settings.least_count for tracker in trackers])
+    dampings = np.array([tracker.damping for tracker in trackers])
+    is_close = np.abs(positions[:, None] - positions) <= _CLOSE + dampings[:, None] + dampings
+    is_close &= is_established & is_established[:, None]
+    for row in np.flatnonzero(is_close.sum(axis=1) > 1).tolist():
+        near = [shape for other in np.flatnonzero(is_close[row]).tolist() for shape in trackers[other].recent]
+        in_plane = np.sum(np.abs(np.conj(_main_directions(near, 2)) @ part.shapes.T) ** 2, axis=0)
+        turned = np.where(in_plane >= _PLANE_MAC, _IN_PLANE + (1 - in_plane) / _SHAPE, np.inf)
+        unlike[row] = np.minimum(unlike[row], turned)
+    variance = predicted[:, None] + part.variance
+    cost = (positions[:, None] - part.position) ** 2 / variance + np.log1p(variance / settings.drift**2) + unlike
+    cost += np.where(is_established, 0.0, _TENTATIVE)[:, None]
+    return np.where(cost <= _GATE, cost, np.inf)
+
+
+def _main_directions(shapes: Sequence[Complex], rank: int) -> Complex:
+    """Return the orthonormal shapes that explain most of some shapes, shape (rank, channels) or fewer."""
+    directions: Complex = np.linalg.svd(np.array(shapes), full_matrices=False)[2][:rank]
+    return directions
+
+
+def assigned(costs: Real) -> list[tuple[int, int]]:
+    """Return the pairs of least total cost, in which a track or mode without a partner costs half the gate."""
+    rows, columns = linear_sum_assignment(np.minimum(costs, _GATE))
+    return [(int(row), int(column)) for row, column in zip(rows, columns, strict=True) if costs[row, column] < _GATE]
+
+
+#: Least MAC of shapes that are certainly of one mode, how many times their scatter its frequencies may differ, and
+#: which share of the half-power half-bandwidth.
+_SAME_MAC, _SAME, _SAME_BANDWIDTH = 0.9, 2.0, 0.5
+#: Smallest MAC of the shapes on both sides of a jump, and windows on each side that are compared.
+_JUMP_MAC, JUMP_WINDOWS = 0.8, 10
+
+
+def united(
+    trackers: Sequence[Tracker], estimates: Sequence[Estimates | None], times: Real, gap: float
+) -> list[Members]:
+    """Return the members of tracks, those of one frequency and shape united; what they have twice is left apart.
+
+    A shape that turns between windows, as those of two nearly equal natural frequencies do, leaves one mode in several
+    tracks whose mean shapes are alike.
+    """
+    whole: list[Members] = []
+    left: list[Members] = []
+    for tracker in sorted(trackers, key=lambda tracker: -len(tracker.members)):
+        for number, members in enumerate(whole):
+            if _is_same(members, tracker.members, estimates, times, gap):
+                taken = {window for window, _ in members}
+                whole[number] = sorted([*members, *(pair for pair in tracker.members if pair[0] not in taken)])
+                left += [[pair] for pair in tracker.members if pair[0] in taken]
+                break
+        else:
+            whole.append(tracker.members)
+    return sorted([*whole, *left])
+
+
+def _is_same(members: Members, fewer: Members, estimates: Sequence[Estimates | None], times: Real, gap: float) -> bool:
+    """Whether a track of fewer modes is the same mode as another: near it in time and frequency, and of one shape."""
+    positions, others = (_positions(part, estimates) for part in (members, fewer))
+    if len(positions) < FEWEST_FOR_SCATTER:
+        return False
+    when, then = (times[[window for window, _ in part]] for part in (members, fewer))
+    after = np.clip(np.searchsorted(when, then), 1, len(when) - 1)
+    wait = np.min(np.minimum(np.abs(then - when[after]), np.abs(then - when[after - 1])))
+    apart = abs(float(np.median(others - np.interp(then, when, positions))))
+    if wait > gap or apart > max(_SAME * scatter(positions), _SAME_BANDWIDTH * _damping(fewer, estimates)):
+        return False
+    return float(mac(_shape(members, estimates)[None], _shape(fewer, estimates)[None])[0, 0]) >= _SAME_MAC
+
+
+def _positions(members: Members, estimates: Sequence[Estimates | None]) -> Real:
+    """Return ln f of the modes of a track."""
+    return np.array([part.position[member] for window, member in members if (part := estimates[window]) is not None])
+
+
+def _damping(members: Members, estimates: Sequence[Estimates | None]) -> float:
+    """Return the median damping ratio of the modes of a track."""
+    return float(
+        np.median([part.damping[member] for window, member in members if (part := estimates[window]) is not None])
+    )
+
+
+def _shape(members: Members, estimates: Sequence[Estimates | None]) -> Complex:
+    """Return the mean shape of modes of a track."""
+    parts = [part.shapes[member] for window, member in members if (part := estimates[window]) is not None]
+    return mean_shape(np.array(parts))
+
+
+def continued(
+    tracks: Sequence[Members],
+    estimates: Sequence[Estimates | None],
+    times: Real,
+    has_result: Booleans,
+    *,
+    gap: float,
+    settings: TrackingSettings,
+) -> list[list[Members]]:
+    """Return the parts of each track: confirmed ones that end are continued by confirmed ones that start later."""
+    confirmed = [k for k, members in enumerate(tracks) if is_confirmed(members, has_result, settings)]
+    ends, starts = ([tracks[k][part] for k in confirmed] for part in (slice(-JUMP_WINDOWS, None), slice(JUMP_WINDOWS)))
+    costs = np.full((len(confirmed), len(confirmed)), np.inf)
+    for row, end in enumerate(ends):
+        for column, start in enumerate(starts):
+            wait = times[start[0][0]] - times[end[-1][0]]
+            apart = abs(float(np.median(_positions(start, estimates)) - np.median(_positions(end, estimates))))
+            if not 0 < wait <= gap or apart > settings.reach:
+                continue
+            unlike = 1 - float(mac(_shape(start, estimates)[None], _shape(end, estimates)[None])[0, 0])
+            if unlike <= 1 - _JUMP_MAC:
+                costs[row, column] = apart / settings.reach + unlike / (1 - _JUMP_MAC) + wait / gap
+    successors = {confirmed[row]: confirmed[column] for row, column in assigned(costs)}
+    chains = []
+    for head in sorted(set(range(len(tracks))) - set(successors.values())):
+        chain, k = [tracks[head]], head
+        while k in successors:
+            k = successors[k]
+            chain.append(tracks[k])
+        chains.append(chain)
+    return chains
+
+
+def is_confirmed(members: Members, has_result: Booleans, settings: TrackingSettings) -> bool:
+    """Whether a track has enough modes in windows that follow each other, of those with results."""
+    counts = np.cumsum(has_result)
+    least = min(settings.least_count, int(counts[-1]))
+    places = [int(counts[window]) for window, _ in members]
+    return any(last - first < settings.out_of for first, last in zip(places, places[least - 1 :], strict=False))
+
 
 #: Longest absence of a mode in median distances of the windows, unless it is given.
 _GAP = 48

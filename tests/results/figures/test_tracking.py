@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sprung.identification.tracking import track_modes
-from sprung.identification.tracks import TrackingSettings
+from sprung.identification.tracking import TrackingSettings
 from sprung.modal import Modes
 from sprung.results.figures import tracks_figure
 

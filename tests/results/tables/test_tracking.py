@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from sprung.identification.methods import WindowModes
 from sprung.identification.tracking import track_modes
-from sprung.identification.window_modes import WindowModes
 from sprung.modal import Modes
 from sprung.results.tables import tracks_in_words, tracks_notes, tracks_table
 from sprung.results.tables.tracking import moment_in_words

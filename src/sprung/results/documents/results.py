@@ -8,7 +8,7 @@ from sprung.calibration import Calibration
 from sprung.diagnosis import Baseline, Diagnosis, TypeBaseline
 from sprung.errors import ParameterError
 from sprung.identification import Identification
-from sprung.identification.tracks import TrackedModes
+from sprung.identification.tracking import TrackedModes
 from sprung.likelihood import CornerFit
 from sprung.results.documents.baseline import baseline_document
 from sprung.results.documents.calibration import calibration_document

@@ -10,8 +10,8 @@ from pydantic import Field
 from sprung._arrays import Complex
 from sprung._checks import check_type, data_frame_of
 from sprung._display import in_short, listed
-from sprung.identification.tracks import Track, TrackedModes
-from sprung.identification.window_modes import WindowModes
+from sprung.identification.methods import WindowModes
+from sprung.identification.tracking import Track, TrackedModes
 from sprung.results.documents.document import Document, Number, checked, plain, read_fields, write_document
 from sprung.results.documents.modes import ModeValues
 

@@ -8,7 +8,7 @@ from sprung.calibration import Calibration
 from sprung.diagnosis import Diagnosis
 from sprung.errors import ParameterError
 from sprung.identification import Identification
-from sprung.identification.tracks import TrackedModes
+from sprung.identification.tracking import TrackedModes
 from sprung.likelihood import CornerFit
 from sprung.modal import Modes
 from sprung.results.figures.calibration import misfit_figure

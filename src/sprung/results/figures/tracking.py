@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from numpy.typing import NDArray
 
 from sprung._arrays import Indices, Real
-from sprung.identification.tracks import Track, TrackedModes
+from sprung.identification.tracking import Track, TrackedModes
 from sprung.results.figures.style import (
     FAINT,
     HALF_WIDTH_95,

@@ -8,7 +8,7 @@ import numpy as np
 from sprung.diagnosis import Baseline, Diagnosis, ModeChange
 from sprung.identification import Identification
 from sprung.identification.ladders import BlockRowLadder
-from sprung.identification.tracks import TrackedModes
+from sprung.identification.tracking import TrackedModes
 from sprung.likelihood import CornerFit
 from sprung.results.documents import Document
 from sprung.results.page.inputs import Inputs, data_section, footer

@@ -13,7 +13,7 @@ from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.errors import ParameterError
 from sprung.identification import Identification
 from sprung.identification.stabilisation import StabilisationDiagram
-from sprung.identification.tracks import TrackedModes
+from sprung.identification.tracking import TrackedModes
 from sprung.likelihood import CornerFit
 from sprung.modal import Modes, PoleStatus
 from sprung.recording import Recording

@@ -9,7 +9,7 @@ from sprung.diagnosis import Baseline, Diagnosis, Finding, Findings, Observation
 from sprung.errors import ParameterError
 from sprung.identification import Identification
 from sprung.identification.stabilisation import StabilisationDiagram
-from sprung.identification.tracks import TrackedModes
+from sprung.identification.tracking import TrackedModes
 from sprung.likelihood import CornerFit
 from sprung.modal import Modes, PoleStatus
 from sprung.recording import Recording

@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 
 from sprung._display import counted
-from sprung.identification.tracks import Track, TrackedModes, TrackedValue
-from sprung.identification.window_modes import WindowModes
+from sprung.identification.methods import WindowModes
+from sprung.identification.tracking import Track, TrackedModes, TrackedValue
 from sprung.results.tables.table import Table, in_words, time_in_words, with_deviation
 
 #: Largest number of jumps in a cell, and of windows without a result in the sentences.
@@ -97,7 +97,7 @@ def tracks_notes(tracked: TrackedModes, windows: Sequence[WindowModes]) -> list[
 
     Examples
     --------
-    >>> from sprung.identification.window_modes import WindowModes
+    >>> from sprung.identification.methods import WindowModes
     >>> import numpy as np
     >>> from sprung.identification.tracking import track_modes
     >>> from sprung.modal import Modes
