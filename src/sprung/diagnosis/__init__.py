@@ -36,14 +36,8 @@ from sprung.diagnosis.residuals import (
 )
 from sprung.diagnosis.sensors import KINDS, SensorFault, sensor_faults
 from sprung.diagnosis.trends import Trend, trend
-from sprung.diagnosis.type_baselines import (
-    RankedVehicle,
-    TypeBaseline,
-    TypeDetector,
-    learn_type,
-    nominal_type,
-    rank_fleet,
-)
+from sprung.diagnosis.type_baselines import TypeBaseline, learn_type, nominal_type
+from sprung.diagnosis.type_comparison import RankedVehicle, compare_with_type, rank_fleet
 
 __all__ = [
     "INTERVAL_95",
@@ -70,9 +64,9 @@ __all__ = [
     "Size",
     "Trend",
     "TypeBaseline",
-    "TypeDetector",
     "Verdict",
     "compare_residuals",
+    "compare_with_type",
     "detect",
     "detectable",
     "detectable_in_words",
