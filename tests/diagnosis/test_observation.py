@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import (
-    compare_residuals,
     diagnose,
     learn,
     learn_reference,
-    learn_residuals,
     observe,
     observe_window,
+    residual_statistics,
+    residual_test,
     windows,
     with_missing_as_faults,
 )
@@ -105,7 +105,7 @@ def test_the_residual_test_needs_no_samples(car, run, observations) -> None:
     """Learnt from and compared with what observations carry: as from the recordings themselves."""
     parts = [run.part(k, k + run.n_samples // 5) for k in range(0, run.n_samples, run.n_samples // 5)]
     outputs = [part.select(part.names[:4]) for part in parts]
-    expected = learn_residuals(outputs, sampling_rate=25.0)
+    expected = learn_reference([residual_statistics(output, sampling_rate=25.0) for output in outputs])
     baseline = learn(observations[:5], least_windows=5)
     assert baseline.residuals is not None
     assert baseline.residuals.n_windows == expected.n_windows
@@ -113,7 +113,7 @@ def test_the_residual_test_needs_no_samples(car, run, observations) -> None:
     last = run.part(0, run.n_samples // 5)
     tests = diagnose([one.without_segments() for one in observations], baseline).residual_tests
     assert tests.keys() == {one.time for one in observations}
-    single = compare_residuals(expected, last.select(last.names[:4]))
+    single = residual_test(expected, residual_statistics(last.select(last.names[:4]), sampling_rate=25.0))
     assert tests[3600.0].statistic == pytest.approx(single.statistic, rel=1e-9)
     assert tests[3600.0].p_value == pytest.approx(single.p_value, rel=1e-6)
 

@@ -5,11 +5,20 @@ import pytest
 from scipy import stats
 from scipy.signal import lfilter
 
-from sprung.diagnosis import compare_residuals, learn_residuals
+from sprung.diagnosis import learn_reference, residual_statistics, residual_test
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Channel, Recording
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import parse_fault, read_description, structure, with_faults
+
+
+def learnt(recordings, **settings):
+    return learn_reference([residual_statistics(recording, **settings) for recording in recordings])
+
+
+def p_value(reference, recording):
+    window = residual_statistics(recording, segment=reference.segment)
+    return residual_test(reference, window).p_value
 
 
 def chain(seed, fault=None, level=1.0):
@@ -22,11 +31,11 @@ def chain(seed, fault=None, level=1.0):
 
 @pytest.fixture(scope="module")
 def reference():
-    return learn_residuals([chain(seed) for seed in range(16)])
+    return learnt([chain(seed) for seed in range(16)])
 
 
 def test_healthy_windows_of_any_level_pass(reference) -> None:
-    values = [compare_residuals(reference, chain(seed, level=10.0 ** (seed % 3 - 1))).p_value for seed in range(30, 56)]
+    values = [p_value(reference, chain(seed, level=10.0 ** (seed % 3 - 1))) for seed in range(30, 56)]
     assert min(values) > 1e-3
     assert 0.2 < np.median(values) < 0.8
 
@@ -34,7 +43,7 @@ def test_healthy_windows_of_any_level_pass(reference) -> None:
 @pytest.mark.parametrize("change", [-0.15, 0.15])
 def test_a_changed_spring_is_seen(reference, change) -> None:
     name = next(iter(structure(read_description("chain3")).components())).corner
-    values = [compare_residuals(reference, chain(seed, f"{name}.spring={change}")).p_value for seed in range(60, 66)]
+    values = [p_value(reference, chain(seed, f"{name}.spring={change}")) for seed in range(60, 66)]
     assert max(values) < 1e-4
 
 
@@ -44,8 +53,8 @@ def test_as_many_healthy_windows_differ_as_the_p_value_says(n_windows) -> None:
     generator = np.random.default_rng([7, n_windows])
     values = []
     for _ in range(100):
-        reference = learn_residuals([resonances(generator) for _ in range(n_windows)])
-        values.append(compare_residuals(reference, resonances(generator)).p_value)
+        reference = learnt([resonances(generator) for _ in range(n_windows)])
+        values.append(p_value(reference, resonances(generator)))
     assert np.count_nonzero(np.array(values) < 0.05) <= stats.binom.ppf(0.995, 100, 0.05)
     assert 0.4 < np.mean(values) < 0.6
 
@@ -61,9 +70,9 @@ def resonances(generator):
 
 def test_it_needs_windows_and_the_same_channels(reference) -> None:
     with pytest.raises(DataError, match="the residual test needs at least 3 usable windows, got 2"):
-        learn_residuals([chain(0), chain(1)])
+        learnt([chain(0), chain(1)])
     with pytest.raises(ParameterError, match="select the same ones"):
-        compare_residuals(reference, chain(0).select(chain(0).names[:2]))
+        p_value(reference, chain(0).select(chain(0).names[:2]))
 
 
 @pytest.mark.slow
@@ -79,8 +88,8 @@ def test_flexible_against_stiff_building(real_file) -> None:
         return [run.part(k * n // 12, (k + 1) * n // 12) for k in range(12)]
 
     flexible, stiff = floors("Flexible"), floors("Stiff")
-    reference = learn_residuals(flexible[:10], segment=2.0)
+    reference = learnt(flexible[:10], segment=2.0)
     assert reference.n_windows < 10
-    healthy, changed = ([compare_residuals(reference, one).p_value for one in some] for some in (flexible[10:], stiff))
+    healthy, changed = ([p_value(reference, one) for one in some] for some in (flexible[10:], stiff))
     assert min(healthy) > 0.05
     assert max(changed) < 1e-3

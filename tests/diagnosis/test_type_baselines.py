@@ -7,7 +7,7 @@ import pytest
 
 from sprung.diagnosis import (
     Observation,
-    TypeDetector,
+    compare_with_type,
     diagnose,
     learn,
     learn_type,
@@ -68,14 +68,19 @@ def test_known_covariances_come_back(faults) -> None:
 
 def test_nothing_is_compared_where_the_file_explains_most_windows_badly() -> None:
     """One window of four that a wrong file happens to explain is no evidence of a fault."""
-    windows = drawn(np.random.default_rng(3), 4, fault="front_left.damper", size=-0.4)
-    errors = (0.3, 0.3, 0.1, 0.3)
     windows = [
         replace(window, conditions={**window.conditions, "model_error": error})
-        for window, error in zip(windows, errors, strict=True)
+        for window, error in zip(
+            drawn(np.random.default_rng(3), 8, fault="front_left.damper", size=-0.4),
+            (0.3, 0.3, 0.1, 0.3, 0.1, 0.1, 0.1, 0.1),
+            strict=True,
+        )
     ]
     assert diagnose(windows[2:3]).findings
-    assert diagnose(windows).detection is None
+    assert diagnose(windows[:4]).detection is None
+    most = diagnose(windows).detection
+    assert most is not None
+    assert len(most.times) == len(most.evidence) == 5
 
 
 def test_a_fault_from_the_start_is_found_by_comparing_left_with_right() -> None:
@@ -111,12 +116,11 @@ def test_a_change_between_the_windows_is_found_without_a_baseline() -> None:
     windows = drawn(generator, 12)
     weaker = np.eye(12)[COMPONENTS.index(Component("front_right", "damper"))] * np.log(0.88)
     later = [Observation(w.time, COMPONENTS, w.log_ratios + weaker, OF_FIT, w.conditions, {}, ()) for w in windows[6:]]
-    detector = TypeDetector(nominal_type(COMPONENTS, name=""))
-    for window in [*windows[:6], *later]:
-        detector.update(window)
-    assert detector.is_alert
-    assert detector.candidates[0].hypothesis.name == "front_right.damper"
-    assert detector.candidates[0].onset == 3600.0
+    found = compare_with_type([*windows[:6], *later], nominal_type(COMPONENTS, name=""))
+    assert found is not None
+    assert found.is_alert
+    assert found.candidates[0].hypothesis.name == "front_right.damper"
+    assert found.candidates[0].onset == 3600.0
 
 
 @pytest.mark.slow
@@ -131,13 +135,14 @@ def test_p_values_of_sound_vehicles_hold_and_faults_are_found() -> None:
         fit = np.linalg.cholesky(OF_FIT / 6) @ generator.standard_normal(12)
         for fault in (False, True):
             size = np.eye(12)[seed % 12] * np.log(0.8) * fault
-            detector = TypeDetector(of_type)
-            detector.update(Observation(0.0, COMPONENTS, own + fit + size, OF_FIT / 6, {}, {}, ()))
+            window = Observation(0.0, COMPONENTS, own + fit + size, OF_FIT / 6, {}, {}, ())
+            found = compare_with_type([window], of_type)
+            assert found is not None
             if fault:
-                right = detector.candidates[0].hypothesis.name == str(COMPONENTS[seed % 12])
-                n_found += detector.is_alert and right
+                right = found.candidates[0].hypothesis.name == str(COMPONENTS[seed % 12])
+                n_found += found.is_alert and right
             else:
-                evidence.append(detector.evidence[-1])
+                evidence.append(found.evidence[-1])
     assert np.sum(np.array(evidence) > np.log(100)) <= 10  # 4 expected at most
     assert n_found >= 0.88 * 400
 

@@ -46,13 +46,13 @@ def test_gradient_of_a_term_is_the_finite_difference(term, on_a_road, misfit, gr
     assert np.sum(gradient * change).real == pytest.approx((above - below) / 2, rel=1e-4)
 
 
-@pytest.mark.parametrize("term", ["mass", "forces", "motion", "feedthrough"])
+@pytest.mark.parametrize("term", ["mass", "motion"])
 def test_change_by_a_term_is_the_finite_difference(term, on_a_road) -> None:
     _, terms = on_a_road
     value = getattr(terms, term)
     change = np.random.default_rng(3).standard_normal(value.shape)
     change = change + change.T if term == "mass" else change
-    step = 1e-5 * ({"forces": 1e3, "feedthrough": 10.0}.get(term) or np.abs(value).mean())
+    step = 1e-5 * np.abs(value).mean()
     above, below = (
         transfer(replace(terms, **{term: value + sign * step * change})).spectral_matrix for sign in (1, -1)
     )

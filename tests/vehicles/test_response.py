@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.vehicles import frequency_response, parse_vehicle, read_vehicle, sensitivities, structure
+from sprung.vehicles import frequency_response, parse_vehicle, read_vehicle, structure
 
 
 def quarter(**corner):
@@ -46,26 +46,3 @@ def test_body_follows_a_slow_road() -> None:
 def test_impossible_frequencies_are_refused() -> None:
     with pytest.raises(ParameterError, match="at least 0"):
         frequency_response(quarter(), [-1.0])
-
-
-@pytest.mark.parametrize("bushing", [None, 60e3])
-def test_sensitivities_are_the_finite_differences(bushing) -> None:
-    vehicle = read_vehicle("zafira")
-    axles = tuple(axle.model_copy(update={"damper_bushing_stiffness": bushing}) for axle in vehicle.axle)
-    car = structure(vehicle.model_copy(update={"axle": axles}))
-    result = sensitivities(car)
-    for column, component in enumerate(result.components):
-        up, down = (car.changed({component: 1 + sign * 1e-5}).modes() for sign in (1, -1))
-        frequency = (up.natural_frequency - down.natural_frequency) / 2e-5
-        damping = (up.damping_ratio - down.damping_ratio) / 2e-5
-        assert np.allclose(result.natural_frequency[:, column], frequency, atol=1e-6)
-        assert np.allclose(result.damping_ratio[:, column], damping, atol=1e-7)
-
-
-def test_all_springs_and_dampers_together_scale_time() -> None:
-    car = structure(read_vehicle("zafira"))
-    result = sensitivities(car)
-    weights = np.array([0.5 if component.kind == "damper" else 1.0 for component in result.components])
-    # k to a k and c to sqrt(a) c: every frequency by sqrt(a), damping ratios stay
-    assert np.allclose(result.natural_frequency @ weights, car.modes().natural_frequency / 2, rtol=1e-9)
-    assert np.allclose(result.damping_ratio @ weights, 0, atol=1e-9)

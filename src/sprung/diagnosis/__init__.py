@@ -28,22 +28,14 @@ from sprung.diagnosis.residuals import (
     ResidualReference,
     ResidualStatistics,
     ResidualTest,
-    compare_residuals,
     learn_reference,
-    learn_residuals,
     residual_statistics,
     residual_test,
 )
 from sprung.diagnosis.sensors import KINDS, SensorFault, sensor_faults
 from sprung.diagnosis.trends import Trend, trend
-from sprung.diagnosis.type_baselines import (
-    RankedVehicle,
-    TypeBaseline,
-    TypeDetector,
-    learn_type,
-    nominal_type,
-    rank_fleet,
-)
+from sprung.diagnosis.type_baselines import TypeBaseline, learn_type, nominal_type
+from sprung.diagnosis.type_comparison import RankedVehicle, compare_with_type, rank_fleet
 
 __all__ = [
     "INTERVAL_95",
@@ -70,9 +62,8 @@ __all__ = [
     "Size",
     "Trend",
     "TypeBaseline",
-    "TypeDetector",
     "Verdict",
-    "compare_residuals",
+    "compare_with_type",
     "detect",
     "detectable",
     "detectable_in_words",
@@ -81,7 +72,6 @@ __all__ = [
     "false_discoveries",
     "learn",
     "learn_reference",
-    "learn_residuals",
     "learn_type",
     "mode_changes",
     "nominal_type",

@@ -12,7 +12,8 @@ from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import DIFFERENT, ResidualTest, residual_test
 from sprung.diagnosis.sensors import SensorFault
 from sprung.diagnosis.trends import current_sizes, trend
-from sprung.diagnosis.type_baselines import TypeBaseline, TypeDetector, nominal_type
+from sprung.diagnosis.type_baselines import TypeBaseline, nominal_type
+from sprung.diagnosis.type_comparison import compare_with_type
 from sprung.errors import ParameterError
 
 #: Difference of ln evidence above which the runner-up is not named.
@@ -70,12 +71,11 @@ def diagnose(
 
     Notes
     -----
-    All windows pass through one `ChangeDetector`, or without a baseline through one `TypeDetector`; `diagnosis_of` puts
-    the result into words.
+    All windows pass through one `ChangeDetector`, or without a baseline through `compare_with_type`.
 
     References
     ----------
-    As for `ChangeDetector` and `TypeDetector`.
+    As for `ChangeDetector` and `compare_with_type`.
 
     Examples
     --------
@@ -112,17 +112,15 @@ def diagnose(
         of_type = nominal_type(first.components, name=vehicle) if type_baseline is None else type_baseline
         if not any(observation.components == of_type.components for observation in every):
             raise ParameterError("the components differ from those of the type's baseline: fit the same ones")
-        detector: ChangeDetector | TypeDetector = TypeDetector(
-            of_type, false_alarms=false_alarms, windows_per_day=windows_per_day
-        )
-    else:
-        detector = ChangeDetector(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day)
+        detection = compare_with_type(every, of_type, false_alarms=false_alarms, windows_per_day=windows_per_day)
+        return _diagnosis(every, of_type.baseline(every), detection, false_alarms)
+    detector = ChangeDetector(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day)
     for observation in every:
         detector.update(observation)
     return diagnosis_of(detector)
 
 
-def diagnosis_of(detector: ChangeDetector | TypeDetector) -> Diagnosis:
+def diagnosis_of(detector: ChangeDetector) -> Diagnosis:
     """Return the diagnosis of the windows that a detector holds.
 
     Parameters
@@ -154,9 +152,16 @@ def diagnosis_of(detector: ChangeDetector | TypeDetector) -> Diagnosis:
     >>> diagnosis_of(detector).verdict
     'no_change_detected'
     """
-    every, baseline, detection = detector.observations, detector.baseline, detector.detection
+    every = detector.observations
     if not any(observation.is_conclusive for observation in every):
         return _inconclusive(every, detector.false_alarms)
+    return _diagnosis(every, detector.baseline, detector.detection, detector.false_alarms)
+
+
+def _diagnosis(
+    every: tuple[Observation, ...], baseline: Baseline, detection: Detection | None, false_alarms: float
+) -> Diagnosis:
+    """Return the diagnosis of windows, some of them conclusive, by their comparison with a baseline."""
     compared = [observation for observation in every if baseline.accepts(observation)]
     is_alert = detection is not None and detection.is_alert
     findings = _findings(detection, compared, baseline) if detection is not None and is_alert else ()
@@ -180,9 +185,7 @@ def diagnosis_of(detector: ChangeDetector | TypeDetector) -> Diagnosis:
         *opinion,
         *(doubt for doubt in doubts if doubt not in opinion),
     )
-    return Diagnosis(
-        findings, _distinct_faults(every), detection, every, notes, baseline, detector.false_alarms, tests, doubts
-    )
+    return Diagnosis(findings, _distinct_faults(every), detection, every, notes, baseline, false_alarms, tests, doubts)
 
 
 def _doubts(baseline: Baseline, detection: Detection | None) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """Subspace residual test: whether a window differs from those of the baseline, without a model of the vehicle."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -195,55 +195,6 @@ def residual_statistics(
     )
 
 
-def learn_residuals(
-    recordings: Iterable[Recording],
-    *,
-    sampling_rate: float | None = None,
-    segment: float = _SEGMENT,
-    block_rows: int = _BLOCK_ROWS,
-) -> ResidualReference:
-    """Learn the null space and the residuals of a healthy system from recordings.
-
-    Parameters
-    ----------
-    recordings
-        Windows of the system, at least three, over the conditions it meets.
-    sampling_rate, segment, block_rows
-        As for `residual_statistics`.
-
-    Returns
-    -------
-    ResidualReference
-        Null space, whitening, and the distribution of the statistic over the windows.
-
-    Raises
-    ------
-    DataError, ParameterError
-        As raised by `residual_statistics` and `learn_reference`.
-
-    References
-    ----------
-    As for `learn_reference`.
-
-    Examples
-    --------
-    >>> from sprung.simulation import simulate, usual_excitation
-    >>> from sprung.vehicles import chain
-    >>> masses = chain()
-    >>> force = usual_excitation(masses)
-    >>> runs = [simulate(masses, force, duration=60.0, sampling_rate=100.0, snr=10.0, seed=k) for k in range(3)]
-    >>> reference = learn_residuals(runs)
-    >>> reference.n_windows, reference.channels, reference.null_space.shape
-    (3, ('acc_1', 'acc_2', 'acc_3'), (18, 12))
-    """
-    return learn_reference(
-        [
-            residual_statistics(recording, sampling_rate=sampling_rate, segment=segment, block_rows=block_rows)
-            for recording in recordings
-        ]
-    )
-
-
 def learn_reference(windows: Sequence[ResidualStatistics]) -> ResidualReference:
     """Learn the null space and the residuals of a healthy system.
 
@@ -315,58 +266,6 @@ def learn_reference(windows: Sequence[ResidualStatistics]) -> ResidualReference:
         center,
         _scatter(logs, least),
         len(logs),
-    )
-
-
-def compare_residuals(reference: ResidualReference, recording: Recording) -> ResidualTest:
-    """Compare a recording with the reference.
-
-    Parameters
-    ----------
-    reference
-        Reference from `learn_residuals`.
-    recording
-        Window of the same outputs.
-
-    Returns
-    -------
-    ResidualTest
-        Probability of a residual as large in a healthy system.
-
-    Raises
-    ------
-    DataError
-        As raised by `residual_statistics`.
-    ParameterError
-        If the outputs differ from the reference's.
-
-    References
-    ----------
-    As for `learn_reference`.
-
-    Examples
-    --------
-    A chain of masses of which a spring has lost 30 % of its stiffness, against six healthy runs:
-
-    >>> from sprung.diagnosis import learn_residuals
-    >>> from sprung.simulation import simulate, usual_excitation
-    >>> from sprung.vehicles import parse_fault, read_description, structure, with_faults
-    >>> chain = structure(read_description("chain3"))
-    >>> def run(system, seed):
-    ...     return simulate(system, usual_excitation(system), duration=60.0, sampling_rate=100.0, snr=10.0, seed=seed)
-    >>> reference = learn_residuals(run(chain, seed) for seed in range(6))
-    >>> soft = with_faults(chain, [parse_fault("mass_1.spring=-0.3")])
-    >>> [compare_residuals(reference, run(system, 7)).is_different for system in (chain, soft)]
-    [False, True]
-    """
-    return residual_test(
-        reference,
-        residual_statistics(
-            recording,
-            sampling_rate=reference.sampling_rate,
-            segment=reference.segment,
-            block_rows=reference.block_rows,
-        ),
     )
 
 

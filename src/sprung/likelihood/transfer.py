@@ -60,18 +60,10 @@ class Transfer:
             _squared(self.terms)[:, None, None] * (self.force_response @ mass @ self.displacements)
         )
 
-    def change_by_forces(self, forces: Real) -> Real:
-        """Return dS for a change of the forces of the inputs: dH = L dforces."""
-        return self.change_by_transfer(self.force_response @ forces)
-
     def change_by_motion(self, motion: Real) -> Real:
         """Return dS for a change of the channels' readings of motion: dH = -w^2 reduction diag(.) dmotion X."""
         read = -_squared(self.terms)[:, None, None] * (motion @ self.displacements)
         return self.change_by_transfer(_reduced(self.terms) @ read)
-
-    def change_by_feedthrough(self, feedthrough: Real) -> Real:
-        """Return dS for a change of the channels' readings of inputs: dH = reduction diag(.) dfeedthrough."""
-        return self.change_by_transfer(_reduced(self.terms) @ feedthrough)
 
     def change_by_channel(self, channel: int, response: Complex) -> Real:
         """Return dS for a change of the frequency response of a channel, shape (grid,)."""

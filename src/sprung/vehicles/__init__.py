@@ -14,7 +14,7 @@ from sprung.vehicles.files import (
 )
 from sprung.vehicles.models import chain, modal_mass, structure, wheel_hop_frequencies
 from sprung.vehicles.modes import ExactModes, modes, participation
-from sprung.vehicles.response import Sensitivities, frequency_response, sensitivities
+from sprung.vehicles.response import frequency_response
 from sprung.vehicles.sections import (
     Axle,
     Body,
@@ -57,7 +57,6 @@ __all__ = [
     "Quarter",
     "QuarterBody",
     "QuarterCorner",
-    "Sensitivities",
     "Sensor",
     "StateSpace",
     "Structure",
@@ -75,7 +74,6 @@ __all__ = [
     "participation",
     "read_description",
     "read_vehicle",
-    "sensitivities",
     "sensor_outputs",
     "state_space",
     "stationary_covariance",

@@ -14,7 +14,7 @@ from sprung.diagnosis import (
     ResidualStatistics,
     SensorFault,
     TypeBaseline,
-    TypeDetector,
+    diagnose,
     diagnosis_of,
     learn,
     observe_window,
@@ -620,12 +620,12 @@ class VehicleMonitor:
         if of_type is None:
             return None
         settings = self._detection_settings()
-        detector = TypeDetector(
-            of_type, false_alarms=settings["false_alarms"], windows_per_day=settings["windows_per_day"]
+        return diagnose(
+            [observation.without_segments() for observation in self._learning],
+            type_baseline=of_type,
+            false_alarms=settings["false_alarms"],
+            windows_per_day=settings["windows_per_day"],
         )
-        for observation in self._learning:
-            detector.update(observation.without_segments())
-        return diagnosis_of(detector)
 
     def _complete_file(self, recording: Recording, observation: Observation) -> bool:
         """Return whether the file was calibrated with this window, so that learning starts again with the next one."""
