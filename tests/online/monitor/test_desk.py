@@ -61,48 +61,63 @@ def test_requests(store) -> None:
     learn, raw = store.requests.open_commands()
     assert (learn.act, learn.detail, learn.who) == ("learn", "new dampers", "anna")
     assert (raw.act, raw.detail) == ("raw", {"from": NOW - 300 * 10**9, "to": NOW})
-    (vehicle,) = desk.vehicles_document(store)["vehicles"]
-    assert (vehicle["vehicle"], vehicle["state"], vehicle["last_seen"]) == ("car-1", "car-1 has sent nothing", NOW)
+    (vehicle,) = desk.vehicles_document(store, now=NOW)["vehicles"]
+    assert (vehicle["vehicle"], vehicle["summary"], vehicle["last_seen"]) == ("car-1", "car-1 has sent nothing.", NOW)
 
 
 LEARNING = VehicleStatus(n_learnt=4, n_needed=12, is_learning=True, window=600.0, until=NOW - HOUR)
 
 
 @pytest.mark.parametrize(
-    ("status", "state"),
+    ("status", "verdict", "summary"),
     [
-        (None, "learning: no samples analysed yet"),
-        (LEARNING, "learning: 4 of 12 windows"),
-        (LEARNING._replace(note="the vehicle stood"), "learning: 4 of 12 windows; last window: the vehicle stood"),
+        (None, "waiting", "No samples analysed yet."),
+        (LEARNING, "learning", "Learning: 4 of 12 windows."),
+        (
+            LEARNING._replace(note="the vehicle stood"),
+            "learning",
+            "Learning: 4 of 12 windows; last window: the vehicle stood.",
+        ),
         (
             LEARNING._replace(n_learnt=0, share=0.5),
-            "learning: 0 of 12 windows; 5.0 of the 10 min of the next window have arrived",
+            "learning",
+            "Learning: 0 of 12 windows; 5.0 of the 10 min of the next window have arrived.",
         ),
         (
             LEARNING._replace(repeated=1500.0),
-            "learning: 4 of 12 windows; the last 25.0 min were analysed before and do not count again",
+            "learning",
+            "Learning: 4 of 12 windows; the last 25.0 min were analysed before and do not count again.",
         ),
-        (LEARNING._replace(is_learning=False, n_learnt=12, share=0.5), "no alert"),
-        (LEARNING._replace(is_learning=False, note="sensor a is dead"), "last window: sensor a is dead"),
+        (
+            LEARNING._replace(is_learning=False, n_learnt=12, share=0.5),
+            "inconclusive",
+            "Inconclusive: no change detected, but there is no baseline to compare with.",
+        ),
+        (
+            LEARNING._replace(is_learning=False, note="sensor a is dead"),
+            "inconclusive",
+            "Inconclusive: last window: sensor a is dead.",
+        ),
     ],
 )
-def test_a_vehicle_states_what_is_learnt_and_why_not(store, status, state) -> None:
+def test_a_vehicle_states_what_is_learnt_and_why_not(store, status, verdict, summary) -> None:
     AlertBook(store, AlertSettings()).clear("car-1", "silent", now=NOW)
     if status is not None:
         store.inbox.add_frames([StoredFrame("car-1", 1, 0, NOW, b"x")], now=NOW)
         store.results.commit(Progress("car-1", 1, done_seq=0, status=status._asdict()))
-    (vehicle,) = desk.vehicles_document(store)["vehicles"]
-    assert vehicle["state"] == state
+    (vehicle,) = desk.vehicles_document(store, now=NOW)["vehicles"]
+    assert (vehicle["verdict"], vehicle["summary"]) == (verdict, summary)
     expected = (None, None, None) if status is None else (status.n_learnt, 12, NOW - HOUR)
-    assert (vehicle["learnt"], vehicle["needed"], vehicle["data_until"]) == expected
+    assert (vehicle["windows_learnt"], vehicle["windows_needed"], vehicle["data_until"]) == expected
 
 
-def test_what_an_alert_states_is_not_repeated(store) -> None:
+def test_an_alert_says_more_than_the_note_of_the_last_window(store) -> None:
     store.inbox.add_frames([StoredFrame("car-1", 1, 0, NOW, b"x")], now=NOW)
     status = LEARNING._replace(note="car-1 has sent nothing")
     store.results.commit(Progress("car-1", 1, done_seq=0, status=status._asdict()))
-    (vehicle,) = desk.vehicles_document(store)["vehicles"]
-    assert vehicle["state"] == "car-1 has sent nothing; learning: 4 of 12 windows"
+    (vehicle,) = desk.vehicles_document(store, now=NOW)["vehicles"]
+    assert (vehicle["verdict"], vehicle["summary"]) == ("stale", "car-1 has sent nothing.")
+    assert (vehicle["windows_learnt"], vehicle["windows_needed"]) == (4, 12)
 
 
 @pytest.mark.parametrize(

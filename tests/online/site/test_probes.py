@@ -124,5 +124,5 @@ def test_an_address_in_use_is_refused(store) -> None:
 
 
 def test_every_figure_is_documented() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "monitor.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "docs" / "monitor.md").read_text(encoding="utf-8")
     assert [name for name in FIGURES if f"| `{name}" not in text] == []

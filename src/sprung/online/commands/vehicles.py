@@ -178,7 +178,8 @@ def _print_vehicles(store: "Store", json: str | None, sentences: list[str]) -> N
     from sprung.online.monitor.desk import NO_VEHICLES, vehicles_document
     from sprung.results import tables
 
-    document = vehicles_document(store)
+    now = time.time_ns()
+    document = vehicles_document(store, now=now)
     if write_result(document, json):
-        table = tables.vehicles_table(document, now=time.time_ns())
+        table = tables.vehicles_table(document, now=now)
         show(table if document["vehicles"] else [NO_VEHICLES], [*sentences, *written([], json)])

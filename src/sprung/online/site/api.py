@@ -20,8 +20,8 @@ from sprung.online.site.models import (
     Learning,
     Shelf,
     VehicleDetail,
-    Verdict,
     WindowPage,
+    WorkshopVerdict,
 )
 
 router = APIRouter()
@@ -69,7 +69,7 @@ def counts(context: Shared, _: Viewer) -> FleetCount:
 @router.get("/vehicles/{vehicle}", tags=["vehicles"])
 def vehicle_detail(context: Shared, _: Viewer, vehicle: VehicleName) -> VehicleDetail:
     """A vehicle."""
-    return views.vehicle_detail(context, vehicle)
+    return views.vehicle_detail(context, vehicle)[0]
 
 
 @router.get("/vehicles/{vehicle}/windows", tags=["vehicles"])
@@ -162,7 +162,7 @@ def close(context: Shared, person: Engineer, number: Number, given: Comment) -> 
 
 
 @router.post("/alerts/{number}/verdict", tags=["alerts"])
-def verdict(context: Shared, person: Engineer, number: Number, given: Verdict) -> AlertDetail:
+def verdict(context: Shared, person: Engineer, number: Number, given: WorkshopVerdict) -> AlertDetail:
     """Record what the workshop found and did, and learn a new baseline if requested."""
     desk.add_verdict(
         context.store,

@@ -6,7 +6,7 @@ from fastapi import APIRouter, Path
 
 from sprung.online.monitor import desk
 from sprung.online.monitor.requests import rolling_back_in_words
-from sprung.online.site import vehicle_changes, vehicle_data, vehicle_trends
+from sprung.online.site import vehicle_data, vehicle_trends, views
 from sprung.online.site.access import Engineer, Viewer
 from sprung.online.site.api import Time, VehicleName
 from sprung.online.site.context import Shared
@@ -24,8 +24,7 @@ Place = Annotated[int, Path(ge=0, lt=2**63)]
 @router.get("/vehicles/{vehicle}/changes")
 def changes(context: Shared, _: Viewer, vehicle: VehicleName) -> Changes:
     """Changes of springs, dampers and tyres against the baseline, with 95 % intervals."""
-    vehicle_data.known_vehicle(context.store, vehicle)
-    return vehicle_changes.changes(context.store, vehicle)
+    return Changes.model_validate(views.vehicle_detail(context, vehicle)[1])
 
 
 @router.get("/vehicles/{vehicle}/trends")

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Any
 
 from sprung.errors import ParameterError
+from sprung.online.monitor.vehicle_states import reference_of
 from sprung.online.site.context import Context
 from sprung.online.site.diagram_models import WindowDiagrams
 from sprung.online.site.diagrams import Computed, NoSamplesError
-from sprung.online.site.vehicle_changes import reference_of
 from sprung.online.site.vehicle_data import known_vehicle, known_window
 from sprung.online.store import Entry, archive_path
 from sprung.results.tables import time_in_words
@@ -108,7 +108,7 @@ def _request(context: Context, entry: Entry) -> dict[str, Any]:
             "keep those of later windows longer"
         )
     row = known_vehicle(context.store, entry.vehicle)
-    baseline = reference_of(context.store, entry.vehicle).baseline
+    baseline = reference_of(context.store.results.baselines(entry.vehicle)).baseline
     completed = "" if baseline is None else baseline.vehicle_file
     return {
         "samples": str(path),

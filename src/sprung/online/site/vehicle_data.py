@@ -15,8 +15,8 @@ from sprung.modal import Modes
 from sprung.online.monitor import VehicleStatus
 from sprung.online.monitor.desk import BASELINE_ACTS
 from sprung.online.monitor.histories import LEARN, ROLL_BACK
+from sprung.online.monitor.vehicle_states import observations_of, reference_of
 from sprung.online.site.models import WindowEntry
-from sprung.online.site.vehicle_changes import observations_of, part_changes, reference_of
 from sprung.online.site.vehicle_models import (
     BaselineDetail,
     BaselineVersion,
@@ -28,6 +28,7 @@ from sprung.online.site.vehicle_models import (
     ConditionRange,
     DataQuality,
     ModeValue,
+    PartChange,
     WindowDetail,
 )
 from sprung.online.site.vehicle_trends import body_modes_in
@@ -35,6 +36,7 @@ from sprung.online.store import Entry, Store, VehicleRow
 from sprung.recording import Channel
 from sprung.results.documents import baseline_from_document, observation_from_document
 from sprung.results.documents.modes import IdentifiedMode, modes_from_documents
+from sprung.state import progress_in_words
 from sprung.vehicles import vehicle_from_text
 from sprung.vehicles.labels import MOTIONS
 
@@ -124,7 +126,7 @@ def window_detail(store: Store, vehicle: str, boot: int, number: int) -> WindowD
     """
     entry = known_window(store, vehicle, boot, number)
     window = WindowEntry(boot=boot, number=number, t0=entry.t0, document=entry.document)
-    reference = reference_of(store, vehicle)
+    reference = reference_of(store.results.baselines(vehicle))
     findings = tuple(str(row.document.get("sentence", "")) for row in store.results.findings_of(vehicle, boot, number))
     before, after = _neighbours(store, entry)
     try:
@@ -151,7 +153,7 @@ def window_detail(store: Store, vehicle: str, boot: int, number: int) -> WindowD
         reason=observation.reason,
         conditions=_conditions(observation),
         reference=reference.in_words,
-        parts=part_changes(reference, [observation], (), limits={}) if is_compared else (),
+        parts=tuple(map(PartChange.model_validate, reference.parts([observation], limits={}))) if is_compared else (),
         modes=_window_modes(store, entry, observation),
         findings=findings,
         sensor_faults=tuple(
@@ -174,15 +176,15 @@ def baseline_detail(store: Store, vehicle: str) -> BaselineDetail:
     known_vehicle(store, vehicle)
     stored = store.results.status(vehicle)
     status = VehicleStatus() if stored is None else VehicleStatus(**stored)
-    reference = reference_of(store, vehicle)
+    reference = reference_of(store.results.baselines(vehicle))
     is_learning = status.is_learning or reference.baseline is None
     waiting = [each for each in store.requests.open_commands() if each.vehicle == vehicle]
     returns = [each.detail["version"] for each in waiting if each.act == ROLL_BACK]
     return BaselineDetail(
         is_learning=is_learning,
-        learnt=status.n_learnt,
-        needed=status.n_needed,
-        progress=status.in_words if is_learning else "",
+        windows_learnt=status.n_learnt,
+        windows_needed=status.n_needed,
+        progress=progress_in_words(status) if is_learning else "",
         is_requested=any(each.act == LEARN for each in waiting),
         requested_version=returns[-1] if returns else None,
         versions=baseline_entries(store, vehicle, is_learning=is_learning),
