@@ -11,7 +11,7 @@ from tests.online.monitor.history_store import BEGIN, DAY, DEAD_DAY, HOSTILE, ON
 
 from sprung.diagnosis.deviations import mean_deviation
 from sprung.errors import ParameterError
-from sprung.online.monitor import desk
+from sprung.online.monitor import operations
 from sprung.online.monitor.vehicle_document import report_document
 from sprung.online.monitor.vehicle_history import read_history
 from sprung.online.monitor.vehicle_report import vehicle_report
@@ -160,7 +160,7 @@ def test_the_page_shows_the_numbers_of_its_document(whole, page) -> None:
 
 def test_alerts_come_with_evidence_history_and_verdicts(store, whole) -> None:
     spring, sensor = whole.document["alerts"]
-    assert spring["alert"] == desk.alerts_document(store)["alerts"][0]
+    assert spring["alert"] == operations.alerts_document(store)["alerts"][0]
     assert spring["evidence"]["change"] == -0.25
     assert [event["what"] for event in spring["history"]] == ["raised", "acknowledged", "commented"]
     assert [(each["verdict"], each["action"]) for each in spring["verdicts"]] == [("not looked at", "-no bay free")]

@@ -13,7 +13,7 @@ from tests.online.site.conftest import HOUR, NOW
 
 from sprung.diagnosis import SensorFault, diagnose, learn
 from sprung.online.alerts import AlertSettings, Report, message_of, reported
-from sprung.online.monitor import AlertBook, Observed, alert_of, desk
+from sprung.online.monitor import AlertBook, Observed, alert_of, operations
 from sprung.online.monitor.exports import export
 from sprung.online.monitor.vehicle_document import report_document
 from sprung.online.monitor.vehicle_history import read_history
@@ -96,7 +96,7 @@ def fleet(serve):
 def test_all_renderings_of_twenty_vehicles_agree(fleet) -> None:
     store, client = fleet
     assert len(VEHICLES) >= 20
-    document = desk.vehicles_document(store, now=NOW)
+    document = operations.vehicles_document(store, now=NOW)
     commands = {entry["vehicle"]: entry for entry in document["vehicles"]}
     printed = {row[0]: row[-1] for row in vehicles_table(document, now=NOW).rows}
     listed = {entry["vehicle"]: entry for entry in client.get("/api/v1/vehicles?limit=100").json()["vehicles"]}

@@ -260,7 +260,7 @@ def test_an_act_is_stored_as_a_whole_or_not_at_all(client, store, monkeypatch) -
     def fail(*_args, **_fields):
         raise RuntimeError("the power fails")
 
-    monkeypatch.setattr("sprung.online.monitor.desk.close", fail)
+    monkeypatch.setattr("sprung.online.monitor.operations.close", fail)
     body = {"verdict": "confirmed", "new_baseline": True}
     assert client.post("/api/v1/alerts/1/verdict", json=body).status_code == 500
     assert (store.verdicts.all(), store.requests.open_commands()) == ([], [])

@@ -287,17 +287,17 @@ def test_a_new_baseline_is_requested_with_a_reason_by_an_engineer(observed, serv
     path = f"/vehicles/{NAME}/baseline"
     for name, allowed in (("anna", False), ("eve", True)):
         client.post("/api/v1/session", json={"name": name, "password": PASSWORD})
-        mark = client.get("/api/v1/session").json()["mark"]
+        mark = client.get("/api/v1/session").json()["csrf_token"]
         assert ('<form class="stack"' in client.get(path, headers=HEADERS).text) is allowed
         answer = client.post(
-            path, data={"_mark": mark, "reason": "new <b>dampers"}, headers=HEADERS, follow_redirects=False
+            path, data={"csrf_token": mark, "reason": "new <b>dampers"}, headers=HEADERS, follow_redirects=False
         )
         assert answer.status_code == (303 if allowed else 403)
     page = client.get(answer.headers["location"], headers=HEADERS)
     assert f"{NAME} will learn a new baseline from its next usable windows." in page.text
     (command,) = context.store.requests.open_commands()
     assert (command.vehicle, command.act, command.detail, command.who) == (NAME, "learn", "new <b>dampers", "eve")
-    empty = client.post(path, data={"_mark": mark, "reason": " "}, headers=HEADERS)
+    empty = client.post(path, data={"csrf_token": mark, "reason": " "}, headers=HEADERS)
     assert (empty.status_code, "Give a reason" in empty.text) == (422, True)
     assert client.post(path, data={"reason": "x"}, headers=HEADERS).status_code == 403
 
@@ -329,7 +329,7 @@ def test_versions_of_a_baseline_state_who_why_and_what_they_met(relearnt) -> Non
 def test_an_engineer_returns_to_an_earlier_baseline(relearnt, serve, people) -> None:
     _, client = serve()
     path = f"/vehicles/{NAME}/baseline"
-    mark = client.post("/api/v1/session", json={"name": people["engineer"], "password": PASSWORD}).json()["mark"]
+    mark = client.post("/api/v1/session", json={"name": people["engineer"], "password": PASSWORD}).json()["csrf_token"]
     page = client.get(f"{path}?version=1", headers=HEADERS).text
     assert '<option value="1" selected>1: first learning, ' in page
     assert '<option value="2"' not in page
@@ -339,9 +339,9 @@ def test_an_engineer_returns_to_an_earlier_baseline(relearnt, serve, people) -> 
         ({"version": "9", "reason": "x"}, "has no baseline 9: it has 1, 2"),
         ({"version": "²", "reason": "x"}, "has no baseline 0"),
     ):
-        refused = client.post(f"{path}/rollback", data={**fields, "_mark": mark}, headers=HEADERS)
+        refused = client.post(f"{path}/rollback", data={**fields, "csrf_token": mark}, headers=HEADERS)
         assert (refused.status_code, words in refused.text) == (422, True), words
-    given = {"version": "1", "reason": "broken spring", "_mark": mark}
+    given = {"version": "1", "reason": "broken spring", "csrf_token": mark}
     done = client.post(f"{path}/rollback", data=given, headers=HEADERS, follow_redirects=False)
     assert (done.status_code, done.headers["location"]) == (303, f"{path}?notice=rollback")
     (command,) = relearnt.requests.open_commands()

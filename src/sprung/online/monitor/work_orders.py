@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from sprung.errors import ParameterError
 from sprung.online.alerts import Message, Sender, deliver
-from sprung.online.monitor import desk
+from sprung.online.monitor import operations
 from sprung.online.monitor.vehicle_states import alert_state
 from sprung.online.store import Store
 from sprung.results.documents import WorkOrderDocument
@@ -94,7 +94,7 @@ def send_work_order(
     errors = deliver(_message(order), senders)
     results = {sender.name: errors.get(sender.name, "") for sender in senders}
     words = "; ".join(f"by {name}: {error or 'sent'}" for name, error in results.items())
-    desk.add_comment(store, number, who=who, comment=f"work order {words}", now=now)
+    operations.add_comment(store, number, who=who, comment=f"work order {words}", now=now)
     return results
 
 

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path
 
-from sprung.online.monitor import desk
+from sprung.online.monitor import operations
 from sprung.online.monitor.requests import rolling_back_in_words
 from sprung.online.site import vehicle_data, vehicle_trends, views
 from sprung.online.site.access import Engineer, Viewer
@@ -30,7 +30,7 @@ def changes(context: Shared, _: Viewer, vehicle: VehicleName) -> Changes:
 @router.get("/vehicles/{vehicle}/trends")
 def trends(context: Shared, _: Viewer, vehicle: VehicleName, *, since: Time = None, until: Time = None) -> Trends:
     """Springs, dampers, tyres and modes of the body over time, at most the last 1000 windows."""
-    vehicle_data.known_vehicle(context.store, vehicle)
+    vehicle_data.require_vehicle(context.store, vehicle)
     end = context.clock() if until is None else until
     return vehicle_trends.trends(context.store, vehicle, since=since, until=end)
 
@@ -57,7 +57,7 @@ def baseline(context: Shared, _: Viewer, vehicle: VehicleName) -> BaselineDetail
 def roll_back(context: Shared, person: Engineer, vehicle: VehicleName, version: Version, given: Learning) -> Done:
     """Return to an earlier baseline, which becomes the newest version; the next windows are compared with it."""
     reason, now = given.reason, context.clock()
-    number = desk.roll_back(context.store, vehicle, version=version, reason=reason, who=person.name, now=now)
+    number = operations.roll_back(context.store, vehicle, version=version, reason=reason, who=person.name, now=now)
     return Done(sentence=rolling_back_in_words(vehicle, version, reason), number=number)
 
 

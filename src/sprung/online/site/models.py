@@ -230,12 +230,12 @@ class TokenMade(Answer):
 
 
 class WhoAmI(Answer):
-    """Who makes this request; mark: value of the header X-Sprung-Mark of requests that change something."""
+    """Who makes this request; csrf_token: value of the header X-CSRF-Token of requests that change something."""
 
     name: str
     role: str
     has_account: bool
-    mark: str
+    csrf_token: str
 
 
 class AuditEntry(Answer):

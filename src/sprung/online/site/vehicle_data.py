@@ -13,8 +13,8 @@ from sprung.diagnosis.sensors.faults import MISSING
 from sprung.errors import FormatError, ParameterError, SprungError
 from sprung.modal import Modes
 from sprung.online.monitor import VehicleStatus
-from sprung.online.monitor.desk import BASELINE_ACTS
 from sprung.online.monitor.histories import LEARN, ROLL_BACK
+from sprung.online.monitor.operations import BASELINE_ACTS
 from sprung.online.monitor.vehicle_states import observations_of, reference_of
 from sprung.online.site.models import WindowEntry
 from sprung.online.site.vehicle_models import (
@@ -57,7 +57,7 @@ _IDENTIFICATIONS = 12
 _SHARES = {"standing", "model_error"}
 
 
-def known_vehicle(store: Store, vehicle: str) -> VehicleRow:
+def require_vehicle(store: Store, vehicle: str) -> VehicleRow:
     """Return a vehicle as it described itself.
 
     Raises
@@ -71,7 +71,7 @@ def known_vehicle(store: Store, vehicle: str) -> VehicleRow:
     return row
 
 
-def known_window(store: Store, vehicle: str, boot: int, number: int) -> Entry:
+def require_window(store: Store, vehicle: str, boot: int, number: int) -> Entry:
     """Return a stored window.
 
     Raises
@@ -79,7 +79,7 @@ def known_window(store: Store, vehicle: str, boot: int, number: int) -> Entry:
     ParameterError
         If the vehicle or the window is unknown.
     """
-    known_vehicle(store, vehicle)
+    require_vehicle(store, vehicle)
     entry = store.results.observation(vehicle, boot, number)
     if entry is None:
         raise ParameterError(f"unknown window {boot}/{number} of {vehicle}: it was never analysed or is no longer kept")
@@ -94,7 +94,7 @@ def data_quality(store: Store, vehicle: str) -> DataQuality:
     ParameterError
         If the vehicle is unknown.
     """
-    row = known_vehicle(store, vehicle)
+    row = require_vehicle(store, vehicle)
     read = observations_of(store.results.observations(vehicle, limit=_WINDOWS))
     windows = [(entry.t0, window) for entry, window in read]
     names = dict(row.channels)
@@ -124,7 +124,7 @@ def window_detail(store: Store, vehicle: str, boot: int, number: int) -> WindowD
     ParameterError
         If the vehicle or the window is unknown.
     """
-    entry = known_window(store, vehicle, boot, number)
+    entry = require_window(store, vehicle, boot, number)
     window = WindowEntry(boot=boot, number=number, t0=entry.t0, document=entry.document)
     reference = reference_of(store.results.baselines(vehicle))
     findings = tuple(str(row.document.get("sentence", "")) for row in store.results.findings_of(vehicle, boot, number))
@@ -173,7 +173,7 @@ def baseline_detail(store: Store, vehicle: str) -> BaselineDetail:
     ParameterError
         If the vehicle is unknown.
     """
-    known_vehicle(store, vehicle)
+    require_vehicle(store, vehicle)
     stored = store.results.status(vehicle)
     status = VehicleStatus() if stored is None else VehicleStatus(**stored)
     reference = reference_of(store.results.baselines(vehicle))
@@ -248,7 +248,7 @@ def body_modes(store: Store, vehicle: str) -> BodyModes:
     ParameterError
         If the vehicle is unknown.
     """
-    row = known_vehicle(store, vehicle)
+    row = require_vehicle(store, vehicle)
     entry, _ = last_body_modes(store, vehicle)
     if entry is None:
         return BodyModes(time=None, corners=(), modes=(), note="no mode of the body has been identified yet")

@@ -71,7 +71,7 @@ def page(
     context, person = context_of(request), find_person(request)
     secret = ""
     if person is not None and not person.has_account and not person.secret:
-        # A browser on a machine without accounts: its forms need a mark, too.
+        # A browser on a machine without accounts: its forms need a CSRF token, too.
         secret = new_secret()
         person = Person(person.name, person.role, secret, has_account=False)
     text = _environment().get_template(template)

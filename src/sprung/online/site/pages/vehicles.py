@@ -10,7 +10,7 @@ from fastapi.responses import RedirectResponse
 
 from sprung.diagnosis import INTERVAL_95
 from sprung.errors import ParameterError
-from sprung.online.monitor import desk
+from sprung.online.monitor import operations
 from sprung.online.monitor.vehicle_states import observations_of
 from sprung.online.site import vehicle_data, views
 from sprung.online.site.access import Viewer
@@ -110,7 +110,7 @@ def overview(
 @router.get("/vehicles/{vehicle}/windows")
 def windows(request: Request, context: Shared, _: Viewer, vehicle: VehicleName, *, until: Time = None) -> Response:
     """Show the windows of a vehicle, the newest first."""
-    vehicle_data.known_vehicle(context.store, vehicle)
+    vehicle_data.require_vehicle(context.store, vehicle)
     entries = context.store.results.observations(vehicle, until=until, limit=_MANY + 1)
     found = views.window_page(entries, limit=_MANY)
     return vehicle_page(
@@ -180,7 +180,7 @@ def learn(request: Request, context: Shared, form: EngineerForm, vehicle: Vehicl
     """Learn a new baseline from the next windows."""
     reason = form.text("reason")
     try:
-        desk.relearn(context.store, vehicle, reason=reason, who=form.person.name, now=context.clock())
+        operations.relearn(context.store, vehicle, reason=reason, who=form.person.name, now=context.clock())
     except ParameterError as error:
         if context.store.inbox.vehicle(vehicle) is None:
             raise
@@ -195,7 +195,7 @@ def roll_back(request: Request, context: Shared, form: EngineerForm, vehicle: Ve
     reason, number = form.text("reason"), form.text("version")
     version = int(number) if number.isascii() and number.isdecimal() and len(number) < _MOST_DIGITS else 0
     try:
-        desk.roll_back(
+        operations.roll_back(
             context.store, vehicle, version=version, reason=reason, who=form.person.name, now=context.clock()
         )
     except ParameterError as error:
