@@ -22,7 +22,7 @@ from statistics import median
 
 from fleet_pages import fill
 
-from sprung.online.monitor import Site, desk
+from sprung.online.monitor import Site, operations
 from sprung.online.site import Context, Server
 from sprung.online.store import open_store
 
@@ -142,7 +142,7 @@ def change(url: str, end: float) -> None:
     """Change an alert now and then."""
     with open_store(url) as store:
         while time.monotonic() < end:
-            desk.add_comment(store, 4, who="eve", comment="seen", now=time.time_ns())
+            operations.add_comment(store, 4, who="eve", comment="seen", now=time.time_ns())
             time.sleep(CHANGING)
 
 

@@ -21,7 +21,7 @@ FLOORS = (
     ("identification",),
     ("simulation", "diagnosis", "calibration"),
     ("results.documents", "results.tables"),
-    ("results.figures", "results.periods"),
+    ("results.figures", "results.periods", "state"),
     ("results.page", "plotting"),
     ("reproduce",),
     ("cli",),

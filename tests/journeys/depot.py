@@ -9,7 +9,7 @@ from tests.diagnosis.conftest import drawn_window
 
 from sprung.diagnosis import Observation, SensorFault, diagnose, learn
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, desk
+from sprung.online.monitor import AlertBook, operations
 from sprung.online.monitor.engine import Observed
 from sprung.online.store import AlertRow, Progress, Store, StoredFrame
 from sprung.recording import Channel, Recording
@@ -195,12 +195,12 @@ def _modes(generator: np.random.Generator) -> dict[str, Any]:
 def _settle(store: Store, *, now: int) -> None:
     """Let people act on some alerts."""
     numbers = {row.vehicle: number_of(row) for row in store.alerts.find(is_active=True)}
-    desk.acknowledge(store, numbers[WEAK], who="Bert", comment="on my list for tonight", now=now - 40 * _MINUTE)
-    desk.assign(store, numbers[WEAK], assignee="Bert", who="Anna", now=now - 35 * _MINUTE)
-    desk.add_comment(
+    operations.acknowledge(store, numbers[WEAK], who="Bert", comment="on my list for tonight", now=now - 40 * _MINUTE)
+    operations.assign(store, numbers[WEAK], assignee="Bert", who="Anna", now=now - 35 * _MINUTE)
+    operations.add_comment(
         store, numbers[SOFT], who="Anna", comment="the driver says it hangs to the left", now=now - 5 * _MINUTE
     )
-    desk.shelve(store, numbers[DEAD], hours=72, who="Anna", comment="spare part ordered", now=now - 4 * _MINUTE)
+    operations.shelve(store, numbers[DEAD], hours=72, who="Anna", comment="spare part ordered", now=now - 4 * _MINUTE)
 
 
 def _remember(store: Store, book: AlertBook, *, now: int) -> None:
@@ -214,7 +214,7 @@ def _remember(store: Store, book: AlertBook, *, now: int) -> None:
         book.put(reported(None, report, replace(AlertSettings(), raise_after=1), raised), now=raised)
         number = number_of(store.alerts.find(vehicle=name)[0])
         is_repaired = verdict != "nothing found"
-        desk.add_verdict(
+        operations.add_verdict(
             store,
             number,
             verdict=verdict,
@@ -225,7 +225,7 @@ def _remember(store: Store, book: AlertBook, *, now: int) -> None:
             now=raised + (20 + 5 * k) * _HOUR,
         )
         if not is_repaired:
-            desk.close(store, number, who="Bert", comment="road works", now=raised + (21 + 5 * k) * _HOUR)
+            operations.close(store, number, who="Bert", comment="road works", now=raised + (21 + 5 * k) * _HOUR)
 
 
 def number_of(row: AlertRow) -> int:

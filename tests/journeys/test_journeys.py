@@ -101,8 +101,8 @@ def test_a_viewer_cannot_act(serve, visit, watch) -> None:
     page.goto(f"/alerts/{number}")
     expect(page.locator("main form")).to_have_count(0)
     expect(page.locator(".acts")).to_contain_text("Actions on it require the role engineer.")
-    mark = page.evaluate("document.body.dataset.mark")
-    forged = {"_mark": mark, "comment": "forged"}
+    mark = page.evaluate("document.body.dataset.csrfToken")
+    forged = {"csrf_token": mark, "comment": "forged"}
     assert page.request.post(f"/alerts/{number}/acknowledge", form=forged).status == 403
     assert page.request.post(f"/vehicles/{depot.SOFT}/baseline", form={**forged, "reason": "x"}).status == 403
     for address in ("/people", "/audit"):

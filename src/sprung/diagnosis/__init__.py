@@ -1,6 +1,6 @@
 """From windows of driving to findings: sensor checks, baseline, change tests, localisation, advice."""
 
-from sprung.diagnosis.assessment import diagnose, diagnosis_of
+from sprung.diagnosis.assessment import MAX_UNDETECTED, diagnose, diagnosis_of, doubt_about
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.changes import (
     INTERVAL_95,
@@ -42,6 +42,7 @@ __all__ = [
     "KINDS",
     "LEARNING_WINDOWS",
     "LEAST_WINDOWS",
+    "MAX_UNDETECTED",
     "SEVERITIES",
     "Baseline",
     "Candidate",
@@ -69,6 +70,7 @@ __all__ = [
     "detectable_in_words",
     "diagnose",
     "diagnosis_of",
+    "doubt_about",
     "false_discoveries",
     "learn",
     "learn_reference",

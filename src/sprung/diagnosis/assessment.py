@@ -15,11 +15,12 @@ from sprung.diagnosis.trends import current_sizes, trend
 from sprung.diagnosis.type_baselines import TypeBaseline, nominal_type
 from sprung.diagnosis.type_comparison import compare_with_type
 from sprung.errors import ParameterError
+from sprung.vehicles import Component
 
 #: Difference of ln evidence above which the runner-up is not named.
 _CLOSE = 3.0
 #: Change of a part that must be detectable for "no change detected" to be said.
-_DETECTABLE = 0.2
+MAX_UNDETECTED = 0.2
 #: Share of what an unmodelled change explains that a part must explain to be named in its place.
 _MOSTLY = 0.8
 #: Apparent change of another part for a unit change of one (both ln), by nonlinearity and errors of the vehicle file:
@@ -194,15 +195,28 @@ def _doubts(baseline: Baseline, detection: Detection | None) -> tuple[str, ...]:
         return ()
     if baseline.n_windows == 0:
         return ("no baseline: compared with the vehicle file, and left with right, with wide limits",)
-    hidden = {part: least for part, least in detection.detectable.items() if least > _DETECTABLE}
+    doubt = doubt_about(detection.detectable)
+    return (doubt,) if doubt else ()
+
+
+def doubt_about(detectable: Mapping[Component, float]) -> str:
+    """Return why a change of some part may have gone undetected; empty if one of a fifth of any would have been found.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import Component
+    >>> doubt_about({Component("front_left", "spring"): 0.2})
+    ''
+    """
+    hidden = {part: least for part, least in detectable.items() if least > MAX_UNDETECTED}
     if not hidden:
-        return ()
+        return ""
     names = ", ".join(
         f"{str(part).replace('_', '-').replace('.', ' ')} {100 * least:.0f} %" for part, least in hidden.items()
     )
     return (
-        f"a change of {100 * _DETECTABLE:.0f} % would not have been found in every part, as the smallest detectable "
-        f"changes show ({names}): give more windows, or learn the baseline from more",
+        f"a change of {100 * MAX_UNDETECTED:.0f} % would not have been found in every part, as the smallest detectable "
+        f"changes show ({names}): give more windows, or learn the baseline from more"
     )
 
 

@@ -23,7 +23,7 @@ SEVERITIES = (
     (0.4, "critical", 900, "inspect before the next drive"),
     (0.2, "high", 700, "inspect before the next 500 km"),
     (0.1, "medium", 500, "inspect at the next service"),
-    (0.0, "low", 300, "keep watching"),
+    (0.0, "low", 300, "continue monitoring"),
 )
 #: Percentage points below which the ends of an interval are stated with a decimal.
 _NARROW = 2.0

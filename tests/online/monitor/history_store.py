@@ -7,7 +7,7 @@ from tests.diagnosis.conftest import COMPONENTS, drawn_window
 
 from sprung.diagnosis import Observation, SensorFault, learn
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, desk
+from sprung.online.monitor import AlertBook, operations
 from sprung.online.store import Progress, Store, StoredFrame
 from sprung.results.documents import baseline_document, observation_document
 
@@ -53,9 +53,11 @@ def fill(store: Store) -> int:
     _raise(store, "sensor:acc_fl", 400, "sensor acc_fl is dead", {"kind": "dead"}, at=DEAD_DAY)
     text = "front-left spring 25 % (23 to 27 %) softer; inspect before the next 500 km"
     _raise(store, "front_left.spring", 700, text, finding(-0.25), at=ONSET_DAY)
-    desk.close(store, 1, who="bert", comment="plug cleaned", now=_day(DEAD_DAY + 1))
-    desk.acknowledge(store, 2, who="bert", comment=HOSTILE, now=_day(ONSET_DAY) + 10**9)
-    desk.add_verdict(store, 2, verdict="not looked at", action="-no bay free", who="bert", now=_day(ONSET_DAY + 1))
+    operations.close(store, 1, who="bert", comment="plug cleaned", now=_day(DEAD_DAY + 1))
+    operations.acknowledge(store, 2, who="bert", comment=HOSTILE, now=_day(ONSET_DAY) + 10**9)
+    operations.add_verdict(
+        store, 2, verdict="not looked at", action="-no bay free", who="bert", now=_day(ONSET_DAY + 1)
+    )
     return now
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import Observation, learn, learn_type
-from sprung.online.monitor import MonitorSettings, Observed, VehicleMonitor, desk
+from sprung.online.monitor import MonitorSettings, Observed, VehicleMonitor, operations
 from sprung.online.monitor.fleets import VehicleTypes, rankings, type_of_others
 from sprung.online.store import Progress, StoredFrame
 from sprung.recording import Channel, Recording
@@ -113,7 +113,7 @@ def test_windows_are_read_again_only_where_there_are_new_ones(store, car, monkey
 def test_a_fleet_is_ranked_by_its_last_windows(store, car, check_document) -> None:
     fleet(store, car, 7)
     put(store, "van-8", car, drawn(8, 4, fault=-0.25))
-    document = desk.ranking_document(store)
+    document = operations.ranking_document(store)
     check_document(document)
     (ranking,) = document["types"]
     assert ranking["name"] == "zafira"

@@ -5,7 +5,7 @@ import pytest
 
 from sprung.diagnosis import Observation, learn
 from sprung.errors import ParameterError
-from sprung.online.monitor import MonitorSettings, VehicleMonitor, desk
+from sprung.online.monitor import MonitorSettings, VehicleMonitor, operations
 from sprung.online.monitor.histories import restored_baseline
 from sprung.online.monitor.requests import open_request_in_words
 from sprung.online.store import Progress, StoredFrame, open_store
@@ -53,7 +53,7 @@ def test_an_earlier_baseline_returns_as_the_newest_version(store) -> None:
 
 
 def test_a_request_is_stored_with_who_and_why(store) -> None:
-    number = desk.roll_back(store, "car-1", version=1, reason=" broken spring ", who="anna", now=NOW)
+    number = operations.roll_back(store, "car-1", version=1, reason=" broken spring ", who="anna", now=NOW)
     (command,) = store.requests.open_commands()
     detail = {"version": 1, "reason": "broken spring"}
     assert (command.id, command.act, command.who, command.detail) == (number, "roll back", "anna", detail)
@@ -74,13 +74,13 @@ def test_a_request_is_stored_with_who_and_why(store) -> None:
 def test_what_is_refused(store, fields, words) -> None:
     given = {"vehicle": "car-1", "version": 1, "reason": "broken spring"} | fields
     with pytest.raises(ParameterError, match=words):
-        desk.roll_back(store, given.pop("vehicle"), **given, who="anna", now=NOW)
+        operations.roll_back(store, given.pop("vehicle"), **given, who="anna", now=NOW)
     assert store.requests.open_commands() == []
 
 
 def test_the_present_baseline_ends_a_learning(store) -> None:
     store.results.commit(Progress("car-1", 1, done_seq=0, status={"is_learning": True}))
-    desk.roll_back(store, "car-1", version=2, reason="asked for by mistake", who="anna", now=NOW)
+    operations.roll_back(store, "car-1", version=2, reason="asked for by mistake", who="anna", now=NOW)
     assert len(store.requests.open_commands()) == 1
 
 
@@ -114,13 +114,13 @@ def test_a_running_monitor_judges_by_the_earlier_baseline(bench, drive, frames_o
 
     run(0)
     run(1)
-    desk.relearn(one.store, "car-1", reason="new springs", who="anna", now=NOW)
+    operations.relearn(one.store, "car-1", reason="new springs", who="anna", now=NOW)
     one.look()
     for number in (2, 3, 4):
         run(number, SOFT)
     assert [row.version for row in one.store.results.baselines("car-1")] == [1, 2]
     assert one.store.alerts.find(vehicle="car-1", is_active=True) == []
-    desk.roll_back(one.store, "car-1", version=1, reason="learnt with a soft spring", who="anna", now=NOW)
+    operations.roll_back(one.store, "car-1", version=1, reason="learnt with a soft spring", who="anna", now=NOW)
     one.look()
     assert one.store.requests.open_commands() == []
     last = one.store.results.baselines("car-1")[-1]
@@ -128,7 +128,7 @@ def test_a_running_monitor_judges_by_the_earlier_baseline(bench, drive, frames_o
     run(5, SOFT)
     (alert,) = one.store.alerts.find(vehicle="car-1", is_active=True)
     assert alert.cause == "front_left.spring"
-    desk.roll_back(one.store, "car-1", version=2, reason="the springs are meant to be soft", who="bert", now=NOW)
+    operations.roll_back(one.store, "car-1", version=2, reason="the springs are meant to be soft", who="bert", now=NOW)
     one.look()
     run(6, SOFT)
     assert [entry.t0 for entry in one.store.results.findings("car-1")] == [drive(5, SOFT).start]

@@ -7,7 +7,7 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, alert_of, desk
+from sprung.online.monitor import AlertBook, alert_of, operations
 from sprung.online.monitor.overload import OVERLOAD, Overload
 from sprung.online.store import open_store
 
@@ -93,7 +93,7 @@ def test_an_act_waits_for_a_monitor_that_is_changing_the_alert(store, books) -> 
     """The monitor updates the text while a person acknowledges: both changes stay."""
     first = reported(None, soft_spring("20 % softer"), AlertSettings(), BEGUN)
     books[0].put(first, now=BEGUN)
-    act = threading.Thread(target=desk.acknowledge, args=(store, 1), kwargs={"who": "anna", "now": BEGUN + 1})
+    act = threading.Thread(target=operations.acknowledge, args=(store, 1), kwargs={"who": "anna", "now": BEGUN + 1})
     with store.alerts.locked_of("car-1") as (row,):
         act.start()
         act.join(0.3)
@@ -113,7 +113,7 @@ def test_a_monitor_waits_for_an_act_on_the_alert(store, books) -> None:
         clear.start()
         clear.join(0.3)
         assert clear.is_alive()
-        desk.acknowledge(store, 1, who="anna", now=BEGUN + 1)
+        operations.acknowledge(store, 1, who="anna", now=BEGUN + 1)
     clear.join()
     (row,) = store.alerts.find()
     assert (row.is_active, row.is_acknowledged) == (False, True)
@@ -123,6 +123,6 @@ def test_an_act_that_fails_stores_nothing_of_a_verdict(store, books) -> None:
     """The vehicle of the alert is unknown, so that no baseline can be requested: nothing of the act is kept."""
     books[0].report("car-1", "silent", "car-1 has sent nothing", now=BEGUN)
     with pytest.raises(ParameterError, match="unknown vehicle 'car-1'"):
-        desk.add_verdict(store, 1, verdict="confirmed", is_new_baseline=True, who="anna", now=BEGUN + 1)
+        operations.add_verdict(store, 1, verdict="confirmed", is_new_baseline=True, who="anna", now=BEGUN + 1)
     assert store.verdicts.all() == []
     assert [event.what for event in store.alerts.history(1)] == ["raised"]

@@ -11,7 +11,7 @@ from tests.online.monitor.history_store import BEGIN, DAY, DEAD_DAY, HOSTILE, ON
 
 from sprung.diagnosis.deviations import mean_deviation
 from sprung.errors import ParameterError
-from sprung.online.monitor import desk
+from sprung.online.monitor import operations
 from sprung.online.monitor.vehicle_document import report_document
 from sprung.online.monitor.vehicle_history import read_history
 from sprung.online.monitor.vehicle_report import vehicle_report
@@ -35,6 +35,7 @@ TITLES = [
     "How to read this report",
 ]
 NS = 10**9
+END = (BEGIN + 60 * DAY) * NS
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +47,7 @@ def store(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def whole(store):
-    return vehicle_report(store, VEHICLE, period=Period(), now=(BEGIN + 60 * DAY) * NS)
+    return vehicle_report(store, VEHICLE, period=Period(), now=END)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +58,7 @@ def page(whole):
 def document_at(store, since=None, until=None):
     """Report of the days from one to another as a document."""
     ends = (None if day is None else (BEGIN + day * DAY) * NS for day in (since, until))
-    return report_document(read_history(store, VEHICLE, Period(*ends)), now=0)
+    return report_document(read_history(store, VEHICLE, Period(*ends), now=END), now=0)
 
 
 class Checker(HTMLParser):
@@ -123,11 +124,12 @@ def test_numbers_are_those_of_the_store(store, whole, check_document) -> None:
     since = BEGIN + ONSET_DAY * DAY
     assert document["changes_since"] == since * NS
     mean = mean_deviation(baseline, [window for window in windows if window.time >= since])
-    np.testing.assert_allclose([change["change"] for change in document["changes"]], np.expm1(mean.log_ratios))
-    np.testing.assert_allclose(
-        [change["interval"] for change in document["changes"]],
-        np.expm1(np.array([mean.log_ratios - 1.96 * mean.std, mean.log_ratios + 1.96 * mean.std])).T,
-    )
+    spring, *others = document["changes"]
+    assert (spring["component"], spring["change"], spring["interval"]) == ("front_left.spring", -0.25, [-0.27, -0.23])
+    np.testing.assert_allclose([change["change"] for change in others], np.expm1(mean.log_ratios[1:]))
+    for name, std in (("interval", mean.std_by_chance), ("interval_with_common", mean.std)):
+        ends = np.expm1(np.array([mean.log_ratios - 1.96 * std, mean.log_ratios + 1.96 * std])).T
+        np.testing.assert_allclose([change[name] for change in others], ends[1:])
     stated = store.results.baselines(VEHICLE)[0].document["detectable"]["12"]
     assert {change["component"]: change["detectable"] for change in document["changes"]} == stated
     frequencies = [window.modes["bounce"][0] for window in windows if window.is_conclusive]
@@ -158,7 +160,7 @@ def test_the_page_shows_the_numbers_of_its_document(whole, page) -> None:
 
 def test_alerts_come_with_evidence_history_and_verdicts(store, whole) -> None:
     spring, sensor = whole.document["alerts"]
-    assert spring["alert"] == desk.alerts_document(store)["alerts"][0]
+    assert spring["alert"] == operations.alerts_document(store)["alerts"][0]
     assert spring["evidence"]["change"] == -0.25
     assert [event["what"] for event in spring["history"]] == ["raised", "acknowledged", "commented"]
     assert [(each["verdict"], each["action"]) for each in spring["verdicts"]] == [("not looked at", "-no bay free")]
@@ -166,24 +168,32 @@ def test_alerts_come_with_evidence_history_and_verdicts(store, whole) -> None:
 
 
 def test_the_sentence_says_what_matters_in_the_period(store, whole) -> None:
-    assert whole.verdict == "Front-left spring 25 % (23 to 27 %) softer; inspect before the next 500 km."
-    healthy = document_at(store, 0, DEAD_DAY - 1).sentence
-    assert re.match(r"No change detected in 113 usable windows; a loss of \d+ to \d+ % of any part would have", healthy)
-    assert document_at(store, 10, DEAD_DAY + 0.5).sentence == "Sensor acc_fl is dead."
-    assert "1 alert of this period ended." in document_at(store, 10, DEAD_DAY + 5).sentence
-    assert document_at(store, 12, 13).sentence.startswith(
-        "Inconclusive: no change detected, but it takes 12 usable windows, and the period has"
+    assert whole.verdict == "Front-left spring 25.0 % softer."
+    healthy = document_at(store, 0, DEAD_DAY - 1)
+    assert healthy.verdict == "no_change_detected"
+    assert re.match(
+        r"No change detected; a change of \d+ to \d+ % of any part would have been found\.", healthy.sentence
+    )
+    faulty = document_at(store, 10, DEAD_DAY + 0.5)
+    assert (faulty.verdict, faulty.sentence) == ("fault", "Sensor acc_fl is dead.")
+    assert document_at(store, 10, DEAD_DAY + 5).verdict == "no_change_detected"
+    short = document_at(store, 12, 13)
+    assert (short.verdict, short.sentence) == (
+        "inconclusive",
+        "Inconclusive: no change detected, but 6 usable windows since learning are needed.",
     )
     empty = document_at(store, 70, 80)
-    assert empty.sentence.startswith("Front-left spring")
-    assert empty.sentence.endswith("The store contains no window of this period.")
-    assert (empty.windows, empty.changes, empty.changes_since) == (0, (), None)
-    assert document_at(store, -10, -5).sentence == "Inconclusive: the store contains no window of this period."
+    assert (empty.verdict, empty.windows, empty.changes, empty.changes_since) == ("change", 0, (), None)
+    before = document_at(store, -10, -5)
+    assert (before.verdict, before.sentence) == (
+        "inconclusive",
+        "Inconclusive: no change detected, but there is no baseline to compare with.",
+    )
 
 
 def test_an_alert_on_old_samples_counts_from_the_onset(store) -> None:
     """As after a replay, or where a box was offline."""
-    alert = next(each for each in read_history(store, VEHICLE, Period(None, None)).alerts if each.row.id == 2)
+    alert = next(each for each in read_history(store, VEHICLE, Period(), now=END).alerts if each.row.id == 2)
     late = replace(alert, events=tuple(replace(event, time=event.time + 90 * DAY * NS) for event in alert.events))
     onset = (BEGIN + ONSET_DAY * DAY) * NS
     assert late.spans == [(onset, None)]
@@ -191,14 +201,16 @@ def test_an_alert_on_old_samples_counts_from_the_onset(store) -> None:
 
 
 def test_changes_count_from_the_onset_or_the_baseline(store) -> None:
+    early = document_at(store, 0, 4)
+    assert early.changes_since == store.results.observations(VEHICLE)[12].t0
     before = document_at(store, 0, ONSET_DAY - 1)
-    assert before.changes_since == store.results.observations(VEHICLE)[12].t0
-    assert all(change.interval[0] < 0 < change.interval[1] for change in before.changes)
+    windows = store.results.observations(VEHICLE, until=(BEGIN + (ONSET_DAY - 1) * DAY) * NS)
+    assert before.changes_since == windows[-12].t0
+    assert all(change.interval_with_common[0] < 0 < change.interval_with_common[1] for change in before.changes)
     after = {change.component: change for change in document_at(store).changes}
-    spring = after["front_left.spring"]
-    assert spring.change == pytest.approx(-0.25, abs=0.02)
-    assert spring.interval[0] < spring.interval_by_chance[0] < spring.change
-    assert spring.change < spring.interval_by_chance[1] < spring.interval[1] < 0
+    damper = after["front_left.damper"]
+    assert damper.interval_with_common[0] < damper.interval[0] < damper.change
+    assert damper.change < damper.interval[1] < damper.interval_with_common[1]
 
 
 @pytest.mark.parametrize("status", [None, {"n_learnt": 4, "n_needed": 12, "is_learning": True, "window": 600.0}])
@@ -209,7 +221,8 @@ def test_a_vehicle_without_results_has_a_report(tmp_path, status) -> None:
             old = tuple((k, k * NS, {"time": k}) for k in range(3))
             opened.results.commit(Progress("new", 1, done_seq=-1, observations=old, status=status))
         report = vehicle_report(opened, "new", period=Period(), now=NS)
-        assert report.verdict == "Inconclusive: the store contains no window of this period."
+        assert report.document is not None
+        assert report.document["verdict"] == ("waiting" if status is None else "learning")
         assert [section.title for section in report.sections] == TITLES
         page = render(report)
         assert ("3 windows of another form cannot be read" in page) == (status is not None)
@@ -218,7 +231,7 @@ def test_a_vehicle_without_results_has_a_report(tmp_path, status) -> None:
 
 
 def test_windows_are_compared_with_the_baseline_in_force(store) -> None:
-    history = read_history(store, VEHICLE, Period())
+    history = read_history(store, VEHICLE, Period(), now=END)
     row, first = history.baselines[0]
     assert first is not None
     later = replace(first, version=2, mean=first.mean + 1.0, taught=(history.windows[100].time,))
@@ -241,7 +254,8 @@ def test_a_monitor_that_runs_has_a_report_with_its_change_test(bench, drive, fra
         station.send(frames_of(drive(number, fault), first=600 * number))
     report = vehicle_report(station.store, "car-1", period=Period(), now=station.now)
     (row,) = station.store.alerts.find(vehicle="car-1", is_active=True)
-    assert report.verdict == f"{row.text[:1].upper()}{row.text[1:]}."
+    stated = row.document["evidence"]["sentence"]
+    assert report.verdict == f"{stated[:1].upper()}{stated[1:]}."
     assert report.verdict.startswith("Front-left spring ")
     document = check_document(report.document)
     (spring,) = (change for change in document["changes"] if change["component"] == "front_left.spring")

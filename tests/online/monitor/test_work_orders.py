@@ -56,11 +56,11 @@ def test_the_order_of_a_finding(store, check_document) -> None:
 @pytest.mark.parametrize(
     ("cause", "severity", "part", "urgency"),
     [
-        ("sensor:acc_fl", 400, "sensor acc_fl", "keep watching"),
-        ("silent", 300, "measuring box", "keep watching"),
+        ("sensor:acc_fl", 400, "sensor acc_fl", "continue monitoring"),
+        ("silent", 300, "measuring box", "continue monitoring"),
         ("lost", 500, "measuring box", "inspect at the next service"),
         ("vehicle.unmodelled", 900, "unmodelled", "inspect before the next drive"),
-        ("rear", 150, "rear", "keep watching"),
+        ("rear", 150, "rear", "continue monitoring"),
     ],
 )
 def test_orders_without_a_size_have_the_urgency_of_their_severity(

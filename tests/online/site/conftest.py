@@ -106,7 +106,7 @@ def log_in(serve, people):
         _, client = serve()
         answer = client.post("/api/v1/session", json={"name": people[role], "password": PASSWORD})
         assert answer.status_code == 200, answer.text
-        return client, {"X-Sprung-Mark": answer.json()["mark"]}
+        return client, {"X-CSRF-Token": answer.json()["csrf_token"]}
 
     return logged_in
 

@@ -110,9 +110,9 @@ def test_requests_of_other_sites_change_nothing(serve, people, store, kind) -> N
     """The browser of a person who is logged in sends them with the cookie, but they cannot have the mark."""
     _, client = serve()
     body = {"name": people["admin"], "password": PASSWORD}
-    mark = client.post("/api/v1/session", json=body).json()["mark"]
+    mark = client.post("/api/v1/session", json=body).json()["csrf_token"]
     if kind == "mark of another session":
-        assert client.post("/api/v1/session", json=body).json()["mark"] != mark
+        assert client.post("/api/v1/session", json=body).json()["csrf_token"] != mark
     elif kind == "mark without the session":
         client.cookies.clear()
     given = "" if kind == "no mark" else mark
@@ -121,9 +121,9 @@ def test_requests_of_other_sites_change_nothing(serve, people, store, kind) -> N
     for method, path in CHANGING:
         url = path.format(**VALUES | {"number": "1", "name": "eve"})
         if path.startswith("/api/"):
-            answer = client.request(method, url, json={}, headers={"X-Sprung-Mark": given})
+            answer = client.request(method, url, json={}, headers={"X-CSRF-Token": given})
         else:
-            answer = client.request(method, url, data={"_mark": given})
+            answer = client.request(method, url, data={"csrf_token": given})
         assert answer.status_code == (401 if kind == "mark without the session" else 403), (method, path)
     after = (len(store.requests.audited()), store.alerts.find(), store.accounts.all(), store.accounts.tokens())
     assert after == before
@@ -138,11 +138,11 @@ def test_a_session_ends_with_its_account_and_with_its_role(serve, people, store)
     ):
         if store.accounts.find("eve") is None:
             add_account(store, "eve", "engineer", PASSWORD, who="ada", now=NOW)
-        mark = client.post("/api/v1/session", json={"name": "eve", "password": PASSWORD}).json()["mark"]
+        mark = client.post("/api/v1/session", json={"name": "eve", "password": PASSWORD}).json()["csrf_token"]
         assert client.get("/api/v1/vehicles").status_code == 200
         act()
         assert client.get("/api/v1/vehicles").status_code == 401
-        assert client.post("/alerts/1/acknowledge", data={"_mark": mark}).status_code == 401
+        assert client.post("/alerts/1/acknowledge", data={"csrf_token": mark}).status_code == 401
         page = client.get("/alerts", headers={"Accept": "text/html"}, follow_redirects=False)
         assert (page.status_code, page.headers["location"]) == (303, "/log-in?next=%2Falerts")
 
@@ -163,7 +163,12 @@ def test_what_a_token_may_ends_with_it(serve, people, store) -> None:
 
 def test_without_accounts_this_machine_may_do_everything_from_a_page_of_its_own(serve) -> None:
     _, client = serve()
-    assert client.get("/api/v1/session").json() == {"name": "local", "role": "admin", "has_account": False, "mark": ""}
+    assert client.get("/api/v1/session").json() == {
+        "name": "local",
+        "role": "admin",
+        "has_account": False,
+        "csrf_token": "",
+    }
     refused = client.post("/api/v1/alerts/1/acknowledge", json={})
     assert (refused.status_code, refused.json()["detail"]) == (
         403,
@@ -171,8 +176,8 @@ def test_without_accounts_this_machine_may_do_everything_from_a_page_of_its_own(
     )
     secret = "a" * 43
     client.cookies.set("sprung_session", secret)
-    mark = client.get("/api/v1/session").json()["mark"]
-    done = client.post("/api/v1/alerts/1/acknowledge", json={}, headers={"X-Sprung-Mark": mark})
+    mark = client.get("/api/v1/session").json()["csrf_token"]
+    done = client.post("/api/v1/alerts/1/acknowledge", json={}, headers={"X-CSRF-Token": mark})
     assert done.json()["alert"]["state"] == "acknowledged"
 
 
@@ -191,10 +196,10 @@ def test_a_session_begins_with_a_password_and_ends(serve, people, store) -> None
     answer = client.post("/api/v1/session", json={"name": "eve", "password": PASSWORD})
     cookie = answer.headers["set-cookie"]
     assert all(word in cookie for word in ("HttpOnly", "SameSite=strict", "Path=/", "Max-Age=43200"))
-    mark = {"X-Sprung-Mark": answer.json()["mark"]}
+    mark = {"X-CSRF-Token": answer.json()["csrf_token"]}
     assert client.get("/api/v1/vehicles").status_code == 200
     assert client.post("/api/v1/alerts/1/acknowledge", json={}).status_code == 403
-    assert client.post("/api/v1/alerts/1/acknowledge", json={}, headers={"X-Sprung-Mark": "0" * 64}).status_code == 403
+    assert client.post("/api/v1/alerts/1/acknowledge", json={}, headers={"X-CSRF-Token": "0" * 64}).status_code == 403
     assert client.post("/api/v1/alerts/1/acknowledge", json={}, headers=mark).status_code == 200
     assert store.alerts.history(1)[-1].who == "eve"
     secret = client.cookies["sprung_session"]
@@ -284,7 +289,7 @@ def test_the_last_administrator_stays(store, people) -> None:
 def test_the_first_account_is_an_administrator(serve, store) -> None:
     _, client = serve()
     client.cookies.set("sprung_session", "a" * 43)
-    mark = {"X-Sprung-Mark": client.get("/api/v1/session").json()["mark"]}
+    mark = {"X-CSRF-Token": client.get("/api/v1/session").json()["csrf_token"]}
     first = {"name": "ada", "role": "viewer", "password": PASSWORD}
     assert client.put("/api/v1/accounts", json=first, headers=mark).status_code == 400
     assert client.put("/api/v1/accounts", json=first | {"role": "admin"}, headers=mark).status_code == 200

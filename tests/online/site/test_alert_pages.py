@@ -11,7 +11,7 @@ from markupsafe import escape
 from tests.online.site.conftest import NOW, PASSWORD
 
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, desk
+from sprung.online.monitor import AlertBook, operations
 from sprung.online.site.pages.alerts import _folded
 from sprung.results.documents.monitoring import HistoryEntry
 
@@ -23,7 +23,7 @@ def log_in_page(serve, people):
     def logged_in(role, **fields):
         _, client = serve(**fields)
         client.post("/log-in", data={"name": people[role], "password": PASSWORD, "next": "/"})
-        mark = re.search(r'data-mark="(\w+)"', client.get("/alerts").text)
+        mark = re.search(r'data-csrf-token="(\w+)"', client.get("/alerts").text)
         assert mark is not None
         return client, mark[1]
 
@@ -32,7 +32,7 @@ def log_in_page(serve, people):
 
 def send(client, mark, act, **fields):
     return client.post(
-        f"/alerts/1/{act}", data={"_mark": mark, **fields}, headers={"accept": "text/html"}, follow_redirects=False
+        f"/alerts/1/{act}", data={"csrf_token": mark, **fields}, headers={"accept": "text/html"}, follow_redirects=False
     )
 
 
@@ -101,7 +101,7 @@ def test_the_history_folds_updates() -> None:
 
 def test_two_people_acknowledge_the_same_alert(log_in_page, store) -> None:
     client, mark = log_in_page("engineer")
-    desk.acknowledge(store, 1, who="bert", now=NOW)
+    operations.acknowledge(store, 1, who="bert", now=NOW)
     answer = send(client, mark, "acknowledge")
     assert answer.status_code == 409
     assert "is acknowledged already" in answer.text
@@ -126,7 +126,7 @@ def test_forms_of_other_pages_are_refused(log_in_page, store) -> None:
 def test_unknown_alerts(log_in_page) -> None:
     client, mark = log_in_page("engineer")
     assert client.get("/alerts/77", headers={"accept": "text/html"}).status_code == 404
-    answer = client.post("/alerts/77/close", data={"_mark": mark}, headers={"accept": "text/html"})
+    answer = client.post("/alerts/77/close", data={"csrf_token": mark}, headers={"accept": "text/html"})
     assert answer.status_code == 404
 
 
@@ -139,9 +139,9 @@ def test_texts_of_people_and_vehicles_are_only_text(log_in_page, store, attack) 
     report = Report("bus-3", f"sensor:{attack}", 400, attack, {"kind": attack, "advice": attack, "runner_up": attack})
     AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), NOW), now=NOW)
     number = next(row.id for row in store.alerts.find(vehicle="bus-3"))
-    desk.add_comment(store, number, who=attack, comment=attack, now=NOW)
-    desk.assign(store, number, assignee=attack, who="eve", now=NOW)
-    desk.add_verdict(store, number, verdict="another part", part=attack, action=attack, who="eve", now=NOW)
+    operations.add_comment(store, number, who=attack, comment=attack, now=NOW)
+    operations.assign(store, number, assignee=attack, who="eve", now=NOW)
+    operations.add_verdict(store, number, verdict="another part", part=attack, action=attack, who="eve", now=NOW)
     client, _ = log_in_page("engineer")
     for path in (f"/alerts/{number}", "/alerts", f"/alerts?vehicle={attack}"):
         page = client.get(path).text

@@ -8,7 +8,7 @@ from tests.online.site.conftest import HOUR, NOW
 
 from sprung.diagnosis import Observation
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, desk
+from sprung.online.monitor import AlertBook, operations
 from sprung.online.site.alert_views import STATES, WantedAlerts, alert_counts, alert_page, evidence_of
 from sprung.online.store import Progress, StoredFrame
 from sprung.results.documents import observation_document
@@ -99,9 +99,9 @@ def test_the_windows_behind_the_alert_of_a_sensor_begin_with_its_fault(serve, st
 def test_alerts_by_state_severity_vehicle_and_assignee(serve, alert, store) -> None:
     """Alert 1 (high) is acknowledged, 2 (low) shelved, 3 (high) assigned."""
     context, _ = serve()
-    desk.acknowledge(store, 1, who="eve", now=NOW)
-    desk.shelve(store, 2, hours=1.0, who="eve", now=NOW)
-    desk.assign(store, alert, assignee="bert", who="eve", now=NOW)
+    operations.acknowledge(store, 1, who="eve", now=NOW)
+    operations.shelve(store, 2, hours=1.0, who="eve", now=NOW)
+    operations.assign(store, alert, assignee="bert", who="eve", now=NOW)
 
     def numbers(**wanted):
         return [entry.number for entry in alert_page(context, WantedAlerts(**wanted), limit=10).alerts]
@@ -116,7 +116,7 @@ def test_alerts_by_state_severity_vehicle_and_assignee(serve, alert, store) -> N
     counts = alert_counts(context, WantedAlerts())
     assert counts.states == dict(zip(STATES, (1, 1, 0, 1, 0), strict=True))
     assert counts.steps == {"note": 0, "low": 1, "medium": 0, "high": 2, "critical": 0}
-    desk.close(store, 1, who="eve", now=NOW + 1)
+    operations.close(store, 1, who="eve", now=NOW + 1)
     assert numbers() == [alert, 2]
     assert numbers(is_complete=True) == [1, alert, 2]
     assert numbers(state=["normal"]) == [1]

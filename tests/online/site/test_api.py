@@ -1,12 +1,16 @@
 """The interface: every act, every list, pages of lists, and what is refused."""
 
+import numpy as np
 import pytest
+from tests.diagnosis.conftest import drawn_window
 from tests.online.site.conftest import HOUR, NOW
 
+from sprung.diagnosis import learn
 from sprung.online.alerts import AlertSettings, Report, health_index, reported
 from sprung.online.monitor import AlertBook, alert_of
 from sprung.online.site.pages import fleet
 from sprung.online.store import AlertRow, FleetFilter, Progress
+from sprung.results.documents import baseline_document, observation_document
 
 
 @pytest.fixture
@@ -21,11 +25,11 @@ def test_the_fleet_in_order_of_urgency(client) -> None:
     page = client.get("/api/v1/vehicles").json()
     assert page["next"] is None
     first, second, third = page["vehicles"]
-    assert (first["vehicle"], first["state"], first["step"], first["alert"]) == ("bus-1", "alert", "high", 1)
-    assert (first["sentence"], first["since"]) == ("front-left spring 20 % softer", NOW - HOUR)
+    assert (first["vehicle"], first["verdict"], first["step"], first["alert"]) == ("bus-1", "change", "high", 1)
+    assert (first["sentence"], first["since"]) == ("Front-left spring 20 % softer.", NOW - HOUR)
     assert first["health_index"] == 30.0
-    assert (second["vehicle"], second["state"], second["health_index"]) == ("bus-2", "silent", None)
-    assert (third["vehicle"], third["state"], third["health_index"]) == ("bus-3", "waiting", None)
+    assert (second["vehicle"], second["verdict"], second["health_index"]) == ("bus-2", "stale", None)
+    assert (third["vehicle"], third["verdict"], third["health_index"]) == ("bus-3", "waiting", None)
     counts = {"vehicles": 3, "steps": [0, 1, 0, 1, 0], "learning": 0, "silent": 1, "unacknowledged": 2}
     assert client.get("/api/v1/counts").json() == counts
     assert client.post("/api/v1/alerts/1/shelve", json={"hours": 8}).status_code == 200
@@ -40,28 +44,41 @@ def test_the_fleet_in_order_of_urgency(client) -> None:
 @pytest.mark.parametrize(
     ("sent", "expected"),
     [
-        ((0, False, False), ("no change detected", 100.0)),
-        ((20 * HOUR, True, False), ("no change detected", 100.0)),
-        ((90 * 24 * HOUR, True, False), ("parked", None)),
-        ((2 * HOUR, False, False), ("silent", None)),
+        ((0, False, False), ("no_change_detected", 100.0)),
+        ((20 * HOUR, True, False), ("no_change_detected", 100.0)),
+        ((90 * 24 * HOUR, True, False), ("stale", None)),
+        ((2 * HOUR, False, False), ("stale", None)),
         ((0, False, True), ("learning", None)),
     ],
 )
 def test_old_data_are_never_healthy(client, store, sent, expected) -> None:
-    (age, is_parked, is_learning), (state, health) = sent, expected
+    (age, is_parked, is_learning), (verdict, health) = sent, expected
     name, seen = "bus-9", NOW - age
     store.inbox.put_vehicle(name, configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
     store.inbox.park(name, is_parked=is_parked)
     status = {"share": 0.0, "n_learnt": 3 if is_learning else 12, "n_needed": 12, "until": seen}
-    baselines = ((1, seen, "first learning", {"n_windows": 12}),)
+    generator = np.random.default_rng(1)
+    begin = seen // 10**9 - 24 * 600
+    windows = [drawn_window(generator, begin + 600.0 * k) for k in range(24)]
+    document = baseline_document(learn(windows[:12])).as_json()
     store.results.commit(
-        Progress(name, 1, done_seq=-1, baselines=baselines, status=status | {"is_learning": is_learning}, now=seen)
+        Progress(
+            name,
+            1,
+            done_seq=-1,
+            observations=tuple(
+                (k, round(1e9 * window.time), observation_document(window)) for k, window in enumerate(windows)
+            ),
+            baselines=((1, seen, "first learning", document),),
+            status=status | {"is_learning": is_learning},
+            now=seen,
+        )
     )
     (vehicle,) = client.get("/api/v1/vehicles?text=bus-9").json()["vehicles"]
-    assert (vehicle["state"], vehicle["health_index"]) == (state, health)
+    assert (vehicle["verdict"], vehicle["health_index"]) == (verdict, health)
     page = client.get("/?text=bus-9", headers={"Accept": "text/html"}).text
     assert ('<tr class="unknown">' in page) == (health is None)
-    assert ("1 of 1 good" in page) == (state not in {"silent", "parked"})
+    assert ("1 of 1 good" in page) == (verdict != "stale")
 
 
 def test_an_alert_does_not_hide_that_its_vehicle_is_silent(client, store) -> None:
@@ -70,7 +87,7 @@ def test_an_alert_does_not_hide_that_its_vehicle_is_silent(client, store) -> Non
     report = Report("bus-8", "front_left.spring", 900, "front-left spring 20 % softer")
     AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), seen), now=seen)
     (first,) = client.get("/api/v1/vehicles?text=bus-8").json()["vehicles"]
-    assert (first["state"], first["is_old"], first["health_index"]) == ("alert", True, None)
+    assert (first["verdict"], first["is_old"], first["health_index"]) == ("change", True, None)
     page = client.get("/?text=bus-8", headers={"Accept": "text/html"}).text
     assert '<tr class="unknown">' in page
     assert '<span class="note">silent</span>' in page
@@ -243,7 +260,7 @@ def test_an_act_is_stored_as_a_whole_or_not_at_all(client, store, monkeypatch) -
     def fail(*_args, **_fields):
         raise RuntimeError("the power fails")
 
-    monkeypatch.setattr("sprung.online.monitor.desk.close", fail)
+    monkeypatch.setattr("sprung.online.monitor.operations.close", fail)
     body = {"verdict": "confirmed", "new_baseline": True}
     assert client.post("/api/v1/alerts/1/verdict", json=body).status_code == 500
     assert (store.verdicts.all(), store.requests.open_commands()) == ([], [])

@@ -6,7 +6,7 @@ import json
 import pytest
 from tests.online.site.conftest import NOW
 
-from sprung.online.monitor import desk
+from sprung.online.monitor import operations
 from sprung.online.site import live
 from sprung.online.site.live import Feed, Mark
 from sprung.online.store import Progress, StoredFrame
@@ -35,7 +35,7 @@ def test_listeners_hear_what_happens_from_now_on(store) -> None:
         first, second = feed.listen(None), feed.listen(None)
         begun = [await next_of(each) for each in (first, second)]
         assert [kind for _, kind, _ in begun] == ["", ""]
-        desk.acknowledge(store, 1, who="eve", now=NOW)
+        operations.acknowledge(store, 1, who="eve", now=NOW)
         analyse(store, 0, NOW + 1)
         heard = []
         for each in (first, second):
@@ -58,9 +58,9 @@ def test_those_who_come_at_once_hear_everything_once(store) -> None:
         feed = Feed(store, look=0.01)
         listening = [feed.listen(None) for _ in range(30)]
         await asyncio.gather(*(next_of(each) for each in listening))
-        desk.add_comment(store, 1, who="eve", comment="first", now=NOW)
+        operations.add_comment(store, 1, who="eve", comment="first", now=NOW)
         first = await asyncio.gather(*(next_of(each) for each in listening))
-        desk.add_comment(store, 1, who="eve", comment="second", now=NOW)
+        operations.add_comment(store, 1, who="eve", comment="second", now=NOW)
         second = await asyncio.gather(*(next_of(each) for each in listening))
         for each in listening:
             await each.aclose()
@@ -83,7 +83,7 @@ def test_what_waits_for_listeners_is_bounded(store, monkeypatch) -> None:
         await asyncio.gather(*(next_of(each) for each in idle))
         waiting = []
         for number in range(40):
-            desk.add_comment(store, 1, who="eve", comment=str(number), now=NOW)
+            operations.add_comment(store, 1, who="eve", comment=str(number), now=NOW)
             await asyncio.sleep(0.005)
             waiting.append(sum(queue.qsize() for queue in feed._listeners))
         async with asyncio.timeout(20.0):
@@ -103,13 +103,13 @@ def test_a_listener_continues_where_it_stopped(store, monkeypatch, limit) -> Non
     async def listen():
         feed = Feed(store, look=0.01)
         before = Mark(*store.fleet.newest())
-        desk.acknowledge(store, 1, who="eve", now=NOW)
+        operations.acknowledge(store, 1, who="eve", now=NOW)
         analyse(store, 0, NOW + 1)
         analyse(store, 1, NOW + 2)
         listening = feed.listen(before)
         await next_of(listening)
         heard = [await next_of(listening)]
-        desk.add_comment(store, 1, who="eve", comment="late", now=NOW)
+        operations.add_comment(store, 1, who="eve", comment="late", now=NOW)
         heard += [await next_of(listening) for _ in range(3)]
         await listening.aclose()
         await feed.close()
@@ -129,7 +129,7 @@ def test_a_listener_that_takes_nothing_is_cut_off(store, monkeypatch) -> None:
         listening = feed.listen(None)
         await next_of(listening)
         for number in range(4):
-            desk.add_comment(store, 1, who="eve", comment=str(number), now=NOW)
+            operations.add_comment(store, 1, who="eve", comment=str(number), now=NOW)
         async with asyncio.timeout(20.0):
             while feed.n_listeners:
                 await asyncio.sleep(0.01)

@@ -8,7 +8,7 @@ from tests.online.site.conftest import NOW, PASSWORD, ROLES
 from tests.online.site.test_access import ROUTES, VALUES
 
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, Site, desk
+from sprung.online.monitor import AlertBook, Site, operations
 from sprung.online.site import Context, add_account, add_token, application
 
 #: A text that runs a script where it is taken for markup, for a value of an attribute, or for an address.
@@ -125,11 +125,13 @@ def put_hostile_texts(store):
     )
     book.report("bus-1", "lost", HOSTILE, now=NOW)
     for row in store.alerts.find():
-        desk.add_comment(store, row.id, who=HOSTILE, comment=HOSTILE, now=NOW)
-        desk.assign(store, row.id, assignee=HOSTILE, who=HOSTILE, comment=HOSTILE, now=NOW)
-        desk.shelve(store, row.id, hours=1, who=HOSTILE, comment=HOSTILE, now=NOW)
-        desk.add_verdict(store, row.id, verdict="another part", part=HOSTILE, action=HOSTILE, who=HOSTILE, now=NOW)
-    desk.relearn(store, "bus-1", reason=HOSTILE, who=HOSTILE, now=NOW)
+        operations.add_comment(store, row.id, who=HOSTILE, comment=HOSTILE, now=NOW)
+        operations.assign(store, row.id, assignee=HOSTILE, who=HOSTILE, comment=HOSTILE, now=NOW)
+        operations.shelve(store, row.id, hours=1, who=HOSTILE, comment=HOSTILE, now=NOW)
+        operations.add_verdict(
+            store, row.id, verdict="another part", part=HOSTILE, action=HOSTILE, who=HOSTILE, now=NOW
+        )
+    operations.relearn(store, "bus-1", reason=HOSTILE, who=HOSTILE, now=NOW)
     add_token(store, HOSTILE[:64], "viewer", days=None, who=HOSTILE, now=NOW)
     store.requests.audit(HOSTILE, "sender tested", "webhook 1", HOSTILE, now=NOW)
     store.requests.audit(HOSTILE, HOSTILE, HOSTILE, {HOSTILE: [HOSTILE]}, now=NOW)

@@ -18,7 +18,7 @@ def send(admin):
     client, headers = admin
 
     def sent(path, **fields):
-        mark = {"_mark": headers["X-Sprung-Mark"]}
+        mark = {"csrf_token": headers["X-CSRF-Token"]}
         return client.post(path, data=fields | mark, headers={"Accept": "text/html"})
 
     return sent
@@ -86,7 +86,7 @@ def test_a_token_is_shown_once_and_works_until_it_is_revoked(admin, send, store)
 def test_forms_of_other_sites_are_refused(log_in, store) -> None:
     client, _ = log_in("admin")
     for mark in ("", "0" * 64):
-        answer = client.post("/people/accounts/remove", data={"name": "eve", "_mark": mark})
+        answer = client.post("/people/accounts/remove", data={"name": "eve", "csrf_token": mark})
         assert answer.status_code == 403
     assert store.accounts.find("eve") is not None
 
@@ -94,8 +94,8 @@ def test_forms_of_other_sites_are_refused(log_in, store) -> None:
 def test_the_first_account_is_added_from_the_page_and_then_needed(serve, store) -> None:
     _, client = serve()
     text = client.get("/people").text
-    (mark, *_) = re.findall(r'name="_mark" value="(\w{64})"', text)
-    fields = {"name": "ada", "role": "viewer", "password": PASSWORD, "_mark": mark}
+    (mark, *_) = re.findall(r'name="csrf_token" value="(\w{64})"', text)
+    fields = {"name": "ada", "role": "viewer", "password": PASSWORD, "csrf_token": mark}
     assert client.post("/people/accounts", data=fields).status_code == 400
     answer = client.post("/people/accounts", data=fields | {"role": "admin"}, headers={"Accept": "text/html"})
     assert answer.url.path == "/log-in"

@@ -4,7 +4,7 @@ import pytest
 from tests.online.site.conftest import HOUR, NOW
 
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, desk
+from sprung.online.monitor import AlertBook, operations
 from sprung.online.site.precision import precision, share
 from sprung.online.store import Progress, StoredFrame, VerdictRow
 
@@ -52,7 +52,9 @@ def test_verdicts_give_precision_and_delays(store) -> None:
     for cause, onset, (verdict, part, action), hours in given:
         began = None if onset is None else NOW + onset * HOUR
         number = raise_alert(store, "bus-3", cause, onset=began, raised=NOW)
-        desk.add_verdict(store, number, verdict=verdict, part=part, action=action, who="eve", now=NOW + hours * HOUR)
+        operations.add_verdict(
+            store, number, verdict=verdict, part=part, action=action, who="eve", now=NOW + hours * HOUR
+        )
     found = precision(store)
     assert found.verdicts == {"confirmed": 2, "another part": 1, "nothing found": 1, "not looked at": 1}
     assert (found.alert.hits, found.alert.of, found.alert.value) == (3, 4, 0.75)
@@ -67,8 +69,8 @@ def test_verdicts_give_precision_and_delays(store) -> None:
 
 
 def test_the_last_verdict_on_an_alert_counts(store) -> None:
-    desk.add_verdict(store, 1, verdict="nothing found", who="eve", now=NOW)
-    desk.add_verdict(store, 1, verdict="confirmed", who="eve", now=NOW + 1)
+    operations.add_verdict(store, 1, verdict="nothing found", who="eve", now=NOW)
+    operations.add_verdict(store, 1, verdict="confirmed", who="eve", now=NOW + 1)
     found = precision(store)
     assert (found.alert.hits, found.alert.of) == (1, 1)
 

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from starlette.testclient import TestClient
 from tests.online.site.conftest import NOW, PASSWORD
 
-from sprung.online.monitor import Site, desk
+from sprung.online.monitor import Site, operations
 from sprung.online.site import Context, application, site_views
 from sprung.online.store import Progress, open_store
 
@@ -196,13 +196,13 @@ def test_false_alarms_from_verdicts(context, store) -> None:
     assert (none.vehicle_days, none.verdicts, none.rate) == (pytest.approx(1.0), 0, 0.0)
     assert none.interval == (0.0, pytest.approx(chi2.ppf(0.975, 2) / 2))
     for verdict in ("confirmed", "nothing found"):
-        desk.add_verdict(store, 1, verdict=verdict, who="eve", now=NOW)
-    desk.add_verdict(store, 2, verdict="nothing found", who="eve", now=NOW)  # a silent vehicle is no false alarm
+        operations.add_verdict(store, 1, verdict=verdict, who="eve", now=NOW)
+    operations.add_verdict(store, 2, verdict="nothing found", who="eve", now=NOW)  # a silent vehicle is no false alarm
     alarms = site_views.false_alarms(context)
-    assert (alarms.wanted, alarms.verdicts, alarms.false) == (0.01, 1, 1)
+    assert (alarms.configured, alarms.verdicts, alarms.false) == (0.01, 1, 1)
     assert alarms.rate == pytest.approx(1.0)
     assert alarms.interval == pytest.approx((chi2.ppf(0.025, 2) / 2, chi2.ppf(0.975, 4) / 2))
-    desk.add_verdict(store, 1, verdict="not looked at", who="eve", now=NOW)
+    operations.add_verdict(store, 1, verdict="not looked at", who="eve", now=NOW)
     assert site_views.false_alarms(context).verdicts == 0
 
 
@@ -234,13 +234,13 @@ def test_senders_are_tested_from_the_page(store, people, receiver) -> None:
     site = Site.model_validate({"send": {**SENDERS, "webhook": [{"url": url}]}})
     context = Context(store, site, figures=dict, troubles=list, clock=lambda: NOW)
     with TestClient(application(context), base_url="http://127.0.0.1:8737") as client:
-        mark = client.post("/api/v1/session", json={"name": "eve", "password": PASSWORD}).json()["mark"]
+        mark = client.post("/api/v1/session", json={"name": "eve", "password": PASSWORD}).json()["csrf_token"]
         assert client.get("/site").text.count("Send a test</button>") == 3
         for name in ("webhook 1", "mail 1"):
-            answer = client.post(f"/site/senders/{name}/test", data={"_mark": mark}, follow_redirects=False)
+            answer = client.post(f"/site/senders/{name}/test", data={"csrf_token": mark}, follow_redirects=False)
             assert (answer.status_code, answer.headers["location"]) == (303, "/site#senders")
         text = client.get("/site").text
-        unknown = client.post("/site/senders/mail 7/test", data={"_mark": mark})
+        unknown = client.post("/site/senders/mail 7/test", data={"csrf_token": mark})
         assert (unknown.status_code, "unknown sender" in unknown.json()["detail"]) == (404, True)
     assert len(bodies) == 1
     assert "mail server 127.0.0.1:1 cannot be reached (Connection refused)" in text

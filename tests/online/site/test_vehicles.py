@@ -8,7 +8,8 @@ from sprung.diagnosis import Observation, SensorFault, learn
 from sprung.errors import ParameterError
 from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import AlertBook
-from sprung.online.site import vehicle_changes, vehicle_data, vehicle_trends
+from sprung.online.monitor.vehicle_states import vehicle_state
+from sprung.online.site import vehicle_data, vehicle_trends
 from sprung.online.store import Progress, StoredFrame
 from sprung.results.documents import baseline_document, observation_document
 from sprung.vehicles import Component, read_vehicle, vehicle_text
@@ -92,12 +93,16 @@ def observed(store, windows):
     return store
 
 
+def state_in(store, vehicle):
+    return vehicle_state(store, vehicle, now=NOW, last_seen=NOW)
+
+
 def test_a_named_part_has_the_size_of_its_finding_and_the_others_their_mean(observed, windows) -> None:
-    seen = vehicle_changes.changes(observed, NAME)
+    seen = state_in(observed, NAME)
     assert (seen.reference, seen.baseline, seen.n_windows, seen.since) == ("baseline 1", 1, 10, windows[13][0])
     by_name = {part.part: part for part in seen.parts}
     spring = by_name.pop("front_left.spring")
-    assert (spring.change, spring.interval, spring.state, spring.step) == (-0.2, (-0.21, -0.19), "change", "medium")
+    assert (spring.change, spring.interval, spring.verdict, spring.step) == (-0.2, (-0.21, -0.19), "change", "medium")
     baseline = learn([window for _, window in windows[:12]])
     residuals = np.mean([baseline.residual(window) for _, window in windows[13:]], axis=0)
     for k, component in enumerate(COMPONENTS):
@@ -105,9 +110,10 @@ def test_a_named_part_has_the_size_of_its_finding_and_the_others_their_mean(obse
             continue
         part = by_name[str(component)]
         assert part.change == pytest.approx(np.expm1(residuals[k]), abs=1e-6)
-        assert part.interval[0] <= part.by_chance[0] < part.change < part.by_chance[1] <= part.interval[1]
+        low, high = part.interval_with_common
+        assert low <= part.interval[0] < part.change < part.interval[1] <= high
         std = np.sqrt(baseline.covariance[k, k] * (1 / 10 + 1 / 12))
-        assert np.diff(np.log1p(part.by_chance)) == pytest.approx(2 * 1.96 * std, rel=1e-6)
+        assert np.diff(np.log1p(part.interval)) == pytest.approx(2 * 1.96 * std, rel=1e-6)
         assert (part.alert, part.detectable is not None) == (None, True)
 
 
@@ -124,28 +130,28 @@ def test_the_window_of_the_onset_counts_however_its_time_is_rounded(observed) ->
     late = ((50, rounded_up, observation_document(window)),)
     observed.results.commit(Progress(NAME, 1, done_seq=0, observations=late, now=NOW))
     found_at(observed, rounded_up)
-    seen = vehicle_changes.changes(observed, NAME)
+    seen = state_in(observed, NAME)
     assert (seen.n_windows, seen.since) == (1, rounded_up)
 
 
 def test_parts_have_values_before_the_windows_of_an_alert_are_stored(observed) -> None:
     found_at(observed, NOW)
-    assert len(vehicle_changes.changes(observed, NAME).parts) == 12
+    assert len(state_in(observed, NAME).parts) == 12
 
 
 def test_without_a_baseline_values_are_those_of_the_vehicle_file_and_not_judged(observed, windows) -> None:
     observed.results.commit(
         Progress("bus-3", 2, done_seq=-1, observations=((0, NOW, observation_document(windows[0][1])),), now=NOW)
     )
-    seen = vehicle_changes.changes(observed, "bus-3")
+    seen = state_in(observed, "bus-3")
     assert (seen.reference, seen.n_windows) == ("the vehicle file", 1)
     assert [part.change for part in seen.parts] == pytest.approx(np.expm1(windows[0][1].log_ratios))
-    assert {(part.state, part.detectable) for part in seen.parts} == {("inconclusive", None)}
+    assert {(part.verdict, part.detectable) for part in seen.parts} == {("inconclusive", None)}
     assert "no baseline yet" in seen.notes[0]
 
 
 def test_a_baseline_that_cannot_be_read_is_said_and_not_used(store) -> None:
-    seen = vehicle_changes.changes(store, "bus-1")
+    seen = state_in(store, "bus-1")
     assert (seen.baseline, seen.parts) == (None, ())
     assert "cannot be read" in seen.notes[0]
 
@@ -281,17 +287,17 @@ def test_a_new_baseline_is_requested_with_a_reason_by_an_engineer(observed, serv
     path = f"/vehicles/{NAME}/baseline"
     for name, allowed in (("anna", False), ("eve", True)):
         client.post("/api/v1/session", json={"name": name, "password": PASSWORD})
-        mark = client.get("/api/v1/session").json()["mark"]
+        mark = client.get("/api/v1/session").json()["csrf_token"]
         assert ('<form class="stack"' in client.get(path, headers=HEADERS).text) is allowed
         answer = client.post(
-            path, data={"_mark": mark, "reason": "new <b>dampers"}, headers=HEADERS, follow_redirects=False
+            path, data={"csrf_token": mark, "reason": "new <b>dampers"}, headers=HEADERS, follow_redirects=False
         )
         assert answer.status_code == (303 if allowed else 403)
     page = client.get(answer.headers["location"], headers=HEADERS)
     assert f"{NAME} will learn a new baseline from its next usable windows." in page.text
     (command,) = context.store.requests.open_commands()
     assert (command.vehicle, command.act, command.detail, command.who) == (NAME, "learn", "new <b>dampers", "eve")
-    empty = client.post(path, data={"_mark": mark, "reason": " "}, headers=HEADERS)
+    empty = client.post(path, data={"csrf_token": mark, "reason": " "}, headers=HEADERS)
     assert (empty.status_code, "Give a reason" in empty.text) == (422, True)
     assert client.post(path, data={"reason": "x"}, headers=HEADERS).status_code == 403
 
@@ -323,7 +329,7 @@ def test_versions_of_a_baseline_state_who_why_and_what_they_met(relearnt) -> Non
 def test_an_engineer_returns_to_an_earlier_baseline(relearnt, serve, people) -> None:
     _, client = serve()
     path = f"/vehicles/{NAME}/baseline"
-    mark = client.post("/api/v1/session", json={"name": people["engineer"], "password": PASSWORD}).json()["mark"]
+    mark = client.post("/api/v1/session", json={"name": people["engineer"], "password": PASSWORD}).json()["csrf_token"]
     page = client.get(f"{path}?version=1", headers=HEADERS).text
     assert '<option value="1" selected>1: first learning, ' in page
     assert '<option value="2"' not in page
@@ -333,9 +339,9 @@ def test_an_engineer_returns_to_an_earlier_baseline(relearnt, serve, people) -> 
         ({"version": "9", "reason": "x"}, "has no baseline 9: it has 1, 2"),
         ({"version": "²", "reason": "x"}, "has no baseline 0"),
     ):
-        refused = client.post(f"{path}/rollback", data={**fields, "_mark": mark}, headers=HEADERS)
+        refused = client.post(f"{path}/rollback", data={**fields, "csrf_token": mark}, headers=HEADERS)
         assert (refused.status_code, words in refused.text) == (422, True), words
-    given = {"version": "1", "reason": "broken spring", "_mark": mark}
+    given = {"version": "1", "reason": "broken spring", "csrf_token": mark}
     done = client.post(f"{path}/rollback", data=given, headers=HEADERS, follow_redirects=False)
     assert (done.status_code, done.headers["location"]) == (303, f"{path}?notice=rollback")
     (command,) = relearnt.requests.open_commands()

@@ -85,12 +85,11 @@ def test_many_windows_are_drawn_as_medians_with_their_spread() -> None:
 
 def test_the_plan_marks_parts_with_alerts_by_a_sign_and_cuts_off_wide_intervals() -> None:
     values, wide = np.zeros(12), np.full(12, 0.02)
-    values[0], wide[4] = np.log(0.7), 3.0
+    values[0], wide[4] = -0.3, 3.0
     figure = plan_figure(
         COMPONENTS,
         values,
-        wide,
-        by_chance=np.full(12, 0.01),
+        values[:, None] + np.outer(wide, [-1, 1]),
         steps={"front_left.spring": 3},
         detectable={"front_left.spring": 0.07},
         heading=("a", "b"),

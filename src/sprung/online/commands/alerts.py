@@ -52,9 +52,9 @@ def ack(
     number: Number, *, store: StoreUrl = DEFAULT_STORE, who: Who = None, comment: Comment = "", json: Json = None
 ) -> None:
     """Acknowledge an alert."""
-    from sprung.online.monitor import desk
+    from sprung.online.monitor import operations
 
-    _act(desk.acknowledge, number, store=store, who=who, comment=comment, json=json)
+    _act(operations.acknowledge, number, store=store, who=who, comment=comment, json=json)
 
 
 @application.command()
@@ -68,9 +68,9 @@ def shelve(
     json: Json = None,
 ) -> None:
     """Suspend the notifications of an alert for some hours."""
-    from sprung.online.monitor import desk
+    from sprung.online.monitor import operations
 
-    _act(partial(desk.shelve, hours=hours), number, store=store, who=who, comment=comment, json=json)
+    _act(partial(operations.shelve, hours=hours), number, store=store, who=who, comment=comment, json=json)
 
 
 @application.command()
@@ -78,9 +78,9 @@ def unshelve(
     number: Number, *, store: StoreUrl = DEFAULT_STORE, who: Who = None, comment: Comment = "", json: Json = None
 ) -> None:
     """Resume the notifications of a shelved alert."""
-    from sprung.online.monitor import desk
+    from sprung.online.monitor import operations
 
-    _act(desk.unshelve, number, store=store, who=who, comment=comment, json=json)
+    _act(operations.unshelve, number, store=store, who=who, comment=comment, json=json)
 
 
 @application.command()
@@ -94,9 +94,9 @@ def assign(
     json: Json = None,
 ) -> None:
     """Assign an alert to somebody."""
-    from sprung.online.monitor import desk
+    from sprung.online.monitor import operations
 
-    _act(partial(desk.assign, assignee=to), number, store=store, who=who, comment=comment, json=json)
+    _act(partial(operations.assign, assignee=to), number, store=store, who=who, comment=comment, json=json)
 
 
 @application.command()
@@ -104,9 +104,9 @@ def comment(
     number: Number, *, comment: Comment = "", store: StoreUrl = DEFAULT_STORE, who: Who = None, json: Json = None
 ) -> None:
     """Add a comment to the history of an alert."""
-    from sprung.online.monitor import desk
+    from sprung.online.monitor import operations
 
-    _act(desk.add_comment, number, store=store, who=who, comment=comment, json=json)
+    _act(operations.add_comment, number, store=store, who=who, comment=comment, json=json)
 
 
 @application.command()
@@ -114,9 +114,9 @@ def close(
     number: Number, *, store: StoreUrl = DEFAULT_STORE, who: Who = None, comment: Comment = "", json: Json = None
 ) -> None:
     """Clear an active alert whose cause was removed."""
-    from sprung.online.monitor import desk
+    from sprung.online.monitor import operations
 
-    _act(desk.close, number, store=store, who=who, comment=comment, json=json)
+    _act(operations.close, number, store=store, who=who, comment=comment, json=json)
 
 
 @application.command()
@@ -137,10 +137,10 @@ def verdict(
     json: Json = None,
 ) -> None:
     """Record what the workshop found and did."""
-    from sprung.online.monitor import desk
+    from sprung.online.monitor import operations
 
     with existing_store(store) as opened:
-        desk.add_verdict(
+        operations.add_verdict(
             opened,
             number,
             verdict=verdict,
@@ -156,7 +156,7 @@ def verdict(
 @application.command()
 def history(number: Number, *, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
     """Show what happened to an alert, when, and by whom."""
-    from sprung.online.monitor.desk import history_document
+    from sprung.online.monitor.operations import history_document
     from sprung.results import tables
 
     with existing_store(store) as opened:
@@ -166,7 +166,7 @@ def history(number: Number, *, store: StoreUrl = DEFAULT_STORE, json: Json = Non
 
 
 def _act(act: Callable[..., None], number: int, *, store: str, who: str | None, comment: str, json: str | None) -> None:
-    """Apply an operator action of `sprung.online.monitor.desk` to an alert, and list all alerts."""
+    """Apply an operator action of `sprung.online.monitor.operations` to an alert, and list all alerts."""
     with existing_store(store) as opened:
         act(opened, number, who=who or getpass.getuser(), comment=comment, now=time.time_ns())
         _print_alerts(opened, json)
@@ -174,7 +174,7 @@ def _act(act: Callable[..., None], number: int, *, store: str, who: str | None, 
 
 def _print_alerts(store: "Store", json: str | None, *, vehicle: str | None = None, is_complete: bool = True) -> None:
     """Print alerts as a table, as JSON, or both."""
-    from sprung.online.monitor.desk import alerts_document
+    from sprung.online.monitor.operations import alerts_document
     from sprung.results import tables
 
     document = alerts_document(store, vehicle=vehicle, is_complete=is_complete)

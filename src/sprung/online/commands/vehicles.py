@@ -47,7 +47,7 @@ def rank(
     json: Json = None,
 ) -> None:
     """Rank the vehicles of each type (same vehicle file) by how much they deviate from the others."""
-    from sprung.online.monitor.desk import NO_VEHICLES, ranking_document
+    from sprung.online.monitor.operations import NO_VEHICLES, ranking_document
     from sprung.results import tables
 
     with existing_store(store) as opened:
@@ -88,7 +88,7 @@ def learn(
     json: Json = None,
 ) -> None:
     """Learn a new baseline of a vehicle, such as after maintenance."""
-    from sprung.online.monitor.desk import relearn
+    from sprung.online.monitor.operations import relearn
     from sprung.online.monitor.requests import relearning_in_words
 
     with existing_store(store) as opened:
@@ -109,7 +109,7 @@ def roll_back(
     json: Json = None,
 ) -> None:
     """Return to an earlier baseline of a vehicle; it becomes the newest version."""
-    from sprung.online.monitor.desk import roll_back
+    from sprung.online.monitor.operations import roll_back
     from sprung.online.monitor.requests import rolling_back_in_words
 
     if version is None:
@@ -130,7 +130,7 @@ def raw(
     json: Json = None,
 ) -> None:
     """Request the latest samples of a vehicle whose box identifies on board."""
-    from sprung.online.monitor.desk import request_samples
+    from sprung.online.monitor.operations import request_samples
     from sprung.online.monitor.requests import wait_for_samples
 
     with existing_store(store) as opened:
@@ -175,10 +175,11 @@ def export(
 
 def _print_vehicles(store: "Store", json: str | None, sentences: list[str]) -> None:
     """Print vehicles as a table with sentences under it, as JSON, or both."""
-    from sprung.online.monitor.desk import NO_VEHICLES, vehicles_document
+    from sprung.online.monitor.operations import NO_VEHICLES, vehicles_document
     from sprung.results import tables
 
-    document = vehicles_document(store)
+    now = time.time_ns()
+    document = vehicles_document(store, now=now)
     if write_result(document, json):
-        table = tables.vehicles_table(document, now=time.time_ns())
+        table = tables.vehicles_table(document, now=now)
         show(table if document["vehicles"] else [NO_VEHICLES], [*sentences, *written([], json)])

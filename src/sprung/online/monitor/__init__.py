@@ -5,12 +5,13 @@ from sprung.online.monitor.broker import EmbeddedBroker
 from sprung.online.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor
 from sprung.online.monitor.figures import FIGURES
 from sprung.online.monitor.intake import MONITOR, Intake
-from sprung.online.monitor.jobs import Failure, Opening, Outcome, VehicleStatus
+from sprung.online.monitor.jobs import Failure, Opening, Outcome
 from sprung.online.monitor.postman import PostOffice
 from sprung.online.monitor.site import Site, embedded_port, read_site
 from sprung.online.monitor.station import Station
 from sprung.online.monitor.streams import Stream
 from sprung.online.monitor.workers import Workers
+from sprung.state import VehicleStatus
 
 __all__ = [
     "FIGURES",

@@ -14,7 +14,7 @@ from sprung.online.monitor.backoff import Backoff
 from sprung.online.monitor.engine import MonitorSettings, Observed
 from sprung.online.monitor.fleets import VehicleTypes, type_of_others
 from sprung.online.monitor.histories import ROLL_BACK, history_of, restored_baseline
-from sprung.online.monitor.jobs import Failure, Opening, Outcome, VehicleStatus
+from sprung.online.monitor.jobs import Failure, Opening, Outcome
 from sprung.online.monitor.ledger import Ledger
 from sprung.online.monitor.overload import Overload
 from sprung.online.monitor.states import History
@@ -31,6 +31,7 @@ from sprung.online.store import (
     StoreError,
     shard_of,
 )
+from sprung.state import VehicleStatus
 
 LOG = logging.getLogger("sprung.monitor")
 

@@ -1,6 +1,6 @@
 """Windows, modes, findings and alerts of a vehicle as tables for other programs: CSV, Parquet and JSON, in pieces."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -9,8 +9,6 @@ import numpy as np
 from sprung._checks import check_one_of
 from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.errors import ParameterError
-from sprung.online.alerts import STEPS, severity_step, state_name
-from sprung.online.monitor.alert_book import alert_of
 from sprung.online.monitor.table_files import Columns, Row, Rows, csv_pieces, json_pieces, parquet_pieces
 from sprung.online.monitor.vehicle_history import AlertHistory, alerts_of
 from sprung.online.store import Entry, Store
@@ -80,6 +78,7 @@ _OF_ALERT: Columns = {
     "change_percent": "number",
     "change_low_percent": "number",
     "change_high_percent": "number",
+    "detectable_percent": "number",
     "sentence": "text",
     "verdict": "text",
     "verdict_part": "text",
@@ -211,7 +210,7 @@ def _finding(entry: Entry) -> Row:
     return {
         **_place(entry),
         **{name: document.get(name) for name in names},
-        **_change(document),
+        **_change(document.get("change"), document.get("interval")),
         "since_utc": _nanoseconds(document.get("since")),
         "since_earliest_utc": _nanoseconds(earliest),
         "since_latest_utc": _nanoseconds(latest),
@@ -226,7 +225,8 @@ def _alerts(store: Store, vehicle: str, period: Period) -> tuple[Columns, Rows]:
 
 def _alert(alert: AlertHistory) -> Row:
     """Return the row of an alert."""
-    row, verdict = alert.row, alert.verdicts[-1] if alert.verdicts else None
+    state = alert.state
+    verdict = alert.verdicts[-1] if alert.verdicts else None
     given = (
         {}
         if verdict is None
@@ -239,19 +239,20 @@ def _alert(alert: AlertHistory) -> Row:
         }
     )
     return {
-        "alert": row.id,
-        "vehicle": row.vehicle,
-        "cause": row.cause,
-        "severity_number": row.severity,
-        "severity": STEPS[severity_step(row.severity)],
-        "state": state_name(alert_of(row)),
-        "raised_utc": row.raised,
-        "cleared_utc": row.cleared,
-        "times_raised": row.count,
-        "assignee": row.assignee,
-        "shelved_until_utc": row.shelved_until,
-        **_change(row.document.get("evidence") or {}),
-        "sentence": row.text,
+        "alert": state.number,
+        "vehicle": state.vehicle,
+        "cause": state.cause,
+        "severity_number": state.severity,
+        "severity": state.step,
+        "state": state.state,
+        "raised_utc": state.raised,
+        "cleared_utc": state.cleared,
+        "times_raised": state.count,
+        "assignee": state.assignee,
+        "shelved_until_utc": state.shelved_until,
+        **_change(state.change, state.interval),
+        "detectable_percent": _percent(state.detectable.get(state.cause)),
+        "sentence": state.sentence,
         **given,
     }
 
@@ -269,11 +270,11 @@ def _place(entry: Entry) -> dict[str, Any]:
     return {"vehicle": entry.vehicle, "boot": entry.boot, "window": entry.number, "start_utc": entry.t0}
 
 
-def _change(document: Mapping[str, Any]) -> dict[str, float | None]:
+def _change(change: float | None, interval: Sequence[float] | None) -> dict[str, float | None]:
     """Return size and interval of a change [%]."""
-    low, high = document.get("interval") or (None, None)
+    low, high = interval or (None, None)
     return {
-        "change_percent": _percent(document.get("change")),
+        "change_percent": _percent(change),
         "change_low_percent": _percent(low),
         "change_high_percent": _percent(high),
     }

@@ -8,13 +8,13 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import NamedTuple
 
 from sprung.diagnosis import Baseline, TypeBaseline
 from sprung.errors import SprungError
 from sprung.link import FrameBlock, decode, frame_block
 from sprung.online.monitor.engine import Event, MonitorSettings, Observed, Restored, VehicleMonitor
 from sprung.online.monitor.states import History, read_state, state_of_history, write_state
+from sprung.state import VehicleStatus
 from sprung.vehicles import vehicle_from_text
 
 #: Bytes of a sample in an analysis.
@@ -30,50 +30,6 @@ class Failure(StrEnum):
     VEHICLE = "vehicle"  # anything else that a vehicle is opened with: its frames wait
     FRAME = "frame"  # the frame that follows the consumed ones, or the window that it completes
     QUOTA = "quota"  # the frames that were consumed: their window needs too much memory
-
-
-class VehicleStatus(NamedTuple):
-    """Progress of the monitoring of a vehicle.
-
-    Parameters
-    ----------
-    share
-        Part of the present window that has arrived, 0 to 1.
-    n_learnt, n_needed
-        Number of windows usable for the baseline so far, and needed; equal where nothing is being learnt.
-    note
-        Reason why the vehicle cannot be assessed at present; empty if it can.
-    is_learning
-        Whether windows are collected for a baseline.
-    window
-        Length of a window [s]; 0: unknown.
-    until
-        Time after the last sample, UTC ns; None before the first.
-    repeated
-        Duration of the samples that arrived last and were analysed before [s]; 0 after new ones.
-    """
-
-    share: float = 0.0
-    n_learnt: int = 0
-    n_needed: int = 0
-    note: str = ""
-    is_learning: bool = False
-    window: float = 0.0
-    until: int | None = None
-    repeated: float = 0.0
-
-    @property
-    def in_words(self) -> str:
-        """Progress of learning and of the current window, and repeated samples; empty if there is none of these."""
-        parts = [f"learning: {self.n_learnt} of {self.n_needed} windows"] if self.is_learning else []
-        if self.note:
-            parts.append(f"last window: {self.note}")
-        if self.is_learning and self.share:
-            length = self.window / 60
-            parts.append(f"{self.share * length:.1f} of the {length:g} min of the next window have arrived")
-        if self.repeated:
-            parts.append(f"the last {self.repeated / 60:.1f} min were analysed before and do not count again")
-        return "; ".join(parts)
 
 
 @dataclass(frozen=True, slots=True)

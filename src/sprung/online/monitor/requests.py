@@ -23,7 +23,7 @@ def wait_for_samples(
     store
         Store of the monitor.
     number
-        Number of the request, from `sprung.online.monitor.desk.request_samples`.
+        Number of the request, from `sprung.online.monitor.operations.request_samples`.
     timeout
         Longest wait [s]; 0: none, the request stays open.
     on_progress

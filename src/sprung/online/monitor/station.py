@@ -15,7 +15,6 @@ from sprung.online.monitor.gate import Gate
 from sprung.online.monitor.heartbeats import Heartbeats, Loop
 from sprung.online.monitor.inflow import Inflow, vehicle_of
 from sprung.online.monitor.intake import MONITOR, Intake
-from sprung.online.monitor.jobs import VehicleStatus
 from sprung.online.monitor.lakes import lake_writer
 from sprung.online.monitor.ledger import Ledger
 from sprung.online.monitor.overload import Overload
@@ -27,6 +26,7 @@ from sprung.online.monitor.site import Site
 from sprung.online.monitor.upkeep import Upkeep
 from sprung.online.monitor.workers import Workers
 from sprung.online.store import N_SHARDS, Store, StoreError
+from sprung.state import VehicleStatus
 
 LOG = logging.getLogger("sprung.monitor")
 

@@ -5,19 +5,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from sprung.diagnosis import Baseline, Observation, detectable
-from sprung.online.alerts import is_of_suspension
-from sprung.online.monitor.alert_book import alert_of
-from sprung.online.monitor.desk import alert_entry
+from sprung.diagnosis import Observation
 from sprung.online.monitor.vehicle_history import AlertHistory, VehicleHistory
 from sprung.results.documents import ReportDocument
 from sprung.results.documents.vehicles import BodyModeEntry, ChangeEntry, FaultEntry, RangeEntry, ReportedAlert
-from sprung.results.tables import counted, time_in_words
-
-#: Number of windows in which losses are detectable; half width of a 95 % interval in standard deviations.
-N_WINDOWS, _HALF_WIDTH = 12, 1.96
-#: Loss that must be detectable for a conclusive result, as in a diagnosis.
-_MOST_UNDETECTED = 0.2
+from sprung.state import PartState
 
 
 def report_document(history: VehicleHistory, *, now: int) -> ReportDocument:
@@ -31,8 +23,8 @@ def report_document(history: VehicleHistory, *, now: int) -> ReportDocument:
         Present time, UTC ns.
     """
     usable = [window for window in history.windows if window.is_conclusive]
-    changes_since, changes = _changes(history)
-    baseline = history.baseline
+    state = history.state
+    is_compared = state.baseline is not None
     return ReportDocument.model_validate(
         {
             "schema": "sprung.report/1",
@@ -40,12 +32,13 @@ def report_document(history: VehicleHistory, *, now: int) -> ReportDocument:
             "since": history.period.since,
             "until": history.period.until,
             "written": now,
-            "sentence": _sentence(history, usable, changes),
+            "verdict": state.verdict,
+            "sentence": state.sentence,
             "windows": len(history.windows),
             "usable": len(usable),
-            "baseline": None if baseline is None else baseline.version,
-            "changes": changes,
-            "changes_since": changes_since,
+            "baseline": state.baseline,
+            "changes": tuple(map(_change, state.parts)) if is_compared else (),
+            "changes_since": state.since if is_compared else None,
             "modes": _modes(usable),
             "conditions": _conditions(history.windows),
             "sensor_faults": _faults(history),
@@ -55,78 +48,15 @@ def report_document(history: VehicleHistory, *, now: int) -> ReportDocument:
     )
 
 
-def _sentence(history: VehicleHistory, usable: Sequence[Observation], changes: Sequence[ChangeEntry]) -> str:
-    """Return the main result in words."""
-    active = sorted(history.active, key=lambda alert: not is_of_suspension(alert.row.cause))
-    if active:
-        first, *others = (alert.row.text for alert in active)
-        more = (
-            f" {counted(len(others), 'further alert')} {'is' if len(others) == 1 else 'are'} active." if others else ""
-        )
-        none = "" if history.windows else " The store contains no window of this period."
-        return f"{_capital(first)}.{more}{none}"
-    past = f" {counted(len(history.alerts), 'alert')} of this period ended." if history.alerts else ""
-    last = f" The last window began at {time_in_words(int(history.times[-1]))} UTC." if history.windows else ""
-    return f"{_result(history, len(usable), changes)}{past}{last}"
-
-
-def _result(history: VehicleHistory, n_usable: int, changes: Sequence[ChangeEntry]) -> str:
-    """Return the result of a period without an active alert, in a sentence."""
-    status, is_present = history.status, history.period.until is None
-    if not history.windows:
-        return "Inconclusive: the store contains no window of this period."
-    if history.baseline is None or (is_present and status is not None and status.is_learning):
-        progress = "" if status is None else f": {status.n_learnt} of {status.n_needed} windows collected"
-        return f"Learning{progress}; there is no baseline to compare with yet."
-    doubt = _doubt(n_usable, changes)
-    if doubt:
-        return f"Inconclusive: no change detected, but {doubt}."
-    losses = [100 * change.detectable for change in changes if change.detectable is not None]
-    limits = f"a loss of {min(losses):.0f} to {max(losses):.0f} % of any part would have been found"
-    return f"No change detected in {counted(n_usable, 'usable window')}; {limits} in {N_WINDOWS} windows."
-
-
-def _doubt(n_usable: int, changes: Sequence[ChangeEntry]) -> str:
-    """Return why a change may have remained undetected; empty for no reason."""
-    if not changes:
-        return "no window can be compared with the baseline"
-    if n_usable < N_WINDOWS:
-        return f"it takes {N_WINDOWS} usable windows, and the period has {n_usable}"
-    loss = max((change.detectable or np.inf for change in changes), default=np.inf)
-    return f"a loss of {100 * loss:.0f} % of some part may have remained undetected" if loss > _MOST_UNDETECTED else ""
-
-
-def _changes(history: VehicleHistory) -> tuple[int | None, tuple[ChangeEntry, ...]]:
-    """Return the start of the first window of the mean changes, and the changes by component."""
-    mean, baseline = history.mean_change(), history.baseline
-    if mean is None or baseline is None:
-        return None, ()
-    since, deviation = mean
-    losses = _detectable(history, baseline)
-    change = np.expm1(deviation.log_ratios)
-    own, whole = (
-        np.expm1([deviation.log_ratios - _HALF_WIDTH * std, deviation.log_ratios + _HALF_WIDTH * std]).T.tolist()
-        for std in (deviation.std_by_chance, deviation.std)
+def _change(part: PartState) -> ChangeEntry:
+    """Return the change of a component."""
+    return ChangeEntry(
+        component=part.part,
+        change=part.change,
+        interval=part.interval,
+        interval_with_common=part.interval_with_common,
+        detectable=part.detectable,
     )
-    return since, tuple(
-        ChangeEntry(
-            component=str(component),
-            change=float(change[k]),
-            interval_by_chance=own[k],
-            interval=whole[k],
-            detectable=losses.get(str(component)),
-        )
-        for k, component in enumerate(deviation.components)
-    )
-
-
-def _detectable(history: VehicleHistory, baseline: Baseline) -> dict[str, float]:
-    """Return the smallest detectable loss of each component as the stored baseline states it, or as it follows."""
-    for row, own in history.baselines:
-        stated = row.document.get("detectable", {}).get(str(N_WINDOWS))
-        if own is baseline and stated:
-            return dict(stated)
-    return {str(part): loss for part, loss in detectable(baseline, n_windows=N_WINDOWS).items()}
 
 
 def _modes(usable: Sequence[Observation]) -> dict[str, BodyModeEntry]:
@@ -176,15 +106,10 @@ def _faults(history: VehicleHistory) -> tuple[FaultEntry, ...]:
 def _alert(alert: AlertHistory) -> ReportedAlert:
     """Return an alert with its evidence, history and verdicts."""
     fields = {
-        "alert": alert_entry(alert.row),
+        "alert": alert.state.as_entry(),
         "cleared": alert.row.cleared,
-        "evidence": alert_of(alert.row).evidence,
+        "evidence": alert.state.evidence,
         "history": alert.events,
         "verdicts": alert.verdicts,
     }
     return ReportedAlert.model_validate(fields)
-
-
-def _capital(text: str) -> str:
-    """Return text with a capital letter, without a full stop."""
-    return (text[:1].upper() + text[1:]).rstrip(".")

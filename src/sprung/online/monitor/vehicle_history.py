@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 
 from sprung._arrays import Real
 from sprung.diagnosis import Baseline, Diagnosis, Observation
-from sprung.diagnosis.deviations import MeanDeviation, mean_deviation
 from sprung.errors import FormatError, ParameterError, SprungError
-from sprung.online.monitor.jobs import VehicleStatus
 from sprung.online.monitor.pictures import assessed
-from sprung.online.monitor.work_orders import onset_of
+from sprung.online.monitor.vehicle_states import alert_state, vehicle_state
 from sprung.online.store import AlertRow, AsideRow, BaselineRow, Entry, HistoryRow, Store, VehicleRow, VerdictRow
 from sprung.results.documents import baseline_from_document, observation_from_document
 from sprung.results.periods import Period
+from sprung.state import AlertState, VehicleState, VehicleStatus
 
 #: Largest number of windows, and of findings, the last ones of a period: ten minutes each, 69 days.
 _MOST = 10_000
@@ -41,6 +40,11 @@ class AlertHistory:
     verdicts: tuple[VerdictRow, ...]
 
     @property
+    def state(self) -> AlertState:
+        """Alert as it is now, with the facts of its finding."""
+        return alert_state(self.row)
+
+    @property
     def spans(self) -> list[tuple[int, int | None]]:
         """Begin and end (UTC ns; None: still active) of each time that its cause lasted, as far as its history goes.
 
@@ -54,7 +58,7 @@ class AlertHistory:
             elif event.what == "cleared" and is_open:
                 spans[-1] = (spans[-1][0], event.time)
         spans = spans or [(self.row.raised, None if self.row.is_active else self.row.cleared)]
-        onset = onset_of(self.row.document.get("evidence", {}))
+        onset = self.state.onset
         begin, end = spans.pop()
         return [*spans, (begin if onset is None else min(begin, onset), end)]
 
@@ -89,6 +93,8 @@ class VehicleHistory:
         Baselines of the vehicle up to the end of the period; each with None if its document cannot be read.
     alerts
         Alerts that were active in the period, the most severe first.
+    state
+        State at the end of the period.
     status
         Progress of the analysis; None before the first.
     aside
@@ -107,6 +113,7 @@ class VehicleHistory:
     modes: Entry | None
     baselines: tuple[tuple[BaselineRow, Baseline | None], ...]
     alerts: tuple[AlertHistory, ...]
+    state: VehicleState
     status: VehicleStatus | None
     aside: tuple[AsideRow, ...]
     diagnosis: Diagnosis | None
@@ -115,11 +122,6 @@ class VehicleHistory:
     def baseline(self) -> Baseline | None:
         """Last baseline of the period; None if there is none that can be read."""
         return next((baseline for _, baseline in reversed(self.baselines) if baseline is not None), None)
-
-    @property
-    def active(self) -> list[AlertHistory]:
-        """Alerts that are active at the end of the period, the most severe first."""
-        return [alert for alert in self.alerts if alert.is_active_at(self.period.until)]
 
     def baseline_of(self, window: Observation) -> Baseline | None:
         """Return the baseline that a window is compared with: the last one whose learning had begun, or the first."""
@@ -143,22 +145,6 @@ class VehicleHistory:
         values = np.array(rows)
         return Deviations(last, self.times[kept], values[:, 0], values[:, 1])
 
-    def mean_change(self) -> tuple[int, MeanDeviation] | None:
-        """Return the mean deviation from the last baseline, and the start of the first window in it, UTC ns.
-
-        Windows count since the onset of the changes that are active at the end of the period, or without one since the
-        last window that the baseline was learnt from.
-        """
-        baseline = self.baseline
-        if baseline is None:
-            return None
-        onsets = [float(alert.row.document.get("evidence", {}).get("since") or 0.0) for alert in self.active]
-        begin = max([*onsets, np.nextafter(max(baseline.taught, default=-np.inf), np.inf)])
-        numbers = [k for k, window in enumerate(self.windows) if window.time >= begin and baseline.accepts(window)]
-        if not numbers:
-            return None
-        return int(self.times[numbers[0]]), mean_deviation(baseline, [self.windows[k] for k in numbers])
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Deviations:
@@ -181,7 +167,7 @@ class Deviations:
     std: Real
 
 
-def read_history(store: Store, vehicle: str, period: Period) -> VehicleHistory:
+def read_history(store: Store, vehicle: str, period: Period, *, now: int) -> VehicleHistory:
     """Return the stored results of a vehicle and period.
 
     Parameters
@@ -192,6 +178,8 @@ def read_history(store: Store, vehicle: str, period: Period) -> VehicleHistory:
         Name of the vehicle.
     period
         Period.
+    now
+        Present time, UTC ns.
 
     Raises
     ------
@@ -214,6 +202,17 @@ def read_history(store: Store, vehicle: str, period: Period) -> VehicleHistory:
             except FormatError:
                 n_unreadable += 1
     status = results.status(vehicle)
+    baselines, alerts = _baselines(store, vehicle, period), alerts_of(store, vehicle, period)
+    state = vehicle_state(
+        store,
+        vehicle,
+        now=now,
+        last_seen=row.last_seen,
+        is_parked=row.is_parked,
+        alerts=[alert.row for alert in alerts if alert.is_active_at(period.until)],
+        baselines=[each for each, _ in baselines],
+        period=period,
+    )
     last = results.modes(vehicle, since=period.since, until=period.until, limit=1)
     return VehicleHistory(
         row,
@@ -224,8 +223,9 @@ def read_history(store: Store, vehicle: str, period: Period) -> VehicleHistory:
         n_unreadable,
         tuple(results.findings(vehicle, since=period.since, until=period.until, limit=_MOST)),
         last[0] if last else None,
-        tuple(_baselines(store, vehicle, period)),
-        tuple(alerts_of(store, vehicle, period)),
+        tuple(baselines),
+        tuple(alerts),
+        state,
         None if status is None else VehicleStatus(**status),
         tuple(each for each in store.aside.find(vehicle) if period.overlaps(each.stored, each.stored)),
         _present(store, vehicle, period, row),

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sprung import __version__
-from sprung.online.alerts import is_of_suspension, severity_step
-from sprung.online.monitor.vehicle_document import N_WINDOWS, report_document
+from sprung.online.alerts import STEPS
+from sprung.online.monitor.vehicle_document import report_document
 from sprung.online.monitor.vehicle_history import VehicleHistory, read_history
 from sprung.online.monitor.vehicle_sections import (
     alert_section,
@@ -28,6 +28,7 @@ from sprung.results.page.page import Block, Paragraph, Picture, Report, Section,
 from sprung.results.periods import Period
 from sprung.results.tables import Table, counted, time_in_words
 from sprung.results.tables.table import in_words
+from sprung.vehicles import Component
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,7 +68,7 @@ def vehicle_report(store: Store, vehicle: str, *, period: Period, now: int) -> R
     -----
     It draws figures, which takes seconds and some 100 MB: write one at a time.
     """
-    history = read_history(store, vehicle, period)
+    history = read_history(store, vehicle, period, now=now)
     document = report_document(history, now=now)
     sections = (
         _state_section(history, document),
@@ -98,25 +99,17 @@ def _state_section(history: VehicleHistory, document: ReportDocument) -> Section
         (
             in_words(change.component),
             in_percent(change.change),
-            " to ".join(map(in_percent, change.interval_by_chance)),
             " to ".join(map(in_percent, change.interval)),
             "" if change.detectable is None else f"{100 * change.detectable:.0f}",
             _alert_of_part(document.alerts, change.component),
         )
         for change in document.changes
     )
-    columns = (
-        "part",
-        "change [%]",
-        "95 % interval\nby chance [%]",
-        "with common\neffects [%]",
-        "detectable\nloss [%]",
-        "alert",
-    )
+    columns = ("part", "change [%]", "95 % interval [%]", "detectable loss [%]", "alert")
     caption = (
-        f"Mean of the windows since {since} UTC against baseline {document.baseline}, under the conditions of each."
-        " Common effects such as payload and temperature may move all corners alike: compare left with right."
-        f" Detectable: in {N_WINDOWS} windows, with 95 % power."
+        f"Mean of {counted(history.state.n_windows, 'window')} since {since} UTC against baseline {document.baseline},"
+        " under the conditions of each; of a part that an alert names, the size of its finding. Common effects such as"
+        " payload and temperature may move all corners alike: compare left with right. Detectable: with 95 % power."
     )
     return Section("Springs, dampers and tyres", (_plan(history, document), Table("", columns, rows, caption=caption)))
 
@@ -125,19 +118,16 @@ def _plan(history: VehicleHistory, document: ReportDocument) -> Picture:
     """Return the vehicle from above."""
     from sprung.results.figures import plan_figure
 
-    _, mean = history.mean_change() or (0, None)
-    assert mean is not None
-    active = [alert.row for alert in history.active if is_of_suspension(alert.row.cause)]
+    state = history.state
     figure = plan_figure(
-        mean.components,
-        mean.log_ratios,
-        mean.std,
-        by_chance=mean.std_by_chance,
-        steps={row.cause: severity_step(row.severity) for row in active},
-        detectable={change.component: change.detectable for change in document.changes if change.detectable},
+        [Component.parse(part.part) for part in state.parts],
+        np.array([part.change for part in state.parts]),
+        np.array([part.interval for part in state.parts]),
+        steps={part.part: STEPS.index(part.step) for part in state.parts if part.step},
+        detectable=state.detectable,
         heading=(
             f"Changes against baseline {document.baseline}",
-            f"Mean of {counted(mean.n_windows, 'window')}; 95 % intervals, thin: with common effects; grey: detectable",
+            f"Mean of {counted(state.n_windows, 'window')}; 95 % intervals; grey: detectable",
         ),
     )
     signs = "Signs of active alerts: ○ note, △ low, ◇ medium, ■ high, ✖ critical."

@@ -3,14 +3,14 @@
 import numpy as np
 
 from sprung.diagnosis.observation import CONDITION_UNITS
-from sprung.online.alerts import STEPS, is_of_suspension, severity_step
 from sprung.online.monitor.vehicle_history import VehicleHistory
 from sprung.online.store import Entry
 from sprung.results.documents import ReportDocument
-from sprung.results.documents.vehicles import RangeEntry, ReportedAlert
+from sprung.results.documents.vehicles import RangeEntry
 from sprung.results.page.page import Block, Paragraph, Section, Sentences
 from sprung.results.tables import Table, alert_history_table, counted, hypotheses_table, time_in_words, with_deviation
 from sprung.results.tables.table import in_words
+from sprung.state import AlertState
 
 #: Alerts of a report with all that happened to them, and gaps in the data that are listed.
 _MOST_ALERTS, _MOST_GAPS = 20, 5
@@ -25,11 +25,11 @@ def alert_section(history: VehicleHistory, document: ReportDocument) -> Section:
     if not document.alerts:
         return Section("Alerts and evidence", (Paragraph("No alert was active in this period."),))
     blocks: list[Block] = []
-    for reported in document.alerts[:_MOST_ALERTS]:
+    for state, reported in zip((each.state for each in history.alerts), document.alerts[:_MOST_ALERTS], strict=False):
         alert = reported.alert
-        cause = in_words(alert.cause) if is_of_suspension(alert.cause) else alert.cause.replace(":", " ")
+        cause = in_words(alert.cause) if state.is_of_suspension else alert.cause.replace(":", " ")
         title = f"Alert {alert.number}: {cause}"
-        blocks.append(Table(title, ("fact", "value"), tuple(_facts(reported))))
+        blocks.append(Table(title, ("fact", "value"), tuple(_facts(state))))
         fields = {"history": [event.as_json() for event in reported.history]}
         blocks.append(Table(f"History of alert {alert.number}", *_content(alert_history_table(fields)), n_words=3))
         if reported.verdicts:
@@ -49,33 +49,27 @@ def alert_section(history: VehicleHistory, document: ReportDocument) -> Section:
     return Section("Alerts and evidence", tuple(blocks))
 
 
-def _facts(reported: ReportedAlert) -> list[tuple[str, str]]:
+def _facts(alert: AlertState) -> list[tuple[str, str]]:
     """Return what is known about an alert, by name."""
-    alert, evidence = reported.alert, reported.evidence
-    facts = [
-        ("finding", alert.text),
-        ("state", alert.state),
-        ("severity", f"{STEPS[severity_step(alert.severity)]} ({alert.severity} of 1000)"),
-        ("raised (UTC)", f"{time_in_words(alert.raised)}, occurrence {alert.count}"),
-        ("cleared (UTC)", "" if reported.cleared is None else time_in_words(reported.cleared)),
-        ("assigned to", alert.assignee or "nobody"),
-    ]
-    if evidence.get("change") is not None:
-        facts.append(("change [%]", in_percent(evidence["change"])))
-    if evidence.get("interval"):
-        facts.append(("95 % interval [%]", " to ".join(map(in_percent, evidence["interval"]))))
-    if evidence.get("score") is not None:
-        facts.append(("size over standard deviation", _with_minus(f"{evidence['score']:.1f}")))
-    if evidence.get("since"):
-        facts.append(("since (UTC)", _dated(evidence["since"])))
-    if evidence.get("since_interval"):
-        facts.append(("onset between (UTC)", " and ".join(map(_dated, evidence["since_interval"]))))
-    if evidence.get("runner_up"):
-        facts.append(("second hypothesis", evidence["runner_up"]))
-    if evidence.get("detectable"):
-        ends = [f"{100 * end(evidence['detectable'].values()):.0f}" for end in (min, max)]
-        facts.append(("detectable loss of any part [%]", " to ".join(dict.fromkeys(ends))))
-    return [(name, value) for name, value in facts if value]
+    score, losses = alert.evidence.get("score"), alert.detectable.values()
+    ends = [f"{100 * end:.0f}" for end in (min(losses), max(losses))] if losses else []
+    since, span = (alert.evidence.get(name) for name in ("since", "since_interval"))
+    facts = {
+        "finding": alert.text,
+        "state": alert.state,
+        "severity": f"{alert.step} ({alert.severity} of 1000)",
+        "raised (UTC)": f"{time_in_words(alert.raised)}, occurrence {alert.count}",
+        "cleared (UTC)": "" if alert.cleared is None else time_in_words(alert.cleared),
+        "assigned to": alert.assignee or "nobody",
+        "change [%]": "" if alert.change is None else in_percent(alert.change),
+        "95 % interval [%]": " to ".join(map(in_percent, alert.interval or ())),
+        "size over standard deviation": "" if score is None else _with_minus(f"{score:.1f}"),
+        "since (UTC)": _dated(since) if since else "",
+        "onset between (UTC)": " and ".join(map(_dated, span or ())),
+        "second hypothesis": alert.runner_up,
+        "detectable loss of any part [%]": " to ".join(dict.fromkeys(ends)),
+    }
+    return [(name, value) for name, value in facts.items() if value]
 
 
 def mode_section(history: VehicleHistory, document: ReportDocument) -> Section:

@@ -1,18 +1,13 @@
 """Work orders: what a workshop is to do about an alert, as `sprung.work-order/1`."""
 
 from collections.abc import Sequence
-from typing import Any
 
-from sprung.diagnosis import SEVERITIES
 from sprung.errors import ParameterError
-from sprung.online.alerts import STEPS, Message, Sender, deliver, is_of_suspension, severity_step, state_name
-from sprung.online.monitor import desk
-from sprung.online.monitor.alert_book import alert_of
+from sprung.online.alerts import Message, Sender, deliver
+from sprung.online.monitor import operations
+from sprung.online.monitor.vehicle_states import alert_state
 from sprung.online.store import Store
 from sprung.results.documents import WorkOrderDocument
-
-#: Times above this are counted from 1970 [s]: those of a recording without a date are not.
-_DATED = 1e8
 
 
 def work_order(store: Store, number: int, *, who: str, now: int, link: str = "") -> WorkOrderDocument:
@@ -41,32 +36,31 @@ def work_order(store: Store, number: int, *, who: str, now: int, link: str = "")
         raise ParameterError(f"unknown alert {number}: sprung alerts list --all lists all alerts")
     if row.cause.partition(":")[0] == "monitor":
         raise ParameterError(f"alert {number} is about the monitor ({row.cause}): a work order is about a vehicle")
-    alert = alert_of(row)
-    evidence = alert.evidence
-    corner, part = corner_and_part(row.cause)
+    alert = alert_state(row)
+    corner, part = alert.place
     return WorkOrderDocument.model_validate(
         {
             "schema": "sprung.work-order/1",
-            "key": f"work-order-{number}-{row.raised}",
+            "key": f"work-order-{number}-{alert.raised}",
             "alert": number,
             "created": now,
             "created_by": who,
-            "vehicle": row.vehicle,
+            "vehicle": alert.vehicle,
             "corner": corner,
             "part": part,
-            "change": evidence.get("change"),
-            "interval": evidence.get("interval"),
-            "since": onset_of(evidence) or row.raised,
-            "since_interval": _times(evidence.get("since_interval")),
-            "severity": row.severity,
-            "step": STEPS[severity_step(row.severity)],
-            "urgency": evidence.get("advice") or _urgency(row.severity),
-            "sentence": row.text,
-            "runner_up": evidence.get("runner_up") or "",
-            "state": state_name(alert),
-            "raised": row.raised,
-            "assignee": row.assignee,
-            "evidence": evidence,
+            "change": alert.change,
+            "interval": alert.interval,
+            "since": alert.onset or alert.raised,
+            "since_interval": alert.onset_interval,
+            "severity": alert.severity,
+            "step": alert.step,
+            "urgency": alert.urgency,
+            "sentence": alert.text,
+            "runner_up": alert.runner_up,
+            "state": alert.state,
+            "raised": alert.raised,
+            "assignee": alert.assignee,
+            "evidence": alert.evidence,
             "link": link or None,
         }
     )
@@ -100,46 +94,8 @@ def send_work_order(
     errors = deliver(_message(order), senders)
     results = {sender.name: errors.get(sender.name, "") for sender in senders}
     words = "; ".join(f"by {name}: {error or 'sent'}" for name, error in results.items())
-    desk.add_comment(store, number, who=who, comment=f"work order {words}", now=now)
+    operations.add_comment(store, number, who=who, comment=f"work order {words}", now=now)
     return results
-
-
-def corner_and_part(cause: str) -> tuple[str | None, str]:
-    """Return corner and part of a cause; None for a part that belongs to no corner.
-
-    Examples
-    --------
-    >>> corner_and_part("front_left.spring"), corner_and_part("sensor:acc_fl"), corner_and_part("silent")
-    (('front_left', 'spring'), (None, 'sensor acc_fl'), (None, 'measuring box'))
-    """
-    if is_of_suspension(cause):
-        corner, _, part = cause.rpartition(".")
-        return corner or None, part
-    kind, _, channel = cause.partition(":")
-    return None, f"sensor {channel}" if kind == "sensor" else "measuring box"
-
-
-def onset_of(evidence: dict[str, Any]) -> int | None:
-    """Return the onset in the evidence of an alert, UTC ns; None if it is unknown."""
-    return _time(evidence.get("since"))
-
-
-def _time(seconds: Any) -> int | None:
-    """Return a time of the windows' clock [s] as UTC ns; None if it does not count from 1970."""
-    is_dated = isinstance(seconds, int | float) and seconds >= _DATED
-    return round(seconds * 1e9) if is_dated else None
-
-
-def _times(interval: Any) -> tuple[int, int] | None:
-    """Return the ends of an interval of time [s] as UTC ns."""
-    begin, end = (_time(seconds) for seconds in interval or (None, None))
-    return None if begin is None or end is None else (begin, end)
-
-
-def _urgency(severity: int) -> str:
-    """Return what to do by a severity, as findings of that severity state it."""
-    step = severity_step(severity)
-    return next((words for _, _, least, words in SEVERITIES if severity_step(least) <= step), SEVERITIES[-1][3])
 
 
 def _message(order: WorkOrderDocument) -> Message:

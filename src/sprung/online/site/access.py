@@ -16,8 +16,8 @@ from sprung.online.site.people import SESSION, Person, Role, log_in, of_session,
 _COOKIE, _SECURE_COOKIE = "sprung_session", "__Host-sprung_session"
 #: Methods that change nothing.
 _READING = {"GET", "HEAD", "OPTIONS"}
-#: Field of a form, and header of a request, with the mark of the session.
-MARK, MARK_HEADER = "_mark", "x-sprung-mark"
+#: Field of a form, and header of a request, with the CSRF token of the session.
+CSRF_FIELD, CSRF_HEADER = "csrf_token", "x-csrf-token"
 #: Greatest length of the secrets of browsers without an account.
 _LONGEST_SECRET = 64
 
@@ -81,11 +81,11 @@ def new_secret() -> str:
     return secrets.token_urlsafe(32)
 
 
-def check_mark(request: Request, person: Person, given: str) -> None:
+def check_csrf_token(request: Request, person: Person, given: str) -> None:
     """Refuse a request that changes something and does not come from a page of this session."""
     if request.method in _READING or "authorization" in request.headers:
         return
-    if not (person.mark and hmac.compare_digest(person.mark, given)):
+    if not (person.csrf_token and hmac.compare_digest(person.csrf_token, given)):
         raise HTTPException(403, "this form does not belong to your session: reload the page and try again")
 
 
@@ -113,7 +113,7 @@ class Allowed(SecurityBase):
             raise HTTPException(401, "log in, or send a token: Authorization: Bearer TOKEN", headers=headers)
         if not person.role.includes(self.role):
             raise HTTPException(403, f"this requires the role {self.role}, but {person.name} is {person.role}")
-        check_mark(request, person, request.headers.get(MARK_HEADER, ""))
+        check_csrf_token(request, person, request.headers.get(CSRF_HEADER, ""))
         return person
 
 

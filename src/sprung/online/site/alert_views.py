@@ -1,21 +1,21 @@
 """Lists of alerts, and the evidence behind one, from the store: values, no markup."""
 
 from collections.abc import Mapping, Sequence
-from math import exp, isfinite, sqrt
+from math import exp, isfinite
 from typing import Any, Literal, TypeAlias
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from sprung.errors import ParameterError
-from sprung.online.alerts import STEPS, is_of_suspension
-from sprung.online.monitor import alert_of
-from sprung.online.monitor.desk import alert_entry
-from sprung.online.monitor.work_orders import onset_of
+from sprung.online.alerts import STEPS
+from sprung.online.monitor.vehicle_states import alert_state
 from sprung.online.site.context import Context
 from sprung.online.site.models import Alerts, Answer
-from sprung.online.site.vehicle_changes import TIME_ROUNDING
 from sprung.online.store import AlertFilter, AlertPlace, AlertRow, Entry
 from sprung.results.documents.monitoring import AlertEntry
+from sprung.state import TIME_ROUNDING, AlertState, interval_95
+from sprung.vehicles import Component
 
 #: States in the terms of ISA-18.2, those that require action first.
 StateName: TypeAlias = Literal[
@@ -33,8 +33,6 @@ StepName: TypeAlias = Literal["note", "low", "medium", "high", "critical"]
 SINCE, BEFORE = 20, 5
 #: Pattern of the place after which a page of alerts begins.
 CURSOR = r"^[0-9]{1,4}~[0-8]?[0-9]{1,18}~[0-8]?[0-9]{1,18}$"
-#: Half of the 95 % interval of a normal distribution, in standard deviations.
-_HALF = 1.96
 
 
 class WantedAlerts(BaseModel):
@@ -128,7 +126,7 @@ def alert_page(context: Context, wanted: WantedAlerts, *, cursor: str | None = N
     rows = context.store.alerts.page(_filter(wanted), after=after, limit=limit + 1)
     shown = rows[:limit]
     following = _cursor(shown[-1]) if len(rows) > limit else None
-    return Alerts(alerts=tuple(AlertEntry(**alert_entry(row)) for row in shown), next=following)
+    return Alerts(alerts=tuple(AlertEntry(**alert_state(row).as_entry()) for row in shown), next=following)
 
 
 def alert_counts(context: Context, wanted: WantedAlerts) -> AlertCounts:
@@ -154,40 +152,38 @@ def evidence_of(context: Context, number: int) -> Evidence:
     row = context.store.alerts.row(number)
     if row is None:
         raise ParameterError(f"unknown alert {number}: see the list of alerts")
-    evidence = alert_of(row).evidence
-    detection = evidence.get("detection") or {}
-    interval = evidence.get("since_interval") or (None, None)
-    first, last = (onset_of({"since": seconds}) for seconds in interval)
+    alert = alert_state(row)
+    detection = alert.evidence.get("detection") or {}
     return Evidence(
-        is_active=row.is_active,
-        is_acknowledged=row.is_acknowledged,
-        change=evidence.get("change"),
-        interval=evidence.get("interval"),
-        since=onset_of(evidence),
-        since_interval=None if first is None or last is None else (first, last),
-        runner_up=evidence.get("runner_up") or "",
-        advice=evidence.get("advice") or "",
-        detectable=evidence.get("detectable") or {},
+        is_active=alert.is_active,
+        is_acknowledged=alert.is_acknowledged,
+        change=alert.change,
+        interval=alert.interval,
+        since=alert.onset,
+        since_interval=alert.onset_interval,
+        runner_up=alert.runner_up,
+        advice=alert.advice,
+        detectable=alert.detectable,
         hypotheses=tuple(HypothesisEntry.model_validate(each) for each in detection.get("hypotheses", ())),
         course=tuple(
             EvidencePoint(time=round(time * 1e9), log_evidence=value)
             for time, value in zip(detection.get("times", ()), detection.get("evidence", ()), strict=True)
         ),
         threshold=detection.get("threshold"),
-        windows=_windows(context, row, onset_of(evidence)),
+        windows=_windows(context, row, alert),
     )
 
 
-def _windows(context: Context, row: AlertRow, onset: int | None) -> tuple[EvidenceWindow, ...]:
+def _windows(context: Context, row: AlertRow, alert: AlertState) -> tuple[EvidenceWindow, ...]:
     """Return the windows behind an alert of the suspension or of a sensor."""
-    if not is_of_suspension(row.cause) and not row.cause.startswith("sensor:"):
+    if not alert.is_of_suspension and not row.cause.startswith("sensor:"):
         return ()
-    since = (_first_with_fault(context, row) if onset is None else onset) - TIME_ROUNDING
+    since = (_first_with_fault(context, row) if alert.onset is None else alert.onset) - TIME_ROUNDING
     observations = context.store.results.observations
     before = observations(row.vehicle, until=since - 1, limit=BEFORE)
     after = observations(row.vehicle, since=since, until=row.cleared, limit=SINCE)
     windows = [*((entry, False) for entry in before), *((entry, True) for entry in after)]
-    return tuple(_window(entry, row.cause, is_since=is_since) for entry, is_since in windows)
+    return tuple(_window(entry, alert, is_since=is_since) for entry, is_since in windows)
 
 
 def _first_with_fault(context: Context, row: AlertRow) -> int:
@@ -203,17 +199,18 @@ def _first_with_fault(context: Context, row: AlertRow) -> int:
     return first
 
 
-def _window(entry: Entry, cause: str, *, is_since: bool) -> EvidenceWindow:
-    """Return a window with its values of the parts of a cause."""
+def _window(entry: Entry, alert: AlertState, *, is_since: bool) -> EvidenceWindow:
+    """Return a window with its values of the parts that an alert names."""
     document = entry.document
     conditions: Mapping[str, Any] = document.get("conditions") or {}
     names: Sequence[str] = document.get("components") or ()
     logs: Sequence[float] = document.get("log_ratios") or ()
     covariance: Sequence[Sequence[float]] = document.get("covariance") or ()
+    named = set(map(str, alert.names([Component.parse(name) for name in names])))
     parts = tuple(
         _part(name, log_ratio, variances[k])
         for k, (name, log_ratio, variances) in enumerate(zip(names, logs, covariance, strict=False))
-        if _is_of(name, cause)
+        if name in named
     )
     faults = [(each.get("channel"), each.get("kind", "")) for each in document.get("sensor_faults") or ()]
     note = document.get("reason") or "; ".join(f"{channel} {kind.replace('_', ' ')}" for channel, kind in faults)
@@ -230,15 +227,8 @@ def _window(entry: Entry, cause: str, *, is_since: bool) -> EvidenceWindow:
 
 def _part(name: str, log_ratio: float, variance: float) -> PartEntry:
     """Return the value of a part with its interval."""
-    half = _HALF * sqrt(max(variance, 0.0))
-    return PartEntry(name=name, value=exp(log_ratio), interval=(exp(log_ratio - half), exp(log_ratio + half)))
-
-
-def _is_of(component: str, cause: str) -> bool:
-    """Return whether a cause names a component: itself, its axle, or all of its kind."""
-    corner, _, kind = cause.rpartition(".")
-    own, _, own_kind = component.rpartition(".")
-    return kind == own_kind and (corner in {own, "all"} or own.startswith(f"{corner}_"))
+    low, high = 1 + interval_95(np.array(log_ratio), np.sqrt(max(variance, 0.0)))
+    return PartEntry(name=name, value=exp(log_ratio), interval=(float(low), float(high)))
 
 
 def _finite(value: Any) -> float | None:

@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Path, Query
 from fastapi.responses import StreamingResponse
 
-from sprung.online.monitor import desk
+from sprung.online.monitor import operations
 from sprung.online.site import views
 from sprung.online.site.access import Engineer, Viewer
 from sprung.online.site.context import Shared
@@ -20,8 +20,8 @@ from sprung.online.site.models import (
     Learning,
     Shelf,
     VehicleDetail,
-    Verdict,
     WindowPage,
+    WorkshopVerdict,
 )
 
 router = APIRouter()
@@ -69,7 +69,7 @@ def counts(context: Shared, _: Viewer) -> FleetCount:
 @router.get("/vehicles/{vehicle}", tags=["vehicles"])
 def vehicle_detail(context: Shared, _: Viewer, vehicle: VehicleName) -> VehicleDetail:
     """A vehicle."""
-    return views.vehicle_detail(context, vehicle)
+    return views.vehicle_detail(context, vehicle)[0]
 
 
 @router.get("/vehicles/{vehicle}/windows", tags=["vehicles"])
@@ -102,7 +102,7 @@ def findings(
 @router.post("/vehicles/{vehicle}/baselines", tags=["vehicles"], status_code=202)
 def learn(context: Shared, person: Engineer, vehicle: VehicleName, given: Learning) -> Done:
     """Learn a new baseline from the next windows."""
-    number = desk.relearn(context.store, vehicle, reason=given.reason, who=person.name, now=context.clock())
+    number = operations.relearn(context.store, vehicle, reason=given.reason, who=person.name, now=context.clock())
     return Done(sentence=f"{vehicle} will relearn its baseline from its next usable windows", number=number)
 
 
@@ -115,21 +115,21 @@ def alert_detail(context: Shared, _: Viewer, number: Number) -> AlertDetail:
 @router.post("/alerts/{number}/acknowledge", tags=["alerts"])
 def acknowledge(context: Shared, person: Engineer, number: Number, given: Comment) -> AlertDetail:
     """Acknowledge an alert."""
-    desk.acknowledge(context.store, number, who=person.name, comment=given.comment, now=context.clock())
+    operations.acknowledge(context.store, number, who=person.name, comment=given.comment, now=context.clock())
     return views.alert_detail(context, number)
 
 
 @router.post("/alerts/{number}/comment", tags=["alerts"])
 def comment(context: Shared, person: Engineer, number: Number, given: Comment) -> AlertDetail:
     """Comment on an alert."""
-    desk.add_comment(context.store, number, who=person.name, comment=given.comment, now=context.clock())
+    operations.add_comment(context.store, number, who=person.name, comment=given.comment, now=context.clock())
     return views.alert_detail(context, number)
 
 
 @router.post("/alerts/{number}/assign", tags=["alerts"])
 def assign(context: Shared, person: Engineer, number: Number, given: Assignment) -> AlertDetail:
     """Assign an alert to a person, or to nobody."""
-    desk.assign(
+    operations.assign(
         context.store,
         number,
         assignee=given.assignee,
@@ -143,28 +143,30 @@ def assign(context: Shared, person: Engineer, number: Number, given: Assignment)
 @router.post("/alerts/{number}/shelve", tags=["alerts"])
 def shelve(context: Shared, person: Engineer, number: Number, given: Shelf) -> AlertDetail:
     """Shelve an alert for some hours."""
-    desk.shelve(context.store, number, hours=given.hours, who=person.name, comment=given.comment, now=context.clock())
+    operations.shelve(
+        context.store, number, hours=given.hours, who=person.name, comment=given.comment, now=context.clock()
+    )
     return views.alert_detail(context, number)
 
 
 @router.post("/alerts/{number}/unshelve", tags=["alerts"])
 def unshelve(context: Shared, person: Engineer, number: Number, given: Comment) -> AlertDetail:
     """End the shelving of an alert."""
-    desk.unshelve(context.store, number, who=person.name, comment=given.comment, now=context.clock())
+    operations.unshelve(context.store, number, who=person.name, comment=given.comment, now=context.clock())
     return views.alert_detail(context, number)
 
 
 @router.post("/alerts/{number}/close", tags=["alerts"])
 def close(context: Shared, person: Engineer, number: Number, given: Comment) -> AlertDetail:
     """Clear an alert whose cause was removed."""
-    desk.close(context.store, number, who=person.name, comment=given.comment, now=context.clock())
+    operations.close(context.store, number, who=person.name, comment=given.comment, now=context.clock())
     return views.alert_detail(context, number)
 
 
 @router.post("/alerts/{number}/verdict", tags=["alerts"])
-def verdict(context: Shared, person: Engineer, number: Number, given: Verdict) -> AlertDetail:
+def verdict(context: Shared, person: Engineer, number: Number, given: WorkshopVerdict) -> AlertDetail:
     """Record what the workshop found and did, and learn a new baseline if requested."""
-    desk.add_verdict(
+    operations.add_verdict(
         context.store,
         number,
         verdict=given.verdict,

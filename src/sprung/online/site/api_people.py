@@ -26,7 +26,7 @@ router = APIRouter(tags=["people"])
 @router.get("/session")
 def who_am_i(person: Viewer) -> WhoAmI:
     """Who makes this request."""
-    return WhoAmI(name=person.name, role=person.role, has_account=person.has_account, mark=person.mark)
+    return WhoAmI(name=person.name, role=person.role, has_account=person.has_account, csrf_token=person.csrf_token)
 
 
 @router.post("/session")
@@ -34,7 +34,7 @@ def log_in(context: Shared, request: Request, response: Response, given: LogIn) 
     """Log in: the answer sets the cookie of the session."""
     person = enter(request, given.name, given.password)
     set_session(response, context, person.secret)
-    return WhoAmI(name=person.name, role=person.role, has_account=True, mark=person.mark)
+    return WhoAmI(name=person.name, role=person.role, has_account=True, csrf_token=person.csrf_token)
 
 
 @router.delete("/session")

@@ -4,9 +4,9 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path
 
-from sprung.online.monitor import desk
+from sprung.online.monitor import operations
 from sprung.online.monitor.requests import rolling_back_in_words
-from sprung.online.site import vehicle_changes, vehicle_data, vehicle_trends
+from sprung.online.site import vehicle_data, vehicle_trends, views
 from sprung.online.site.access import Engineer, Viewer
 from sprung.online.site.api import Time, VehicleName
 from sprung.online.site.context import Shared
@@ -24,14 +24,13 @@ Place = Annotated[int, Path(ge=0, lt=2**63)]
 @router.get("/vehicles/{vehicle}/changes")
 def changes(context: Shared, _: Viewer, vehicle: VehicleName) -> Changes:
     """Changes of springs, dampers and tyres against the baseline, with 95 % intervals."""
-    vehicle_data.known_vehicle(context.store, vehicle)
-    return vehicle_changes.changes(context.store, vehicle)
+    return Changes.model_validate(views.vehicle_detail(context, vehicle)[1])
 
 
 @router.get("/vehicles/{vehicle}/trends")
 def trends(context: Shared, _: Viewer, vehicle: VehicleName, *, since: Time = None, until: Time = None) -> Trends:
     """Springs, dampers, tyres and modes of the body over time, at most the last 1000 windows."""
-    vehicle_data.known_vehicle(context.store, vehicle)
+    vehicle_data.require_vehicle(context.store, vehicle)
     end = context.clock() if until is None else until
     return vehicle_trends.trends(context.store, vehicle, since=since, until=end)
 
@@ -58,7 +57,7 @@ def baseline(context: Shared, _: Viewer, vehicle: VehicleName) -> BaselineDetail
 def roll_back(context: Shared, person: Engineer, vehicle: VehicleName, version: Version, given: Learning) -> Done:
     """Return to an earlier baseline, which becomes the newest version; the next windows are compared with it."""
     reason, now = given.reason, context.clock()
-    number = desk.roll_back(context.store, vehicle, version=version, reason=reason, who=person.name, now=now)
+    number = operations.roll_back(context.store, vehicle, version=version, reason=reason, who=person.name, now=now)
     return Done(sentence=rolling_back_in_words(vehicle, version, reason), number=number)
 
 

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Any
 
 from sprung.errors import ParameterError
+from sprung.online.monitor.vehicle_states import reference_of
 from sprung.online.site.context import Context
 from sprung.online.site.diagram_models import WindowDiagrams
 from sprung.online.site.diagrams import Computed, NoSamplesError
-from sprung.online.site.vehicle_changes import reference_of
-from sprung.online.site.vehicle_data import known_vehicle, known_window
+from sprung.online.site.vehicle_data import require_vehicle, require_window
 from sprung.online.store import Entry, archive_path
 from sprung.results.tables import time_in_words
 
@@ -39,7 +39,7 @@ def computed_diagrams(context: Context, vehicle: str, boot: int, number: int, *,
     BusyError
         If these diagrams, or others, are being computed.
     """
-    entry = known_window(context.store, vehicle, boot, number)
+    entry = require_window(context.store, vehicle, boot, number)
     return context.diagrams.take(_request(context, entry), again=again)
 
 
@@ -51,7 +51,7 @@ def window_diagrams(context: Context, vehicle: str, boot: int, number: int) -> W
     NoSamplesError
         Also if they cannot be computed from its samples.
     """
-    entry = known_window(context.store, vehicle, boot, number)
+    entry = require_window(context.store, vehicle, boot, number)
     return shown_diagrams(entry, computed_diagrams(context, vehicle, boot, number))
 
 
@@ -77,7 +77,7 @@ def last_window_with_samples(context: Context, vehicle: str) -> Entry | None:
     ParameterError
         If the vehicle is unknown.
     """
-    known_vehicle(context.store, vehicle)
+    require_vehicle(context.store, vehicle)
     entries = context.store.results.observations(vehicle, limit=_SOUGHT)
     return next((entry for entry in reversed(entries) if _samples(context, entry) is not None), None)
 
@@ -107,8 +107,8 @@ def _request(context: Context, entry: Entry) -> dict[str, Any]:
             f"(keep.raw_days) and up to {keep.raw_gigabytes:g} GB of all vehicles (keep.raw_gigabytes); larger values "
             "keep those of later windows longer"
         )
-    row = known_vehicle(context.store, entry.vehicle)
-    baseline = reference_of(context.store, entry.vehicle).baseline
+    row = require_vehicle(context.store, entry.vehicle)
+    baseline = reference_of(context.store.results.baselines(entry.vehicle)).baseline
     completed = "" if baseline is None else baseline.vehicle_file
     return {
         "samples": str(path),

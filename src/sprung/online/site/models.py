@@ -5,9 +5,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from sprung.results.documents.monitoring import AlertEntry, HistoryEntry
+from sprung.state import Verdict
 
-#: States of a vehicle without an active alert of the suspension or a sensor.
-VehicleState = Literal["alert", "silent", "parked", "learning", "inconclusive", "no change detected", "waiting"]
 VerdictWord = Literal["confirmed", "another part", "nothing found", "not looked at"]
 #: Texts of people, short enough for a table.
 Line = Annotated[str, Field(max_length=200)]
@@ -30,7 +29,7 @@ class FleetVehicle(Answer):
     """A vehicle in the fleet."""
 
     vehicle: str
-    state: VehicleState = Field(description="most important state")
+    verdict: Verdict = Field(description="what matters most")
     severity: int = Field(description="greatest severity of its active alerts, 1 to 1000; 0: none")
     step: str | None = Field(description="step of that severity: note, low, medium, high or critical")
     alert: int | None = Field(description="number of that alert")
@@ -43,8 +42,8 @@ class FleetVehicle(Answer):
     last_seen: int
     is_parked: bool
     is_old: bool = Field(description="whether it is silent, or was parked more than a day ago")
-    learnt: int | None = Field(description="windows collected for a baseline")
-    needed: int | None = Field(description="windows needed for a baseline")
+    windows_learnt: int | None = Field(description="windows collected for a baseline")
+    windows_needed: int | None = Field(description="windows needed for a baseline")
     baseline: int | None = Field(description="version of its baseline")
     assignee: str | None
     alert_state: str | None = Field(description="state of that alert in the terms of ISA-18.2")
@@ -160,7 +159,7 @@ class Assignment(Given):
     comment: Text = ""
 
 
-class Verdict(Given):
+class WorkshopVerdict(Given):
     """Finding and work of the workshop, and whether a new baseline is learnt."""
 
     verdict: VerdictWord
@@ -231,12 +230,12 @@ class TokenMade(Answer):
 
 
 class WhoAmI(Answer):
-    """Who makes this request; mark: value of the header X-Sprung-Mark of requests that change something."""
+    """Who makes this request; csrf_token: value of the header X-CSRF-Token of requests that change something."""
 
     name: str
     role: str
     has_account: bool
-    mark: str
+    csrf_token: str
 
 
 class AuditEntry(Answer):

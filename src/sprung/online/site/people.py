@@ -50,7 +50,7 @@ class Person:
     role
         Role.
     secret
-        Secret of the browser's session, from which the mark of its forms is derived; empty for a program with a token.
+        Secret of the browser's session, from which its CSRF token is derived; empty for a program with a token.
     has_account
         Whether the person logged in; False on a machine without accounts.
     """
@@ -61,8 +61,8 @@ class Person:
     has_account: bool = True
 
     @property
-    def mark(self) -> str:
-        """Mark of the forms of this session: another site can neither read nor guess it."""
+    def csrf_token(self) -> str:
+        """Token of the forms of this session: another site can neither read nor guess it."""
         return hmac.new(self.secret.encode(), b"form", hashlib.sha256).hexdigest() if self.secret else ""
 
 

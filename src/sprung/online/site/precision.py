@@ -8,10 +8,11 @@ from pydantic import Field
 from scipy.special import betaincinv
 
 from sprung.online.alerts import WATCHING
-from sprung.online.monitor.desk import VERDICTS
-from sprung.online.monitor.work_orders import onset_of
+from sprung.online.monitor.operations import VERDICTS
+from sprung.online.monitor.vehicle_states import alert_state
 from sprung.online.site.models import Answer
 from sprung.online.store import AlertRow, Store, VerdictRow
+from sprung.state import time_of
 
 #: Verdicts after which something was wrong, and after which something was looked at.
 _RIGHT = ("confirmed", "another part")
@@ -118,11 +119,11 @@ def share(hits: int, of: int) -> Share:
 def _onset(store: Store, row: AlertRow, verdict: VerdictRow) -> int | None:
     """Return the onset of what a verdict is about; None if it is unknown."""
     if row.raised == verdict.raised:
-        return onset_of(row.document.get("evidence") or {})
+        return alert_state(row).onset
     entries = store.results.findings(row.vehicle, until=verdict.time, limit=_MOST_FINDINGS)
     documents = (entry.document for entry in reversed(entries))
     of_cause = (each for each in documents if f"{each.get('corner')}.{each.get('component')}" == row.cause)
-    return onset_of(next(of_cause, {}))
+    return time_of(next(of_cause, {}).get("since"))
 
 
 def _delay(spans: Sequence[tuple[int | None, int]]) -> Delay | None:

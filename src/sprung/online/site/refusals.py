@@ -55,7 +55,7 @@ def _refusals(path: str, method: str, operation: Mapping[str, Any]) -> Iterator[
     if has_role or has_body:
         yield 401, "There is no valid token or session, or name or password is wrong."
     if has_role:
-        yield 403, "The role does not include this, or the mark of the session is missing."
+        yield 403, "The role does not include this, or the CSRF token of the session is missing."
     if "{" in path:
         yield 404, "Nothing has that name or number."
     if method != "get" or "{" in path:

@@ -39,7 +39,7 @@ class StoreEntry(Answer):
 class FalseAlarms(Answer):
     """False alarms: the configured rate, and the rate according to the verdicts of the workshop."""
 
-    wanted: float = Field(description="configured rate, per vehicle and day of driving")
+    configured: float = Field(description="rate, per vehicle and day of driving")
     hours_per_day: float = Field(description="hours of driving in a day")
     days: int = Field(description="length of the period that is counted [days]")
     vehicle_days: float = Field(description="days of driving of all vehicles that were analysed in it")

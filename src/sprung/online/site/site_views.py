@@ -122,7 +122,7 @@ def false_alarms(context: Context) -> FalseAlarms:
         low = float(gammaincinv(n_false, 0.025)) / days if n_false else 0.0
         interval = (low, float(gammaincinv(n_false + 1, 0.975)) / days)
     return FalseAlarms(
-        wanted=watch.false_alarms_per_day,
+        configured=watch.false_alarms_per_day,
         hours_per_day=watch.hours_per_day,
         days=_PERIOD,
         vehicle_days=days,

@@ -13,10 +13,10 @@ from sprung.diagnosis.sensors.faults import MISSING
 from sprung.errors import FormatError, ParameterError, SprungError
 from sprung.modal import Modes
 from sprung.online.monitor import VehicleStatus
-from sprung.online.monitor.desk import BASELINE_ACTS
 from sprung.online.monitor.histories import LEARN, ROLL_BACK
+from sprung.online.monitor.operations import BASELINE_ACTS
+from sprung.online.monitor.vehicle_states import observations_of, reference_of
 from sprung.online.site.models import WindowEntry
-from sprung.online.site.vehicle_changes import observations_of, part_changes, reference_of
 from sprung.online.site.vehicle_models import (
     BaselineDetail,
     BaselineVersion,
@@ -28,6 +28,7 @@ from sprung.online.site.vehicle_models import (
     ConditionRange,
     DataQuality,
     ModeValue,
+    PartChange,
     WindowDetail,
 )
 from sprung.online.site.vehicle_trends import body_modes_in
@@ -35,6 +36,7 @@ from sprung.online.store import Entry, Store, VehicleRow
 from sprung.recording import Channel
 from sprung.results.documents import baseline_from_document, observation_from_document
 from sprung.results.documents.modes import IdentifiedMode, modes_from_documents
+from sprung.state import progress_in_words
 from sprung.vehicles import vehicle_from_text
 from sprung.vehicles.labels import MOTIONS
 
@@ -55,7 +57,7 @@ _IDENTIFICATIONS = 12
 _SHARES = {"standing", "model_error"}
 
 
-def known_vehicle(store: Store, vehicle: str) -> VehicleRow:
+def require_vehicle(store: Store, vehicle: str) -> VehicleRow:
     """Return a vehicle as it described itself.
 
     Raises
@@ -69,7 +71,7 @@ def known_vehicle(store: Store, vehicle: str) -> VehicleRow:
     return row
 
 
-def known_window(store: Store, vehicle: str, boot: int, number: int) -> Entry:
+def require_window(store: Store, vehicle: str, boot: int, number: int) -> Entry:
     """Return a stored window.
 
     Raises
@@ -77,7 +79,7 @@ def known_window(store: Store, vehicle: str, boot: int, number: int) -> Entry:
     ParameterError
         If the vehicle or the window is unknown.
     """
-    known_vehicle(store, vehicle)
+    require_vehicle(store, vehicle)
     entry = store.results.observation(vehicle, boot, number)
     if entry is None:
         raise ParameterError(f"unknown window {boot}/{number} of {vehicle}: it was never analysed or is no longer kept")
@@ -92,7 +94,7 @@ def data_quality(store: Store, vehicle: str) -> DataQuality:
     ParameterError
         If the vehicle is unknown.
     """
-    row = known_vehicle(store, vehicle)
+    row = require_vehicle(store, vehicle)
     read = observations_of(store.results.observations(vehicle, limit=_WINDOWS))
     windows = [(entry.t0, window) for entry, window in read]
     names = dict(row.channels)
@@ -122,9 +124,9 @@ def window_detail(store: Store, vehicle: str, boot: int, number: int) -> WindowD
     ParameterError
         If the vehicle or the window is unknown.
     """
-    entry = known_window(store, vehicle, boot, number)
+    entry = require_window(store, vehicle, boot, number)
     window = WindowEntry(boot=boot, number=number, t0=entry.t0, document=entry.document)
-    reference = reference_of(store, vehicle)
+    reference = reference_of(store.results.baselines(vehicle))
     findings = tuple(str(row.document.get("sentence", "")) for row in store.results.findings_of(vehicle, boot, number))
     before, after = _neighbours(store, entry)
     try:
@@ -151,7 +153,7 @@ def window_detail(store: Store, vehicle: str, boot: int, number: int) -> WindowD
         reason=observation.reason,
         conditions=_conditions(observation),
         reference=reference.in_words,
-        parts=part_changes(reference, [observation], (), limits={}) if is_compared else (),
+        parts=tuple(map(PartChange.model_validate, reference.parts([observation], limits={}))) if is_compared else (),
         modes=_window_modes(store, entry, observation),
         findings=findings,
         sensor_faults=tuple(
@@ -171,18 +173,18 @@ def baseline_detail(store: Store, vehicle: str) -> BaselineDetail:
     ParameterError
         If the vehicle is unknown.
     """
-    known_vehicle(store, vehicle)
+    require_vehicle(store, vehicle)
     stored = store.results.status(vehicle)
     status = VehicleStatus() if stored is None else VehicleStatus(**stored)
-    reference = reference_of(store, vehicle)
+    reference = reference_of(store.results.baselines(vehicle))
     is_learning = status.is_learning or reference.baseline is None
     waiting = [each for each in store.requests.open_commands() if each.vehicle == vehicle]
     returns = [each.detail["version"] for each in waiting if each.act == ROLL_BACK]
     return BaselineDetail(
         is_learning=is_learning,
-        learnt=status.n_learnt,
-        needed=status.n_needed,
-        progress=status.in_words if is_learning else "",
+        windows_learnt=status.n_learnt,
+        windows_needed=status.n_needed,
+        progress=progress_in_words(status) if is_learning else "",
         is_requested=any(each.act == LEARN for each in waiting),
         requested_version=returns[-1] if returns else None,
         versions=baseline_entries(store, vehicle, is_learning=is_learning),
@@ -246,7 +248,7 @@ def body_modes(store: Store, vehicle: str) -> BodyModes:
     ParameterError
         If the vehicle is unknown.
     """
-    row = known_vehicle(store, vehicle)
+    row = require_vehicle(store, vehicle)
     entry, _ = last_body_modes(store, vehicle)
     if entry is None:
         return BodyModes(time=None, corners=(), modes=(), note="no mode of the body has been identified yet")

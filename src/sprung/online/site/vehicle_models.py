@@ -6,9 +6,7 @@ from pydantic import Field
 
 from sprung.online.site.models import Answer, BaselineEntry, WindowEntry
 from sprung.results.documents.document import Pair
-
-#: States of a part.
-PartState = Literal["change", "no change detected", "inconclusive"]
+from sprung.state import Verdict
 
 
 class PartChange(Answer):
@@ -18,17 +16,19 @@ class PartChange(Answer):
     corner: str
     kind: str
     change: float = Field(description="relative, -0.2 for a loss of a fifth")
-    interval: Pair = Field(description="95 % interval of the change")
-    by_chance: Pair = Field(description="95 % interval without effects common to the corners, such as payload")
+    interval: Pair = Field(description="95 % interval of the change, by which it is decided")
+    interval_with_common: Pair = Field(description="95 % interval with effects common to the corners, such as payload")
     detectable: float | None = Field(description="smallest relative loss that would have been found; null: unknown")
-    state: PartState
+    verdict: Verdict
     alert: int | None = Field(description="number of the active alert that names the part")
     step: str | None = Field(description="step of severity of that alert")
 
 
 class Changes(Answer):
-    """Changes of all parts, averaged over windows."""
+    """Verdict on a vehicle, and changes of all parts, averaged over windows."""
 
+    verdict: Verdict
+    sentence: str
     reference: str = Field(description="what windows are compared with")
     baseline: int | None = Field(description="version of the baseline; null: the vehicle file")
     n_windows: int
@@ -200,8 +200,8 @@ class BaselineDetail(Answer):
     """Learning and baselines of a vehicle."""
 
     is_learning: bool
-    learnt: int
-    needed: int
+    windows_learnt: int
+    windows_needed: int
     progress: str = Field(description="progress of learning in words")
     is_requested: bool = Field(description="whether a request for a new baseline is pending")
     requested_version: int | None = Field(description="earlier version to which a return is pending")

@@ -8,10 +8,11 @@ from urllib.parse import quote
 
 import numpy as np
 
-from sprung.diagnosis import INTERVAL_95, Observation
-from sprung.online.site.vehicle_changes import Reference, observations_of, reference_of
+from sprung.diagnosis import Observation
+from sprung.online.monitor.vehicle_states import observations_of, reference_of
 from sprung.online.site.vehicle_models import ModeTrend, ModeValue, PartTrend, TimeMark, Trends
 from sprung.online.store import Entry, Store
+from sprung.state import Reference, interval_95
 from sprung.vehicles.labels import MOTIONS
 
 #: Largest number of windows in an answer.
@@ -33,7 +34,7 @@ def trends(store: Store, vehicle: str, *, since: int | None, until: int) -> Tren
     since, until
         Range of the starts of windows, UTC ns; since None: from the first one.
     """
-    reference = reference_of(store, vehicle)
+    reference = reference_of(store.results.baselines(vehicle))
     length = round(1e9 * float((store.results.status(vehicle) or {}).get("window") or _WINDOW))
     entries = store.results.observations(vehicle, since=since, until=until, limit=MOST_WINDOWS + 1)
     identified = store.results.last_modes(vehicle, since=since, until=until, limit=MOST_WINDOWS)
@@ -87,8 +88,8 @@ def _parts(
     for row, window in enumerate(windows):
         if window is not None and window.components == components and reference.accepts(window):
             middle = _deviation(reference, window)
-            half = INTERVAL_95 * np.sqrt(np.diag(window.covariance))
-            values[:, row] = np.expm1([middle, middle - half, middle + half])
+            ends = interval_95(middle, np.sqrt(np.diag(window.covariance)))
+            values[:, row] = np.vstack([np.expm1(middle), ends])
     band = reference.band()
     return tuple(
         PartTrend(

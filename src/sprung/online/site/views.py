@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 
 from sprung.errors import ParameterError
-from sprung.online.alerts import STEPS, health_index, severity_step, state_name
-from sprung.online.monitor import VehicleStatus, alert_of
-from sprung.online.monitor.desk import alert_entry
+from sprung.online.alerts import STEPS
+from sprung.online.monitor.vehicle_states import alert_state, vehicle_state
 from sprung.online.site.context import Context
 from sprung.online.site.models import (
     AlertDetail,
@@ -13,13 +12,13 @@ from sprung.online.site.models import (
     FleetPage,
     FleetVehicle,
     VehicleDetail,
-    VehicleState,
     VerdictEntry,
     WindowEntry,
     WindowPage,
 )
 from sprung.online.store import AlertRow, Entry, FleetFilter, FleetRow, Place
 from sprung.results.documents.monitoring import AlertEntry, HistoryEntry
+from sprung.state import VehicleState
 
 #: Pattern of the place after which a page of the fleet begins.
 CURSOR = r"^[0-9]{1,4}~[0-9]{1,4}[.][0-9]{1,20}~.{1,64}$"
@@ -51,12 +50,13 @@ def fleet_page(context: Context, wanted: FleetFilter, *, cursor: str | None, lim
     rows = store.fleet.page(wanted, after=None if cursor is None else _place(cursor), limit=limit + 1)
     shown = rows[:limit]
     alerts = store.alerts.of_vehicles([row.place.vehicle for row in shown])
-    vehicles = tuple(_fleet_vehicle(context, row, alerts.get(row.place.vehicle, [])) for row in shown)
+    states = [state_of_row(context, row, alerts.get(row.place.vehicle, [])) for row in shown]
+    vehicles = tuple(map(_fleet_vehicle, shown, states))
     return FleetPage(vehicles=vehicles, next=_cursor(shown[-1].place) if len(rows) > limit else None)
 
 
-def vehicle_detail(context: Context, vehicle: str) -> VehicleDetail:
-    """Return what is known about a vehicle.
+def vehicle_detail(context: Context, vehicle: str) -> tuple[VehicleDetail, VehicleState]:
+    """Return what is known about a vehicle, and its state.
 
     Raises
     ------
@@ -77,12 +77,13 @@ def vehicle_detail(context: Context, vehicle: str) -> VehicleDetail:
         store.results.status(vehicle),
         len(known.channels),
     )
-    return VehicleDetail(
-        summary=_fleet_vehicle(context, row, active),
+    state = state_of_row(context, row, active)
+    detail = VehicleDetail(
+        summary=_fleet_vehicle(row, state),
         channels=tuple(dict(known.channels)),
         first_seen=known.first_seen,
         configuration=known.configuration,
-        alerts=tuple(_alert(alert) for alert in active),
+        alerts=tuple(AlertEntry(**alert.as_entry()) for alert in state.alerts),
         baselines=tuple(
             BaselineEntry(
                 version=each.version,
@@ -94,6 +95,7 @@ def vehicle_detail(context: Context, vehicle: str) -> VehicleDetail:
         ),
         windows=store.results.n_observations(vehicle),
     )
+    return detail, state
 
 
 def window_page(entries: list[Entry], *, limit: int) -> WindowPage:
@@ -117,64 +119,53 @@ def alert_detail(context: Context, number: int) -> AlertDetail:
     row = store.alerts.row(number)
     if row is None:
         raise ParameterError(f"unknown alert {number}: see the list of alerts")
+    state = alert_state(row)
     return AlertDetail(
-        alert=_alert(row),
-        evidence=alert_of(row).evidence,
+        alert=AlertEntry(**state.as_entry()),
+        evidence=dict(state.evidence),
         history=tuple(HistoryEntry.model_validate(each, from_attributes=True) for each in store.alerts.history(number)),
         verdicts=tuple(VerdictEntry.model_validate(each) for each in store.verdicts.all(alerts=[number])),
     )
 
 
-def _alert(row: AlertRow) -> AlertEntry:
-    """Return an alert as in `sprung.alerts/1`."""
-    return AlertEntry(**alert_entry(row))
-
-
-def _fleet_vehicle(context: Context, row: FleetRow, active: list[AlertRow]) -> FleetVehicle:
-    """Return a vehicle in the fleet; old data never look healthy."""
-    status = None if row.status is None else VehicleStatus(**row.status)
-    is_old = context.is_old(row.last_seen, is_parked=row.is_parked)
-    worst = max(active, key=lambda alert: (alert.severity, -alert.raised), default=None)
-    state, sentence = _state(row, status, worst, is_old=is_old)
-    is_known = not is_old and row.baseline is not None and (status is None or not (status.note or status.is_learning))
-    return FleetVehicle(
-        vehicle=row.place.vehicle,
-        state=state,
-        severity=0 if worst is None else worst.severity,
-        step=None if worst is None else STEPS[severity_step(worst.severity)],
-        alert=None if worst is None else worst.id,
-        sentence=sentence,
-        since=None if worst is None else worst.raised,
-        health_index=health_index(map(alert_of, active)) if is_known else None,
-        channels=row.n_channels,
-        failing=tuple(alert.cause.removeprefix(_SENSOR) for alert in active if alert.cause.startswith(_SENSOR)),
-        has_lost=any(alert.cause == "lost" for alert in active),
+def state_of_row(context: Context, row: FleetRow, active: list[AlertRow]) -> VehicleState:
+    """Return the state of a vehicle of the fleet."""
+    return vehicle_state(
+        context.store,
+        row.place.vehicle,
+        now=context.clock(),
+        silent_after=context.site.alerts.silent_after_minutes,
         last_seen=row.last_seen,
         is_parked=row.is_parked,
-        is_old=is_old,
-        learnt=None if status is None else status.n_learnt,
-        needed=None if status is None else status.n_needed,
-        baseline=row.baseline,
-        assignee=None if worst is None else worst.assignee,
-        alert_state=None if worst is None else state_name(alert_of(worst)),
+        alerts=active,
     )
 
 
-def _state(
-    row: FleetRow, status: VehicleStatus | None, worst: AlertRow | None, *, is_old: bool
-) -> tuple[VehicleState, str]:
-    """Return what matters most about a vehicle, in a word and in a sentence."""
-    if worst is not None:
-        return "silent" if worst.cause == "silent" else "alert", worst.text
-    if is_old and not row.is_parked:
-        return "silent", f"{row.place.vehicle} sends no data"
-    if status is None:
-        return "waiting", "no samples analysed yet"
-    state: VehicleState = "inconclusive" if status.note else "no change detected"
-    sentence = status.in_words or "no change detected"
-    if is_old:
-        return "parked", f"parked; until then {sentence}"
-    return "learning" if status.is_learning else state, sentence
+def _fleet_vehicle(row: FleetRow, state: VehicleState) -> FleetVehicle:
+    """Return a vehicle in the fleet."""
+    worst = state.worst
+    sensors = (alert.cause for alert in state.alerts if alert.cause.startswith(_SENSOR))
+    return FleetVehicle(
+        vehicle=state.vehicle,
+        verdict=state.verdict,
+        severity=state.severity,
+        step=state.step,
+        alert=None if worst is None else worst.number,
+        sentence=state.sentence,
+        since=None if worst is None else worst.raised,
+        health_index=state.health_index,
+        channels=row.n_channels,
+        failing=tuple(cause.removeprefix(_SENSOR) for cause in sensors),
+        has_lost=any(alert.cause == "lost" for alert in state.alerts),
+        last_seen=state.last_seen,
+        is_parked=row.is_parked,
+        is_old=state.is_old,
+        windows_learnt=state.windows_learnt,
+        windows_needed=state.windows_needed,
+        baseline=row.baseline,
+        assignee=None if worst is None else worst.assignee,
+        alert_state=None if worst is None else worst.state,
+    )
 
 
 def _cursor(place: Place) -> str:

@@ -85,14 +85,15 @@ class VehicleEntry(Document):
 
     vehicle: str
     windows: int
-    learnt: int | None
-    needed: int | None
+    windows_learnt: int | None
+    windows_needed: int | None
     baseline: int | None
-    health_index: float
+    health_index: float | None
     last_seen: int
     data_until: int | None
     modes: dict[str, Pair] | tuple[dict[str, Any], ...] | None
-    state: str
+    verdict: str
+    summary: str
 
 
 class VehiclesDocument(Document):

@@ -19,15 +19,15 @@ class ExportDocument(Document):
 
 
 class ChangeEntry(Document):
-    """Mean change of a component against the baseline, and the loss that is detectable in 12 windows.
+    """Change of a component against the baseline with the interval that decides, and its smallest detectable loss.
 
-    `interval` includes what may move all corners together, `interval_by_chance` does not.
+    `interval_with_common` includes what may move all corners together.
     """
 
     component: str
     change: float
-    interval_by_chance: Pair
     interval: Pair
+    interval_with_common: Pair
     detectable: float | None
 
 
@@ -85,6 +85,7 @@ class ReportDocument(Document):
     since: int | None
     until: int | None
     written: int
+    verdict: str
     sentence: str
     windows: int
     usable: int

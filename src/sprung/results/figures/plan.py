@@ -10,7 +10,7 @@ from matplotlib.markers import CARETLEFT, CARETRIGHT
 from matplotlib.patches import FancyBboxPatch
 
 from sprung._arrays import Real
-from sprung.results.figures.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
+from sprung.results.figures.style import FAINT, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
 from sprung.vehicles import Component
 
 #: Sign and colour of each step of severity, from note to critical; light colours carry dark text.
@@ -23,10 +23,9 @@ _ROOM, _LEAST_REACH = 1.15, 10.0
 
 def plan_figure(
     components: Sequence[Component],
-    log_ratios: Real,
-    deviations: Real,
+    changes: Real,
+    intervals: Real,
     *,
-    by_chance: Real,
     steps: Mapping[str, int],
     detectable: Mapping[str, float],
     heading: tuple[str, str],
@@ -37,10 +36,8 @@ def plan_figure(
     ----------
     components
         Springs, dampers and tyres of the corners.
-    log_ratios, deviations
-        ln(value / baseline) of each component, and its standard deviation, shape (components,).
-    by_chance
-        Part of the deviations that is independent between components, drawn as a thicker line.
+    changes, intervals
+        Relative change of each component, shape (components,), and the ends of its interval, shape (components, 2).
     steps
         Step of severity, 0 (note) to 4 (critical), by the name of each component with an alert.
     detectable
@@ -53,10 +50,11 @@ def plan_figure(
     >>> import numpy as np
     >>> import sprung
     >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
-    >>> ratios, std = np.zeros(12), np.full(12, 0.02)
-    >>> ratios[0] = np.log(0.7)
+    >>> changes = np.zeros(12)
+    >>> changes[0] = -0.3
+    >>> intervals = changes[:, None] + [-0.02, 0.02]
     >>> found = {"steps": {"front_left.spring": 3}, "detectable": {"front_left.spring": 0.07}}
-    >>> figure = plan_figure(parts, ratios, std, by_chance=std / 2, heading=("Today", "car-1"), **found)
+    >>> figure = plan_figure(parts, changes, intervals, heading=("Today", "car-1"), **found)
     >>> [text.get_text() for axes in figure.axes for text in axes.texts if "30" in text.get_text()]
     ['■ −30.0 %']
     """
@@ -64,13 +62,8 @@ def plan_figure(
     n_axles = max(1, len(corners) // 2)
     figure = new_figure(*heading, width=9.5, height=max(1.3 + 1.5 * n_axles, 1.3 + 0.24 * len(components)))
     left, right = figure.subplots(1, 2, width_ratios=(5, 6))
-    change = 100 * np.expm1(log_ratios)
-    whole, own = (
-        100 * np.expm1([log_ratios - HALF_WIDTH_95 * half, log_ratios + HALF_WIDTH_95 * half])
-        for half in (deviations, by_chance)
-    )
-    _draw_plan(left, components, corners, change, steps)
-    _draw_changes(right, components, (change, own, whole), steps, detectable)
+    _draw_plan(left, components, corners, 100 * changes, steps)
+    _draw_changes(right, components, 100 * changes, 100 * intervals.T, steps, detectable)
     return figure
 
 
@@ -114,29 +107,28 @@ def _draw_cell(
 def _draw_changes(
     axes: Axes,
     components: Sequence[Component],
-    changes: tuple[Real, Real, Real],
+    change: Real,
+    interval: Real,
     steps: Mapping[str, int],
     detectable: Mapping[str, float],
 ) -> None:
-    """Draw change, interval by chance and whole interval of every component [%], one below the other.
+    """Draw change and interval of every component [%], one below the other.
 
     An interval that goes beyond the axis ends in an arrow.
     """
     plain(axes)
-    change, own, whole = changes
-    reach = max(_LEAST_REACH, _ROOM * float(np.abs(np.concatenate([change, *own])).max(initial=0.0)))
+    reach = max(_LEAST_REACH, _ROOM * float(np.abs(change).max(initial=0.0)), _ROOM * float(np.median(np.abs(interval))))
     axes.axvline(0, color=INK, linewidth=1)
     for place, component in enumerate(components):
         limit = 100 * detectable.get(str(component), 0.0)
         if limit:
             axes.plot([-limit, -limit], [place - 0.3, place + 0.3], color=FAINT, linewidth=1.5)
         colour, marker = (MODE_COLOURS[1], "D") if str(component) in steps else (MODE_COLOURS[0], "o")
-        axes.hlines(place, *whole[:, place], color=colour, linewidth=0.9)
-        axes.hlines(place, *own[:, place], color=colour, linewidth=3)
+        axes.hlines(place, *interval[:, place], color=colour, linewidth=3)
         axes.plot(change[place], place, marker, color=colour, markersize=5)
         for is_beyond, end, arrow in (
-            (whole[0, place] < -reach, -reach, CARETLEFT),
-            (whole[1, place] > reach, reach, CARETRIGHT),
+            (interval[0, place] < -reach, -reach, CARETLEFT),
+            (interval[1, place] > reach, reach, CARETRIGHT),
         ):
             if is_beyond:
                 axes.plot(end, place, marker=arrow, color=colour, markersize=6, clip_on=False)

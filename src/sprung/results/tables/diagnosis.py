@@ -1,7 +1,7 @@
 """Tables of baselines and diagnoses."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from sprung.diagnosis.baseline import CONDITIONS
 from sprung.diagnosis.findings import time_in_words
 from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.results.tables.table import Table, in_words
+from sprung.vehicles import Component
 
 #: Hypotheses in the table.
 _SHOWN = 5
@@ -135,9 +136,28 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
     """Return the verdict of a diagnosis without findings in one sentence."""
     if diagnosis.detection is None:
         return "inconclusive: no window was usable"
-    if diagnosis.verdict == "inconclusive":
-        return f"inconclusive: no change detected, but {diagnosis.doubts[0]}"
-    return f"no change detected; {detectable_in_words(diagnosis.detectable)}"
+    return no_change_in_words(diagnosis.detectable, next(iter(diagnosis.doubts), ""))
+
+
+def no_change_in_words(detectable: Mapping[Component, float], doubt: str) -> str:
+    """Return a verdict without findings in one sentence.
+
+    Parameters
+    ----------
+    detectable
+        Smallest relative loss of each part that would have been found.
+    doubt
+        Why a change may have gone undetected; empty for no reason.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import Component
+    >>> no_change_in_words({Component("front_left", "spring"): 0.07}, "")
+    'no change detected; a change of 7 % of any part would have been found'
+    """
+    if doubt:
+        return f"inconclusive: no change detected, but {doubt}"
+    return f"no change detected; {detectable_in_words(detectable)}"
 
 
 def why_unusable(diagnosis: Diagnosis, baseline: Baseline | None) -> str:

@@ -106,34 +106,28 @@ def vehicles_table(document: Mapping[str, Any], *, now: int) -> Table:
     Examples
     --------
     >>> now = 1_790_000_000_000_000_000
-    >>> vehicle = {"vehicle": "bus-17", "windows": 9, "baseline": 2, "health_index": 87.4, "state": "no alert"}
-    >>> vehicle |= {"last_seen": now - 600_000_000_000, "data_until": None}
+    >>> vehicle = {"vehicle": "bus-17", "windows": 9, "baseline": 2, "health_index": 87.4}
+    >>> vehicle |= {"last_seen": now - 600_000_000_000, "data_until": None, "summary": "Sensor acc_fl is dead."}
     >>> table = vehicles_table({"vehicles": [vehicle]}, now=now)
     >>> for row in (table.columns, *table.rows):
     ...     print(" | ".join(row))
     vehicle | windows | baseline | health (of 100) | last message | data until (UTC) | state
-    bus-17 | 9 | version 2 | 87 | 10 min ago |  | no alert
+    bus-17 | 9 | version 2 | 87 | 10 min ago |  | Sensor acc_fl is dead.
     """
     rows = tuple(
         (
             vehicle["vehicle"],
             str(vehicle["windows"]),
             "none" if vehicle["baseline"] is None else f"version {vehicle['baseline']}",
-            _health(vehicle),
+            "unknown" if vehicle["health_index"] is None else f"{vehicle['health_index']:.0f}",
             age_in_words(vehicle["last_seen"], now=now),
             "" if vehicle["data_until"] is None else _time_and_age(vehicle["data_until"], now=now),
-            vehicle["state"],
+            vehicle["summary"],
         )
         for vehicle in document["vehicles"]
     )
     columns = ("vehicle", "windows", "baseline", "health (of 100)", "last message", "data until (UTC)", "state")
     return Table("", columns, rows)
-
-
-def _health(vehicle: Mapping[str, Any]) -> str:
-    """Return the health index; "unknown" for a vehicle without baseline and alert."""
-    is_known = vehicle["baseline"] is not None or vehicle["health_index"] < 100
-    return f"{vehicle['health_index']:.0f}" if is_known else "unknown"
 
 
 def _time_and_age(time: int, *, now: int) -> str:

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from sprung.errors import ParameterError
 from sprung.online.alerts import STEPS, is_of_suspension, severity_step
-from sprung.online.monitor import MONITOR, desk
+from sprung.online.monitor import MONITOR, operations
 from sprung.online.monitor.work_orders import work_order
 from sprung.online.site import alert_views, views
 from sprung.online.site.access import Viewer
@@ -113,20 +113,26 @@ def order(request: Request, context: Shared, person: Viewer, number: Number) -> 
 @router.post("/alerts/{number}/acknowledge")
 def acknowledge(request: Request, context: Shared, form: EngineerForm, number: Number) -> Response:
     """Acknowledge an alert."""
-    return _act(request, context, form, number, act=desk.acknowledge, name="acknowledge")
+    return _act(request, context, form, number, act=operations.acknowledge, name="acknowledge")
 
 
 @router.post("/alerts/{number}/comment")
 def comment(request: Request, context: Shared, form: EngineerForm, number: Number) -> Response:
     """Comment on an alert."""
-    return _act(request, context, form, number, act=desk.add_comment, name="comment")
+    return _act(request, context, form, number, act=operations.add_comment, name="comment")
 
 
 @router.post("/alerts/{number}/assign")
 def assign(request: Request, context: Shared, form: EngineerForm, number: Number) -> Response:
     """Assign an alert to somebody, or to nobody."""
     return _act(
-        request, context, form, number, act=desk.assign, name="assign", assignee=form.text("assignee")[:200] or None
+        request,
+        context,
+        form,
+        number,
+        act=operations.assign,
+        name="assign",
+        assignee=form.text("assignee")[:200] or None,
     )
 
 
@@ -134,19 +140,19 @@ def assign(request: Request, context: Shared, form: EngineerForm, number: Number
 def shelve(request: Request, context: Shared, form: EngineerForm, number: Number) -> Response:
     """Shelve an alert for one of the times that the page offers."""
     hours = next((hours for hours, _ in _SHELVES if str(hours) == form.text("hours")), 0)
-    return _act(request, context, form, number, act=desk.shelve, name="shelve", hours=hours)
+    return _act(request, context, form, number, act=operations.shelve, name="shelve", hours=hours)
 
 
 @router.post("/alerts/{number}/unshelve")
 def unshelve(request: Request, context: Shared, form: EngineerForm, number: Number) -> Response:
     """End the shelving of an alert."""
-    return _act(request, context, form, number, act=desk.unshelve, name="unshelve")
+    return _act(request, context, form, number, act=operations.unshelve, name="unshelve")
 
 
 @router.post("/alerts/{number}/close")
 def close(request: Request, context: Shared, form: EngineerForm, number: Number) -> Response:
     """Clear an alert whose cause was removed."""
-    return _act(request, context, form, number, act=desk.close, name="close")
+    return _act(request, context, form, number, act=operations.close, name="close")
 
 
 @router.post("/alerts/{number}/verdict")
@@ -155,7 +161,7 @@ def verdict(request: Request, context: Shared, form: EngineerForm, number: Numbe
     is_new_baseline = form.text("new_baseline") == "yes"
 
     def act() -> None:
-        desk.add_verdict(
+        operations.add_verdict(
             context.store,
             number,
             verdict=form.text("verdict"),
@@ -190,7 +196,7 @@ def _act(
     name: str,
     **options: Any,
 ) -> Response:
-    """Apply an operator action of `sprung.online.monitor.desk` with the comment of a form."""
+    """Apply an operator action of `sprung.online.monitor.operations` with the comment of a form."""
 
     def applied() -> None:
         act(
@@ -265,7 +271,7 @@ def _alert_page(
         has_webhook=bool(context.site.send.webhook),
         state_signs=_MARKS,
         in_words=in_words,
-        verdicts=desk.VERDICTS,
+        verdicts=operations.VERDICTS,
         n_before=alert_views.BEFORE,
         n_since=alert_views.SINCE,
     )

@@ -59,7 +59,7 @@ def diagrams(
     try:
         computed = diagram_views.computed_diagrams(context, vehicle, boot, number, again=again)
         shown["failed"] = bool(computed.error)
-        entry = vehicle_data.known_window(context.store, vehicle, boot, number)
+        entry = vehicle_data.require_window(context.store, vehicle, boot, number)
         values = diagram_views.shown_diagrams(entry, computed)
         poles = Counter(status for each in values.stabilisation.poles for status in each.status)
         shown |= {"diagrams": values, "pictures": tuple(computed.pictures), "counts": poles.most_common()}

@@ -7,7 +7,7 @@ from urllib.parse import parse_qsl
 from fastapi import Depends, HTTPException, Request
 from fastapi.concurrency import run_in_threadpool
 
-from sprung.online.site.access import MARK, check_mark, find_person
+from sprung.online.site.access import CSRF_FIELD, check_csrf_token, find_person
 from sprung.online.site.people import Person, Role
 
 #: Largest number of fields of a form.
@@ -54,7 +54,7 @@ class FormOf:
             raise HTTPException(401, "log in first")
         if not person.role.includes(self.role):
             raise HTTPException(403, f"this requires the role {self.role}, but {person.name} is {person.role}")
-        check_mark(request, person, fields.get(MARK, ""))
+        check_csrf_token(request, person, fields.get(CSRF_FIELD, ""))
         return Form(person, fields)
 
 

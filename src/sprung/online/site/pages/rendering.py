@@ -17,18 +17,21 @@ from sprung.online.site.access import find_person, new_secret, set_session
 from sprung.online.site.context import context_of
 from sprung.online.site.people import Person, Role
 from sprung.results.tables import age_in_words, time_in_words
+from sprung.state import Verdict
 
 #: Sign of each step of severity, and of each state of a vehicle: none is known by its colour alone.
 MARKS = {"note": "○", "low": "△", "medium": "◇", "high": "■", "critical": "✖"}
 STATE_MARKS = {
-    "alert": "■",
-    "silent": "◌",
-    "parked": "◌",
-    "learning": "…",
-    "inconclusive": "?",
-    "no change detected": "✓",
-    "waiting": "◌",
+    Verdict.CHANGE: "■",
+    Verdict.FAULT: "■",
+    Verdict.STALE: "◌",
+    Verdict.LEARNING: "…",
+    Verdict.INCONCLUSIVE: "?",
+    Verdict.NO_CHANGE_DETECTED: "✓",
+    Verdict.WAITING: "◌",
 }
+#: Words of each state.
+STATE_WORDS = {verdict: verdict.replace("_", " ") for verdict in Verdict}
 #: A date, perhaps with its time.
 _DATE = re.compile(r"(\d{4}-\d\d-\d\d)(?: (\d\d:\d\d))?( UTC)?")
 #: Section that is shown where the site names results of runs over the fleet.
@@ -68,7 +71,7 @@ def page(
     context, person = context_of(request), find_person(request)
     secret = ""
     if person is not None and not person.has_account and not person.secret:
-        # A browser on a machine without accounts: its forms need a mark, too.
+        # A browser on a machine without accounts: its forms need a CSRF token, too.
         secret = new_secret()
         person = Person(person.name, person.role, secret, has_account=False)
     text = _environment().get_template(template)
@@ -113,6 +116,7 @@ def _environment() -> Environment:
         static=static,
         marks=MARKS,
         state_marks=STATE_MARKS,
+        state_words=STATE_WORDS,
         steps=STEPS[::-1],
         version=__version__,
     )

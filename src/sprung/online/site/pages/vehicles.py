@@ -1,5 +1,6 @@
 """A vehicle: main result, parts seen from above, trends, modes, windows, data quality and baseline."""
 
+from collections.abc import Sequence
 from enum import StrEnum
 from typing import Annotated, Any
 from urllib.parse import quote, urlencode
@@ -9,9 +10,9 @@ from fastapi.responses import RedirectResponse
 
 from sprung.diagnosis import INTERVAL_95
 from sprung.errors import ParameterError
-from sprung.online.alerts import STEPS, severity_step
-from sprung.online.monitor import desk
-from sprung.online.site import vehicle_changes, vehicle_data, views
+from sprung.online.monitor import operations
+from sprung.online.monitor.vehicle_states import observations_of
+from sprung.online.site import vehicle_data, views
 from sprung.online.site.access import Viewer
 from sprung.online.site.api import Time, VehicleName
 from sprung.online.site.api_vehicles import Place
@@ -19,8 +20,9 @@ from sprung.online.site.context import Context, Shared
 from sprung.online.site.pages.forms import EngineerForm
 from sprung.online.site.pages.rendering import page
 from sprung.online.site.people import Person, Role
-from sprung.online.site.vehicle_models import Changes, PartChange
+from sprung.online.site.vehicle_models import PartChange
 from sprung.online.store import Entry
+from sprung.state import PartState, VehicleState
 from sprung.vehicles import Component
 
 router = APIRouter()
@@ -73,13 +75,11 @@ def overview(
     corner: Annotated[str, Query(max_length=64)] = "",
 ) -> Response:
     """Show a vehicle."""
-    detail = views.vehicle_detail(context, vehicle)
+    detail, state = views.vehicle_detail(context, vehicle)
     store = context.store
-    seen = vehicle_changes.changes(store, vehicle)
     quality = vehicle_data.data_quality(store, vehicle)
-    corners = list(dict.fromkeys(part.corner for part in seen.parts))
-    shown = corner if corner in corners else _worst_corner(seen)
-    by_severity = sorted(detail.alerts, key=lambda alert: (-alert.severity, alert.raised))
+    corners = list(dict.fromkeys(part.corner for part in state.parts))
+    shown = corner if corner in corners else _worst_corner(state)
     since = wanted.since(context.clock())
     where = urlencode({} if since is None else {"since": since})
     return vehicle_page(
@@ -89,21 +89,18 @@ def overview(
         vehicle,
         tab="",
         detail=detail,
-        alerts=[(STEPS[severity_step(alert.severity)], alert) for alert in by_severity],
-        sentence=vehicle_changes.sentence_of(store, detail.summary, seen),
-        changes=seen,
-        plan=_plan(seen.parts),
-        axis=_axis(seen.parts),
+        state_of=state,
+        plan=_plan(state.parts),
+        axis=_axis(state.parts),
         width=_WIDTH,
         quality=quality,
         n_good=sum(channel.is_good for channel in quality.channels),
         body=vehicle_data.last_body_modes(store, vehicle),
-        is_old=detail.summary.is_old,
         wanted=wanted.value,
         ranges=[each.value for each in Range],
         corners=corners,
         corner=shown,
-        steps_of={part.corner: part.step for part in seen.parts if part.step},
+        steps_of={part.corner: part.step for part in state.parts if part.step},
         trends=f"/api/v1/vehicles/{quote(vehicle, safe='')}/trends?{where}",
         windows=_windows(store.results.observations(vehicle, limit=_FEW)),
         link=lambda **new: "?" + urlencode({"range": wanted.value, "corner": shown} | new),
@@ -113,7 +110,7 @@ def overview(
 @router.get("/vehicles/{vehicle}/windows")
 def windows(request: Request, context: Shared, _: Viewer, vehicle: VehicleName, *, until: Time = None) -> Response:
     """Show the windows of a vehicle, the newest first."""
-    vehicle_data.known_vehicle(context.store, vehicle)
+    vehicle_data.require_vehicle(context.store, vehicle)
     entries = context.store.results.observations(vehicle, until=until, limit=_MANY + 1)
     found = views.window_page(entries, limit=_MANY)
     return vehicle_page(
@@ -183,7 +180,7 @@ def learn(request: Request, context: Shared, form: EngineerForm, vehicle: Vehicl
     """Learn a new baseline from the next windows."""
     reason = form.text("reason")
     try:
-        desk.relearn(context.store, vehicle, reason=reason, who=form.person.name, now=context.clock())
+        operations.relearn(context.store, vehicle, reason=reason, who=form.person.name, now=context.clock())
     except ParameterError as error:
         if context.store.inbox.vehicle(vehicle) is None:
             raise
@@ -198,7 +195,7 @@ def roll_back(request: Request, context: Shared, form: EngineerForm, vehicle: Ve
     reason, number = form.text("reason"), form.text("version")
     version = int(number) if number.isascii() and number.isdecimal() and len(number) < _MOST_DIGITS else 0
     try:
-        desk.roll_back(
+        operations.roll_back(
             context.store, vehicle, version=version, reason=reason, who=form.person.name, now=context.clock()
         )
     except ParameterError as error:
@@ -259,16 +256,16 @@ def vehicle_page(
     )
 
 
-def _worst_corner(seen: Changes) -> str:
+def _worst_corner(state: VehicleState) -> str:
     """Return the corner with the largest change that an alert names, or the first one."""
-    named = [part for part in seen.parts if part.alert is not None]
-    worst = max(named or seen.parts[:1], key=lambda part: abs(part.change), default=None)
+    named = [part for part in state.parts if part.alert is not None]
+    worst = max(named or state.parts[:1], key=lambda part: abs(part.change), default=None)
     return "" if worst is None else worst.corner
 
 
-def _plan(parts: tuple[PartChange, ...]) -> list[dict[str, list[PartChange]]]:
+def _plan(parts: tuple[PartState, ...]) -> list[dict[str, list[PartState]]]:
     """Return the parts by axle from front to rear, and there by side."""
-    axles: dict[str, dict[str, list[PartChange]]] = {}
+    axles: dict[str, dict[str, list[PartState]]] = {}
     for part in parts:
         component = Component.parse(part.part)
         if component.side is not None:
@@ -276,9 +273,9 @@ def _plan(parts: tuple[PartChange, ...]) -> list[dict[str, list[PartChange]]]:
     return list(axles.values())
 
 
-def _axis(parts: tuple[PartChange, ...]) -> int:
-    """Return half the width of the axis that shows all changes with their intervals by chance [%]."""
-    reach = max((100 * abs(end) for part in parts for end in (*part.by_chance, part.change)), default=0.0)
+def _axis(parts: Sequence[PartState | PartChange]) -> int:
+    """Return half the width of the axis that shows all changes with their intervals [%]."""
+    reach = max((100 * abs(end) for part in parts for end in (*part.interval, part.change)), default=0.0)
     return next((half for half in _AXES if reach <= half), _AXES[-1])
 
 
@@ -305,7 +302,7 @@ def _mode_span(value: float, std: float | None, factor: float = 1.0) -> str:
     if std is None:
         return text
     digits = len(text.partition(".")[2])
-    low, high = (f"{factor * (value + sign * INTERVAL_95 * std):.{digits}f}" for sign in (-1, 1))
+    low, high = (f"{factor * (value + half):.{digits}f}" for half in (-INTERVAL_95 * std, INTERVAL_95 * std))
     return f"{text} ({low} to {high})"
 
 
@@ -319,7 +316,7 @@ def _three_digits(value: float) -> str:
 def _windows(entries: list[Entry]) -> list[dict[str, Any]]:
     """Return what a list shows of windows, the newest first."""
     rows = []
-    for entry, observation in reversed(vehicle_changes.observations_of(entries)):
+    for entry, observation in reversed(observations_of(entries)):
         conditions = observation.conditions
         faults = ", ".join(f"{fault.channel} {fault.kind.replace('_', ' ')}" for fault in observation.sensor_faults)
         rows.append(

@@ -31,7 +31,7 @@ export function showTimes(root = document) {
 export async function act(path, body, method = "POST") {
   const answer = await fetch(path, {
     method,
-    headers: { "Content-Type": "application/json", "X-Sprung-Mark": document.body.dataset.mark },
+    headers: { "Content-Type": "application/json", "X-CSRF-Token": document.body.dataset.csrfToken },
     body: JSON.stringify(body),
   });
   const document_ = await answer.json();

@@ -19,18 +19,15 @@ from sprung.online.alerts import (
     assigned,
     closed,
     commented,
-    health_index,
     shelved,
-    state_name,
     unshelved,
 )
 from sprung.online.monitor.alert_book import AlertBook, alert_of
 from sprung.online.monitor.fleets import rankings
 from sprung.online.monitor.histories import LEARN, ROLL_BACK, restored_baseline
-from sprung.online.monitor.jobs import VehicleStatus
-from sprung.online.store import AlertRow, Store, VerdictRow
+from sprung.online.monitor.vehicle_states import alert_state, vehicle_state
+from sprung.online.store import AlertRow, Store, VehicleRow, VerdictRow
 from sprung.results.documents import fleet_document
-from sprung.results.tables import counted
 
 #: Possible verdicts of the workshop on an alert.
 VERDICTS = ("confirmed", "another part", "nothing found", "not looked at")
@@ -56,7 +53,7 @@ def alerts_document(store: Store, *, vehicle: str | None = None, is_complete: bo
         Whether alerts that have returned to normal are included.
     """
     rows = [row for row in store.alerts.find(vehicle=vehicle) if row.count]
-    entries = [alert_entry(row) for row in rows]
+    entries = [alert_state(row).as_entry() for row in rows]
     shown = [entry for entry in entries if is_complete or entry["state"] != "normal"]
     return {"schema": "sprung.alerts/1", "alerts": shown}
 
@@ -286,9 +283,9 @@ def request_samples(store: Store, vehicle: str, *, minutes: float, who: str, now
     return store.requests.add_command(who, vehicle, "raw", {"from": now - round(60e9 * minutes), "to": now}, now=now)
 
 
-def vehicles_document(store: Store) -> dict[str, Any]:
-    """Return summaries of all vehicles as `sprung.vehicles/1`, by name."""
-    vehicles = [vehicle_summary(store, row.vehicle, row.last_seen) for row in store.inbox.vehicles()]
+def vehicles_document(store: Store, *, now: int) -> dict[str, Any]:
+    """Return summaries of all vehicles at a time (UTC ns) as `sprung.vehicles/1`, by name."""
+    vehicles = [vehicle_summary(store, row, now=now) for row in store.inbox.vehicles()]
     return {"schema": "sprung.vehicles/1", "vehicles": vehicles}
 
 
@@ -311,55 +308,28 @@ def ranking_document(store: Store, *, rate: float = 0.05) -> dict[str, Any]:
     return fleet_document(ranked, rate=rate, notes=notes).as_json()
 
 
-def vehicle_summary(store: Store, vehicle: str, last_seen: int) -> dict[str, Any]:
+def vehicle_summary(store: Store, row: VehicleRow, *, now: int) -> dict[str, Any]:
     """Return windows, baseline, health index, modes and state of a vehicle, as in `sprung.vehicles/1`."""
-    results = store.results
-    n_windows, last = results.n_observations(vehicle), results.observations(vehicle, limit=1)
-    reports = [] if last else [row.document for row in results.modes(vehicle) if row.document.get("is_on_board")]
+    results, vehicle = store.results, row.vehicle
+    last = results.observations(vehicle, limit=1)
+    reports = [] if last else [entry.document for entry in results.modes(vehicle) if entry.document.get("is_on_board")]
     baselines = results.baselines(vehicle)
-    active = [alert_of(row) for row in store.alerts.find(vehicle=vehicle, is_active=True)]
-    stored = results.status(vehicle)
-    status = None if stored is None else VehicleStatus(**stored)
-    if status is not None and status.note in {alert.text for alert in active}:
-        status = status._replace(note="")
-    doing = _doing(status, n_reports=len(reports), is_new=not (baselines or active))
+    state = vehicle_state(
+        store, vehicle, now=now, last_seen=row.last_seen, is_parked=row.is_parked, baselines=baselines
+    )
     return {
         "vehicle": vehicle,
-        "windows": n_windows,
-        "learnt": None if status is None else status.n_learnt,
-        "needed": None if status is None else status.n_needed,
+        "windows": results.n_observations(vehicle),
+        "windows_learnt": state.windows_learnt,
+        "windows_needed": state.windows_needed,
         "baseline": baselines[-1].version if baselines else None,
-        "health_index": health_index(active),
-        "last_seen": last_seen,
-        "data_until": None if status is None else status.until,
-        "modes": last[0].document["modes"] if last else reports[-1]["modes"] if reports else None,
-        "state": "; ".join([*(alert.text for alert in active), *([doing] if doing else [])]) or "no alert",
+        "health_index": state.health_index,
+        "last_seen": row.last_seen,
+        "data_until": (results.status(vehicle) or {}).get("until"),
+        "modes": last[0].document.get("modes", {}) if last else reports[-1]["modes"] if reports else None,
+        "verdict": state.verdict,
+        "summary": state.sentence,
     }
-
-
-def alert_entry(row: AlertRow) -> dict[str, Any]:
-    """Return an alert as in `sprung.alerts/1`."""
-    return {
-        "number": row.id,
-        "vehicle": row.vehicle,
-        "cause": row.cause,
-        "severity": row.severity,
-        "state": state_name(alert_of(row)),
-        "raised": row.raised,
-        "count": row.count,
-        "assignee": row.assignee,
-        "shelved_until": row.shelved_until,
-        "text": row.text,
-    }
-
-
-def _doing(status: VehicleStatus | None, *, n_reports: int, is_new: bool) -> str:
-    """Return what the monitor does with the data of a vehicle; empty if it assesses them as usual."""
-    if n_reports:
-        return f"identifies on board: {counted(n_reports, 'window')} of modes"
-    if status is not None:
-        return status.in_words
-    return "learning: no samples analysed yet" if is_new else ""
 
 
 def _act(

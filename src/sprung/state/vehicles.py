@@ -1,0 +1,263 @@
+"""The state of a vehicle, from its last windows, its baseline and its active alerts."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from sprung._display import counted
+from sprung.diagnosis import Observation, doubt_about
+from sprung.results.tables import no_change_in_words
+from sprung.state.alerts import AlertState
+from sprung.state.reference import PartState, Reference
+from sprung.state.verdicts import Verdict
+from sprung.vehicles import Component
+
+#: Windows that are averaged since the onset of a finding, and without one.
+WINDOWS_SINCE_ONSET = 48
+LAST_WINDOWS = 12
+#: More than the rounding of seconds since 1970 in double precision, and less than any time between windows [ns].
+TIME_ROUNDING = 1000
+
+
+class VehicleStatus(NamedTuple):
+    """Progress of the monitoring of a vehicle.
+
+    Parameters
+    ----------
+    share
+        Part of the present window that has arrived, 0 to 1.
+    n_learnt, n_needed
+        Number of windows usable for the baseline so far, and needed; equal where nothing is being learnt.
+    note
+        Reason why the vehicle cannot be assessed at present; empty if it can.
+    is_learning
+        Whether windows are collected for a baseline.
+    window
+        Length of a window [s]; 0: unknown.
+    until
+        Time after the last sample, UTC ns; None before the first.
+    repeated
+        Duration of the samples that arrived last and were analysed before [s]; 0 after new ones.
+    """
+
+    share: float = 0.0
+    n_learnt: int = 0
+    n_needed: int = 0
+    note: str = ""
+    is_learning: bool = False
+    window: float = 0.0
+    until: int | None = None
+    repeated: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class VehicleState:
+    """How a vehicle is. Times are UTC ns.
+
+    Parameters
+    ----------
+    vehicle
+        Name of the vehicle.
+    verdict, sentence
+        What matters most, in a word and in a sentence.
+    reference, baseline
+        What windows are compared with, in words, and version of the baseline; None: the vehicle file.
+    n_windows, since, until
+        Windows that the parts are the mean of, and starts of the first and last; None without any.
+    parts
+        Springs, dampers and tyres.
+    alerts
+        Active alerts, the most severe first.
+    last_seen, is_old
+        Time of the last message, and whether it is too old for a statement about the present.
+    windows_learnt, windows_needed
+        Progress of learning; None before the first analysis.
+    health_index
+        0 to 100, for planning; None while the state is not known.
+    notes
+        Limits of the comparison, one sentence each.
+    """
+
+    vehicle: str
+    verdict: Verdict
+    sentence: str
+    reference: str
+    baseline: int | None
+    n_windows: int
+    since: int | None
+    until: int | None
+    parts: tuple[PartState, ...]
+    alerts: tuple[AlertState, ...]
+    last_seen: int
+    is_old: bool
+    windows_learnt: int | None
+    windows_needed: int | None
+    health_index: float | None
+    notes: tuple[str, ...]
+
+    @property
+    def worst(self) -> AlertState | None:
+        """The most severe active alert; None without one."""
+        return self.alerts[0] if self.alerts else None
+
+    @property
+    def severity(self) -> int:
+        """Greatest severity of the active alerts, 1 to 1000; 0 without one."""
+        return 0 if self.worst is None else self.worst.severity
+
+    @property
+    def step(self) -> str | None:
+        """Step of that severity; None without an alert."""
+        return None if self.worst is None else self.worst.step
+
+    @property
+    def detectable(self) -> dict[str, float]:
+        """Smallest relative loss of each part that would have been found; empty if unknown."""
+        return {part.part: part.detectable for part in self.parts if part.detectable is not None}
+
+
+def state_of(
+    vehicle: str,
+    windows: Sequence[tuple[int, Observation]],
+    reference: Reference,
+    alerts: Sequence[AlertState],
+    *,
+    status: VehicleStatus | None = None,
+    is_past: bool = False,
+    n_on_board: int = 0,
+    last_seen: int = 0,
+    is_old: bool = False,
+    is_parked: bool = False,
+    health_index: float | None = None,
+) -> VehicleState:
+    """Return the state of a vehicle.
+
+    Parameters
+    ----------
+    vehicle
+        Name of the vehicle.
+    windows
+        Start [UTC ns] and observation of the last windows, in order of time.
+    reference
+        What they are compared with.
+    alerts
+        Active alerts.
+    status
+        Progress of the analysis; None before the first.
+    is_past
+        Whether the state is that of the end of an earlier period, which the present progress does not concern.
+    n_on_board
+        Windows that the vehicle's box identified on board; such a vehicle is not assessed.
+    last_seen, is_old, is_parked
+        Time of the last message, whether it is too old for a statement about the present, and whether the vehicle was
+        shut down properly.
+    health_index
+        Health index by the active alerts.
+
+    Notes
+    -----
+    Alerts decide first, then the age of the data, then learning, then what the last windows allow to say. A part has
+    changed if an active alert names it; its size and interval are those of the finding. The smallest detectable losses
+    are those of the change test behind the most severe finding; without one, those that the baseline states for the
+    number of windows since its learning. A verdict of no change needs them to be at most a fifth for every part.
+    """
+    active = tuple(sorted(alerts, key=lambda alert: (-alert.severity, alert.raised)))
+    findings = [alert for alert in active if alert.is_of_suspension]
+    usable = [
+        (t0, window) for t0, window in windows if window.time > reference.learnt_until and reference.accepts(window)
+    ]
+    usable = [(t0, window) for t0, window in usable if window.components == usable[-1][1].components]
+    stated = next((alert.detectable for alert in findings if alert.detectable), {})
+    limits = stated or reference.limits(len(usable))
+    begin = next((alert.onset for alert in findings if alert.onset is not None), None)
+    since_onset = [] if begin is None else [each for each in usable if each[0] >= begin - TIME_ROUNDING]
+    shown = since_onset[-WINDOWS_SINCE_ONSET:] or usable[-LAST_WINDOWS:]
+    parts = reference.parts([window for _, window in shown], findings, limits=limits)
+    if active:
+        verdict, sentence = _by_alerts(active)
+    elif is_old and not is_parked:
+        verdict, sentence = Verdict.STALE, f"{vehicle} sends no data"
+    else:
+        doubt = _doubt(reference, parts)
+        verdict, sentence = _by_windows(status, parts, doubt, is_past=is_past, n_on_board=n_on_board)
+        if is_old:
+            verdict, sentence = Verdict.STALE, f"parked; until then {sentence}"
+    is_judged = verdict in {Verdict.CHANGE, Verdict.NO_CHANGE_DETECTED}
+    is_judged |= verdict is Verdict.FAULT and reference.baseline is not None
+    is_hindered = status is not None and bool(status.note or status.is_learning)
+    is_known = is_judged and not (is_old or is_hindered)
+    return VehicleState(
+        vehicle=vehicle,
+        verdict=verdict,
+        sentence=_as_sentence(sentence, vehicle),
+        reference=reference.in_words,
+        baseline=None if reference.baseline is None else reference.baseline.version,
+        n_windows=len(shown),
+        since=shown[0][0] if shown else None,
+        until=shown[-1][0] if shown else None,
+        parts=parts,
+        alerts=active,
+        last_seen=last_seen,
+        is_old=is_old,
+        windows_learnt=None if status is None else status.n_learnt,
+        windows_needed=None if status is None else status.n_needed,
+        health_index=health_index if is_known else None,
+        notes=reference.notes,
+    )
+
+
+def progress_in_words(status: VehicleStatus) -> str:
+    """Return progress of learning and of the current window, and repeated samples; empty if there is none of these."""
+    parts = [f"learning: {status.n_learnt} of {status.n_needed} windows"] if status.is_learning else []
+    if status.note:
+        parts.append(f"last window: {status.note}")
+    if status.is_learning and status.share:
+        length = status.window / 60
+        parts.append(f"{status.share * length:.1f} of the {length:g} min of the next window have arrived")
+    if status.repeated:
+        parts.append(f"the last {status.repeated / 60:.1f} min were analysed before and do not count again")
+    return "; ".join(parts)
+
+
+def _by_alerts(active: Sequence[AlertState]) -> tuple[Verdict, str]:
+    """Return verdict and sentence by the most severe of the active alerts."""
+    first, *others = active
+    more = f". {counted(len(others), 'further alert')} {'is' if len(others) == 1 else 'are'} active" if others else ""
+    verdict = Verdict.CHANGE if first.is_of_suspension else Verdict.FAULT
+    return Verdict.STALE if first.cause == "silent" else verdict, f"{first.sentence.rstrip('.')}{more}"
+
+
+def _by_windows(
+    status: VehicleStatus | None, parts: Sequence[PartState], doubt: str, *, is_past: bool, n_on_board: int
+) -> tuple[Verdict, str]:
+    """Return verdict and sentence without an alert."""
+    if n_on_board:
+        return Verdict.INCONCLUSIVE, f"identifies on board: {counted(n_on_board, 'window')} of modes"
+    if status is None and not parts and not is_past:
+        return Verdict.WAITING, "no samples analysed yet"
+    said = "" if status is None or is_past else progress_in_words(status)
+    if said and status is not None and status.is_learning:
+        return Verdict.LEARNING, said
+    if said and status is not None and status.note:
+        return Verdict.INCONCLUSIVE, f"inconclusive: {said}"
+    limits = {Component.parse(part.part): part.detectable for part in parts if part.detectable is not None}
+    sentence = "; ".join(text for text in (no_change_in_words(limits, doubt), said) if text)
+    return Verdict.INCONCLUSIVE if doubt else Verdict.NO_CHANGE_DETECTED, sentence
+
+
+def _doubt(reference: Reference, parts: Sequence[PartState]) -> str:
+    """Return why a change may have remained undetected; empty for no reason."""
+    if reference.baseline is None:
+        return "there is no baseline to compare with"
+    if not parts:
+        return "no window since its learning can be compared with the baseline"
+    limits = {Component.parse(part.part): part.detectable for part in parts if part.detectable is not None}
+    if len(limits) < len(parts):
+        return f"{counted(min(reference.detectable, default=1), 'usable window')} since learning are needed"
+    return doubt_about(limits)
+
+
+def _as_sentence(text: str, vehicle: str) -> str:
+    """Return a text that begins with a capital, or the name of a vehicle as it is, and ends with a full stop."""
+    first = text[:1] if text.startswith(vehicle) else text[:1].upper()
+    return f"{first}{text[1:].rstrip('.')}."
