@@ -1,41 +1,48 @@
 """Readers of foreign binary formats in a process of their own, with limits of memory and time.
 
 A damaged or hostile file can crash a native library, make it wait for ever or request any amount of memory. Here it
-ends a child process, and the caller gets a sentence. One child serves all files of a process, request by request; both
-sides speak JSON and raw numbers, which execute nothing.
-
-A message is a line of JSON, whose field `sizes` lists the lengths of the blobs of bytes that follow it.
+ends a child process, and the caller gets a sentence. One child serves all files of a process, request by request, over
+a connection of `multiprocessing`. It is started as a module, as the start methods of `multiprocessing` would run the
+caller's script again.
 """
 
 import atexit
 import contextlib
 import itertools
-import json
 import os
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
-from select import select
-from typing import IO, Any
-
-import numpy as np
+from typing import Any
 
 from sprung import errors
 from sprung.errors import FormatError, SprungError
 from sprung.formats.settings import ReadSettings
-from sprung.formats.table import Block, Column, Group, Table, reported
+from sprung.formats.table import Block, Group, Table, reported
 
 #: Memory [bytes] that a reader may take in addition to what Python needs: at least this, or this multiple of the file.
-LEAST_MEMORY, MEMORY_PER_BYTE = 1 << 30, 20
+LEAST_MEMORY = 1 << 30
+MEMORY_PER_BYTE = 20
 #: Time [s] that a reader may take for one answer: at least this, and longer for a large file [s/byte].
-LEAST_TIME, TIME_PER_BYTE = 60.0, 1e-6
-_LARGEST_LINE = 1 << 26
+LEAST_TIME = 60.0
+TIME_PER_BYTE = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """File with the module that reads it and the settings."""
+
+    module: str
+    path: Path
+    settings: ReadSettings
 
 
 def isolated_groups(module: str, path: Path, settings: ReadSettings) -> tuple[Group, ...]:
@@ -45,8 +52,6 @@ def isolated_groups(module: str, path: Path, settings: ReadSettings) -> tuple[Gr
     ----------
     module
         Name of the module of the format.
-    path, settings
-        As for the module's own `groups`.
 
     Raises
     ------
@@ -55,49 +60,27 @@ def isolated_groups(module: str, path: Path, settings: ReadSettings) -> tuple[Gr
     FormatError
         If the reader crashes, or exceeds its limits of memory or time.
     """
-    source = {"module": module, "path": str(path.absolute()), "settings": _plain(settings)}
-    answer, _ = _READER.ask(path, {"do": "groups", **source})
-    return tuple(
-        Group(
-            group["name"],
-            tuple(group["headings"]),
-            group["clock"],
-            partial(_open, path, {**source, "group": number}),
-            group["sampling_rate"],
-            group["n_rows"],
-        )
-        for number, group in enumerate(answer["groups"])
-    )
+    databases = tuple(database.absolute() for database in settings.databases)
+    names = None if settings.names is None else settings.names.absolute()
+    source = _Source(module, path.absolute(), replace(settings, databases=databases, names=names))
+    found: tuple[Group, ...] = _READER.ask(path, "groups", source)
+    return tuple(replace(group, open=partial(_open, path, source, number)) for number, group in enumerate(found))
 
 
-def _plain(settings: ReadSettings) -> dict[str, Any]:
-    """Return settings as JSON."""
-    plain: dict[str, Any] = json.loads(json.dumps(asdict(settings), default=lambda path: str(path.absolute())))
-    return plain
-
-
-def _open(path: Path, source: Mapping[str, Any], channels: Sequence[str] | None) -> Table:
+def _open(path: Path, source: _Source, group: int, channels: Sequence[str] | None) -> Table:
     """Return the table of some channels of a group."""
-    request = {**source, "channels": None if channels is None else list(channels)}
-    answer, _ = _READER.ask(path, {"do": "table", **request})
-    stated = answer["table"]
+    chosen = source, group, None if channels is None else tuple(channels)
+    table, has_times, has_others = _READER.ask(path, "table", *chosen)
 
     def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-        return _READER.blocks(path, {**request, "do": "blocks", "first": first, "last": last})
+        return _READER.blocks(path, "blocks", *chosen, first, last)
 
-    def times() -> Iterator[Block]:
-        return _READER.blocks(path, {**request, "do": "times"})
-
-    columns = tuple(Column(**column) for column in stated.pop("columns"))
-    has_times, has_others = stated.pop("has_times"), stated.pop("has_others")
-    return Table(
+    return replace(
+        table,
         path=path,
-        columns=columns,
         blocks=blocks,
-        times=times if has_times else None,
-        others=partial(_open, path, source) if has_others else None,
-        notes=tuple(stated.pop("notes")),
-        **stated,
+        times=partial(_READER.blocks, path, "times", *chosen) if has_times else None,
+        others=partial(_open, path, source, group) if has_others else None,
     )
 
 
@@ -107,49 +90,52 @@ class _Reader:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
+        self._connection: Connection[Any, Any] | None = None
         self._owner = 0
         self._numbers = itertools.count()
 
-    def ask(self, path: Path, request: Mapping[str, Any]) -> tuple[dict[str, Any], list[bytes]]:
-        """Return the answer to a request about a file, and the bytes that come with it."""
+    def ask(self, path: Path, question: str, *details: Any) -> Any:
+        """Return the answer to a question about a file."""
         with self._lock:
-            process = self._running()
+            connection = self._running()
             size = path.stat().st_size if path.exists() else 0
             try:
-                _write(process.stdin, {**request, "memory": max(LEAST_MEMORY, MEMORY_PER_BYTE * size)}, [])
-                answer, blobs = _read(process.stdout, patience=LEAST_TIME + TIME_PER_BYTE * size)
-            except TimeoutError:
-                self._stop()
-                raise FormatError(
-                    f"{path} cannot be read: its reader took too long: check that it is complete"
-                ) from None
-            except (OSError, EOFError, ValueError):
+                connection.send((max(LEAST_MEMORY, MEMORY_PER_BYTE * size), question, details))
+                if not connection.poll(LEAST_TIME + TIME_PER_BYTE * size):
+                    self._stop()
+                    raise FormatError(f"{path} cannot be read: its reader took too long: check that it is complete")
+                error, answer = connection.recv()
+            except (OSError, EOFError):
                 code = self._stop()
                 raise FormatError(
                     f"{path} cannot be read: its reader failed (exit code {code}): check that the file is complete"
                 ) from None
-        if "error" in answer:
-            kind: type[SprungError] = getattr(errors, answer["error"])
-            raise kind(answer["message"].replace(request.get("path", ""), str(path)))
-        return answer, blobs
+        if error == MemoryError.__name__:
+            text = "cannot be read: it takes more memory than its size allows: check that the file is complete"
+            raise FormatError(f"{path} {text}")
+        if error:
+            kind: type[SprungError] = getattr(errors, error)
+            raise kind(answer.replace(str(path.absolute()), str(path)))
+        return answer
 
-    def blocks(self, path: Path, request: Mapping[str, Any]) -> Iterator[Block]:
-        """Yield the blocks that a request begins."""
+    def blocks(self, path: Path, question: str, *details: Any) -> Iterator[Block]:
+        """Yield the blocks of a table."""
         stream = next(self._numbers)
         process = None
         try:
             while True:
-                answer, blobs = self.ask(path, {**request, "stream": stream, "is_next": process is not None})
+                begin = details if process is None else None
+                block: Block | None = self.ask(path, question, stream, begin)
                 if process is not None and process is not self._process:
                     raise FormatError(f"{path}: its reader was restarted in between: read the file again")
                 process = self._process
-                if answer["is_last"]:
+                if block is None:
                     return
-                yield _block(answer, blobs)
+                yield block
         finally:
             if process is not None and process is self._process and process.poll() is None:
                 with contextlib.suppress(SprungError):
-                    self.ask(path, {"do": "close", "stream": stream})
+                    self.ask(path, "close", stream)
 
     def close(self) -> None:
         """End the child process, if there is one of this process."""
@@ -157,147 +143,99 @@ class _Reader:
             if self._owner == os.getpid():
                 self._stop()
 
-    def _running(self) -> "subprocess.Popen[bytes]":
-        """Return the child process."""
-        if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
+    def _running(self) -> "Connection[Any, Any]":
+        """Return the connection to the child process."""
+        if (
+            self._process is None
+            or self._connection is None
+            or self._owner != os.getpid()
+            or self._process.poll() is not None
+        ):
             self._owner = os.getpid()
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "sprung.formats.isolation"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONWARNINGS": "ignore"},
-            )
-        return self._process
+            self._connection, other = Pipe()
+            with other:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-P", "-m", "sprung.formats.isolation"],
+                    stdin=other.fileno(),
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    env={**os.environ, "PYTHONWARNINGS": "ignore"},
+                )
+        return self._connection
 
     def _stop(self) -> int | None:
         """End the child process and return its exit code."""
         process, self._process = self._process, None
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.close()
         if process is None:
             return None
         process.kill()
-        process.communicate()
-        return process.returncode
+        return process.wait()
 
 
 _READER = _Reader()
 atexit.register(_READER.close)
 
 
-def _write(stream: IO[bytes] | None, message: Mapping[str, Any], blobs: Sequence[bytes]) -> None:
-    """Write a message."""
-    if stream is None:
-        raise OSError("the pipe is closed")
-    stream.write(json.dumps({**message, "sizes": [len(blob) for blob in blobs]}).encode() + b"\n")
-    for blob in blobs:
-        stream.write(blob)
-    stream.flush()
-
-
-def _read(stream: IO[bytes] | None, *, patience: float | None = None) -> tuple[dict[str, Any], list[bytes]]:
-    """Return the next message; raise if it does not begin in time."""
-    if stream is None:
-        raise OSError("the pipe is closed")
-    if patience is not None and not select([stream], [], [], patience)[0]:
-        raise TimeoutError
-    line = stream.readline(_LARGEST_LINE)
-    if not line.endswith(b"\n"):
-        raise EOFError
-    message = json.loads(line)
-    blobs = [stream.read(size) for size in message.pop("sizes")]
-    return message, blobs
-
-
-def _block(answer: Mapping[str, Any], blobs: Sequence[bytes]) -> Block:
-    """Return the block of an answer."""
-    values = np.frombuffer(blobs[0], dtype=np.float64).reshape(answer["n_channels"], answer["n_rows"])
-    stamps = np.frombuffer(blobs[1], dtype=np.dtype(answer["stamps"])) if answer["stamps"] else None
-    return Block(answer["first_row"], stamps, values)
-
-
-@dataclass
+@dataclass(slots=True)
 class _Child:
-    """What the child process has open."""
+    """What the child process has open; its methods answer the questions of their names."""
 
-    streams: dict[int, Iterator[Block]]
-    opened: tuple[str, tuple[Group, ...]] | None = None
+    streams: dict[int, Iterator[Block]] = field(default_factory=dict)
+    opened: tuple[_Source, tuple[Group, ...]] | None = None
 
-    def answer(self, request: Mapping[str, Any]) -> tuple[dict[str, Any], list[bytes]]:
-        """Return the answer to a request."""
-        if request["do"] == "close":
-            self.streams.pop(request["stream"], None)
-            return {}, []
-        if request["do"] == "groups":
-            return {"groups": [_stated_group(group) for group in self._groups(request, is_new=True)]}, []
-        if request["do"] in {"blocks", "times"}:
-            return self._next(request)
-        return {"table": _stated_table(self._table(request))}, []
+    def groups(self, source: _Source) -> tuple[Group, ...]:
+        """Return the groups of a file, which stay open until the next one."""
+        module = import_module(source.module)
+        with reported(source.path, module.NAME):
+            self.opened = source, module.groups(source.path, source.settings)
+        unopened: Any = None
+        return tuple(replace(group, open=unopened) for group in self.opened[1])
 
-    def _groups(self, request: Mapping[str, Any], *, is_new: bool = False) -> tuple[Group, ...]:
-        """Return the groups of the requested file, which stay open until the next one."""
-        key = json.dumps([request["module"], request["path"], request["settings"]])
-        if is_new or self.opened is None or self.opened[0] != key:
-            module, settings = import_module(request["module"]), request["settings"]
-            settings["databases"] = tuple(Path(name) for name in settings["databases"])
-            with reported(Path(request["path"]), module.NAME):
-                self.opened = key, module.groups(Path(request["path"]), ReadSettings(**settings))
-        return self.opened[1]
+    def table(self, *chosen: Any) -> tuple[Table, bool, bool]:
+        """Return a table without its functions, and which of them it has."""
+        table = self._table(*chosen)
+        unread: Any = None
+        bare = replace(table, blocks=unread, times=None, others=None)
+        return bare, table.times is not None, table.others is not None
 
-    def _table(self, request: Mapping[str, Any]) -> Table:
-        """Return the requested table."""
-        with reported(Path(request["path"]), "file"):
-            return self._groups(request)[request["group"]].open(request["channels"])
+    def blocks(self, stream: int, begin: tuple[Any, ...] | None) -> Block | None:
+        """Return the next block of a stream, the first one where it begins; None at its end."""
+        if begin is not None:
+            *chosen, first, last = begin
+            self.streams[stream] = _reported(chosen[0].path, self._table(*chosen).blocks(first, last))
+        return self._next(stream)
 
-    def _next(self, request: Mapping[str, Any]) -> tuple[dict[str, Any], list[bytes]]:
-        """Return the next block of a stream."""
-        if not request["is_next"]:
-            table = self._table(request)
-            if request["do"] == "times":
-                self.streams[request["stream"]] = (table.times or table.blocks)()
-            else:
-                self.streams[request["stream"]] = table.blocks(request["first"], request["last"])
-        with reported(Path(request["path"]), "file"):
-            block = next(self.streams[request["stream"]], None)
+    def times(self, stream: int, begin: tuple[Any, ...] | None) -> Block | None:
+        """Return the next block of time stamps."""
+        if begin is not None:
+            table = self._table(*begin)
+            self.streams[stream] = _reported(begin[0].path, (table.times or table.blocks)())
+        return self._next(stream)
+
+    def close(self, stream: int) -> None:
+        """End a stream."""
+        self.streams.pop(stream, None)
+
+    def _table(self, source: _Source, group: int, channels: Sequence[str] | None) -> Table:
+        if self.opened is None or self.opened[0] != source:
+            self.groups(source)
+        with reported(source.path, "file"):
+            return self.opened[1][group].open(channels)  # type: ignore[index]
+
+    def _next(self, stream: int) -> Block | None:
+        block = next(self.streams[stream], None)
         if block is None:
-            del self.streams[request["stream"]]
-            return {"is_last": True}, []
-        stamps = block.stamps
-        stated = {
-            "is_last": False,
-            "first_row": int(block.first_row),
-            "n_channels": block.values.shape[0],
-            "n_rows": block.values.shape[1],
-            "stamps": "" if stamps is None else stamps.dtype.str,
-        }
-        blobs = [np.ascontiguousarray(block.values, dtype=np.float64).tobytes()]
-        return stated, blobs if stamps is None else [*blobs, np.ascontiguousarray(stamps).tobytes()]
+            del self.streams[stream]
+        return block
 
 
-def _stated_group(group: Group) -> dict[str, Any]:
-    """Return a group as JSON."""
-    return {
-        "name": group.name,
-        "headings": group.headings,
-        "clock": repr(group.clock),
-        "sampling_rate": None if group.sampling_rate is None else float(group.sampling_rate),
-        "n_rows": None if group.n_rows is None else int(group.n_rows),
-    }
-
-
-def _stated_table(table: Table) -> dict[str, Any]:
-    """Return what is known of a table without its rows."""
-    return {
-        "columns": [asdict(column) for column in table.columns],
-        "time_heading": table.time_heading,
-        "row_word": table.row_word,
-        "sampling_rate": None if table.sampling_rate is None else float(table.sampling_rate),
-        "start": None if table.start is None else int(table.start),
-        "has_times": table.times is not None,
-        "has_others": table.others is not None,
-        "time_factor": table.time_factor,
-        "notes": table.notes,
-        "comment": table.comment,
-    }
+def _reported(path: Path, blocks: Iterator[Block]) -> Iterator[Block]:
+    """Yield blocks; errors become sentences."""
+    with reported(path, "file"):
+        yield from blocks
 
 
 def _limit_memory(extra: int) -> None:
@@ -313,25 +251,23 @@ def _limit_memory(extra: int) -> None:
 
 
 def _serve() -> None:
-    """Answer requests until the other side ends."""
+    """Answer questions until the other side ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the other side ends this process
-    child = _Child({})
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what libraries print is not an answer
+    connection: Connection[Any, Any] = Connection(os.dup(sys.stdin.fileno()))
+    child = _Child()
     while True:
         try:
-            request, _ = _read(sys.stdin.buffer)
+            memory, question, details = connection.recv()
         except EOFError:
             return
         try:
-            _limit_memory(request.get("memory", LEAST_MEMORY))
-            answer, blobs = child.answer(request)
+            _limit_memory(memory)
+            answer = "", getattr(child, question)(*details)
         except SprungError as error:
-            answer, blobs = {"error": type(error).__name__, "message": str(error)}, []
+            answer = type(error).__name__, str(error)
         except MemoryError:
-            text = f"{request['path']} cannot be read: it takes more memory than its size allows"
-            answer, blobs = {"error": "FormatError", "message": f"{text}: check that the file is complete"}, []
-        _write(answers, answer, blobs)
+            answer = MemoryError.__name__, ""
+        connection.send(answer)
 
 
 if __name__ == "__main__":
