@@ -1,7 +1,8 @@
 """Reading and writing recordings in the formats of the field, each in a module of its own.
 
 A format is a module with `NAME`, `ENDINGS`, `recognises`, `groups` and, where it can, `write`. It yields the rows of a
-table as they are in the file; time and SI units are interpreted in one place for all formats.
+table as they are in the file; time and SI units are interpreted in one place for all formats. A package of one's own
+adds such a module as an entry point of the group `sprung.formats`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,7 +14,7 @@ from sprung._checks import check_number, check_path, check_type
 from sprung.errors import DataError, ParameterError
 from sprung.formats.assembly import assemble, limited, survey
 from sprung.formats.isolation import isolated_groups
-from sprung.formats.registry import ENDINGS, FOREIGN, FORMATS, WRITERS, format_of
+from sprung.formats.registry import ENDINGS, FOREIGN, FORMATS, WRITERS, format_of, writer_of
 from sprung.formats.selection import selected_table
 from sprung.formats.settings import ReadSettings, combined
 from sprung.formats.table import Group, Table, join, rebatch, reported
@@ -201,9 +202,10 @@ def write(recording: Recording, path: str | PathLike[str]) -> None:
     check_path("path", path)
     path = Path(path)
     ending = path.suffix.lower()
-    if ending not in WRITERS:
+    writer = writer_of(ending)
+    if writer is None:
         raise ParameterError(f"{path} ends in {ending!r}: recordings are written as {', '.join(WRITERS)}")
-    WRITERS[ending].write(recording, path)
+    writer.write(recording, path)
 
 
 def _open_table(path: Path, settings: ReadSettings) -> Table:
