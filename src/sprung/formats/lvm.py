@@ -66,7 +66,7 @@ class _Dialect:
 
 
 def recognises(head: bytes) -> bool:
-    """Return whether a file begins as LVM files do."""
+    """Return whether a file has the signature of LVM."""
     return head.startswith(_SIGNATURE)
 
 

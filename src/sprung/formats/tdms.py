@@ -52,7 +52,7 @@ _SCALES = (
 
 
 def recognises(head: bytes) -> bool:
-    """Whether a file has the signature of TDMS."""
+    """Return whether a file has the signature of TDMS."""
     return head.startswith(_SIGNATURE)
 
 
