@@ -8,6 +8,9 @@ A logger writes files that no other program reads. Three steps make them usable:
 
 import io
 import struct
+import sys
+import tempfile
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -79,10 +82,55 @@ print(identification)
 # %%
 # A format for all commands
 # -------------------------
-# To make ``sprung identify run.xyz`` read such files, the package needs one module with ``NAME``, ``EXTRA``,
-# ``ENDINGS``, ``recognises`` and ``groups``, and one entry in its table of formats: see *How to add a file
-# format* in ``CONTRIBUTING.md``. The common tests (write then read, damaged and huge files) then run over it as
-# over all others.
+# To make ``sprung identify run.xyz`` read such files, put them into a module with ``NAME``, ``EXTRA``, ``ENDINGS``,
+# ``recognises`` and ``groups``, and name it in the ``pyproject.toml`` of a package of your own::
+#
+#     [project.entry-points."sprung.formats"]
+#     logger = "logger_format"
+#
+# Once that package is installed, ``sprung.read`` and all commands read its files. Installing it leaves two things on
+# the path of Python, which are written here by hand: the module, and its entry point.
+
+MODULE = """
+import numpy as np
+from sprung.formats.table import Block, Group, Table, stated_column
+
+NAME, EXTRA, ENDINGS = "a logger's file", None, (".xyz",)
+HEAD = np.dtype([("sampling_rate", "<f4"), ("n_channels", "<u2"), ("sensitivity", "<f4")])
+
+
+def recognises(head):
+    return len(head) > HEAD.itemsize
+
+
+def groups(path, settings):
+    head = np.fromfile(path, HEAD, count=1)[0]
+    samples = np.fromfile(path, "<i2", offset=HEAD.itemsize).reshape(-1, head["n_channels"]).T / head["sensitivity"]
+    names = [f"channel_{number}" for number in range(1, len(samples) + 1)]
+
+    def opened(channels):
+        wanted = [names.index(name) for name in channels or names]
+        columns = tuple(stated_column(names[k], names[k], "g") for k in wanted)
+
+        def blocks(first=0, last=None):
+            yield Block(first + 1, None, samples[wanted, first:last])
+
+        return Table(path, columns, None, blocks, sampling_rate=float(head["sampling_rate"]))
+
+    return (Group(path.name, tuple(names), path.name, opened),)
+"""
+
+with tempfile.TemporaryDirectory() as folder:
+    Path(folder, "logger_format.py").write_text(MODULE, encoding="utf-8")
+    metadata = Path(folder, "logger_format-1.0.dist-info")
+    metadata.mkdir()
+    (metadata / "entry_points.txt").write_text("[sprung.formats]\nlogger = logger_format\n", encoding="utf-8")
+    sys.path.insert(0, folder)
+    Path(folder, "run.xyz").write_bytes(file.getvalue())
+    print(sprung.read(Path(folder, "run.xyz")))
+
+# %%
+# The shapes of the first recording are those of the car.
 
 plt.figure(sprung.plotting.shapes_figure(identification.modes, identification.channels))
 plt.show()

@@ -1,7 +1,8 @@
 """Reading and writing recordings in the formats of the field, each in a module of its own.
 
 A format is a module with `NAME`, `ENDINGS`, `recognises`, `groups` and, where it can, `write`. It yields the rows of a
-table as they are in the file; time and SI units are interpreted in one place for all formats.
+table as they are in the file; time and SI units are interpreted in one place for all formats. A package of one's own
+adds such a module as an entry point of the group `sprung.formats`.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,7 +15,7 @@ from sprung.errors import DataError, ParameterError
 from sprung.formats.columns import wanted_table
 from sprung.formats.grid import assemble, survey
 from sprung.formats.isolation import isolated_groups
-from sprung.formats.registry import ENDINGS, FOREIGN, FORMATS, WRITERS, format_of
+from sprung.formats.registry import ENDINGS, FOREIGN, FORMATS, WRITERS, format_of, writer_of
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Group, join, rebatch, reported
 from sprung.recording import Recording
@@ -261,6 +262,7 @@ def write(recording: Recording, path: str | PathLike[str]) -> None:
     check_path("path", path)
     path = Path(path)
     ending = path.suffix.lower()
-    if ending not in WRITERS:
+    writer = writer_of(ending)
+    if writer is None:
         raise ParameterError(f"{path} ends in {ending!r}: recordings are written as {', '.join(WRITERS)}")
-    WRITERS[ending].write(recording, path)
+    writer.write(recording, path)

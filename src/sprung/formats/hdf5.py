@@ -27,7 +27,7 @@ _MOST_COMPRESSED, _SMALL_BYTES = 1100, 1 << 20
 
 
 def recognises(head: bytes) -> bool:
-    """Return whether a file begins as HDF5 does."""
+    """Return whether a file has the signature of HDF5."""
     return head.startswith(SIGNATURE)
 
 

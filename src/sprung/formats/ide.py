@@ -40,7 +40,7 @@ _LOGGERS = ("idelib", "idelib.importer", "idelib.dataset", "idelib.parsers", "id
 
 
 def recognises(head: bytes) -> bool:
-    """Return whether a file begins as IDE files do."""
+    """Return whether a file has the signature of IDE."""
     return head.startswith(_SIGNATURE) and _TYPE in head[:_HEADER_BYTES]
 
 

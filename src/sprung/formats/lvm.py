@@ -66,7 +66,7 @@ class _Dialect:
 
 
 def recognises(head: bytes) -> bool:
-    """Return whether a file begins as LVM files do."""
+    """Return whether a file has the signature of LVM."""
     return head.startswith(_SIGNATURE)
 
 
@@ -307,8 +307,8 @@ def _check_times(path: Path, headings: Sequence[_Heading], xs: Sequence[Real]) -
     for heading, x in zip(headings[1:], xs[1:], strict=True):
         if np.any(x != xs[0], where=~(np.isnan(x) | np.isnan(xs[0]))):
             raise FormatError(
-                f"{path}: channels {headings[0].name!r} and {heading.name!r} have different times: choose channels of "
-                "one clock with --channels"
+                f"{path}: channels {headings[0].name!r} and {heading.name!r} have different times: choose channels "
+                "with a common time base with --channels"
             )
 
 

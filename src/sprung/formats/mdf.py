@@ -60,7 +60,7 @@ _HOUR = 3_600_000_000_000
 
 
 def recognises(head: bytes) -> bool:
-    """Return whether a file begins as MDF files do, finalised or not."""
+    """Return whether a file has the signature of MDF."""
     return head.startswith(_SIGNATURES)
 
 

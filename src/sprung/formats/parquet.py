@@ -38,7 +38,7 @@ _BUFFER_BYTES = 1 << 20
 
 
 def recognises(head: bytes) -> bool:
-    """Return whether a file begins as Parquet does."""
+    """Return whether a file has the signature of Parquet."""
     return head.startswith(b"PAR1")
 
 

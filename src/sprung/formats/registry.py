@@ -1,6 +1,8 @@
 """Formats of files: which module reads a file, by its content, then by its name."""
 
 from collections.abc import Callable
+from functools import cache
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Protocol, cast
 
@@ -74,6 +76,18 @@ WRITERS = cast(
 ENDINGS = tuple(ending for module in FORMATS for ending in module.ENDINGS)
 
 
+@cache
+def own_formats() -> tuple[Format, ...]:
+    """Return the formats of other packages: those that they name as entry points of the group `sprung.formats`."""
+    return tuple(point.load() for point in entry_points(group="sprung.formats"))
+
+
+def writer_of(ending: str) -> Writer | None:
+    """Return the module that writes files with an ending; None without one."""
+    others = (module for module in own_formats() if ending in module.ENDINGS and hasattr(module, "write"))
+    return WRITERS.get(ending) or cast("Writer | None", next(others, None))
+
+
 def format_of(path: Path) -> Format:
     """Return the format of an existing file.
 
@@ -81,6 +95,10 @@ def format_of(path: Path) -> Format:
     ------
     FormatError
         If the file does not exist, is empty, or of no known format.
+
+    Notes
+    -----
+    Formats of other packages are looked up only where none of this one fits both content and name.
     """
     if not path.exists():
         raise FormatError(f"{path}: there is no such file")
@@ -93,7 +111,10 @@ def format_of(path: Path) -> Format:
     named = [module for module in FORMATS if path.name.lower().endswith(module.ENDINGS)]
     recognised = [module for module in FORMATS if module.recognises(head)]
     both = [module for module in recognised if module in named]
-    if {module.NAME for module in both} == {csv.NAME} and not head.startswith(_PACKED):
+    if not both:
+        others = [module for module in own_formats() if path.name.lower().endswith(module.ENDINGS)]
+        both = [module for module in others if module.recognises(head)]
+    elif {module.NAME for module in both} == {csv.NAME} and not head.startswith(_PACKED):
         both = [module for module in recognised if module.NAME != csv.NAME]  # any text may be a table
     candidates = both or recognised or named
     if not candidates:

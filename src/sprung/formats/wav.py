@@ -50,7 +50,7 @@ class _Header:
 
 
 def recognises(head: bytes) -> bool:
-    """Return whether a file begins as WAV files do."""
+    """Return whether a file has the signature of WAV."""
     return head[:4] in _FORMS and head[8:12] == b"WAVE"
 
 
