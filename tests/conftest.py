@@ -3,6 +3,7 @@
 import gc
 import hashlib
 import io
+import json
 import os
 import pickle
 import pwd
@@ -15,6 +16,7 @@ import time
 import tracemalloc
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -197,6 +199,36 @@ def check_document() -> Callable[[dict[str, Any]], dict[str, Any]]:
 
 
 #: The broker as in production, private to the tests.
+@dataclass(frozen=True)
+class Outcome:
+    code: int
+    out: str
+    err: str
+    check_document: Callable[[Any], Any]
+
+    def document(self) -> Any:
+        """The JSON document on standard output, without NaN and Infinity, checked against its JSON Schema."""
+
+        def refuse(constant: str) -> None:
+            raise AssertionError(f"{constant} is not valid JSON")
+
+        assert self.code in {0, 3}, self.err
+        return self.check_document(json.loads(self.out, parse_constant=refuse))
+
+
+@pytest.fixture
+def sprung(capfd: pytest.CaptureFixture[str], check_document: Callable[[Any], Any]) -> Callable[..., Outcome]:
+    """Run the command line in this process."""
+    from sprung.cli import main
+
+    def run(*words: object) -> Outcome:
+        capfd.readouterr()
+        code = main([str(word) for word in words])
+        return Outcome(code, *capfd.readouterr(), check_document)
+
+    return run
+
+
 PROGRAM = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
 PLAIN = """
 listener {port} 127.0.0.1

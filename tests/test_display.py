@@ -1,7 +1,9 @@
 """Short texts, tables in notebooks, data frames, files and pictures of recordings, modes and results."""
 
 import re
+from dataclasses import astuple
 from html.parser import HTMLParser
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -13,8 +15,7 @@ from sprung._display import in_short
 from sprung.calibration import CalibratedNumber
 from sprung.results import tables
 from sprung.results.documents import identification_document
-from sprung.results.tables.frames import data_frame
-from sprung.results.tables.notebook import as_html
+from sprung.results.renderings import RENDERINGS, as_html, data_frame
 
 pandas: Any = pytest.importorskip("pandas")
 COMPONENTS = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
@@ -156,6 +157,20 @@ def test_names_from_files_are_no_markup() -> None:
     run = sprung.Recording(np.ones((1, 10)), 10.0, (sprung.Channel("<script>alert(1)</script>"),))
     assert "<script>" not in run._repr_html_()
     assert "&lt;script&gt;" in run._repr_html_()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_value_has_its_renderings_in_the_table(values, kind) -> None:
+    renderings = RENDERINGS[type(values[kind]).__name__]
+    assert renderings.columns
+    assert renderings.parts
+    assert bool(renderings.document) == hasattr(values[kind], "save")
+    assert bool(renderings.picture) == hasattr(values[kind], "plot")
+
+
+@pytest.mark.parametrize("name", sorted({name for each in RENDERINGS.values() for name in astuple(each) if name}))
+def test_every_rendering_exists(name) -> None:
+    assert callable(resolve_name(f"sprung.results.{name}"))
 
 
 def test_what_has_no_table_and_no_rows_is_refused() -> None:

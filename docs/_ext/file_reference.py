@@ -1,12 +1,13 @@
-"""Fields of vehicle files, site files and published documents, from their models.
+"""Fields of vehicle files, files of conditions, site files and published documents, from their models.
 
-The directives `vehicle-fields`, `site-fields` and `json-schemas` make sections of tables.
+The directives `vehicle-fields`, `condition-fields`, `site-fields` and `json-schemas` make sections of tables.
 """
 
+import dataclasses
 import inspect
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, get_type_hints
 
 from docutils import nodes
 from numpydoc.docscrape import NumpyDocString
@@ -16,6 +17,7 @@ from pydantic_core import PydanticUndefined
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+from sprung.cli.conditions import DriveConditions, RigRunConditions, RoadDriveConditions
 from sprung.online.monitor.site import Site
 from sprung.results.documents import DOCUMENTS, json_schema
 from sprung.vehicles.description import Chain, Quarter, Vehicle
@@ -58,16 +60,37 @@ def _kind(kind: str, schema: Mapping[str, Any]) -> str:
     return {"null": "`null`", "string": "text"}.get(kind, kind)
 
 
-def _meanings(model: type[BaseModel]) -> dict[str, str]:
-    """Return the meanings of fields from the docstring of their model."""
-    texts = [vars(kind).get("__doc__") or "" for kind in reversed(model.__mro__) if issubclass(kind, BaseModel)]
+def _meanings(model: type) -> dict[str, str]:
+    """Return the meanings of fields from the docstring of their model or dataclass."""
+    texts = [vars(kind).get("__doc__") or "" for kind in reversed(model.__mro__) if _is_table(kind)]
     entries = [entry for text in texts for entry in NumpyDocString(inspect.cleandoc(text))["Parameters"]]
     return {name.strip(): " ".join(entry.desc) for entry in entries for name in entry.name.split(",")}
 
 
-def _parts(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Yield the models in an annotation."""
-    if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
+def _is_table(kind: type) -> bool:
+    """Return whether a type is a table of a file: a model, or a dataclass that is not written as one text."""
+    return issubclass(kind, BaseModel) or (
+        dataclasses.is_dataclass(kind) and not hasattr(kind, "__get_pydantic_core_schema__")
+    )
+
+
+def _fields(model: Any) -> dict[str, FieldInfo]:
+    """Return the fields of a model or dataclass by name."""
+    if issubclass(model, BaseModel):
+        return dict(model.model_fields)
+    hints = get_type_hints(model)
+    found = {}
+    for field in dataclasses.fields(model):
+        default = PydanticUndefined if field.default is dataclasses.MISSING else field.default
+        if field.default_factory is not dataclasses.MISSING:
+            default = field.default_factory()
+        found[field.name] = FieldInfo(annotation=hints[field.name], default=default)
+    return found
+
+
+def _parts(annotation: Any) -> Iterator[type]:
+    """Yield the models and dataclasses in an annotation."""
+    if inspect.isclass(annotation) and _is_table(annotation):
         yield annotation
     for inner in getattr(annotation, "__args__", ()):
         yield from _parts(inner)
@@ -79,12 +102,12 @@ def _default(field: FieldInfo) -> str:
     return "-" if field.default is None else f"`{field.default!r}`".replace("'", '"')
 
 
-def sections_of(model: type[BaseModel], name: str = "") -> Iterator[tuple[str, type[BaseModel], list[Sequence[str]]]]:
+def sections_of(model: type, name: str = "") -> Iterator[tuple[str, type, list[Sequence[str]]]]:
     """Yield heading, model and rows of a file's tables, the top level first."""
     meanings = _meanings(model)
     rows: list[Sequence[str]] = []
-    below: list[tuple[str, type[BaseModel]]] = []
-    for key, field in model.model_fields.items():
+    below: list[tuple[str, type]] = []
+    for key, field in _fields(model).items():
         inner = next(_parts(field.annotation), None)
         if inner is not None:
             place = f"{name.strip('[]')}.{field.alias or key}".lstrip(".")
@@ -103,9 +126,13 @@ def sections_of(model: type[BaseModel], name: str = "") -> Iterator[tuple[str, t
         yield from sections_of(inner, place)
 
 
-def _tables(model: type[BaseModel], depth: int) -> str:
+def _tables(model: type, depth: int) -> str:
+    return _paragraphs(sections_of(model), depth)
+
+
+def _paragraphs(sections: Iterable[tuple[str, type, list[Sequence[str]]]], depth: int) -> str:
     paragraphs = []
-    for name, part, rows in sections_of(model):
+    for name, part, rows in sections:
         if name:
             paragraphs += [f"{'#' * depth} `{name}`", re.split(r"\n\n", inspect.getdoc(part) or "")[0]]
         if rows:
@@ -121,6 +148,28 @@ class VehicleFields(SphinxDirective):
         kinds = (("Road, rail and rig vehicles", Vehicle), ("Quarter vehicles", Quarter), ("Chains of masses", Chain))
         text = "\n\n".join(f"## {title}\n\n{_tables(model, 3)}" for title, model in kinds)
         return self.parse_text_to_nodes(text, allow_section_headings=True)
+
+
+class ConditionFields(SphinxDirective):
+    """Tables of the fields of files of conditions, by kind of drive."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return a section for each kind; the tables of all drives once."""
+        common = {name for name, _, _ in sections_of(DriveConditions) if name}
+        own = {
+            kind: [section for section in sections_of(model) if section[0] not in common]
+            for kind, model in (("road", RoadDriveConditions), ("rig", RigRunConditions))
+        }
+        text = f"## All drives\n\n{_tables(DriveConditions, 3)}"
+        for kind, sections in own.items():
+            text += f"\n\n## `sprung simulate {kind}`\n\n{_paragraphs(_only_own(sections), 3)}"
+        return self.parse_text_to_nodes(text, allow_section_headings=True)
+
+
+def _only_own(sections: Sequence[tuple[str, type, list[Sequence[str]]]]) -> list[tuple[str, type, list[Sequence[str]]]]:
+    """Return the sections without the rows at the top level that all drives have."""
+    shared = {f"`{key}`" for key in DriveConditions.model_fields}
+    return [(name, part, [row for row in rows if name or row[0] not in shared]) for name, part, rows in sections]
 
 
 class SiteFields(SphinxDirective):
@@ -162,6 +211,7 @@ def _document(name: str) -> str:
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
     app.add_directive("vehicle-fields", VehicleFields)
+    app.add_directive("condition-fields", ConditionFields)
     app.add_directive("site-fields", SiteFields)
     app.add_directive("json-schemas", JsonSchemas)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

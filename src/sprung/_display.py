@@ -23,7 +23,7 @@ class Tabular:
     __slots__ = ()
 
     def _repr_html_(self) -> str:
-        text: str = resolve_name("sprung.results.tables.notebook:as_html")(self)
+        text: str = resolve_name("sprung.results.renderings:as_html")(self)
         return text
 
     def to_dataframe(self) -> Any:
@@ -34,7 +34,7 @@ class Tabular:
         MissingPackageError
             If pandas is not installed.
         """
-        return resolve_name("sprung.results.tables.frames:data_frame")(self)
+        return resolve_name("sprung.results.renderings:data_frame")(self)
 
 
 class Savable:
@@ -50,7 +50,7 @@ class Savable:
         path
             File to write; an existing one is replaced.
         """
-        resolve_name("sprung.results.documents.results:save")(self, path)
+        resolve_name("sprung.results.renderings:save")(self, path)
 
 
 class Drawable:
@@ -60,7 +60,7 @@ class Drawable:
 
     def plot(self) -> "Figure":
         """Return the picture of the value; further ones are in `sprung.results.figures`."""
-        figure: Figure = resolve_name("sprung.results.figures.results:picture_of")(self)
+        figure: Figure = resolve_name("sprung.results.renderings:picture_of")(self)
         return figure
 
 

@@ -30,6 +30,8 @@ _RULES = {
     "model_type": "a table of fields: write [name] above them",
     "literal_error": "{}: correct it",
 }
+# Types of problems of a key that the model or dataclass lacks.
+_UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 # Largest number of unknown keys that are compared with missing ones.
 _MOST_MISSPELT = 100
 # Fields whose values, and the values of tables that may contain them, never appear in a message.
@@ -81,7 +83,7 @@ def _without_consequences(problems: Sequence[Any], schema: Mapping[str, Any]) ->
             place != start and place[: len(start)] == start for place in places
         )
 
-    unknown = [problem["loc"] for problem in problems if problem["type"] == "extra_forbidden"]
+    unknown = [problem["loc"] for problem in problems if problem["type"] in _UNKNOWN]
     meant = {
         (*location[:-1], _nearest_key(location, schema, _absent(problems, location))): location
         for location in unknown[:_MOST_MISSPELT]
@@ -112,7 +114,7 @@ def _sentence(problem: Mapping[str, Any], schema: Mapping[str, Any], absent: Col
         return f"{where}: {context['error']}" if location else str(context["error"])
     if kind == "missing":
         return f"{where} is missing: add it"
-    if kind == "extra_forbidden":
+    if kind in _UNKNOWN:
         return f"{where} is not known here: {_remedy(location, schema, absent)}"
     if kind in {"too_short", "too_long"}:
         wanted = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"

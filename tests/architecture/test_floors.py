@@ -20,6 +20,7 @@ FLOORS = (
     ("excitation", "likelihood"),
     ("identification",),
     ("simulation", "diagnosis", "calibration"),
+    ("results.renderings",),
     ("results.documents", "results.tables"),
     ("results.figures", "results.periods", "state"),
     ("results.page", "plotting"),

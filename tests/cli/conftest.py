@@ -1,41 +1,8 @@
-import json
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from sprung.cli import main
-
-
-@dataclass(frozen=True)
-class Outcome:
-    code: int
-    out: str
-    err: str
-    check_document: Callable[[Any], Any]
-
-    def document(self) -> Any:
-        """The JSON document on standard output, without NaN and Infinity, checked against its JSON Schema."""
-
-        def refuse(constant: str) -> None:
-            raise AssertionError(f"{constant} is not valid JSON")
-
-        assert self.code in {0, 3}, self.err
-        return self.check_document(json.loads(self.out, parse_constant=refuse))
-
-
-@pytest.fixture
-def sprung(capfd: pytest.CaptureFixture[str], check_document: Callable[[Any], Any]) -> Callable[..., Outcome]:
-    """Run the command line in this process."""
-
-    def run(*words: object) -> Outcome:
-        capfd.readouterr()
-        code = main([str(word) for word in words])
-        return Outcome(code, *capfd.readouterr(), check_document)
-
-    return run
 
 
 @pytest.fixture(scope="session")

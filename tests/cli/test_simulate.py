@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.cli import simulate
+from sprung.cli.conditions import DriveConditions, RigRunConditions, RoadDriveConditions
 from sprung.formats import read
 from sprung.simulation import RailDrive, RigRun, RoadDrive
 from sprung.vehicles import read_description, read_vehicle
@@ -130,7 +131,6 @@ def test_records_of_a_drive_differ_and_each_has_its_speed(sprung, tmp_path):
         (("chain", "--road", "C"), "No such option: --road"),
         (("rig", "--road", "C"), "No such option: --road"),
         (("road", "--case", "2"), "No such option: --case"),
-        (("road", "--driven", "front"), "No such option: --driven"),
         (("road", "--road", "K"), "road class 'K' is not one of A, B"),
         (("road", "--fault", "front_left.spring"), "is not of the form CORNER.COMPONENT=CHANGE"),
         (("road", "--fault", "front_left.sprong=-0.1"), "component 'front_left.sprong' is not one of"),
@@ -155,27 +155,56 @@ def test_defaults_of_a_drive_are_those_of_its_settings(command, settings):
     defaults = {name: parameter.default for name, parameter in inspect.signature(command).parameters.items()}
     assert 60 * defaults["minutes"] == settings.duration
     assert (defaults["sampling_rate"], defaults["speed"]) == (settings.sampling_rate, settings.speed)
-    assert (defaults["stops"], defaults["snr"]) == (settings.n_stops, settings.snr)
-    assert defaults["payload"] is None
+    assert defaults["snr"] == settings.snr
+
+
+@pytest.mark.parametrize(
+    ("model", "settings"),
+    [(RoadDriveConditions, RoadDrive()), (DriveConditions, RailDrive()), (RigRunConditions, RigRun())],
+)
+def test_defaults_of_conditions_are_those_of_the_settings(model, settings):
+    stated = model().settings("speed")
+    assert stated.pop("payload") == ()
     assert sum(payload.mass for payload in settings.payloads) == 0
-    assert defaults["temperature"] == settings.suspension.temperature
-    assert defaults.get("tyre_temperature", 20.0) == settings.suspension.tyre_temperature
-    assert defaults.get("road_class", "C") == RoadDrive().road.road_class
-    assert defaults.get("driven", "all") == RigRun().driven
+    assert stated == {name: getattr(settings, name) for name in stated}
 
 
-EVERYTHING = """--payload 80,-0.9,-0.4 --payload 20 --right-rougher 2.5 --potholes 10 --pothole-side right
-    --cross-slope 3 --braking 3 --cornering 2 --height 0.5 --unbalance 2 --run-out 0.3 --run-out 0.1 --wheel-radius 0.3
-    --differs mass=0.07 --differs roll_inertia=-0.1 --mounted-mass 180,1.1,0,11,0.08 --flexible-mode torsion,24,0.03
-    --scatter 4 5 3 --individual 2 --tilt 2 --misplaced 5 --moved acc_fl=0.39,0,0 --gain-error 1 --lag 3
-    --noise-density 150 --bits 12 --range 4 --speed-delay 1 --speed-rate 1 --speed-scale 1.02 --tyre-temperature 40
-    --also acc_x --also temperature --fault front_left.spring=-0.2 --fault rear_right.damper=-0.2"""
+EVERYTHING = """
+payload = [{ mass = 80, x = -0.9, y = -0.4 }, { mass = 20 }]
+suspension = { tyre_temperature = 40.0 }
+driving = { braking = 3, cornering = 2, cross_slope = 0.03, height = 0.5 }
+wheel_orders = { unbalance = 2e-3, run_out = [3e-4, 1e-4], radius = 0.3 }
+accelerometers = { noise_density = 1.5e-3, bits = 12, full_scale = 39.2 }
+speed_channel = { delay = 1, rate = 1, scale = 1.02 }
+[road]
+right_rougher_db = 2.5
+potholes = { per_kilometre = 10, side = "right" }
+[deviations]
+individual = 2
+values = { mass = 0.07, roll_inertia = -0.1 }
+mounted_masses = [{ mass = 180, x = 1.1, frequency = 11, damping_ratio = 0.08 }]
+flexible_modes = [{ shape = "torsion", frequency = 24, damping_ratio = 0.03 }]
+scatter = { spring = 0.04, damper = 0.05, tyre = 0.03 }
+sensors = { tilt = 0.03, places = 0.05, gain = 0.01, lag = 0.003, moved.acc_fl = [0.39, 0, 0] }
+"""
 
 
-def test_all_conditions_are_in_the_truth_and_none_in_the_vehicle_file(sprung, tmp_path):
+@pytest.fixture
+def conditions(tmp_path):
+    """Write a file of conditions."""
+
+    def write(text):
+        path = tmp_path / "conditions.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def test_all_conditions_are_in_the_truth_and_none_in_the_vehicle_file(sprung, tmp_path, conditions):
     path = tmp_path / "run.parquet"
-    words = ("simulate", "road", "--minutes", "0.2", *EVERYTHING.split(), "--out", path, "--json", "-")
-    document = sprung(*words).document()
+    words = ("simulate", "road", "--minutes", "0.2", "--conditions", conditions(EVERYTHING), "--out", path)
+    document = sprung(*words, "--fault", "front_left.spring=-0.2", "--json", "-").document()
     conditions = document["conditions"]
     assert conditions["payload"] == [{"mass": 80.0, "x": -0.9, "y": -0.4}, {"mass": 20.0, "x": 0.0, "y": 0.0}]
     assert document["payload"] == 100.0
@@ -196,44 +225,65 @@ def test_all_conditions_are_in_the_truth_and_none_in_the_vehicle_file(sprung, tm
     assert np.hypot(*(place - [0.39, 0, 0])[:2]) == pytest.approx(0.05)
     names = [part["function"] for part in conditions["imperfections"]]
     assert names[-4:] == ["with_density", "quantised", "scaled", "held"]
-    assert document["faults"] == {"front_left.spring": -0.2, "rear_right.damper": -0.2}
-    written = read_vehicle(f"{path}.vehicle.toml")
-    assert written.model_copy(update={"sensor": written.sensor[:4]}) == nominal
-    assert read(path).names[-4:] == ("acc_rr", "acc_x", "speed", "temperature")
+    assert document["faults"] == {"front_left.spring": -0.2}
+    assert read_vehicle(f"{path}.vehicle.toml") == nominal
 
 
-def test_a_part_wears_from_record_to_record(sprung, tmp_path):
-    words = ("simulate", "road", "--minutes", "0.05", "--wear", "rear_left.damper=-0.1", "--records", "3")
+def test_the_road_of_the_command_line_is_rougher_than_that_of_the_file(sprung, tmp_path, conditions):
+    file = conditions('[road]\nroad_class = "A"\nright_rougher_db = 1.0')
+    words = ("simulate", "road", "--minutes", "0.05", "--conditions", file, "--out", tmp_path / "r.npz", "--json", "-")
+    roads = [sprung(*words, *more).document()["conditions"]["road"] for more in ((), ("--road", "E"))]
+    assert [(road["road_class"], road["right_rougher_db"]) for road in roads] == [("A", 1.0), ("E", 1.0)]
+
+
+def test_nonlinear_suspensions_and_front_rollers_are_conditions(sprung, tmp_path, conditions):
+    file = conditions('driven = "front"\n[suspension]\nnonlinear = true')
+    words = ("simulate", "rig", "--minutes", "0.05", "--conditions", file, "--out", tmp_path / "r.npz", "--json", "-")
+    assert sprung(*words).document()["nonlinear"]
+
+
+def test_a_part_wears_from_record_to_record(sprung, tmp_path, conditions):
+    file = conditions('[[deviations.wear]]\ncomponent = "rear_left.damper"\nper_drive = -0.1')
+    words = ("simulate", "road", "--minutes", "0.05", "--conditions", file, "--records", "3")
     document = sprung(*words, "--out", tmp_path / "r.npz", "--json", "-").document()
     changes = [faults["rear_left.damper"] for faults in document["faults_by_record"]]
     assert changes == pytest.approx([0.0, -0.1, -0.19])
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("kind", "text", "message"),
     [
-        (("--payload", "80,1"), "--payload 80,1 is not of the form KG or KG,X,Y"),
-        (("--mounted-mass", "80,1"), "--mounted-mass 80,1 is not of the form KG,X,Y,HZ,DAMPING"),
-        (("--mounted-mass", "-8,1,0,11,0.1"), "mass=-8"),
-        (("--flexible-mode", "twist,20,0.03"), "shape='twist'"),
-        (("--differs", "mass"), "--differs mass is not of the form NAME=CHANGE"),
-        (("--differs", "weight=0.1"), "value of the vehicle file 'weight' is not one of anti_roll_stiffness, mass"),
-        (("--moved", "acc_fl=0.1"), "--moved acc_fl=0.1 is not of the form CHANNEL=X,Y,Z"),
-        (("--pothole-side", "left"), "--pothole-side left needs --potholes"),
-        (("--also", "radar"), "--also radar is not one of acc_x, acc_y, yaw_rate, temperature"),
+        ("road", "payload = [{ mass = 80, z = 1 }]", "[[payload]] 1, z is not known here"),
+        ("road", "[deviations]\nmounted_masses = [{ mass = -8, x = 1, frequency = 9, damping_ratio = 0 }]", "mass=-8"),
+        ("road", "[deviations]\nflexible_modes = [{ shape = 'twist', frequency = 9, damping_ratio = 0 }]", "'twist'"),
+        ("road", "[deviations.values]\nmass = 'x'", "must be"),
+        ("road", "[deviations.values]\nweight = 0.1", "'weight' is not one of anti_roll_stiffness, mass"),
+        ("road", "[deviations.sensors.moved]\nacc_fl = [0.1]", "moved"),
+        ("road", "[[deviations.wear]]\ncomponent = 'damper'\nper_drive = -0.1", "is not of the form CORNER.KIND"),
+        ("road", "[accelerometers]\nbits = 33", "bits=33"),
+        ("road", "[speed_channel]\nrate = nan", "rate"),
+        ("road", "[raod]\nroad_class = 'C'", "did you mean road?"),
+        ("rail", "[road]\nroad_class = 'C'", "road is not known here"),
+        ("rail", "driven = 'front'", "driven is not known here"),
+        ("rig", "driven = 'rear'", "driven='rear'"),
+        ("road", "n_stops = -1", "n_stops=-1"),
+        ("road", "n_stops", "is not a TOML file"),
     ],
 )
-def test_conditions_that_cannot_be_are_refused(sprung, tmp_path, words, message):
-    outcome = sprung("simulate", "road", *words, "--minutes", "0.1", "--out", tmp_path / "a.csv")
+def test_conditions_that_cannot_be_are_refused(sprung, tmp_path, kind, text, message):
+    file = tmp_path / "conditions.toml"
+    file.write_text(text, encoding="utf-8")
+    words = ("simulate", kind, "--minutes", "0.1", "--conditions", file, "--out", tmp_path / "a.csv")
+    outcome = sprung(*words)
     assert outcome.code == 2
     assert message in " ".join(outcome.err.split())
-    assert not list(tmp_path.iterdir())
+    assert str(file) in outcome.err
+    assert list(tmp_path.iterdir()) == [file]
 
 
 def test_help_shows_only_the_options_of_the_kind(sprung):
     shown = {kind: sprung("simulate", kind, "--help").out for kind in ("road", "rail", "rig", "chain", "quarter")}
     assert {kind for kind, text in shown.items() if "--road" in text} == {"road"}
-    assert {kind for kind, text in shown.items() if "--driven" in text} == {"rig"}
     assert {kind for kind, text in shown.items() if "--case" in text} == {"quarter"}
     assert {kind for kind, text in shown.items() if "--noise-band" in text} == {"chain", "quarter"}
-    assert {kind for kind, text in shown.items() if "--payload" in text} == {"road", "rail", "rig"}
+    assert {kind for kind, text in shown.items() if "--conditions" in text} == {"road", "rail", "rig"}

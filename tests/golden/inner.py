@@ -18,7 +18,7 @@ from tests.online.site.conftest import PASSWORD
 from tests.online.site.conftest import fill as fill_three
 from tests.online.site.test_pages import put_hostile_texts
 
-from sprung.online.monitor import Site, desk
+from sprung.online.monitor import Site, operations
 from sprung.online.site import Context, add_account, add_token, application
 from sprung.online.store import Store, open_store
 from sprung.simulation import RoadDrive, simulate_drive
@@ -39,8 +39,8 @@ def _three(store: Store, folder: Path) -> dict[str, Any]:
     for name, role in (("anna", "viewer"), ("eve", "engineer"), ("ada", "admin")):
         add_account(store, name, role, PASSWORD, who="test", now=NOW)
     add_token(store, "dashboard", "viewer", days=30, who="ada", now=NOW)
-    desk.acknowledge(store, 1, who="eve", comment="seen", now=NOW)
-    desk.relearn(store, "bus-3", reason="new dampers", who="eve", now=NOW)
+    operations.acknowledge(store, 1, who="eve", comment="seen", now=NOW)
+    operations.relearn(store, "bus-3", reason="new dampers", who="eve", now=NOW)
     return {"name": "Depot South"}
 
 

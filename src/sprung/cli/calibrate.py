@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from sprung.cli.checks import check_file, check_folder, may_lack_sensors
+from sprung.cli.checks import check_file, check_outputs, may_lack_sensors
 from sprung.cli.options import INPUT, AllowMissing, Figures, FileFormat, Files, Json, Minutes, VehicleFile, option
 from sprung.cli.output import show, write_result, written
+from sprung.cli.pages import write_figures
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
 
 if TYPE_CHECKING:
-    from sprung.calibration import Calibration
     from sprung.formats import ReadSettings
 
 
@@ -41,8 +41,7 @@ def calibrate(
     from sprung.vehicles import read_vehicle, write_vehicle
 
     check_file("--out", out, inputs=files)
-    check_file("--json", json, inputs=[*files, vehicle])
-    check_folder("--figures", figures)
+    check_outputs(json=json, page=None, figures=figures, inputs=[*files, vehicle])
     description = read_vehicle(vehicle)
     may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
     settings = CalibrationSettings(most_mounts=mounts, has_modes=modes)
@@ -51,22 +50,16 @@ def calibrate(
         parts = [part for _, part in windows(recordings, length=60 * window)]
         report(f"calibrating on {len(parts)} windows", 0.5)
         result = calibrated(parts, description, settings=settings, allow_missing=may_lack)
-        paths = _draw(result, figures, ", ".join(path.name for path in files), file_format)
+        source = ", ".join(path.name for path in files)
+        paths = write_figures(
+            figures,
+            lambda drawn: {
+                "misfit": drawn.misfit_figure(result, source=source),
+                "learnt": drawn.learnt_figure(result, source=source),
+            },
+            file_format,
+        )
     write_vehicle(result.vehicle, out)
     if write_result(calibration_document(result), json):
         sentences = tables.calibration_in_words(result)
         show(tables.calibration_table(result), [*sentences, *written([out, *paths], json)])
-
-
-def _draw(calibration: "Calibration", folder: Path | None, source: str, file_format: str) -> list[Path]:
-    """Write the figures and return their paths."""
-    if folder is None:
-        return []
-    from sprung.results.figures.calibration import learnt_figure, misfit_figure
-    from sprung.results.figures.saving import save
-
-    figures = {
-        "misfit": misfit_figure(calibration, source=source),
-        "learnt": learnt_figure(calibration, source=source),
-    }
-    return save(figures, folder, file_format=file_format)

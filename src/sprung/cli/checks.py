@@ -64,6 +64,16 @@ def check_page(page: Path | None, *, inputs: Sequence[str | Path] = ()) -> None:
         raise ParameterError(f"--report {page} must be an HTML file: name it {page.with_suffix('.html').name}")
 
 
+def check_outputs(
+    *, json: str | None, page: Path | None, figures: Path | None, inputs: Sequence[str | Path | None]
+) -> None:
+    """Refuse a JSON file, a report or a folder of figures that cannot be written; None of the inputs is not given."""
+    given = [path for path in inputs if path is not None]
+    check_file("--json", json, inputs=given)
+    check_page(page, inputs=given)
+    check_folder("--figures", figures)
+
+
 def check_folder(option: str, path: Path | None) -> None:
     """Refuse a folder for output that is a file."""
     if path is not None and path.exists() and not path.is_dir():

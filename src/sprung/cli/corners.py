@@ -4,18 +4,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from sprung.cli.checks import check_file, check_folder, check_page, may_lack_sensors, names
+from sprung.cli.checks import check_outputs, may_lack_sensors, names
 from sprung.cli.options import INPUT, AllowMissing, Figures, FileFormat, Files, Json, Page, VehicleFile, option
 from sprung.cli.output import show, write_result, written
-from sprung.cli.pages import write_page
+from sprung.cli.pages import write_figures, write_page
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from sprung.formats import ReadSettings
-    from sprung.likelihood import CornerFit
 
 
 @reads_files
@@ -70,9 +67,7 @@ def corners(
     from sprung.results.page import corners_report
     from sprung.vehicles import read_vehicle
 
-    check_file("--json", json, inputs=[*files, vehicle])
-    check_page(page, inputs=[*files, vehicle])
-    check_folder("--figures", figures)
+    check_outputs(json=json, page=page, figures=figures, inputs=[*files, vehicle])
     description = read_vehicle(vehicle)
     may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
     settings = CornerSettings(
@@ -88,7 +83,8 @@ def corners(
         recordings = read_records(files, settings=reading, on_progress=report)
         report("fitting", 0.5)
         fit = fit_drive(recordings, description, settings=settings, allow_missing=may_lack)
-        paths = _draw(fit, figures, ", ".join(path.name for path in files), file_format)
+        source = ", ".join(path.name for path in files)
+        paths = write_figures(figures, lambda drawn: drawn.saving.corner_figures(fit, source=source), file_format)
         document = corners_document(fit)
         paths += write_page(
             page,
@@ -100,12 +96,3 @@ def corners(
     if write_result(document, json):
         words = [*tables.payload_in_words(fit), *fit.notes, *written(paths, json)]
         show(tables.components_table(fit), tables.fitted_modes_table(fit), words)
-
-
-def _draw(fit: "CornerFit", folder: "Path | None", source: str, file_format: str) -> "list[Path]":
-    """Write the figures and return their paths."""
-    if folder is None:
-        return []
-    from sprung.results.figures.saving import corner_figures, save
-
-    return save(corner_figures(fit, source=source), folder, file_format=file_format)

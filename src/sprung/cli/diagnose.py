@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from sprung.cli.baseline import baseline_of, completed_vehicle, observed, type_of, windows_of
-from sprung.cli.checks import check_file, check_folder, check_page, may_lack_sensors
+from sprung.cli.checks import check_outputs, may_lack_sensors
 from sprung.cli.options import (
     INPUT,
     AllowMissing,
@@ -19,15 +19,12 @@ from sprung.cli.options import (
     option,
 )
 from sprung.cli.output import show, write_result, written
-from sprung.cli.pages import write_page
+from sprung.cli.pages import write_figures, write_page
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
 from sprung.errors import DataError, ParameterError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from sprung.diagnosis import Baseline, Diagnosis, ModeChange
     from sprung.formats import ReadSettings
 
 
@@ -62,9 +59,7 @@ def diagnose(
     from sprung.results.page import diagnosis_report
     from sprung.vehicles import read_vehicle
 
-    check_file("--json", json, inputs=[*files, vehicle, *filter(None, (baseline, of_type))])
-    check_page(page, inputs=[*files, vehicle, *filter(None, (baseline, of_type))])
-    check_folder("--figures", figures)
+    check_outputs(json=json, page=page, figures=figures, inputs=[*files, vehicle, baseline, of_type])
     check_number("--hours-per-day", hours_per_day, above=0, at_most=24)
     if baseline is not None and of_type is not None:
         raise ParameterError("--type is for a vehicle without its own baseline: give --type or --baseline, not both")
@@ -88,7 +83,10 @@ def diagnose(
             for finding in result.findings
             for change in diagnosis.mode_changes(description, finding, normal, observations=observations)
         ]
-        paths = _draw(result, normal, changes, figures, file_format)
+        folder = None if result.detection is None else figures
+        paths = write_figures(
+            folder, lambda drawn: drawn.saving.diagnosis_figures(result, normal, changes), file_format
+        )
         document = diagnosis_document(result, modes=changes)
         paths += write_page(
             page,
@@ -102,18 +100,3 @@ def diagnose(
         show(tables.diagnosis_in_words(result), *tables.diagnosis_tables(result, changes), words)
     if result.detection is None and not result.sensor_faults:
         raise DataError(f"no window was usable: {tables.why_unusable(result, normal)}")
-
-
-def _draw(
-    diagnosis: "Diagnosis",
-    baseline: "Baseline | None",
-    changes: "Sequence[ModeChange]",
-    folder: Path | None,
-    file_format: str,
-) -> list[Path]:
-    """Write the figures and return their paths."""
-    if folder is None or diagnosis.detection is None:
-        return []
-    from sprung.results.figures.saving import diagnosis_figures, save
-
-    return save(diagnosis_figures(diagnosis, baseline, changes), folder, file_format=file_format)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from sprung.cli.checks import check_file, check_folder, check_page, may_lack_sensors, names
+from sprung.cli.checks import check_file, check_outputs, may_lack_sensors, names
 from sprung.cli.completion import vehicles
 from sprung.cli.options import INPUT, OUTPUT, AllowMissing, Figures, FileFormat, Files, Json, Page, option
 from sprung.cli.output import show, write_result, written
-from sprung.cli.pages import write_page
+from sprung.cli.pages import write_figures, write_page
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
 from sprung.errors import IdentificationError, ParameterError
@@ -137,9 +137,7 @@ def identify(
     from sprung.results.page import identification_report
     from sprung.vehicles import read_description
 
-    check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
-    check_page(page, inputs=[*files, *([vehicle] if vehicle else [])])
-    check_folder("--figures", figures)
+    check_outputs(json=json, page=page, figures=figures, inputs=[*files, vehicle])
     check_file("--shapes", shapes, inputs=files)
     if shapes is not None:
         check_one_of("ending of --shapes", shapes.suffix.lower(), _SHAPES)
@@ -184,7 +182,7 @@ def identify(
         if figures is not None:
             report("drawing figures", 1.0)
         paths = [
-            *_draw(identification, figures, Path(source).name, file_format),
+            *write_figures(figures, lambda drawn: drawn.figures(identification, source=Path(source).name), file_format),
             *_write_shapes(identification, shapes, Path(source).name),
         ]
         document = identification_document(identification, vehicle=description)
@@ -247,15 +245,6 @@ def _check_ladder(max_order: int | None, rows: tuple[int, int]) -> None:
         )
     if rows[1] <= rows[0]:
         raise ParameterError(f"--block-rows {rows[1]} must be above {rows[0]} with --thesis, whose ladder starts there")
-
-
-def _draw(identification: "Identification", folder: Path | None, source: str, file_format: str) -> list[Path]:
-    """Write the figures and return their paths."""
-    if folder is None:
-        return []
-    from sprung.results.figures import save_figures
-
-    return save_figures(identification, folder, source=source, file_format=file_format)
 
 
 def _write_shapes(identification: "Identification", path: Path | None, source: str) -> list[Path]:

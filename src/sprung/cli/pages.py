@@ -1,10 +1,12 @@
-"""Reports that commands write with --report."""
+"""Reports and figures that commands write with --report and --figures."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from sprung.formats import ReadSettings
     from sprung.results.page import Inputs, Report
 
@@ -45,3 +47,12 @@ def write_page(
         inputs = inspected(files, settings=reading, others=given)
     page.write_text(render(report(inputs)), encoding="utf-8")
     return [page]
+
+
+def write_figures(folder: Path | None, draw: "Callable[[Any], Mapping[str, Figure]]", file_format: str) -> list[Path]:
+    """Write figures by name where a folder for them is given; `draw` receives `sprung.results.figures`."""
+    if folder is None:
+        return []
+    from sprung.results import figures
+
+    return figures.saving.save(draw(figures), folder, file_format=file_format)

@@ -1,18 +1,16 @@
 """The commands `sprung simulate road`, `rail`, `rig`, `chain` and `quarter`."""
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from sprung.cli import simulate_conditions as values
-from sprung.cli import simulate_options as options
 from sprung.cli.checks import check_file
-from sprung.cli.options import Json, option
+from sprung.cli.completion import vehicles
+from sprung.cli.options import OUTPUT, Json, option
 from sprung.cli.output import show, write_json, write_result, written
 from sprung.cli.progress import progress_bar
 from sprung.errors import ParameterError
@@ -21,13 +19,49 @@ if TYPE_CHECKING:
     from sprung.simulation import DriveSettings
     from sprung.simulation.drives import SimulatedDrive
     from sprung.simulation.runs import SimulatedRun, StationaryRun
-    from sprung.vehicles import Vehicle
+    from sprung.vehicles import Fault, Vehicle
     from sprung.vehicles.usable import AnyVehicle
 
     #: A simulation that lacks only its seed.
     Simulation = Callable[..., SimulatedDrive | SimulatedRun]
 
-_MOST_SAMPLES = 1e8
+_MAX_SAMPLES = 1e8
+
+Out = Annotated[Path, option("FILE", "File to write: .csv, .parquet, .npz or .mat.", panel=OUTPUT, show_default=False)]
+Records = Annotated[
+    int, option("N", "Number of records; several are numbered -01, -02 ..", panel=OUTPUT, min=1, max=1000)
+]
+VehicleName = Annotated[
+    str, option("V.toml|NAME", "Vehicle file or name of a shipped vehicle.", autocompletion=vehicles)
+]
+Minutes = Annotated[float, option("M", "Length of each record in minutes.")]
+SamplingRate = Annotated[float, option("HZ", "Sampling rate in Hz.")]
+Snr = Annotated[float | None, option("S", "RMS of the signal over RMS of the sensor noise. Default: no noise.")]
+Seed = Annotated[int, option("N", "Seed of all random numbers.", min=0)]
+NoiseBand = Annotated[
+    tuple[float, float] | None, option("LO HI", "Band of the sensor noise in Hz. Default: white noise.")
+]
+Speed = Annotated[tuple[float, float], option("LO HI", "Range of the steady speeds in m/s.")]
+Faults = Annotated[
+    list[str] | None,
+    option(
+        "CORNER.COMPONENT=-0.2",
+        "Relative change of a spring, damper or tyre. With @ONSET+GROWTH (in seconds) it begins later and grows. May be"
+        " repeated.",
+    ),
+]
+ConstantFaults = Annotated[
+    list[str] | None,
+    option("OWNER.COMPONENT=-0.2", "Relative change of a spring or damper. May be repeated."),
+]
+Conditions = Annotated[
+    Path | None,
+    option(
+        "C.toml",
+        "Conditions of the drive: payload, suspension, sensors, what differs from the vehicle file; on a road also"
+        " potholes, driving and wheels. Default: a healthy vehicle on a calm drive.",
+    ),
+]
 
 simulate = typer.Typer(
     help="Simulate recordings with known truth: FILE, and next to it FILE.truth.json and FILE.vehicle.toml."
@@ -36,19 +70,7 @@ simulate = typer.Typer(
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """Output files of a command.
-
-    Parameters
-    ----------
-    out
-        File to write.
-    n_records
-        Number of records.
-    seed
-        Seed of the simulation.
-    json
-        File for a copy of the truth, "-" for standard output, None for none.
-    """
+    """Files of `n_records` recordings, seed of the simulation, and the path of --json for a copy of the truth."""
 
     out: Path
     n_records: int
@@ -72,89 +94,32 @@ class Output:
 @simulate.command()
 def road(
     *,
-    out: options.Out,
-    vehicle: options.VehicleName = "zafira",
-    minutes: options.Minutes = 10.0,
-    sampling_rate: options.SamplingRate = 200.0,
-    speed: options.Speed = (5.5, 20.0),
-    stops: options.Stops = 0,
-    braking: options.Braking = 0.0,
-    cornering: options.Cornering = 0.0,
-    height: options.Height = None,
-    road_class: options.RoadClass = "C",
-    right_rougher: options.RightRougher = 0.0,
-    potholes: options.PotholeRate = None,
-    pothole_side: options.PotholeSide = None,
-    cross_slope: options.CrossSlope = 0.0,
-    fault: options.Faults = None,
-    payload: options.Payloads = None,
-    temperature: options.Temperature = 20.0,
-    tyre_temperature: options.TyreTemperature = 20.0,
-    nonlinear: options.Nonlinear = False,
-    unbalance: options.Unbalance = 0.0,
-    run_out: options.RunOut = None,
-    wheel_radius: options.WheelRadius = 0.31,
-    differs: options.Differs = None,
-    mounted_mass: options.MountedMasses = None,
-    flexible_mode: options.FlexibleModes = None,
-    scatter: options.Scatter = None,
-    wear: options.Wear = None,
-    individual: options.Individual = 0,
-    tilt: options.Tilt = 0.0,
-    misplaced: options.Misplaced = 0.0,
-    moved: options.Moved = None,
-    gain_error: options.GainError = 0.0,
-    lag: options.Lag = 0.0,
-    noise_density: options.NoiseDensity = 0.0,
-    bits: options.Bits = None,
-    full_scale: options.Range = 2.0,
-    speed_delay: options.SpeedDelay = 0.0,
-    speed_rate: options.SpeedRate = None,
-    speed_scale: options.SpeedScale = 1.0,
-    also: options.Also = None,
-    snr: options.Snr = None,
-    records: options.Records = 1,
-    seed: options.Seed = 0,
+    out: Out,
+    vehicle: VehicleName = "zafira",
+    minutes: Minutes = 10.0,
+    sampling_rate: SamplingRate = 200.0,
+    speed: Speed = (5.5, 20.0),
+    road_class: Annotated[
+        str | None, option("A..H", "Roughness class of ISO 8608. Default: that of --conditions, or C.", "--road")
+    ] = None,
+    fault: Faults = None,
+    conditions: Conditions = None,
+    snr: Snr = None,
+    records: Records = 1,
+    seed: Seed = 0,
     json: Json = None,
 ) -> None:
     """Simulate a car that drives on a road."""
-    from sprung.simulation import Deviations, Driving, PartScatter, RoadConditions, RoadDrive, SensorErrors, Wear
+    from sprung.cli.conditions import RoadDriveConditions, read_conditions
+    from sprung.simulation import RoadDrive
 
     output = Output(out, records, seed, json)
-    car = values.with_sensors(_vehicle("road", vehicle), also)
-    deviations = Deviations(
-        values=values.changes("--differs", differs),
-        mounted_masses=values.mounted_masses(mounted_mass),
-        flexible_modes=values.flexible_modes(flexible_mode),
-        scatter=None if scatter is None else PartScatter(*(share / 100 for share in scatter)),
-        wear=tuple(Wear(part.component, part.change) for part in values.faults(wear)),
-        sensors=SensorErrors(
-            places=misplaced / 100,
-            moved=values.offsets(moved),
-            tilt=math.radians(tilt),
-            gain=gain_error / 100,
-            lag=lag / 1000,
-        ),
-        individual=individual,
-    )
+    car = _vehicle("road", vehicle)
+    stated = read_conditions(RoadDriveConditions, conditions).settings(car.speed_channel)
+    if road_class is not None:
+        stated["road"] = replace(stated["road"], road_class=road_class)
     settings = RoadDrive(
-        road=RoadConditions(
-            road_class, values.potholes(potholes, pothole_side, nonlinear=nonlinear), right_rougher_db=right_rougher
-        ),
-        driving=Driving(braking, cornering, cross_slope / 100, height),
-        wheel_orders=values.wheel_orders(unbalance, run_out, wheel_radius),
-        duration=60 * minutes,
-        sampling_rate=sampling_rate,
-        speed=speed,
-        n_stops=stops,
-        snr=snr,
-        deviations=deviations,
-        imperfections=values.imperfections(
-            car.speed_channel,
-            accelerometers=(noise_density, full_scale, bits),
-            speed=(speed_delay, speed_rate, speed_scale),
-        ),
-        **_condition(fault, payload, (temperature, tyre_temperature), nonlinear),
+        duration=60 * minutes, sampling_rate=sampling_rate, speed=speed, snr=snr, faults=_faults(fault), **stated
     )
     _simulate_drives(car, settings, output)
 
@@ -162,85 +127,71 @@ def road(
 @simulate.command()
 def rail(
     *,
-    out: options.Out,
-    vehicle: options.VehicleName = "y25",
-    minutes: options.Minutes = 10.0,
-    sampling_rate: options.SamplingRate = 500.0,
-    speed: options.Speed = (15.0, 30.0),
-    stops: options.Stops = 0,
-    fault: options.Faults = None,
-    payload: options.Payloads = None,
-    temperature: options.Temperature = 20.0,
-    nonlinear: options.Nonlinear = False,
-    snr: options.Snr = None,
-    records: options.Records = 1,
-    seed: options.Seed = 0,
+    out: Out,
+    vehicle: VehicleName = "y25",
+    minutes: Minutes = 10.0,
+    sampling_rate: SamplingRate = 500.0,
+    speed: Speed = (15.0, 30.0),
+    fault: Faults = None,
+    conditions: Conditions = None,
+    snr: Snr = None,
+    records: Records = 1,
+    seed: Seed = 0,
     json: Json = None,
 ) -> None:
     """Simulate a bogie that runs on a track."""
+    from sprung.cli.conditions import DriveConditions, read_conditions
     from sprung.simulation import RailDrive
 
     output = Output(out, records, seed, json)
+    bogie = _vehicle("rail", vehicle)
+    stated = read_conditions(DriveConditions, conditions).settings(bogie.speed_channel)
     settings = RailDrive(
-        duration=60 * minutes,
-        sampling_rate=sampling_rate,
-        speed=speed,
-        n_stops=stops,
-        snr=snr,
-        **_condition(fault, payload, (temperature, 20.0), nonlinear),
+        duration=60 * minutes, sampling_rate=sampling_rate, speed=speed, snr=snr, faults=_faults(fault), **stated
     )
-    _simulate_drives(_vehicle("rail", vehicle), settings, output)
+    _simulate_drives(bogie, settings, output)
 
 
 @simulate.command()
 def rig(
     *,
-    out: options.Out,
-    vehicle: options.VehicleName = "scale-bogie",
-    minutes: options.Minutes = 10.0,
-    sampling_rate: options.SamplingRate = 1000.0,
-    speed: options.Speed = (5.5, 5.9),
-    stops: options.Stops = 0,
-    driven: Annotated[
-        Literal["all", "front"], option(None, "Wheelsets on driven rollers.", panel=options.DRIVE)
-    ] = "all",
-    fault: options.Faults = None,
-    payload: options.Payloads = None,
-    temperature: options.Temperature = 20.0,
-    nonlinear: options.Nonlinear = False,
-    snr: options.Snr = None,
-    records: options.Records = 1,
-    seed: options.Seed = 0,
+    out: Out,
+    vehicle: VehicleName = "scale-bogie",
+    minutes: Minutes = 10.0,
+    sampling_rate: SamplingRate = 1000.0,
+    speed: Speed = (5.5, 5.9),
+    fault: Faults = None,
+    conditions: Conditions = None,
+    snr: Snr = None,
+    records: Records = 1,
+    seed: Seed = 0,
     json: Json = None,
 ) -> None:
     """Simulate a bogie on a roller rig."""
+    from sprung.cli.conditions import RigRunConditions, read_conditions
     from sprung.simulation import RigRun
 
     output = Output(out, records, seed, json)
+    bogie = _vehicle("rig", vehicle)
+    stated = read_conditions(RigRunConditions, conditions).settings(bogie.speed_channel)
     settings = RigRun(
-        driven=driven,
-        duration=60 * minutes,
-        sampling_rate=sampling_rate,
-        speed=speed,
-        n_stops=stops,
-        snr=snr,
-        **_condition(fault, payload, (temperature, 20.0), nonlinear),
+        duration=60 * minutes, sampling_rate=sampling_rate, speed=speed, snr=snr, faults=_faults(fault), **stated
     )
-    _simulate_drives(_vehicle("rig", vehicle), settings, output)
+    _simulate_drives(bogie, settings, output)
 
 
 @simulate.command()
 def chain(
     *,
-    out: options.Out,
-    vehicle: options.VehicleName = "chain3",
-    minutes: options.Minutes = 10.0,
-    sampling_rate: options.SamplingRate = 500.0,
-    fault: options.ConstantFaults = None,
-    snr: options.Snr = None,
-    noise_band: options.NoiseBand = None,
-    records: options.Records = 1,
-    seed: options.Seed = 0,
+    out: Out,
+    vehicle: VehicleName = "chain3",
+    minutes: Minutes = 10.0,
+    sampling_rate: SamplingRate = 500.0,
+    fault: ConstantFaults = None,
+    snr: Snr = None,
+    noise_band: NoiseBand = None,
+    records: Records = 1,
+    seed: Seed = 0,
     json: Json = None,
 ) -> None:
     """Simulate a chain of masses, springs and dampers under random forces."""
@@ -248,7 +199,7 @@ def chain(
 
     output = Output(out, records, seed, json)
     settings = StationaryRun(
-        duration=60 * minutes, sampling_rate=sampling_rate, faults=values.faults(fault), snr=snr, noise_band=noise_band
+        duration=60 * minutes, sampling_rate=sampling_rate, faults=_faults(fault), snr=snr, noise_band=noise_band
     )
     _simulate_runs("chain", vehicle, settings, output)
 
@@ -256,26 +207,25 @@ def chain(
 @simulate.command()
 def quarter(
     *,
-    out: options.Out,
-    vehicle: options.VehicleName = "quarter",
-    minutes: options.Minutes = 10.0,
-    sampling_rate: options.SamplingRate = 1000.0,
+    out: Out,
+    vehicle: VehicleName = "quarter",
+    minutes: Minutes = 10.0,
+    sampling_rate: SamplingRate = 1000.0,
     case: Annotated[
         int,
         option(
             "1..4",
             "Base motion. 1: random. 2: random plus pulses. 3: random plus pulses and a 3.65 Hz sine. 4: as 3, plus a"
             " 17 Hz sine.",
-            panel=options.DRIVE,
             min=1,
             max=4,
         ),
     ] = 1,
-    fault: options.ConstantFaults = None,
-    snr: options.Snr = None,
-    noise_band: options.NoiseBand = None,
-    records: options.Records = 1,
-    seed: options.Seed = 0,
+    fault: ConstantFaults = None,
+    snr: Snr = None,
+    noise_band: NoiseBand = None,
+    records: Records = 1,
+    seed: Seed = 0,
     json: Json = None,
 ) -> None:
     """Simulate a quarter vehicle: one wheel on a roller."""
@@ -287,21 +237,17 @@ def quarter(
         excitation=QUARTER_CASES[case - 1],
         duration=60 * minutes,
         sampling_rate=sampling_rate,
-        faults=values.faults(fault),
+        faults=_faults(fault),
         snr=snr,
         noise_band=noise_band,
     )
     _simulate_runs("quarter", vehicle, settings, output)
 
 
-def _condition(
-    faults: Sequence[str] | None, payloads: Sequence[str] | None, temperatures: tuple[float, float], nonlinear: bool
-) -> dict[str, Any]:
-    """Return the settings of a drive that describe the condition of its vehicle."""
-    from sprung.simulation import REALISTIC_FORCE_LAWS, SuspensionConditions
+def _faults(texts: Sequence[str] | None) -> "tuple[Fault, ...]":
+    from sprung.vehicles import parse_fault
 
-    suspension = SuspensionConditions(temperatures[0], REALISTIC_FORCE_LAWS if nonlinear else {}, temperatures[1])
-    return {"faults": values.faults(faults), "payload": values.payloads(payloads), "suspension": suspension}
+    return tuple(parse_fault(text) for text in texts or ())
 
 
 def _vehicle(kind: Literal["road", "rail", "rig"], path_or_name: str) -> "Vehicle":
@@ -339,7 +285,6 @@ def _simulate_runs(kind: str, path_or_name: str, settings: "StationaryRun", outp
 
 
 def _wrong_kind(path_or_name: str, kind: str, needed: str) -> ParameterError:
-    """Return the error for a vehicle that does not suit the simulation."""
     return ParameterError(f"vehicle {path_or_name!r} is of kind {kind}, not {needed}: give another one")
 
 
@@ -350,7 +295,7 @@ def _check_length(duration: float, sampling_rate: float) -> None:
     check_number("--minutes", duration / 60, above=0)
     check_number("--sampling-rate", sampling_rate, above=0)
     n_samples = duration * sampling_rate
-    check_number("samples in a record", n_samples, at_most=_MOST_SAMPLES, advice="lower --minutes, or use --records")
+    check_number("samples in a record", n_samples, at_most=_MAX_SAMPLES, advice="lower --minutes, or use --records")
 
 
 def _write(

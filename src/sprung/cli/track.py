@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from sprung.cli.checks import check_file, check_folder, check_page, may_lack_sensors
+from sprung.cli.checks import check_outputs, may_lack_sensors
 from sprung.cli.completion import recordings_or_documents, vehicles
 from sprung.cli.options import INPUT, AllowMissing, Figures, FileFormat, Json, Page, option
 from sprung.cli.output import show, write_result, written
-from sprung.cli.pages import write_page
+from sprung.cli.pages import write_figures, write_page
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
 from sprung.errors import IdentificationError, ParameterError
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from sprung.formats import ReadSettings
     from sprung.identification import IdentificationSettings
     from sprung.identification.methods import WindowModes
-    from sprung.identification.tracking import TrackedModes
     from sprung.recording import Recording
     from sprung.vehicles.usable import AnyVehicle
 
@@ -87,9 +86,7 @@ def track(
     from sprung.results.page import tracking_report
     from sprung.vehicles import read_description
 
-    check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
-    check_page(page, inputs=[*files, *([vehicle] if vehicle else [])])
-    check_folder("--figures", figures)
+    check_outputs(json=json, page=page, figures=figures, inputs=[*files, vehicle])
     settings = TrackingSettings(gap=gap, reach=reach)
     source = str(files[0]) if len(files) == 1 else f"{len(files)} files"
     start = None
@@ -108,8 +105,12 @@ def track(
             [part.modes for part in windows], times=[part.time for part in windows], settings=settings
         )
         has_times = window is not None or not _are_documents(files)
-        paths = _draw(
-            tracked, figures, start=start, has_times=has_times, source=Path(source).name, file_format=file_format
+        paths = write_figures(
+            figures,
+            lambda drawn: {
+                "tracks": drawn.tracks_figure(tracked, start=start, has_times=has_times, source=Path(source).name)
+            },
+            file_format,
         )
         notes = tables.tracks_notes(tracked, windows)
         document = tracking_document(tracked, windows, start=start, has_times=has_times, notes=notes)
@@ -211,22 +212,3 @@ def _identified(
             )
         )
     return parts
-
-
-def _draw(
-    tracked: "TrackedModes",
-    folder: Path | None,
-    *,
-    start: int | None,
-    has_times: bool,
-    source: str,
-    file_format: str,
-) -> list[Path]:
-    """Write the figure and return its path."""
-    if folder is None:
-        return []
-    from sprung.results.figures.saving import save
-    from sprung.results.figures.tracking import tracks_figure
-
-    figure = tracks_figure(tracked, start=start, has_times=has_times, source=source)
-    return save({"tracks": figure}, folder, file_format=file_format)

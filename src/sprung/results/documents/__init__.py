@@ -57,7 +57,6 @@ from sprung.results.documents.recordings import (
     write_inspections,
     write_truth,
 )
-from sprung.results.documents.results import document_of, save
 from sprung.results.documents.schemas import DOCUMENTS, json_schema, read_document, write_json_schemas
 from sprung.results.documents.tracking import TrackingDocument, read_tracking, tracking_document, write_tracking
 from sprung.results.documents.type_baseline import (
@@ -69,6 +68,7 @@ from sprung.results.documents.type_baseline import (
 )
 from sprung.results.documents.vehicles import ExportDocument, ReportDocument
 from sprung.results.documents.work_order import WorkOrderDocument
+from sprung.results.renderings import document_of, save
 
 __all__ = [
     "DOCUMENTS",

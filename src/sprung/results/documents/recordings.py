@@ -274,3 +274,8 @@ def read_truth(path: str | Path) -> TruthDocument:
     (1, [1.52, 1.76, 2.2])
     """
     return checked(TruthDocument, read_fields(path), source=str(path))
+
+
+def one_inspection_document(inspection: Inspection) -> InspectionDocument:
+    """Return the document of one inspection, whose recording has no name."""
+    return inspection_document({"": inspection})

@@ -293,3 +293,8 @@ def _points(track: Track) -> tuple[TrackPoint, ...]:
         )
         for k in range(len(track))
     )
+
+
+def plain_tracking_document(tracked: TrackedModes) -> TrackingDocument:
+    """Return the document of tracked modes whose windows have no names and no start."""
+    return tracking_document(tracked, has_times=tracked.has_times)

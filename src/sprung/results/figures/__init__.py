@@ -15,7 +15,6 @@ from sprung.results.figures.mac import mac_figure, reference_mac_figure
 from sprung.results.figures.plan import plan_figure
 from sprung.results.figures.rates import alignment_rates, stable_rates_figure
 from sprung.results.figures.responses import cepstrum_figure, response_figure
-from sprung.results.figures.results import picture_of
 from sprung.results.figures.runs import Spread, runs_figure
 from sprung.results.figures.saving import figures, save_figures
 from sprung.results.figures.shapes import complexity_figure, shapes_figure
@@ -24,6 +23,7 @@ from sprung.results.figures.spectra import spectra_figure
 from sprung.results.figures.stabilisation import stabilisation_figure
 from sprung.results.figures.subsets import subsets_figure
 from sprung.results.figures.tracking import tracks_figure
+from sprung.results.renderings import picture_of
 
 __all__ = [
     "Spread",

@@ -280,3 +280,8 @@ def _name(axes: Axes, modes: Modes, index: int, remark: str) -> None:
         color=mode_colour(index),
         fontweight="bold",
     )
+
+
+def plain_shapes_figure(modes: Modes) -> Figure:
+    """Return mode shapes of channels whose places are not known."""
+    return shapes_figure(modes, [Channel(name) for name in modes.channels])

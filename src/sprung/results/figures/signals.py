@@ -200,3 +200,8 @@ def _envelope(time: Real, values: Real) -> tuple[Real, Real]:
     blocks = values[: values.size // per * per].reshape(-1, per)
     middle = time[: values.size // per * per].reshape(-1, per).mean(axis=1)
     return np.repeat(middle, 2), np.stack([blocks.min(axis=1), blocks.max(axis=1)], axis=1).ravel()
+
+
+def recording_figure(recording: Recording) -> Figure:
+    """Return the signals of a recording over time."""
+    return histories_figure([("", recording)], title="Signals")

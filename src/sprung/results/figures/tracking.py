@@ -204,3 +204,8 @@ def _legend(tracked: TrackedModes) -> list[Line2D]:
     if not tracked.has_result.all():
         handles.append(Line2D([], [], color=_EMPTY, linewidth=4, label="window without modes"))
     return handles
+
+
+def plain_tracks_figure(tracked: TrackedModes) -> Figure:
+    """Return tracked modes over their own times."""
+    return tracks_figure(tracked, has_times=tracked.has_times)

@@ -1,7 +1,6 @@
 """Values as pandas data frames: one row for each mode, part, window or sample, units in the names of the columns."""
 
 from collections.abc import Iterable, Mapping
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ from sprung._checks import data_frame_of, required
 from sprung.calibration import Calibration
 from sprung.diagnosis import Baseline, Diagnosis, Finding, Findings, Observation, Observations
 from sprung.diagnosis.observation import CONDITION_UNITS
-from sprung.errors import ParameterError
 from sprung.identification import Identification
 from sprung.identification.stabilisation import StabilisationDiagram
 from sprung.identification.tracking import TrackedModes
@@ -22,41 +20,16 @@ from sprung.signals.inspection import Inspection
 _Columns = Mapping[str, Any]
 
 
-def data_frame(value: object) -> Any:
-    """Return a value as a pandas.DataFrame.
-
-    Parameters
-    ----------
-    value
-        Recording, modes, or a result.
-
-    Raises
-    ------
-    MissingPackageError
-        If pandas is not installed.
-    ParameterError
-        If a value of this type has no rows.
-    """
-    frame = data_frame_of(columns_of(value))
+def data_frame(value: object, columns: _Columns) -> Any:
+    """Return the columns of a value as a pandas.DataFrame; the index of a recording is its time."""
+    frame = data_frame_of(columns)
     if isinstance(value, Recording):
         frame.index = _times(value)
     return frame
 
 
-@singledispatch
-def columns_of(value: object) -> _Columns:
-    """Return the columns of a value by their names, which have the unit in brackets.
-
-    Raises
-    ------
-    ParameterError
-        If a value of this type has no rows.
-    """
-    raise ParameterError(f"a {type(value).__name__} has no rows: pass a recording, modes or a result")
-
-
-@columns_of.register
-def _of_recording(recording: Recording) -> _Columns:
+def recording_columns(recording: Recording) -> _Columns:
+    """Return the columns of a recording: one for each channel."""
     units = (f" [{channel.unit}]" if channel.unit else "" for channel in recording.channels)
     return {name + unit: row for name, unit, row in zip(recording.names, units, recording.samples, strict=True)}
 
@@ -74,8 +47,8 @@ def _times(recording: Recording) -> Any:
     return pandas.DatetimeIndex(stamps.astype("datetime64[ns]"), tz="UTC", name="time")
 
 
-@columns_of.register
-def _of_modes(modes: Modes) -> _Columns:
+def modes_columns(modes: Modes) -> _Columns:
+    """Return the columns of modes."""
     return {
         "natural_frequency [Hz]": modes.natural_frequency,
         "natural_frequency_std [Hz]": modes.natural_frequency_std,
@@ -88,13 +61,13 @@ def _of_modes(modes: Modes) -> _Columns:
     }
 
 
-@columns_of.register
-def _of_identification(identification: Identification) -> _Columns:
-    return {**columns_of(identification.modes), "source": identification.sources}
+def identification_columns(identification: Identification) -> _Columns:
+    """Return the columns of an identification."""
+    return {**modes_columns(identification.modes), "source": identification.sources}
 
 
-@columns_of.register
-def _of_diagram(diagram: StabilisationDiagram) -> _Columns:
+def diagram_columns(diagram: StabilisationDiagram) -> _Columns:
+    """Return the columns of a stabilisation diagram."""
     return {
         "rung": np.asarray(diagram.poles.ladder)[diagram.poles.rungs],
         "natural_frequency [Hz]": diagram.poles.natural_frequency,
@@ -104,8 +77,8 @@ def _of_diagram(diagram: StabilisationDiagram) -> _Columns:
     }
 
 
-@columns_of.register
-def _of_corners(fit: CornerFit) -> _Columns:
+def corners_columns(fit: CornerFit) -> _Columns:
+    """Return the columns of a fit of the corners."""
     return {
         "corner": [component.corner for component in fit.components],
         "component": [component.kind for component in fit.components],
@@ -116,8 +89,8 @@ def _of_corners(fit: CornerFit) -> _Columns:
     }
 
 
-@columns_of.register
-def _of_baseline(baseline: Baseline) -> _Columns:
+def baseline_columns(baseline: Baseline) -> _Columns:
+    """Return the columns of a baseline."""
     return {
         "corner": [component.corner for component in baseline.components],
         "component": [component.kind for component in baseline.components],
@@ -126,18 +99,18 @@ def _of_baseline(baseline: Baseline) -> _Columns:
     }
 
 
-@columns_of.register
-def _of_diagnosis(diagnosis: Diagnosis) -> _Columns:
-    return columns_of(Findings(diagnosis.findings))
+def diagnosis_columns(diagnosis: Diagnosis) -> _Columns:
+    """Return the columns of a diagnosis."""
+    return findings_columns(Findings(diagnosis.findings))
 
 
-@columns_of.register
-def _of_finding(finding: Finding) -> _Columns:
-    return columns_of(Findings((finding,)))
+def finding_columns(finding: Finding) -> _Columns:
+    """Return the columns of a finding."""
+    return findings_columns(Findings((finding,)))
 
 
-@columns_of.register
-def _of_findings(findings: Findings) -> _Columns:
+def findings_columns(findings: Findings) -> _Columns:
+    """Return the columns of findings."""
     intervals = [finding.interval or (np.nan, np.nan) for finding in findings]
     return {
         "corner": [finding.corner for finding in findings],
@@ -155,13 +128,13 @@ def _of_findings(findings: Findings) -> _Columns:
     }
 
 
-@columns_of.register
-def _of_observation(observation: Observation) -> _Columns:
-    return columns_of(Observations((observation,)))
+def observation_columns(observation: Observation) -> _Columns:
+    """Return the columns of the observation of a window."""
+    return observations_columns(Observations((observation,)))
 
 
-@columns_of.register
-def _of_observations(observations: Observations) -> _Columns:
+def observations_columns(observations: Observations) -> _Columns:
+    """Return the columns of observations of windows."""
     conditions = list(dict.fromkeys(name for window in observations for name in window.conditions))
     labels = list(dict.fromkeys(label for window in observations for label in window.modes))
     parts = list(dict.fromkeys(part for window in observations for part in window.components))
@@ -191,8 +164,8 @@ def _of_observations(observations: Observations) -> _Columns:
     return columns
 
 
-@columns_of.register
-def _of_tracks(tracked: TrackedModes) -> _Columns:
+def tracks_columns(tracked: TrackedModes) -> _Columns:
+    """Return the columns of tracked modes."""
     unit = "s" if tracked.has_times else "windows"
     points = [(number, track, k) for number, track in enumerate(tracked.tracks, start=1) for k in range(len(track))]
     likeness = {number: track.likeness for number, track in enumerate(tracked.tracks, start=1)}
@@ -209,16 +182,16 @@ def _of_tracks(tracked: TrackedModes) -> _Columns:
     }
 
 
-@columns_of.register
-def _of_inspection(inspection: Inspection) -> _Columns:
+def inspection_columns(inspection: Inspection) -> _Columns:
+    """Return the columns of an inspection."""
     names = ("name", "quantity", "unit", "n_values", "mean", "rms", "standard_deviation", "minimum", "maximum")
     shares = {f"{name} [-]": [getattr(facts, name) for facts in inspection.channels] for name in ("clipped", "stuck")}
     facts = {name: [getattr(facts, name) for facts in inspection.channels] for name in names}
     return {**facts, **shares, "is_dead": [channel.is_dead for channel in inspection.channels]}
 
 
-@columns_of.register
-def _of_calibration(calibration: Calibration) -> _Columns:
+def calibration_columns(calibration: Calibration) -> _Columns:
+    """Return the columns of a calibration."""
     names = ("name", "group", "unit", "given", "value", "std", "prior_std", "is_identifiable")
     return {name: [getattr(number, name) for number in calibration.learnt] for name in names}
 

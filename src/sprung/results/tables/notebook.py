@@ -1,12 +1,10 @@
 """Values as notebooks show them: the tables and sentences of the command line, in HTML."""
 
 from collections.abc import Sequence
-from functools import singledispatch
 from html import escape
 
 from sprung.calibration import Calibration
 from sprung.diagnosis import Baseline, Diagnosis, Finding, Findings, Observation, Observations
-from sprung.errors import ParameterError
 from sprung.identification import Identification
 from sprung.identification.stabilisation import StabilisationDiagram
 from sprung.identification.tracking import TrackedModes
@@ -30,54 +28,31 @@ from sprung.results.tables.tracking import tracks_in_words, tracks_table
 from sprung.signals.inspection import Inspection, inspect
 
 #: Tables, lists of sentences, and headings.
-_Parts = Sequence[Table | Sequence[str] | str]
+Parts = Sequence[Table | Sequence[str] | str]
 
 
-def as_html(value: object) -> str:
-    """Return a value as HTML: the tables and sentences that the command line shows.
-
-    Parameters
-    ----------
-    value
-        Recording, modes, or a result.
-
-    Raises
-    ------
-    ParameterError
-        If a value of this type has no tables.
-    """
-    return "\n".join(_block(part) for part in parts_of(value) if part)
+def as_html(parts: Parts) -> str:
+    """Return headings, tables and lists of sentences as HTML."""
+    return "\n".join(_block(part) for part in parts if part)
 
 
-@singledispatch
-def parts_of(value: object) -> _Parts:
-    """Return the headings, tables and lists of sentences of a value.
-
-    Raises
-    ------
-    ParameterError
-        If a value of this type has none.
-    """
-    raise ParameterError(f"a {type(value).__name__} has no tables: pass a recording, modes or a result")
+def recording_parts(recording: Recording) -> Parts:
+    """Return the tables and sentences of a recording."""
+    return [*inspection_parts(inspect(recording)), recording.history]
 
 
-@parts_of.register
-def _of_recording(recording: Recording) -> _Parts:
-    return [*parts_of(inspect(recording)), recording.history]
-
-
-@parts_of.register
-def _of_inspection(inspection: Inspection) -> _Parts:
+def inspection_parts(inspection: Inspection) -> Parts:
+    """Return the tables and sentences of an inspection."""
     return [inspection_in_words(inspection), inspection_table(inspection)]
 
 
-@parts_of.register
-def _of_modes(modes: Modes) -> _Parts:
+def modes_parts(modes: Modes) -> Parts:
+    """Return the tables and sentences of modes."""
     return [modes_table(modes)]
 
 
-@parts_of.register
-def _of_identification(identification: Identification) -> _Parts:
+def identification_parts(identification: Identification) -> Parts:
+    """Return the tables and sentences of an identification."""
     return [
         identification_in_words(identification),
         *identification_tables(identification),
@@ -85,56 +60,56 @@ def _of_identification(identification: Identification) -> _Parts:
     ]
 
 
-@parts_of.register
-def _of_diagram(diagram: StabilisationDiagram) -> _Parts:
+def diagram_parts(diagram: StabilisationDiagram) -> Parts:
+    """Return the tables and sentences of a stabilisation diagram."""
     counts = {status: int((diagram.status == status).sum()) for status in PoleStatus}
     rows = tuple((str(count), status.sentence) for status, count in counts.items() if count)
     return [Table("Stabilisation diagram", ("poles", "status"), rows, n_words=0)]
 
 
-@parts_of.register
-def _of_tracks(tracked: TrackedModes) -> _Parts:
+def tracks_parts(tracked: TrackedModes) -> Parts:
+    """Return the tables and sentences of tracked modes."""
     return [tracks_in_words(tracked), tracks_table(tracked, has_times=tracked.has_times)]
 
 
-@parts_of.register
-def _of_corners(fit: CornerFit) -> _Parts:
+def corners_parts(fit: CornerFit) -> Parts:
+    """Return the tables and sentences of a fit of the corners."""
     return [components_table(fit), fitted_modes_table(fit), [*payload_in_words(fit), *fit.notes]]
 
 
-@parts_of.register
-def _of_baseline(baseline: Baseline) -> _Parts:
+def baseline_parts(baseline: Baseline) -> Parts:
+    """Return the tables and sentences of a baseline."""
     words = baseline_in_words(baseline, n_windows=baseline.n_windows + baseline.n_refused)
     return [baseline_table(baseline), words]
 
 
-@parts_of.register
-def _of_diagnosis(diagnosis: Diagnosis) -> _Parts:
+def diagnosis_parts(diagnosis: Diagnosis) -> Parts:
+    """Return the tables and sentences of a diagnosis."""
     return [diagnosis_in_words(diagnosis), *diagnosis_tables(diagnosis, ()), diagnosis.notes]
 
 
-@parts_of.register
-def _of_finding(finding: Finding) -> _Parts:
+def finding_parts(finding: Finding) -> Parts:
+    """Return the tables and sentences of a finding."""
     return [findings_table((finding,))]
 
 
-@parts_of.register
-def _of_findings(findings: Findings) -> _Parts:
+def findings_parts(findings: Findings) -> Parts:
+    """Return the tables and sentences of findings."""
     return [findings_table(findings)] if findings else ["no findings"]
 
 
-@parts_of.register
-def _of_observation(observation: Observation) -> _Parts:
+def observation_parts(observation: Observation) -> Parts:
+    """Return the tables and sentences of the observation of a window."""
     return [observations_table((observation,))]
 
 
-@parts_of.register
-def _of_observations(observations: Observations) -> _Parts:
+def observations_parts(observations: Observations) -> Parts:
+    """Return the tables and sentences of observations of windows."""
     return [observations_table(observations)] if observations else ["no windows"]
 
 
-@parts_of.register
-def _of_calibration(calibration: Calibration) -> _Parts:
+def calibration_parts(calibration: Calibration) -> Parts:
+    """Return the tables and sentences of a calibration."""
     return [calibration_table(calibration), calibration_in_words(calibration)]
 
 

@@ -306,7 +306,7 @@ def fields(value):
 @pytest.mark.parametrize("words", [("alerts",), ("alerts", "history", "1"), ("vehicles",)], ids=" ".join)
 def test_every_field_is_documented_with_an_example(sprung, store, words):
     document = sprung(*words, "--store", store, "--json", "-").document()
-    text = (Path(__file__).parents[2] / "docs" / "json.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "docs" / "json.md").read_text(encoding="utf-8")
     section = text.split(f": `{document['schema']}`\n")[1].split("\n## ")[0]
     example = json.loads(section.split("```json\n")[1].split("```")[0])
     assert fields(example) == fields(document)
