@@ -35,9 +35,9 @@ TABLES = {
     "vehicles": "SELECT vehicle, configuration, description, channels, is_parked FROM vehicles ORDER BY vehicle",
     "frames": "SELECT vehicle, boot, seq FROM frames ORDER BY 1, 2, 3",
     "cursors": "SELECT vehicle, boot, contiguous, done, lost FROM cursors ORDER BY 1, 2",
-    "observations": "SELECT vehicle, boot, number, t0, document, md5(packed) FROM observations ORDER BY 1, 2, 3",
-    "modes": "SELECT vehicle, boot, number, t0, document, md5(packed) FROM modes ORDER BY 1, 2, 3",
-    "findings": "SELECT vehicle, boot, number, place, t0, document, md5(packed) FROM findings ORDER BY 1, 2, 3, 4",
+    "observations": "SELECT vehicle, boot, number, t0, md5(document) FROM observations ORDER BY 1, 2, 3",
+    "modes": "SELECT vehicle, boot, number, t0, md5(document) FROM modes ORDER BY 1, 2, 3",
+    "findings": "SELECT vehicle, boot, number, place, t0, md5(document) FROM findings ORDER BY 1, 2, 3, 4",
     "baselines": "SELECT vehicle, version, reason, document FROM baselines ORDER BY 1, 2",
     "snapshots": "SELECT vehicle, boot, seq, md5(document) FROM snapshots ORDER BY 1",
     "statuses": "SELECT vehicle, document FROM statuses ORDER BY 1",
@@ -155,14 +155,14 @@ def rig(folder: Path, plan: Plan, server: Path, *, monitors: int) -> Iterator[Ri
     made = Rig(folder, plan, database, monitors=monitors)
     try:
         # Nobody may begin before the tables are there.
-        until(lambda: is_migrated(database), timeout=120.0, what="the tables")
+        until(lambda: has_tables(database), timeout=120.0, what="the tables")
         yield made
     finally:
         made.close()
         database.close()
 
 
-def is_migrated(database: Database) -> bool:
+def has_tables(database: Database) -> bool:
     """Return whether the store has its tables, and a monitor holds leases."""
     if database.rows("SELECT to_regclass('leases') IS NOT NULL") == [(False,)]:
         return False

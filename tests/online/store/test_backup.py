@@ -11,7 +11,7 @@ import pytest
 
 from sprung.online.store import Progress, StoredFrame, open_store
 
-DEPLOY = Path(__file__).parents[2] / "deploy"
+DEPLOY = Path(__file__).parents[3] / "deploy"
 
 
 def run(script, *words):

@@ -35,7 +35,7 @@ def test_an_empty_store_has_no_oldest_result(store) -> None:
     name, version = contents.database.split(" ")
     assert name in {"SQLite", "PostgreSQL"}
     assert version[0].isdigit()
-    assert contents.schema == "0008"
+    assert contents.schema == "1"
 
 
 def test_counting_ends(store, monkeypatch) -> None:

@@ -28,11 +28,10 @@ from sprung.modal import Modes
 from sprung.online.monitor.completion import Completion
 from sprung.online.monitor.states import (
     FIRST,
-    NAME,
+    SCHEMA,
     UNUSABLE,
-    VERSION,
+    checked_state,
     invalid_state,
-    migrated,
     restored_block,
     restored_statistics,
     stored_block,
@@ -413,7 +412,7 @@ class VehicleMonitor:
     def state(self) -> dict[str, Any]:
         """Return everything that is needed to continue, as plain values and bytes."""
         return {
-            "schema": f"{NAME}/{VERSION}",
+            "schema": SCHEMA,
             "vehicle": self._vehicle.name,
             "settings": asdict(self._settings),
             "reason": self._reason,
@@ -445,16 +444,16 @@ class VehicleMonitor:
         vehicle
             Vehicle with its sensors.
         state
-            State from `state`, also one of an earlier version.
+            State from `state`.
         type_baseline
             Baseline of the vehicle's type from now on; None: that of the state.
 
         Raises
         ------
         StateError
-            If the state is incomplete or invalid, or of a newer program.
+            If the state is incomplete or invalid, or of another version.
         """
-        present = migrated(state)
+        present = checked_state(state)
         try:
             monitor = cls(vehicle, settings=MonitorSettings(**present["settings"]))
             monitor._restore(present, type_baseline)
@@ -463,7 +462,7 @@ class VehicleMonitor:
         return monitor
 
     def _restore(self, state: Mapping[str, Any], type_baseline: TypeBaseline | None) -> None:
-        """Take over the parts of a state of the present version."""
+        """Take over the parts of a state."""
         self._baseline = None if state["baseline"] is None else baseline_from_document(dict(state["baseline"]))
         self._type = type_baseline or _restored_type(state["type"])
         self._reason = state["reason"]

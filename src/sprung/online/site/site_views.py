@@ -54,7 +54,6 @@ _LIBRARIES = (
     "pydantic",
     "sqlalchemy",
     "psycopg",
-    "alembic",
     "paho-mqtt",
     "cbor2",
     "fastapi",

@@ -100,22 +100,6 @@ class Database:
                 check(connection)
             yield connection
 
-    @contextmanager
-    def upgrading(self) -> Iterator[Connection]:
-        """Yield a transaction that writes for as long as it takes."""
-        with self.writing() as connection:
-            if self.path is not None:
-                yield connection
-                return
-            for limit in ("statement_timeout", "lock_timeout"):
-                connection.exec_driver_sql(f"SET LOCAL {limit} = 0")
-            limited: Any = connection.connection.dbapi_connection
-            patience, limited.patience = limited.patience, None
-            try:
-                yield connection
-            finally:
-                limited.patience = patience
-
     def insert(self, table: Table) -> sqlite.Insert | postgresql.Insert:
         """Return an INSERT that supports a clause for existing rows."""
         return postgresql.insert(table) if self.path is None else sqlite.insert(table)

@@ -1,4 +1,4 @@
-"""Present tables of the store; `sprung.online.store.migrations` upgrades every released schema to them.
+"""Tables of the store.
 
 Times are UTC nanoseconds. `boot` counts the starts of a box, `seq` its frames since then, from 0.
 """
@@ -160,7 +160,7 @@ FORGOTTEN = Table("forgotten", METADATA, _key("vehicle", Text), Column("boot", _
 
 
 def _entries(name: str, *more: Column[object]) -> Table:
-    """Return a table of documents, each about a numbered stretch of time: packed, or as text of earlier programs."""
+    """Return a table of documents, each about a numbered stretch of time."""
     return Table(
         name,
         METADATA,
@@ -169,9 +169,8 @@ def _entries(name: str, *more: Column[object]) -> Table:
         _key("number", _INTEGER),
         *more,
         Column("t0", _INTEGER, nullable=False),
-        Column("document", Json, nullable=False),
-        Column("stored", _INTEGER, nullable=False, server_default="0"),
-        Column("packed", Packed),
+        Column("document", Packed, nullable=False),
+        Column("stored", _INTEGER, nullable=False),
         Index(f"{name}_in_time", "vehicle", "t0"),
         Index(f"{name}_stored", "stored"),
     )
@@ -380,5 +379,6 @@ LEASES = Table(
     Column("epoch", _INTEGER, nullable=False),
 )
 
-#: For each revision of the schema, the oldest one whose programs can use it.
-COMPATIBILITY = Table("compatibility", METADATA, _key("revision", Text), Column("since", Text, nullable=False))
+#: Version of these tables in a store, one row: `SCHEMA_VERSION` of the program that made it.
+SCHEMA = Table("schema_version", METADATA, Column("version", Integer, primary_key=True, autoincrement=False))
+SCHEMA_VERSION = 1
