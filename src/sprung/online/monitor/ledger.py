@@ -143,26 +143,15 @@ class Ledger:
                 LOG.info("window not used for learning", extra={"vehicle": outcome.vehicle, **reason})
         return True
 
-    @property
-    def waiting(self) -> list[str]:
-        """Vehicles with results that wait to be stored."""
-        return list(dict.fromkeys(progress.vehicle for progress in self._waiting))
-
-    def forget(self, vehicle: str) -> None:
-        """Forget the results of a vehicle that wait: another monitor stores the same."""
-        self._waiting = [progress for progress in self._waiting if progress.vehicle != vehicle]
-
-    def flush(self, vehicle: str | None = None) -> None:
-        """Store the results of a vehicle, or of all, that wait, in one transaction.
+    def flush(self) -> None:
+        """Store the results that wait, in one transaction.
 
         Raises
         ------
-        LeaseLostError
-            If another monitor has taken over one of the vehicles: they wait on.
         StoreError
-            If the store cannot write: those not yet stored wait on. Those that it refuses are dropped.
+            If the store cannot write: they wait on. Those that it refuses are dropped.
         """
-        waiting = self._waiting if vehicle is None else self._of(vehicle)
+        waiting = self._waiting
         if not waiting:
             return
         try:
@@ -171,11 +160,10 @@ class Ledger:
             for progress in waiting:
                 self._store_alone(progress)
         except StoreError:
-            self._waiting = self._waiting[-_MOST_WAITING:]
+            self._waiting = waiting[-_MOST_WAITING:]
             raise
         else:
-            stored = set(map(id, waiting))
-            self._waiting = [progress for progress in self._waiting if id(progress) not in stored]
+            self._waiting = []
 
     def update_alerts(self, vehicle: str, events: tuple[Event | Restored, ...]) -> None:
         """Raise, update and clear alerts according to windows, which clear those about the analysis.

@@ -69,7 +69,7 @@ class Overload:
             self._calm.start()
             self._report(age, n_frames, n_vehicles)
         elif self._is_reported and self._calm.is_due:
-            self._alerts.clear_own(MONITOR, OVERLOAD, now=self._clock())
+            self._alerts.clear(MONITOR, OVERLOAD, now=self._clock())
             self._is_reported = False
             self._reporting.reset()
 
@@ -83,6 +83,6 @@ class Overload:
             "more workers, or fewer vehicles on this machine"
         )
         LOG.warning(sentence)
-        self._alerts.report_own(MONITOR, OVERLOAD, sentence, now=self._clock())
+        self._alerts.report(MONITOR, OVERLOAD, sentence, now=self._clock())
         self._is_reported = True
         self._reporting.start()

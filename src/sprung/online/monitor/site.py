@@ -62,12 +62,6 @@ class Watch(_Table):
     megabytes_per_job: float = Field(
         1500.0, gt=0, description="largest memory that the analysis of a window may take [MB]"
     )
-    takeover_seconds: float = Field(
-        30.0,
-        ge=5,
-        le=3600,
-        description="time without a sign of life after which others take over the vehicles of a monitor [s]",
-    )
 
     @property
     def settings(self) -> MonitorSettings:

@@ -25,7 +25,6 @@ from sprung.online.site.site_models import (
     FalseAlarms,
     FigureEntry,
     LoopEntry,
-    MonitorEntry,
     SenderEntry,
     SettingEntry,
     SiteDetail,
@@ -86,7 +85,6 @@ def site_detail(context: Context) -> SiteDetail:
         versions=_versions(contents),
         loops=_loops(site, figures),
         figures=_figures(figures),
-        monitors=tuple(MonitorEntry.model_validate(each) for each in store.leases.holders()),
     )
 
 

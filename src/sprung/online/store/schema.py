@@ -34,8 +34,8 @@ class RefusedError(StoreError):
     """Values that no row can hold: the store itself is sound, and stores others."""
 
 
-class LeaseLostError(StoreError):
-    """A lease that another monitor has taken over; nothing was written."""
+class ReservationLostError(SprungError):
+    """The store is no longer reserved for this monitor, which must stop; nothing was written."""
 
 
 class Json(TypeDecorator[Any]):
@@ -150,8 +150,6 @@ CURSORS = Table(
     Column("done", _INTEGER, nullable=False),
     Column("lost", _INTEGER, nullable=False),
     Column("updated", _INTEGER, nullable=False),
-    Column("shard", Integer, nullable=False, server_default="-1"),
-    Index("cursors_of_shard", "shard", "updated"),
 )
 
 
@@ -365,18 +363,6 @@ TOKENS = Table(
     Column("created", _INTEGER, nullable=False),
     Column("created_by", Text, nullable=False),
     Column("expires", _INTEGER),
-)
-
-#: Monitors that run, and when each was last heard from, by the clock of the database.
-MONITORS = Table("monitors", METADATA, _key("monitor", Text), Column("seen", _INTEGER, nullable=False))
-
-#: Monitor that works for the vehicles of each shard; the epoch rises whenever that changes.
-LEASES = Table(
-    "leases",
-    METADATA,
-    Column("shard", Integer, primary_key=True, autoincrement=False),
-    Column("holder", Text),
-    Column("epoch", _INTEGER, nullable=False),
 )
 
 #: Version of these tables in a store, one row: `SCHEMA_VERSION` of the program that made it.

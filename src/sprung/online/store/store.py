@@ -17,11 +17,11 @@ from sprung.online.store.contents import Contents, contents_of, n_windows_since
 from sprung.online.store.database import PATIENCE, Database
 from sprung.online.store.fleet import Fleet
 from sprung.online.store.inbox import Inbox
-from sprung.online.store.leases import N_SHARDS, Leases
 from sprung.online.store.requests import Requests
+from sprung.online.store.reservation import Reservation
 from sprung.online.store.results import Results
 from sprung.online.store.retention import Ages, delete_older
-from sprung.online.store.schema import LEASES, METADATA, SCHEMA, SCHEMA_VERSION, VEHICLES, StoreError
+from sprung.online.store.schema import METADATA, SCHEMA, SCHEMA_VERSION, VEHICLES, StoreError
 
 # Number of the lock on PostgreSQL while tables are created: any, but the same in every program.
 _CREATING = 0x737072756E67
@@ -59,8 +59,8 @@ class Store:
         Alerts with their history, and notifications.
     requests
         Commands for the monitor, and the audit trail.
-    leases
-        Leases of the monitors on vehicles.
+    reservation
+        Right of one monitor to work on the store.
     fleet
         The fleet in order of urgency, for people.
     accounts
@@ -73,10 +73,15 @@ class Store:
 
     def __init__(self, database: Database) -> None:
         self._database = database
-        self.inbox, self.results, self.aside = Inbox(database), Results(database), Aside(database)
-        self.alerts, self.requests = Alerts(database), Requests(database)
-        self.leases, self.fleet = Leases(database), Fleet(database)
-        self.accounts, self.verdicts = Accounts(database), Verdicts(database)
+        self.inbox = Inbox(database)
+        self.results = Results(database)
+        self.aside = Aside(database)
+        self.alerts = Alerts(database)
+        self.requests = Requests(database)
+        self.reservation = Reservation(database)
+        self.fleet = Fleet(database)
+        self.accounts = Accounts(database)
+        self.verdicts = Verdicts(database)
         self.notices = database.notices
 
     def __enter__(self) -> Self:
@@ -121,8 +126,8 @@ class Store:
         return self._database.together()
 
     def close(self) -> None:
-        """Close all connections, and let another monitor use a file."""
-        self.leases.unlock()
+        """Close all connections, and let another monitor work on the store."""
+        self.reservation.release()
         self._database.close()
 
     def delete_older(
@@ -212,7 +217,6 @@ def _create_tables(connection: Connection) -> None:
     else:
         METADATA.create_all(connection)
         connection.execute(SCHEMA.insert().values(version=SCHEMA_VERSION))
-        connection.execute(LEASES.insert(), [{"shard": shard, "epoch": 0} for shard in range(N_SHARDS)])
         return
     raise StoreError(
         f"the store has the schema {version or 'of a trial version'}, and this program uses {SCHEMA_VERSION}: "
