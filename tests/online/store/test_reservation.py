@@ -45,7 +45,7 @@ def test_who_takes_over_waits_for_transactions_under_way(postgresql_url) -> None
     with open_store(postgresql_url) as first, open_store(postgresql_url) as second:
         assert first.reservation.take("a")
         with first.reservation.fenced(), first._database.writing():
-            first.reservation._connection.close()
+            first.reservation.release()
             with pytest.raises(StoreError, match="lock timeout"):
                 second.reservation.take("b")
         assert second.reservation.take("b")

@@ -15,7 +15,6 @@ from sprung.online.monitor.fleets import VehicleTypes, type_of_others
 from sprung.online.monitor.histories import ROLL_BACK, history_of, restored_baseline
 from sprung.online.monitor.jobs import Failure, Opening, Outcome, VehicleStatus
 from sprung.online.monitor.ledger import Ledger
-from sprung.online.monitor.overload import Overload
 from sprung.online.monitor.states import History
 from sprung.online.monitor.streams import Handover, Queue, Stream
 from sprung.online.monitor.strikes import Strikes
@@ -50,8 +49,6 @@ class Dispatch:
         Settings of vehicles that start from scratch.
     timer
         Present time [s] of a monotonic clock.
-    overload
-        Detects and reports that the analysis falls behind; None: not detected.
     clock
         Present time, UTC ns.
 
@@ -65,8 +62,7 @@ class Dispatch:
     The next job is that of the vehicle whose oldest frame has waited longest since it arrived or, so that one vehicle
     with hours of frames does not hold up the others, since its last job.
 
-    Frames are handed over from memory as they are stored; only others are read from the store. During an overload
-    jobs leave out the identifications within windows, never a window.
+    Frames are handed over from memory as they are stored; only others are read from the store.
     """
 
     def __init__(
@@ -77,14 +73,12 @@ class Dispatch:
         settings: MonitorSettings,
         *,
         timer: Callable[[], float] = time.monotonic,
-        overload: Overload | None = None,
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
         self._store = store
         self._workers = workers
         self._ledger = ledger
         self._settings = settings
-        self._overload = overload
         self._clock = clock
         self._handover = Handover()
         self._queue = Queue()
@@ -185,9 +179,6 @@ class Dispatch:
         StoreError
             If the store cannot be used.
         """
-        if self._overload is not None and self._overload.is_due:
-            self._overload.update(self._age, n_frames=self._backlog, n_vehicles=len(self._waiting_since))
-            self._workers.skips_modes = self._overload.is_on
         n_given = 0
         for vehicle in self._queue:
             if self._workers.is_busy:

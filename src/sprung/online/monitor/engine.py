@@ -238,7 +238,7 @@ class VehicleMonitor:
         self._n_samples = 0
         self._running: RunningSummary | None = None
         self._n_windows = 0
-        self._n_identified = self._n_thinned = 0
+        self._n_identified = 0
         self._learning: list[Observation] = []
         self._detector = None if baseline is None else self._new_detector(baseline)
         self._modes: tuple[dict[str, Any], ...] = ()
@@ -316,12 +316,7 @@ class VehicleMonitor:
         """Duration of the samples that arrived last and were analysed before [s]; 0 after new ones."""
         return self._repeats.repeated
 
-    @property
-    def n_thinned(self) -> int:
-        """Number of identifications left out since the monitor was created."""
-        return self._n_thinned
-
-    def update(self, block: Block, *, skips_modes: bool = False) -> tuple[Event, ...]:
+    def update(self, block: Block) -> tuple[Event, ...]:
         """Add samples and return the events that they complete.
 
         Parameters
@@ -329,9 +324,6 @@ class VehicleMonitor:
         block
             Samples of any length, a `Recording` or a `FrameBlock`. With other channels or another rate than before, a
             new window begins.
-        skips_modes
-            Whether to leave out identifications, except those of complete windows. They keep their numbers, and windows
-            their results.
 
         Returns
         -------
@@ -352,11 +344,7 @@ class VehicleMonitor:
             self._n_samples += part.n_samples
             whole = joined(self._blocks) if self._n_samples == self._needed(part) else None
             if self._is_due(before, self._n_samples):
-                if skips_modes and whole is None:
-                    self._n_identified += 1
-                    self._n_thinned += 1
-                else:
-                    events.append(self._identify(whole))
+                events.append(self._identify(whole))
             if whole is not None:
                 events.append(self._complete(whole))
         return tuple(events)

@@ -14,11 +14,6 @@ FIGURES = {
     "sprung_windows_total": ("counter", "Windows analysed."),
     "sprung_window_age_seconds": ("gauge", "Time since the last window was analysed."),
     "sprung_identifications_total": ("counter", "Identifications of modes."),
-    "sprung_identifications_thinned_total": (
-        "counter",
-        "Identifications left out while the analysis was behind.",
-    ),
-    "sprung_identifications_thinned_ratio": ("gauge", "Share of the identifications left out."),
     "sprung_analysis_cpu_seconds_total": ("counter", "Processor time of the jobs of workers."),
     "sprung_failures_total": ("counter", "Jobs of workers that failed."),
     "sprung_frames_set_aside_total": ("counter", "Frames set aside, as their analysis fails or needs too much memory."),

@@ -62,7 +62,10 @@ class Ledger:
         self._warned: dict[tuple[str, str], str] = {}
         self._waiting: list[Progress] = []
         self._samples, self._correlations = site.archive, site.correlations
-        self._n_windows = self._n_identifications = self._n_thinned = self._n_frames_aside = self._n_states_aside = 0
+        self._n_windows = 0
+        self._n_identifications = 0
+        self._n_frames_aside = 0
+        self._n_states_aside = 0
 
     @property
     def figures(self) -> dict[str, float]:
@@ -70,8 +73,6 @@ class Ledger:
         return {
             "sprung_windows_total": self._n_windows,
             "sprung_identifications_total": self._n_identifications,
-            "sprung_identifications_thinned_total": self._n_thinned,
-            "sprung_identifications_thinned_ratio": self._n_thinned / max(1, self._n_thinned + self._n_identifications),
             "sprung_frames_set_aside_total": self._n_frames_aside,
             "sprung_states_set_aside_total": self._n_states_aside,
         }
@@ -103,7 +104,6 @@ class Ledger:
         modes = tuple(_modes(event) for event in identified if event.modes)
         self._n_windows += len(windows)
         self._n_identifications += len(identified)
-        self._n_thinned += outcome.n_thinned
         is_saved = outcome.state is not None
         if not (identified or is_saved):
             return False

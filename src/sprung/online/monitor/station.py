@@ -20,7 +20,6 @@ from sprung.online.monitor.intake import MONITOR, Intake
 from sprung.online.monitor.jobs import VehicleStatus
 from sprung.online.monitor.lakes import lake_writer
 from sprung.online.monitor.ledger import Ledger
-from sprung.online.monitor.overload import Overload
 from sprung.online.monitor.pictures import alert_picture
 from sprung.online.monitor.postman import PostOffice, senders_of
 from sprung.online.monitor.refusals import OVERLOAD, Refusals
@@ -117,7 +116,6 @@ class Station:
             ledger,
             site.watch.settings,
             timer=timer,
-            overload=Overload(alerts, limit=site.watch.overload_seconds, clock=clock),
             clock=clock,
         )
         self._post = PostOffice(
