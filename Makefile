@@ -50,10 +50,10 @@ screenshots: $(READY)
 bench: $(READY)
 	benchmarks/run
 
-# A thousand kills of box, broker and monitor, then three monitors in a storm: about three quarters of an hour.
+# A thousand kills of box, broker and monitor, then take-overs by a monitor that stands by: about three quarters of an hour.
 chaos: $(READY)
 	$(BIN)/python benchmarks/chaos --kills 1000 --minutes 240 --drives 24 --every 1.6 --seed 1
-	$(BIN)/python benchmarks/chaos/several.py
+	$(BIN)/python benchmarks/chaos/takeover.py
 
 # A million faults in a simulated world of boxes, broker and monitor: a night. FIRST is the first seed.
 FIRST ?= 1

@@ -29,9 +29,9 @@ def cursors(store: Path) -> dict[int, tuple[int, int, int]]:
 def contents(store: Path) -> dict[str, list[tuple[Any, ...]]]:
     """Return what was found out about the vehicle, whatever boots it came in."""
     return {
-        "observations": rows(store, "SELECT number, t0, packed FROM observations ORDER BY number"),
-        "modes": rows(store, "SELECT number, t0, packed FROM modes ORDER BY number"),
-        "findings": rows(store, "SELECT number, place, t0, packed FROM findings ORDER BY number, place"),
+        "observations": rows(store, "SELECT number, t0, document FROM observations ORDER BY number"),
+        "modes": rows(store, "SELECT number, t0, document FROM modes ORDER BY number"),
+        "findings": rows(store, "SELECT number, place, t0, document FROM findings ORDER BY number, place"),
         "baselines": rows(store, "SELECT version, reason, document FROM baselines ORDER BY version"),
         "alerts": rows(
             store, f"SELECT cause, severity, text, is_active FROM alerts WHERE vehicle = '{VEHICLE}' ORDER BY cause"

@@ -1,4 +1,4 @@
-"""Frames stored per second by one monitor and several on one PostgreSQL, and the processor time of a frame.
+"""Frames stored per second by a monitor on PostgreSQL, and the processor time of a frame.
 
 The first frame of every vehicle is withheld, so that all others are stored and none is analysed or acknowledged.
 
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from processes import until
 from servers import postgresql
-from several import Plan, Rig, rig
+from takeover import Plan, Rig, rig
 
 from fleet import DRIVING_RATE, driven, framed
 from sprung.link import Address, Link, topic
@@ -29,11 +29,6 @@ _LENGTH = 10.0
 def n_frames(one: Rig) -> int:
     """Return the number of frames in the store."""
     return int(one.database.rows("SELECT count(*) FROM frames")[0][0])
-
-
-def n_holders(one: Rig) -> int:
-    """Return the number of monitors that hold shards."""
-    return int(one.database.rows("SELECT count(DISTINCT holder) FROM leases")[0][0])
 
 
 def cpu_times(one: Rig, server: Path) -> dict[str, float]:
@@ -83,7 +78,6 @@ def flood(one: Rig, server: Path, frames: list[tuple[str, bytes]]) -> tuple[floa
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--monitors", type=int, default=3)
     parser.add_argument("--vehicles", type=int, default=300)
     parser.add_argument("--frames", type=int, default=20, help="of each vehicle")
     given = parser.parse_args()
@@ -94,25 +88,23 @@ def main() -> None:
         for name in (f"car-{number}" for number in range(given.vehicles))
     ]
     print(f"{len(frames)} frames of {sum(len(payload) for _, payload in frames) / len(frames):.0f} bytes", flush=True)
-    plan = Plan(given.monitors, given.vehicles, 0, 1, 0.0, 0.0, 30.0, 0.0, 0)
-    for n_monitors in range(1, given.monitors + 1):
-        with (
-            tempfile.TemporaryDirectory() as folder,
-            postgresql() as server,
-            rig(Path(folder) / f"flood{n_monitors}", plan, server, monitors=n_monitors) as one,
-        ):
-            until(lambda one=one, n=n_monitors: n_holders(one) == n, timeout=120.0, what="the start of all")
-            time.sleep(1.0)  # subscribed
-            before = core_times()
-            seconds, used = flood(one, server, frames)
-            busy, idle = (after - earlier for earlier, after in zip(before, core_times(), strict=True))
-        costs = ", ".join(f"{name} {1e6 * cost / len(frames):.0f}" for name, cost in used.items())
-        own, whole = sum(used.values()), busy + idle
-        print(
-            f"{n_monitors} monitors: {len(frames) / seconds:.0f} frames/s; us of processor a frame: {costs}; of the"
-            f" cores {own / whole:.0%} for these, {(busy - own) / whole:.0%} for others, {idle / whole:.0%} idle",
-            flush=True,
-        )
+    plan = Plan(1, given.vehicles, 0, 1, 0.0, 0.0, 0.0, 0)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        postgresql() as server,
+        rig(Path(folder) / "flood", plan, server, monitors=1) as one,
+    ):
+        time.sleep(1.0)  # subscribed
+        before = core_times()
+        seconds, used = flood(one, server, frames)
+        busy, idle = (after - earlier for earlier, after in zip(before, core_times(), strict=True))
+    costs = ", ".join(f"{name} {1e6 * cost / len(frames):.0f}" for name, cost in used.items())
+    own, whole = sum(used.values()), busy + idle
+    print(
+        f"{len(frames) / seconds:.0f} frames/s; us of processor a frame: {costs}; of the"
+        f" cores {own / whole:.0%} for these, {(busy - own) / whole:.0%} for others, {idle / whole:.0%} idle",
+        flush=True,
+    )
 
 
 if __name__ == "__main__":

@@ -87,7 +87,7 @@ class InlineWorkers:
         Function that receives vehicle, boot and sequence number of each frame that a job failed on.
     """
 
-    is_busy = skips_modes = False
+    is_busy = False
 
     def __init__(self, chance: Chance, *, on_failed: Callable[[str, int, int], None] = lambda *_: None) -> None:
         self._chance, self._on_failed = chance, on_failed

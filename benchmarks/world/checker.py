@@ -241,7 +241,7 @@ class Checker:
 
     def _look_at_windows(self) -> None:
         """Compare new windows with the samples that there were."""
-        query = "SELECT rowid, vehicle, number, packed FROM observations WHERE rowid > ? ORDER BY rowid"
+        query = "SELECT rowid, vehicle, number, document FROM observations WHERE rowid > ? ORDER BY rowid"
         for row, vehicle, number, packed in self._reader.execute(query, (self._last_row,)):
             self._last_row = row
             conditions: dict[str, float] = _unpacked(packed)["conditions"]

@@ -257,9 +257,9 @@ def _announcement() -> dict[Any, Any]:
 
 
 _TABLES = {
-    "observations": "SELECT vehicle, boot, number, t0, packed FROM observations ORDER BY vehicle, number",
-    "modes": "SELECT vehicle, boot, number, t0, packed FROM modes ORDER BY vehicle, number",
-    "findings": "SELECT vehicle, boot, number, place, packed FROM findings ORDER BY vehicle, number, place",
+    "observations": "SELECT vehicle, boot, number, t0, document FROM observations ORDER BY vehicle, number",
+    "modes": "SELECT vehicle, boot, number, t0, document FROM modes ORDER BY vehicle, number",
+    "findings": "SELECT vehicle, boot, number, place, document FROM findings ORDER BY vehicle, number, place",
     "snapshots": "SELECT vehicle, boot, seq, document FROM snapshots ORDER BY vehicle",
     "frames": "SELECT frames.vehicle, frames.boot, seq FROM frames JOIN cursors ON cursors.vehicle = frames.vehicle"
     " AND cursors.boot = frames.boot WHERE seq <= contiguous ORDER BY frames.vehicle, frames.boot, seq",

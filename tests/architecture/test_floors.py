@@ -39,7 +39,7 @@ WINGS = {name.partition(".")[0] for name in FLOOR_OF if "." in name}
 ONLY_IN = {
     "matplotlib": {"results.figures"},
     **{key: {"cli", "online.commands", "fleet.commands"} for key in ("typer", "rich", "click")},
-    **{key: {"online.store"} for key in ("sqlalchemy", "alembic", "psycopg", "sqlite3")},
+    **{key: {"online.store"} for key in ("sqlalchemy", "psycopg", "sqlite3")},
     "paho": {"link"},
     "deltalake": {"fleet.lake"},
     "pyspark": {"fleet.jobs", "fleet.streams", "fleet.commands"},

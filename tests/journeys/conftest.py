@@ -207,7 +207,6 @@ FIGURES = {
     "sprung_failures_total": 0.0,
     "sprung_backlog_frames": 12.0,
     "sprung_backlog_age_seconds": 1.5,
-    "sprung_identifications_thinned_ratio": 0.0,
     'sprung_heartbeat_age_seconds{loop="station"}': 0.1,
     'sprung_heartbeat_age_seconds{loop="analysis"}': 2.5,
     'sprung_heartbeat_age_seconds{loop="post log"}': 4.0,

@@ -129,7 +129,7 @@ class Inline(Workers):
         return True
 
     def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str | Baseline = "") -> None:
-        self._keep(answer(("work", vehicle, frames, learn, self.skips_modes), self.watched))
+        self._keep(answer(("work", vehicle, frames, learn), self.watched))
 
     def _keep(self, outcome: Outcome | None) -> None:
         self.done += [] if outcome is None else [outcome]

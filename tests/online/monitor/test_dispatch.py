@@ -23,7 +23,7 @@ from sprung.online.monitor import (
 )
 from sprung.online.monitor.dispatch import Dispatch
 from sprung.online.monitor.ledger import Ledger
-from sprung.online.store import LeaseLostError, Progress, RefusedError, StoredFrame, StoreError
+from sprung.online.store import Progress, RefusedError, StoredFrame, StoreError
 from sprung.recording import Channel, Recording
 from sprung.results.documents import observation_document
 from sprung.vehicles import Component, read_vehicle, vehicle_text
@@ -494,20 +494,3 @@ def test_an_older_boot_that_comes_late_is_analysed_once_whatever_restarts(dispat
     analyse(b"4")
     cursors = store.inbox.cursors(vehicle="car-1")
     assert {boot: cursor.done for (_, boot), cursor in cursors.items()} == {3: 2, 5: 3}
-
-
-def test_a_vehicle_lost_during_a_job_leaves_nothing_behind(dispatch, workers, store, monkeypatch) -> None:
-    """Or the time of that job would count as a wait, should the vehicle come back."""
-
-    def refuse(*_):
-        raise LeaseLostError("another monitor has taken over shard 1")
-
-    describe(store, "car-1")
-    arrive(store, dispatch, "car-1", 0, 2)
-    assert dispatch.give() == 1
-    monkeypatch.setattr(dispatch, "_fence", refuse)
-    dispatch.settle(done("car-1", 2, b"state"))
-    assert dispatch.figures["sprung_vehicles"] == 0
-    assert "car-1" not in dispatch._job_since
-    assert not workers.is_open("car-1")
-    assert store.results.snapshot("car-1") is None

@@ -3,7 +3,7 @@
 import pytest
 
 from sprung.online.monitor.gate import Gate
-from sprung.online.store import LeaseLostError, RefusedError, StoreError
+from sprung.online.store import RefusedError, StoreError
 
 
 @pytest.fixture
@@ -24,14 +24,6 @@ def test_closed_for_two_seconds_after_an_error(gate, seconds) -> None:
     assert (gate.is_open, gate.trouble) == (True, "the store cannot write")
     gate.succeed()
     assert gate.trouble == ""
-
-
-def test_open_after_a_vehicle_was_left_to_another_monitor(gate) -> None:
-    def lose() -> None:
-        raise LeaseLostError("car-1 was taken over by another monitor")
-
-    assert gate.guard(lose) is None
-    assert (gate.is_open, gate.trouble) == (True, "")
 
 
 def test_closed_while_space_is_short(gate, seconds) -> None:

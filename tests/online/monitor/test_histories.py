@@ -3,7 +3,7 @@
 import pytest
 
 from sprung.online.monitor.histories import history_of
-from sprung.online.monitor.states import NAME, VERSION, write_state
+from sprung.online.monitor.states import write_state
 from sprung.online.store import Progress, StoredFrame, open_store
 
 NOW = 1_795_219_200_000_000_000
@@ -47,7 +47,7 @@ def test_a_learning_under_way_keeps_its_reason(store) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("document", [b"damaged", write_state({"schema": f"{NAME}/{VERSION + 1}", "more": 1}), b""])
+@pytest.mark.parametrize("document", [b"damaged", write_state({"schema": "sprung.vehicle-monitor/2", "more": 1}), b""])
 def test_a_state_that_cannot_be_used_costs_no_frame_and_no_baseline(
     bench, drive, frames_of, tmp_path, document
 ) -> None:

@@ -43,7 +43,6 @@ def writer(tmp_path, clock):
         outbox,
         source="monitor",
         before=lambda now: now - 30 * DAY,
-        is_first=lambda: True,
         clock=clock.time,
         timer=lambda: clock.seconds,
     )
@@ -121,7 +120,7 @@ def test_old_dates_go_and_small_files_become_large_ones_once_a_day(writer, clock
 
 
 def test_a_site_without_a_lake_has_no_writer() -> None:
-    assert lake_writer(Site(), is_first=lambda: True, clock=int, timer=float) is None
+    assert lake_writer(Site(), clock=int, timer=float) is None
     keep = Site.model_validate({"keep": {"lake": "x", "results_days": 3.0}}).keep
     assert keep.lake_before(10 * DAY) == 7 * DAY
     assert keep.model_copy(update={"lake_days": 1.0}).lake_before(10 * DAY) == 9 * DAY

@@ -12,7 +12,7 @@ from tests.online.site.conftest import NOW, PASSWORD
 
 from sprung.online.monitor import Site, operations
 from sprung.online.site import Context, application, site_views
-from sprung.online.store import Progress, open_store
+from sprung.online.store import Progress
 
 SECRET = "top-secret"
 #: Senders with secrets.
@@ -73,7 +73,7 @@ def client(context):
 
 def test_settings_have_values_defaults_and_where_they_come_from(context) -> None:
     entries = {each.key: each for each in site_views.settings_of(context.site)}
-    assert len(entries) == 45
+    assert len(entries) == 43
     assert all(each.description for each in entries.values())
     rate = entries["watch.false_alarms_per_day"]
     assert (rate.value, rate.default, rate.source) == ("0.01", "0.001", "site file")
@@ -151,25 +151,6 @@ def test_without_accounts_the_page_says_so_and_what_to_do(serve, people, store) 
         text = client.get(path, headers={"Accept": "text/html"}).text
         assert "There are no accounts: the monitor serves this machine only" in text
         assert "sprung accounts add NAME --role admin" in text
-
-
-@pytest.mark.slow
-def test_monitors_that_share_a_store_are_listed(postgresql_url) -> None:
-    with open_store(postgresql_url) as store:
-        for monitor in ("monitor-a", "monitor-b", "monitor-a"):
-            store.leases.renew(monitor, patience=30.0)
-        site = Site.model_validate({"store": "postgresql://sprung:top-secret@host/name"})
-        context = Context(store, site, figures=dict, troubles=list, clock=lambda: NOW)
-        with TestClient(application(context), base_url="http://127.0.0.1:8737") as client:
-            document, text = client.get("/api/v1/site").json(), client.get("/site").text
-    assert [(each["monitor"], each["shards"]) for each in document["monitors"]] == [
-        ("monitor-a", 128),
-        ("monitor-b", 0),
-    ]
-    assert '<th scope="row">monitor-b</th>' in text
-    assert document["store"]["free"] is None
-    assert "known to the database server only" in text
-    assert SECRET not in text
 
 
 def test_a_certificate_is_shown_with_its_end(store, tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ def test_an_empty_store_has_no_oldest_result(store) -> None:
     name, version = contents.database.split(" ")
     assert name in {"SQLite", "PostgreSQL"}
     assert version[0].isdigit()
-    assert contents.schema == "0008"
+    assert contents.schema == "1"
 
 
 def test_counting_ends(store, monkeypatch) -> None:
@@ -52,10 +52,3 @@ def test_the_record_is_read_in_pages_and_by_act(store) -> None:
     assert [row.subject for row in last] == ["3", "4"]
     assert [row.subject for row in store.requests.audited(before=last[0].id, limit=2)] == ["1", "2"]
     assert [row.subject for row in store.requests.audited(act="ack")] == ["1", "3"]
-
-
-def test_monitors_of_a_store_are_listed_with_their_shards(store) -> None:
-    if store.leases.is_shared:
-        store.leases.renew("monitor-a", patience=30.0)
-    shared = [("monitor-a", 256)] if store.leases.is_shared else []
-    assert [(each.monitor, each.shards) for each in store.leases.holders()] == shared

@@ -56,8 +56,6 @@ def test_limits_are_those_of_the_server_too(postgresql_url) -> None:
         with store._database.reading() as connection:
             limits = [connection.scalar(text(f"SHOW {name}")) for name in ("statement_timeout", "lock_timeout")]
         assert limits == ["15s", "10s"]
-        with store._database.upgrading() as connection:
-            assert connection.scalar(text("SHOW statement_timeout")) == "0"
 
 
 def test_a_lock_that_is_held_is_a_busy_store(postgresql_url, monkeypatch: pytest.MonkeyPatch) -> None:

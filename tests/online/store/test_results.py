@@ -138,25 +138,12 @@ def test_the_last_status_of_a_vehicle_is_kept(filled) -> None:
     assert filled.results.status("zafira") == {"n_learnt": 2}
 
 
-def test_documents_of_earlier_programs_are_read(store) -> None:
-    """They are text in a column of its own, and stay."""
-    from sqlalchemy import insert
-
-    from sprung.online.store.schema import OBSERVATIONS
-
-    row = {"vehicle": "zafira", "boot": 7, "number": 0, "t0": 100, "document": {"level": 0.5}, "stored": 1}
-    with store._database.writing() as connection:
-        connection.execute(insert(OBSERVATIONS), row)
-    store.results.commit(Progress("zafira", 7, done_seq=-1, observations=((0, 100, {}), (1, 200, {"level": 1.5}))))
-    assert [entry.document for entry in store.results.observations("zafira")] == [{"level": 0.5}, {"level": 1.5}]
-
-
 def test_documents_of_later_programs_are_refused(store) -> None:
     from sqlalchemy import text
 
     store.results.commit(Progress("zafira", 7, done_seq=-1, modes=((0, 100, {"modes": []}),)))
     with store._database.writing() as connection:
-        connection.execute(text("UPDATE modes SET packed = :later"), {"later": b"\x09later"})
+        connection.execute(text("UPDATE modes SET document = :later"), {"later": b"\x09later"})
     with pytest.raises(StoreError, match="install the newer sprung that wrote it"):
         store.results.modes("zafira")
 

@@ -16,7 +16,11 @@ from sprung.cli.output import show
 from sprung.cli.stopping import stop_on_signals
 
 if TYPE_CHECKING:
+    from threading import Event
+
+    from sprung.link import Address
     from sprung.online.monitor import Site
+    from sprung.online.store import Store
 
 LOG = logging.getLogger("sprung.monitor")
 
@@ -60,12 +64,9 @@ def monitor(
 
     With --test-senders it monitors nothing, and exits with status 1 if a message was not sent.
     """
-    from sprung.link import Link
-    from sprung.online.monitor import Site, Station, Workers, read_site
+    from sprung.online.monitor import Site, read_site
     from sprung.online.monitor.broker import open_broker
-    from sprung.online.monitor.guidance import start_in_words
-    from sprung.online.site import Context, Server
-    from sprung.online.store import open_store
+    from sprung.online.store import ReservationLostError, open_store
 
     log_to(log_format)
     os.umask(0o077)  # files for this user alone
@@ -77,30 +78,44 @@ def monitor(
         _test_senders(settings)
         return
     with open_store(settings.store) as opened, open_broker(settings.broker) as address:
-        watch = settings.watch
-        workers = Workers(
-            watch.workers,
-            limit=watch.seconds_per_job,
-            clock=time.monotonic,
-            vehicle_bytes=1e6 * watch.megabytes_per_vehicle,
-            job_bytes=1e6 * watch.megabytes_per_job,
-        )
-        connect = partial(Link, address, f"sprung-monitor-{socket.gethostname()}-{os.getpid()}")
-        station = Station(settings, opened, connect=connect, workers=workers)
-        server = Server(Context(opened, settings, figures=station.figures, troubles=station.troubles))
         stopping = stop_on_signals(within=_GRACE)
-        try:
-            server.open()
-            station.open()
-            has_accounts = opened.accounts.n_accounts() > 0
-            for sentence in start_in_words(
-                settings, address, http=server.address, n_vehicles=station.n_vehicles, has_accounts=has_accounts
-            ):
-                LOG.info(sentence)
-            station.run(stopping.is_set)
-        finally:
-            server.close()
-            station.close()
+        while not stopping.is_set():
+            try:
+                _monitor(settings, opened, address, stopping)
+            except ReservationLostError as error:
+                LOG.error(str(error))
+
+
+def _monitor(settings: "Site", store: "Store", address: "Address", stopping: "Event") -> None:
+    """Monitor until stopped, or until the store is no longer reserved for this monitor."""
+    from sprung.link import Link
+    from sprung.online.monitor import Station, Workers
+    from sprung.online.monitor.guidance import start_in_words
+    from sprung.online.site import Context, Server
+
+    watch = settings.watch
+    workers = Workers(
+        watch.workers,
+        limit=watch.seconds_per_job,
+        clock=time.monotonic,
+        vehicle_bytes=1e6 * watch.megabytes_per_vehicle,
+        job_bytes=1e6 * watch.megabytes_per_job,
+    )
+    connect = partial(Link, address, f"sprung-monitor-{socket.gethostname()}-{os.getpid()}")
+    station = Station(settings, store, connect=connect, workers=workers)
+    server = Server(Context(store, settings, figures=station.figures, troubles=station.troubles))
+    try:
+        server.open()
+        station.open()
+        has_accounts = store.accounts.n_accounts() > 0
+        for sentence in start_in_words(
+            settings, address, http=server.address, n_vehicles=station.n_vehicles, has_accounts=has_accounts
+        ):
+            LOG.info(sentence)
+        station.run(stopping.is_set)
+    finally:
+        server.close()
+        station.close()
 
 
 def _test_senders(site: "Site") -> None:

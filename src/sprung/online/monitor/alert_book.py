@@ -1,10 +1,8 @@
 """From windows of vehicles, and problems of monitoring, to alerts in the store."""
 
 import json
-from collections.abc import Callable, Collection, Iterable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
-from functools import partial
 from typing import Any
 
 from sprung._display import counted
@@ -44,12 +42,11 @@ class AlertBook:
         Store of the alerts.
     settings
         Hold-off, hysteresis and reminders.
-    monitor
-        Name of this monitor, among those that use the store.
     """
 
-    def __init__(self, store: Store, settings: AlertSettings, *, monitor: str = "this monitor") -> None:
-        self._store, self._settings, self._monitor = store, settings, monitor
+    def __init__(self, store: Store, settings: AlertSettings) -> None:
+        self._store = store
+        self._settings = settings
 
     def take_window(self, vehicle: str, event: Observed, *, now: int) -> None:
         """Raise, update and clear alerts according to a window."""
@@ -81,20 +78,6 @@ class AlertBook:
         with self._store.alerts.locked(vehicle, cause) as row:
             known = None if row is None else alert_of(row)
             self.put(reported(known, Report(vehicle, cause, severity, text), self._at_once, now), now=now)
-
-    def report_own(self, vehicle: str, cause: str, text: str, *, now: int) -> None:
-        """Raise an alert that each monitor reports separately: it stays until each has cleared its own."""
-        self._change_sentences(vehicle, cause, lambda sentences: sentences | {self._monitor: text}, now)
-
-    def clear_own(self, vehicle: str, cause: str, *, now: int) -> None:
-        """Clear what this monitor reported by `report_own`, and the alert if no other monitor reports it."""
-        self._change_sentences(vehicle, cause, lambda sentences: _without(sentences, {self._monitor}), now)
-
-    def keep_reports_of(self, monitors: Collection[str], *, now: int) -> None:
-        """Clear what monitors that have stopped reported by `report_own`: all except `monitors`."""
-        for row in self._store.alerts.find(is_active=True):
-            if gone := _sentences(alert_of(row)).keys() - set(monitors):
-                self._change_sentences(row.vehicle, row.cause, partial(_without, monitors=gone), now)
 
     def report_lost(self, vehicle: str, counts: Mapping[int, int], *, begin: int = 0, end: int = 0, now: int) -> None:
         """Raise or update the alert about lost frames of a vehicle, "lost".
@@ -146,25 +129,12 @@ class AlertBook:
             if row is not None and row.is_active:
                 self.put(absent(alert_of(row), self._at_once, now), now=now)
 
-    def end_shelves(
-        self, *, holds: Callable[[str], bool], fence: Callable[[str], AbstractContextManager[None]], now: int
-    ) -> None:
-        """End the shelving of alerts whose time has come.
-
-        Parameters
-        ----------
-        holds
-            Function that returns whether this monitor is responsible for a vehicle.
-        fence
-            Function that returns the context in which this monitor writes about a vehicle.
-        now
-            Present time, UTC ns.
-        """
+    def end_shelves(self, *, now: int) -> None:
+        """End the shelving of alerts whose time has come."""
         for row in self._store.alerts.shelved(until=now):
-            if holds(row.vehicle):
-                with fence(row.vehicle), self._store.alerts.locked(row.vehicle, row.cause) as present:
-                    if present is not None:
-                        self.put(shelf_ended(alert_of(present), now), now=now)
+            with self._store.alerts.locked(row.vehicle, row.cause) as present:
+                if present is not None:
+                    self.put(shelf_ended(alert_of(present), now), now=now)
 
     def put(self, transition: Transition, *, now: int) -> None:
         """Store the new state of an alert, and the notification about it, if there is one."""
@@ -173,23 +143,6 @@ class AlertBook:
         notify = _notification(transition) if transition.is_notified else None
         history = (transition.what, transition.who, transition.comment)
         self._store.alerts.put(row_of(transition.alert), history=history, notify=notify, now=now)
-
-    def _change_sentences(
-        self, vehicle: str, cause: str, change: Callable[[dict[str, str]], dict[str, str]], now: int
-    ) -> None:
-        """Raise, update or clear an alert by a change of the sentences of the monitors that report it."""
-        with self._store.alerts.locked(vehicle, cause) as row:
-            known = None if row is None else alert_of(row)
-            before = _sentences(known)
-            sentences = change(before)
-            if not sentences:
-                if known is not None and known.is_active:
-                    self.put(absent(known, self._at_once, now), now=now)
-            elif sentences != before:
-                named = [f"{monitor}: {text}" for monitor, text in sorted(sentences.items())]
-                text = "; ".join(named if len(named) > 1 else sentences.values())
-                report = Report(vehicle, cause, _MONITOR, text, {"monitors": sentences})
-                self.put(reported(known, report, self._at_once, now), now=now)
 
     @property
     def _at_once(self) -> AlertSettings:
@@ -229,16 +182,6 @@ def row_of(alert: Alert) -> AlertRow:
     fields = asdict(alert)
     inner = {name: fields.pop(name) for name in _INNER}
     return AlertRow(**fields, document=json.loads(json.dumps(inner, default=str)))
-
-
-def _sentences(alert: Alert | None) -> dict[str, str]:
-    """Return the sentences of an active alert by reporting monitor; empty if it was raised otherwise."""
-    return dict(alert.evidence.get("monitors", {})) if alert is not None and alert.is_active else {}
-
-
-def _without(sentences: Mapping[str, str], monitors: Collection[str]) -> dict[str, str]:
-    """Return the sentences of other monitors."""
-    return {monitor: text for monitor, text in sentences.items() if monitor not in monitors}
 
 
 def _notification(transition: Transition) -> dict[str, Any]:

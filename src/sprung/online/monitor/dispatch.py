@@ -2,8 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -16,7 +15,6 @@ from sprung.online.monitor.fleets import VehicleTypes, type_of_others
 from sprung.online.monitor.histories import ROLL_BACK, history_of, restored_baseline
 from sprung.online.monitor.jobs import Failure, Opening, Outcome
 from sprung.online.monitor.ledger import Ledger
-from sprung.online.monitor.overload import Overload
 from sprung.online.monitor.states import History
 from sprung.online.monitor.streams import Handover, Queue, Stream
 from sprung.online.monitor.strikes import Strikes
@@ -24,12 +22,10 @@ from sprung.online.monitor.workers import Workers
 from sprung.online.store import (
     CommandRow,
     Cursor,
-    LeaseLostError,
     RefusedError,
     Store,
     StoredFrame,
     StoreError,
-    shard_of,
 )
 from sprung.state import VehicleStatus
 
@@ -37,8 +33,6 @@ LOG = logging.getLogger("sprung.monitor")
 
 #: Largest number of frames of one job.
 _JOB = 300
-#: Largest difference between the clocks of monitors at which one sees at once what another took in [ns].
-_MARGIN = 3 * 10**9
 
 
 class Dispatch:
@@ -56,10 +50,6 @@ class Dispatch:
         Settings of vehicles that start from scratch.
     timer
         Present time [s] of a monotonic clock.
-    fence
-        Function that returns the context in which this monitor writes about vehicles.
-    overload
-        Detects and reports that the analysis falls behind; None: not detected.
     clock
         Present time, UTC ns.
 
@@ -73,8 +63,7 @@ class Dispatch:
     The next job is that of the vehicle whose oldest frame has waited longest since it arrived or, so that one vehicle
     with hours of frames does not hold up the others, since its last job.
 
-    Frames are handed over from memory as they are stored; only others are read from the store. During an overload
-    jobs leave out the identifications within windows, never a window.
+    Frames are handed over from memory as they are stored; only others are read from the store.
     """
 
     def __init__(
@@ -85,17 +74,19 @@ class Dispatch:
         settings: MonitorSettings,
         *,
         timer: Callable[[], float] = time.monotonic,
-        fence: Callable[..., AbstractContextManager[None]] = lambda *vehicles: nullcontext(),
-        overload: Overload | None = None,
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
-        self._store, self._workers, self._ledger, self._settings = store, workers, ledger, settings
-        self._fence, self._overload, self._clock = fence, overload, clock
-        self._handover, self._queue, self._types = Handover(), Queue(), VehicleTypes(store)
+        self._store = store
+        self._workers = workers
+        self._ledger = ledger
+        self._settings = settings
+        self._clock = clock
+        self._handover = Handover()
+        self._queue = Queue()
+        self._types = VehicleTypes(store)
         self._waiting_since: dict[str, int] = {}
         self._job_since: dict[str, int] = {}
         self._descriptions: dict[str, tuple[str, list[Any]]] = {}
-        self._newest = 0
         self._streams: dict[str, Stream] = {}
         self._jobs: dict[str, Sequence[StoredFrame]] = {}
         self._learning: dict[str, CommandRow] = {}
@@ -130,34 +121,19 @@ class Dispatch:
             "sprung_vehicles_waiting": self._backoff.n_waiting,
         }
 
-    def follow(self, shards: Collection[int] | None = None, *, is_complete: bool = True) -> None:
-        """Read from the store how far frames have arrived, at the start and after others took in frames.
-
-        Parameters
-        ----------
-        shards
-            Shards of the vehicles; None: all.
-        is_complete
-            Whether to compare all, and not only what has changed since the last time.
+    def follow(self) -> None:
+        """Read from the store how far frames have arrived: at the start, and after the store failed.
 
         Raises
         ------
         StoreError
             If the store cannot be used.
         """
-        since = 0 if is_complete else self._newest - _MARGIN
-        for (vehicle, boot), cursor in self._store.inbox.cursors(shards, since=since).items():
+        for (vehicle, boot), cursor in self._store.inbox.cursors().items():
             stream = self._streams.setdefault(vehicle, Stream())
             if boot not in stream.contiguous:
                 stream.dispatched[boot] = cursor.done
             self.add(vehicle, boot, cursor.contiguous)
-            self._newest = max(self._newest, cursor.updated)
-
-    def leave(self, shards: Collection[int]) -> None:
-        """Leave the vehicles of shards to other monitors."""
-        if shards:  # the question about every vehicle costs time, and shards are lost rarely
-            for vehicle in [vehicle for vehicle in self._streams if shard_of(vehicle) in shards]:
-                self._leave(vehicle)
 
     def close(self) -> None:
         """Stop the workers."""
@@ -204,18 +180,11 @@ class Dispatch:
         StoreError
             If the store cannot be used.
         """
-        if self._overload is not None and self._overload.is_due:
-            self._overload.update(self._age, n_frames=self._backlog, n_vehicles=len(self._waiting_since))
-            self._workers.skips_modes = self._overload.is_on
         n_given = 0
         for vehicle in self._queue:
             if self._workers.is_busy:
                 break
-            try:
-                with self._fence(vehicle):
-                    n_given += self._give(vehicle)
-            except LeaseLostError as error:
-                self._lose(vehicle, error)
+            n_given += self._give(vehicle)
         return n_given
 
     def collect(self, *, timeout: float) -> list[Outcome]:
@@ -230,16 +199,7 @@ class Dispatch:
         StoreError
             If the store cannot write.
         """
-        try:
-            with self._fence(*self._ledger.waiting):
-                self._ledger.flush()
-        except LeaseLostError:
-            for vehicle in self._ledger.waiting:
-                try:
-                    with self._fence(vehicle):
-                        self._ledger.flush(vehicle)
-                except LeaseLostError as error:
-                    self._lose(vehicle, error)
+        self._ledger.flush()
 
     def settle(self, outcome: Outcome) -> None:
         """Store the outcome of a job.
@@ -251,11 +211,7 @@ class Dispatch:
         """
         self._seconds += outcome.seconds
         try:
-            with self._fence(outcome.vehicle):
-                self._settle(outcome)
-        except LeaseLostError as error:
-            self._jobs.pop(outcome.vehicle, ())
-            self._lose(outcome.vehicle, error)
+            self._settle(outcome)
         except StoreError:
             # The worker is ahead of the store.
             self._workers.close_vehicle(outcome.vehicle)
@@ -264,12 +220,10 @@ class Dispatch:
             self._enqueue(outcome.vehicle)
 
     def _settle(self, outcome: Outcome) -> None:
-        """Store the outcome of a job, unless its vehicle was left to another monitor meanwhile."""
+        """Store the outcome of a job."""
         vehicle = outcome.vehicle
         frames = self._jobs.pop(vehicle, ())
         since = self._job_since.pop(vehicle, None)
-        if vehicle not in self._streams:
-            return
         if since is not None and outcome.n_consumed < len(frames):
             self._waiting_since[vehicle] = since
         if outcome.error:
@@ -436,22 +390,6 @@ class Dispatch:
         is_learning = is_window and outcome.status.is_learning and self._types.has_type(vehicle)
         if is_learning or (outcome.state is not None and self._workers.is_misplaced(vehicle)):
             self._workers.close_vehicle(vehicle)
-
-    def _lose(self, vehicle: str, error: LeaseLostError) -> None:
-        """Leave a vehicle to the monitor that has taken it over."""
-        LOG.warning("vehicle left to another monitor", extra={"vehicle": vehicle, "reason": str(error)})
-        self._leave(vehicle)
-
-    def _leave(self, vehicle: str) -> None:
-        """Forget a vehicle; the outcome of a job under way is dropped when it comes."""
-        self._workers.close_vehicle(vehicle)
-        self._backoff.succeed(vehicle)
-        self._defer(vehicle)
-        self._ledger.forget(vehicle)
-        self._strikes.forget(vehicle)
-        memories = (self._streams, self._learning, self._learnt, self._statuses, self._descriptions)
-        for memory in (*memories, self._job_since):
-            memory.pop(vehicle, None)
 
     def _fail(self, outcome: Outcome, frames: Sequence[StoredFrame]) -> None:
         """Leave out what a job failed on, if it failed there repeatedly; the vehicle is opened again after a while."""

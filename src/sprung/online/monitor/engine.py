@@ -28,11 +28,10 @@ from sprung.modal import Modes
 from sprung.online.monitor.completion import Completion
 from sprung.online.monitor.states import (
     FIRST,
-    NAME,
+    SCHEMA,
     UNUSABLE,
-    VERSION,
+    checked_state,
     invalid_state,
-    migrated,
     restored_block,
     restored_statistics,
     stored_block,
@@ -239,7 +238,7 @@ class VehicleMonitor:
         self._n_samples = 0
         self._running: RunningSummary | None = None
         self._n_windows = 0
-        self._n_identified = self._n_thinned = 0
+        self._n_identified = 0
         self._learning: list[Observation] = []
         self._detector = None if baseline is None else self._new_detector(baseline)
         self._modes: tuple[dict[str, Any], ...] = ()
@@ -317,12 +316,7 @@ class VehicleMonitor:
         """Duration of the samples that arrived last and were analysed before [s]; 0 after new ones."""
         return self._repeats.repeated
 
-    @property
-    def n_thinned(self) -> int:
-        """Number of identifications left out since the monitor was created."""
-        return self._n_thinned
-
-    def update(self, block: Block, *, skips_modes: bool = False) -> tuple[Event, ...]:
+    def update(self, block: Block) -> tuple[Event, ...]:
         """Add samples and return the events that they complete.
 
         Parameters
@@ -330,9 +324,6 @@ class VehicleMonitor:
         block
             Samples of any length, a `Recording` or a `FrameBlock`. With other channels or another rate than before, a
             new window begins.
-        skips_modes
-            Whether to leave out identifications, except those of complete windows. They keep their numbers, and windows
-            their results.
 
         Returns
         -------
@@ -353,11 +344,7 @@ class VehicleMonitor:
             self._n_samples += part.n_samples
             whole = joined(self._blocks) if self._n_samples == self._needed(part) else None
             if self._is_due(before, self._n_samples):
-                if skips_modes and whole is None:
-                    self._n_identified += 1
-                    self._n_thinned += 1
-                else:
-                    events.append(self._identify(whole))
+                events.append(self._identify(whole))
             if whole is not None:
                 events.append(self._complete(whole))
         return tuple(events)
@@ -413,7 +400,7 @@ class VehicleMonitor:
     def state(self) -> dict[str, Any]:
         """Return everything that is needed to continue, as plain values and bytes."""
         return {
-            "schema": f"{NAME}/{VERSION}",
+            "schema": SCHEMA,
             "vehicle": self._vehicle.name,
             "settings": asdict(self._settings),
             "reason": self._reason,
@@ -445,16 +432,16 @@ class VehicleMonitor:
         vehicle
             Vehicle with its sensors.
         state
-            State from `state`, also one of an earlier version.
+            State from `state`.
         type_baseline
             Baseline of the vehicle's type from now on; None: that of the state.
 
         Raises
         ------
         StateError
-            If the state is incomplete or invalid, or of a newer program.
+            If the state is incomplete or invalid, or of another version.
         """
-        present = migrated(state)
+        present = checked_state(state)
         try:
             monitor = cls(vehicle, settings=MonitorSettings(**present["settings"]))
             monitor._restore(present, type_baseline)
@@ -463,7 +450,7 @@ class VehicleMonitor:
         return monitor
 
     def _restore(self, state: Mapping[str, Any], type_baseline: TypeBaseline | None) -> None:
-        """Take over the parts of a state of the present version."""
+        """Take over the parts of a state."""
         self._baseline = None if state["baseline"] is None else baseline_from_document(dict(state["baseline"]))
         self._type = type_baseline or _restored_type(state["type"])
         self._reason = state["reason"]

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from sprung.link import Every
-from sprung.online.store import LeaseLostError, RefusedError, StoreError
+from sprung.online.store import RefusedError, StoreError
 
 T = TypeVar("T")
 
@@ -54,17 +54,11 @@ class Gate:
         self._shortage = sentence
 
     def guard(self, act: Callable[[], T]) -> T | None:
-        """Return the result of a function that needs the store; None, and close, if the store cannot write.
-
-        A vehicle that another monitor has taken over is left to it: the store is usable, and the gate stays open.
-        """
+        """Return the result of a function that needs the store; None, and close, if the store cannot write."""
         try:
             return act()
         except RefusedError as error:  # the store itself is sound
             LOG.error(str(error))
-            return None
-        except LeaseLostError as error:
-            LOG.warning(str(error))
             return None
         except StoreError as error:
             self.refuse(error)

@@ -58,7 +58,7 @@ class Taken:
     arrived
         Sequence number up to which nothing is missing, by vehicle and boot of the messages.
     described
-        Checksum of the last description, which may be new to this monitor or to others only, by vehicle.
+        Checksum of the last description, by vehicle.
     frames
         Frames that were stored, without repeats.
     n_messages
@@ -142,7 +142,7 @@ class Intake:
         return vehicle in self._parked
 
     def recall_parked(self) -> None:
-        """Read which vehicles are parked whose messages went to other monitors."""
+        """Read which vehicles are parked, at the start."""
         self._parked = self._store.inbox.parked()
 
     def answer(self, vehicle: str, number: int) -> Mapping[str, Any] | None:

@@ -105,8 +105,6 @@ class Outcome:
         Part that failed, if there is a reason.
     seconds
         Processor time that the job took [s].
-    n_thinned
-        Number of identifications of modes that were left out.
     """
 
     vehicle: str
@@ -117,7 +115,6 @@ class Outcome:
     error: str = ""
     failure: Failure = Failure.FRAME
     seconds: float = 0.0
-    n_thinned: int = 0
 
 
 def failed(vehicle: str, reason: str, failure: Failure, *, n_consumed: int = 0) -> Outcome:
@@ -150,7 +147,6 @@ def analyse(
     frames: Sequence[bytes],
     *,
     learn: str | Baseline = "",
-    skips_modes: bool = False,
     limits: Limits | None = None,
     report: Callable[[int], None] = lambda n_consumed: None,
 ) -> Outcome:
@@ -166,8 +162,6 @@ def analyse(
         Frames in order.
     learn
         As for `Workers.submit`.
-    skips_modes
-        Whether to leave out the identifications of modes within windows.
     limits
         Limits of the job; None: none.
     report
@@ -175,7 +169,7 @@ def analyse(
     """
     monitor, quantities = opened
     limits = limits or Limits()
-    begun, before = time.process_time(), monitor.n_thinned
+    begun = time.process_time()
     events: list[Event | Restored] = []
     consumed, is_changed = 0, bool(learn) or not frames
     try:
@@ -192,7 +186,7 @@ def analyse(
                     return failed(vehicle, excess, Failure.QUOTA, n_consumed=_n_alike(frames, block, quantities))
                 if excess:
                     break
-                events += monitor.update(block, skips_modes=skips_modes)
+                events += monitor.update(block)
                 consumed += 1
                 is_changed = is_changed or monitor.repeated > 0  # nothing else would ever remove these frames
                 if any(isinstance(event, Observed) for event in events):
@@ -216,8 +210,7 @@ def analyse(
         monitor.until,
         monitor.repeated,
     )
-    seconds, n_thinned = time.process_time() - begun, monitor.n_thinned - before
-    return Outcome(vehicle, consumed, tuple(events), state, status, seconds=seconds, n_thinned=n_thinned)
+    return Outcome(vehicle, consumed, tuple(events), state, status, seconds=time.process_time() - begun)
 
 
 def _reason(error: Exception, limits: Limits) -> str:

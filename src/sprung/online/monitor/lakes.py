@@ -38,8 +38,6 @@ class LakeWriter:
         Name of the monitor in the lake.
     before
         Function of the present time that returns the time before which dates are deleted, both UTC ns.
-    is_first
-        Function that returns whether this monitor deletes and compacts, and not another one.
     clock
         Present time, UTC ns.
     timer
@@ -53,12 +51,12 @@ class LakeWriter:
         *,
         source: str,
         before: Callable[[int], int],
-        is_first: Callable[[], bool],
         clock: Callable[[], int],
         timer: Callable[[], float],
     ) -> None:
         self._lake, self._outbox, self._source = lake, outbox, source
-        self._before, self._is_first, self._clock = before, is_first, clock
+        self._before = before
+        self._clock = clock
         self._moving, self._tidying = Every(_WAIT, timer), Every(_DAY, timer)
         self._moving.start()
         self._n_written = self._n_failures = 0
@@ -110,7 +108,7 @@ class LakeWriter:
             self._moving.start()
         elif not n_waiting:
             self._moving.start()  # the next window waits for as long as any
-        if self._is_first() and self._tidying.is_due:
+        if self._tidying.is_due:
             self._tidying.start()
             self._attempt("tidy", self._tidy)
 
@@ -143,18 +141,8 @@ class LakeWriter:
             self.step()
 
 
-def lake_writer(
-    site: Site, *, is_first: Callable[[], bool], clock: Callable[[], int], timer: Callable[[], float]
-) -> LakeWriter | None:
-    """Return the lake writer of a site; None if it has no lake.
-
-    Parameters
-    ----------
-    site
-        Settings.
-    is_first, clock, timer
-        As for `LakeWriter`.
-    """
+def lake_writer(site: Site, *, clock: Callable[[], int], timer: Callable[[], float]) -> LakeWriter | None:
+    """Return the lake writer of a site; None if it has no lake."""
     if site.keep.lake is None:
         return None
     from sprung.fleet.lake import Lake, Outbox
@@ -165,7 +153,6 @@ def lake_writer(
         outbox,
         source=f"monitor {site.name}",
         before=site.keep.lake_before,
-        is_first=is_first,
         clock=clock,
         timer=timer,
     )

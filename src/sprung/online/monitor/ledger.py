@@ -62,7 +62,10 @@ class Ledger:
         self._warned: dict[tuple[str, str], str] = {}
         self._waiting: list[Progress] = []
         self._samples, self._correlations = site.archive, site.correlations
-        self._n_windows = self._n_identifications = self._n_thinned = self._n_frames_aside = self._n_states_aside = 0
+        self._n_windows = 0
+        self._n_identifications = 0
+        self._n_frames_aside = 0
+        self._n_states_aside = 0
 
     @property
     def figures(self) -> dict[str, float]:
@@ -70,8 +73,6 @@ class Ledger:
         return {
             "sprung_windows_total": self._n_windows,
             "sprung_identifications_total": self._n_identifications,
-            "sprung_identifications_thinned_total": self._n_thinned,
-            "sprung_identifications_thinned_ratio": self._n_thinned / max(1, self._n_thinned + self._n_identifications),
             "sprung_frames_set_aside_total": self._n_frames_aside,
             "sprung_states_set_aside_total": self._n_states_aside,
         }
@@ -103,7 +104,6 @@ class Ledger:
         modes = tuple(_modes(event) for event in identified if event.modes)
         self._n_windows += len(windows)
         self._n_identifications += len(identified)
-        self._n_thinned += outcome.n_thinned
         is_saved = outcome.state is not None
         if not (identified or is_saved):
             return False
@@ -143,26 +143,15 @@ class Ledger:
                 LOG.info("window not used for learning", extra={"vehicle": outcome.vehicle, **reason})
         return True
 
-    @property
-    def waiting(self) -> list[str]:
-        """Vehicles with results that wait to be stored."""
-        return list(dict.fromkeys(progress.vehicle for progress in self._waiting))
-
-    def forget(self, vehicle: str) -> None:
-        """Forget the results of a vehicle that wait: another monitor stores the same."""
-        self._waiting = [progress for progress in self._waiting if progress.vehicle != vehicle]
-
-    def flush(self, vehicle: str | None = None) -> None:
-        """Store the results of a vehicle, or of all, that wait, in one transaction.
+    def flush(self) -> None:
+        """Store the results that wait, in one transaction.
 
         Raises
         ------
-        LeaseLostError
-            If another monitor has taken over one of the vehicles: they wait on.
         StoreError
-            If the store cannot write: those not yet stored wait on. Those that it refuses are dropped.
+            If the store cannot write: they wait on. Those that it refuses are dropped.
         """
-        waiting = self._waiting if vehicle is None else self._of(vehicle)
+        waiting = self._waiting
         if not waiting:
             return
         try:
@@ -171,11 +160,10 @@ class Ledger:
             for progress in waiting:
                 self._store_alone(progress)
         except StoreError:
-            self._waiting = self._waiting[-_MOST_WAITING:]
+            self._waiting = waiting[-_MOST_WAITING:]
             raise
         else:
-            stored = set(map(id, waiting))
-            self._waiting = [progress for progress in self._waiting if id(progress) not in stored]
+            self._waiting = []
 
     def update_alerts(self, vehicle: str, events: tuple[Event | Restored, ...]) -> None:
         """Raise, update and clear alerts according to windows, which clear those about the analysis.

@@ -17,7 +17,7 @@ from sprung.online.alerts import (
     trial_message,
 )
 from sprung.online.monitor.site import Send
-from sprung.online.store import Delivery, NotificationRow, Store, StoreError
+from sprung.online.store import Delivery, NotificationRow, ReservationLostError, Store, StoreError
 
 LOG = logging.getLogger("sprung.monitor")
 
@@ -182,8 +182,6 @@ class PostOffice:
         As for `Postman`; pictures are drawn one at a time.
     beat
         Function that is called with "post" and the name of a sender whenever its thread looks for notifications.
-    is_on_duty
-        Function that returns whether this monitor sends, and not another one.
     """
 
     def __init__(
@@ -195,7 +193,6 @@ class PostOffice:
         link: Callable[[int], str] = lambda number: "",
         picture: Callable[[str, str], bytes] = lambda vehicle, cause: b"",
         beat: Callable[[str], object] = lambda name: None,
-        is_on_duty: Callable[[], bool] = lambda: True,
     ) -> None:
         drawing = threading.Lock()
 
@@ -203,7 +200,9 @@ class PostOffice:
             with drawing:
                 return picture(vehicle, cause)
 
-        self._store, self._clock, self._beat, self._is_on_duty = store, clock, beat, is_on_duty
+        self._store = store
+        self._clock = clock
+        self._beat = beat
         self._names = [sender.name for sender in senders]
         self._postmen = [Postman(store, sender, senders=self._names, link=link, picture=drawn) for sender in senders]
         self._stopping = threading.Event()
@@ -274,11 +273,11 @@ class PostOffice:
         wait = _EVERY
         while not self._stopping.wait(wait):
             self._beat(f"post {postman.name}")
-            if not self._is_on_duty():
-                wait = _EVERY
-                continue
             try:
-                wait = 0.0 if postman.send(now=self._clock()) else _EVERY
+                with self._store.reservation.fenced():
+                    wait = 0.0 if postman.send(now=self._clock()) else _EVERY
+            except ReservationLostError:
+                return  # the monitor ends, too
             except StoreError as error:
                 wait = _EVERY
                 LOG.warning("notifications wait for the store", extra={"reason": str(error)})

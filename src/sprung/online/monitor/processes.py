@@ -197,8 +197,8 @@ def answer(
     Parameters
     ----------
     request
-        "open" with an opening, "close" with a vehicle, or "work" with vehicle, frames, reason to learn or
-        baseline to return to, and whether to leave out the identifications of modes within windows.
+        "open" with an opening, "close" with a vehicle, or "work" with vehicle, frames, and reason to learn or
+        baseline to return to.
     monitors
         Open vehicles, which the request may change.
     limits, report
@@ -216,13 +216,12 @@ def answer(
     elif kind == "close":
         monitors.pop(parts[0], None)
     elif parts[0] in monitors:  # otherwise it could not be opened, which was the answer then
-        vehicle, frames, learn, skips_modes = parts
+        vehicle, frames, learn = parts
         return analyse(
             vehicle,
             monitors[vehicle],
             frames,
             learn=learn,
-            skips_modes=skips_modes,
             limits=limits,
             report=report,
         )

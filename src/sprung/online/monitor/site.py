@@ -49,24 +49,11 @@ class Watch(_Table):
     seconds_per_job: float = Field(
         180.0, gt=0, description="longest time of a job [s]; a longer one is stopped and raises an alert"
     )
-    overload_seconds: float = Field(
-        300.0,
-        gt=0,
-        description="age of the oldest waiting frame above which modes are identified only once per window and an "
-        "alert is raised [s]",
-    )
-
     megabytes_per_vehicle: float = Field(
         100.0, gt=0, description="largest size of the samples of a window, and of the state, of one vehicle [MB]"
     )
     megabytes_per_job: float = Field(
         1500.0, gt=0, description="largest memory that the analysis of a window may take [MB]"
-    )
-    takeover_seconds: float = Field(
-        30.0,
-        ge=5,
-        le=3600,
-        description="time without a sign of life after which others take over the vehicles of a monitor [s]",
     )
 
     @property

@@ -1,7 +1,7 @@
-"""Saved states of vehicles: versions, their migrations, and the restart after a state is lost."""
+"""Saved states of vehicles, and the restart after a state is lost."""
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,10 +16,9 @@ from sprung.recording import Channel, Gap, Recording
 
 #: Reason of the first baseline of a vehicle.
 FIRST = "first learning"
-#: Name of the documents, and the version that this program writes.
-NAME, VERSION = "sprung.vehicle-monitor", 2
+#: Name and version of the documents.
+SCHEMA = "sprung.vehicle-monitor/1"
 _N_CHECKSUM = 4
-
 
 #: Errors of values of other types, or that do not fit together.
 UNUSABLE = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError)
@@ -42,7 +41,7 @@ class _Samples(BaseModel):
 
 
 class _State(BaseModel):
-    """A state of the present version."""
+    """A state."""
 
     model_config = ConfigDict(strict=True, extra="forbid")
 
@@ -97,71 +96,47 @@ def write_state(state: Mapping[str, Any]) -> bytes:
 
 
 def read_state(document: bytes) -> dict[str, Any]:
-    """Return the state encoded in bytes, in the present version.
+    """Return the state encoded in bytes.
 
     Raises
     ------
     StateError
-        If they are not a state, damaged, or of a newer program. No other error is raised.
-
-    Notes
-    -----
-    States of version 1 have no checksum.
+        If they are not a state of this version, or damaged. No other error is raised.
     """
     cbor = _cbor()
     body = document[:-_N_CHECKSUM]
-    is_whole = document[-_N_CHECKSUM:] == _checksum(body)
+    if document[-_N_CHECKSUM:] != _checksum(body):
+        raise StateError("the saved state is damaged, as its checksum does not match: start from scratch")
     try:
-        state = cbor.loads(body if is_whole else document)
+        state = cbor.loads(body)
     except (cbor.CBORError, *UNUSABLE, RecursionError, MemoryError) as error:
         raise StateError(f"the saved state is not CBOR ({type(error).__name__}): start from scratch") from None
-    if not is_whole and 1 < _version(state) <= VERSION:
-        raise StateError("the saved state is damaged, as its checksum does not match: start from scratch")
-    return migrated(state)
+    return checked_state(state)
 
 
-def migrated(state: Any) -> dict[str, Any]:
-    """Return a state in the present version.
-
-    Parameters
-    ----------
-    state
-        State of any version.
+def checked_state(state: Any) -> dict[str, Any]:
+    """Return a state whose parts are there and of their types.
 
     Raises
     ------
     StateError
-        If it is not a state, incomplete, or of a newer program.
+        If it is not a state of this version, or incomplete.
     """
-    number = _version(state)
-    if number > VERSION:
+    schema = str(state.get("schema") if isinstance(state, Mapping) else None)[:60]
+    if schema != SCHEMA:
         raise StateError(
-            f"the saved state is of version {number}, and this program reads up to {VERSION}: install the newer sprung "
-            "that wrote it, or start from scratch"
+            f"the saved state has the schema {schema!r}, and this program uses {SCHEMA}: install the sprung that wrote "
+            "it, or start from scratch"
         )
     try:
-        state = dict(state)
-        while number < VERSION:
-            state, number = MIGRATIONS[number](state), number + 1
-        _State.model_validate({**state, "schema": f"{NAME}/{VERSION}"})
+        _State.model_validate(dict(state))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         raise invalid_state(f"{place}: {first['msg']}") from None
     except UNUSABLE as error:
         raise invalid_state(error) from None
-    return {**state, "schema": f"{NAME}/{VERSION}"}
-
-
-def _version(state: Any) -> int:
-    """Return the version of a state."""
-    schema = state.get("schema") if isinstance(state, dict) else None
-    name, _, version = str(schema)[:60].partition("/")
-    if name != NAME or not (version.isascii() and version.isdecimal()):
-        raise StateError(
-            f"the saved state has the schema {str(schema)[:60]!r}, not {NAME}/{VERSION}: start from scratch"
-        )
-    return int(version)
+    return dict(state)
 
 
 def _checksum(body: bytes) -> bytes:
@@ -171,22 +146,6 @@ def _checksum(body: bytes) -> bytes:
 def invalid_state(reason: object) -> StateError:
     """Return the error of a state that is incomplete or invalid."""
     return StateError(f"the saved state is incomplete or invalid ({str(reason)[:200]}): start from scratch")
-
-
-def _with_later_parts(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a state of version 2: parts that early states of version 1 lack are empty."""
-    empty: dict[str, Any] = {
-        "type": None,
-        "residuals": [None] * len(state["observations"]),
-        "completed": "",
-        "completion": {"is_open": False, "model_errors": [], "windows": []},
-        "repeats": {"file": "", "reached": {}, "run": None, "place": 0.0, "end": None, "repeated": 0.0},
-    }
-    return {**empty, **state}
-
-
-#: Functions from a state of a version to one of the next.
-MIGRATIONS: dict[int, Callable[[Mapping[str, Any]], dict[str, Any]]] = {1: _with_later_parts}
 
 
 def state_of_history(vehicle: str, history: History, settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -211,7 +170,7 @@ def state_of_history(vehicle: str, history: History, settings: Mapping[str, Any]
     observations = [] if is_learning else [dict(document) for document in history.observations]
     baseline = history.baseline
     return {
-        "schema": f"{NAME}/{VERSION}",
+        "schema": SCHEMA,
         "vehicle": vehicle,
         "settings": dict(settings),
         "reason": history.relearning or FIRST,

@@ -1,12 +1,14 @@
 """The monitor: link, store, workers and alerts together, in one loop."""
 
 import logging
+import os
+import socket
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 
-from sprung.link import UPWARDS, VERSION, Every, Key, Link, message, shared_topic, topic
+from sprung.link import UPWARDS, VERSION, Every, Key, Link, message, topic
 from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.dispatch import Dispatch
 from sprung.online.monitor.engine import Observed
@@ -17,15 +19,13 @@ from sprung.online.monitor.inflow import Inflow, vehicle_of
 from sprung.online.monitor.intake import MONITOR, Intake
 from sprung.online.monitor.lakes import lake_writer
 from sprung.online.monitor.ledger import Ledger
-from sprung.online.monitor.overload import Overload
 from sprung.online.monitor.pictures import alert_picture
 from sprung.online.monitor.postman import PostOffice, senders_of
 from sprung.online.monitor.refusals import OVERLOAD, Refusals
-from sprung.online.monitor.shards import Shards
 from sprung.online.monitor.site import Site
 from sprung.online.monitor.upkeep import Upkeep
 from sprung.online.monitor.workers import Workers
-from sprung.online.store import N_SHARDS, Store, StoreError
+from sprung.online.store import ReservationLostError, Store, StoreError
 from sprung.state import VehicleStatus
 
 LOG = logging.getLogger("sprung.monitor")
@@ -36,10 +36,9 @@ _BATCH, _BATCH_BYTES, _BATCH_SECONDS = 2000, 16 << 20, 0.25
 _EXAMINE, _MOST_ALERTS = 60.0, 20
 #: Longest time of a pass of the loop, and of the thread that sends notifications; of a job, besides its limit [s].
 _STILL, _STILL_POST, _LATE = 15.0, 300.0, 60.0
-#: Messages that each of several monitors gets: retained ones, which no shared subscription gets, and answers of boxes.
-_FOR_ALL = ("meta", "event")
-#: Time between checks for frames that other monitors took in: of what has changed, and of all [s].
-_FOLLOW, _COMPARE = 1.0, 60.0
+#: Time between attempts to take over, and between checks of the reservation [s].
+_TAKE_OVER = 2.0
+_CHECK = 1.0
 #: Longest time for which results wait to be stored together [s].
 _FLUSH = 1.0
 
@@ -76,23 +75,25 @@ class Station:
         timer: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        self._site, self._clock, self._sleep = site, clock, sleep
-        self._inflow, self._refusals, self._timer, self._store = Inflow(), Refusals(), timer, store
+        self._site = site
+        self._store = store
+        self._clock = clock
+        self._timer = timer
+        self._sleep = sleep
+        self._name = f"{socket.gethostname()}, process {os.getpid()}"
+        self._inflow = Inflow()
+        self._refusals = Refusals()
         self._last_message: float | None = None
         self._last_window: float | None = None
         self._link = connect(
-            topics=[
-                shared_topic("+", what) if store.leases.is_shared and what not in _FOR_ALL else topic("+", what)
-                for what in UPWARDS
-            ],
+            topics=[topic("+", what) for what in UPWARDS],
             on_message=self.receive,
             will=(topic(MONITOR, "state"), message({Key.VERSION: VERSION, "is_dead": True})),
         )
         senders = senders_of(site.send, self._link.publish)
         loops = loops_of(site.watch.seconds_per_job, [sender.name for sender in senders])
         self._heartbeats = Heartbeats(loops, timer)
-        self._shards = Shards(store, patience=site.watch.takeover_seconds, timer=timer)
-        alerts = self._alerts = AlertBook(store, site.alerts.settings, monitor=self._shards.name)
+        alerts = self._alerts = AlertBook(store, site.alerts.settings)
         self._gate = Gate(timer)
         self._intake = Intake(
             store,
@@ -102,19 +103,19 @@ class Station:
                 vehicle, counts, begin=begin, end=end, now=now
             ),
         )
-        self._lake = lake_writer(site, is_first=lambda: self._shards.is_first, clock=clock, timer=timer)
+        self._lake = lake_writer(site, clock=clock, timer=timer)
         ledger = Ledger(
             site, store, alerts=alerts, clock=clock, keep_window=None if self._lake is None else self._lake.keep
         )
-        self._following, self._comparing = Every(_FOLLOW, timer), Every(_COMPARE, timer)
+        self._taking_over = Every(_TAKE_OVER, timer)
+        self._checking = Every(_CHECK, timer)
+        self._is_followed = False
         self._dispatch = Dispatch(
             store,
             workers,
             ledger,
             site.watch.settings,
             timer=timer,
-            fence=self._shards.fence,
-            overload=Overload(alerts, limit=site.watch.overload_seconds, clock=clock),
             clock=clock,
         )
         self._post = PostOffice(
@@ -124,7 +125,6 @@ class Station:
             link=site.alert_url,
             picture=partial(alert_picture, store),
             beat=self._heartbeats.beat,
-            is_on_duty=lambda: self._shards.is_first,
         )
         self._upkeep = Upkeep(
             site,
@@ -134,7 +134,6 @@ class Station:
             link=self._link,
             gate=self._gate,
             post=self._post,
-            shards=self._shards,
             relearn=self._dispatch.relearn,
             lake=self._lake,
             clock=clock,
@@ -143,7 +142,8 @@ class Station:
         self._examining = Every(_EXAMINE, timer)
         self._overloaded: set[str] = set()
         self._flushing = Every(_FLUSH, timer)
-        self._is_resting = self._is_open = False
+        self._is_resting = False
+        self._is_active = False
 
     @property
     def statuses(self) -> Mapping[str, VehicleStatus]:
@@ -161,18 +161,29 @@ class Station:
         return self._is_resting and self._inflow.is_empty and self._dispatch.is_idle
 
     def open(self, *, timeout: float = 0.0) -> None:
-        """Continue from the store, and connect; `timeout` as for `Link.open`.
+        """Continue from the store, and connect; stand by while another monitor works on it, on PostgreSQL.
+
+        Parameters
+        ----------
+        timeout
+            As for `Link.open`.
 
         Raises
         ------
         StoreError
             If another monitor uses the store, and it is a file.
         """
-        self._shards.open()
-        if not self._shards.is_shared:
-            self._alerts.keep_reports_of(self._shards.monitors, now=self._clock())
+        self._taking_over.start()
+        if not self._store.reservation.take(self._name):
+            LOG.info("standing by: another monitor works on the store")
+            return
+        with self._store.reservation.fenced():
+            self._begin(timeout)
+
+    def _begin(self, timeout: float) -> None:
+        """Begin to work on the store."""
         self._upkeep.open()
-        self._is_open = True
+        self._is_active = True
         self._follow()
         self._post.open()
         if self._lake is not None:
@@ -187,11 +198,36 @@ class Station:
             self.step()
 
     def step(self) -> None:
-        """Do what is due; wait for 5 ms if nothing is."""
+        """Do what is due; wait for 5 ms if nothing is. While another monitor works, try to take over.
+
+        Raises
+        ------
+        ReservationLostError
+            If the store is no longer reserved for this monitor, which must end: others may have taken over.
+        """
         self._heartbeats.beat("station")
+        if self._is_active:
+            if self._checking.is_due:
+                self._checking.start()
+                self._store.reservation.check()
+            with self._store.reservation.fenced():
+                self._work()
+            return
+        for loop in self._heartbeats.ages:
+            self._heartbeats.beat(loop)  # none of them runs
+        if self._taking_over.is_due:
+            try:
+                self.open()
+            except StoreError as error:
+                LOG.warning(str(error))
+        self._sleep(0.2)
+
+    def _work(self) -> None:
+        """Do what is due as the monitor that works."""
         n_taken = n_given = 0
         if self._gate.is_open:
-            self._gate.guard(self._follow)
+            if not self._is_followed:
+                self._gate.guard(self._follow)
             n_taken = self._take()
             n_given = self._gate.guard(self._dispatch.give) or 0
         outcomes = self._dispatch.collect(timeout=0.0 if n_taken else 0.05)
@@ -218,14 +254,14 @@ class Station:
         if self._lake is not None:
             self._lake.close()
         self._link.close()
-        self._gate.guard(self._dispatch.flush)
-        self._dispatch.close()
-        if self._is_open:
-            self._is_open = False
-            self._upkeep.close()
+        if self._is_active:
+            self._is_active = False
+            with suppress(ReservationLostError), self._store.reservation.fenced():
+                self._gate.guard(self._dispatch.flush)
+                self._upkeep.close()
+            self._store.reservation.release()
             LOG.info("stopped")
-        with suppress(StoreError):  # others take over later
-            self._shards.close()
+        self._dispatch.close()
 
     def receive(self, name: str, payload: bytes) -> None:
         """Queue a message for the next step; beyond the limit it is dropped, and sent again as unacknowledged."""
@@ -249,8 +285,7 @@ class Station:
             **{name: now - time for name, time in last.items() if time is not None},
             "sprung_queue_bytes": self._inflow.n_bytes,
             "sprung_link_connected": float(self._link.is_connected),
-            "sprung_monitors": len(self._shards.monitors),
-            "sprung_shards": len(self._shards.held) if self._shards.is_shared else N_SHARDS,
+            "sprung_active": float(self._is_active),
             "sprung_store_writable": float(not self._gate.trouble),
             **{labelled("sprung_heartbeat_age_seconds", loop=loop): age for loop, age in ages.items()},
             **{
@@ -260,30 +295,17 @@ class Station:
         }
 
     def troubles(self) -> list[str]:
-        """Return sentences about problems of the monitor itself."""
+        """Return sentences about problems of the monitor itself; one that stands by has none."""
+        if not self._is_active and self._taking_over.started is not None:
+            return []
         broker = "" if self._link.is_connected else self._link.problem or "the broker has not answered yet"
         inner = (*self._heartbeats.troubles, *self._post.troubles)
         return [sentence for sentence in (broker, self._gate.trouble, *inner) if sentence]
 
     def _follow(self) -> None:
-        """Take over and leave vehicles, and find the frames that other monitors took in for this one."""
-        change = self._shards.renew()
-        self._dispatch.leave(change.lost)
-        for monitor in change.dead:
-            self._upkeep.report_dead(monitor)
-        if change.is_other_crew:
-            self._alerts.keep_reports_of(self._shards.monitors, now=self._clock())
-        if change.gained or change.lost:
-            LOG.info("shards", extra={"held": len(self._shards.held), "monitors": len(self._shards.monitors)})
-            self._comparing.reset()
-            self._following.reset()
-        if not self._following.is_due or (self._comparing.started is not None and not self._shards.is_shared):
-            return
-        self._following.start()
-        is_complete = self._comparing.is_due
-        self._dispatch.follow(self._shards.held if self._shards.is_shared else None, is_complete=is_complete)
-        if is_complete:
-            self._comparing.start()
+        """Find the frames in the store."""
+        self._dispatch.follow()
+        self._is_followed = True
 
     def _take(self) -> int:
         """Store the messages received, and return their number."""
@@ -292,20 +314,17 @@ class Station:
         taken = self._gate.guard(partial(self._intake.take, self._batch(), now=self._clock()))
         if taken is None:
             # The store may have frames all the same, if it failed after a commit, and a box may have no more of them.
-            self._comparing.reset()
-            self._following.reset()
+            self._is_followed = False
             return 0
         if taken.arrived or taken.described:
             self._gate.succeed()
-        self._dispatch.hold([frame for frame in taken.frames if self._shards.holds(frame.vehicle)])
+        self._dispatch.hold(taken.frames)
         for (vehicle, boot), contiguous in taken.arrived.items():
-            if self._shards.holds(vehicle):
-                self._dispatch.add(vehicle, boot, contiguous)
+            self._dispatch.add(vehicle, boot, contiguous)
         for vehicle, held in taken.held.items():
             self._give_up(vehicle, held)
         for vehicle, checksum in taken.described.items():
-            if self._shards.holds(vehicle):
-                self._gate.guard(partial(self._describe, vehicle, checksum))
+            self._gate.guard(partial(self._describe, vehicle, checksum))
         return taken.n_messages
 
     def _give_up(self, vehicle: str, held: Collection[int]) -> None:
@@ -340,10 +359,10 @@ class Station:
         overloaded, self._overloaded = self._overloaded, set()
         for vehicle in sorted(overloaded):
             sentence = f"{vehicle} sends more than the monitor takes in: messages are refused"
-            self._alerts.report_own(vehicle, "monitor:intake", sentence, now=now)
+            self._alerts.report(vehicle, "monitor:intake", sentence, now=now)
         for row in self._store.alerts.find(is_active=True):
             if row.cause == "monitor:intake" and row.vehicle not in overloaded:
-                self._alerts.clear_own(row.vehicle, row.cause, now=now)
+                self._alerts.clear(row.vehicle, row.cause, now=now)
 
 
 def loops_of(seconds_per_job: float, senders: Sequence[str]) -> dict[str, Loop]:

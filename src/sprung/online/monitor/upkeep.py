@@ -12,7 +12,6 @@ from sprung.online.monitor.histories import LEARN, ROLL_BACK
 from sprung.online.monitor.intake import MONITOR, Intake
 from sprung.online.monitor.lakes import LakeWriter
 from sprung.online.monitor.postman import PostOffice
-from sprung.online.monitor.shards import Shards
 from sprung.online.monitor.site import Site
 from sprung.online.store import CommandRow, Retention, Store
 
@@ -49,8 +48,6 @@ class Upkeep:
         Gate that is closed while the store cannot write.
     post
         Senders of notifications.
-    shards
-        Vehicles that this monitor works for.
     relearn
         Function called with each open request for a new or an earlier baseline.
     lake
@@ -71,15 +68,21 @@ class Upkeep:
         link: Link,
         gate: Gate,
         post: PostOffice,
-        shards: Shards,
         relearn: Callable[[CommandRow], None],
         lake: LakeWriter | None = None,
         clock: Callable[[], int],
         timer: Callable[[], float],
     ) -> None:
-        self._site, self._store, self._alerts, self._intake = site, store, alerts, intake
-        self._link, self._gate, self._post, self._shards = link, gate, post, shards
-        self._relearn, self._clock, self._lake = relearn, clock, lake
+        self._site = site
+        self._store = store
+        self._alerts = alerts
+        self._intake = intake
+        self._link = link
+        self._gate = gate
+        self._post = post
+        self._relearn = relearn
+        self._clock = clock
+        self._lake = lake
         self._begun = clock()
         self._archives = [Retention(folder) for folder in (site.archive, site.correlations) if folder is not None]
         self._asking: dict[int, Every] = {}
@@ -94,9 +97,10 @@ class Upkeep:
             LOG.warning(notice)
             self._alerts.report(MONITOR, "monitor:store", notice, now=now)
         own = [row for row in self._store.requests.audited(limit=1000) if row.who == MONITOR]
-        if own and own[-1].act == "started" and not self._shards.is_shared:  # else another monitor will notice
-            sentence = "the monitor stopped unexpectedly and was restarted"
+        if own and own[-1].act == "started":
+            sentence = "the monitor stopped unexpectedly and was restarted, or another one took over"
             self._alerts.report(MONITOR, "monitor", sentence, now=now)
+        self._intake.recall_parked()
         self._store.requests.audit(MONITOR, "started", MONITOR, now=now)
 
     def close(self) -> None:
@@ -113,24 +117,15 @@ class Upkeep:
             self._sweeping.start()
             self._gate.guard(self._sweep)
 
-    def report_dead(self, monitor: str) -> None:
-        """Raise an alert about another monitor that has died."""
-        sentence = f"the monitor {monitor} stopped unexpectedly: others have taken over its vehicles"
-        self._alerts.report(MONITOR, "monitor", sentence, now=self._clock())
-
     def _look(self) -> None:
-        """Update shelved alerts and alerts of silent vehicles, and carry out commands, all for own vehicles only."""
-        now, holds = self._clock(), self._shards.holds
-        self._alerts.end_shelves(holds=holds, fence=self._shards.fence, now=now)
-        if self._shards.is_first:
-            self._update_own("monitor:notifications", self._post.lasting_trouble, now)
-        self._intake.recall_parked()
-        last_seen = {vehicle: seen for vehicle, seen in self._store.inbox.last_seen().items() if holds(vehicle)}
+        """Update shelved alerts and alerts of silent vehicles, and carry out commands."""
+        now = self._clock()
+        self._alerts.end_shelves(now=now)
+        self._update_own("monitor:notifications", self._post.lasting_trouble, now)
+        last_seen = self._store.inbox.last_seen()
         self._update_silence(last_seen, now)
         for command in self._store.requests.open_commands():
-            if holds(command.vehicle):
-                with self._shards.fence(command.vehicle):
-                    self._carry_out(command, last_seen.get(command.vehicle, 0), now)
+            self._carry_out(command, last_seen.get(command.vehicle, 0), now)
 
     def _carry_out(self, command: CommandRow, last_seen: int, now: int) -> None:
         """Carry out a command for a vehicle."""
@@ -154,7 +149,7 @@ class Upkeep:
         patience = round(60e9 * self._site.alerts.silent_after_minutes)
         rows = self._store.alerts.find(is_active=True)
         for row in rows:
-            if row.cause == "lost" and self._shards.holds(row.vehicle) and now - row.updated >= _CALM:
+            if row.cause == "lost" and now - row.updated >= _CALM:
                 self._alerts.clear(row.vehicle, "lost", now=now)
         active = {row.vehicle for row in rows if row.cause == "silent"}
         for vehicle, seen in last_seen.items():
@@ -162,11 +157,9 @@ class Upkeep:
             if is_silent and vehicle not in active:
                 since = datetime.fromtimestamp(seen / 1e9, tz=UTC)
                 sentence = f"{vehicle} has sent nothing since {since:%Y-%m-%d %H:%M} UTC"
-                with self._shards.fence(vehicle):
-                    self._alerts.report(vehicle, "silent", sentence, now=now)
+                self._alerts.report(vehicle, "silent", sentence, now=now)
             elif vehicle in active and not is_silent:
-                with self._shards.fence(vehicle):
-                    self._alerts.clear(vehicle, "silent", now=now)
+                self._alerts.clear(vehicle, "silent", now=now)
 
     def _request_samples(self, command: CommandRow, last_seen: int, now: int) -> None:
         """Request samples from a box, again whenever it was seen since, until all that it announced have arrived."""
@@ -191,9 +184,8 @@ class Upkeep:
         for archive in self._archives:  # before anything else: a store on a full disk cannot even delete
             archive.prune(before=self._site.keep.raw_before(now), most_bytes=most)
         self._check_certificates(now)
-        self._update_seen_here(LAKE, "" if self._lake is None else self._lake.trouble, now)
-        if self._shards.is_first:
-            self._tidy(now)
+        self._update_own(LAKE, "" if self._lake is None else self._lake.trouble, now)
+        self._tidy(now)
         free = self._store.free()
         if free is not None and free < 1e6 * self._site.keep.free_megabytes:
             sentence = f"intake is stopped, as only {free / 1e6:.0f} MB are free on the disk of the store: free space"
@@ -209,14 +201,7 @@ class Upkeep:
     def _check_certificates(self, now: int) -> None:
         """Raise an alert about certificates of this monitor that expire soon, or clear it where there are none."""
         troubles = [trouble for each in certificates_of(self._site) if (trouble := each.trouble(now))]
-        self._update_seen_here(CERTIFICATE, "; ".join(troubles), now)
-
-    def _update_seen_here(self, cause: str, trouble: str, now: int) -> None:
-        """Raise an alert about a problem that each monitor reports separately, or clear this monitor's part of it."""
-        if trouble:
-            self._alerts.report_own(MONITOR, cause, trouble, now=now)
-        else:
-            self._alerts.clear_own(MONITOR, cause, now=now)
+        self._update_own(CERTIFICATE, "; ".join(troubles), now)
 
     def _tidy(self, now: int) -> None:
         """Delete old rows, once an hour, or again at the next sweep if many are left."""

@@ -68,11 +68,7 @@ class Workers:
     processor time. Slow vehicles share a process of their own, so that only they wait for each other. Among the others
     a job is stopped after a sixth of the limit of processor time, too; it is tried again in full among the slow ones.
     After three windows without a slow job a vehicle returns.
-
-    While `skips_modes` is set, jobs leave out the identifications within windows.
     """
-
-    skips_modes = False
 
     def __init__(
         self,
@@ -158,7 +154,7 @@ class Workers:
             baseline stays.
         """
         worker = next(worker for worker in self._workers if vehicle in worker.vehicles)
-        self._send(worker, _Task("work", vehicle), ("work", vehicle, list(frames), learn, self.skips_modes))
+        self._send(worker, _Task("work", vehicle), ("work", vehicle, list(frames), learn))
 
     def outcomes(self, *, timeout: float = 0.0) -> list[Outcome]:
         """Return the available outcomes, waiting up to a time [s] for the first."""

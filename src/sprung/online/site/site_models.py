@@ -95,14 +95,6 @@ class FigureEntry(Answer):
     value: float
 
 
-class MonitorEntry(Answer):
-    """A monitor that shares the store."""
-
-    monitor: str
-    seen: int
-    shards: int = Field(description="number of shards of vehicles that it is responsible for, of 256")
-
-
 class SiteDetail(Answer):
     """Settings, store, senders and state of the monitor itself."""
 
@@ -119,4 +111,3 @@ class SiteDetail(Answer):
     versions: tuple[VersionEntry, ...]
     loops: tuple[LoopEntry, ...]
     figures: tuple[FigureEntry, ...]
-    monitors: tuple[MonitorEntry, ...] = Field(description="empty if the store is a file, which has one monitor")

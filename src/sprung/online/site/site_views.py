@@ -25,7 +25,6 @@ from sprung.online.site.site_models import (
     FalseAlarms,
     FigureEntry,
     LoopEntry,
-    MonitorEntry,
     SenderEntry,
     SettingEntry,
     SiteDetail,
@@ -54,7 +53,6 @@ _LIBRARIES = (
     "pydantic",
     "sqlalchemy",
     "psycopg",
-    "alembic",
     "paho-mqtt",
     "cbor2",
     "fastapi",
@@ -87,7 +85,6 @@ def site_detail(context: Context) -> SiteDetail:
         versions=_versions(contents),
         loops=_loops(site, figures),
         figures=_figures(figures),
-        monitors=tuple(MonitorEntry.model_validate(each) for each in store.leases.holders()),
     )
 
 

@@ -14,7 +14,6 @@ try:
     )
     from sprung.online.store.contents import MOST_COUNTED, Contents, Counted
     from sprung.online.store.fleet import ChangeRow, FleetCounts, FleetFilter, FleetRow, Place, WindowRow
-    from sprung.online.store.leases import N_SHARDS, Holder, Holding, Lease, shard_of
     from sprung.online.store.rows import (
         AlertFilter,
         AlertPlace,
@@ -33,14 +32,13 @@ try:
         StoredFrame,
         VehicleRow,
     )
-    from sprung.online.store.schema import LeaseLostError, RefusedError, StoreError
+    from sprung.online.store.schema import RefusedError, ReservationLostError, StoreError
     from sprung.online.store.store import Store, check_address, open_store
 except ImportError as error:
     raise missing_package(error, "sqlalchemy", purpose="the store", extra="online") from None
 
 __all__ = [
     "MOST_COUNTED",
-    "N_SHARDS",
     "AccountRow",
     "AlertFilter",
     "AlertPlace",
@@ -60,14 +58,11 @@ __all__ = [
     "FleetFilter",
     "FleetRow",
     "HistoryRow",
-    "Holder",
-    "Holding",
-    "Lease",
-    "LeaseLostError",
     "NotificationRow",
     "Place",
     "Progress",
     "RefusedError",
+    "ReservationLostError",
     "Retention",
     "Snapshot",
     "Store",
@@ -82,6 +77,5 @@ __all__ = [
     "is_archive",
     "open_store",
     "read_archive",
-    "shard_of",
     "write_archive",
 ]

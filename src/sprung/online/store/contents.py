@@ -6,7 +6,7 @@ from sqlalchemy import Connection, Table, func, literal, select
 
 from sprung.online.store.database import Database
 from sprung.online.store.retention import KEPT
-from sprung.online.store.schema import FINDINGS, METADATA, MODES, OBSERVATIONS
+from sprung.online.store.schema import FINDINGS, METADATA, MODES, OBSERVATIONS, SCHEMA
 
 #: Number of rows at which counting ends, so that a large store answers soon, too.
 MOST_COUNTED = 1_000_000
@@ -65,7 +65,7 @@ class Contents:
     database
         Program and version of the database.
     schema
-        Revision of the schema.
+        Version of the schema.
     """
 
     tables: tuple[Counted, ...]
@@ -76,8 +76,6 @@ class Contents:
 
 def contents_of(database: Database) -> Contents:
     """Return the contents of a store."""
-    from sprung.online.store.migrations import revision
-
     with database.reading() as connection:
         oldest = [
             connection.scalar(select(func.min(table.c.stored)).where(table.c.stored > 0))
@@ -87,7 +85,7 @@ def contents_of(database: Database) -> Contents:
             tuple(_count(connection, table) for _, table in sorted(METADATA.tables.items())),
             min((time for time in oldest if time is not None), default=None),
             _name(connection),
-            revision(connection) or "",
+            str(connection.scalar(select(SCHEMA.c.version))),
         )
 
 

@@ -100,22 +100,6 @@ class Database:
                 check(connection)
             yield connection
 
-    @contextmanager
-    def upgrading(self) -> Iterator[Connection]:
-        """Yield a transaction that writes for as long as it takes."""
-        with self.writing() as connection:
-            if self.path is not None:
-                yield connection
-                return
-            for limit in ("statement_timeout", "lock_timeout"):
-                connection.exec_driver_sql(f"SET LOCAL {limit} = 0")
-            limited: Any = connection.connection.dbapi_connection
-            patience, limited.patience = limited.patience, None
-            try:
-                yield connection
-            finally:
-                limited.patience = patience
-
     def insert(self, table: Table) -> sqlite.Insert | postgresql.Insert:
         """Return an INSERT that supports a clause for existing rows."""
         return postgresql.insert(table) if self.path is None else sqlite.insert(table)
@@ -217,15 +201,15 @@ def _transaction(engine: Engine) -> Iterator[Connection]:
     except DBAPIError as error:
         # SQLSTATE classes 22 (data exception) and 23 (integrity constraint violation), and those of SQLite
         kind = RefusedError if isinstance(error, DataError | IntegrityError) else StoreError
-        raise kind(_sentence(error.orig)) from error
+        raise kind(words_of(error.orig)) from error
     except PoolTimeoutError as error:
         raise StoreError(f"the store is busy (no connection was free for {PATIENCE:g} s): try again later") from error
     except (StatementError, UnicodeError, OverflowError) as error:
         raise RefusedError(f"the store cannot hold this: {getattr(error, 'orig', None) or error}") from error
 
 
-def _sentence(error: BaseException | None) -> str:
-    """Return the cause of an error and its remedy."""
+def words_of(error: BaseException | None) -> str:
+    """Return the cause of an error of a database and its remedy."""
     cause = str(error).strip().partition("\n")[0]
     code = getattr(error, "sqlite_errorcode", 0) & 0xFF
     state = getattr(error, "sqlstate", None) or ""

@@ -6,7 +6,6 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, func, or_, select, tuple_, update
 
 from sprung.online.store.database import Database
-from sprung.online.store.leases import shard_of
 from sprung.online.store.rows import Cursor, StoredFrame, VehicleRow, check_count
 from sprung.online.store.schema import CURSORS, FORGOTTEN, FRAMES, VEHICLES
 
@@ -198,15 +197,10 @@ class Inbox:
         with self._database.reading() as connection:
             return _cursors(connection, _of(CURSORS, (vehicle, boot))).get((vehicle, boot), Cursor())
 
-    def cursors(
-        self, shards: Collection[int] | None = None, *, vehicle: str | None = None, since: int = 0
-    ) -> dict[Key, Cursor]:
-        """Return the progress of frames by vehicle and boot: of some shards, or of one vehicle."""
-        conditions: list[ColumnElement[bool]] = [CURSORS.c.updated >= since]
-        conditions += [] if shards is None else [CURSORS.c.shard.in_(shards)]
-        conditions += [] if vehicle is None else [CURSORS.c.vehicle == vehicle]
+    def cursors(self, *, vehicle: str | None = None) -> dict[Key, Cursor]:
+        """Return the progress of frames by vehicle and boot: of one vehicle, or of all."""
         with self._database.reading() as connection:
-            return _cursors(connection, *conditions)
+            return _cursors(connection, *([] if vehicle is None else [CURSORS.c.vehicle == vehicle]))
 
     def open_boots(self, vehicle: str, *, limit: int) -> list[int]:
         """Return at most `limit` boots of a vehicle that are not analysed up to where they are complete, ascending."""
@@ -251,7 +245,7 @@ class Inbox:
         analysed.
         """
         fresh = {"contiguous": -1, "done": -1, "lost": 0, "updated": now}
-        rows = [{"vehicle": vehicle, "boot": boot, "shard": shard_of(vehicle), **fresh} for vehicle, boot in ends]
+        rows = [{"vehicle": vehicle, "boot": boot, **fresh} for vehicle, boot in ends]
         connection.execute(self._database.insert(CURSORS).on_conflict_do_nothing(), rows)
         cursors = _cursors(connection, tuple_(CURSORS.c.vehicle, CURSORS.c.boot).in_(list(ends)), is_locked=True)
         for key in _forgotten(connection, {key: end for key, end in ends.items() if _may_be_old(cursors[key], end)}):

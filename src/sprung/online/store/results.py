@@ -183,7 +183,7 @@ class Results:
         """
         table = _KINDS[kind]
         place = (table.c.t0, *(column for column in reversed(table.primary_key.columns) if column.name != "vehicle"))
-        columns = [table.c[name] for name in (*Entry.__dataclass_fields__, "packed")]
+        columns = [table.c[name] for name in Entry.__dataclass_fields__]
         query = select(*columns, *(column.label(f"at_{column.name}") for column in place)).order_by(*place).limit(size)
         query = query.where(table.c.vehicle == vehicle)
         if until is not None:
@@ -193,7 +193,7 @@ class Results:
             with self._database.reading() as connection:
                 rows = connection.execute(following).all()
             if rows:
-                yield [_entry(**dict(zip((*Entry.__dataclass_fields__, "packed"), row, strict=False))) for row in rows]
+                yield [Entry(*row[: len(columns)]) for row in rows]
             if len(rows) < size:
                 return
             following = query.where(tuple_(*place) > tuple_(*rows[-1][len(columns) :]))
@@ -239,14 +239,14 @@ class Results:
     ) -> list[Entry]:
         """Return documents in order of time."""
         newest_first = (column.desc() for column in (table.c.t0, *reversed(table.primary_key.columns)))
-        columns = (table.c[name] for name in (*Entry.__dataclass_fields__, "packed"))
+        columns = (table.c[name] for name in Entry.__dataclass_fields__)
         query = select(*columns).where(table.c.vehicle == vehicle, *where).order_by(*newest_first).limit(limit)
         if since is not None:
             query = query.where(table.c.t0 >= since)
         if until is not None:
             query = query.where(table.c.t0 <= until)
         with self._database.reading() as connection:
-            return [_entry(**row) for row in reversed(connection.execute(query).mappings().all())]
+            return [Entry(**row) for row in reversed(connection.execute(query).mappings().all())]
 
 
 def _mark_done(connection: Connection, progress: Progress) -> None:
@@ -272,16 +272,11 @@ def _n_numbered(connection: Connection, table: Table, vehicle: str) -> int:
 
 def _rows(progress: Progress, entries: Sequence[Numbered]) -> list[dict[str, Any]]:
     """Return the columns of documents about numbered windows."""
-    common = {"vehicle": progress.vehicle, "boot": progress.boot, "stored": progress.now, "document": {}}
-    return [common | {"number": number, "t0": t0, "packed": document} for number, t0, document in entries]
+    common = {"vehicle": progress.vehicle, "boot": progress.boot, "stored": progress.now}
+    return [common | {"number": number, "t0": t0, "document": document} for number, t0, document in entries]
 
 
 def _placed(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return the columns of findings, counted within each window."""
     numbers = [row["number"] for row in rows]
     return [row | {"place": numbers[:k].count(row["number"])} for k, row in enumerate(rows)]
-
-
-def _entry(*, document: Document, packed: Document | None, **fields: Any) -> Entry:
-    """Return the document of a row, packed or as earlier programs stored it."""
-    return Entry(**fields, document=document if packed is None else packed)

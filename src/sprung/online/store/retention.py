@@ -39,9 +39,7 @@ KEPT = {
     "verdicts": "few, and the site's precision is computed from all of them",
     "accounts": "one for each person",
     "tokens": "one for each program, until it is revoked",
-    "leases": "one for each shard",
-    "monitors": "one for each monitor that runs",
-    "compatibility": "one for each schema",
+    "schema_version": "one row",
 }
 #: Number of rows of a transaction, which other writers wait for.
 _BATCH = 1000

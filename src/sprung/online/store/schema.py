@@ -1,4 +1,4 @@
-"""Present tables of the store; `sprung.online.store.migrations` upgrades every released schema to them.
+"""Tables of the store.
 
 Times are UTC nanoseconds. `boot` counts the starts of a box, `seq` its frames since then, from 0.
 """
@@ -34,8 +34,8 @@ class RefusedError(StoreError):
     """Values that no row can hold: the store itself is sound, and stores others."""
 
 
-class LeaseLostError(StoreError):
-    """A lease that another monitor has taken over; nothing was written."""
+class ReservationLostError(SprungError):
+    """The store is no longer reserved for this monitor, which must stop; nothing was written."""
 
 
 class Json(TypeDecorator[Any]):
@@ -150,8 +150,6 @@ CURSORS = Table(
     Column("done", _INTEGER, nullable=False),
     Column("lost", _INTEGER, nullable=False),
     Column("updated", _INTEGER, nullable=False),
-    Column("shard", Integer, nullable=False, server_default="-1"),
-    Index("cursors_of_shard", "shard", "updated"),
 )
 
 
@@ -160,7 +158,7 @@ FORGOTTEN = Table("forgotten", METADATA, _key("vehicle", Text), Column("boot", _
 
 
 def _entries(name: str, *more: Column[object]) -> Table:
-    """Return a table of documents, each about a numbered stretch of time: packed, or as text of earlier programs."""
+    """Return a table of documents, each about a numbered stretch of time."""
     return Table(
         name,
         METADATA,
@@ -169,9 +167,8 @@ def _entries(name: str, *more: Column[object]) -> Table:
         _key("number", _INTEGER),
         *more,
         Column("t0", _INTEGER, nullable=False),
-        Column("document", Json, nullable=False),
-        Column("stored", _INTEGER, nullable=False, server_default="0"),
-        Column("packed", Packed),
+        Column("document", Packed, nullable=False),
+        Column("stored", _INTEGER, nullable=False),
         Index(f"{name}_in_time", "vehicle", "t0"),
         Index(f"{name}_stored", "stored"),
     )
@@ -368,17 +365,6 @@ TOKENS = Table(
     Column("expires", _INTEGER),
 )
 
-#: Monitors that run, and when each was last heard from, by the clock of the database.
-MONITORS = Table("monitors", METADATA, _key("monitor", Text), Column("seen", _INTEGER, nullable=False))
-
-#: Monitor that works for the vehicles of each shard; the epoch rises whenever that changes.
-LEASES = Table(
-    "leases",
-    METADATA,
-    Column("shard", Integer, primary_key=True, autoincrement=False),
-    Column("holder", Text),
-    Column("epoch", _INTEGER, nullable=False),
-)
-
-#: For each revision of the schema, the oldest one whose programs can use it.
-COMPATIBILITY = Table("compatibility", METADATA, _key("revision", Text), Column("since", Text, nullable=False))
+#: Version of these tables in a store, one row: `SCHEMA_VERSION` of the program that made it.
+SCHEMA = Table("schema_version", METADATA, Column("version", Integer, primary_key=True, autoincrement=False))
+SCHEMA_VERSION = 1

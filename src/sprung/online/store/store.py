@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Self
 
-from sqlalchemy import URL, make_url
+from sqlalchemy import URL, Connection, func, inspect, make_url, select
 from sqlalchemy.exc import ArgumentError
 
 from sprung.errors import ParameterError
@@ -17,12 +17,14 @@ from sprung.online.store.contents import Contents, contents_of, n_windows_since
 from sprung.online.store.database import PATIENCE, Database
 from sprung.online.store.fleet import Fleet
 from sprung.online.store.inbox import Inbox
-from sprung.online.store.leases import Leases
 from sprung.online.store.requests import Requests
+from sprung.online.store.reservation import Reservation
 from sprung.online.store.results import Results
 from sprung.online.store.retention import Ages, delete_older
-from sprung.online.store.schema import StoreError
+from sprung.online.store.schema import METADATA, SCHEMA, SCHEMA_VERSION, VEHICLES, StoreError
 
+# Number of the lock on PostgreSQL while tables are created: any, but the same in every program.
+_CREATING = 0x737072756E67
 # How files of SQLite begin and are usually called: one of such a name that begins otherwise is damaged.
 _SQLITE, _ENDINGS = b"SQLite format 3\0", {".sqlite", ".sqlite3", ".db"}
 # The header or a page makes no sense, or the disk cannot read it.
@@ -57,8 +59,8 @@ class Store:
         Alerts with their history, and notifications.
     requests
         Commands for the monitor, and the audit trail.
-    leases
-        Leases of the monitors on vehicles.
+    reservation
+        Right of one monitor to work on the store.
     fleet
         The fleet in order of urgency, for people.
     accounts
@@ -71,10 +73,15 @@ class Store:
 
     def __init__(self, database: Database) -> None:
         self._database = database
-        self.inbox, self.results, self.aside = Inbox(database), Results(database), Aside(database)
-        self.alerts, self.requests = Alerts(database), Requests(database)
-        self.leases, self.fleet = Leases(database), Fleet(database)
-        self.accounts, self.verdicts = Accounts(database), Verdicts(database)
+        self.inbox = Inbox(database)
+        self.results = Results(database)
+        self.aside = Aside(database)
+        self.alerts = Alerts(database)
+        self.requests = Requests(database)
+        self.reservation = Reservation(database)
+        self.fleet = Fleet(database)
+        self.accounts = Accounts(database)
+        self.verdicts = Verdicts(database)
         self.notices = database.notices
 
     def __enter__(self) -> Self:
@@ -119,8 +126,8 @@ class Store:
         return self._database.together()
 
     def close(self) -> None:
-        """Close all connections, and let another monitor use a file."""
-        self.leases.unlock()
+        """Close all connections, and let another monitor work on the store."""
+        self.reservation.release()
         self._database.close()
 
     def delete_older(
@@ -158,7 +165,7 @@ class Store:
 
 
 def open_store(url: str) -> Store:
-    """Open a store, create it if needed, and bring its schema up to date.
+    """Open a store, and create it if needed.
 
     Parameters
     ----------
@@ -170,7 +177,7 @@ def open_store(url: str) -> Store:
     ParameterError
         If the address is neither of these.
     StoreError
-        If the store cannot be opened, or a newer program wrote it.
+        If the store cannot be opened, or has the tables of another version.
 
     Notes
     -----
@@ -184,18 +191,37 @@ def open_store(url: str) -> Store:
     ...     store.inbox.vehicle("bus-17").channels
     [['acc_fl', 'm/s^2']]
     """
-    from sprung.online.store.migrations import upgrade
-
     address = check_address(url)
     is_file = address.get_backend_name() == "sqlite"
     database = Database(address, notices=_prepare(Path(address.database or "")) if is_file else ())
     try:
-        with database.upgrading() as connection:
-            upgrade(connection)
+        with database.writing() as connection:
+            _create_tables(connection)
     except BaseException:
         database.close()
         raise
     return Store(database)
+
+
+def _create_tables(connection: Connection) -> None:
+    """Create the tables in an empty database, and refuse those of another version."""
+    if connection.dialect.name == "postgresql":
+        connection.execute(select(func.pg_advisory_xact_lock(_CREATING)))
+    tables = inspect(connection)
+    if tables.has_table(SCHEMA.name):
+        version = connection.scalar(select(SCHEMA.c.version))
+        if version == SCHEMA_VERSION:
+            return
+    elif tables.has_table(VEHICLES.name):
+        version = None
+    else:
+        METADATA.create_all(connection)
+        connection.execute(SCHEMA.insert().values(version=SCHEMA_VERSION))
+        return
+    raise StoreError(
+        f"the store has the schema {version or 'of a trial version'}, and this program uses {SCHEMA_VERSION}: "
+        f"install the sprung that wrote it, or open another store"
+    )
 
 
 def check_address(url: str) -> URL:

@@ -52,8 +52,6 @@ def _work(figures: Mapping[str, float]) -> Iterator[tuple[str, str]]:
         each = f", each in {seconds / n_windows:.2g} s of processor time" if n_windows and seconds else ""
         n_failures = figures.get("sprung_failures_total", 0.0)
         yield "analysed since the start", f"{n_windows:,.0f} windows{each}; {n_failures:,.0f} jobs failed"
-    if (share := figures.get("sprung_identifications_thinned_ratio")) is not None:
-        yield "identifications left out", f"{100 * share:.1f} %, as the analysis was behind" if share else "none"
 
 
 def _seen(alarms: FalseAlarms) -> str:

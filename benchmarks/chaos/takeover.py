@@ -1,11 +1,12 @@
-"""Whether several monitors on one store come to the results of one, while they are killed and stopped at random.
+"""Whether a monitor and one that stands by come to the results of an undisturbed one, whoever works at the moment.
 
     boxes (one process, live) -> mosquitto -> monitors -> PostgreSQL, messages to people -> a web server
 
-Monitors are killed (SIGKILL), stopped for a time (SIGSTOP, SIGCONT) and ended in good order (SIGTERM), and started
-again. In the end every table, and every message that people got, must be that of one undisturbed monitor.
+The monitor that works is killed (SIGKILL) or ended in good order (SIGTERM) and started again, or the connection that
+reserves the store for it is cut. In the end every table, and every message that people got, must be that of one
+undisturbed monitor.
 
-Run as `python benchmarks/chaos/several.py`; with `--throughput`, frames stored per second by the number of monitors.
+Run as `python benchmarks/chaos/takeover.py`.
 """
 
 import argparse
@@ -28,6 +29,7 @@ from processes import MOSQUITTO, SPRUNG, Program, broker, free_port, tail, until
 from servers import Database, Mailbox, postgresql
 
 from fleet import WINDOW, Fleet
+from sprung.online.store.reservation import MONITOR_LOCK
 
 #: What is compared, in an order that does not depend on when it was stored, without row numbers and times of the clock.
 _OWN = "vehicle <> 'monitor'"
@@ -35,9 +37,9 @@ TABLES = {
     "vehicles": "SELECT vehicle, configuration, description, channels, is_parked FROM vehicles ORDER BY vehicle",
     "frames": "SELECT vehicle, boot, seq FROM frames ORDER BY 1, 2, 3",
     "cursors": "SELECT vehicle, boot, contiguous, done, lost FROM cursors ORDER BY 1, 2",
-    "observations": "SELECT vehicle, boot, number, t0, document, md5(packed) FROM observations ORDER BY 1, 2, 3",
-    "modes": "SELECT vehicle, boot, number, t0, document, md5(packed) FROM modes ORDER BY 1, 2, 3",
-    "findings": "SELECT vehicle, boot, number, place, t0, document, md5(packed) FROM findings ORDER BY 1, 2, 3, 4",
+    "observations": "SELECT vehicle, boot, number, t0, md5(document) FROM observations ORDER BY 1, 2, 3",
+    "modes": "SELECT vehicle, boot, number, t0, md5(document) FROM modes ORDER BY 1, 2, 3",
+    "findings": "SELECT vehicle, boot, number, place, t0, md5(document) FROM findings ORDER BY 1, 2, 3, 4",
     "baselines": "SELECT vehicle, version, reason, document FROM baselines ORDER BY 1, 2",
     "snapshots": "SELECT vehicle, boot, seq, md5(document) FROM snapshots ORDER BY 1",
     "statuses": "SELECT vehicle, document FROM statuses ORDER BY 1",
@@ -51,6 +53,14 @@ TABLES = {
 }
 #: Parts of a message that depend on the clock and on the order of alerts of different vehicles.
 _CHANGING = {"time", "key", "number", "raised", "updated", "cleared", "link"}
+#: Longest time until another monitor has taken over [s].
+_TAKE_OVER = 30.0
+#: Server process and name of the monitor that works: it holds the lock with the number of `store.reservation`.
+_HOLDER = (
+    "SELECT pid, application_name FROM pg_locks JOIN pg_stat_activity USING (pid) WHERE locktype = 'advisory'"
+    f" AND granted AND mode = 'ExclusiveLock' AND (classid::bigint << 32) + objid::bigint = {MONITOR_LOCK}"
+    " AND pg_locks.database = (SELECT oid FROM pg_database WHERE datname = current_database())"
+)
 _TIME = re.compile(r"\d{4}-\d\d-\d\d[T ][\d:.]+Z?")
 
 
@@ -64,7 +74,6 @@ class Plan:
     windows: int
     seconds: float
     every: float
-    takeover: float
     patience: float
     seed: int
 
@@ -85,8 +94,7 @@ class Result:
     messages: int = 0
     messages_missing: int = 0
     messages_repeated: int = 0
-    #: Shards that each victim held, of 256, and times until others held all of those of a killed or ended one [s].
-    shards: list[int] = field(default_factory=list)
+    #: Times until another monitor, or the same one again, worked on the store [s].
     takeovers: list[float] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     seconds_to_the_end: float = 0.0
@@ -95,7 +103,8 @@ class Result:
     def is_kept(self) -> bool:
         """Whether every promise was kept, and shown by tables that are not empty and acknowledgements."""
         broken = (self.acknowledged_not_stored, self.differs, self.messages_missing, self.failures)
-        return not any(broken) and not self.empty and (self.acknowledgements >= 100 or not self.events)
+        is_soon = max(self.takeovers, default=0.0) <= _TAKE_OVER
+        return not any(broken) and not self.empty and is_soon and (self.acknowledgements >= 100 or not self.events)
 
 
 class Rig:
@@ -116,7 +125,6 @@ class Rig:
             f'schema = "sprung.site/1"\nstore = "{self.database.url}"\nhttp = "127.0.0.1:{port}"\n'
             f'broker = "{self.url}"\n'
             f"[watch]\nwindow_minutes = {WINDOW / 60}\nidentify_every_minutes = {WINDOW / 60}\nlearning_windows = 2\n"
-            f"takeover_seconds = {plan.takeover}\n"
             f"[alerts]\nclear_after_windows = 1\n[keep]\nraw_days = 0\n"
             f'[[send.webhook]]\nurl = "{self.mailbox.url}"\n'
         )
@@ -155,18 +163,16 @@ def rig(folder: Path, plan: Plan, server: Path, *, monitors: int) -> Iterator[Ri
     made = Rig(folder, plan, database, monitors=monitors)
     try:
         # Nobody may begin before the tables are there.
-        until(lambda: is_migrated(database), timeout=120.0, what="the tables")
+        until(lambda: has_tables(database), timeout=120.0, what="the tables")
         yield made
     finally:
         made.close()
         database.close()
 
 
-def is_migrated(database: Database) -> bool:
-    """Return whether the store has its tables, and a monitor holds leases."""
-    if database.rows("SELECT to_regclass('leases') IS NOT NULL") == [(False,)]:
-        return False
-    return database.rows("SELECT count(*) FROM leases WHERE holder IS NULL") == [(0,)]
+def has_tables(database: Database) -> bool:
+    """Return whether the store has its tables, and a monitor works on it."""
+    return bool(database.rows(_HOLDER))
 
 
 def timeless(value: Any) -> Any:
@@ -180,83 +186,46 @@ def different(messages: Counter[tuple[str, str]]) -> Counter[str]:
 
 
 class Storm:
-    """Kills, stops and ends monitors that hold shards, but for one at a time at least, and starts them again.
-
-    It strikes again when the shards of the last one that ended have been taken over.
-    """
+    """Kills or ends the monitor that works, or cuts its reservation; it strikes again after the take-over."""
 
     def __init__(self, one: Rig, plan: Plan, result: Result) -> None:
-        self._rig, self._plan, self._result = one, plan, result
+        self._rig = one
+        self._plan = plan
+        self._result = result
         self._random = random.Random(plan.seed)
-        self._stopped: dict[Program, float] = {}
-        self._waiting: list[tuple[float, str]] = []
 
     def run(self, say: Callable[[str], None]) -> None:
-        """Rage for the planned time, then let all go on."""
+        """Rage for the planned time."""
         end = time.monotonic() + self._plan.seconds
-        due = time.monotonic() + self._plan.every
         while time.monotonic() < end:
-            time.sleep(0.2)
-            self._observe()
-            if time.monotonic() >= due and not self._waiting and self._strike(say):
-                due = time.monotonic() + self._random.uniform(0.5, 1.5) * self._plan.every
-        for program in list(self._stopped):
-            self._continue(program)
+            time.sleep(self._random.uniform(0.5, 1.5) * self._plan.every)
+            self._strike(say)
 
-    def _strike(self, say: Callable[[str], None]) -> bool:
-        """Do something to a monitor that runs and holds shards, while another one runs; False: there is none."""
-        running = [program for program in self._rig.monitors if program not in self._stopped]
-        shards = {program: self._n_shards(holder(program)) for program in running}
-        victims = [program for program in running if shards[program]]
-        if not victims:
-            return False
-        program = self._random.choice(victims)
+    def _strike(self, say: Callable[[str], None]) -> None:
+        """Do something to the monitor that works, and wait until one works again."""
+        ((session, name),) = until(self._holder, timeout=60.0, what="a monitor that works")
+        program = next(one for one in self._rig.monitors if name.endswith(f"process {one.pid}"))
         # The first three are one of each kind.
-        kinds = ["kill", "stop", "end"]
+        kinds = ["kill", "cut", "end"]
         n_events = sum(self._result.events.values())
         kind = kinds[n_events] if n_events < len(kinds) else self._random.choices(kinds, (6, 3, 1))[0]
-        if kind == "stop" and len(running) == 1:
-            kind = "kill"
         self._result.events[kind] += 1
-        self._result.shards.append(shards[program])
-        say(f"{kind} {program.name} with {shards[program]} shards")
-        if kind == "stop":
-            program.send(signal.SIGSTOP)
-            self._stopped[program] = time.monotonic() + self._random.uniform(0.2, 3.0) * self._plan.takeover
+        say(f"{kind} {program.name}")
+        begun = time.monotonic()
+        if kind == "cut":
+            self._rig.database.rows("SELECT pg_terminate_backend(%s)", session)
         else:
-            self._waiting.append((time.monotonic(), holder(program)))
             program.end(signal.SIGKILL if kind == "kill" else signal.SIGTERM)
             program.start()
-        return True
+        until(lambda: self._holder() not in ([], [(session, name)]), timeout=120.0, what="a take-over")
+        self._result.takeovers.append(round(time.monotonic() - begun, 1))
 
-    def _observe(self) -> None:
-        """Let stopped monitors go on, and note when the shards of dead ones have been taken over."""
-        for program, until_then in list(self._stopped.items()):
-            if time.monotonic() >= until_then:
-                self._continue(program)
-        for begun, name in list(self._waiting):
-            if not self._n_shards(name):
-                self._result.takeovers.append(round(time.monotonic() - begun, 1))
-                self._waiting.remove((begun, name))
-
-    def _n_shards(self, name: str) -> int:
-        """Return the number of shards whose holder has a name like this."""
-        ((n_shards,),) = self._rig.database.rows("SELECT count(*) FROM leases WHERE holder LIKE %s", name)
-        return int(n_shards)
-
-    def _continue(self, program: Program) -> None:
-        """Let a stopped monitor go on."""
-        del self._stopped[program]
-        program.send(signal.SIGCONT)
-
-
-def holder(program: Program) -> str:
-    """Return a pattern for the name of a monitor as the holder of shards."""
-    return f"%process {program.pid},%"
+    def _holder(self) -> list[tuple[Any, ...]]:
+        return self._rig.database.rows(_HOLDER)
 
 
 def run(plan: Plan, folder: Path, say: Callable[[str], None]) -> Result:
-    """Run one monitor undisturbed and several through the storm, and compare."""
+    """Run one monitor undisturbed and two through the storm, and compare."""
     result = Result(plan)
     pace = WINDOW * plan.windows / plan.seconds
     with ExitStack() as stack:
@@ -325,13 +294,12 @@ def table(result: Result) -> str:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--monitors", type=int, default=3)
+    parser.add_argument("--monitors", type=int, default=2)
     parser.add_argument("--vehicles", type=int, default=300)
     parser.add_argument("--driving", type=int, default=3, help="of the vehicles: the others stand")
     parser.add_argument("--windows", type=int, default=10, help="of each vehicle, two minutes each")
     parser.add_argument("--seconds", type=float, default=600.0, help="length of the storm")
     parser.add_argument("--every", type=float, default=6.0, help="mean time between its events [s]")
-    parser.add_argument("--takeover", type=float, default=10.0, help="takeover_seconds of the site files")
     parser.add_argument("--patience", type=float, default=300.0, help="for the end after the storm [s]")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="folder for logs; default: one that is removed")

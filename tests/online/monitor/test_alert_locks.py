@@ -1,4 +1,4 @@
-"""Alerts about monitoring that several monitors on one store raise and clear, each for itself."""
+"""Alerts that the monitor and people change at the same time."""
 
 import threading
 from pathlib import Path
@@ -8,7 +8,6 @@ import pytest
 from sprung.errors import ParameterError
 from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import AlertBook, alert_of, operations
-from sprung.online.monitor.overload import OVERLOAD, Overload
 from sprung.online.store import open_store
 
 BEGUN = 1_795_219_200_000_000_000
@@ -24,7 +23,7 @@ def store(request, tmp_path: Path):
 
 @pytest.fixture
 def books(store):
-    return [AlertBook(store, AlertSettings(), monitor=name) for name in ("a", "b")]
+    return [AlertBook(store, AlertSettings()) for _ in range(2)]
 
 
 def active(store):
@@ -34,55 +33,6 @@ def active(store):
 def events(store, vehicle, cause):
     (row,) = [row for row in store.alerts.find(vehicle=vehicle) if row.cause == cause]
     return [event.what for event in store.alerts.history(row.id)]
-
-
-def test_an_alert_stays_until_each_monitor_that_raised_it_has_cleared_its_own(store, books) -> None:
-    a, b = books
-    b.clear_own("car-1", INTAKE, now=BEGUN)
-    a.report_own("car-1", INTAKE, "too much", now=BEGUN)
-    assert active(store) == {("car-1", INTAKE): "too much"}
-    b.clear_own("car-1", INTAKE, now=BEGUN + 1)
-    assert active(store) == {("car-1", INTAKE): "too much"}
-    b.report_own("car-1", INTAKE, "far too much", now=BEGUN + 2)
-    b.report_own("car-1", INTAKE, "far too much", now=BEGUN + 3)
-    assert active(store) == {("car-1", INTAKE): "a: too much; b: far too much"}
-    a.clear_own("car-1", INTAKE, now=BEGUN + 4)
-    assert active(store) == {("car-1", INTAKE): "far too much"}
-    b.clear_own("car-1", INTAKE, now=BEGUN + 5)
-    assert active(store) == {}
-    assert events(store, "car-1", INTAKE) == ["raised", "updated", "updated", "cleared"]
-
-
-def test_what_a_monitor_that_has_gone_reported_is_cleared_by_others(store, books) -> None:
-    a, b = books
-    a.report_own("car-1", INTAKE, "too much", now=BEGUN)
-    a.report_own("car-2", INTAKE, "too much", now=BEGUN)
-    b.report_own("car-2", INTAKE, "too much", now=BEGUN)
-    b.report("car-3", "monitor:analysis", "a frame", now=BEGUN)
-    b.keep_reports_of({"a", "b"}, now=BEGUN + 1)
-    assert len(active(store)) == 3
-    b.keep_reports_of({"b"}, now=BEGUN + 2)
-    assert active(store) == {("car-2", INTAKE): "too much", ("car-3", "monitor:analysis"): "a frame"}
-
-
-def test_an_alert_of_the_release_before_is_cleared(store, books) -> None:
-    books[0].report("car-1", INTAKE, "too much", now=BEGUN)
-    books[1].clear_own("car-1", INTAKE, now=BEGUN + 1)
-    assert active(store) == {}
-
-
-def test_a_monitor_with_time_to_spare_does_not_clear_the_overload_of_another(store, books) -> None:
-    """One is behind for two minutes, the other never; both look every second."""
-    seconds = [0]
-    a, b = (Overload(book, limit=10.0, clock=lambda: BEGUN + seconds[0] * 10**9) for book in books)
-    shown = []
-    for _ in range(200):
-        a.update(20.0 if seconds[0] < 120 else 0.0, n_frames=1, n_vehicles=1)
-        b.update(0.0, n_frames=0, n_vehicles=0)
-        shown.append(("monitor", OVERLOAD) in active(store))
-        seconds[0] += 1
-    assert shown == [True] * 149 + [False] * 51, "until 30 s after the last look that was behind"
-    assert events(store, "monitor", OVERLOAD) == ["raised", "cleared"]
 
 
 def soft_spring(text):
