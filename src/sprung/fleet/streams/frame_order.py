@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from sprung.errors import FormatError
 from sprung.link import Header, Key, check_frame, checked_map, losses_in
-from sprung.online.monitor.intake import REPORTS
+from sprung.link.messages import REPORTS
 
 #: Largest number and size [bytes] of the frames that wait for earlier ones, after which the earlier ones are lost.
 MOST_WAITING, MOST_BYTES = 1024, 1 << 24

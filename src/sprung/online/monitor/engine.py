@@ -34,9 +34,7 @@ from sprung.online.monitor.states import (
     invalid_state,
     migrated,
     restored_block,
-    restored_statistics,
     stored_block,
-    stored_statistics,
 )
 from sprung.recording import Recording
 from sprung.results.documents import (
@@ -45,6 +43,8 @@ from sprung.results.documents import (
     mode_documents,
     observation_document,
     observation_from_document,
+    restored_statistics,
+    stored_statistics,
     type_baseline_document,
     type_baseline_from_document,
 )
