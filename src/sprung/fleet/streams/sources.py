@@ -137,7 +137,7 @@ def windows_of_messages(messages: "DataFrame", *, duration: float = 600.0) -> "D
     Notes
     -----
     The state of a vehicle has the frames of its incomplete window and those that wait for earlier ones
-    (`sprung.fleet.streams.assembly.Assembly`).
+    (`sprung.link.windows.WindowAssembly`).
 
     Examples
     --------
