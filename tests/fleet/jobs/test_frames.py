@@ -133,8 +133,8 @@ class TestWindowAssembly:
         assert digests([arriving], kept) == []
 
     def test_a_window_is_a_row_of_a_lake_with_its_gaps(self):
-        first, *_ = WindowAssembly(CAR, Kept(), duration=DURATION).update(drive())
-        recording = recording_of(window_of_recording(CAR, first).row)
+        window, *_ = WindowAssembly(CAR, Kept(), duration=DURATION).update(drive())
+        recording = recording_of(window_of_recording(CAR, window).row)
         assert (recording.start, recording.n_samples, recording.sampling_rate) == (START, 1200, RATE)
         assert [(gap.index, gap.duration) for gap in recording.gaps] == [(900, pytest.approx(40.0))]
         first = decode(drive()[0])
