@@ -109,6 +109,13 @@ def test_imports_go_down(name) -> None:
         assert place in ONLY_IN.get(library, {place}), f"{name} imports {library}, which belongs elsewhere"
 
 
+def test_fleets_need_nothing_of_online() -> None:
+    of_fleet = {name: path for name, path in modules().items() if name.startswith("fleet.")}
+    for name, path in of_fleet.items():
+        above = [target for target in imported(path, with_types=True) if target.startswith("sprung.online")]
+        assert not above, f"{name} imports {above}: what both wings need stands below them"
+
+
 def test_no_circle_inside_packages() -> None:
     """Not for the types of a signature either; a package may offer what its modules define."""
     inside = {

@@ -19,6 +19,8 @@ LARGEST, MOST_CHANNELS = 1 << 20, 256
 #: Largest number of values of all maps and lists of a message, which bounds the time to read it; smaller messages than
 #: this many bytes cannot hold more.
 MOST_VALUES = 16_384
+#: Kinds of messages with the results of on-board identification in place of samples.
+REPORTS = ("corr", "modes")
 #: Largest number of boots in a state; later ones follow when those are acknowledged.
 MOST_BOOTS = 32
 #: Latest time of a sample, UTC ns: the beginning of 2200. Times that are computed from it have 64 bits.

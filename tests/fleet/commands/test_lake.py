@@ -11,7 +11,7 @@ from sprung.diagnosis import windows
 from sprung.fleet.jobs.exporting import export_windows
 from sprung.fleet.lake import Lake, recording_of, window_of_recording
 from sprung.formats import read, write
-from sprung.online.store import write_archive
+from sprung.link.archive import write_archive
 from sprung.recording import Channel, Gap, Recording
 
 START = 1_767_225_600 * 10**9 + 250_000_000  # 2026-01-01

@@ -17,8 +17,12 @@ from sprung.fleet.jobs.results import OF_STEP, SCHEMAS, Results
 from sprung.fleet.jobs.tasks import Task, apart, rows_of
 from sprung.fleet.lake import Lake, recording_of
 from sprung.identification import cov_ssi
-from sprung.online.monitor.states import restored_statistics
-from sprung.results.documents import corners_document, identification_document, observation_document
+from sprung.results.documents import (
+    corners_document,
+    identification_document,
+    observation_document,
+    restored_statistics,
+)
 
 
 def plain(document):

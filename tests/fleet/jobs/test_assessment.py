@@ -15,8 +15,12 @@ from sprung.fleet.jobs.analysis import WindowSettings, Work, analyse
 from sprung.fleet.jobs.assessing import COMPARED
 from sprung.fleet.jobs.assessment import AssessmentSettings, Windows, assess, assessments, discoveries, learnt, outline
 from sprung.fleet.jobs.results import SCHEMAS
-from sprung.online.monitor.states import restored_statistics
-from sprung.results.documents import baseline_document, diagnosis_document, observation_from_document
+from sprung.results.documents import (
+    baseline_document,
+    diagnosis_document,
+    observation_from_document,
+    restored_statistics,
+)
 
 LEARN = 4
 SETTINGS = AssessmentSettings(learning_windows=LEARN)

@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 
 from sprung.errors import FormatError
 from sprung.fleet.lake import recording_of, window_of_recording
-from sprung.fleet.streams import frame_order
-from sprung.fleet.streams.assembly import Assembly
-from sprung.fleet.streams.frame_order import FrameOrder
 from sprung.link import Frame, Key, decode, encode, frame_block, message, quantised
+from sprung.link import windows as link_windows
+from sprung.link.windows import FrameOrder, WindowAssembly
 from sprung.online.monitor import MonitorSettings, Observed, VehicleMonitor
 from sprung.vehicles import read_vehicle
 
@@ -91,15 +90,19 @@ def seen_by_monitor(frames):
     """Return the windows that the monitor analyses of frames in order."""
     monitor = VehicleMonitor(read_vehicle("zafira"), settings=MonitorSettings(window=DURATION, identify_every=0))
     events = [event for payload in frames for event in monitor.update(frame_block(decode(payload), {}))]
-    return [window_of_recording(CAR, event.recording).row["digest"] for event in events if isinstance(event, Observed)]
+    return [digest(event.recording) for event in events if isinstance(event, Observed)]
 
 
 def digests(batches, kept=None):
     """Return the digests of the windows of batches, each with an assembly of its own as after a restart."""
     kept = kept or Kept()
-    return [
-        window.row["digest"] for batch in batches for window in Assembly(CAR, kept, duration=DURATION).update(batch)
-    ]
+    windows = (window for batch in batches for window in WindowAssembly(CAR, kept, duration=DURATION).update(batch))
+    return [digest(window) for window in windows]
+
+
+def digest(recording):
+    """Return the digest of a window as a row of a lake."""
+    return window_of_recording(CAR, recording).row["digest"]
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +112,7 @@ def expected():
     return windows
 
 
-class TestAssembly:
+class TestWindowAssembly:
     def test_windows_are_those_of_the_monitor(self, expected):
         assert digests([drive()]) == expected
         assert digests([[payload] for payload in drive()]) == expected
@@ -130,8 +133,8 @@ class TestAssembly:
         assert digests([arriving], kept) == []
 
     def test_a_window_is_a_row_of_a_lake_with_its_gaps(self):
-        rows = [window.row for window in Assembly(CAR, Kept(), duration=DURATION).update(drive())]
-        recording = recording_of(rows[0])
+        window, *_ = WindowAssembly(CAR, Kept(), duration=DURATION).update(drive())
+        recording = recording_of(window_of_recording(CAR, window).row)
         assert (recording.start, recording.n_samples, recording.sampling_rate) == (START, 1200, RATE)
         assert [(gap.index, gap.duration) for gap in recording.gaps] == [(900, pytest.approx(40.0))]
         first = decode(drive()[0])
@@ -152,7 +155,7 @@ class TestAssembly:
         kept = Kept()
         sizes = []
         for payload in drive()[:39]:
-            list(Assembly(CAR, kept, duration=DURATION).update([payload]))
+            list(WindowAssembly(CAR, kept, duration=DURATION).update([payload]))
             sizes.append(len(kept.window.get()))
         assert max(sizes) == 11
         assert len(kept.progress) < 1000
@@ -165,13 +168,13 @@ class TestAssembly:
             frame(0, 3, start=START, vehicle="another"),
             message({0: 1, "boots": 3, "lost": 1}),
         ]
-        assembly = Assembly(CAR, Kept(), duration=DURATION)
-        assert [window.row["digest"] for window in assembly.update([*strange, *frames])] == expected
+        assembly = WindowAssembly(CAR, Kept(), duration=DURATION)
+        assert [digest(window) for window in assembly.update([*strange, *frames])] == expected
         assert assembly.refused.total() == len(strange)
 
     def test_a_window_that_is_too_large_is_refused(self):
         names = tuple(f"c{k}" for k in range(200))
-        assembly = Assembly(CAR, Kept(), duration=9_000.0)
+        assembly = WindowAssembly(CAR, Kept(), duration=9_000.0)
         assert list(assembly.update([frame(0, 0, start=START, names=names, n_samples=20)])) == []
         assert "too large" in next(iter(assembly.refused))
 
@@ -207,7 +210,7 @@ class TestFrameOrder:
         assert self.taken(order) == []
 
     def test_a_gap_is_lost_when_many_frames_wait_behind_it(self, monkeypatch):
-        monkeypatch.setattr(frame_order, "MOST_WAITING", 10)
+        monkeypatch.setattr(link_windows, "MAX_WAITING", 10)
         order = FrameOrder(CAR)
         for seq in range(100, 110):
             order.add(frame(2, seq, start=START + seq, n_samples=2))
@@ -219,7 +222,7 @@ class TestFrameOrder:
         assert self.taken(order) == [(3, seq) for seq in range(11)]
 
     def test_boots_long_ago_are_forgotten_and_stay_analysed(self, monkeypatch):
-        monkeypatch.setattr(frame_order, "_MOST_BOOTS", 3)
+        monkeypatch.setattr(link_windows, "MAX_BOOTS", 3)
         order = FrameOrder(CAR)
         for boot in range(6):
             order.add(frame(boot, 0, start=START + boot, n_samples=2))

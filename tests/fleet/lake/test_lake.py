@@ -9,7 +9,7 @@ import pytest
 
 from sprung.errors import DataError, FormatError
 from sprung.fleet.lake import AddedFile, Lake, Table, file_name, recording_of, window_of_recording
-from sprung.fleet.lake.packing import MOST_ROUNDING, packed, quantised, unpacked, values_of
+from sprung.fleet.lake.windows import MAX_ROUNDING, packed, quantised, unpacked, values_of
 from sprung.recording import Channel, Gap, Recording
 
 START = 1_767_225_600 * 10**9  # 2026-01-01
@@ -47,7 +47,7 @@ class TestPacking:
     def test_other_samples_are_rounded_well_below_their_scatter(self):
         samples = drive().samples
         error = values_of(*quantised(samples)) - samples
-        assert np.all(error.std(axis=1) < MOST_ROUNDING * samples.std(axis=1))
+        assert np.all(error.std(axis=1) < MAX_ROUNDING * samples.std(axis=1))
 
     def test_a_spike_asks_for_four_bytes(self):
         samples = np.array(drive().samples)

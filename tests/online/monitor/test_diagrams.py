@@ -10,10 +10,10 @@ import pytest
 
 from sprung.diagnosis import observe_window
 from sprung.identification import METHODS
+from sprung.link.archive import ArchiveError, write_archive
 from sprung.modal import PoleStatus
 from sprung.online.monitor.diagrams import answer, archived_recording, diagram_values, window_diagrams
 from sprung.online.monitor.engine import IDENTIFICATION
-from sprung.online.store import StoreError, write_archive
 from sprung.recording import Gap
 from sprung.results.documents import mode_documents
 from sprung.vehicles import vehicle_text
@@ -48,10 +48,10 @@ def test_archived_samples_are_those_of_the_window(tmp_path, car, drive) -> None:
 
 
 def test_samples_that_are_gone_or_damaged(tmp_path) -> None:
-    with pytest.raises(StoreError, match=r"the samples in 1-0.parquet cannot be read"):
+    with pytest.raises(ArchiveError, match=r"the samples in 1-0.parquet cannot be read"):
         archived_recording(tmp_path / "1-0.parquet", {})
     (tmp_path / "1-0.parquet").write_bytes(b"PAR1 and nothing else")
-    with pytest.raises(StoreError, match=r"the samples in 1-0.parquet cannot be read"):
+    with pytest.raises(ArchiveError, match=r"the samples in 1-0.parquet cannot be read"):
         archived_recording(tmp_path / "1-0.parquet", {})
 
 

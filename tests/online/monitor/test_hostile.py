@@ -147,7 +147,8 @@ def test_little_room_is_an_alert_and_stops_taking_in(bench, drive, frames_of, mo
 
 
 def test_samples_make_room_though_the_store_can_no_longer_delete(bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    from sprung.online.store import StoreError, write_archive
+    from sprung.link.archive import write_archive
+    from sprung.online.store import StoreError
 
     one = bench(watch=WATCH["watch"], keep={"raw_days": 1})
 

@@ -8,11 +8,11 @@ import pytest
 from starlette.testclient import TestClient
 from tests.online.site.conftest import NOW
 
+from sprung.link.archive import write_archive
 from sprung.online.monitor import Site
 from sprung.online.site import Context, application, diagram_views
 from sprung.online.site.busy import BusyError
 from sprung.online.site.diagrams import DiagramDesk, NoSamplesError
-from sprung.online.store import write_archive
 
 MODE = {
     "natural_frequency": 1.4,

@@ -8,7 +8,8 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.formats import read
-from sprung.online.store import Retention, StoreError, is_archive, read_archive, write_archive
+from sprung.link.archive import ArchiveError, is_archive, read_archive, write_archive
+from sprung.online.store import Retention
 
 T0 = int(datetime(2024, 2, 29, 23, 59, 59, tzinfo=UTC).timestamp()) * 10**9 + 123
 DAY = 86400 * 10**9
@@ -70,7 +71,7 @@ def test_arguments_that_do_not_fit_are_refused(tmp_path: Path) -> None:
 def test_full_disk_leaves_no_part_of_a_file(small_disk) -> None:
     folder, _ = small_disk
     noise = np.random.default_rng(1).standard_normal((2, 400_000))
-    with pytest.raises(StoreError, match=r"the archive cannot write .* \(No space left on device\): free space"):
+    with pytest.raises(ArchiveError, match=r"the archive cannot write .* \(No space left on device\): free space"):
         write(folder, samples=noise)
     assert list(folder.rglob("*.par*")) == []
     assert write(folder).exists()
@@ -180,7 +181,7 @@ def test_a_full_disk_gets_room(small_disk) -> None:
     folder, _ = small_disk
     noise = np.random.default_rng(1).standard_normal((2, 20_000))
     days = (write(folder, samples=noise, t0=T0 + k * DAY) for k in range(100))
-    with pytest.raises(StoreError, match="No space left on device"):
+    with pytest.raises(ArchiveError, match="No space left on device"):
         list(days)
     archive = Retention(folder)
     assert archive.prune(before=0, most_bytes=10**6) > 0

@@ -13,8 +13,13 @@ from sprung.errors import SprungError
 from sprung.fleet.jobs.results import OF_STEP
 from sprung.fleet.lake import recording_of
 from sprung.identification import METHODS, IdentificationSettings
-from sprung.online.monitor.states import stored_statistics
-from sprung.results.documents import Document, corners_document, identification_document, observation_document
+from sprung.results.documents import (
+    Document,
+    corners_document,
+    identification_document,
+    observation_document,
+    stored_statistics,
+)
 from sprung.results.documents.document import plain
 from sprung.vehicles import Vehicle, vehicle_from_text
 

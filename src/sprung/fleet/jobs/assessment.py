@@ -19,12 +19,12 @@ from sprung.diagnosis import (
 )
 from sprung.errors import SprungError
 from sprung.fleet.jobs.results import SCHEMAS
-from sprung.online.monitor.states import restored_statistics
 from sprung.results.documents import (
     baseline_document,
     baseline_from_document,
     diagnosis_document,
     observation_from_document,
+    restored_statistics,
     type_baseline_document,
     type_baseline_from_document,
 )

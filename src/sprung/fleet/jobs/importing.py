@@ -9,7 +9,7 @@ from sprung.diagnosis import windows
 from sprung.errors import DataError, ParameterError, SprungError
 from sprung.fleet.lake import Lake, LakeWindow, window_of_recording
 from sprung.formats import ReadSettings, read_records
-from sprung.online.store import is_archive, read_archive
+from sprung.link.archive import is_archive, read_archive
 from sprung.recording import Channel, Gap, Recording
 
 #: Size of samples in memory after which they are written [bytes].

@@ -15,8 +15,12 @@ if TYPE_CHECKING:
     from pyspark.sql import SparkSession
 
 
-#: Number of reasons and of vehicles in a summary, and of windows that are analysed to estimate a cost.
-_MOST_REASONS, _MOST_VEHICLES, _MEASURED = 8, 20, 3
+#: Largest number of reasons in a summary.
+_MAX_REASONS = 8
+#: Largest number of vehicles in a summary.
+_MAX_VEHICLES = 20
+#: Number of windows that are analysed to estimate a cost.
+_MEASURED = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,16 +86,16 @@ def summarise(session: "SparkSession", results: Results) -> Summary:
     for name in OF_STEP.values():
         windows[name] = sum(file.n_rows for file in results[name].files())
         rows = read(session, results[name]).where(f.col("reason") != "")
-        counts = rows.groupBy("reason").count().orderBy(f.desc("count"), "reason").limit(_MOST_REASONS).collect()
+        counts = rows.groupBy("reason").count().orderBy(f.desc("count"), "reason").limit(_MAX_REASONS).collect()
         failed[name] = rows.count() if counts else 0
         for row in counts:
             reasons[row["reason"]] = max(row["count"], reasons.get(row["reason"], 0))
     diagnoses = read(session, results["diagnoses"])
     verdicts = {row["verdict"]: row["count"] for row in diagnoses.groupBy("verdict").count().collect()}
     found = diagnoses.where("is_discovery")
-    worst = found.select("vehicle", "e_value").orderBy(f.desc("e_value"), "vehicle").limit(_MOST_VEHICLES)
+    worst = found.select("vehicle", "e_value").orderBy(f.desc("e_value"), "vehicle").limit(_MAX_VEHICLES)
     findings = read(session, results["findings"]).join(worst, "vehicle").orderBy(f.desc("e_value"), "vehicle", "corner")
-    common = sorted(reasons.items(), key=lambda item: (-item[1], item[0]))[:_MOST_REASONS]
+    common = sorted(reasons.items(), key=lambda item: (-item[1], item[0]))[:_MAX_REASONS]
     rows_found = [row.asDict() for row in findings.collect()]
     return Summary(windows, failed, common, verdicts, found.count(), rows_found)
 

@@ -6,8 +6,8 @@ from typing import Any
 from pyspark.sql import Row
 from pyspark.sql.streaming.stateful_processor import StatefulProcessor, StatefulProcessorHandle
 
-from sprung.fleet.lake import SCHEMA, LakeWindow
-from sprung.fleet.streams.assembly import Assembly
+from sprung.fleet.lake import SCHEMA, LakeWindow, window_of_recording
+from sprung.link.windows import WindowAssembly
 
 
 class FrameState(StatefulProcessor):
@@ -33,9 +33,9 @@ class FrameState(StatefulProcessor):
     def handleInputRows(self, key: Any, rows: Iterator[Row], timerValues: Any) -> Iterator[Row]:  # noqa: N802
         """Yield the windows that the messages of a batch complete, and a row with the number of refused messages."""
         vehicle = str(key[0])
-        assembly = Assembly(vehicle, self._kept, duration=self._duration)
-        for window in assembly.update(bytes(row["value"] or b"") for row in rows):
-            yield _row(window)
+        assembly = WindowAssembly(vehicle, self._kept, duration=self._duration)
+        for recording in assembly.update(bytes(row["value"] or b"") for row in rows):
+            yield _row(window_of_recording(vehicle, recording, source="frames"))
         if assembly.refused:
             reason, _ = assembly.refused.most_common(1)[0]
             blank = dict.fromkeys(SCHEMA.names)

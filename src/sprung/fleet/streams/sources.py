@@ -11,8 +11,10 @@ from sprung.fleet.lake import SCHEMA, Lake, absolute_location
 if TYPE_CHECKING:
     from pyspark.sql import DataFrame, SparkSession
 
-#: Largest size of the files [bytes], and number of the messages of Kafka, in a batch.
-_MOST_BYTES, _MOST_MESSAGES = 1 << 30, 1_000_000
+#: Largest size of the files in a batch [bytes].
+_MAX_BYTES = 1 << 30
+#: Largest number of the messages of Kafka in a batch.
+_MAX_MESSAGES = 1_000_000
 #: Columns of messages: the vehicle, and a frame v1, report or state of its box.
 _MESSAGES = "key string, value binary"
 
@@ -47,7 +49,7 @@ def windows_of_lake(session: "SparkSession", lake: Lake) -> "DataFrame":
     """
     lake.table.open()
     files = session.readStream.schema(spark_schema(SCHEMA)).option("pathGlobFilter", "*.parquet")
-    files = files.option("ignoreMissingFiles", True).option("maxBytesPerTrigger", _MOST_BYTES)
+    files = files.option("ignoreMissingFiles", True).option("maxBytesPerTrigger", _MAX_BYTES)
     keys = (
         "vehicle",
         "start",
@@ -78,7 +80,7 @@ def messages_in_folder(session: "SparkSession", folder: str | Path) -> "DataFram
     (True, ['key', 'value'])
     """
     files = session.readStream.schema(_MESSAGES).option("pathGlobFilter", "*.parquet")
-    return files.option("maxBytesPerTrigger", _MOST_BYTES).parquet(absolute_location(folder))
+    return files.option("maxBytesPerTrigger", _MAX_BYTES).parquet(absolute_location(folder))
 
 
 def messages_in_kafka(session: "SparkSession", servers: str, topic: str) -> "DataFrame":
@@ -108,7 +110,7 @@ def messages_in_kafka(session: "SparkSession", servers: str, topic: str) -> "Dat
     (True, ['key', 'value'])
     """
     reader = session.readStream.format("kafka").option("kafka.bootstrap.servers", servers).option("subscribe", topic)
-    reader = reader.option("startingOffsets", "earliest").option("maxOffsetsPerTrigger", _MOST_MESSAGES)
+    reader = reader.option("startingOffsets", "earliest").option("maxOffsetsPerTrigger", _MAX_MESSAGES)
     try:
         return reader.load().selectExpr("CAST(key AS STRING) AS key", "value")
     except Exception as error:  # whatever Java makes of an absent connector
@@ -137,7 +139,7 @@ def windows_of_messages(messages: "DataFrame", *, duration: float = 600.0) -> "D
     Notes
     -----
     The state of a vehicle has the frames of its incomplete window and those that wait for earlier ones
-    (`sprung.fleet.streams.assembly.Assembly`).
+    (`sprung.link.windows.WindowAssembly`).
 
     Examples
     --------

@@ -20,10 +20,10 @@ from sprung.errors import SprungError
 from sprung.identification import METHODS, BlockRowLadder, Identification
 from sprung.likelihood import CornerFit
 from sprung.likelihood.fitting import fit_windows
+from sprung.link.archive import read_archive
 from sprung.modal import PoleStatus
 from sprung.online.monitor.engine import IDENTIFICATION
 from sprung.online.monitor.jobs import limited_memory
-from sprung.online.store import read_archive
 from sprung.recording import Channel, Gap, Recording
 from sprung.results.documents import identification_document
 from sprung.vehicles import Vehicle, vehicle_from_text

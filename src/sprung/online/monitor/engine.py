@@ -33,9 +33,7 @@ from sprung.online.monitor.states import (
     checked_state,
     invalid_state,
     restored_block,
-    restored_statistics,
     stored_block,
-    stored_statistics,
 )
 from sprung.recording import Recording
 from sprung.results.documents import (
@@ -44,6 +42,8 @@ from sprung.results.documents import (
     mode_documents,
     observation_document,
     observation_from_document,
+    restored_statistics,
+    stored_statistics,
     type_baseline_document,
     type_baseline_from_document,
 )

@@ -23,7 +23,7 @@ from sprung.link import (
     span_of,
     topic,
 )
-from sprung.link.messages import MOST_BOOTS, checksum, count, integer, text
+from sprung.link.messages import MOST_BOOTS, REPORTS, checksum, count, integer, text
 from sprung.online.monitor.inflow import vehicle_of
 from sprung.online.monitor.refusals import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals
 from sprung.online.store import Cursor, RefusedError, Store, StoredFrame
@@ -39,8 +39,6 @@ MONITOR = "monitor"
 _MOST_CHANNELS, _MOST_TEXT, _LONGEST_LINE = 256, 40_000, 1000
 #: Largest number of boots of a vehicle with frames that are not analysed: each takes memory, and time at every step.
 _MOST_OPEN_BOOTS = 1000
-#: Kinds of messages that boxes with on-board identification send in the sequence of frames.
-REPORTS = ("corr", "modes")
 #: Fields of a box's answer to a request for samples.
 _ANSWER = ("boot", "last", "frames", "from", "to")
 #: Time between updates of when vehicles were last seen [ns]: each is a transaction of its own.

@@ -7,12 +7,13 @@ from typing import Any
 from sprung.diagnosis import Baseline
 from sprung.errors import SprungError
 from sprung.link import checked_map
+from sprung.link.archive import write_archive
 from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.engine import Event, Identified, Observed, Restored
 from sprung.online.monitor.jobs import Outcome
 from sprung.online.monitor.on_board import archive_correlations, reported_modes
 from sprung.online.monitor.site import Site
-from sprung.online.store import Progress, RefusedError, Store, StoredFrame, StoreError, write_archive
+from sprung.online.store import Progress, RefusedError, Store, StoredFrame, StoreError
 from sprung.recording import Recording
 from sprung.results.documents import baseline_document, finding_document, observation_document
 

@@ -7,9 +7,9 @@ from typing import Any
 
 from sprung.errors import FormatError
 from sprung.link import Key
+from sprung.link.archive import write_archive
 from sprung.link.messages import count
 from sprung.link.summaries import summary_from_document
-from sprung.online.store import write_archive
 
 
 def reported_modes(document: Mapping[Any, Any]) -> dict[str, Any]:

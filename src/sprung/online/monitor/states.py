@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from sprung._checks import required
-from sprung.diagnosis import ResidualStatistics
 from sprung.errors import ParameterError
 from sprung.link import Block
 from sprung.recording import Channel, Gap, Recording
@@ -212,38 +211,6 @@ def restored_block(stored: Mapping[str, Any]) -> Recording:
     samples = np.frombuffer(stored["samples"], dtype="<f8").reshape(len(channels), -1)
     gaps = tuple(Gap(index, duration) for index, duration in stored["gaps"])
     return Recording(samples, stored["sampling_rate"], channels, stored["start"], gaps)
-
-
-def stored_statistics(statistics: ResidualStatistics | None) -> dict[str, Any] | None:
-    """Return the statistics of the residual test as plain values and bytes."""
-    if statistics is None:
-        return None
-    segments = statistics.segments
-    return {
-        "channels": list(statistics.channels),
-        "sampling_rate": statistics.sampling_rate,
-        "segment": statistics.segment,
-        "n_segments": statistics.n_segments,
-        "mean": np.ascontiguousarray(statistics.mean, dtype="<f8").tobytes(),
-        "segments": None if segments is None else np.ascontiguousarray(segments, dtype="<f8").tobytes(),
-    }
-
-
-def restored_statistics(stored: Mapping[str, Any] | None) -> ResidualStatistics | None:
-    """Return the statistics of plain values and bytes."""
-    if stored is None:
-        return None
-    channels = tuple(stored["channels"])
-    shape = (len(channels), len(channels), -1)
-    segments = stored["segments"]
-    return ResidualStatistics(
-        channels,
-        stored["sampling_rate"],
-        stored["segment"],
-        stored["n_segments"],
-        np.frombuffer(stored["mean"], dtype="<f8").reshape(shape),
-        None if segments is None else np.frombuffer(segments, dtype="<f8").reshape(stored["n_segments"], *shape),
-    )
 
 
 def _cbor() -> Any:

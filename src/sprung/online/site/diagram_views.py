@@ -4,12 +4,13 @@ from pathlib import Path
 from typing import Any
 
 from sprung.errors import ParameterError
+from sprung.link.archive import archive_path
 from sprung.online.monitor.vehicle_states import reference_of
 from sprung.online.site.context import Context
 from sprung.online.site.diagram_models import WindowDiagrams
 from sprung.online.site.diagrams import Computed, NoSamplesError
 from sprung.online.site.vehicle_data import require_vehicle, require_window
-from sprung.online.store import Entry, archive_path
+from sprung.online.store import Entry
 from sprung.results.tables import time_in_words
 
 #: Windows among which the last one with samples is sought.

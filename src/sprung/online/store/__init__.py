@@ -4,14 +4,7 @@ from sprung._checks import missing_package
 
 try:
     from sprung.online.store.accounts import AccountRow, TokenRow, VerdictRow
-    from sprung.online.store.archive import (
-        ArchivedSamples,
-        Retention,
-        archive_path,
-        is_archive,
-        read_archive,
-        write_archive,
-    )
+    from sprung.online.store.archive import Retention
     from sprung.online.store.contents import MOST_COUNTED, Contents, Counted
     from sprung.online.store.fleet import ChangeRow, FleetCounts, FleetFilter, FleetRow, Place, WindowRow
     from sprung.online.store.rows import (
@@ -43,7 +36,6 @@ __all__ = [
     "AlertFilter",
     "AlertPlace",
     "AlertRow",
-    "ArchivedSamples",
     "AsideRow",
     "AuditRow",
     "BaselineRow",
@@ -72,10 +64,6 @@ __all__ = [
     "VehicleRow",
     "VerdictRow",
     "WindowRow",
-    "archive_path",
     "check_address",
-    "is_archive",
     "open_store",
-    "read_archive",
-    "write_archive",
 ]

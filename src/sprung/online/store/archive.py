@@ -1,26 +1,16 @@
-"""Samples of vehicles as Parquet files, one for each stretch, and their retention."""
+"""Retention of the files of the monitor's archive of samples."""
 
-import json
 import os
-import re
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from heapq import heapify, heappop, heappush
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from sprung._checks import check_number, frozen_array
-from sprung.errors import ParameterError
-from sprung.online.store.rows import check_count
+from sprung.link.archive import reported
 from sprung.online.store.schema import StoreError
 
-_NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 # Within the ticks of its disk a folder can change again without a sign [ns].
 _SETTLED = 2 * 10**9
 _NEVER = 2**63
@@ -33,185 +23,6 @@ class _Day:
     changed: int | None
     oldest: int
     size: int
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class ArchivedSamples:
-    """Samples of a stretch as the archive keeps them.
-
-    Parameters
-    ----------
-    samples
-        Samples in SI units, with 32 bits of precision, shape (channels, samples).
-    channels
-        Names of the channels.
-    sampling_rate
-        Sampling rate [Hz].
-    t0
-        Time of the first sample, UTC ns.
-    gaps
-        Index of the first sample after each gap, and the length of the gap [s].
-    vehicle
-        Name of the vehicle.
-    quantities
-        Quantity of each channel; empty if the file does not state them.
-    """
-
-    samples: NDArray[np.float64]
-    channels: tuple[str, ...]
-    sampling_rate: float
-    t0: int
-    gaps: tuple[tuple[int, float], ...] = ()
-    vehicle: str = ""
-    quantities: tuple[str, ...] = ()
-
-
-def write_archive(
-    folder: Path | str,
-    vehicle: str,
-    boot: int,
-    first_seq: int,
-    t0: int,
-    *,
-    samples: ArrayLike,
-    channels: Sequence[str],
-    sampling_rate: float,
-    gaps: Sequence[tuple[int, float]] = (),
-    quantities: Sequence[str] = (),
-) -> Path:
-    """Write samples to ``folder/vehicle/YYYY-mm-dd/boot-seq.parquet``, whole or not at all.
-
-    Parameters
-    ----------
-    folder
-        Folder of the archive.
-    vehicle
-        Name of the vehicle: 1 to 64 letters, digits, dots, dashes and underscores.
-    boot, first_seq
-        Boot and sequence number of the first frame.
-    t0
-        Time of the first sample, UTC nanoseconds; also the time of the file.
-    samples
-        Samples in SI units, shape (channels, samples); stored with 32 bits.
-    channels
-        Names of the channels, the headings of the columns after the time.
-    sampling_rate
-        Sampling rate [Hz].
-    gaps
-        Index of the first sample after each gap, and the length of the gap [s].
-    quantities
-        Quantity of each channel, a key of `sprung.recording.QUANTITIES`; none: unknown.
-
-    Returns
-    -------
-    Path
-        File that was written.
-
-    Raises
-    ------
-    ParameterError
-        If a name or number cannot be used.
-    StoreError
-        If the archive cannot be written.
-
-    Examples
-    --------
-    >>> from tempfile import TemporaryDirectory
-    >>> stretch = {"samples": [[0.0, 0.5, -1.0]], "channels": ["acc_fl"], "sampling_rate": 400.0}
-    >>> with TemporaryDirectory() as folder:
-    ...     path = write_archive(folder, "bus-17", 4, 600, 1_700_000_000 * 10**9, **stretch)
-    ...     path.relative_to(folder).as_posix(), read_archive(path).samples.tolist()
-    ('bus-17/2023-11-14/4-600.parquet', [[0.0, 0.5, -1.0]])
-    """
-    values = frozen_array("samples", samples, ndim=2, dtype=np.float32)
-    _check_channels(channels, len(values))
-    check_number("sampling_rate", sampling_rate, above=0.0)
-    path = archive_path(folder, vehicle, boot, first_seq, t0)
-    facts = {"vehicle": vehicle, "boot": str(boot), "first_seq": str(first_seq), "t0": str(t0)}
-    stated = {"gaps": json.dumps([[int(index), float(length)] for index, length in gaps])} if gaps else {}
-    stated |= {"quantities": json.dumps(list(quantities))} if quantities else {}
-    _write(path, _table(values, channels, sampling_rate, facts | stated), t0)
-    return path
-
-
-def archive_path(folder: Path | str, vehicle: str, boot: int, first_seq: int, t0: int) -> Path:
-    """Return the path of the samples of a stretch, whether they are kept or not; parameters as for `write_archive`.
-
-    Raises
-    ------
-    ParameterError
-        If a name or number cannot be used.
-
-    Examples
-    --------
-    >>> archive_path("raw", "bus-17", boot=4, first_seq=600, t0=1_700_000_000 * 10**9).as_posix()
-    'raw/bus-17/2023-11-14/4-600.parquet'
-    """
-    name = f"{check_count('boot', boot)}-{check_count('first_seq', first_seq)}.parquet"
-    day = f"{datetime.fromtimestamp(t0 // 10**9, UTC):%Y-%m-%d}"
-    return Path(folder) / _checked_vehicle(vehicle) / day / name
-
-
-def read_archive(path: Path | str) -> ArchivedSamples:
-    """Return the samples of a file that `write_archive` wrote.
-
-    Raises
-    ------
-    StoreError
-        If the file does not exist, or contains something else.
-
-    Examples
-    --------
-    >>> from tempfile import TemporaryDirectory
-    >>> stretch = {"samples": [[0.0, 0.5, -1.0]], "channels": ["acc_fl"], "sampling_rate": 400.0}
-    >>> with TemporaryDirectory() as folder:
-    ...     path = write_archive(folder, "bus-17", 4, 600, 1_700_000_000 * 10**9, **stretch, gaps=[(2, 0.5)])
-    ...     archived = read_archive(path)
-    >>> archived.vehicle, archived.channels, archived.sampling_rate, archived.gaps
-    ('bus-17', ('acc_fl',), 400.0, ((2, 0.5),))
-    """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        table = pq.read_table(path)
-        facts = {name.decode(): value.decode() for name, value in (table.schema.metadata or {}).items()}
-        channels = tuple(name for name in table.column_names if name != "time")
-        return ArchivedSamples(
-            np.array([table[name].to_numpy() for name in channels], dtype=np.float64),
-            channels,
-            float(facts["sampling_rate"]),
-            int(facts["t0"]),
-            tuple((int(index), float(length)) for index, length in json.loads(facts.get("gaps", "[]"))),
-            facts.get("vehicle", ""),
-            tuple(map(str, json.loads(facts.get("quantities", "[]")))),
-        )
-    except (OSError, pa.ArrowException, ValueError, TypeError, LookupError) as error:
-        raise StoreError(f"the samples in {Path(path).name} cannot be read: {error}") from error
-
-
-def is_archive(path: Path | str) -> bool:
-    """Return whether a file is one that `write_archive` wrote, by its metadata.
-
-    Examples
-    --------
-    >>> from tempfile import TemporaryDirectory
-    >>> stretch = {"samples": [[0.0, 0.5, -1.0]], "channels": ["acc_fl"], "sampling_rate": 400.0}
-    >>> with TemporaryDirectory() as folder:
-    ...     path = write_archive(folder, "bus-17", 4, 600, 1_700_000_000 * 10**9, **stretch)
-    ...     is_archive(path), is_archive(path.with_suffix(".csv"))
-    (True, False)
-    """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        with open(path, "rb") as file:
-            if file.read(4) != b"PAR1":
-                return False
-            return {b"vehicle", b"boot", b"first_seq", b"t0"} <= (pq.read_schema(file).metadata or {}).keys()
-    except (OSError, pa.ArrowException):
-        return False
 
 
 class Retention:
@@ -253,7 +64,7 @@ class Retention:
         StoreError
             If a file cannot be deleted.
         """
-        with _reported(self._folder):
+        with reported(self._folder, StoreError):
             self._look()
             remaining, n_deleted = sum(day.size for day in self._days.values()), 0
             # A folder stands for its oldest file, and only what comes first is opened: most never are.
@@ -298,67 +109,3 @@ def _files(folder: str) -> list[tuple[int, str, int]]:
     """Return start, path and size of the files of a day."""
     files = [(file.stat(), file.path) for file in os.scandir(folder) if file.name.endswith((".parquet", ".part"))]
     return [(facts.st_mtime_ns, path, facts.st_size) for facts, path in files]
-
-
-def _checked_vehicle(vehicle: str) -> str:
-    """Return the name of a vehicle if it can name a folder."""
-    if not _NAME.fullmatch(vehicle) or vehicle in {".", ".."}:
-        raise ParameterError(f"vehicle {vehicle!r} must be 1 to 64 letters, digits, dots, dashes or underscores")
-    return vehicle
-
-
-def _check_channels(channels: Sequence[str], n_rows: int) -> None:
-    """Refuse names that cannot head the columns."""
-    if len(channels) != n_rows or len(set(channels)) < n_rows or "time" in channels:
-        raise ParameterError(
-            f"channels {', '.join(channels)} must be {n_rows} different names, one for each row of samples, "
-            f"and none of them 'time'"
-        )
-
-
-def _table(samples: NDArray[np.float32], channels: Sequence[str], sampling_rate: float, facts: dict[str, str]) -> Any:
-    """Return a column of time since t0 [s] and one for each channel."""
-    import pyarrow as pa
-
-    columns = {"time": np.arange(samples.shape[1]) / sampling_rate, **dict(zip(channels, samples, strict=True))}
-    return pa.table(columns).replace_schema_metadata({**facts, "sampling_rate": repr(float(sampling_rate))})
-
-
-def _write(path: Path, table: Any, t0: int) -> None:
-    """Write a file under another name, sync it, and rename it."""
-    import pyarrow.parquet as pq
-
-    part = path.with_name(f"{path.name}.part")
-    with _reported(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with part.open("wb") as file:
-                # No dictionary: samples hardly repeat. Bytes of equal weight together compress well.
-                pq.write_table(table, file, compression="zstd", use_dictionary=False, use_byte_stream_split=True)
-                file.flush()
-                os.fsync(file.fileno())
-            os.utime(part, ns=(t0, t0))
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
-        _sync(path.parent)
-
-
-def _sync(folder: Path) -> None:
-    """Sync a rename in a folder to disk."""
-    opened = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(opened)
-    finally:
-        os.close(opened)
-
-
-@contextmanager
-def _reported(path: Path) -> Iterator[None]:
-    """Raise errors of the disk as StoreError."""
-    try:
-        yield
-    except OSError as error:
-        raise StoreError(
-            f"the archive cannot write {path} ({error.strerror or error}): free space on its disk or make it writable"
-        ) from error

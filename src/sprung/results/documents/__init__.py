@@ -23,6 +23,8 @@ from sprung.results.documents.diagnosis import (
     observation_document,
     observation_from_document,
     read_diagnosis,
+    restored_statistics,
+    stored_statistics,
     write_diagnosis,
 )
 from sprung.results.documents.document import Document, document_text, write_document
@@ -125,7 +127,9 @@ __all__ = [
     "read_tracking",
     "read_truth",
     "read_type_baseline",
+    "restored_statistics",
     "save",
+    "stored_statistics",
     "tracking_document",
     "truth_document",
     "type_baseline_document",

@@ -19,6 +19,7 @@ from sprung.diagnosis import (
     ModeChange,
     Observation,
     Observations,
+    ResidualStatistics,
     SensorFault,
     Verdict,
 )
@@ -189,6 +190,38 @@ def observation_from_document(document: Mapping[str, Any]) -> Observation:
         return _WINDOW.validate_python(document)
     except ValidationError as error:
         raise FormatError(f"the window's {first_problem(error)}") from None
+
+
+def stored_statistics(statistics: ResidualStatistics | None) -> dict[str, Any] | None:
+    """Return the statistics of the residual test as plain values and bytes."""
+    if statistics is None:
+        return None
+    segments = statistics.segments
+    return {
+        "channels": list(statistics.channels),
+        "sampling_rate": statistics.sampling_rate,
+        "segment": statistics.segment,
+        "n_segments": statistics.n_segments,
+        "mean": np.ascontiguousarray(statistics.mean, dtype="<f8").tobytes(),
+        "segments": None if segments is None else np.ascontiguousarray(segments, dtype="<f8").tobytes(),
+    }
+
+
+def restored_statistics(stored: Mapping[str, Any] | None) -> ResidualStatistics | None:
+    """Return the statistics of plain values and bytes."""
+    if stored is None:
+        return None
+    channels = tuple(stored["channels"])
+    shape = (len(channels), len(channels), -1)
+    segments = stored["segments"]
+    return ResidualStatistics(
+        channels,
+        stored["sampling_rate"],
+        stored["segment"],
+        stored["n_segments"],
+        np.frombuffer(stored["mean"], dtype="<f8").reshape(shape),
+        None if segments is None else np.frombuffer(segments, dtype="<f8").reshape(stored["n_segments"], *shape),
+    )
 
 
 def finding_document(finding: Finding) -> dict[str, Any]:
