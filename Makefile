@@ -33,6 +33,7 @@ check: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python scripts/weight
 
 # This manual as build/docs/index.html, with the tutorials run; without network, and every warning is an error.
 docs: $(READY)

@@ -45,6 +45,15 @@ def _chain(duration: float = 40.0, seed: int = 1, start: int | None = None) -> R
     return disturbed(replace(run, start=start))
 
 
+def _stated(name: str, text: str) -> Callable[[Path], None]:
+    """Return a step that writes a file of conditions."""
+
+    def step(folder: Path) -> None:
+        (folder / name).write_text(text, encoding="utf-8")
+
+    return step
+
+
 def _changed(source: str, target: str, change: Callable[[Recording], Recording]) -> Callable[[Path], None]:
     """Return a step that writes a changed recording."""
 
@@ -229,6 +238,33 @@ def _road(name: str, words: str = "", *, minutes: float = 10, seed: int = 1) -> 
     return " ".join(_SOFT.format(name=name, words=words, minutes=minutes, seed=seed).split())
 
 
+_DEVIATIONS = """
+[deviations]
+individual = 3
+values = { mass = 0.07 }
+scatter = { spring = 0.04, damper = 0.05, tyre = 0.03 }
+"""
+_TOWN = """
+n_stops = 1
+[[payload]]
+mass = 80.0
+x = -0.9
+y = -0.4
+[suspension]
+temperature = 5.0
+nonlinear = true
+[road]
+potholes = { per_kilometre = 3.0 }
+[driving]
+braking = 2.0
+cornering = 2.0
+[deviations.sensors]
+gain = 0.02
+tilt = 0.03490658503988659
+[accelerometers]
+noise_density = 980.665e-6
+bits = 14
+"""
 _CHAIN = "simulate chain --minutes 1 --sampling-rate 100 --snr 10"
 _LEARN = "baseline healthy.npz --vehicle zafira --window 5 --windows 4 --no-calibrate --out b.json"
 _SHEET = "--mass 1350 --wheelbase 2.65 --track 1.5 --tyre 205/55R16"
@@ -339,7 +375,8 @@ RECORDINGS = {
     ),
     "rig-front": Case(
         (
-            "simulate rig --minutes 2 --sampling-rate 200 --snr 20 --seed 2 --driven front "
+            _stated("front.toml", 'driven = "front"'),
+            "simulate rig --minutes 2 --sampling-rate 200 --snr 20 --seed 2 --conditions front.toml "
             "--fault front_left.spring=-0.3 --out run.npz",
             "identify run.npz --vehicle scale-bogie --band 5 60",
             "identify run.npz --method coss --band 5 60 --json -",
@@ -377,7 +414,8 @@ RECORDINGS = {
     ),
     "road-orders": Case(
         (
-            _road("run.npz", "--unbalance 15 --run-out 1 --speed 12 12.5", minutes=3, seed=5),
+            _stated("orders.toml", "[wheel_orders]\nunbalance = 15e-3\nrun_out = [1e-3]"),
+            _road("run.npz", "--conditions orders.toml --speed 12 12.5", minutes=3, seed=5),
             "identify run.npz",
             "identify run.npz --vehicle zafira --json -",
         ),
@@ -385,10 +423,10 @@ RECORDINGS = {
     ),
     "road-conditions": Case(
         (
+            _stated("town.toml", _TOWN),
             _road(
                 "run.npz",
-                "--payload 80,-0.9,-0.4 --temperature 5 --nonlinear --braking 2 --cornering 2 --stops 1 "
-                "--gain-error 2 --tilt 2 --bits 14 --noise-density 100 --also acc_x --json -",
+                "--conditions town.toml --json -",
                 minutes=4,
                 seed=6,
             ),
@@ -400,7 +438,8 @@ RECORDINGS = {
     ),
     "road-calibrate": Case(
         (
-            _road("run.npz", "--differs mass=0.07 --individual 3 --scatter 4 5 3", minutes=5, seed=7),
+            _stated("deviations.toml", _DEVIATIONS),
+            _road("run.npz", "--conditions deviations.toml", minutes=5, seed=7),
             "calibrate run.npz --vehicle zafira --window 5 --mounts 0 --no-modes --out k.toml --json k.json",
             "corners run.npz --vehicle k.toml",
         ),

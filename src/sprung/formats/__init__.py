@@ -166,6 +166,8 @@ def read_records(
     ----------
     paths
         Files in the order of the records.
+    settings
+        How files are read; default: as `read` without options.
     on_progress
         Callback that receives the current step and the share that is done (0 to 1).
 

@@ -113,6 +113,7 @@ def acs_ssi(
 
     Examples
     --------
+    >>> import numpy as np
     >>> from sprung.simulation import simulate, usual_excitation
     >>> from sprung.vehicles import chain
     >>> three_masses = chain()
@@ -149,6 +150,7 @@ def coss_ssi(
 
     Examples
     --------
+    >>> import numpy as np
     >>> from sprung.simulation import simulate, usual_excitation
     >>> from sprung.vehicles import chain
     >>> three_masses = chain()
@@ -185,6 +187,7 @@ def poly_lscf(
 
     Examples
     --------
+    >>> import numpy as np
     >>> from sprung.simulation import simulate, usual_excitation
     >>> from sprung.vehicles import chain
     >>> three_masses = chain()
@@ -227,6 +230,7 @@ def enhanced_fdd(
 
     Examples
     --------
+    >>> import numpy as np
     >>> from sprung.simulation import simulate, usual_excitation
     >>> from sprung.vehicles import chain
     >>> three_masses = chain()
@@ -369,6 +373,7 @@ def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None 
 
     Examples
     --------
+    >>> import numpy as np
     >>> from sprung.simulation import simulate, usual_excitation
     >>> from sprung.vehicles import chain
     >>> three_masses = chain()

@@ -39,9 +39,9 @@ def test_history_says_who_did_what():
 
 
 def test_vehicles_have_their_baseline_health_and_age():
-    vehicle = {"vehicle": "bus-17", "windows": 9, "health_index": 100.0, "last_seen": NOON, "state": "no alert"}
+    vehicle = {"vehicle": "bus-17", "windows": 9, "health_index": 100.0, "last_seen": NOON, "summary": "no alert"}
     vehicles = [
-        {**vehicle, "baseline": None, "data_until": None},
+        {**vehicle, "baseline": None, "health_index": None, "data_until": None},
         {**vehicle, "baseline": 2, "data_until": NOON - 72 * 60 * MINUTE},
         {**vehicle, "baseline": None, "health_index": 87.4, "data_until": NOON},
     ]
