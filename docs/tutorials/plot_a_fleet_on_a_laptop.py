@@ -14,12 +14,12 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from sprung.documents import observation_from_document
-from sprung.lake import Lake, window_of_recording
 
 import sprung
 from sprung.fleet.jobs import FleetSettings, Results, run, spark_session
 from sprung.fleet.jobs.assessment import AssessmentSettings
+from sprung.fleet.lake import Lake, window_of_recording
+from sprung.results.documents import observation_from_document
 
 folder = Path(tempfile.mkdtemp())
 

@@ -9,9 +9,9 @@ many of them; here is one, without a broker or a store.
 
 import matplotlib.pyplot as plt
 import numpy as np
-from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor
 
 import sprung
+from sprung.online.monitor import Identified, MonitorSettings, Observed, VehicleMonitor
 
 # %%
 # A stream

@@ -111,7 +111,9 @@ def test_columns_of_times(text_file, x_columns) -> None:
 def test_different_times_of_channels_are_refused(text_file) -> None:
     rows = [[f"{0.01 * k}", a, f"{0.02 * k}", b] for k, (_, a, b) in enumerate(ROWS)]
     path = text_file(lvm(segment(["a", "b"], rows, x_columns="Multi"), x_columns="Multi"), "run.lvm")
-    with pytest.raises(FormatError, match="channels 'a' and 'b' have different times"):
+    with pytest.raises(
+        FormatError, match="channels 'a' and 'b' have different times: choose channels with a common time base"
+    ):
         read(path)
     assert read(path, channels=["b"]).sampling_rate == 50
 

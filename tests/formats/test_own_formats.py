@@ -43,9 +43,7 @@ def installed(tmp_path: Path, monkeypatch):
     (metadata / "entry_points.txt").write_text("[sprung.formats]\nrig = rig_format_of_a_test\n")
     (tmp_path / "site" / "rig_format_of_a_test.py").write_text(MODULE)
     monkeypatch.syspath_prepend(tmp_path / "site")
-    registry.own_formats.cache_clear()
     yield
-    registry.own_formats.cache_clear()
     sys.modules.pop("rig_format_of_a_test", None)
 
 

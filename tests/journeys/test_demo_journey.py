@@ -85,7 +85,7 @@ def test_from_the_demonstration_to_a_report(demo, visit, tmp_path) -> None:
     page.evaluate("window.isTheSame = true")
     expect(page.locator("#live")).to_have_text("live")
     expect(page.get_by_role("row", name=re.compile("car-2"))).to_contain_text("learning", timeout=_PATIENCE)
-    expect(page.get_by_role("row", name=re.compile("car-2"))).to_contain_text("front-left spring", timeout=_PATIENCE)
+    expect(page.get_by_role("row", name=re.compile("car-2"))).to_contain_text("Front-left spring", timeout=_PATIENCE)
     assert page.evaluate("window.isTheSame")
     page.get_by_role("link", name="car-2", exact=True).click()
     expect(page.get_by_role("heading", level=1)).to_contain_text("Front-left spring")

@@ -121,7 +121,7 @@ def test_fleet_to_acknowledgement_without_a_mouse(serve, visit) -> None:
     page.goto("/")
     page.keyboard.press("Tab")
     assert focused(page) == ("A", "Skip to content")
-    tab_to(page, "A", "front-left spring")
+    tab_to(page, "A", "Front-left spring")
     page.keyboard.press("Enter")
     expect(page).to_have_url(re.compile(f"/alerts/{number}$"))
     tab_to(page, "INPUT", "Comment")

@@ -3,7 +3,7 @@
 import pytest
 
 from sprung.errors import FormatError
-from sprung.link import UPWARDS, parse_topic, shared_topic, topic
+from sprung.link import UPWARDS, parse_topic, topic
 from sprung.link.topics import DOWNWARDS
 
 
@@ -11,10 +11,6 @@ from sprung.link.topics import DOWNWARDS
 def test_a_topic_is_read_as_it_was_written(what) -> None:
     assert topic("bus-17", what) == f"sprung/v1/bus-17/{what}"
     assert parse_topic(topic("bus-17", what)) == ("bus-17", what)
-
-
-def test_a_shared_topic_names_the_group_of_monitors() -> None:
-    assert shared_topic("+", "raw") == "$share/sprung/sprung/v1/+/raw"
 
 
 @pytest.mark.parametrize("name", ["", "sprung/v1/car", "sprung/v2/car/raw", "sprung/v1/car/raw/x", "sprung/v1/../raw"])

@@ -148,7 +148,7 @@ def _disagreement(table: Table, clock: Clock, stated: float) -> str:
 
 def _values_present(table: Table, block: Block) -> Booleans:
     """Return which values are present, shape (channels, rows); raise on infinite values and on other rates."""
-    excessive = np.abs(block.values) > _LIMITS.max_value
+    excessive = np.abs(block.values, dtype=np.float64) > _LIMITS.max_value
     if excessive.any():
         channel, row = np.argwhere(excessive)[0]
         raise FormatError(

@@ -1,7 +1,6 @@
 """Formats of files: which module reads a file, by its content, then by its name."""
 
 from collections.abc import Callable
-from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Protocol, cast
@@ -76,7 +75,6 @@ WRITERS = cast(
 ENDINGS = tuple(ending for module in FORMATS for ending in module.ENDINGS)
 
 
-@cache
 def own_formats() -> tuple[Format, ...]:
     """Return the formats of other packages: those that they name as entry points of the group `sprung.formats`."""
     return tuple(point.load() for point in entry_points(group="sprung.formats"))

@@ -27,7 +27,7 @@ from sprung.link.mqtt import Address, Link, LinkError
 from sprung.link.sending import Sending
 from sprung.link.spool import Spool, SpoolError
 from sprung.link.timer import Every
-from sprung.link.topics import DOWNWARDS, ROOT, UPWARDS, parse_topic, shared_topic, topic
+from sprung.link.topics import DOWNWARDS, ROOT, UPWARDS, parse_topic, topic
 
 __all__ = [
     "CLIPPED",
@@ -73,7 +73,6 @@ __all__ = [
     "message",
     "parse_topic",
     "quantised",
-    "shared_topic",
     "span_of",
     "topic",
     "valid_until",

@@ -13,7 +13,6 @@ from urllib.parse import parse_qs, unquote, urlsplit
 from sprung._checks import required
 from sprung.errors import ParameterError, SprungError
 from sprung.link.local_secret import LOCAL_USER, find_secret
-from sprung.link.topics import SHARED
 
 #: Seconds between attempts to connect: at first, and at most.
 _RETRY = (1, 30)
@@ -227,7 +226,7 @@ class Link:
         self._client.connect_async(self._address.host, self._address.port, keepalive=20)
         self._client.loop_start()
 
-    def _connected(self, client: Any, _data: Any, _flags: Any, reason: Any, properties: Any) -> None:
+    def _connected(self, client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
         """Subscribe, or fall back to the older protocol."""
         if reason.is_failure and "protocol" in str(reason).lower() and client is self._client and not self._is_closed:
             threading.Thread(target=self._fall_back, args=(client,), daemon=True).start()
@@ -239,11 +238,8 @@ class Link:
             self._is_decided.set()
             return
         self._problem = self._refusal = self._rejection = ""
-        is_new = client.protocol == self._mqtt.MQTTv5
-        # MQTT 3.1.1 has no shared subscriptions, and a broker of MQTT 5 may refuse them.
-        has_shared = is_new and getattr(properties, "SharedSubscriptionAvailable", 1)
         for name in self._topics:
-            client.subscribe(name if has_shared else name.removeprefix(SHARED), qos=1)
+            client.subscribe(name, qos=1)
         self._is_connected.set()
         self._is_decided.set()
         self._on_connected()

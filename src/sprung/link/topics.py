@@ -4,8 +4,6 @@ from sprung.errors import FormatError
 from sprung.link.messages import VEHICLE
 
 ROOT = "sprung/v1"
-#: Beginning of the name of a shared subscription of MQTT 5.
-SHARED = "$share/sprung/"
 #: Kinds of messages from a vehicle, and to it.
 UPWARDS = ("raw", "corr", "modes", "event", "health", "meta", "state")
 DOWNWARDS = ("ack", "cmd")
@@ -20,17 +18,6 @@ def topic(vehicle: str, what: str) -> str:
     'sprung/v1/bus-17/raw'
     """
     return f"{ROOT}/{vehicle}/{what}"
-
-
-def shared_topic(vehicle: str, what: str) -> str:
-    """Return the topic of a subscription that the monitors share: each message goes to one of them.
-
-    Examples
-    --------
-    >>> shared_topic("+", "raw")
-    '$share/sprung/sprung/v1/+/raw'
-    """
-    return f"{SHARED}{topic(vehicle, what)}"
 
 
 def parse_topic(name: str) -> tuple[str, str]:

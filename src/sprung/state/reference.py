@@ -58,11 +58,14 @@ class Reference:
         Smallest detectable losses by number of windows with the change.
     notes
         Limits of the comparison, one sentence each.
+    absence
+        Why there is no baseline, where there is none.
     """
 
     baseline: Baseline | None
     detectable: dict[int, dict[str, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    absence: str = "there is no baseline to compare with"
 
     @property
     def in_words(self) -> str:

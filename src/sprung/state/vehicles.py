@@ -248,7 +248,7 @@ def _by_windows(
 def _doubt(reference: Reference, parts: Sequence[PartState]) -> str:
     """Return why a change may have remained undetected; empty for no reason."""
     if reference.baseline is None:
-        return "there is no baseline to compare with"
+        return reference.absence
     if not parts:
         return "no window since its learning can be compared with the baseline"
     limits = {Component.parse(part.part): part.detectable for part in parts if part.detectable is not None}

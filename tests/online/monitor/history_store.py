@@ -63,6 +63,7 @@ def fill(store: Store) -> int:
 
 def finding(change: float) -> dict[str, Any]:
     """Return the document of a finding."""
+    least, size, most = (round(-100 * value) for value in (change + 0.02, change, change - 0.02))
     return {
         "corner": "front_left",
         "component": "spring",
@@ -76,7 +77,7 @@ def finding(change: float) -> dict[str, Any]:
         "since_interval": [float(BEGIN + ONSET_DAY * DAY - 600), float(BEGIN + ONSET_DAY * DAY + 600)],
         "runner_up": "",
         "trend": None,
-        "sentence": f"front-left spring {-100 * change:.1f} % softer",
+        "sentence": f"front-left spring {size} % ({least} to {most} %) softer; inspect before the next 500 km",
     }
 
 

@@ -293,7 +293,7 @@ def test_silence_is_an_alert_unless_the_vehicle_is_parked(bench, run_frames) -> 
 def test_a_monitor_that_stopped_unexpectedly_says_so(bench, tmp_path: Path) -> None:
     first = bench(tmp_path)
     first.store.requests.audit("monitor", "started", "monitor", now=BEGUN)
-    first.store.leases.unlock()  # as the end of a process does
+    first.store.reservation.release()  # as the end of a process does
     second = bench(tmp_path)
     (row,) = second.store.alerts.find(vehicle="monitor")
     assert "stopped unexpectedly" in row.text

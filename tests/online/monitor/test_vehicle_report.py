@@ -168,7 +168,7 @@ def test_alerts_come_with_evidence_history_and_verdicts(store, whole) -> None:
 
 
 def test_the_sentence_says_what_matters_in_the_period(store, whole) -> None:
-    assert whole.verdict == "Front-left spring 25.0 % softer."
+    assert whole.verdict == "Front-left spring 25 % (23 to 27 %) softer; inspect before the next 500 km."
     healthy = document_at(store, 0, DEAD_DAY - 1)
     assert healthy.verdict == "no_change_detected"
     assert re.match(

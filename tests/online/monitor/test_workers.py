@@ -115,7 +115,7 @@ def test_a_hanging_vehicle_is_stopped_and_tried_again_in_a_process_of_its_own(wo
     ("fields", "frames", "expected"),
     [
         ({"description": "kind = 1"}, [], ("vehicle file of car-1", Failure.VEHICLE)),
-        ({"state": b"\xa0"}, [], ("schema", Failure.STATE)),
+        ({"state": b"\xa0"}, [], ("the saved state is damaged", Failure.STATE)),
         ({"history": History({"schema": "other"})}, [], ("start from scratch", Failure.STATE)),
         ({}, [b"no frame at all"], ("checksum", Failure.FRAME)),
     ],

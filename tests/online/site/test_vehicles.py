@@ -156,6 +156,15 @@ def test_a_baseline_that_cannot_be_read_is_said_and_not_used(store) -> None:
     assert "cannot be read" in seen.notes[0]
 
 
+def test_a_baseline_that_cannot_be_read_is_the_reason_of_doubt(observed, windows) -> None:
+    stored = ((0, NOW, observation_document(windows[0][1])),)
+    unreadable = ((1, NOW, "first learning", {"schema": "sprung.baseline/1"}),)
+    observed.results.commit(Progress("bus-3", 2, done_seq=-1, observations=stored, baselines=unreadable, now=NOW))
+    seen = state_in(observed, "bus-3")
+    assert (seen.verdict, seen.baseline) == ("inconclusive", None)
+    assert "the baseline cannot be read" in seen.sentence
+
+
 def test_trends_have_gaps_bands_and_marks(observed, windows) -> None:
     seen = vehicle_trends.trends(observed, NAME, since=None, until=NOW)
     gap = seen.windows.index(None)

@@ -103,7 +103,8 @@ def reference_of(baselines: Sequence[BaselineRow]) -> Reference:
     try:
         baseline = baseline_from_document(document)
     except FormatError as error:
-        return Reference(None, notes=(f"the baseline cannot be read, and values are not assessed: {error}",))
+        reason = f"the baseline cannot be read: {error}"
+        return Reference(None, notes=(f"{reason}; values are relative to the vehicle file",), absence=reason)
     limits = {int(count): losses for count, losses in document.get("detectable", {}).items()}
     return Reference(baseline, limits, baseline.notes)
 
