@@ -17,7 +17,7 @@ from tests.online.site.conftest import PASSWORD, _passwords_cost_little
 
 from sprung.online.monitor import Site
 from sprung.online.site import Context, Server, add_account
-from sprung.online.site.people import log_in
+from sprung.online.site.accounts import log_in
 from sprung.online.store import Store, open_store
 
 __all__ = ["_passwords_cost_little"]

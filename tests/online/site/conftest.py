@@ -12,7 +12,7 @@ from sprung.fleet.lake import AddedFile, Table, file_name
 from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import AlertBook, Site
 from sprung.online.site import Context, add_account, application
-from sprung.online.site import people as people_module
+from sprung.online.site import accounts as accounts_module
 from sprung.online.store import Progress, StoredFrame, open_store
 
 __all__ = ["postgresql_server", "postgresql_url"]
@@ -28,7 +28,7 @@ def _passwords_cost_little():
     """Hashes that take microseconds instead of a tenth of a second."""
     with pytest.MonkeyPatch.context() as patch:
         hasher = PasswordHash((Argon2Hasher(time_cost=1, memory_cost=8, parallelism=1),))
-        patch.setattr(people_module, "_hasher", lambda: hasher)
+        patch.setattr(accounts_module, "_hasher", lambda: hasher)
         yield
 
 

@@ -9,16 +9,16 @@ from tests.online.site.conftest import NOW, PASSWORD, ROLES
 from sprung.errors import ParameterError
 from sprung.online.monitor import Site
 from sprung.online.site import Context, Server, add_account, add_token, remove_account, remove_token
-from sprung.online.site.access import Allowed
+from sprung.online.site.access import Allowed, FormOf
+from sprung.online.site.accounts import SESSION, change_role, of_session
 from sprung.online.site.app import ROUTERS
-from sprung.online.site.pages.forms import FormOf
-from sprung.online.site.people import SESSION, change_role, of_session
 
 #: Routes without a role in their signature: who may log in, and whether the monitor is healthy. Tests of probes show
 #: who may read figures.
 FREE = {("GET", "/health"), ("GET", "/metrics"), ("POST", "/api/v1/session"), ("GET", "/log-in"), ("POST", "/log-in")}
 #: Values of the parameters of paths.
 VALUES = {"vehicle": "bus-1", "boot": "1", "number": "77", "name": "nobody", "figure": "fit", "version": "1"}
+VALUES["action"] = "close"
 
 
 def roles_of(route):

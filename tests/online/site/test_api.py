@@ -8,7 +8,6 @@ from tests.online.site.conftest import HOUR, NOW
 from sprung.diagnosis import learn
 from sprung.online.alerts import AlertSettings, Report, health_index, reported
 from sprung.online.monitor import AlertBook, alert_of
-from sprung.online.site.pages import fleet
 from sprung.online.store import AlertRow, FleetFilter, Progress
 from sprung.results.documents import baseline_document, observation_document
 
@@ -98,11 +97,6 @@ def test_a_search_keeps_the_filter_of_the_fleet(client) -> None:
     assert '<input type="hidden" name="step" value="high">' in page
     assert '<input type="hidden" name="is_silent" value="true">' in page
     assert 'href="/?text=bus&amp;step=high&amp;is_silent=True&amp;is_unacknowledged=True"' in page
-
-
-def test_an_empty_fleet_shows_a_command_that_works(serve) -> None:
-    context, _ = serve(broker="embedded:18831")
-    assert fleet._broker(context) == "mqtt://127.0.0.1:18831"
 
 
 def test_the_quality_of_data_in_the_fleet(client, store) -> None:

@@ -10,9 +10,8 @@ from tests.online.site.conftest import NOW
 
 from sprung.link.archive import write_archive
 from sprung.online.monitor import Site
-from sprung.online.site import Context, application, diagram_views
-from sprung.online.site.busy import BusyError
-from sprung.online.site.diagrams import DiagramDesk, NoSamplesError
+from sprung.online.site import Context, application
+from sprung.online.site.vehicles.diagrams import BusyError, DiagramDesk
 
 MODE = {
     "natural_frequency": 1.4,
@@ -154,9 +153,11 @@ def site(tmp_path):
 def served(store, site):
     """A client of a server whose program gives the values above."""
     desk = DiagramDesk(command=GIVES)
-    context = Context(store, site, figures=dict, troubles=list, clock=lambda: NOW, diagrams=desk)
-    with TestClient(application(context), base_url="http://127.0.0.1:8737", raise_server_exceptions=False) as client:
-        yield context, client
+    context = Context(store, site, figures=dict, troubles=list, clock=lambda: NOW)
+    with TestClient(
+        application(context, diagrams=desk), base_url="http://127.0.0.1:8737", raise_server_exceptions=False
+    ) as client:
+        yield client
 
 
 def archive(site, number=0, t0=NOW):
@@ -166,12 +167,10 @@ def archive(site, number=0, t0=NOW):
 
 
 def test_samples_that_are_not_kept(served, store) -> None:
-    context, client = served
-    with pytest.raises(NoSamplesError, match=r"for 2 days \(keep.raw_days\) and up to 20 GB"):
-        diagram_views.computed_diagrams(context, "bus-1", 1, 0)
+    client = served
     page = client.get("/vehicles/bus-1/windows/1/0/diagrams", headers={"accept": "text/html"})
     assert page.status_code == 200
-    assert "no longer kept" in page.text
+    assert "for 2 days (keep.raw_days) and up to 20 GB" in page.text
     assert "Compute again" not in page.text
     assert "raw_days = 8" in client.get("/vehicles/bus-1/diagrams").text
     assert "The first one needs 10 minutes of driving" in client.get("/vehicles/bus-3/diagrams").text
@@ -184,8 +183,8 @@ def test_samples_that_are_not_kept(served, store) -> None:
 def test_diagrams_that_failed_can_be_computed_again(store, site) -> None:
     archive(site)
     desk = DiagramDesk(command=(sys.executable, "-c", "raise SystemExit(3)"))
-    context = Context(store, site, figures=dict, troubles=list, clock=lambda: NOW, diagrams=desk)
-    with TestClient(application(context), base_url="http://127.0.0.1:8737") as client:
+    context = Context(store, site, figures=dict, troubles=list, clock=lambda: NOW)
+    with TestClient(application(context, diagrams=desk), base_url="http://127.0.0.1:8737") as client:
         page = client.get("/vehicles/bus-1/windows/1/0/diagrams")
         for _ in range(3000):
             page = client.get("/vehicles/bus-1/windows/1/0/diagrams")
@@ -196,16 +195,15 @@ def test_diagrams_that_failed_can_be_computed_again(store, site) -> None:
     assert "/vehicles/bus-1/windows/1/0/diagrams?again=true" in page.text
 
 
-def test_a_site_that_keeps_no_samples(store, tmp_path) -> None:
-    settings = Site.model_validate({"store": f"sqlite:///{tmp_path}/store.sqlite", "keep": {"raw_days": 0}})
-    context = Context(store, settings, figures=dict, troubles=list, clock=lambda: NOW)
-    assert diagram_views.last_window_with_samples(context, "bus-1") is None
-    with pytest.raises(NoSamplesError, match=r"this monitor keeps none: set keep.raw_days"):
-        diagram_views.computed_diagrams(context, "bus-1", 1, 0)
+def test_a_site_that_keeps_no_samples(store, serve) -> None:
+    _, client = serve(keep={"raw_days": 0})
+    assert "this monitor keeps none" in client.get("/vehicles/bus-1/diagrams").text
+    answer = client.get("/api/v1/vehicles/bus-1/windows/1/0/diagrams")
+    assert (answer.status_code, "set keep.raw_days" in answer.json()["detail"]) == (404, True)
 
 
 def test_the_last_window_with_samples_is_shown(served, site) -> None:
-    _, client = served
+    client = served
     archive(site)
     archive(site, number=2, t0=NOW + 2 * 600 * 10**9)
     answer = client.get("/vehicles/bus-1/diagrams", follow_redirects=False)
@@ -213,7 +211,7 @@ def test_the_last_window_with_samples_is_shown(served, site) -> None:
 
 
 def test_page_and_interface_show_the_same_diagrams(served, site) -> None:
-    _, client = served
+    client = served
     archive(site)
     address = "/api/v1/vehicles/bus-1/windows/1/0"
     answer = client.get(f"{address}/diagrams")

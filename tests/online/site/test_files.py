@@ -11,7 +11,8 @@ from tests.online.site.conftest import NOW
 
 from sprung.online.monitor import Site
 from sprung.online.monitor.vehicle_report import vehicle_report
-from sprung.online.site import Context, application, files
+from sprung.online.site import Context, application
+from sprung.online.site.vehicles import files
 from sprung.online.store import open_store
 
 pandas: Any = pytest.importorskip("pandas")
@@ -107,7 +108,7 @@ def test_one_report_is_written_at_a_time(client, monkeypatch) -> None:
 
 @pytest.mark.parametrize("name", ["bus-1.csv", 'a"b\r\nc.csv', "büs ☃.csv"])
 def test_names_of_files_stay_in_their_header(name) -> None:
-    header = files.disposition("attachment", name)
+    header = files._headers("attachment", name)["content-disposition"]
     assert header.isascii()
     assert header.isprintable()
     assert header.count('"') == 2

@@ -10,7 +10,7 @@ import pytest
 
 from sprung.online.monitor import Site
 from sprung.online.site import Context, Server, guard, server
-from sprung.online.site.guard import LARGEST_BODY, POLICY, Attempts, Guard, RateLimit, network_of
+from sprung.online.site.guard import MAX_BODY, POLICY, Attempts, Guard, RateLimit, network_of
 
 
 def test_a_bucket_fills_again() -> None:
@@ -25,7 +25,7 @@ def test_a_bucket_fills_again() -> None:
 
 
 def test_addresses_are_forgotten_beyond_a_number(monkeypatch) -> None:
-    monkeypatch.setattr(guard, "_MOST_ADDRESSES", 2)
+    monkeypatch.setattr(guard, "_MAX_ADDRESSES", 2)
     limit = RateLimit(1.0, 1.0, lambda: 0.0)
     assert [limit.wait(address) for address in ("a", "b", "c", "a")] == [0, 0, 0, 0]
 
@@ -88,14 +88,14 @@ def test_a_request_in_parts_passes_with_headers() -> None:
 @pytest.mark.parametrize(
     ("messages", "headers", "status"),
     [
-        ([b""], [(b"content-length", str(LARGEST_BODY + 1).encode())], 413),
+        ([b""], [(b"content-length", str(MAX_BODY + 1).encode())], 413),
         ([b""], [(b"content-length", b"-1")], 413),
-        ([b"x" * LARGEST_BODY, b"x"], [], 413),
+        ([b"x" * MAX_BODY, b"x"], [], 413),
         ([b"x", None], [], 408),
     ],
 )
 def test_large_and_slow_bodies_are_refused(monkeypatch, messages, headers, status) -> None:
-    monkeypatch.setattr(guard, "_BODY_SECONDS", 0.05)
+    monkeypatch.setattr(guard, "_BODY_TIMEOUT", 0.05)
     found, own, _ = asked(messages, headers=headers)
     assert found == status
     assert b"content-security-policy" in own
@@ -115,14 +115,14 @@ def running(opened):
 
 
 def test_a_client_that_sends_no_request_is_cut_off(running, monkeypatch) -> None:
-    monkeypatch.setattr(server, "_HEAD", 0.05)
+    monkeypatch.setattr(server, "_HEAD_TIMEOUT", 0.05)
     with socket.create_connection(running, timeout=20.0) as slow:
         slow.sendall(b"GET / HT")
         assert slow.recv(100) == b""
 
 
 def test_a_second_request_that_does_not_end_is_cut_off(running, monkeypatch) -> None:
-    monkeypatch.setattr(server, "_HEAD", 0.05)
+    monkeypatch.setattr(server, "_HEAD_TIMEOUT", 0.05)
     with socket.create_connection(running, timeout=20.0) as slow:
         slow.sendall(b"GET /health HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
         received = b""
@@ -134,7 +134,7 @@ def test_a_second_request_that_does_not_end_is_cut_off(running, monkeypatch) -> 
 
 def test_a_client_that_takes_nothing_is_cut_off(opened, running, monkeypatch) -> None:
     """The rest of what it asked for is discarded: it does not stay in memory until the client comes back."""
-    monkeypatch.setattr(server, "_TAKEN", 0.05)
+    monkeypatch.setattr(server, "_WRITE_TIMEOUT", 0.05)
     opened._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 16)  # of the system, for each connection
     with socket.create_connection(running, timeout=20.0) as slow:
         request = b"GET /static/plotly.js HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"

@@ -75,7 +75,7 @@ def test_those_who_come_at_once_hear_everything_once(store) -> None:
 
 def test_what_waits_for_listeners_is_bounded(store, monkeypatch) -> None:
     """However much happens, a listener that takes nothing has a full queue at most, then none."""
-    monkeypatch.setattr(live, "_MOST_WAITING", 5)
+    monkeypatch.setattr(live, "_MAX_WAITING", 5)
 
     async def listen():
         feed = Feed(store, look=0.001)
@@ -98,7 +98,7 @@ def test_what_waits_for_listeners_is_bounded(store, monkeypatch) -> None:
 @pytest.mark.parametrize("limit", [1, 1000])
 def test_a_listener_continues_where_it_stopped(store, monkeypatch, limit) -> None:
     """Nothing is missed and nothing comes twice, in whatever portions the store is read."""
-    monkeypatch.setattr(live, "_MOST_EVENTS", limit)
+    monkeypatch.setattr(live, "_MAX_EVENTS", limit)
 
     async def listen():
         feed = Feed(store, look=0.01)
@@ -122,7 +122,7 @@ def test_a_listener_continues_where_it_stopped(store, monkeypatch, limit) -> Non
 
 
 def test_a_listener_that_takes_nothing_is_cut_off(store, monkeypatch) -> None:
-    monkeypatch.setattr(live, "_MOST_WAITING", 2)
+    monkeypatch.setattr(live, "_MAX_WAITING", 2)
 
     async def listen():
         feed = Feed(store, look=0.01)
@@ -141,7 +141,7 @@ def test_a_listener_that_takes_nothing_is_cut_off(store, monkeypatch) -> None:
 
 
 def test_an_idle_listener_gets_signs_of_life(store, monkeypatch) -> None:
-    monkeypatch.setattr(live, "_SIGN", 0.01)
+    monkeypatch.setattr(live, "_HEARTBEAT", 0.01)
 
     async def listen():
         feed = Feed(store, look=0.01)

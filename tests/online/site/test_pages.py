@@ -10,6 +10,7 @@ from tests.online.site.test_access import ROUTES, VALUES
 from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import AlertBook, Site, operations
 from sprung.online.site import Context, add_account, add_token, application
+from sprung.online.site.app import routes_of
 
 #: A text that runs a script where it is taken for markup, for a value of an attribute, or for an address.
 HOSTILE = """"'><script>alert(1)</script><img src=x onerror=alert(1)><a href=javascript:alert(1)>{{7*7}}</a>"""
@@ -215,8 +216,24 @@ def test_names_of_accounts_are_text(serve, people, store) -> None:
 
 
 def test_dates_in_headings_are_not_broken_and_texts_stay_texts() -> None:
-    from sprung.online.site.pages.rendering import _environment
+    from sprung.online.site.rendering import _environment
 
     text = _environment().from_string("{{ text|unbroken }}").render(text="<b> since 2026-11-19 06:10 UTC; in 2026")
     time = '<time class="date" datetime="2026-11-19T06:10:00Z">2026-11-19 06:10 UTC</time>'
     assert text == f"&lt;b&gt; since {time}; in 2026"
+
+
+def test_every_route_is_listed_once_with_its_role(serve) -> None:
+    _, client = serve()
+    document = client.get("/api/v1/openapi.json").json()
+    listed = list(routes_of(document))
+    expected = {
+        (method, path): str(roles[0]) if roles else ""
+        for method, path, roles in ROUTES
+        if path.startswith("/api/v1/") or path in {"/health", "/metrics"}
+    }
+    assert {(method, path): role for _, method, path, _, role in listed} == expected
+    text = client.get("/api").text
+    assert text.count('<tr class="route">') == len(expected)
+    assert all(meaning for _, _, _, meaning, _ in listed)
+    assert "/api/v1/openapi.json" in text

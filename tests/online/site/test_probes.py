@@ -57,7 +57,7 @@ def test_a_store_that_hangs_or_fails_costs_only_what_it_has(serve, store, monkey
         raise StoreError("the store does not answer")
 
     monkeypatch.setattr(store, "size", size)
-    monkeypatch.setattr(probes, "_PATIENCE", 0.05)
+    monkeypatch.setattr(probes, "_TIMEOUT", 0.05)
     _, client = serve()
     for _ in range(6):
         answer = client.get("/metrics")
@@ -79,7 +79,7 @@ def test_a_store_that_hangs_keeps_figures_from_other_machines_only(serve, store,
 
     for name in ("n_accounts", "of_session", "of_token"):
         monkeypatch.setattr(store.accounts, name, hang)
-    monkeypatch.setattr(probes, "_PATIENCE", 0.05)
+    monkeypatch.setattr(probes, "_TIMEOUT", 0.05)
     _, client = serve(**fields)
     answer = client.get("/metrics", headers={"Authorization": "Bearer sprung_x"})
     assert answer.status_code == status

@@ -11,7 +11,9 @@ from starlette.testclient import TestClient
 from tests.online.site.conftest import NOW, PASSWORD
 
 from sprung.online.monitor import Site, operations
-from sprung.online.site import Context, application, site_views
+from sprung.online.site import Context, application
+from sprung.online.site.accounts import Person, Role
+from sprung.online.site.site import false_alarms, senders, settings_of, site
 from sprung.online.store import Progress
 
 SECRET = "top-secret"
@@ -72,7 +74,7 @@ def client(context):
 
 
 def test_settings_have_values_defaults_and_where_they_come_from(context) -> None:
-    entries = {each.key: each for each in site_views.settings_of(context.site)}
+    entries = {each.key: each for each in settings_of(context.site)}
     assert len(entries) == 43
     assert all(each.description for each in entries.values())
     rate = entries["watch.false_alarms_per_day"]
@@ -98,7 +100,7 @@ def test_settings_have_values_defaults_and_where_they_come_from(context) -> None
     ],
 )
 def test_passwords_of_stores_are_hidden(store, shown) -> None:
-    entries = {each.key: each.value for each in site_views.settings_of(Site(store=store))}
+    entries = {each.key: each.value for each in settings_of(Site(store=store))}
     assert entries["store"] == f'"{shown}"'
 
 
@@ -157,10 +159,11 @@ def test_a_certificate_is_shown_with_its_end(store, tmp_path: Path) -> None:
     words = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "20000", "-subj", "/CN=a"]
     path, key = tmp_path / "a.crt", tmp_path / "a.key"
     subprocess.run([*words, "-keyout", key, "-out", path], check=True, capture_output=True)
-    site = Site.model_validate({"web": {"certificate": str(path), "key": str(key)}})
+    settings = Site.model_validate({"web": {"certificate": str(path), "key": str(key)}})
 
     def detail(now):
-        return site_views.site_detail(Context(store, site, figures=dict, troubles=list, clock=lambda: now))
+        context = Context(store, settings, figures=dict, troubles=list, clock=lambda: now)
+        return site(context, Person("anna", Role.VIEWER))
 
     (certificate,) = detail(NOW).certificates
     assert certificate.trouble == ""
@@ -173,18 +176,18 @@ def test_false_alarms_from_verdicts(context, store) -> None:
     """One false alarm in 48 windows of ten minutes, a day of driving; the interval by the chi-squared distribution."""
     observations = tuple((k, NOW, {"time": k}) for k in range(10, 53))  # besides five of the fixture
     store.results.commit(Progress("bus-1", 1, done_seq=8, observations=observations, now=NOW))
-    none = site_views.false_alarms(context)
+    none = false_alarms(context)
     assert (none.vehicle_days, none.verdicts, none.rate) == (pytest.approx(1.0), 0, 0.0)
     assert none.interval == (0.0, pytest.approx(chi2.ppf(0.975, 2) / 2))
     for verdict in ("confirmed", "nothing found"):
         operations.add_verdict(store, 1, verdict=verdict, who="eve", now=NOW)
     operations.add_verdict(store, 2, verdict="nothing found", who="eve", now=NOW)  # a silent vehicle is no false alarm
-    alarms = site_views.false_alarms(context)
+    alarms = false_alarms(context)
     assert (alarms.configured, alarms.verdicts, alarms.false) == (0.01, 1, 1)
     assert alarms.rate == pytest.approx(1.0)
     assert alarms.interval == pytest.approx((chi2.ppf(0.025, 2) / 2, chi2.ppf(0.975, 4) / 2))
     operations.add_verdict(store, 1, verdict="not looked at", who="eve", now=NOW)
-    assert site_views.false_alarms(context).verdicts == 0
+    assert false_alarms(context).verdicts == 0
 
 
 @pytest.fixture
@@ -212,27 +215,24 @@ def receiver():
 
 def test_senders_are_tested_from_the_page(store, people, receiver) -> None:
     url, bodies = receiver
-    site = Site.model_validate({"send": {**SENDERS, "webhook": [{"url": url}]}})
-    context = Context(store, site, figures=dict, troubles=list, clock=lambda: NOW)
+    settings = Site.model_validate({"send": {**SENDERS, "webhook": [{"url": url}]}})
+    context = Context(store, settings, figures=dict, troubles=list, clock=lambda: NOW)
     with TestClient(application(context), base_url="http://127.0.0.1:8737") as client:
-        mark = client.post("/api/v1/session", json={"name": "eve", "password": PASSWORD}).json()["csrf_token"]
+        token = client.post("/api/v1/session", json={"name": "eve", "password": PASSWORD}).json()["csrf_token"]
         assert client.get("/site").text.count("Send a test</button>") == 3
         for name in ("webhook 1", "mail 1"):
-            answer = client.post(f"/site/senders/{name}/test", data={"csrf_token": mark}, follow_redirects=False)
+            answer = client.post(f"/site/senders/{name}/test", data={"csrf_token": token}, follow_redirects=False)
             assert (answer.status_code, answer.headers["location"]) == (303, "/site#senders")
         text = client.get("/site").text
-        unknown = client.post("/site/senders/mail 7/test", data={"csrf_token": mark})
+        unknown = client.post("/site/senders/mail 7/test", data={"csrf_token": token})
         assert (unknown.status_code, "unknown sender" in unknown.json()["detail"]) == (404, True)
     assert len(bodies) == 1
     assert "mail server 127.0.0.1:1 cannot be reached (Connection refused)" in text
-    senders = {each.name: each for each in site_views.senders(context)}
-    assert (senders["webhook 1"].tested, senders["webhook 1"].tested_by, senders["webhook 1"].problem) == (
-        NOW,
-        "eve",
-        "",
-    )
-    assert "cannot be reached" in senders["mail 1"].problem
-    assert senders["log"].tested is None
+    found = {each.name: each for each in senders(context)}
+    hook = found["webhook 1"]
+    assert (hook.tested, hook.tested_by, hook.problem) == (NOW, "eve", "")
+    assert "cannot be reached" in found["mail 1"].problem
+    assert found["log"].tested is None
     assert SECRET not in str(store.requests.audited())
 
 

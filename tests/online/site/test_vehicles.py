@@ -9,7 +9,12 @@ from sprung.errors import ParameterError
 from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import AlertBook
 from sprung.online.monitor.vehicle_states import vehicle_state
-from sprung.online.site import vehicle_data, vehicle_trends
+from sprung.online.site.accounts import Person, Role
+from sprung.online.site.vehicles.baselines import baseline
+from sprung.online.site.vehicles.common import require_vehicle, require_window
+from sprung.online.site.vehicles.quality import data_quality
+from sprung.online.site.vehicles.trends import body_modes, trends
+from sprung.online.site.vehicles.windows import window
 from sprung.online.store import Progress, StoredFrame
 from sprung.results.documents import baseline_document, observation_document
 from sprung.vehicles import Component, read_vehicle, vehicle_text
@@ -22,6 +27,7 @@ SPRING = COMPONENTS.index(Component("front_left", "spring"))
 FIRST = NOW - 40 * MINUTES
 NAME = "bus-7"
 HEADERS = {"accept": "text/html"}
+PERSON = Person("anna", Role.VIEWER)
 
 
 def drawn(generator, start, change=0.0, **fields):
@@ -91,6 +97,17 @@ def observed(store, windows):
     report = Report(NAME, "front_left.spring", 500, f"{sentence}; 5 % would have been found", finding)
     AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), NOW - HOUR), now=NOW - HOUR)
     return store
+
+
+@pytest.fixture
+def ask(serve):
+    """Function that gives what a route of the interface returns about a vehicle."""
+    context, _ = serve()
+
+    def asked(route, vehicle=NAME, **options):
+        return route(context, PERSON, require_vehicle(context, vehicle), **options)
+
+    return asked
 
 
 def state_in(store, vehicle):
@@ -165,8 +182,8 @@ def test_a_baseline_that_cannot_be_read_is_the_reason_of_doubt(observed, windows
     assert "the baseline cannot be read" in seen.sentence
 
 
-def test_trends_have_gaps_bands_and_marks(observed, windows) -> None:
-    seen = vehicle_trends.trends(observed, NAME, since=None, until=NOW)
+def test_trends_have_gaps_bands_and_marks(observed, windows, ask) -> None:
+    seen = ask(trends, until=NOW)
     gap = seen.windows.index(None)
     assert (len(seen.times), gap) == (len(windows) + 1, 13)
     assert seen.times[gap] == windows[12][0] + MINUTES
@@ -185,18 +202,18 @@ def test_trends_have_gaps_bands_and_marks(observed, windows) -> None:
     ]
     assert [mode.label for mode in seen.modes] == ["bounce", "pitch", "roll"]
     assert seen.modes[0].natural_frequency == (1.2, None, None)
-    later = vehicle_trends.trends(observed, NAME, since=windows[13][0], until=NOW)
+    later = ask(trends, since=windows[13][0], until=NOW)
     assert later.times == tuple(t0 for t0, _ in windows[13:])
 
 
-def test_ranges_without_windows_are_empty(observed) -> None:
+def test_ranges_without_windows_are_empty(observed, ask) -> None:
     for vehicle, since in ((NAME, NOW + 1), ("bus-3", None)):
-        seen = vehicle_trends.trends(observed, vehicle, since=since, until=NOW + 2)
+        seen = ask(trends, vehicle, since=since, until=NOW + 2)
         assert (seen.times, seen.parts, seen.mode_times, seen.modes) == ((), (), (), ())
 
 
-def test_the_body_moves_as_its_shapes_say(observed) -> None:
-    body = vehicle_data.body_modes(observed, NAME)
+def test_the_body_moves_as_its_shapes_say(observed, ask) -> None:
+    body = ask(body_modes)
     assert [mode.label for mode in body.modes] == ["bounce", "pitch", "roll"]
     bounce, pitch, roll = (np.array(mode.real) / np.max(np.abs(mode.real)) for mode in body.modes)
     np.testing.assert_allclose(bounce, bounce[0])
@@ -204,10 +221,10 @@ def test_the_body_moves_as_its_shapes_say(observed) -> None:
     assert pitch[0] * pitch[2] < 0
     assert roll[0] == pytest.approx(-roll[1])
     assert all(mode.explained == pytest.approx(1.0) for mode in body.modes)
-    assert vehicle_data.body_modes(observed, "bus-3").note == "no mode of the body has been identified yet"
+    assert ask(body_modes, "bus-3").note == "no mode of the body has been identified yet"
 
 
-def test_data_quality_counts_faults_by_check(observed, windows) -> None:
+def test_data_quality_counts_faults_by_check(observed, windows, ask) -> None:
     faulty = [
         Observation(
             t0 / 1e9,
@@ -223,7 +240,7 @@ def test_data_quality_counts_faults_by_check(observed, windows) -> None:
     ]
     later = tuple((30 + k, round(window.time * 1e9), observation_document(window)) for k, window in enumerate(faulty))
     observed.results.commit(Progress(NAME, 1, done_seq=-1, observations=later, now=NOW))
-    quality = vehicle_data.data_quality(observed, NAME)
+    quality = ask(data_quality)
     assert (quality.n_windows, quality.n_inconclusive) == (25, 3)
     assert [channel.channel for channel in quality.channels][:2] == ["acc_rr", "acc_fl"]
     assert [channel.is_good for channel in quality.channels] == [False] + [True] * (len(quality.channels) - 1)
@@ -233,8 +250,14 @@ def test_data_quality_counts_faults_by_check(observed, windows) -> None:
     assert not found["acc_fl", "clipping"].is_present
 
 
-def test_any_window_is_opened_again(observed, windows) -> None:
-    seen = vehicle_data.window_detail(observed, NAME, 1, 14)
+def test_any_window_is_opened_again(observed, windows, serve) -> None:
+    context, _ = serve()
+
+    def seen_at(number):
+        row = require_vehicle(context, NAME)
+        return window(context, PERSON, require_window(context, row, 1, number))
+
+    seen = seen_at(14)
     assert (seen.before, seen.after, seen.window.t0) == ("1/13", "1/15", windows[14][0])
     assert {condition.name: (condition.value, condition.unit) for condition in seen.conditions} == {
         "speed": (12.0, "m/s"),
@@ -245,14 +268,14 @@ def test_any_window_is_opened_again(observed, windows) -> None:
     spring = next(part for part in seen.parts if part.part == "front_left.spring")
     assert spring.interval[0] < -0.2 < spring.interval[1]
     assert [mode.label for mode in seen.modes] == ["roll"]
-    first = vehicle_data.window_detail(observed, NAME, 1, 0)
+    first = seen_at(0)
     assert [mode.natural_frequency for mode in first.modes] == pytest.approx([1.2, 1.4, 1.6])
-    stood = vehicle_data.window_detail(observed, NAME, 1, 12)
+    stood = seen_at(12)
     assert (stood.reason, stood.parts) == ("the vehicle stood still for 90 % of the time", ())
-    last = vehicle_data.window_detail(observed, NAME, 1, 22)
+    last = seen_at(22)
     assert (last.after, len(last.findings)) == (None, 1)
     with pytest.raises(ParameterError, match="unknown window 1/99"):
-        vehicle_data.window_detail(observed, NAME, 1, 99)
+        seen_at(99)
 
 
 def test_pages_say_what_matters_first(observed, serve) -> None:
@@ -275,38 +298,22 @@ def test_pages_say_what_matters_first(observed, serve) -> None:
     assert client.get(f"/vehicles/{NAME}/windows/1/99", headers=HEADERS).status_code == 404
 
 
-def test_the_interface_gives_the_values_of_the_pages(observed, serve) -> None:
-    _, client = serve()
-    for end, names in (
-        ("changes", {"parts", "n_windows"}),
-        (f"trends?since={FIRST}", {"times", "marks"}),
-        ("body-modes", {"corners", "modes"}),
-        ("data-quality", {"channels"}),
-        ("baseline", {"versions", "progress"}),
-        ("windows/1/3", {"parts", "conditions"}),
-    ):
-        answer = client.get(f"/api/v1/vehicles/{NAME}/{end}")
-        assert answer.status_code == 200, end
-        assert names <= answer.json().keys()
-        assert client.get(f"/api/v1/vehicles/nobody/{end}").status_code == 404
-
-
 def test_a_new_baseline_is_requested_with_a_reason_by_an_engineer(observed, serve, people) -> None:
     context, client = serve()
     path = f"/vehicles/{NAME}/baseline"
     for name, allowed in (("anna", False), ("eve", True)):
         client.post("/api/v1/session", json={"name": name, "password": PASSWORD})
-        mark = client.get("/api/v1/session").json()["csrf_token"]
+        token = client.get("/api/v1/session").json()["csrf_token"]
         assert ('<form class="stack"' in client.get(path, headers=HEADERS).text) is allowed
         answer = client.post(
-            path, data={"csrf_token": mark, "reason": "new <b>dampers"}, headers=HEADERS, follow_redirects=False
+            path, data={"csrf_token": token, "reason": "new <b>dampers"}, headers=HEADERS, follow_redirects=False
         )
         assert answer.status_code == (303 if allowed else 403)
     page = client.get(answer.headers["location"], headers=HEADERS)
     assert f"{NAME} will learn a new baseline from its next usable windows." in page.text
     (command,) = context.store.requests.open_commands()
     assert (command.vehicle, command.act, command.detail, command.who) == (NAME, "learn", "new <b>dampers", "eve")
-    empty = client.post(path, data={"csrf_token": mark, "reason": " "}, headers=HEADERS)
+    empty = client.post(path, data={"csrf_token": token, "reason": " "}, headers=HEADERS)
     assert (empty.status_code, "Give a reason" in empty.text) == (422, True)
     assert client.post(path, data={"reason": "x"}, headers=HEADERS).status_code == 403
 
@@ -323,8 +330,8 @@ def relearnt(observed):
     return observed
 
 
-def test_versions_of_a_baseline_state_who_why_and_what_they_met(relearnt) -> None:
-    second, first = vehicle_data.baseline_detail(relearnt, NAME).versions
+def test_versions_of_a_baseline_state_who_why_and_what_they_met(relearnt, ask) -> None:
+    second, first = ask(baseline).versions
     assert (second.version, second.who, second.reason) == (2, "anna", "new dampers")
     assert (second.windows, second.refused, second.is_restorable) == (12, 3, False)
     assert (first.version, first.who, first.reason, first.is_restorable) == (1, None, "first learning", True)
@@ -335,10 +342,10 @@ def test_versions_of_a_baseline_state_who_why_and_what_they_met(relearnt) -> Non
     }
 
 
-def test_an_engineer_returns_to_an_earlier_baseline(relearnt, serve, people) -> None:
+def test_an_engineer_returns_to_an_earlier_baseline(relearnt, serve, people, ask) -> None:
     _, client = serve()
     path = f"/vehicles/{NAME}/baseline"
-    mark = client.post("/api/v1/session", json={"name": people["engineer"], "password": PASSWORD}).json()["csrf_token"]
+    token = client.post("/api/v1/session", json={"name": people["engineer"], "password": PASSWORD}).json()["csrf_token"]
     page = client.get(f"{path}?version=1", headers=HEADERS).text
     assert '<option value="1" selected>1: first learning, ' in page
     assert '<option value="2"' not in page
@@ -348,29 +355,29 @@ def test_an_engineer_returns_to_an_earlier_baseline(relearnt, serve, people) -> 
         ({"version": "9", "reason": "x"}, "has no baseline 9: it has 1, 2"),
         ({"version": "²", "reason": "x"}, "has no baseline 0"),
     ):
-        refused = client.post(f"{path}/rollback", data={**fields, "csrf_token": mark}, headers=HEADERS)
+        refused = client.post(f"{path}/rollback", data={**fields, "csrf_token": token}, headers=HEADERS)
         assert (refused.status_code, words in refused.text) == (422, True), words
-    given = {"version": "1", "reason": "broken spring", "csrf_token": mark}
+    given = {"version": "1", "reason": "broken spring", "csrf_token": token}
     done = client.post(f"{path}/rollback", data=given, headers=HEADERS, follow_redirects=False)
     assert (done.status_code, done.headers["location"]) == (303, f"{path}?notice=rollback")
     (command,) = relearnt.requests.open_commands()
     detail = {"version": 1, "reason": "broken spring"}
     assert (command.act, command.who, command.detail) == ("roll back", people["engineer"], detail)
-    assert vehicle_data.baseline_detail(relearnt, NAME).requested_version == 1
+    assert ask(baseline).requested_version == 1
     assert f"{NAME} returns to its baseline 1 before its next window." in client.get(path, headers=HEADERS).text
 
 
 def test_programs_return_to_an_earlier_baseline(relearnt, log_in) -> None:
-    client, mark = log_in("engineer")
+    client, token = log_in("engineer")
     path = f"/api/v1/vehicles/{NAME}/baselines"
-    done = client.post(f"{path}/1/rollback", json={"reason": "broken spring"}, headers=mark)
+    done = client.post(f"{path}/1/rollback", json={"reason": "broken spring"}, headers=token)
     assert (done.status_code, done.json()["number"]) == (202, relearnt.requests.open_commands()[0].id)
     assert done.json()["sentence"].startswith(f"{NAME} will return to its baseline 1 ('broken spring')")
-    refused = client.post(f"{path}/7/rollback", json={"reason": "broken spring"}, headers=mark)
+    refused = client.post(f"{path}/7/rollback", json={"reason": "broken spring"}, headers=token)
     detail = f"{NAME} has no baseline 7: it has 1, 2"
     assert (refused.status_code, refused.json()["detail"]) == (409, detail)
-    client, mark = log_in("viewer")
-    assert client.post(f"{path}/1/rollback", json={"reason": "x"}, headers=mark).status_code == 403
+    client, token = log_in("viewer")
+    assert client.post(f"{path}/1/rollback", json={"reason": "x"}, headers=token).status_code == 403
 
 
 def test_a_report_and_tables_are_a_form_away(observed, serve) -> None:
@@ -400,13 +407,6 @@ def test_texts_of_vehicles_are_no_markup(observed, serve) -> None:
             assert "<b>a" not in answer.text
 
 
-def test_the_library_of_charts_is_served(serve) -> None:
-    _, client = serve()
-    answer = client.get("/static/plotly.js")
-    assert (answer.status_code, answer.headers["content-type"].partition(";")[0]) == (200, "text/javascript")
-    assert b"plotly.js" in answer.content[:200]
-
-
 @pytest.mark.parametrize(
     ("modes", "note"),
     [
@@ -417,7 +417,7 @@ def test_the_library_of_charts_is_served(serve) -> None:
         ([None, 5, {"label": ["roll"]}], "no mode of the body"),
     ],
 )
-def test_reported_modes_that_make_no_sense_are_not_drawn(observed, serve, modes, note) -> None:
+def test_reported_modes_that_make_no_sense_are_not_drawn(observed, serve, ask, modes, note) -> None:
     observed.results.commit(Progress("bus-3", 5, done_seq=-1, modes=((0, NOW, {"modes": modes}),), now=NOW))
     observed.inbox.put_vehicle(
         "bus-3",
@@ -426,7 +426,7 @@ def test_reported_modes_that_make_no_sense_are_not_drawn(observed, serve, modes,
         channels=[[sensor.channel, sensor.quantity] for sensor in read_vehicle("zafira").sensor],
         now=NOW,
     )
-    assert note in vehicle_data.body_modes(observed, "bus-3").note
+    assert note in ask(body_modes, "bus-3").note
     _, client = serve()
     assert client.get("/vehicles/bus-3", headers=HEADERS).status_code == 200
     assert client.get("/api/v1/vehicles/bus-3/trends").status_code == 200

@@ -1,30 +1,32 @@
-"""Who makes a request, and whether that role may."""
+"""Who makes a request or sends a form, and whether that role may."""
 
 import hmac
 import math
-import secrets
+from dataclasses import dataclass
 from typing import Annotated
+from urllib.parse import parse_qsl
 
-from fastapi import HTTPException, Request, Response, Security
+from fastapi import Depends, HTTPException, Request, Response, Security
+from fastapi.concurrency import run_in_threadpool
 from fastapi.openapi.models import HTTPBearer
 from fastapi.security.base import SecurityBase
 
+from sprung.online.site.accounts import SESSION, Person, Role, log_in, of_session, of_token
 from sprung.online.site.context import Context, context_of
-from sprung.online.site.people import SESSION, Person, Role, log_in, of_session, of_token
 
-#: Cookie of the session; the prefix makes browsers keep it to this host, and to TLS.
-_COOKIE, _SECURE_COOKIE = "sprung_session", "__Host-sprung_session"
-#: Methods that change nothing.
-_READING = {"GET", "HEAD", "OPTIONS"}
 #: Field of a form, and header of a request, with the CSRF token of the session.
-CSRF_FIELD, CSRF_HEADER = "csrf_token", "x-csrf-token"
-#: Greatest length of the secrets of browsers without an account.
-_LONGEST_SECRET = 64
+CSRF_FIELD = "csrf_token"
+CSRF_HEADER = "x-csrf-token"
+#: Lengths of the secrets of browsers without an account.
+_MIN_SECRET = 20
+_MAX_SECRET = 64
+#: Largest number of fields of a form.
+_MAX_FIELDS = 50
 
 
 def cookie_name(context: Context) -> str:
-    """Return the name of the session's cookie."""
-    return _SECURE_COOKIE if context.is_secure else _COOKIE
+    """Return the name of the session's cookie; its prefix makes browsers keep it to this host, and to TLS."""
+    return "__Host-sprung_session" if context.is_secure else "sprung_session"
 
 
 def set_session(response: Response, context: Context, secret: str) -> None:
@@ -48,7 +50,7 @@ def find_person(request: Request) -> Person | None:
         return of_token(context.store, token.strip(), now=now) if kind.lower() == "bearer" else None
     secret = request.cookies.get(cookie_name(context), "")
     if context.is_open:
-        is_kept = 20 <= len(secret) <= _LONGEST_SECRET
+        is_kept = _MIN_SECRET <= len(secret) <= _MAX_SECRET
         return Person("local", Role.ADMIN, secret if is_kept else "", has_account=False)
     return of_session(context.store, secret, now=now) if secret else None
 
@@ -62,12 +64,9 @@ def enter(request: Request, name: str, password: str) -> Person:
         If name or password are wrong, or there were too many attempts.
     """
     context = context_of(request)
-    address = request.client.host if request.client else ""
-    wait = context.attempts.wait(address, name)
+    wait = math.ceil(request.app.state.attempts.wait(request.client.host if request.client else "", name))
     if wait:
-        seconds = math.ceil(wait)
-        sentence = f"too many attempts: try again in {seconds} s"
-        raise HTTPException(429, sentence, headers={"retry-after": str(seconds)})
+        raise HTTPException(429, f"too many attempts: try again in {wait} s", headers={"retry-after": str(wait)})
     now = context.clock()
     secret = log_in(context.store, name, password, now=now)
     person = None if secret is None else of_session(context.store, secret, now=now)
@@ -76,14 +75,26 @@ def enter(request: Request, name: str, password: str) -> Person:
     return person
 
 
-def new_secret() -> str:
-    """Return a secret for a browser without an account."""
-    return secrets.token_urlsafe(32)
+def require_role(request: Request, role: Role) -> Person:
+    """Return who makes a request.
+
+    Raises
+    ------
+    HTTPException
+        If that is not known, or the role does not include another.
+    """
+    person = find_person(request)
+    if person is None:
+        headers = {"www-authenticate": "Bearer"}
+        raise HTTPException(401, "log in, or send a token: Authorization: Bearer TOKEN", headers=headers)
+    if not person.role.includes(role):
+        raise HTTPException(403, f"this requires the role {role}, but {person.name} is {person.role}")
+    return person
 
 
 def check_csrf_token(request: Request, person: Person, given: str) -> None:
     """Refuse a request that changes something and does not come from a page of this session."""
-    if request.method in _READING or "authorization" in request.headers:
+    if request.method in {"GET", "HEAD", "OPTIONS"} or "authorization" in request.headers:
         return
     if not (person.csrf_token and hmac.compare_digest(person.csrf_token, given)):
         raise HTTPException(403, "this form does not belong to your session: reload the page and try again")
@@ -107,16 +118,63 @@ class Allowed(SecurityBase):
 
     def __call__(self, request: Request) -> Person:
         """Return who makes a request."""
-        person = find_person(request)
-        if person is None:
-            headers = {"www-authenticate": "Bearer"}
-            raise HTTPException(401, "log in, or send a token: Authorization: Bearer TOKEN", headers=headers)
-        if not person.role.includes(self.role):
-            raise HTTPException(403, f"this requires the role {self.role}, but {person.name} is {person.role}")
+        person = require_role(request, self.role)
         check_csrf_token(request, person, request.headers.get(CSRF_HEADER, ""))
         return person
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """A form that was sent.
+
+    Parameters
+    ----------
+    person
+        Who sent it.
+    fields
+        Its fields by name; of several of one name the last.
+    """
+
+    person: Person
+    fields: dict[str, str]
+
+    def text(self, name: str) -> str:
+        """Return a field, without blanks around; empty if it is not there."""
+        return self.fields.get(name, "").strip()
+
+
+class FormOf:
+    """Dependency that gives the form of a request, and refuses a person whose role does not include another.
+
+    Parameters
+    ----------
+    role
+        Minimum role.
+    """
+
+    def __init__(self, role: Role) -> None:
+        self.role = role
+
+    async def __call__(self, request: Request) -> Form:
+        """Return the form of a request."""
+        fields = await form_fields(request)
+        person = await run_in_threadpool(require_role, request, self.role)
+        check_csrf_token(request, person, fields.get(CSRF_FIELD, ""))
+        return Form(person, fields)
+
+
+async def form_fields(request: Request) -> dict[str, str]:
+    """Return the fields of a form."""
+    try:
+        text = (await request.body()).decode()
+        return dict(parse_qsl(text, keep_blank_values=True, max_num_fields=_MAX_FIELDS))
+    except ValueError:
+        raise HTTPException(400, "the form cannot be read: reload the page and try again") from None
 
 
 Viewer = Annotated[Person, Security(Allowed(Role.VIEWER), scopes=[Role.VIEWER])]
 Engineer = Annotated[Person, Security(Allowed(Role.ENGINEER), scopes=[Role.ENGINEER])]
 Admin = Annotated[Person, Security(Allowed(Role.ADMIN), scopes=[Role.ADMIN])]
+ViewerForm = Annotated[Form, Depends(FormOf(Role.VIEWER))]
+EngineerForm = Annotated[Form, Depends(FormOf(Role.ENGINEER))]
+AdminForm = Annotated[Form, Depends(FormOf(Role.ADMIN))]

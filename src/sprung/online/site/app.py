@@ -1,61 +1,79 @@
-"""The application: interface, pages, figures and health behind one guard."""
+"""The application: interface, pages, figures and health behind one guard, and the description of the interface."""
 
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import asynccontextmanager
+from importlib import resources
 from typing import Any
 from urllib.parse import urlencode
 
-from fastapi import FastAPI, Request
+from fastapi import APIRouter, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse, RedirectResponse, Response
+from fastapi.responses import FileResponse, JSONResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
 
 from sprung import __version__
 from sprung.errors import SprungError
-from sprung.online.site import (
-    api,
-    api_alerts,
-    api_diagrams,
-    api_files,
-    api_people,
-    api_runs,
-    api_site,
-    api_vehicles,
-    pages,
-    probes,
-)
-from sprung.online.site.context import Context, is_loopback
-from sprung.online.site.guard import App, Guard, RateLimit
-from sprung.online.site.refusals import with_refusals
+from sprung.online.site import fleet, live, people, probes, runs, site
+from sprung.online.site.access import Viewer
+from sprung.online.site.alerts import alert
+from sprung.online.site.alerts import lists as alert_lists
+from sprung.online.site.context import Context, Shared, is_loopback
+from sprung.online.site.guard import App, Attempts, Guard, RateLimit
+from sprung.online.site.live import Feed
+from sprung.online.site.rendering import page
+from sprung.online.site.runs import RunResults
+from sprung.online.site.vehicles import baselines, diagrams, files, overview, quality, trends, windows
+from sprung.online.site.vehicles.diagrams import DiagramDesk
 from sprung.online.store import RefusedError, StoreError
 
+_pages = APIRouter(include_in_schema=False)
+_SUBJECTS = (fleet, overview, windows, quality, baselines, diagrams, files, alert_lists, alert, runs, people, site)
 #: All routes, by what their paths begin with.
 ROUTERS = (
-    ("/api/v1", api.router),
-    ("/api/v1", api_vehicles.router),
-    ("/api/v1", api_diagrams.router),
-    ("/api/v1", api_alerts.router),
-    ("/api/v1", api_files.router),
-    ("/api/v1", api_runs.router),
-    ("/api/v1", api_people.router),
-    ("/api/v1", api_site.router),
+    *(("/api/v1", subject.api) for subject in (*_SUBJECTS, trends, live)),
     ("", probes.router),
-    ("", pages.router),
+    *(("", subject.pages) for subject in _SUBJECTS),
+    ("", _pages),
 )
 #: Titles of error pages.
-_TITLES = {403: "Not allowed", 404: "Not found", 422: "Invalid address", 503: "The store does not answer"}
+_TITLES = {
+    403: "Not allowed",
+    404: "Not found",
+    422: "Invalid address",
+    503: "The store does not answer",
+}
 #: Requests of one address: in the long run [1/s], and at once.
-_RATE, _BURST = 50.0, 300.0
+_RATE = 50.0
+_BURST = 300.0
+#: Schema of the answer to a refused request.
+_REFUSAL = {
+    "type": "object",
+    "title": "Refusal",
+    "description": "Why a request was refused.",
+    "properties": {"detail": {"type": "string", "title": "Detail", "description": "what is wrong, and what to do"}},
+    "required": ["detail"],
+}
+#: Refusals that any operation can meet.
+_REFUSALS = {
+    408: "The request took too long.",
+    413: "The request is too large.",
+    421: "The server does not answer to the name in Host.",
+    422: "A value is out of range, or is missing.",
+    429: "There were too many requests: Retry-After states how long to wait.",
+    503: "The store does not answer.",
+}
 
 
-def application(context: Context) -> App:
+def application(context: Context, *, diagrams: DiagramDesk | None = None) -> App:
     """Return the application that answers all requests.
 
     Parameters
     ----------
     context
         Store, settings and running monitor.
+    diagrams
+        Computes the diagrams of windows; None: one of its own.
 
     Examples
     --------
@@ -80,6 +98,10 @@ def application(context: Context) -> App:
         lifespan=_lifespan,
     )
     app.state.context = context
+    app.state.attempts = Attempts(context.timer)
+    app.state.diagrams = DiagramDesk() if diagrams is None else diagrams
+    app.state.feed = Feed(context.store)
+    app.state.runs = RunResults(context.site.keep.results, context.timer)
     for prefix, router in ROUTERS:
         app.include_router(router, prefix=prefix)
     app.mount("/static", StaticFiles(packages=[("sprung.online.site", "static")]))
@@ -96,16 +118,73 @@ class _Application(FastAPI):
     def openapi(self) -> dict[str, Any]:
         """Return the OpenAPI document."""
         if self.openapi_schema is None:
-            self.openapi_schema = with_refusals(super().openapi())
+            document = super().openapi()
+            schemas = document["components"]["schemas"]
+            for name in ("HTTPValidationError", "ValidationError"):  # of the framework, which no answer has
+                schemas.pop(name, None)
+            schemas["Refusal"] = _REFUSAL
+            content = {"application/json": {"schema": {"$ref": "#/components/schemas/Refusal"}}}
+            for path, methods in document["paths"].items():
+                for method, operation in methods.items():
+                    operation["responses"].pop("422", None)
+                    for status, description in _refusals(path, method, operation):
+                        refusal = {"description": description, "content": content}
+                        operation["responses"].setdefault(str(status), refusal)
+            self.openapi_schema = document
         return self.openapi_schema
+
+
+def _refusals(path: str, method: str, operation: Mapping[str, Any]) -> Iterator[tuple[int, str]]:
+    """Yield status and description of each refusal of an operation."""
+    has_role = "security" in operation
+    has_body = "requestBody" in operation
+    if has_body:
+        yield 400, "The body cannot be read, or what it asks for is not allowed."
+    if has_role or has_body:
+        yield 401, "There is no valid token or session, or name or password is wrong."
+    if has_role:
+        yield 403, "The role does not include this, or the CSRF token of the session is missing."
+    if "{" in path:
+        yield 404, "Nothing has that name or number."
+    if method != "get" or "{" in path:
+        yield 409, "The action is impossible at present."
+    yield from _REFUSALS.items()
 
 
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     """End the live events and the computing of diagrams with the application."""
     yield
-    app.state.context.diagrams.close()
-    await app.state.context.feed.close()
+    app.state.diagrams.close()
+    await app.state.feed.close()
+
+
+@_pages.get("/api")
+def interface(request: Request, context: Shared, _: Viewer) -> Response:
+    """Show the routes with the roles on which they insist; the OpenAPI document says what they take and return."""
+    return page(
+        request,
+        "interface.html",
+        section="/api",
+        routes=sorted(routes_of(request.app.openapi()), key=lambda route: (route[0], route[2])),
+        document=request.app.openapi_url,
+        address=(context.site.url or str(request.base_url)).rstrip("/"),
+    )
+
+
+@_pages.get("/static/plotly.js")
+def plotly(_: Viewer) -> FileResponse:
+    """Send the library of the charts from the installed package; browsers keep it for a day."""
+    path = resources.files("plotly") / "package_data" / "plotly.min.js"
+    return FileResponse(str(path), media_type="text/javascript", headers={"cache-control": "private, max-age=86400"})
+
+
+def routes_of(document: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str, str]]:
+    """Yield tag, method, path, meaning and minimum role of every operation of an OpenAPI document."""
+    for path, methods in document["paths"].items():
+        for method, given in methods.items():
+            scopes = [scope for entry in given.get("security", ()) for names in entry.values() for scope in names]
+            yield given["tags"][0], method.upper(), path, given["description"], str(scopes[0]) if scopes else ""
 
 
 def _hosts(context: Context) -> frozenset[str] | None:
@@ -144,7 +223,7 @@ def _answer(request: Request, sentence: str, status: int, headers: Mapping[str, 
     """Return a sentence as JSON, or as a page for a browser."""
     if _is_for_people(request):
         title = _TITLES.get(status, "This is not possible")
-        return pages.trouble(request, status, title, sentence)
+        return page(request, "problem.html", status=status, title=title, sentence=sentence)
     return JSONResponse({"detail": sentence}, status, headers=headers)
 
 

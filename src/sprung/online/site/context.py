@@ -1,22 +1,15 @@
 """Context that requests share: the store, the settings, and the running monitor."""
 
 import time
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import Annotated
 
 from fastapi import Depends, Request
 
 from sprung.online.monitor import Site
-from sprung.online.site.diagrams import DiagramDesk
-from sprung.online.site.guard import Attempts
-from sprung.online.site.live import Feed
-from sprung.online.site.runs import RunResults
 from sprung.online.store import Store
-
-#: Time for which the state of a parked vehicle counts as its present one, ns.
-_PARKED = 86400 * 10**9
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +30,6 @@ class Context:
         Present time, UTC ns.
     timer
         Present time [s] of a monotonic clock.
-    feed
-        Changes of the store, as they happen.
-    attempts
-        Limits of attempts to log in.
-    diagrams
-        Diagrams of windows, computed one at a time.
-    runs
-        Results of runs over the fleet.
     """
 
     store: Store
@@ -53,15 +38,6 @@ class Context:
     troubles: Callable[[], list[str]]
     clock: Callable[[], int] = time.time_ns
     timer: Callable[[], float] = time.monotonic
-    feed: Feed = field(init=False)
-    attempts: Attempts = field(init=False)
-    diagrams: DiagramDesk = field(default_factory=DiagramDesk)
-    runs: RunResults = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "feed", Feed(self.store))
-        object.__setattr__(self, "attempts", Attempts(self.timer))
-        object.__setattr__(self, "runs", RunResults(self.site.keep.results, self.timer))
 
     @property
     def is_secure(self) -> bool:
@@ -83,10 +59,6 @@ class Context:
         """Time, UTC ns, before which the last message of a silent vehicle came."""
         return self.clock() - round(60e9 * self.site.alerts.silent_after_minutes)
 
-    def is_old(self, last_seen: int, *, is_parked: bool) -> bool:
-        """Return whether the last message of a vehicle [UTC ns] is too old for a statement about its present state."""
-        return last_seen < (self.clock() - _PARKED if is_parked else self.silent_before)
-
 
 def is_loopback(host: str) -> bool:
     """Return whether a host is this machine alone."""
@@ -100,11 +72,6 @@ def context_of(request: Request) -> Context:
     """Return the context that requests share."""
     context: Context = request.app.state.context
     return context
-
-
-def known_vehicles(context: Context) -> Callable[[Collection[str]], Collection[str]]:
-    """Return a function that selects the vehicles that the monitor knows."""
-    return lambda names: {name for name in names if context.store.inbox.vehicle(name) is not None}
 
 
 Shared = Annotated[Context, Depends(context_of)]

@@ -1,12 +1,13 @@
 """The guard that every request passes first: limits of rate, size and time, and headers that browsers enforce."""
 
 import asyncio
-import json
 import math
 from collections import OrderedDict
 from collections.abc import Awaitable, Callable, MutableMapping
 from ipaddress import IPv6Address, ip_address
 from typing import Any, TypeAlias
+
+from starlette.responses import JSONResponse, PlainTextResponse
 
 Scope: TypeAlias = MutableMapping[str, Any]
 Message: TypeAlias = MutableMapping[str, Any]
@@ -14,12 +15,14 @@ Receive: TypeAlias = Callable[[], Awaitable[Message]]
 Send: TypeAlias = Callable[[Message], Awaitable[None]]
 App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
 
-#: Largest body of a request [bytes], and longest time for it [s].
-LARGEST_BODY, _BODY_SECONDS = 65536, 10.0
+#: Largest body of a request [bytes].
+MAX_BODY = 65536
+#: Longest time for a body [s].
+_BODY_TIMEOUT = 10.0
 #: Addresses whose rate is remembered.
-_MOST_ADDRESSES = 10_000
+_MAX_ADDRESSES = 10_000
 #: Length of a name from which on attempts count as those to one name.
-_LONGEST_NAME = 64
+_MAX_NAME = 64
 
 #: What a page may load and do: only what this server serves. Plots set styles of their own.
 POLICY = (
@@ -50,7 +53,9 @@ class RateLimit:
     """
 
     def __init__(self, rate: float, burst: float, timer: Callable[[], float]) -> None:
-        self._rate, self._burst, self._timer = rate, burst, timer
+        self._rate = rate
+        self._burst = burst
+        self._timer = timer
         self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
 
     def wait(self, address: str) -> float:
@@ -60,7 +65,7 @@ class RateLimit:
         left = min(self._burst, left + self._rate * (now - since))
         is_allowed = left >= 1
         self._buckets[address] = (left - is_allowed, now)
-        if len(self._buckets) > _MOST_ADDRESSES:
+        if len(self._buckets) > _MAX_ADDRESSES:
             self._buckets.popitem(last=False)
         return 0.0 if is_allowed else (1 - left) / self._rate
 
@@ -84,7 +89,7 @@ class Attempts:
 
     def wait(self, address: str, name: str) -> float:
         """Take an attempt, and return 0; or the time until there is one [s]."""
-        network, name = network_of(address), name[:_LONGEST_NAME]
+        network, name = network_of(address), name[:_MAX_NAME]
         # In turn: attempts that one limit refuses do not count for the next.
         return self._both.wait(f"{network} {name}") or self._address.wait(network) or self._name.wait(name)
 
@@ -106,7 +111,9 @@ class Guard:
     """
 
     def __init__(self, app: App, *, limit: RateLimit, hosts: frozenset[str] | None, is_secure: bool) -> None:
-        self._app, self._limit, self._hosts = app, limit, hosts
+        self._app = app
+        self._limit = limit
+        self._hosts = hosts
         secure = (b"strict-transport-security", b"max-age=31536000")
         self._headers = [*HEADERS, *([secure] if is_secure else [])]
 
@@ -116,40 +123,39 @@ class Guard:
             await self._app(scope, receive, send)
             return
         given = dict(scope["headers"])
-        send = self._with_headers(send)
-        refuse = _refuser(send, is_json=scope.get("path", "").startswith("/api/"))
-        wait = self._limit.wait(network_of(scope["client"][0] if scope.get("client") else ""))
-        if wait:
-            after = (b"retry-after", str(math.ceil(wait)).encode())
-            await refuse(429, "too many requests: try again later", after)
-            return
-        if self._hosts is not None and _host(given.get(b"host", b"")) not in self._hosts:
-            await refuse(421, "this server does not answer to that name: set url in the site file to allow it")
-            return
-        length = given.get(b"content-length", b"0")
-        if not length.isdigit() or int(length) > LARGEST_BODY:
-            await refuse(413, f"the request is larger than {LARGEST_BODY} bytes")
-            return
-        try:
-            async with asyncio.timeout(_BODY_SECONDS):
-                body = await _body(receive)
-        except TimeoutError:
-            await refuse(408, f"the request took longer than {_BODY_SECONDS:g} s")
-            return
-        if body is None:
-            await refuse(413, f"the request is larger than {LARGEST_BODY} bytes, or incomplete")
-            return
-        await self._app(scope, _replay(body, receive), send)
-
-    def _with_headers(self, send: Send) -> Send:
-        """Return a function that sends with the headers."""
 
         async def sending(message: Message) -> None:
             if message["type"] == "http.response.start":
                 message["headers"] = [*message.get("headers", []), *self._headers]
             await send(message)
 
-        return sending
+        async def refuse(status: int, sentence: str, **headers: str) -> None:
+            is_json = scope.get("path", "").startswith("/api/")
+            answer = (
+                JSONResponse({"detail": sentence}, status) if is_json else PlainTextResponse(f"{sentence}\n", status)
+            )
+            answer.headers.update(headers)
+            await answer(scope, receive, sending)
+
+        wait = self._limit.wait(network_of(scope["client"][0] if scope.get("client") else ""))
+        length = given.get(b"content-length", b"0")
+        if wait:
+            await refuse(429, "too many requests: try again later", **{"retry-after": str(math.ceil(wait))})
+        elif self._hosts is not None and _host(given.get(b"host", b"")) not in self._hosts:
+            await refuse(421, "this server does not answer to that name: set url in the site file to allow it")
+        elif not length.isdigit() or int(length) > MAX_BODY:
+            await refuse(413, f"the request is larger than {MAX_BODY} bytes")
+        else:
+            try:
+                async with asyncio.timeout(_BODY_TIMEOUT):
+                    body = await _body(receive)
+            except TimeoutError:
+                await refuse(408, f"the request took longer than {_BODY_TIMEOUT:g} s")
+                return
+            if body is None:
+                await refuse(413, f"the request is larger than {MAX_BODY} bytes, or incomplete")
+                return
+            await self._app(scope, _replay(body, receive), sending)
 
 
 async def _body(receive: Receive) -> bytes | None:
@@ -161,7 +167,7 @@ async def _body(receive: Receive) -> bytes | None:
             return None
         parts.append(message.get("body", b""))
         n_bytes += len(parts[-1])
-        if n_bytes > LARGEST_BODY:
+        if n_bytes > MAX_BODY:
             return None
         if not message.get("more_body"):
             return b"".join(parts)
@@ -169,29 +175,12 @@ async def _body(receive: Receive) -> bytes | None:
 
 def _replay(body: bytes, receive: Receive) -> Receive:
     """Return a function that gives a body first, and then waits for the end of the connection."""
-    is_given = False
+    waiting = [body]
 
     async def replayed() -> Message:
-        nonlocal is_given
-        if not is_given:
-            is_given = True
-            return {"type": "http.request", "body": body, "more_body": False}
-        return await receive()
+        return {"type": "http.request", "body": waiting.pop(), "more_body": False} if waiting else await receive()
 
     return replayed
-
-
-def _refuser(send: Send, *, is_json: bool) -> Callable[..., Awaitable[None]]:
-    """Return a function that answers with a sentence, as programs or people read it."""
-
-    async def refuse(status: int, sentence: str, *headers: tuple[bytes, bytes]) -> None:
-        body = json.dumps({"detail": sentence}) if is_json else f"{sentence}\n"
-        kind = (b"content-type", b"application/json" if is_json else b"text/plain; charset=utf-8")
-        length = (b"content-length", str(len(body)).encode())
-        await send({"type": "http.response.start", "status": status, "headers": [kind, length, *headers]})
-        await send({"type": "http.response.body", "body": body.encode()})
-
-    return refuse
 
 
 def network_of(address: str) -> str:

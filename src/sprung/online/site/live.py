@@ -2,22 +2,30 @@
 
 import asyncio
 import json
-from collections.abc import AsyncGenerator, Iterable
+from collections.abc import AsyncGenerator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
-from starlette.concurrency import run_in_threadpool
+from fastapi import APIRouter, Header, Request
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import StreamingResponse
 
 from sprung.errors import SprungError
-from sprung.online.store import ChangeRow, Store, WindowRow
+from sprung.online.site.access import Viewer
+from sprung.online.site.shared import column_number
+from sprung.online.store import Store
 
-#: Time between polls of the store, and between signs of life [s].
-_LOOK, _SIGN = 1.0, 15.0
+api = APIRouter(tags=["live"])
+
+#: Time between polls of the store [s].
+_POLL = 1.0
+#: Time between signs of life [s].
+_HEARTBEAT = 15.0
 #: Events that wait for one listener: one that is slower is cut off, and continues from the last that it has.
-_MOST_WAITING = 500
+_MAX_WAITING = 500
 #: Largest number of events of one poll.
-_MOST_EVENTS = 1000
+_MAX_EVENTS = 1000
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -34,9 +42,11 @@ class Mark:
     @classmethod
     def parse(cls, text: str) -> "Mark | None":
         """Return the mark of an identifier; None if it is not a mark."""
-        change, _, window = text.partition("-")
-        is_mark = all(part.isdecimal() and len(part) <= 19 and int(part) < 2**63 for part in (change, window))
-        return cls(int(change), int(window)) if is_mark else None
+        try:
+            change, window = map(column_number, text.split("-"))
+        except ValueError:
+            return None
+        return cls(change, window)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +74,9 @@ class Feed:
         Time between polls of it [s].
     """
 
-    def __init__(self, store: Store, *, look: float = _LOOK) -> None:
-        self._store, self._look = store, look
+    def __init__(self, store: Store, *, look: float = _POLL) -> None:
+        self._store = store
+        self._look = look
         self._listeners: set[asyncio.Queue[Happening | None]] = set()
         self._task: asyncio.Task[None] | None = None
         self._starting = asyncio.Lock()
@@ -84,7 +95,7 @@ class Feed:
         after
             Mark of the last event that the listener has; None: none.
         """
-        queue: asyncio.Queue[Happening | None] = asyncio.Queue(_MOST_WAITING)
+        queue: asyncio.Queue[Happening | None] = asyncio.Queue(_MAX_WAITING)
         async with self._starting:  # of several at the same time, one starts polling the store
             if self._task is None or self._task.done():
                 self._mark = await run_in_threadpool(lambda: Mark(*self._store.fleet.newest()))
@@ -99,14 +110,14 @@ class Feed:
                     yield happening.text
             while True:
                 try:
-                    async with asyncio.timeout(_SIGN):
+                    async with asyncio.timeout(_HEARTBEAT):
                         following = await queue.get()
                 except TimeoutError:
                     yield ": nothing new\n\n"
                     continue
                 if following is None:
                     return
-                if _is_new(following.mark, reached):
+                if following.mark.change > reached.change or following.mark.window > reached.window:
                     yield following.text
         finally:
             self._listeners.discard(queue)
@@ -130,36 +141,36 @@ class Feed:
                 continue  # the store does not answer: /health states it
             for happening in happenings:
                 self._mark = happening.mark
-                self._send(happening)
-
-    def _send(self, happening: Happening) -> None:
-        """Give an event to all listeners; cut off those that are too slow."""
-        for queue in list(self._listeners):
-            if queue.full():
-                self._listeners.discard(queue)
-                _cut_off(queue)
-            else:
-                queue.put_nowait(happening)
+                for queue in list(self._listeners):
+                    if queue.full():
+                        self._listeners.discard(queue)
+                        _cut_off(queue)
+                    else:
+                        queue.put_nowait(happening)
 
     def _since(self, mark: Mark) -> list[Happening]:
-        """Return what happened after a mark."""
-        changes, windows = self._store.fleet.since(mark.change, mark.window, limit=_MOST_EVENTS)
-        return list(_in_order(mark, changes, windows))
+        """Return changes of alerts after a mark, then windows, each with the mark after it."""
+        changes, windows = self._store.fleet.since(mark.change, mark.window, limit=_MAX_EVENTS)
+        events = []
+        for row in changes:
+            mark = Mark(row.id, mark.window)
+            events.append(Happening("alert", mark, {"number": row.alert, "vehicle": row.vehicle, "what": row.what}))
+        for window in windows:
+            mark = Mark(mark.change, window.stored)
+            place = {"vehicle": window.vehicle, "boot": window.boot, "number": window.number}
+            events.append(Happening("window", mark, place))
+        return events
 
 
-def _in_order(mark: Mark, changes: Iterable[ChangeRow], windows: Iterable[WindowRow]) -> Iterable[Happening]:
-    """Yield the events of changes of alerts, then those of windows, each with the mark after it."""
-    for row in changes:
-        mark = Mark(row.id, mark.window)
-        yield Happening("alert", mark, {"number": row.alert, "vehicle": row.vehicle, "what": row.what})
-    for window in windows:
-        mark = Mark(mark.change, window.stored)
-        yield Happening("window", mark, {"vehicle": window.vehicle, "boot": window.boot, "number": window.number})
-
-
-def _is_new(mark: Mark, reached: Mark) -> bool:
-    """Return whether an event comes after what a listener has."""
-    return mark.change > reached.change or mark.window > reached.window
+@api.get("/events", response_class=StreamingResponse, responses={200: {"content": {"text/event-stream": {}}}})
+async def events(
+    request: Request, _: Viewer, last_event_id: Annotated[str | None, Header(max_length=40)] = None
+) -> StreamingResponse:
+    """Changes of alerts ("alert") and analysed windows ("window") as server-sent events, as they happen."""
+    feed: Feed = request.app.state.feed
+    after = None if last_event_id is None else Mark.parse(last_event_id)
+    headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
+    return StreamingResponse(feed.listen(after), media_type="text/event-stream", headers=headers)
 
 
 def _cut_off(queue: asyncio.Queue[Happening | None]) -> None:

@@ -1,274 +1,329 @@
-"""People and programs: roles, passwords, sessions and tokens."""
+"""People and programs: log in and out, accounts, tokens, and the audit trail of what they did."""
 
-import hashlib
-import hmac
-import secrets
-import threading
-from dataclasses import dataclass, replace
-from enum import StrEnum
-from functools import cache
+import json
+from typing import Annotated, Any
 
-from pwdlib import PasswordHash
-from pwdlib.hashers.argon2 import Argon2Hasher
+from fastapi import APIRouter, HTTPException, Query, Request
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import RedirectResponse, Response
+from pydantic import Field
 
 from sprung.errors import ParameterError
-from sprung.online.store import AccountRow, Store, TokenRow
+from sprung.online.site import accounts
+from sprung.online.site.access import (
+    Admin,
+    AdminForm,
+    Engineer,
+    Viewer,
+    ViewerForm,
+    cookie_name,
+    enter,
+    form_fields,
+    set_session,
+)
+from sprung.online.site.accounts import Person, Role
+from sprung.online.site.context import Context, Shared
+from sprung.online.site.rendering import page
+from sprung.online.site.shared import Answer, Done, Given, Line, Name, Number, Outcome
+from sprung.results.documents.monitoring import AccountEntry
 
-#: Length of a session [ns], and least length of a password.
-SESSION = 12 * 3600 * 10**9
-_LEAST_PASSWORD, _MOST_PASSWORD, _MOST_NAME = 10, 200, 64
-#: Beginning of every token, by which programs that look for secrets know them.
-_TOKEN = "sprung_"
-_DAY = 86400 * 10**9
-#: Passwords that are verified at once: each takes 64 MB, and a processor.
-_VERIFYING = threading.BoundedSemaphore(2)
+api = APIRouter(tags=["people"])
+pages = APIRouter(include_in_schema=False)
+
+#: Entries of the audit trail on a page.
+_LIMIT = 100
+#: Result of an action, by the word in the address.
+_DONE = {
+    "account": "The account is saved. It can log in now; its previous sessions have ended.",
+    "role": "The role is changed; the sessions of the account have ended.",
+    "removed": "The account is removed; its sessions have ended.",
+    "revoked": "The token is revoked and no longer valid.",
+}
 
 
-class Role(StrEnum):
-    """Permissions of a person: each role includes those before it."""
+class LogIn(Given):
+    """Name and password."""
 
-    VIEWER = "viewer"  # look at everything but accounts
-    ENGINEER = "engineer"  # act on alerts, baselines and vehicles
-    ADMIN = "admin"  # manage accounts and tokens
-
-    def includes(self, other: "Role") -> bool:
-        """Return whether this role may do what another may."""
-        return _ORDER.index(self) >= _ORDER.index(other)
+    name: Line
+    password: str = Field(max_length=200)
 
 
-_ORDER = list(Role)
+class NewAccount(LogIn):
+    """A person."""
+
+    role: Line
 
 
-@dataclass(frozen=True, slots=True)
-class Person:
-    """Who makes a request.
+class NewRole(Given):
+    """Another role of a person."""
 
-    Parameters
-    ----------
-    name
-        Name for the audit trail.
-    role
-        Role.
-    secret
-        Secret of the browser's session, from which its CSRF token is derived; empty for a program with a token.
-    has_account
-        Whether the person logged in; False on a machine without accounts.
-    """
+    role: Line
+
+
+class NewToken(Given):
+    """A program; days until its token expires, null: never."""
+
+    name: Line
+    role: Line
+    days: float | None = None
+
+
+class TokenEntry(Answer):
+    """A program's token; its secret is not stored."""
+
+    id: int
+    name: str
+    role: str
+    created: int
+    created_by: str
+    expires: int | None
+
+
+class TokenMade(Answer):
+    """A new token; its secret is shown only once."""
+
+    number: int
+    secret: str
+
+
+class WhoAmI(Answer):
+    """Who makes this request; csrf_token: value of the header X-CSRF-Token of requests that change something."""
 
     name: str
-    role: Role
-    secret: str = ""
-    has_account: bool = True
-
-    @property
-    def csrf_token(self) -> str:
-        """Token of the forms of this session: another site can neither read nor guess it."""
-        return hmac.new(self.secret.encode(), b"form", hashlib.sha256).hexdigest() if self.secret else ""
+    role: str
+    has_account: bool
+    csrf_token: str
 
 
-def add_account(store: Store, name: str, role: str, password: str, *, who: str, now: int) -> None:
-    """Add an account, or give an existing one another role and password, which ends its sessions.
+class AuditEntry(Answer):
+    """An entry of the audit trail: who did what to what."""
 
-    Raises
-    ------
-    ParameterError
-        If the name, role or password cannot be used.
-
-    Examples
-    --------
-    >>> from tempfile import TemporaryDirectory
-    >>> from sprung.online.store import open_store
-    >>> with TemporaryDirectory() as folder, open_store(f"sqlite:///{folder}/sprung.sqlite") as store:
-    ...     add_account(store, "ada", "admin", "correct horse battery", who="install", now=0)
-    ...     [(row.name, row.role) for row in store.accounts.all()]
-    [('ada', 'admin')]
-    """
-    if not name.strip() or name != name.strip() or len(name) > _MOST_NAME or not name.isprintable():
-        raise ParameterError(f"name {name!r} must have 1 to {_MOST_NAME} printable characters, no blank at either end")
-    _check_role(role)
-    if not _LEAST_PASSWORD <= len(password) <= _MOST_PASSWORD:
-        raise ParameterError(f"a password must have {_LEAST_PASSWORD} to {_MOST_PASSWORD} characters: give another")
-    known = store.accounts.find(name)
-    if known is not None:
-        _check_administrator_stays(store, known, role)
-    created = now if known is None else known.created
-    store.accounts.put(AccountRow(name, role, _hasher().hash(password), created))
-    store.requests.audit(who, "account", name, {"role": role}, now=now)
+    id: int
+    time: int
+    who: str
+    act: str
+    subject: str
+    detail: Any
 
 
-def remove_account(store: Store, name: str, *, who: str, now: int) -> None:
-    """Remove an account.
-
-    Raises
-    ------
-    ParameterError
-        If no account has that name, or it is the last administrator among other accounts.
-
-    Examples
-    --------
-    >>> from tempfile import TemporaryDirectory
-    >>> from sprung.online.store import open_store
-    >>> with TemporaryDirectory() as folder, open_store(f"sqlite:///{folder}/sprung.sqlite") as store:
-    ...     add_account(store, "ada", "admin", "correct horse battery", who="install", now=0)
-    ...     remove_account(store, "ada", who="install", now=0)
-    ...     store.accounts.n_accounts()
-    0
-    """
-    accounts = store.accounts.all()
-    others = [row for row in accounts if row.name != name]
-    if len(others) == len(accounts):
-        raise ParameterError(f"unknown account {name!r}: sprung accounts list shows all accounts")
-    if others and not any(row.role == Role.ADMIN for row in others):
-        raise ParameterError(f"{name} is the last administrator: give another account the role admin first")
-    store.accounts.remove(name)
-    store.requests.audit(who, "account removed", name, now=now)
+@api.get("/session")
+def who_am_i(person: Viewer) -> WhoAmI:
+    """Who makes this request."""
+    return WhoAmI.model_validate(person)
 
 
-def change_role(store: Store, name: str, role: str, *, who: str, now: int) -> None:
-    """Give an account another role, which ends its sessions; its password stays.
-
-    Raises
-    ------
-    ParameterError
-        If no account has that name, the role is unknown, or it is the last administrator.
-    """
-    _check_role(role)
-    known = store.accounts.find(name)
-    if known is None:
-        raise ParameterError(f"unknown account {name!r}: sprung accounts list shows all accounts")
-    _check_administrator_stays(store, known, role)
-    store.accounts.put(replace(known, role=role))
-    store.requests.audit(who, "role", name, {"role": role}, now=now)
+@api.post("/session")
+def log_in(context: Shared, request: Request, response: Response, given: LogIn) -> WhoAmI:
+    """Log in: the answer sets the cookie of the session."""
+    person = enter(request, given.name, given.password)
+    set_session(response, context, person.secret)
+    return WhoAmI.model_validate(person)
 
 
-def fault_of_first(person: Person, role: str) -> str:
-    """Return why a person cannot add an account of a role as the first one; empty if this is possible."""
-    is_possible = person.has_account or role == Role.ADMIN
-    return "" if is_possible else "the first account must have the role admin: it manages the others"
+@api.delete("/session")
+def log_out(context: Shared, request: Request, response: Response, _: Viewer) -> Done:
+    """Log out."""
+    accounts.log_out(context.store, request.cookies.get(cookie_name(context), ""))
+    response.delete_cookie(cookie_name(context))
+    return Done(sentence="logged out")
 
 
-def log_in(store: Store, name: str, password: str, *, now: int) -> str | None:
-    """Return the secret of a new session; None if name or password are wrong, which takes the same time."""
-    row = store.accounts.find(name)
-    known = _unknown() if row is None else row.password
-    with _VERIFYING:
-        is_right = _hasher().verify(password[:_MOST_PASSWORD], known)
-    if not is_right or row is None:
-        return None
-    secret = secrets.token_urlsafe(32)
-    store.accounts.add_session(_digest(secret), row.name, now=now, expires=now + SESSION)
-    store.requests.audit(row.name, "logged in", row.name, now=now)
-    return secret
+@pages.get("/log-in")
+def show_log_in(
+    request: Request, context: Shared, wanted: Annotated[str, Query(alias="next", max_length=2000)] = "/"
+) -> Response:
+    """Show the form."""
+    if context.is_open:
+        return RedirectResponse("/", 303)
+    return page(request, "log-in.html", problem="", name="", next=_inside(wanted))
 
 
-def log_out(store: Store, secret: str) -> None:
-    """End a session."""
-    store.accounts.end_session(_digest(secret))
+@pages.post("/log-in")
+async def log_in_by_form(request: Request, context: Shared) -> Response:
+    """Log in, and continue to the requested page."""
+    fields = await form_fields(request)
+    name = fields.get("name", "")
+    following = _inside(fields.get("next", "/"))
+    try:
+        person = await run_in_threadpool(enter, request, name, fields.get("password", ""))
+    except HTTPException as error:
+        values = {"problem": error.detail, "name": name, "next": following}
+        return await run_in_threadpool(page, request, "log-in.html", status=error.status_code, **values)
+    answer = RedirectResponse(following, 303)
+    set_session(answer, context, person.secret)
+    return answer
 
 
-def of_session(store: Store, secret: str, *, now: int) -> Person | None:
-    """Return who has a session; None if it does not exist or has ended."""
-    row = store.accounts.of_session(_digest(secret), now=now)
-    return None if row is None else Person(row.name, Role(row.role), secret)
+@pages.post("/log-out")
+def log_out_by_form(request: Request, context: Shared, form: ViewerForm) -> Response:
+    """Log out."""
+    answer = RedirectResponse("/log-in", 303)
+    log_out(context, request, answer, form.person)
+    return answer
 
 
-def add_token(store: Store, name: str, role: str, *, days: float | None, who: str, now: int) -> tuple[int, str]:
-    """Return number and secret of a new token for a program; the secret is shown only once.
-
-    Parameters
-    ----------
-    store
-        Store of the monitor.
-    name
-        Name of the program, for the audit trail.
-    role
-        Role of the program.
-    days
-        Time until it expires [days]; None: never.
-    who
-        Name of the operator.
-    now
-        Present time, UTC ns.
-
-    Raises
-    ------
-    ParameterError
-        If the name, role or time cannot be used.
-
-    Examples
-    --------
-    >>> from tempfile import TemporaryDirectory
-    >>> from sprung.online.store import open_store
-    >>> with TemporaryDirectory() as folder, open_store(f"sqlite:///{folder}/sprung.sqlite") as store:
-    ...     number, secret = add_token(store, "dashboard", "viewer", days=30.0, who="ada", now=0)
-    ...     [(row.name, row.role, row.expires) for row in store.accounts.tokens()]
-    [('dashboard', 'viewer', 2592000000000000)]
-    """
-    if not name.strip() or len(name) > _MOST_NAME or not name.isprintable():
-        raise ParameterError(f"name {name!r} must have 1 to {_MOST_NAME} printable characters")
-    _check_role(role)
-    if days is not None and not 0 < days <= 3660:
-        raise ParameterError(f"days={days:g} must be above 0 and at most 3660")
-    secret = _TOKEN + secrets.token_urlsafe(32)
-    expires = None if days is None else now + round(days * _DAY)
-    number = store.accounts.add_token(TokenRow(_digest(secret), name.strip(), role, now, who, expires))
-    store.requests.audit(who, "token", name.strip(), {"role": role, "number": number}, now=now)
-    return number, secret
+def _inside(path: str) -> str:
+    """Return a path of this site; the fleet for any other address."""
+    is_inside = path.startswith("/") and not path.startswith(("//", "/\\")) and path.isprintable()
+    return path if is_inside else "/"
 
 
-def remove_token(store: Store, number: int, *, who: str, now: int) -> None:
-    """Revoke a token.
-
-    Raises
-    ------
-    ParameterError
-        If no token has that number.
-
-    Examples
-    --------
-    >>> from tempfile import TemporaryDirectory
-    >>> from sprung.online.store import open_store
-    >>> with TemporaryDirectory() as folder, open_store(f"sqlite:///{folder}/sprung.sqlite") as store:
-    ...     number, secret = add_token(store, "dashboard", "viewer", days=None, who="ada", now=0)
-    ...     remove_token(store, number, who="ada", now=0)
-    ...     store.accounts.tokens()
-    []
-    """
-    if not store.accounts.remove_token(number):
-        raise ParameterError(f"unknown token {number}: sprung tokens list shows all tokens")
-    store.requests.audit(who, "token revoked", str(number), now=now)
+@api.get("/audit")
+def audit(
+    context: Shared,
+    _: Engineer,
+    before: Annotated[int | None, Query(ge=1, lt=2**63, description="id of an entry: earlier ones only")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> list[AuditEntry]:
+    """The latest entries of the audit trail, in order of time."""
+    return [AuditEntry.model_validate(row) for row in context.store.requests.audited(before=before, limit=limit)]
 
 
-def of_token(store: Store, secret: str, *, now: int) -> Person | None:
-    """Return the program that has a token; None if it does not exist or has expired."""
-    row = store.accounts.of_token(_digest(secret), now=now) if secret.startswith(_TOKEN) else None
-    return None if row is None else Person(f"token {row.name}", Role(row.role))
+@pages.get("/audit")
+def show_audit(
+    request: Request, context: Shared, person: Engineer, before: Annotated[int | None, Query(ge=1, lt=2**63)] = None
+) -> Response:
+    """Show the audit trail, the latest action first."""
+    entries = audit(context, person, before, _LIMIT + 1)[::-1]
+    return page(
+        request,
+        "audit.html",
+        section="/audit",
+        entries=entries[:_LIMIT],
+        following=entries[_LIMIT - 1].id if len(entries) > _LIMIT else None,
+        before=before,
+        limit=_LIMIT,
+        days=context.site.keep.audit_days,
+        written=_written,
+    )
 
 
-def _check_role(role: str) -> None:
-    """Refuse a role that does not exist."""
-    if role not in list(Role):
-        raise ParameterError(f"role {role!r} is unknown: give viewer, engineer or admin")
+def _written(detail: Any) -> str:
+    """Return the detail of an entry of the audit trail in words."""
+    if isinstance(detail, dict):
+        return ", ".join(
+            f"{name}: {value if isinstance(value, str) else json.dumps(value)}" for name, value in detail.items()
+        )
+    return detail or "" if detail is None or isinstance(detail, str) else json.dumps(detail)
 
 
-def _check_administrator_stays(store: Store, known: AccountRow, role: str) -> None:
-    """Refuse to take the role admin from the last account that has it."""
-    others = [row for row in store.accounts.all() if row.role == Role.ADMIN and row.name != known.name]
-    if known.role == Role.ADMIN and role != Role.ADMIN and not others:
-        raise ParameterError(f"{known.name} is the last administrator: give another account the role admin first")
+@api.get("/accounts")
+def list_accounts(context: Shared, _: Admin) -> list[AccountEntry]:
+    """All accounts, by name."""
+    return [AccountEntry.model_validate(row, from_attributes=True) for row in context.store.accounts.all()]
 
 
-def _digest(secret: str) -> str:
-    """Return the hash by which a secret is stored: one of 256 random bits needs no salt."""
-    return hashlib.sha256(secret.encode()).hexdigest()
+@api.put("/accounts")
+def put_account(context: Shared, person: Admin, given: NewAccount) -> Done:
+    """Add an account, or change the role and password of one."""
+    _add_account(context, person, given.name, given.role, given.password)
+    return Done(sentence=f"{given.name} can log in as {given.role}")
 
 
-@cache
-def _hasher() -> PasswordHash:
-    return PasswordHash((Argon2Hasher(),))
+@api.patch("/accounts/{name}")
+def change_role(context: Shared, person: Admin, name: Name, given: NewRole) -> Done:
+    """Give an account another role."""
+    accounts.change_role(context.store, name, given.role, who=person.name, now=context.clock())
+    return Done(sentence=f"{name} is now {given.role}")
 
 
-@cache
-def _unknown() -> str:
-    """Return the hash of a password that nobody has."""
-    return _hasher().hash(secrets.token_urlsafe(32))
+@api.delete("/accounts/{name}")
+def remove_account(context: Shared, person: Admin, name: Name) -> Done:
+    """Remove an account."""
+    accounts.remove_account(context.store, name, who=person.name, now=context.clock())
+    return Done(sentence=f"{name} can no longer log in")
+
+
+@api.get("/tokens")
+def list_tokens(context: Shared, _: Admin) -> list[TokenEntry]:
+    """All tokens, the oldest first."""
+    return [TokenEntry.model_validate(row) for row in context.store.accounts.tokens()]
+
+
+@api.post("/tokens", status_code=201)
+def add_token(context: Shared, person: Admin, given: NewToken) -> TokenMade:
+    """Create a token for a program."""
+    number, secret = accounts.add_token(
+        context.store, given.name, given.role, days=given.days, who=person.name, now=context.clock()
+    )
+    return TokenMade(number=number, secret=secret)
+
+
+@api.delete("/tokens/{number}")
+def remove_token(context: Shared, person: Admin, number: Number) -> Done:
+    """Revoke a token."""
+    accounts.remove_token(context.store, number, who=person.name, now=context.clock())
+    return Done(sentence=f"token {number} is revoked")
+
+
+@pages.get("/people")
+def show(request: Request, context: Shared, person: Admin, done: Outcome = "") -> Response:
+    """Show accounts and tokens."""
+    return _page(request, context, person, notice=_DONE.get(done, ""))
+
+
+@pages.post("/people/accounts")
+def put_account_by_form(context: Shared, form: AdminForm) -> Response:
+    """Add an account, or change the role and password of one."""
+    _add_account(context, form.person, form.text("name"), form.text("role"), form.fields.get("password", ""))
+    return RedirectResponse("/people?done=account", 303)
+
+
+@pages.post("/people/accounts/role")
+def change_role_by_form(context: Shared, form: AdminForm) -> Response:
+    """Give an account another role."""
+    accounts.change_role(context.store, form.text("name"), form.text("role"), who=form.person.name, now=context.clock())
+    return RedirectResponse("/people?done=role", 303)
+
+
+@pages.post("/people/accounts/remove")
+def remove_account_by_form(context: Shared, form: AdminForm) -> Response:
+    """Remove an account."""
+    remove_account(context, form.person, form.text("name"))
+    return RedirectResponse("/people?done=removed", 303)
+
+
+@pages.post("/people/tokens")
+def add_token_by_form(request: Request, context: Shared, form: AdminForm) -> Response:
+    """Create a token, and show its secret, which is not stored."""
+    name = form.text("name")
+    days = form.text("days")
+    try:
+        number = float(days) if days else None
+    except ValueError:
+        raise ParameterError(f"days={days!r} must be a number, such as 365, or be left out") from None
+    now = context.clock()
+    _, secret = accounts.add_token(context.store, name, form.text("role"), days=number, who=form.person.name, now=now)
+    return _page(request, context, form.person, secret=secret, secret_of=name)
+
+
+@pages.post("/people/tokens/{number}/revoke")
+def remove_token_by_form(context: Shared, form: AdminForm, number: Number) -> Response:
+    """Revoke a token."""
+    remove_token(context, form.person, number)
+    return RedirectResponse("/people?done=revoked", 303)
+
+
+def _add_account(context: Context, person: Person, name: str, role: str, password: str) -> None:
+    """Add an account, the first of which is an administrator."""
+    if not person.has_account and role != Role.ADMIN:
+        raise HTTPException(400, "the first account must have the role admin: it manages the others")
+    accounts.add_account(context.store, name, role, password, who=person.name, now=context.clock())
+
+
+def _page(
+    request: Request, context: Context, person: Person, *, notice: str = "", secret: str = "", secret_of: str = ""
+) -> Response:
+    """Return the page of accounts and tokens."""
+    return page(
+        request,
+        "people.html",
+        section="/people",
+        notice=notice,
+        secret=secret,
+        secret_of=secret_of,
+        is_open=context.is_open,
+        roles=list(Role),
+        accounts=list_accounts(context, person),
+        tokens=list_tokens(context, person),
+    )

@@ -2,9 +2,8 @@
 
 import asyncio
 import re
-import threading
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
+from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 from fastapi import APIRouter, HTTPException, Request
@@ -18,17 +17,18 @@ from pydantic import BaseModel
 from sprung.errors import SprungError
 from sprung.online.monitor import FIGURES
 from sprung.online.site.access import Allowed
-from sprung.online.site.context import Context, Shared, context_of
-from sprung.online.site.people import Role
+from sprung.online.site.accounts import Role
+from sprung.online.site.context import Shared, context_of
 
 T = TypeVar("T")
 
 router = APIRouter(tags=["site"])
 _VIEWER = Allowed(Role.VIEWER)
 
-#: Longest time for an answer of the store [s], and largest number of requests that wait for one.
-_PATIENCE, _MOST_ASKING = 2.0, 4
-_ASKING = threading.Semaphore(_MOST_ASKING)
+#: Longest time for an answer of the store [s].
+_TIMEOUT = 2.0
+#: Threads of their own: those of the other requests may all wait for the same store.
+_POOL = ThreadPoolExecutor(4, thread_name_prefix="metrics")
 
 
 class Health(BaseModel):
@@ -51,9 +51,12 @@ async def metrics(request: Request, context: Shared) -> Response:
 
     Programs of this machine need no log-in: a store that does not answer must not withhold the figures from them.
     """
-    if not context.is_private and await _within_patience(lambda: _VIEWER(request)) is None:
+    if not context.is_private and await _in_time(lambda: _VIEWER(request)) is None:
         raise HTTPException(503, "the store does not answer: try again later, and see /health")
-    stored = await _within_patience(lambda: _stored(context))
+    store = context.store
+    stored = await _in_time(
+        lambda: {"sprung_alerts_active": float(store.alerts.n_active()), "sprung_store_bytes": float(store.size())}
+    )
     figures = {**context.figures(), **({"sprung_store_writable": 0.0} if stored is None else stored)}
     return Response(exposition(figures), media_type=CONTENT_TYPE_PLAIN_0_0_4)
 
@@ -85,39 +88,9 @@ def exposition(figures: Mapping[str, float]) -> bytes:
     return generate_latest(registry)
 
 
-def _stored(context: Context) -> Mapping[str, float]:
-    """Return the figures of the store."""
-    store = context.store
-    return {"sprung_alerts_active": float(store.alerts.n_active()), "sprung_store_bytes": float(store.size())}
-
-
-async def _within_patience(act: Callable[[], T]) -> T | None:
-    """Return what a function of the store returns; None if it fails, takes too long, or many others ask."""
-    if not _ASKING.acquire(blocking=False):
-        return None
-    loop = asyncio.get_running_loop()
-    answer: asyncio.Future[T | None] = loop.create_future()
-
-    def settle(result: T | None, refusal: HTTPException | None) -> None:
-        if not answer.done():
-            answer.set_result(result) if refusal is None else answer.set_exception(refusal)
-
-    def ask() -> None:
-        result, refusal = None, None
-        try:
-            result = act()
-        except HTTPException as error:
-            refusal = error
-        except (SprungError, OSError):
-            pass
-        finally:
-            _ASKING.release()
-        with suppress(RuntimeError):  # the server has stopped
-            loop.call_soon_threadsafe(settle, result, refusal)
-
-    # A thread of its own: those of the other requests may all wait for the same store.
-    threading.Thread(target=ask, name="metrics", daemon=True).start()
+async def _in_time(act: Callable[[], T]) -> T | None:
+    """Return what a function of the store returns; None if it fails, or takes too long."""
     try:
-        return await asyncio.wait_for(answer, _PATIENCE)
-    except TimeoutError:
+        return await asyncio.wait_for(asyncio.get_running_loop().run_in_executor(_POOL, act), _TIMEOUT)
+    except (SprungError, OSError, TimeoutError):
         return None

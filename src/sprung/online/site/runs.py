@@ -1,51 +1,38 @@
-"""Results of a run over the fleet, from the table that `sprung fleet run` writes: values, no markup."""
+"""Results of a run over the fleet, from the table that `sprung fleet run` writes: those that stand out first."""
 
 import threading
-from collections.abc import Callable, Collection
-from typing import TYPE_CHECKING, Any, Literal
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from fastapi import APIRouter, Query, Request, Response
+from pydantic import Field
 
-from sprung.errors import DataError, ParameterError
+from sprung.errors import DataError
 from sprung.online.alerts import STEPS
-from sprung.online.site.models import Answer
+from sprung.online.site.access import Viewer
+from sprung.online.site.context import Shared
+from sprung.online.site.rendering import filter_link, page
+from sprung.online.site.shared import Answer, Wanted, column_number, parse_cursor
 from sprung.online.store import StoreError
+from sprung.results.tables import counted
 
-if TYPE_CHECKING:
-    import pyarrow as pa
+api = APIRouter(tags=["runs"])
+pages = APIRouter(include_in_schema=False)
 
 VerdictName = Literal["change", "no_change_detected", "inconclusive"]
-#: Pattern of the place after which a page of results begins.
-CURSOR = r"^[01]~[0-5]~.{1,200}$"
 #: Time for which results are not looked up again [s].
 _FRESH = 10.0
-#: Name of the table, and its columns that are shown.
-_TABLE = "diagnoses"
-_COLUMNS = (
-    "vehicle",
-    "type",
-    "verdict",
-    "healthy",
-    "severity",
-    "e_value",
-    "is_discovery",
-    "n_windows",
-    "since",
-    "until",
-    "reason",
-)
-#: Order of the rows.
-_ORDER = (("is_discovery", "descending"), ("step", "descending"), ("vehicle", "ascending"))
 
 
-class WantedRuns(BaseModel):
-    """Which results are listed; the address of the page states it."""
-
-    model_config = ConfigDict(frozen=True)
+class WantedRuns(Wanted):
+    """Which vehicles are listed, and how many of them."""
 
     text: str = Field("", max_length=64, description="part of the vehicle's name")
     verdict: list[VerdictName] = Field([], description="verdicts; empty: all")
     is_discovery: bool = Field(False, description="only vehicles that stand out from the fleet")
+    cursor: str | None = Field(None, pattern=r"^[01]~[0-5]~.{1,200}$")
+    limit: int = Field(50, ge=1, le=200)
 
 
 class RunVehicle(Answer):
@@ -91,14 +78,15 @@ class RunResults:
     """
 
     def __init__(self, location: str | None, timer: Callable[[], float]) -> None:
-        self._location, self._timer = location, timer
+        self._location = location
+        self._timer = timer
         self._lock = threading.Lock()
         self._looked = float("-inf")
         self._version = -1
-        self._rows: Any = None
+        self._rows: list[dict[str, Any]] = []
 
-    def rows(self) -> "pa.Table":
-        """Return the vehicles of the last run in order, with the `step` of their severity; none before the first run.
+    def rows(self) -> Sequence[dict[str, Any]]:
+        """Return the vehicles of the last run in order; none before the first run.
 
         Raises
         ------
@@ -106,126 +94,87 @@ class RunResults:
             If the results cannot be read.
         """
         with self._lock:
-            if self._rows is None or self._timer() - self._looked >= _FRESH:
+            if self._location is not None and self._timer() - self._looked >= _FRESH:
                 try:
-                    self._read()
+                    self._read(f"{self._location.rstrip('/')}/diagnoses")
                 except DataError as error:
                     raise StoreError(str(error)) from None
                 self._looked = self._timer()
             return self._rows
 
-    def _read(self) -> None:
+    def _read(self, location: str) -> None:
         """Read the table if it has changed."""
         import pyarrow as pa
 
         from sprung.fleet.lake import Table
 
-        table = None if self._location is None else Table(f"{self._location.rstrip('/')}/{_TABLE}", _schema())
-        version = -1 if table is None else table.version
-        if self._rows is not None and version == self._version:
-            return
-        rows = _schema().empty_table() if table is None else table.rows(_COLUMNS)
-        numbers = [0 if word is None else STEPS.index(word) + 1 for word in rows["severity"].to_pylist()]
-        discoveries = rows["is_discovery"].fill_null(False)
-        rows = rows.set_column(_COLUMNS.index("is_discovery"), "is_discovery", discoveries)
-        self._rows = rows.append_column("step", pa.array(numbers, pa.int8())).sort_by(list(_ORDER))
-        self._version = version
+        texts = ("vehicle", "type", "verdict", "severity", "reason")
+        kinds = dict.fromkeys(texts, pa.string()) | dict.fromkeys(("n_windows", "since", "until"), pa.int64())
+        kinds |= {"healthy": pa.bool_(), "is_discovery": pa.bool_(), "e_value": pa.float64()}
+        table = Table(location, pa.schema(list(kinds.items())))
+        version = table.version
+        if version != self._version:
+            self._rows = sorted(table.rows(tuple(kinds)).to_pylist(), key=_order)
+            self._version = version
 
 
-def run_page(
-    rows: "pa.Table",
-    wanted: WantedRuns,
-    *,
-    cursor: str | None,
-    limit: int,
-    known: Callable[[Collection[str]], Collection[str]],
-) -> RunPage:
-    """Return vehicles of a run, from a cursor on.
-
-    Parameters
-    ----------
-    rows
-        Rows of `RunResults`.
-    wanted
-        Filter for the vehicles.
-    cursor
-        Place after which the page begins; None: the first page.
-    limit
-        Largest number of vehicles.
-    known
-        Function that returns those of some vehicles that the monitor knows.
-
-    Raises
-    ------
-    ParameterError
-        If the cursor is not one of this list.
-    """
-    import pyarrow.compute as pc
-
-    verdicts = {entry["values"]: entry["counts"] for entry in pc.value_counts(rows["verdict"]).to_pylist()}
-    chosen = rows.filter(_rule(wanted, cursor))
-    shown = chosen.slice(0, limit).to_pylist()
-    names = known([row["vehicle"] for row in shown])
-    vehicles = tuple(
-        RunVehicle(
-            **{name: row[name] for name in _COLUMNS if name not in {"n_windows", "reason", "type"}},
-            type=row["type"] or "",
-            windows=row["n_windows"] or 0,
-            reason=row["reason"] or "",
-            is_known=row["vehicle"] in names,
-        )
-        for row in shown
+def _order(row: Mapping[str, Any]) -> tuple[bool, int, str]:
+    """Return the place of a row: discoveries first, then by severity and name."""
+    return (
+        not row["is_discovery"],
+        -(0 if row["severity"] is None else STEPS.index(row["severity"]) + 1),
+        row["vehicle"],
     )
+
+
+@api.get("/runs")
+def runs(request: Request, context: Shared, _: Viewer, wanted: Annotated[WantedRuns, Query()]) -> RunPage:
+    """Vehicles by the last run over the fleet (`keep.results`): discoveries first, then by severity."""
+    results: RunResults = request.app.state.runs
+    rows = results.rows()
+    chosen = [
+        row
+        for row in rows
+        if wanted.text.lower() in row["vehicle"].lower()
+        and (not wanted.verdict or row["verdict"] in wanted.verdict)
+        and (row["is_discovery"] or not wanted.is_discovery)
+    ]
+    if wanted.cursor is not None:
+        discovery, step, vehicle = parse_cursor(wanted.cursor, column_number, column_number, str)
+        place = (not discovery, -step, vehicle)
+        chosen = [row for row in chosen if _order(row) > place]
+    shown = chosen[: wanted.limit]
+    is_last, step, vehicle = _order(shown[-1]) if shown else (True, 0, "")
     return RunPage(
-        total=rows.num_rows,
-        discoveries=pc.sum(rows["is_discovery"]).as_py() or 0,
-        verdicts=verdicts,
-        vehicles=vehicles,
-        next=_cursor(shown[-1]) if chosen.num_rows > limit else None,
+        total=len(rows),
+        discoveries=sum(bool(row["is_discovery"]) for row in rows),
+        verdicts=Counter(row["verdict"] for row in rows),
+        vehicles=tuple(
+            RunVehicle(
+                **row
+                | {name: row[name] or "" for name in ("type", "reason")}
+                | {"is_discovery": bool(row["is_discovery"]), "windows": row["n_windows"] or 0},
+                is_known=context.store.inbox.vehicle(row["vehicle"]) is not None,
+            )
+            for row in shown
+        ),
+        next=f"{int(not is_last)}~{-step}~{vehicle}" if len(chosen) > len(shown) else None,
     )
 
 
-def _rule(wanted: WantedRuns, cursor: str | None) -> Any:
-    """Return what rows must fulfil, as an expression of `pyarrow.compute`."""
-    import pyarrow.compute as pc
-
-    vehicle, step, is_discovery = pc.field("vehicle"), pc.field("step"), pc.field("is_discovery")
-    rule = pc.match_substring(vehicle, wanted.text, ignore_case=True)
-    if wanted.verdict:
-        rule &= pc.field("verdict").isin(list(wanted.verdict))
-    if wanted.is_discovery:
-        rule &= is_discovery
-    if cursor is not None:
-        discovery, own_step, own_vehicle = _place(cursor)
-        after = (step < own_step) | ((step == own_step) & (vehicle > own_vehicle))
-        rule &= ((is_discovery == discovery) & after) | (~is_discovery if discovery else pc.scalar(False))
-    return rule
-
-
-def _cursor(row: dict[str, Any]) -> str:
-    """Return the text of the place of a row."""
-    return f"{int(row['is_discovery'])}~{row['step']}~{row['vehicle']}"
-
-
-def _place(cursor: str) -> tuple[bool, int, str]:
-    """Return the place of a text.
-
-    Raises
-    ------
-    ParameterError
-        If it is no cursor.
-    """
-    discovery, _, rest = cursor.partition("~")
-    step, _, vehicle = rest.partition("~")
-    if discovery not in {"0", "1"} or not (step.isascii() and step.isdigit()):
-        raise ParameterError(f"cursor {cursor!r} is not one of this list: omit it for the first page")
-    return discovery == "1", int(step[:2]), vehicle
-
-
-def _schema() -> "pa.Schema":
-    """Return the columns that are shown, with their types."""
-    import pyarrow as pa
-
-    kinds = {"healthy": pa.bool_(), "is_discovery": pa.bool_(), "e_value": pa.float64()}
-    counts = {"n_windows", "since", "until"}
-    return pa.schema([(name, kinds.get(name, pa.int64() if name in counts else pa.string())) for name in _COLUMNS])
+@pages.get("/runs")
+def show(request: Request, context: Shared, person: Viewer, wanted: Annotated[WantedRuns, Query()]) -> Response:
+    """Show the results of the last run."""
+    found = runs(request, context, person, wanted)
+    stands = "stands" if found.discoveries == 1 else "stand"
+    summary = f"{found.discoveries} of {counted(found.total, 'vehicle')} {stands} out from the fleet."
+    return page(
+        request,
+        "runs.html",
+        section="/runs",
+        sentence=summary if found.total else "No run has stored results yet.",
+        page=found,
+        wanted=wanted,
+        link=filter_link("/runs", wanted),
+        results=context.site.keep.results,
+    )

@@ -12,10 +12,15 @@ from sprung.errors import ParameterError
 from sprung.online.site.app import application
 from sprung.online.site.context import Context, is_loopback
 
-#: Longest time for the head of a request, between requests, and for a client to take what waits for it [s].
-_HEAD, _BETWEEN, _TAKEN = 10.0, 5, 20.0
-#: Largest number of connections, and of bytes of the head of a request.
-_MOST_CONNECTIONS, _LARGEST_HEAD = 600, 16384
+#: Longest time for the head of a request [s].
+_HEAD_TIMEOUT = 10.0
+#: Longest time between requests of a connection [s].
+_KEEP_ALIVE = 5
+#: Longest time for a client to take what waits for it [s].
+_WRITE_TIMEOUT = 20.0
+_MAX_CONNECTIONS = 600
+#: Largest head of a request [bytes].
+_MAX_HEAD = 16384
 #: Longest time for requests to end when the server stops [s].
 _GRACE = 2
 
@@ -73,10 +78,10 @@ class Server:
             access_log=False,
             server_header=False,
             proxy_headers=web.behind_proxy,
-            timeout_keep_alive=_BETWEEN,
+            timeout_keep_alive=_KEEP_ALIVE,
             timeout_graceful_shutdown=_GRACE,
-            limit_concurrency=_MOST_CONNECTIONS,
-            h11_max_incomplete_event_size=_LARGEST_HEAD,
+            limit_concurrency=_MAX_CONNECTIONS,
+            h11_max_incomplete_event_size=_MAX_HEAD,
             ssl_certfile=web.certificate,
             ssl_keyfile=web.key,
         )
@@ -86,7 +91,8 @@ class Server:
             self._socket.close()
             raise ParameterError(f"certificate {web.certificate} or key {web.key} cannot be used: {error}") from None
         self._server = uvicorn.Server(config)
-        self._thread = threading.Thread(target=self._run, name="http", daemon=True)
+        serving = self._server.serve([self._socket])
+        self._thread = threading.Thread(target=asyncio.run, args=(serving,), name="http", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -96,11 +102,6 @@ class Server:
             self._thread.join(2.0 * _GRACE)
             self._socket.close()
             self._socket = self._server = self._thread = None
-
-    def _run(self) -> None:
-        """Serve until the end."""
-        assert self._server is not None
-        asyncio.run(self._server.serve([self._socket] if self._socket else None))
 
 
 def check_exposure(context: Context) -> None:
@@ -145,7 +146,7 @@ class _Patient(H11Protocol):
     def pause_writing(self) -> None:
         """Begin to wait for the client to take what was sent."""
         super().pause_writing()
-        self._writes = self.loop.call_later(_TAKEN, self.transport.abort)
+        self._writes = self.loop.call_later(_WRITE_TIMEOUT, self.transport.abort)
 
     def resume_writing(self) -> None:
         """Resume, as the client took what was sent."""
@@ -161,12 +162,12 @@ class _Patient(H11Protocol):
     def _await_head(self) -> None:
         """Limit the time until the next request, however slowly its head comes."""
         _cancel(self._heads)
-        self._heads = self.loop.call_later(_HEAD, self._give_up)
+        self._heads = self.loop.call_later(_HEAD_TIMEOUT, self._give_up)
 
     def _give_up(self) -> None:
         """End the connection if there is no request, when the client has what was sent, or after a while."""
         if self.cycle is None or self.cycle.response_complete:
-            self._heads = self.loop.call_later(_TAKEN, self.transport.abort)
+            self._heads = self.loop.call_later(_WRITE_TIMEOUT, self.transport.abort)
             self.transport.close()
 
 

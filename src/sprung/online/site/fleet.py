@@ -1,0 +1,177 @@
+"""The fleet: every vehicle, the most urgent first."""
+
+from collections.abc import Sequence
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+from pydantic import Field
+
+from sprung.online.alerts import STEPS
+from sprung.online.monitor import embedded_port
+from sprung.online.monitor.vehicle_states import vehicle_state
+from sprung.online.site.access import Viewer
+from sprung.online.site.context import Context, Shared
+from sprung.online.site.rendering import filter_link, page
+from sprung.online.site.shared import Answer, Wanted, column_number, parse_cursor
+from sprung.online.store import AlertRow, FleetFilter, FleetRow, Place
+from sprung.results.tables import counted
+from sprung.state import VehicleState, Verdict
+
+api = APIRouter(tags=["vehicles"])
+pages = APIRouter(include_in_schema=False)
+
+#: Beginning of the causes of alerts about sensors.
+_SENSOR = "sensor:"
+
+
+class WantedVehicles(Wanted):
+    """Which vehicles are listed, and how many of them."""
+
+    text: str = Field("", max_length=64, description="part of the name")
+    step: list[str] = Field([], description="note, low, medium, high, critical or none")
+    assignee: str | None = Field(None, max_length=200)
+    is_unacknowledged: bool = False
+    is_learning: bool = False
+    is_silent: bool = False
+    cursor: str | None = Field(None, pattern=r"^[0-9]{1,4}~[0-9]{1,4}[.][0-9]{1,20}~.{1,64}$")
+    limit: int = Field(50, ge=1, le=200)
+
+
+class FleetVehicle(Answer):
+    """A vehicle in the fleet."""
+
+    vehicle: str
+    verdict: Verdict = Field(description="what matters most")
+    severity: int = Field(description="greatest severity of its active alerts, 1 to 1000; 0: none")
+    step: str | None = Field(description="step of that severity: note, low, medium, high or critical")
+    alert: int | None = Field(description="number of that alert")
+    sentence: str = Field(description="its state in a sentence")
+    since: int | None = Field(description="time when that alert was raised")
+    health_index: float | None = Field(description="0 to 100 for planning; null while its state is not known")
+    channels: int = Field(description="number of its channels")
+    failing: tuple[str, ...] = Field(description="channels with an active alert about their sensor")
+    has_lost: bool = Field(description="whether an active alert states that frames were lost")
+    last_seen: int
+    is_parked: bool
+    is_old: bool = Field(description="whether it is silent, or was parked more than a day ago")
+    windows_learnt: int | None = Field(description="windows collected for a baseline")
+    windows_needed: int | None = Field(description="windows needed for a baseline")
+    baseline: int | None = Field(description="version of its baseline")
+    assignee: str | None
+    alert_state: str | None = Field(description="state of that alert in the terms of ISA-18.2")
+
+    @classmethod
+    def of(cls, row: FleetRow, state: VehicleState) -> "FleetVehicle":
+        """Return a vehicle from its row in the fleet and its state."""
+        worst = state.worst
+        causes = [alert.cause for alert in state.alerts]
+        return cls(
+            vehicle=state.vehicle,
+            verdict=state.verdict,
+            severity=state.severity,
+            step=state.step,
+            alert=None if worst is None else worst.number,
+            sentence=state.sentence,
+            since=None if worst is None else worst.raised,
+            health_index=state.health_index,
+            channels=row.n_channels,
+            failing=tuple(cause.removeprefix(_SENSOR) for cause in causes if cause.startswith(_SENSOR)),
+            has_lost="lost" in causes,
+            last_seen=state.last_seen,
+            is_parked=row.is_parked,
+            is_old=state.is_old,
+            windows_learnt=state.windows_learnt,
+            windows_needed=state.windows_needed,
+            baseline=row.baseline,
+            assignee=None if worst is None else worst.assignee,
+            alert_state=None if worst is None else worst.state,
+        )
+
+
+class FleetCount(Answer):
+    """Numbers of vehicles; of the steps: note, low, medium, high, critical."""
+
+    vehicles: int
+    steps: tuple[int, int, int, int, int]
+    learning: int
+    silent: int
+    unacknowledged: int = Field(description="vehicles with an active alert that is neither acknowledged nor shelved")
+
+
+class FleetPage(Answer):
+    """Vehicles in order of urgency."""
+
+    vehicles: tuple[FleetVehicle, ...]
+    next: str | None = Field(description="cursor of the next page; null after the last")
+
+
+@api.get("/vehicles")
+def vehicles(context: Shared, _: Viewer, wanted: Annotated[WantedVehicles, Query()]) -> FleetPage:
+    """Vehicles, the most urgent first."""
+    steps = [STEPS.index(name) if name in STEPS else -1 for name in wanted.step]  # any other name: no alert
+    silent_before = context.silent_before if wanted.is_silent else None
+    chosen = FleetFilter(
+        wanted.text, steps, wanted.assignee, wanted.is_unacknowledged, wanted.is_learning, silent_before
+    )
+    after = None if wanted.cursor is None else Place(*parse_cursor(wanted.cursor, column_number, float, str))
+    rows = context.store.fleet.page(chosen, after=after, limit=wanted.limit + 1)
+    shown = rows[: wanted.limit]
+    alerts = context.store.alerts.of_vehicles([row.place.vehicle for row in shown])
+    last = shown[-1].place if len(rows) > wanted.limit else None
+    return FleetPage(
+        vehicles=tuple(
+            FleetVehicle.of(row, state_of_row(context, row, alerts.get(row.place.vehicle, []))) for row in shown
+        ),
+        next=None if last is None else f"{last.severity}~{last.impact!r}~{last.vehicle}",
+    )
+
+
+@api.get("/counts")
+def counts(context: Shared, _: Viewer) -> FleetCount:
+    """Numbers of vehicles in each state."""
+    return FleetCount.model_validate(context.store.fleet.counts(silent_before=context.silent_before))
+
+
+@pages.get("/")
+def show(request: Request, context: Shared, person: Viewer, wanted: Annotated[WantedVehicles, Query()]) -> Response:
+    """Show the fleet."""
+    counted_vehicles = counts(context, person)
+    port = embedded_port(context.site.broker)
+    return page(
+        request,
+        "fleet.html",
+        section="/",
+        sentence=_sentence(counted_vehicles),
+        counts=counted_vehicles,
+        page=vehicles(context, person, wanted),
+        wanted=wanted,
+        link=filter_link("/", wanted),
+        broker=context.site.broker if port is None else f"mqtt://127.0.0.1:{port}",
+    )
+
+
+def state_of_row(context: Context, row: FleetRow, active: Sequence[AlertRow]) -> VehicleState:
+    """Return the state of a vehicle of the fleet."""
+    return vehicle_state(
+        context.store,
+        row.place.vehicle,
+        now=context.clock(),
+        silent_after=context.site.alerts.silent_after_minutes,
+        last_seen=row.last_seen,
+        is_parked=row.is_parked,
+        alerts=active,
+    )
+
+
+def _sentence(counts: FleetCount) -> str:
+    """Return the state of the fleet in words."""
+    if not counts.vehicles:
+        return "No vehicle is known yet."
+    urgent = counts.unacknowledged
+    parts = [
+        f"{urgent or 'None'} of {counted(counts.vehicles, 'vehicle')} {'needs' if urgent < 2 else 'need'} attention."
+    ]
+    for number, word in ((counts.silent, "silent"), (counts.learning, "still learning")):
+        if number:
+            parts.append(f"{number} {'is' if number == 1 else 'are'} {word}.")
+    return " ".join(parts)

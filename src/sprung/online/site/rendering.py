@@ -1,0 +1,169 @@
+"""From values to a page: templates, marks, times and links."""
+
+import re
+import secrets
+from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
+from importlib import resources
+from typing import Any
+from urllib.parse import urlencode
+
+from fastapi import Request
+from fastapi.responses import HTMLResponse
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
+from pydantic import BaseModel
+
+from sprung import __version__
+from sprung.online.alerts import STEPS
+from sprung.online.site.access import find_person, set_session
+from sprung.online.site.accounts import Person, Role
+from sprung.online.site.context import context_of
+from sprung.results.tables import age_in_words, time_in_words
+from sprung.state import Verdict
+
+#: Sign of each step of severity, and of each state of a vehicle: none is known by its colour alone.
+MARKS = {"note": "○", "low": "△", "medium": "◇", "high": "■", "critical": "✖"}
+STATE_MARKS = {
+    Verdict.CHANGE: "■",
+    Verdict.FAULT: "■",
+    Verdict.STALE: "◌",
+    Verdict.LEARNING: "…",
+    Verdict.INCONCLUSIVE: "?",
+    Verdict.NO_CHANGE_DETECTED: "✓",
+    Verdict.WAITING: "◌",
+}
+#: A date, perhaps with its time.
+_DATE = re.compile(r"(\d{4}-\d\d-\d\d)(?: (\d\d:\d\d))?( UTC)?")
+#: Sections of the site, and the least role that sees each.
+_SECTIONS = (
+    ("/", "Fleet", Role.VIEWER),
+    ("/alerts", "Alerts", Role.VIEWER),
+    ("/runs", "Runs", Role.VIEWER),
+    ("/site", "Site", Role.VIEWER),
+    ("/audit", "Audit trail", Role.ENGINEER),
+    ("/people", "People", Role.ADMIN),
+    ("/api", "Interface", Role.VIEWER),
+)
+
+
+def page(
+    request: Request, template: str, *, status: int = 200, section: str = "", notice: str = "", **values: Any
+) -> HTMLResponse:
+    """Return a page.
+
+    Parameters
+    ----------
+    request
+        Request that it answers.
+    template
+        Name of the template.
+    status
+        Status of the answer.
+    section
+        Path of the section that it belongs to.
+    notice
+        Sentence at the top, such as the outcome of an action.
+    values
+        Values of the template.
+    """
+    context, person = context_of(request), find_person(request)
+    secret = ""
+    if person is not None and not person.has_account and not person.secret:
+        # A browser on a machine without accounts: its forms need a CSRF token, too.
+        secret = secrets.token_urlsafe(32)
+        person = Person(person.name, person.role, secret, has_account=False)
+    text = _environment().get_template(template)
+    body = text.render(
+        person=person,
+        section=section,
+        notice=notice,
+        navigation=[
+            (path, name)
+            for path, name, role in _SECTIONS
+            if person and person.role.includes(role) and (path != "/runs" or context.site.keep.results)
+        ],
+        site_name=context.site.name,
+        now=context.clock(),
+        **values,
+    )
+    answer = HTMLResponse(body, status, headers={"cache-control": "no-store"})
+    if secret:
+        set_session(answer, context, secret)
+    return answer
+
+
+def filter_link(path: str, wanted: BaseModel) -> Callable[..., str]:
+    """Return a function from changes of a filter to the address of its page, which begins with the first entry."""
+    given = wanted.model_dump(exclude_defaults=True, exclude={"cursor"})
+
+    def link(**changes: Any) -> str:
+        kept = {name: value for name, value in (given | changes).items() if value not in (None, [], "", False)}
+        return path + (f"?{urlencode(kept, doseq=True)}" if kept else "")
+
+    return link
+
+
+@cache
+def static(name: str) -> str:
+    """Return the address of a file of the package, which changes with its contents."""
+    content = (resources.files("sprung.online.site") / "static" / name).read_bytes()
+    return f"/static/{name}?{sha256(content).hexdigest()[:12]}"
+
+
+@cache
+def _environment() -> Environment:
+    """Return the templates with what all of them use."""
+    made = Environment(
+        loader=PackageLoader("sprung.online.site"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    made.filters.update(
+        iso=_iso,
+        utc=lambda time: f"{time_in_words(time)} UTC",
+        duration=_duration,
+        signed=_signed,
+        unbroken=_unbroken,
+        brief=lambda sentence: "; ".join(sentence.split("; ")[:2]),
+        ago=lambda time, now: age_in_words(time, now=now),
+    )
+    made.globals.update(
+        static=static,
+        marks=MARKS,
+        state_marks=STATE_MARKS,
+        steps=STEPS[::-1],
+        version=__version__,
+    )
+    return made
+
+
+def _iso(time: int) -> str:
+    """Return a time [UTC ns] as pages' scripts read it."""
+    return f"{time_in_words(time).replace(' ', 'T')}:{time // 10**9 % 60:02d}Z"
+
+
+def _duration(length: int) -> str:
+    """Return a length of time [ns] in one unit."""
+    return age_in_words(0, now=length).removesuffix(" ago").replace("just now", "less than a minute")
+
+
+def _unbroken(sentence: str) -> Markup:
+    """Return a sentence as markup: dates are not broken at the end of a line, times change to the reader's zone."""
+    return Markup(_DATE.sub(_date, str(escape(sentence))))
+
+
+def _date(found: re.Match[str]) -> str:
+    """Return a date as markup; with its time, if that is stated as UTC, as one that the browser converts."""
+    day, time, zone = found.groups()
+    if time and zone:
+        return f'<time class="date" datetime="{day}T{time}:00Z">{found[0]}</time>'
+    return f'<span class="date">{found[0]}</span>'
+
+
+def _signed(value: float, digits: int = 0) -> str:
+    """Return a number with its sign."""
+    return f"{value:+.{digits}f}".replace("-", "\N{MINUS SIGN}")

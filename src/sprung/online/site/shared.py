@@ -1,0 +1,95 @@
+"""What the routes of several subjects take and return. Times are UTC ns."""
+
+from collections.abc import Callable
+from math import isfinite
+from typing import Annotated, Any
+
+from fastapi import Path, Query
+from pydantic import BaseModel, ConfigDict, Field
+
+from sprung.errors import ParameterError
+
+#: Texts of people, short enough for a table.
+Line = Annotated[str, Field(max_length=200)]
+Text = Annotated[str, Field(max_length=4000)]
+#: Numbers of rows, boots and windows, and times, as columns hold them.
+Number = Annotated[int, Path(ge=1, lt=2**63)]
+Place = Annotated[int, Path(ge=0, lt=2**63)]
+Time = Annotated[int | None, Query(ge=0, lt=2**63, description="UTC ns")]
+Limit = Annotated[int, Query(ge=1, le=200)]
+VehicleName = Annotated[str, Path(min_length=1, max_length=64)]
+#: Name of an account or of a sender.
+Name = Annotated[str, Path(max_length=64)]
+#: Outcome of an action, by a word in the address of the page that follows.
+Outcome = Annotated[str, Query(max_length=20)]
+
+
+class Answer(BaseModel):
+    """A part of an answer."""
+
+    model_config = ConfigDict(frozen=True, from_attributes=True)
+
+
+class Given(BaseModel):
+    """The body of a request: closed to unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", str_strip_whitespace=True)
+
+
+class Wanted(BaseModel):
+    """A filter of a list; the address of its page states it."""
+
+    model_config = ConfigDict(frozen=True)
+
+
+class Done(Answer):
+    """Outcome of an action."""
+
+    sentence: str
+    number: int | None = None
+
+
+def column_number(text: str) -> int:
+    """Return a number that a column can hold.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    number = int(text)
+    if not 0 <= number < 2**63:
+        raise ValueError(f"{number} is no number of a column")
+    return number
+
+
+def parse_cursor(cursor: str, *kinds: Callable[[str], Any]) -> tuple[Any, ...]:
+    """Return the values in a cursor, the last of which may contain its separator.
+
+    Raises
+    ------
+    ParameterError
+        If it is no cursor.
+
+    Examples
+    --------
+    >>> parse_cursor("700~tram~1", column_number, str)
+    (700, 'tram~1')
+    """
+    parts = cursor.split("~", len(kinds) - 1)
+    try:
+        return tuple(kind(part) for kind, part in zip(kinds, parts, strict=True))
+    except ValueError:
+        raise ParameterError(f"cursor {cursor!r} is not one of this list: omit it for the first page") from None
+
+
+def finite(value: Any) -> float | None:
+    """Return a number of a document; None for anything else.
+
+    Examples
+    --------
+    >>> [finite(value) for value in (1, float("nan"), True, "fast")]
+    [1.0, None, None, None]
+    """
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_number and isfinite(value) else None

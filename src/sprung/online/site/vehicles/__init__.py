@@ -1,0 +1,1 @@
+"""A vehicle: main result, windows, trends, data quality, baseline, diagrams, report and tables."""

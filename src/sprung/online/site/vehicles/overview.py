@@ -1,0 +1,160 @@
+"""A vehicle: main result, and springs, dampers and tyres against the reference."""
+
+from enum import StrEnum
+from typing import Annotated
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Query, Request, Response
+
+from sprung.online.monitor.vehicle_states import observations_of
+from sprung.online.site.access import Viewer
+from sprung.online.site.context import Context, Shared
+from sprung.online.site.fleet import FleetVehicle, state_of_row
+from sprung.online.site.shared import Answer
+from sprung.online.site.vehicles.baselines import BaselineEntry
+from sprung.online.site.vehicles.common import KnownVehicle, axis_of, path_of, vehicle_page
+from sprung.online.site.vehicles.quality import data_quality
+from sprung.online.site.vehicles.trends import last_body_modes
+from sprung.online.store import FleetRow, Place, VehicleRow
+from sprung.results.documents.monitoring import AlertEntry
+from sprung.state import PartState, VehicleState, Verdict
+from sprung.vehicles import Component
+
+api = APIRouter(tags=["vehicles"])
+pages = APIRouter(include_in_schema=False)
+
+_DAY = 86400 * 10**9
+#: Windows in the list on the page.
+_FEW = 6
+
+
+class VehicleDetail(Answer):
+    """A vehicle: its place in the fleet, active alerts, baselines and open requests."""
+
+    summary: FleetVehicle
+    channels: tuple[str, ...]
+    first_seen: int
+    configuration: str
+    alerts: tuple[AlertEntry, ...]
+    baselines: tuple[BaselineEntry, ...]
+    windows: int
+
+
+class Changes(Answer):
+    """Verdict on a vehicle, and changes of all parts, averaged over windows; baseline null: the vehicle file."""
+
+    verdict: Verdict
+    sentence: str
+    reference: str
+    baseline: int | None
+    n_windows: int
+    since: int | None
+    until: int | None
+    parts: tuple[PartState, ...]
+    notes: tuple[str, ...]
+
+
+class Range(StrEnum):
+    """Range of time of the trends."""
+
+    DAY = "24h"
+    WEEK = "7d"
+    MONTH = "30d"
+    ALL = "all"
+
+    def since(self, now: int) -> int | None:
+        """Return its beginning, UTC ns; None: the first window."""
+        days = {"24h": 1, "7d": 7, "30d": 30}.get(self)
+        return None if days is None else now - days * _DAY
+
+
+@api.get("/vehicles/{vehicle}")
+def vehicle_detail(context: Shared, _: Viewer, known: KnownVehicle) -> VehicleDetail:
+    """A vehicle."""
+    return _detail_and_state(context, known)[0]
+
+
+@api.get("/vehicles/{vehicle}/changes")
+def changes(context: Shared, _: Viewer, known: KnownVehicle) -> Changes:
+    """Changes of springs, dampers and tyres against the baseline, with 95 % intervals."""
+    return Changes.model_validate(_detail_and_state(context, known)[1])
+
+
+@pages.get("/vehicles/{vehicle}")
+def show(
+    request: Request,
+    context: Shared,
+    person: Viewer,
+    known: KnownVehicle,
+    *,
+    wanted: Annotated[Range, Query(alias="range")] = Range.WEEK,
+    corner: Annotated[str, Query(max_length=64)] = "",
+) -> Response:
+    """Show a vehicle."""
+    detail, state = _detail_and_state(context, known)
+    vehicle = known.vehicle
+    quality = data_quality(context, person, known)
+    named = [part for part in state.parts if part.alert is not None]
+    worst = max(named or state.parts[:1], key=lambda part: abs(part.change), default=None)
+    corners = list(dict.fromkeys(part.corner for part in state.parts))
+    shown = corner if corner in corners or worst is None else worst.corner
+    since = wanted.since(context.clock())
+    return vehicle_page(
+        request,
+        "vehicle.html",
+        context,
+        vehicle,
+        tab="",
+        detail=detail,
+        state_of=state,
+        plan=_plan(state.parts),
+        axis=axis_of(state.parts),
+        quality=quality,
+        n_good=sum(channel.is_good for channel in quality.channels),
+        body=last_body_modes(context.store, vehicle),
+        wanted=wanted.value,
+        ranges=[each.value for each in Range],
+        corners=corners,
+        corner=shown,
+        steps_of={part.corner: part.step for part in state.parts if part.step},
+        trends=f"/api/v1{path_of(vehicle)}/trends?{urlencode({} if since is None else {'since': since})}",
+        windows=observations_of(context.store.results.observations(vehicle, limit=_FEW)),
+        link=lambda **new: "?" + urlencode({"range": wanted.value, "corner": shown} | new),
+    )
+
+
+def _detail_and_state(context: Context, known: VehicleRow) -> tuple[VehicleDetail, VehicleState]:
+    """Return what is known about a vehicle, and its state."""
+    store = context.store
+    vehicle = known.vehicle
+    active = store.alerts.find(vehicle=vehicle, is_active=True)
+    baselines = store.results.baselines(vehicle)
+    row = FleetRow(
+        Place(max((alert.severity for alert in active), default=0), 0.0, vehicle),
+        known.last_seen,
+        known.is_parked,
+        baselines[-1].version if baselines else None,
+        store.results.status(vehicle),
+        len(known.channels),
+    )
+    state = state_of_row(context, row, active)
+    detail = VehicleDetail(
+        summary=FleetVehicle.of(row, state),
+        channels=tuple(dict(known.channels)),
+        first_seen=known.first_seen,
+        configuration=known.configuration,
+        alerts=tuple(AlertEntry(**alert.as_entry()) for alert in state.alerts),
+        baselines=tuple(map(BaselineEntry.of, reversed(baselines))),
+        windows=store.results.n_observations(vehicle),
+    )
+    return detail, state
+
+
+def _plan(parts: tuple[PartState, ...]) -> list[dict[str, list[PartState]]]:
+    """Return the parts by axle from front to rear, and there by side."""
+    axles: dict[str, dict[str, list[PartState]]] = {}
+    for part in parts:
+        component = Component.parse(part.part)
+        if component.side is not None:
+            axles.setdefault(component.axle, {"left": [], "right": []})[component.side].append(part)
+    return list(axles.values())
