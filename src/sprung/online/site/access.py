@@ -12,7 +12,7 @@ from fastapi.openapi.models import HTTPBearer
 from fastapi.security.base import SecurityBase
 
 from sprung.online.site.accounts import SESSION, Person, Role, log_in, of_session, of_token
-from sprung.online.site.context import Context, context_of
+from sprung.online.site.shared import Context, context_of
 
 #: Field of a form, and header of a request, with the CSRF token of the session.
 CSRF_FIELD = "csrf_token"

@@ -10,6 +10,7 @@ from fastapi import APIRouter, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
+from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
 from sprung import __version__
@@ -18,11 +19,11 @@ from sprung.online.site import fleet, live, people, probes, runs, site
 from sprung.online.site.access import Viewer
 from sprung.online.site.alerts import alert
 from sprung.online.site.alerts import lists as alert_lists
-from sprung.online.site.context import Context, Shared, is_loopback
 from sprung.online.site.guard import App, Attempts, Guard, RateLimit
 from sprung.online.site.live import Feed
 from sprung.online.site.rendering import page
 from sprung.online.site.runs import RunResults
+from sprung.online.site.shared import Context, Shared, is_loopback
 from sprung.online.site.vehicles import baselines, diagrams, files, overview, quality, trends, windows
 from sprung.online.site.vehicles.diagrams import DiagramDesk
 from sprung.online.store import RefusedError, StoreError
@@ -46,23 +47,26 @@ _TITLES = {
 #: Requests of one address: in the long run [1/s], and at once.
 _RATE = 50.0
 _BURST = 300.0
-#: Schema of the answer to a refused request.
-_REFUSAL = {
-    "type": "object",
-    "title": "Refusal",
-    "description": "Why a request was refused.",
-    "properties": {"detail": {"type": "string", "title": "Detail", "description": "what is wrong, and what to do"}},
-    "required": ["detail"],
-}
-#: Refusals that any operation can meet.
+#: Refusals that operations can meet.
 _REFUSALS = {
+    400: "The body cannot be read, or what it asks for is not allowed.",
+    401: "There is no valid token or session, or name or password is wrong.",
+    403: "The role does not include this, or the CSRF token of the session is missing.",
+    404: "Nothing has that name or number.",
     408: "The request took too long.",
+    409: "The action is impossible at present.",
     413: "The request is too large.",
     421: "The server does not answer to the name in Host.",
     422: "A value is out of range, or is missing.",
     429: "There were too many requests: Retry-After states how long to wait.",
     503: "The store does not answer.",
 }
+
+
+class Refusal(BaseModel):
+    """Why a request was refused."""
+
+    detail: str = Field(description="what is wrong, and what to do")
 
 
 def application(context: Context, *, diagrams: DiagramDesk | None = None) -> App:
@@ -88,7 +92,7 @@ def application(context: Context, *, diagrams: DiagramDesk | None = None) -> App
     ...     client.get("/health").json()
     {'healthy': True, 'troubles': []}
     """
-    app = _Application(
+    app = FastAPI(
         title="Sprung",
         version=__version__,
         summary="Vehicles, alerts and baselines of a monitor.",
@@ -96,6 +100,7 @@ def application(context: Context, *, diagrams: DiagramDesk | None = None) -> App
         redoc_url=None,
         openapi_url="/api/v1/openapi.json",
         lifespan=_lifespan,
+        responses={status: {"model": Refusal, "description": text} for status, text in _REFUSALS.items()},
     )
     app.state.context = context
     app.state.attempts = Attempts(context.timer)
@@ -110,45 +115,6 @@ def application(context: Context, *, diagrams: DiagramDesk | None = None) -> App
     app.add_exception_handler(SprungError, _impossible)
     limit = RateLimit(_RATE, _BURST, context.timer)
     return Guard(app, limit=limit, hosts=_hosts(context), is_secure=context.is_secure)
-
-
-class _Application(FastAPI):
-    """An application whose OpenAPI document states all refusals."""
-
-    def openapi(self) -> dict[str, Any]:
-        """Return the OpenAPI document."""
-        if self.openapi_schema is None:
-            document = super().openapi()
-            schemas = document["components"]["schemas"]
-            for name in ("HTTPValidationError", "ValidationError"):  # of the framework, which no answer has
-                schemas.pop(name, None)
-            schemas["Refusal"] = _REFUSAL
-            content = {"application/json": {"schema": {"$ref": "#/components/schemas/Refusal"}}}
-            for path, methods in document["paths"].items():
-                for method, operation in methods.items():
-                    operation["responses"].pop("422", None)
-                    for status, description in _refusals(path, method, operation):
-                        refusal = {"description": description, "content": content}
-                        operation["responses"].setdefault(str(status), refusal)
-            self.openapi_schema = document
-        return self.openapi_schema
-
-
-def _refusals(path: str, method: str, operation: Mapping[str, Any]) -> Iterator[tuple[int, str]]:
-    """Yield status and description of each refusal of an operation."""
-    has_role = "security" in operation
-    has_body = "requestBody" in operation
-    if has_body:
-        yield 400, "The body cannot be read, or what it asks for is not allowed."
-    if has_role or has_body:
-        yield 401, "There is no valid token or session, or name or password is wrong."
-    if has_role:
-        yield 403, "The role does not include this, or the CSRF token of the session is missing."
-    if "{" in path:
-        yield 404, "Nothing has that name or number."
-    if method != "get" or "{" in path:
-        yield 409, "The action is impossible at present."
-    yield from _REFUSALS.items()
 
 
 @asynccontextmanager

@@ -10,10 +10,9 @@ from sprung.online.alerts import STEPS
 from sprung.online.monitor import embedded_port
 from sprung.online.monitor.vehicle_states import vehicle_state
 from sprung.online.site.access import Viewer
-from sprung.online.site.context import Context, Shared
-from sprung.online.site.rendering import filter_link, page
-from sprung.online.site.shared import Answer, Wanted, column_number, parse_cursor
-from sprung.online.store import AlertRow, FleetFilter, FleetRow, Place
+from sprung.online.site.rendering import filter_link, page, with_others
+from sprung.online.site.shared import Answer, Context, Shared, Wanted, column_number, parse_cursor
+from sprung.online.store import AlertRow, FleetCounts, FleetFilter, FleetRow, Place
 from sprung.results.tables import counted
 from sprung.state import VehicleState, Verdict
 
@@ -63,39 +62,21 @@ class FleetVehicle(Answer):
     @classmethod
     def of(cls, row: FleetRow, state: VehicleState) -> "FleetVehicle":
         """Return a vehicle from its row in the fleet and its state."""
+        of_state = ("vehicle", "verdict", "severity", "step", "sentence", "health_index", "last_seen", "is_old")
         worst = state.worst
         causes = [alert.cause for alert in state.alerts]
         return cls(
-            vehicle=state.vehicle,
-            verdict=state.verdict,
-            severity=state.severity,
-            step=state.step,
+            **{name: getattr(state, name) for name in (*of_state, "windows_learnt", "windows_needed")},
             alert=None if worst is None else worst.number,
-            sentence=state.sentence,
             since=None if worst is None else worst.raised,
-            health_index=state.health_index,
+            assignee=None if worst is None else worst.assignee,
+            alert_state=None if worst is None else worst.state,
             channels=row.n_channels,
             failing=tuple(cause.removeprefix(_SENSOR) for cause in causes if cause.startswith(_SENSOR)),
             has_lost="lost" in causes,
-            last_seen=state.last_seen,
             is_parked=row.is_parked,
-            is_old=state.is_old,
-            windows_learnt=state.windows_learnt,
-            windows_needed=state.windows_needed,
             baseline=row.baseline,
-            assignee=None if worst is None else worst.assignee,
-            alert_state=None if worst is None else worst.state,
         )
-
-
-class FleetCount(Answer):
-    """Numbers of vehicles; of the steps: note, low, medium, high, critical."""
-
-    vehicles: int
-    steps: tuple[int, int, int, int, int]
-    learning: int
-    silent: int
-    unacknowledged: int = Field(description="vehicles with an active alert that is neither acknowledged nor shelved")
 
 
 class FleetPage(Answer):
@@ -127,9 +108,9 @@ def vehicles(context: Shared, _: Viewer, wanted: Annotated[WantedVehicles, Query
 
 
 @api.get("/counts")
-def counts(context: Shared, _: Viewer) -> FleetCount:
+def counts(context: Shared, _: Viewer) -> FleetCounts:
     """Numbers of vehicles in each state."""
-    return FleetCount.model_validate(context.store.fleet.counts(silent_before=context.silent_before))
+    return context.store.fleet.counts(silent_before=context.silent_before)
 
 
 @pages.get("/")
@@ -163,15 +144,11 @@ def state_of_row(context: Context, row: FleetRow, active: Sequence[AlertRow]) ->
     )
 
 
-def _sentence(counts: FleetCount) -> str:
+def _sentence(counts: FleetCounts) -> str:
     """Return the state of the fleet in words."""
     if not counts.vehicles:
         return "No vehicle is known yet."
     urgent = counts.unacknowledged
-    parts = [
-        f"{urgent or 'None'} of {counted(counts.vehicles, 'vehicle')} {'needs' if urgent < 2 else 'need'} attention."
-    ]
-    for number, word in ((counts.silent, "silent"), (counts.learning, "still learning")):
-        if number:
-            parts.append(f"{number} {'is' if number == 1 else 'are'} {word}.")
-    return " ".join(parts)
+    need = "needs" if urgent < 2 else "need"
+    first = f"{urgent or 'None'} of {counted(counts.vehicles, 'vehicle')} {need} attention."
+    return with_others(first, {"silent": counts.silent, "still learning": counts.learning})

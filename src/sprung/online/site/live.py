@@ -5,7 +5,7 @@ import json
 from collections.abc import AsyncGenerator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from fastapi import APIRouter, Header, Request
 from fastapi.concurrency import run_in_threadpool
@@ -49,18 +49,16 @@ class Mark:
         return cls(change, window)
 
 
-@dataclass(frozen=True, slots=True)
-class Happening:
-    """An event: "alert" or "window", the mark after it, and what it is about."""
+class Event(NamedTuple):
+    """An event as it is sent, with the mark after it."""
 
-    kind: str
     mark: Mark
-    data: dict[str, Any]
+    text: str
 
-    @property
-    def text(self) -> str:
-        """Event as it is sent."""
-        return f"id: {self.mark}\nevent: {self.kind}\ndata: {json.dumps(self.data)}\n\n"
+    @classmethod
+    def of(cls, mark: Mark, kind: str, **data: Any) -> "Event":
+        """Return an event of a kind, and what it is about."""
+        return cls(mark, f"id: {mark}\nevent: {kind}\ndata: {json.dumps(data)}\n\n")
 
 
 class Feed:
@@ -77,7 +75,7 @@ class Feed:
     def __init__(self, store: Store, *, look: float = _POLL) -> None:
         self._store = store
         self._look = look
-        self._listeners: set[asyncio.Queue[Happening | None]] = set()
+        self._listeners: set[asyncio.Queue[Event | None]] = set()
         self._task: asyncio.Task[None] | None = None
         self._starting = asyncio.Lock()
         self._mark = Mark()
@@ -95,7 +93,7 @@ class Feed:
         after
             Mark of the last event that the listener has; None: none.
         """
-        queue: asyncio.Queue[Happening | None] = asyncio.Queue(_MAX_WAITING)
+        queue: asyncio.Queue[Event | None] = asyncio.Queue(_MAX_WAITING)
         async with self._starting:  # of several at the same time, one starts polling the store
             if self._task is None or self._task.done():
                 self._mark = await run_in_threadpool(lambda: Mark(*self._store.fleet.newest()))
@@ -105,9 +103,9 @@ class Feed:
         try:
             yield f"retry: 3000\nid: {reached}\n\n"
             while after is not None and (missed := await run_in_threadpool(self._since, reached)):
-                for happening in missed:
-                    reached = happening.mark
-                    yield happening.text
+                for event in missed:
+                    reached = event.mark
+                    yield event.text
             while True:
                 try:
                     async with asyncio.timeout(_HEARTBEAT):
@@ -136,29 +134,28 @@ class Feed:
         while self._listeners:
             await asyncio.sleep(self._look)
             try:
-                happenings = await run_in_threadpool(self._since, self._mark)
+                events = await run_in_threadpool(self._since, self._mark)
             except (SprungError, OSError):
                 continue  # the store does not answer: /health states it
-            for happening in happenings:
-                self._mark = happening.mark
+            for event in events:
+                self._mark = event.mark
                 for queue in list(self._listeners):
                     if queue.full():
                         self._listeners.discard(queue)
                         _cut_off(queue)
                     else:
-                        queue.put_nowait(happening)
+                        queue.put_nowait(event)
 
-    def _since(self, mark: Mark) -> list[Happening]:
+    def _since(self, mark: Mark) -> list[Event]:
         """Return changes of alerts after a mark, then windows, each with the mark after it."""
         changes, windows = self._store.fleet.since(mark.change, mark.window, limit=_MAX_EVENTS)
         events = []
         for row in changes:
             mark = Mark(row.id, mark.window)
-            events.append(Happening("alert", mark, {"number": row.alert, "vehicle": row.vehicle, "what": row.what}))
+            events.append(Event.of(mark, "alert", number=row.alert, vehicle=row.vehicle, what=row.what))
         for window in windows:
             mark = Mark(mark.change, window.stored)
-            place = {"vehicle": window.vehicle, "boot": window.boot, "number": window.number}
-            events.append(Happening("window", mark, place))
+            events.append(Event.of(mark, "window", vehicle=window.vehicle, boot=window.boot, number=window.number))
         return events
 
 
@@ -173,7 +170,7 @@ async def events(
     return StreamingResponse(feed.listen(after), media_type="text/event-stream", headers=headers)
 
 
-def _cut_off(queue: asyncio.Queue[Happening | None]) -> None:
+def _cut_off(queue: asyncio.Queue[Event | None]) -> None:
     """Let the listener of a queue end: it continues from the last event that it received."""
     while not queue.empty():
         queue.get_nowait()

@@ -9,22 +9,12 @@ from fastapi.responses import RedirectResponse, Response
 from pydantic import Field
 
 from sprung.errors import ParameterError
-from sprung.online.site import accounts
-from sprung.online.site.access import (
-    Admin,
-    AdminForm,
-    Engineer,
-    Viewer,
-    ViewerForm,
-    cookie_name,
-    enter,
-    form_fields,
-    set_session,
-)
+from sprung.online.site import access, accounts
+from sprung.online.site.access import Admin, AdminForm, Engineer, Viewer, ViewerForm
 from sprung.online.site.accounts import Person, Role
-from sprung.online.site.context import Context, Shared
 from sprung.online.site.rendering import page
-from sprung.online.site.shared import Answer, Done, Given, Line, Name, Number, Outcome
+from sprung.online.site.shared import Answer, Context, Done, Given, Line, Name, Number, Outcome, Shared
+from sprung.online.store import AuditRow
 from sprung.results.documents.monitoring import AccountEntry
 
 api = APIRouter(tags=["people"])
@@ -95,17 +85,6 @@ class WhoAmI(Answer):
     csrf_token: str
 
 
-class AuditEntry(Answer):
-    """An entry of the audit trail: who did what to what."""
-
-    id: int
-    time: int
-    who: str
-    act: str
-    subject: str
-    detail: Any
-
-
 @api.get("/session")
 def who_am_i(person: Viewer) -> WhoAmI:
     """Who makes this request."""
@@ -115,16 +94,16 @@ def who_am_i(person: Viewer) -> WhoAmI:
 @api.post("/session")
 def log_in(context: Shared, request: Request, response: Response, given: LogIn) -> WhoAmI:
     """Log in: the answer sets the cookie of the session."""
-    person = enter(request, given.name, given.password)
-    set_session(response, context, person.secret)
+    person = access.enter(request, given.name, given.password)
+    access.set_session(response, context, person.secret)
     return WhoAmI.model_validate(person)
 
 
 @api.delete("/session")
 def log_out(context: Shared, request: Request, response: Response, _: Viewer) -> Done:
     """Log out."""
-    accounts.log_out(context.store, request.cookies.get(cookie_name(context), ""))
-    response.delete_cookie(cookie_name(context))
+    accounts.log_out(context.store, request.cookies.get(access.cookie_name(context), ""))
+    response.delete_cookie(access.cookie_name(context))
     return Done(sentence="logged out")
 
 
@@ -141,16 +120,16 @@ def show_log_in(
 @pages.post("/log-in")
 async def log_in_by_form(request: Request, context: Shared) -> Response:
     """Log in, and continue to the requested page."""
-    fields = await form_fields(request)
+    fields = await access.form_fields(request)
     name = fields.get("name", "")
     following = _inside(fields.get("next", "/"))
     try:
-        person = await run_in_threadpool(enter, request, name, fields.get("password", ""))
+        person = await run_in_threadpool(access.enter, request, name, fields.get("password", ""))
     except HTTPException as error:
         values = {"problem": error.detail, "name": name, "next": following}
         return await run_in_threadpool(page, request, "log-in.html", status=error.status_code, **values)
     answer = RedirectResponse(following, 303)
-    set_session(answer, context, person.secret)
+    access.set_session(answer, context, person.secret)
     return answer
 
 
@@ -174,9 +153,9 @@ def audit(
     _: Engineer,
     before: Annotated[int | None, Query(ge=1, lt=2**63, description="id of an entry: earlier ones only")] = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
-) -> list[AuditEntry]:
+) -> list[AuditRow]:
     """The latest entries of the audit trail, in order of time."""
-    return [AuditEntry.model_validate(row) for row in context.store.requests.audited(before=before, limit=limit)]
+    return context.store.requests.audited(before=before, limit=limit)
 
 
 @pages.get("/audit")

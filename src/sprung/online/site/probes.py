@@ -18,7 +18,7 @@ from sprung.errors import SprungError
 from sprung.online.monitor import FIGURES
 from sprung.online.site.access import Allowed
 from sprung.online.site.accounts import Role
-from sprung.online.site.context import Shared, context_of
+from sprung.online.site.shared import Shared, context_of
 
 T = TypeVar("T")
 

@@ -2,7 +2,7 @@
 
 import re
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from hashlib import sha256
 from importlib import resources
@@ -19,7 +19,7 @@ from sprung import __version__
 from sprung.online.alerts import STEPS
 from sprung.online.site.access import find_person, set_session
 from sprung.online.site.accounts import Person, Role
-from sprung.online.site.context import context_of
+from sprung.online.site.shared import context_of
 from sprung.results.tables import age_in_words, time_in_words
 from sprung.state import Verdict
 
@@ -92,6 +92,18 @@ def page(
     if secret:
         set_session(answer, context, secret)
     return answer
+
+
+def with_others(sentence: str, others: Mapping[str, int]) -> str:
+    """Return a sentence with how many others are in each of some states.
+
+    Examples
+    --------
+    >>> with_others("None of 3 vehicles needs attention.", {"silent": 1, "learning": 0})
+    'None of 3 vehicles needs attention. 1 is silent.'
+    """
+    parts = (f"{number} {'is' if number == 1 else 'are'} {word}." for word, number in others.items() if number)
+    return " ".join((sentence, *parts))
 
 
 def filter_link(path: str, wanted: BaseModel) -> Callable[..., str]:

@@ -11,9 +11,8 @@ from pydantic import Field
 from sprung.errors import DataError
 from sprung.online.alerts import STEPS
 from sprung.online.site.access import Viewer
-from sprung.online.site.context import Shared
 from sprung.online.site.rendering import filter_link, page
-from sprung.online.site.shared import Answer, Wanted, column_number, parse_cursor
+from sprung.online.site.shared import Answer, Shared, Wanted, column_number, parse_cursor
 from sprung.online.store import StoreError
 from sprung.results.tables import counted
 

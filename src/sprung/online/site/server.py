@@ -10,7 +10,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from sprung.errors import ParameterError
 from sprung.online.site.app import application
-from sprung.online.site.context import Context, is_loopback
+from sprung.online.site.shared import Context, is_loopback
 
 #: Longest time for the head of a request [s].
 _HEAD_TIMEOUT = 10.0

@@ -4,6 +4,7 @@ import json
 import platform
 import re
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 from urllib.parse import urlsplit
@@ -22,10 +23,9 @@ from sprung.online.monitor.site import Keep, Mail, Service, Site, Webhook
 from sprung.online.monitor.station import loops_of
 from sprung.online.site.access import Engineer, EngineerForm, Viewer
 from sprung.online.site.accounts import Role
-from sprung.online.site.context import Context, Shared
 from sprung.online.site.rendering import page
-from sprung.online.site.shared import Answer, Done, Name
-from sprung.online.store import MOST_COUNTED, Contents
+from sprung.online.site.shared import Answer, Context, Done, Name, Shared
+from sprung.online.store import MOST_COUNTED, Contents, Counted
 from sprung.results.tables import counted
 
 api = APIRouter(tags=["site"])
@@ -55,15 +55,6 @@ class SettingEntry(Answer):
     description: str
 
 
-class TableEntry(Answer):
-    """Rows of a table of the store."""
-
-    table: str
-    rows: int
-    is_more: bool = Field(description="whether there are more: counting ends at a million")
-    stay: str = Field(description="how long rows are kept")
-
-
 class StoreEntry(Answer):
     """The store, and how much it holds."""
 
@@ -73,7 +64,7 @@ class StoreEntry(Answer):
     free: int | None = Field(description="free space on its disk [bytes]; null with a server")
     min_free: int = Field(description="free space below which intake stops [bytes]")
     oldest: int | None = Field(description="when the oldest result was stored")
-    tables: tuple[TableEntry, ...]
+    tables: tuple[Counted, ...]
 
 
 class FalseAlarms(Answer):
@@ -205,8 +196,7 @@ def show(request: Request, context: Shared, person: Viewer) -> Response:
         section="/site",
         site=detail,
         may_test=person.role.includes(Role.ENGINEER),
-        work=list(_work({each.name: each.value for each in detail.figures})),
-        seen=_seen,
+        now_is={each.name: each.value for each in detail.figures},
         bytes=_bytes,
         figure=_figure,
     )
@@ -360,7 +350,7 @@ def _store(context: Context, contents: Contents) -> StoreEntry:
         min_free=round(1e6 * keep.free_megabytes),
         oldest=contents.oldest,
         tables=tuple(
-            TableEntry(table=each.table, rows=each.rows, is_more=each.is_more, stay=lengths.get(each.stay, each.stay))
+            replace(each, stay=lengths.get(each.stay, each.stay))
             for each in sorted(contents.tables, key=lambda each: -each.rows)
         ),
     )
@@ -394,30 +384,6 @@ def _loops(site: Site, figures: Mapping[str, float]) -> tuple[LoopEntry, ...]:
     return tuple(
         LoopEntry(name=name, age=age, limit=loops[name].limit if name in loops else None) for name, age in ages.items()
     )
-
-
-def _work(figures: Mapping[str, float]) -> Iterator[tuple[str, str]]:
-    """Yield what the monitor does, and what waits, in words."""
-    n_frames, n_windows = figures.get("sprung_backlog_frames"), figures.get("sprung_windows_total")
-    if n_frames is not None:
-        age = figures.get("sprung_backlog_age_seconds", 0.0)
-        yield "waiting for analysis", f"{n_frames:,.0f} frames, the oldest for {age:.0f} s" if n_frames else "no frame"
-    if n_windows is not None:
-        seconds = figures.get("sprung_analysis_cpu_seconds_total", 0.0)
-        each = f", each in {seconds / n_windows:.2g} s of processor time" if n_windows and seconds else ""
-        n_failures = figures.get("sprung_failures_total", 0.0)
-        yield "analysed since the start", f"{n_windows:,.0f} windows{each}; {n_failures:,.0f} jobs failed"
-
-
-def _seen(alarms: FalseAlarms) -> str:
-    """Return the rate of false alarms that verdicts show, with its interval."""
-    if alarms.rate is None or alarms.interval is None:
-        return "not known: no window was analysed"
-    if not alarms.verdicts:
-        return "not known: no alert has a verdict yet"
-    low, high = alarms.interval
-    most = "at most " if alarms.is_more else ""
-    return f"{most}{alarms.rate:.2g} per vehicle and day of driving (95 % interval {low:.2g} to {high:.2g})"
 
 
 def _bytes(number: int) -> str:

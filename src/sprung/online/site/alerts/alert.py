@@ -15,9 +15,8 @@ from sprung.online.site.access import Engineer, EngineerForm, Form, Viewer
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.alerts.evidence import BEFORE, SINCE, Evidence, course_of, evidence_of
 from sprung.online.site.alerts.lists import STATES
-from sprung.online.site.context import Context, Shared
 from sprung.online.site.rendering import page
-from sprung.online.site.shared import Answer, Done, Given, Line, Number, Outcome, Text
+from sprung.online.site.shared import Answer, Context, Done, Given, Line, Number, Outcome, Shared, Text
 from sprung.online.store import AlertRow
 from sprung.results.documents import WorkOrderDocument, document_text
 from sprung.results.documents.monitoring import AlertEntry, HistoryEntry

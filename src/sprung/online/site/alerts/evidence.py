@@ -7,8 +7,7 @@ from math import exp
 import numpy as np
 from pydantic import Field
 
-from sprung.online.site.context import Context
-from sprung.online.site.shared import Answer, finite
+from sprung.online.site.shared import Answer, Context, finite
 from sprung.online.store import AlertRow, Entry
 from sprung.state import TIME_ROUNDING, AlertState, interval_95
 from sprung.vehicles import Component

@@ -1,6 +1,7 @@
 """Learning and baselines of a vehicle: progress, versions, and requests to learn anew or to return to one."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any, Self
 
 from fastapi import APIRouter, Path, Query, Request, Response
@@ -17,8 +18,7 @@ from sprung.online.monitor.requests import rolling_back_in_words
 from sprung.online.monitor.vehicle_states import reference_of
 from sprung.online.site.access import Engineer, EngineerForm, Form, Viewer
 from sprung.online.site.accounts import Person, Role
-from sprung.online.site.context import Context, Shared
-from sprung.online.site.shared import Answer, Done, Given, Line, Outcome, VehicleName
+from sprung.online.site.shared import Answer, Context, Done, Given, Line, Outcome, Shared, VehicleName
 from sprung.online.site.vehicles.common import KnownVehicle, path_of, require_vehicle, vehicle_page
 from sprung.online.store import BaselineRow, Store
 from sprung.results.documents import baseline_from_document
@@ -150,25 +150,20 @@ def show(
 @pages.post("/vehicles/{vehicle}/baseline")
 def learn_by_form(request: Request, context: Shared, form: EngineerForm, vehicle: VehicleName) -> Response:
     """Learn a new baseline from the next windows."""
-    who, now, reason = form.person.name, context.clock(), form.text("reason")
-
-    def act() -> None:
-        operations.relearn(context.store, vehicle, reason=reason, who=who, now=now)
-
+    given = Learning.model_construct(reason=form.text("reason"))
     advice = "Give a reason, such as new dampers: it is stored with the baseline."
+    act = partial(learn, context, form.person, vehicle, given)
     return _after(request, context, form, vehicle, act=act, done="learn", advice=advice)
 
 
 @pages.post("/vehicles/{vehicle}/baseline/rollback")
 def roll_back_by_form(request: Request, context: Shared, form: EngineerForm, vehicle: VehicleName) -> Response:
     """Return to an earlier baseline."""
-    who, now, reason, number = form.person.name, context.clock(), form.text("reason"), form.text("version")
+    number = form.text("version")
     version = int(number) if number.isascii() and number.isdecimal() and len(number) < _MAX_DIGITS else 0
-
-    def act() -> None:
-        operations.roll_back(context.store, vehicle, version=version, reason=reason, who=who, now=now)
-
+    given = Learning.model_construct(reason=form.text("reason"))
     advice = "Give a reason, such as learnt with a broken spring."
+    act = partial(roll_back, context, form.person, vehicle, version, given)
     return _after(request, context, form, vehicle, act=act, done="rollback", advice=advice, wanted=version)
 
 
@@ -178,7 +173,7 @@ def _after(
     form: Form,
     vehicle: str,
     *,
-    act: Callable[[], None],
+    act: Callable[[], Done],
     done: str,
     advice: str,
     wanted: int = 0,

@@ -8,9 +8,8 @@ from fastapi import Depends, Request, Response
 
 from sprung.diagnosis import INTERVAL_95
 from sprung.errors import ParameterError
-from sprung.online.site.context import Context, Shared
 from sprung.online.site.rendering import page
-from sprung.online.site.shared import Place, VehicleName
+from sprung.online.site.shared import Context, Place, Shared, VehicleName
 from sprung.online.store import Entry, VehicleRow
 from sprung.state import PartState
 

@@ -10,8 +10,8 @@ import subprocess
 import sys
 import threading
 from collections import Counter, OrderedDict
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -20,12 +20,11 @@ from fastapi import APIRouter, HTTPException, Request, Response
 from fastapi.responses import RedirectResponse
 from pydantic import Field
 
-from sprung.errors import ParameterError, SprungError
+from sprung.errors import ParameterError
 from sprung.link.archive import archive_path
 from sprung.online.monitor.vehicle_states import reference_of
 from sprung.online.site.access import Viewer
-from sprung.online.site.context import Context, Shared, context_of
-from sprung.online.site.shared import Answer
+from sprung.online.site.shared import Answer, Context, Shared, context_of
 from sprung.online.site.vehicles.common import KnownVehicle, KnownWindow, path_of, require_vehicle, vehicle_page
 from sprung.online.site.vehicles.windows import window
 from sprung.online.store import Entry
@@ -48,12 +47,18 @@ _MAX_KEPT = 8
 _SOUGHT = 200
 
 
-class BusyError(SprungError):
+class BusyError(HTTPException):
     """Diagrams that are being computed, or wait for those of another window."""
 
+    def __init__(self, sentence: str) -> None:
+        super().__init__(503, f"{sentence}: try again in {_RETRY} s", headers={"retry-after": str(_RETRY)})
 
-class NoSamplesError(SprungError):
+
+class NoSamplesError(HTTPException):
     """A window whose samples are not kept, or show nothing."""
+
+    def __init__(self, sentence: str) -> None:
+        super().__init__(404, sentence)
 
 
 class ChannelSpectrum(Answer):
@@ -199,11 +204,11 @@ class DiagramDesk:
                 self._kept.move_to_end(key)
                 return self._kept[key]
             if self._present and self._present != key:
-                raise BusyError(f"diagrams of another window are being computed: try again in {_RETRY} s")
+                raise BusyError("diagrams of another window are being computed")
             if not self._present and not self._is_closed:
                 self._present = key
                 threading.Thread(target=self._run, args=(key,), name="diagrams", daemon=True).start()
-        raise BusyError(f"the diagrams are being computed from the samples: try again in {_RETRY} s")
+        raise BusyError("the diagrams are being computed from the samples")
 
     def close(self) -> None:
         """End what is under way, and begin nothing more."""
@@ -251,15 +256,13 @@ class DiagramDesk:
 @api.get("/vehicles/{vehicle}/windows/{boot}/{number}/diagrams")
 def diagrams(request: Request, _: Viewer, entry: KnownWindow) -> WindowDiagrams:
     """Spectra, stabilisation diagram and subsets by level of a window; 503 with retry-after while they are computed."""
-    with _answered():
-        return shown_diagrams(entry, computed_diagrams(request, entry))
+    return shown_diagrams(entry, computed_diagrams(request, entry))
 
 
 @api.get("/vehicles/{vehicle}/windows/{boot}/{number}/figures/{figure}", response_class=Response)
 def figure(request: Request, _: Viewer, entry: KnownWindow, figure: Figure) -> Response:
     """Figure of the diagrams of a window as SVG; 503 with retry-after while they are computed."""
-    with _answered():
-        computed = computed_diagrams(request, entry)
+    computed = computed_diagrams(request, entry)
     if figure not in computed.pictures:
         notes = computed.error or "; ".join(computed.values.get("notes", ()))
         raise HTTPException(404, f"there is no figure {figure}: {notes}")
@@ -303,9 +306,9 @@ def show(request: Request, context: Shared, person: Viewer, entry: KnownWindow, 
         poles = Counter(status for each in values.stabilisation.poles for status in each.status)
         shown |= {"diagrams": values, "pictures": tuple(computed.pictures), "counts": poles.most_common()}
     except BusyError as error:
-        shown["busy"] = str(error)
+        shown["busy"] = error.detail
     except NoSamplesError as error:
-        shown["problem"] = str(error)
+        shown["problem"] = error.detail
     detail = window(context, person, entry)
     return vehicle_page(
         request, "vehicle-diagrams.html", context, entry.vehicle, tab="/diagrams", window=detail, **shown
@@ -373,17 +376,6 @@ def shown_diagrams(entry: Entry, computed: Computed) -> WindowDiagrams:
         raise NoSamplesError(f"The diagrams cannot be computed from the samples of this window: {computed.error}")
     place = {"vehicle": entry.vehicle, "boot": entry.boot, "number": entry.number, "t0": entry.t0}
     return WindowDiagrams.model_validate({**place, **computed.values})
-
-
-@contextmanager
-def _answered() -> Iterator[None]:
-    """Answer a program that the diagrams do not exist, or are not ready."""
-    try:
-        yield
-    except NoSamplesError as error:
-        raise HTTPException(404, str(error)) from None
-    except BusyError as error:
-        raise HTTPException(503, str(error), headers={"retry-after": str(_RETRY)}) from None
 
 
 def _samples(context: Context, entry: Entry) -> Path | None:

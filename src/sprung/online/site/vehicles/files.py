@@ -1,8 +1,7 @@
 """Files about a vehicle and period: reports, one at a time, and tables."""
 
 import threading
-from collections.abc import Callable
-from typing import Annotated, TypeVar
+from typing import Annotated
 from urllib.parse import quote
 
 from fastapi import APIRouter, HTTPException, Query, Request, Response
@@ -13,20 +12,16 @@ from sprung.online.monitor import exports
 from sprung.online.monitor.exports import MEDIA_TYPES, FileFormat, What
 from sprung.online.monitor.vehicle_report import vehicle_report
 from sprung.online.site.access import Viewer
-from sprung.online.site.context import Context, Shared
 from sprung.online.site.rendering import page
-from sprung.online.site.shared import Time, VehicleName
+from sprung.online.site.shared import Context, Shared, VehicleName
 from sprung.results.page import render
 from sprung.results.periods import Period, parse_period
-
-T = TypeVar("T")
 
 api = APIRouter(tags=["files"])
 pages = APIRouter(include_in_schema=False)
 
 #: A date or time as people and forms write it, or UTC ns.
-Moment = Annotated[str | None, Query(max_length=40)]
-Format = Annotated[FileFormat, Query(alias="format")]
+Moment = Annotated[str | None, Query(max_length=40, description="date or time of ISO 8601, or UTC ns")]
 #: Time after which a report that could not begin may be tried again [s].
 _RETRY = 10
 #: Figures take memory and a processor.
@@ -34,11 +29,14 @@ _DRAWING = threading.Lock()
 
 
 @api.get("/vehicles/{vehicle}/report", response_class=HTMLResponse)
-def report(context: Shared, _: Viewer, vehicle: VehicleName, *, since: Time = None, until: Time = None) -> HTMLResponse:
+def report(
+    context: Shared, _: Viewer, vehicle: VehicleName, *, since: Moment = None, until: Moment = None
+) -> HTMLResponse:
     """Report of a vehicle and period, one page that needs no network."""
-    return _report(context, vehicle, _period(Period, since, until), kind="attachment")
+    return _report(context, vehicle, _period(since, until), kind="attachment")
 
 
+@pages.get("/vehicles/{vehicle}/export")
 @api.get(
     "/vehicles/{vehicle}/export",
     response_class=StreamingResponse,
@@ -50,12 +48,12 @@ def export(
     vehicle: VehicleName,
     *,
     what: What = "windows",
-    file_format: Format = "csv",
-    since: Time = None,
-    until: Time = None,
+    file_format: Annotated[FileFormat, Query(alias="format")] = "csv",
+    since: Moment = None,
+    until: Moment = None,
 ) -> StreamingResponse:
     """Windows, modes, findings or alerts of a vehicle and period as a table."""
-    period = _period(Period, since, until)
+    period = _period(since, until)
     pieces = exports.export(context.store, vehicle, what, file_format=file_format, period=period)
     headers = _headers("attachment", f"{vehicle}-{what}.{file_format}")
     return StreamingResponse(pieces, media_type=MEDIA_TYPES[file_format], headers=headers)
@@ -66,7 +64,7 @@ def show(
     request: Request, context: Shared, _: Viewer, vehicle: VehicleName, *, since: Moment = None, until: Moment = None
 ) -> Response:
     """Show the report."""
-    period = _period(parse_period, since, until)
+    period = _period(since, until)
     try:
         return _report(context, vehicle, period, kind="inline")
     except HTTPException as error:
@@ -75,22 +73,6 @@ def show(
         answer = page(request, "problem.html", status=503, title="One report at a time", sentence=error.detail)
         answer.headers.update(error.headers or {})
         return answer
-
-
-@pages.get("/vehicles/{vehicle}/export")
-def save(
-    context: Shared,
-    person: Viewer,
-    vehicle: VehicleName,
-    *,
-    what: What = "windows",
-    file_format: Format = "csv",
-    since: Moment = None,
-    until: Moment = None,
-) -> Response:
-    """Save windows, modes, findings or alerts of a period as a table."""
-    period = _period(parse_period, since, until)
-    return export(context, person, vehicle, what=what, file_format=file_format, since=period.since, until=period.until)
 
 
 def _report(context: Context, vehicle: str, period: Period, *, kind: str) -> HTMLResponse:
@@ -112,9 +94,9 @@ def _headers(kind: str, name: str) -> dict[str, str]:
     return {"content-disposition": disposition, "cache-control": "no-store"}
 
 
-def _period(make: Callable[[T, T], Period], since: T, until: T) -> Period:
+def _period(since: str | None, until: str | None) -> Period:
     """Return a period, or refuse one that ends before it begins, or a text that is not a time."""
     try:
-        return make(since, until)
+        return parse_period(since, until)
     except ParameterError as error:
         raise HTTPException(422, str(error)) from None

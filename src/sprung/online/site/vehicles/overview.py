@@ -1,16 +1,14 @@
 """A vehicle: main result, and springs, dampers and tyres against the reference."""
 
-from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Literal
 from urllib.parse import urlencode
 
 from fastapi import APIRouter, Query, Request, Response
 
 from sprung.online.monitor.vehicle_states import observations_of
 from sprung.online.site.access import Viewer
-from sprung.online.site.context import Context, Shared
 from sprung.online.site.fleet import FleetVehicle, state_of_row
-from sprung.online.site.shared import Answer
+from sprung.online.site.shared import Answer, Context, Shared
 from sprung.online.site.vehicles.baselines import BaselineEntry
 from sprung.online.site.vehicles.common import KnownVehicle, axis_of, path_of, vehicle_page
 from sprung.online.site.vehicles.quality import data_quality
@@ -24,6 +22,8 @@ api = APIRouter(tags=["vehicles"])
 pages = APIRouter(include_in_schema=False)
 
 _DAY = 86400 * 10**9
+#: Ranges of time of the trends [days]; None: from the first window.
+_RANGES = {"24h": 1, "7d": 7, "30d": 30, "all": None}
 #: Windows in the list on the page.
 _FEW = 6
 
@@ -54,20 +54,6 @@ class Changes(Answer):
     notes: tuple[str, ...]
 
 
-class Range(StrEnum):
-    """Range of time of the trends."""
-
-    DAY = "24h"
-    WEEK = "7d"
-    MONTH = "30d"
-    ALL = "all"
-
-    def since(self, now: int) -> int | None:
-        """Return its beginning, UTC ns; None: the first window."""
-        days = {"24h": 1, "7d": 7, "30d": 30}.get(self)
-        return None if days is None else now - days * _DAY
-
-
 @api.get("/vehicles/{vehicle}")
 def vehicle_detail(context: Shared, _: Viewer, known: KnownVehicle) -> VehicleDetail:
     """A vehicle."""
@@ -87,7 +73,7 @@ def show(
     person: Viewer,
     known: KnownVehicle,
     *,
-    wanted: Annotated[Range, Query(alias="range")] = Range.WEEK,
+    wanted: Annotated[Literal["24h", "7d", "30d", "all"], Query(alias="range")] = "7d",
     corner: Annotated[str, Query(max_length=64)] = "",
 ) -> Response:
     """Show a vehicle."""
@@ -98,7 +84,8 @@ def show(
     worst = max(named or state.parts[:1], key=lambda part: abs(part.change), default=None)
     corners = list(dict.fromkeys(part.corner for part in state.parts))
     shown = corner if corner in corners or worst is None else worst.corner
-    since = wanted.since(context.clock())
+    days = _RANGES[wanted]
+    since = {} if days is None else {"since": context.clock() - days * _DAY}
     return vehicle_page(
         request,
         "vehicle.html",
@@ -112,14 +99,14 @@ def show(
         quality=quality,
         n_good=sum(channel.is_good for channel in quality.channels),
         body=last_body_modes(context.store, vehicle),
-        wanted=wanted.value,
-        ranges=[each.value for each in Range],
+        wanted=wanted,
+        ranges=list(_RANGES),
         corners=corners,
         corner=shown,
         steps_of={part.corner: part.step for part in state.parts if part.step},
-        trends=f"/api/v1{path_of(vehicle)}/trends?{urlencode({} if since is None else {'since': since})}",
+        trends=f"/api/v1{path_of(vehicle)}/trends?{urlencode(since)}",
         windows=observations_of(context.store.results.observations(vehicle, limit=_FEW)),
-        link=lambda **new: "?" + urlencode({"range": wanted.value, "corner": shown} | new),
+        link=lambda **new: "?" + urlencode({"range": wanted, "corner": shown} | new),
     )
 
 

@@ -10,8 +10,7 @@ from sprung.diagnosis import Observation
 from sprung.diagnosis.sensors.faults import MISSING
 from sprung.online.monitor.vehicle_states import observations_of
 from sprung.online.site.access import Viewer
-from sprung.online.site.context import Shared
-from sprung.online.site.shared import Answer
+from sprung.online.site.shared import Answer, Shared
 from sprung.online.site.vehicles.common import KnownVehicle, vehicle_page
 
 api = APIRouter(tags=["vehicles"])

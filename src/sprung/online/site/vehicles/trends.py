@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
 from math import isfinite
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from fastapi import APIRouter
@@ -14,8 +14,7 @@ from sprung.errors import FormatError, SprungError
 from sprung.modal import Modes
 from sprung.online.monitor.vehicle_states import observations_of, reference_of
 from sprung.online.site.access import Viewer
-from sprung.online.site.context import Shared
-from sprung.online.site.shared import Answer, Time, finite
+from sprung.online.site.shared import Answer, Shared, Time, finite
 from sprung.online.site.vehicles.common import KnownVehicle, path_of
 from sprung.online.store import Entry, Store, VehicleRow
 from sprung.recording import Channel
@@ -24,6 +23,8 @@ from sprung.results.documents.modes import IdentifiedMode, modes_from_documents
 from sprung.state import Reference, interval_95
 from sprung.vehicles import vehicle_from_text
 from sprung.vehicles.labels import MOTIONS
+
+T = TypeVar("T")
 
 api = APIRouter(tags=["vehicles"])
 
@@ -124,22 +125,21 @@ def trends(context: Shared, _: Viewer, row: KnownVehicle, *, since: Time = None,
     length = round(1e9 * float((store.results.status(vehicle) or {}).get("window") or _WINDOW))
     entries = store.results.observations(vehicle, since=since, until=end, limit=MAX_WINDOWS + 1)
     read = observations_of(entries[-MAX_WINDOWS:])
-    by_place = {(entry.boot, entry.number): window for entry, window in read}
-    rows = list(_with_gaps([entry for entry, _ in read], length))
-    windows = [None if entry is None else by_place[entry.boot, entry.number] for _, entry in rows]
+    rows = list(_with_gaps(read, length))
+    windows = [window for _, _, window in rows]
     identified = store.results.last_modes(vehicle, since=since, until=end, limit=MAX_WINDOWS)
-    mode_rows = list(_with_gaps(identified, length))
+    mode_rows = list(_with_gaps([(entry, body_modes_in(entry.document)) for entry in identified], length))
     marks = [mark for mark in _marks(store, vehicle) if (since or 0) <= mark.time <= end]
     return Trends(
         reference=reference.in_words,
         since=since,
         until=end,
-        times=tuple(time for time, _ in rows),
-        windows=tuple(None if entry is None else f"{entry.boot}/{entry.number}" for _, entry in rows),
+        times=tuple(time for time, _, _ in rows),
+        windows=tuple(None if entry is None else f"{entry.boot}/{entry.number}" for _, entry, _ in rows),
         remarks=tuple(map(_remark, windows)),
         parts=_parts(reference, windows),
-        mode_times=tuple(time for time, _ in mode_rows),
-        modes=_modes([{} if entry is None else body_modes_in(entry.document) for _, entry in mode_rows]),
+        mode_times=tuple(time for time, _, _ in mode_rows),
+        modes=_modes([modes or {} for _, _, modes in mode_rows]),
         marks=tuple(sorted(marks, key=lambda mark: mark.time)),
         is_cut=len(entries) > MAX_WINDOWS,
     )
@@ -237,12 +237,12 @@ def _modes(found: Sequence[Mapping[str, ModeValue]]) -> tuple[ModeTrend, ...]:
     )
 
 
-def _with_gaps(entries: Sequence[Entry], length: int) -> Iterator[tuple[int, Entry | None]]:
-    """Yield time and entry of each window, and a time without an entry where the next one begins after a gap."""
-    for entry, following in zip_longest(entries, entries[1:]):
-        yield entry.t0, entry
-        if following is not None and following.t0 - entry.t0 > _GAP * length:
-            yield entry.t0 + length, None
+def _with_gaps(windows: Sequence[tuple[Entry, T]], length: int) -> Iterator[tuple[int, Entry | None, T | None]]:
+    """Yield time, entry and result of each window, and a time alone where the next one begins after a gap."""
+    for (entry, result), following in zip_longest(windows, windows[1:]):
+        yield entry.t0, entry, result
+        if following is not None and following[0].t0 - entry.t0 > _GAP * length:
+            yield entry.t0 + length, None, None
 
 
 def _remark(window: Observation | None) -> str:

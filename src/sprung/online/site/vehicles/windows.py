@@ -12,8 +12,7 @@ from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.errors import FormatError
 from sprung.online.monitor.vehicle_states import observations_of, reference_of
 from sprung.online.site.access import Viewer
-from sprung.online.site.context import Shared
-from sprung.online.site.shared import Answer, Limit, Time, VehicleName
+from sprung.online.site.shared import Answer, Limit, Shared, Time, VehicleName
 from sprung.online.site.vehicles.common import KnownVehicle, KnownWindow, axis_of, vehicle_page
 from sprung.online.site.vehicles.trends import ModeValue, body_modes_in
 from sprung.online.store import Entry, Store
