@@ -5,7 +5,7 @@ from tests.online.site.conftest import HOUR, NOW
 
 from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import AlertBook, operations
-from sprung.online.site.alerts.precision import precision, share
+from sprung.online.site.alerts.lists import precision, share
 from sprung.online.store import Progress, StoredFrame, VerdictRow
 
 

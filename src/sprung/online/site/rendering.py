@@ -16,6 +16,7 @@ from markupsafe import Markup, escape
 from pydantic import BaseModel
 
 from sprung import __version__
+from sprung.diagnosis import INTERVAL_95
 from sprung.online.alerts import STEPS
 from sprung.online.site.access import find_person, set_session
 from sprung.online.site.accounts import Person, Role
@@ -36,6 +37,10 @@ STATE_MARKS = {
 }
 #: A date, perhaps with its time.
 _DATE = re.compile(r"(\d{4}-\d\d-\d\d)(?: (\d\d:\d\d))?( UTC)?")
+#: Width below which intervals have a decimal [percentage points].
+_NARROW = 2.0
+#: Digits of powers.
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Sections of the site, and the least role that sees each.
 _SECTIONS = (
     ("/", "Fleet", Role.VIEWER),
@@ -138,7 +143,6 @@ def _environment() -> Environment:
         iso=_iso,
         utc=lambda time: f"{time_in_words(time)} UTC",
         duration=_duration,
-        signed=_signed,
         unbroken=_unbroken,
         brief=lambda sentence: "; ".join(sentence.split("; ")[:2]),
         ago=lambda time, now: age_in_words(time, now=now),
@@ -149,6 +153,10 @@ def _environment() -> Environment:
         state_marks=STATE_MARKS,
         steps=STEPS[::-1],
         version=__version__,
+        signed=_signed,
+        span=_span,
+        mode_span=_mode_span,
+        three_digits=_three_digits,
     )
     return made
 
@@ -176,6 +184,30 @@ def _date(found: re.Match[str]) -> str:
     return f'<span class="date">{found[0]}</span>'
 
 
-def _signed(value: float, digits: int = 0) -> str:
-    """Return a number with its sign."""
-    return f"{value:+.{digits}f}".replace("-", "\N{MINUS SIGN}")
+def _signed(change: float, interval: tuple[float, float] | None) -> str:
+    """Return a change [%] with its sign, and as many digits as its interval deserves."""
+    digits = 1 if interval and 100 * abs(interval[1] - interval[0]) < _NARROW else 0
+    value = round(100 * change, digits)
+    return f"{value:+.{digits}f}".replace("-", "−") if value else f"{0:.{digits}f}"
+
+
+def _span(interval: tuple[float, float]) -> str:
+    """Return the ends of an interval of a change [%]."""
+    return f"{_signed(interval[0], interval)} to {_signed(interval[1], interval)}"
+
+
+def _mode_span(value: float, std: float | None, factor: float = 1.0) -> str:
+    """Return a value of a mode with its 95 % interval, in three digits."""
+    text = f"{factor * value:#.3g}"
+    if std is None:
+        return text
+    digits = len(text.partition(".")[2])
+    low, high = (f"{factor * (value + half):.{digits}f}" for half in (-INTERVAL_95 * std, INTERVAL_95 * std))
+    return f"{text} ({low} to {high})"
+
+
+def _three_digits(value: float) -> str:
+    """Return a value in three digits, a small or large one with its power of ten."""
+    mantissa, _, exponent = f"{value:.3g}".partition("e")
+    power = f" · 10{str(int(exponent)).translate(_RAISED)}" if exponent else ""
+    return mantissa.replace("-", "−") + power

@@ -279,12 +279,6 @@ def _page(
     if not head.startswith(state.vehicle):  # names stay as they are
         head = head[:1].upper() + head[1:]
     may_act = person.role.includes(Role.ENGINEER)
-    plain = {} if state.is_of_suspension else state.evidence
-    events = (
-        (entry.time, entry.who)
-        for entry in reversed(detail.history)
-        if entry.what == "acknowledged" and entry.time >= state.raised
-    )
     return page(
         request,
         "alert.html",
@@ -297,21 +291,13 @@ def _page(
         head=head,
         rest=rest[:1].upper() + rest[1:],
         detail=detail,
-        facts=[
-            (in_words(name), str(value))
-            for name, value in plain.items()
-            if isinstance(value, str | float) and value != ""
-        ],
-        acknowledged=next(events, None),
         history=_folded(detail.history),
         evidence=found,
         course=course_of(found.course, found.threshold),
-        best=max((each.log_evidence for each in found.hypotheses), default=0.0),
         is_of_vehicle=state.vehicle != MONITOR and state.cause.partition(":")[0] != "monitor",
         may_act=may_act,
         me=person.name,
         names=[account.name for account in context.store.accounts.all()] if may_act else [],
-        parts=[in_words(name) for name in found.detectable],
         shelves=_SHELVES.items(),
         has_webhook=bool(context.site.send.webhook),
         state_signs=STATES,

@@ -202,7 +202,6 @@ def _page(
     return vehicle_page(
         request,
         "vehicle-baseline.html",
-        context,
         vehicle,
         tab="/baseline",
         problems=problems or {},

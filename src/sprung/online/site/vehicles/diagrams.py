@@ -285,7 +285,6 @@ def show_last(request: Request, context: Shared, _: Viewer, row: KnownVehicle) -
     return vehicle_page(
         request,
         "vehicle-diagrams.html",
-        context,
         vehicle,
         tab="/diagrams",
         window=None,
@@ -310,9 +309,7 @@ def show(request: Request, context: Shared, person: Viewer, entry: KnownWindow, 
     except NoSamplesError as error:
         shown["problem"] = error.detail
     detail = window(context, person, entry)
-    return vehicle_page(
-        request, "vehicle-diagrams.html", context, entry.vehicle, tab="/diagrams", window=detail, **shown
-    )
+    return vehicle_page(request, "vehicle-diagrams.html", entry.vehicle, tab="/diagrams", window=detail, **shown)
 
 
 def computed_diagrams(request: Request, entry: Entry, *, again: bool = False) -> Computed:

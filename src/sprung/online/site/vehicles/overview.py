@@ -89,7 +89,6 @@ def show(
     return vehicle_page(
         request,
         "vehicle.html",
-        context,
         vehicle,
         tab="",
         detail=detail,

@@ -97,7 +97,6 @@ def show(request: Request, context: Shared, person: Viewer, row: KnownVehicle) -
     return vehicle_page(
         request,
         "vehicle-data.html",
-        context,
         row.vehicle,
         tab="/data",
         quality=quality,

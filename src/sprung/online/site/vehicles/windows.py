@@ -140,7 +140,6 @@ def show(request: Request, context: Shared, _: Viewer, row: KnownVehicle, *, unt
     return vehicle_page(
         request,
         "vehicle-windows.html",
-        context,
         row.vehicle,
         tab="/windows",
         windows=observations_of(entries[-_LIMIT:]),
@@ -154,9 +153,7 @@ def show_window(request: Request, context: Shared, person: Viewer, entry: KnownW
     """Show a window of a vehicle."""
     detail = window(context, person, entry)
     axis = axis_of(detail.parts)
-    return vehicle_page(
-        request, "vehicle-window.html", context, entry.vehicle, tab="/windows", window=detail, axis=axis
-    )
+    return vehicle_page(request, "vehicle-window.html", entry.vehicle, tab="/windows", window=detail, axis=axis)
 
 
 def _page(entries: Sequence[Entry], limit: int) -> WindowPage:
