@@ -10,13 +10,4 @@ try:
 except ImportError as error:
     raise missing_package(error, "fastapi", purpose="the pages of the monitor", extra="online") from None
 
-__all__ = [
-    "Context",
-    "Role",
-    "Server",
-    "add_account",
-    "add_token",
-    "application",
-    "remove_account",
-    "remove_token",
-]
+__all__ = ["Context", "Role", "Server", "add_account", "add_token", "application", "remove_account", "remove_token"]

@@ -2,8 +2,7 @@
 
 import hmac
 import math
-from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 from urllib.parse import parse_qsl
 
 from fastapi import Depends, HTTPException, Request, Response, Security
@@ -123,8 +122,7 @@ class Allowed(SecurityBase):
         return person
 
 
-@dataclass(frozen=True, slots=True)
-class Form:
+class Form(NamedTuple):
     """A form that was sent.
 
     Parameters

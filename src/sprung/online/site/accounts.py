@@ -35,10 +35,7 @@ class Role(StrEnum):
 
     def includes(self, other: "Role") -> bool:
         """Return whether this role may do what another may."""
-        return _ORDER.index(self) >= _ORDER.index(other)
-
-
-_ORDER = list(Role)
+        return list(Role).index(self) >= list(Role).index(other)
 
 
 @dataclass(frozen=True, slots=True)

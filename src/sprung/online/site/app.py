@@ -12,6 +12,7 @@ from fastapi.responses import FileResponse, JSONResponse, RedirectResponse, Resp
 from fastapi.staticfiles import StaticFiles
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp
 
 from sprung import __version__
 from sprung.errors import SprungError
@@ -19,7 +20,7 @@ from sprung.online.site import fleet, live, people, probes, runs, site
 from sprung.online.site.access import Viewer
 from sprung.online.site.alerts import alert
 from sprung.online.site.alerts import lists as alert_lists
-from sprung.online.site.guard import App, Attempts, Guard, RateLimit
+from sprung.online.site.guard import Attempts, Guard, RateLimit
 from sprung.online.site.live import Feed
 from sprung.online.site.rendering import page
 from sprung.online.site.runs import RunResults
@@ -38,12 +39,7 @@ ROUTERS = (
     ("", _pages),
 )
 #: Titles of error pages.
-_TITLES = {
-    403: "Not allowed",
-    404: "Not found",
-    422: "Invalid address",
-    503: "The store does not answer",
-}
+_TITLES = {403: "Not allowed", 404: "Not found", 422: "Invalid address", 503: "The store does not answer"}
 #: Requests of one address: in the long run [1/s], and at once.
 _RATE = 50.0
 _BURST = 300.0
@@ -69,7 +65,7 @@ class Refusal(BaseModel):
     detail: str = Field(description="what is wrong, and what to do")
 
 
-def application(context: Context, *, diagrams: DiagramDesk | None = None) -> App:
+def application(context: Context, *, diagrams: DiagramDesk | None = None) -> ASGIApp:
     """Return the application that answers all requests.
 
     Parameters
@@ -133,7 +129,6 @@ def interface(request: Request, context: Shared, _: Viewer) -> Response:
         "interface.html",
         section="/api",
         routes=sorted(routes_of(request.app.openapi()), key=lambda route: (route[0], route[2])),
-        document=request.app.openapi_url,
         address=(context.site.url or str(request.base_url)).rstrip("/"),
     )
 

@@ -3,17 +3,11 @@
 import asyncio
 import math
 from collections import OrderedDict
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Callable
 from ipaddress import IPv6Address, ip_address
-from typing import Any, TypeAlias
 
 from starlette.responses import JSONResponse, PlainTextResponse
-
-Scope: TypeAlias = MutableMapping[str, Any]
-Message: TypeAlias = MutableMapping[str, Any]
-Receive: TypeAlias = Callable[[], Awaitable[Message]]
-Send: TypeAlias = Callable[[Message], Awaitable[None]]
-App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 #: Largest body of a request [bytes].
 MAX_BODY = 65536
@@ -110,7 +104,7 @@ class Guard:
         Whether browsers reach this server by TLS only.
     """
 
-    def __init__(self, app: App, *, limit: RateLimit, hosts: frozenset[str] | None, is_secure: bool) -> None:
+    def __init__(self, app: ASGIApp, *, limit: RateLimit, hosts: frozenset[str] | None, is_secure: bool) -> None:
         self._app = app
         self._limit = limit
         self._hosts = hosts

@@ -4,7 +4,6 @@ import asyncio
 import json
 from collections.abc import AsyncGenerator
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
 from fastapi import APIRouter, Header, Request
@@ -28,8 +27,7 @@ _MAX_WAITING = 500
 _MAX_EVENTS = 1000
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class Mark:
+class Mark(NamedTuple):
     """Place up to which the store was read: number of the last change of an alert, time of the last stored window."""
 
     change: int = 0

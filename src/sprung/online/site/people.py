@@ -20,6 +20,7 @@ from sprung.results.documents.monitoring import AccountEntry
 api = APIRouter(tags=["people"])
 pages = APIRouter(include_in_schema=False)
 
+Before = Annotated[int | None, Query(ge=1, lt=2**63, description="id of an entry: earlier ones only")]
 #: Entries of the audit trail on a page.
 _LIMIT = 100
 #: Result of an action, by the word in the address.
@@ -151,7 +152,7 @@ def _inside(path: str) -> str:
 def audit(
     context: Shared,
     _: Engineer,
-    before: Annotated[int | None, Query(ge=1, lt=2**63, description="id of an entry: earlier ones only")] = None,
+    before: Before = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> list[AuditRow]:
     """The latest entries of the audit trail, in order of time."""
@@ -159,9 +160,7 @@ def audit(
 
 
 @pages.get("/audit")
-def show_audit(
-    request: Request, context: Shared, person: Engineer, before: Annotated[int | None, Query(ge=1, lt=2**63)] = None
-) -> Response:
+def show_audit(request: Request, context: Shared, person: Engineer, before: Before = None) -> Response:
     """Show the audit trail, the latest action first."""
     entries = audit(context, person, before, _LIMIT + 1)[::-1]
     return page(
@@ -195,7 +194,9 @@ def list_accounts(context: Shared, _: Admin) -> list[AccountEntry]:
 @api.put("/accounts")
 def put_account(context: Shared, person: Admin, given: NewAccount) -> Done:
     """Add an account, or change the role and password of one."""
-    _add_account(context, person, given.name, given.role, given.password)
+    if not person.has_account and given.role != Role.ADMIN:
+        raise HTTPException(400, "the first account must have the role admin: it manages the others")
+    accounts.add_account(context.store, given.name, given.role, given.password, who=person.name, now=context.clock())
     return Done(sentence=f"{given.name} can log in as {given.role}")
 
 
@@ -244,14 +245,17 @@ def show(request: Request, context: Shared, person: Admin, done: Outcome = "") -
 @pages.post("/people/accounts")
 def put_account_by_form(context: Shared, form: AdminForm) -> Response:
     """Add an account, or change the role and password of one."""
-    _add_account(context, form.person, form.text("name"), form.text("role"), form.fields.get("password", ""))
+    given = NewAccount.model_construct(
+        name=form.text("name"), role=form.text("role"), password=form.fields.get("password", "")
+    )
+    put_account(context, form.person, given)
     return RedirectResponse("/people?done=account", 303)
 
 
 @pages.post("/people/accounts/role")
 def change_role_by_form(context: Shared, form: AdminForm) -> Response:
     """Give an account another role."""
-    accounts.change_role(context.store, form.text("name"), form.text("role"), who=form.person.name, now=context.clock())
+    change_role(context, form.person, form.text("name"), NewRole.model_construct(role=form.text("role")))
     return RedirectResponse("/people?done=role", 303)
 
 
@@ -271,9 +275,9 @@ def add_token_by_form(request: Request, context: Shared, form: AdminForm) -> Res
         number = float(days) if days else None
     except ValueError:
         raise ParameterError(f"days={days!r} must be a number, such as 365, or be left out") from None
-    now = context.clock()
-    _, secret = accounts.add_token(context.store, name, form.text("role"), days=number, who=form.person.name, now=now)
-    return _page(request, context, form.person, secret=secret, secret_of=name)
+    given = NewToken.model_construct(name=name, role=form.text("role"), days=number)
+    made = add_token(context, form.person, given)
+    return _page(request, context, form.person, secret=made.secret, secret_of=name)
 
 
 @pages.post("/people/tokens/{number}/revoke")
@@ -281,13 +285,6 @@ def remove_token_by_form(context: Shared, form: AdminForm, number: Number) -> Re
     """Revoke a token."""
     remove_token(context, form.person, number)
     return RedirectResponse("/people?done=revoked", 303)
-
-
-def _add_account(context: Context, person: Person, name: str, role: str, password: str) -> None:
-    """Add an account, the first of which is an administrator."""
-    if not person.has_account and role != Role.ADMIN:
-        raise HTTPException(400, "the first account must have the role admin: it manages the others")
-    accounts.add_account(context.store, name, role, password, who=person.name, now=context.clock())
 
 
 def _page(

@@ -184,9 +184,9 @@ def _date(found: re.Match[str]) -> str:
     return f'<span class="date">{found[0]}</span>'
 
 
-def _signed(change: float, interval: tuple[float, float] | None) -> str:
+def _signed(change: float, interval: tuple[float, float]) -> str:
     """Return a change [%] with its sign, and as many digits as its interval deserves."""
-    digits = 1 if interval and 100 * abs(interval[1] - interval[0]) < _NARROW else 0
+    digits = 1 if 100 * abs(interval[1] - interval[0]) < _NARROW else 0
     value = round(100 * change, digits)
     return f"{value:+.{digits}f}".replace("-", "−") if value else f"{0:.{digits}f}"
 

@@ -71,7 +71,6 @@ class Server:
             application(self._context),
             http=_Patient,
             ws="none",
-            loop="asyncio",
             lifespan="on",
             log_config=None,
             log_level="error",  # requests that cannot be read are the fault of their senders

@@ -313,8 +313,7 @@ def _hide_password(address: str) -> str:
 def _origin(url: str) -> str:
     """Return scheme and host of an address: the rest may be a secret."""
     parts = urlsplit(url)
-    port = "" if parts.port is None else f":{parts.port}"
-    return f"{parts.scheme}://{parts.hostname}{port}/{_SECRET}"
+    return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}/{_SECRET}"
 
 
 def _kind_of_service(url: str) -> str:

@@ -125,7 +125,7 @@ def _add_commented_action(name: str) -> None:
     act, meaning = _COMMENTED[name]
 
     def route(context: Shared, person: Engineer, number: Number, given: Comment) -> AlertDetail:
-        act(context.store, number, who=person.name, comment=given.comment, now=context.clock())
+        act(context.store, number, **_by(context, person, given.comment))
         return alert_detail(context, person, number)
 
     api.post(f"/alerts/{{number}}/{name}", name=name, description=meaning)(route)
@@ -138,16 +138,14 @@ for _name in _COMMENTED:
 @api.post("/alerts/{number}/assign")
 def assign(context: Shared, person: Engineer, number: Number, given: Assignment) -> AlertDetail:
     """Assign an alert to a person, or to nobody."""
-    now = context.clock()
-    operations.assign(context.store, number, assignee=given.assignee, who=person.name, comment=given.comment, now=now)
+    operations.assign(context.store, number, assignee=given.assignee, **_by(context, person, given.comment))
     return alert_detail(context, person, number)
 
 
 @api.post("/alerts/{number}/shelve")
 def shelve(context: Shared, person: Engineer, number: Number, given: Shelf) -> AlertDetail:
     """Shelve an alert for some hours."""
-    now = context.clock()
-    operations.shelve(context.store, number, hours=given.hours, who=person.name, comment=given.comment, now=now)
+    operations.shelve(context.store, number, hours=given.hours, **_by(context, person, given.comment))
     return alert_detail(context, person, number)
 
 
@@ -224,23 +222,27 @@ def _act(context: Context, form: Form, number: int, action: str) -> str:
     for name in ("comment", "part", "action"):
         if len(form.text(name)) > _MAX_TEXT:
             raise ParameterError(f"{name} has {len(form.text(name))} characters, but may have {_MAX_TEXT}: shorten it")
-    common: dict[str, Any] = {"who": form.person.name, "now": context.clock()}
+    by = _by(context, form.person, form.text("comment"))
     if action == "work-order":
         send_order(context, form.person, number)
     elif action == "verdict":
-        finding: dict[str, Any] = {name: form.text(name) for name in ("verdict", "part", "action")}
-        is_new = form.text("new_baseline") == "yes"
-        operations.add_verdict(context.store, number, **finding, is_new_baseline=is_new, **common)
-        return "baseline" if is_new else "verdict"
+        fields: dict[str, Any] = {name: form.text(name) for name in ("verdict", "part", "action")}
+        given = WorkshopVerdict.model_construct(**fields, new_baseline=form.text("new_baseline") == "yes")
+        verdict(context, form.person, number, given)
+        return "baseline" if given.new_baseline else "verdict"
     elif action == "assign":
-        assignee = form.text("assignee")[:200] or None
-        operations.assign(context.store, number, assignee=assignee, comment=form.text("comment"), **common)
+        operations.assign(context.store, number, assignee=form.text("assignee")[:200] or None, **by)
     elif action == "shelve":
         hours = next((hours for hours in _SHELVES if str(hours) == form.text("hours")), 0)
-        operations.shelve(context.store, number, hours=hours, comment=form.text("comment"), **common)
+        operations.shelve(context.store, number, hours=hours, **by)
     else:
-        _COMMENTED[action][0](context.store, number, comment=form.text("comment"), **common)
+        _COMMENTED[action][0](context.store, number, **by)
     return action
+
+
+def _by(context: Context, person: Person, comment: str) -> dict[str, Any]:
+    """Return who acts when, and with which comment."""
+    return {"who": person.name, "comment": comment, "now": context.clock()}
 
 
 def _require_alert(context: Context, number: int) -> AlertRow:
@@ -296,7 +298,6 @@ def _page(
         course=course_of(found.course, found.threshold),
         is_of_vehicle=state.vehicle != MONITOR and state.cause.partition(":")[0] != "monitor",
         may_act=may_act,
-        me=person.name,
         names=[account.name for account in context.store.accounts.all()] if may_act else [],
         shelves=_SHELVES.items(),
         has_webhook=bool(context.site.send.webhook),

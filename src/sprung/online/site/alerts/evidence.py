@@ -1,8 +1,8 @@
 """The evidence behind an alert: change, hypotheses, course over the windows, and the windows themselves."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import exp
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -160,8 +160,7 @@ def _window(entry: Entry, alert: AlertState, *, is_since: bool) -> EvidenceWindo
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Dot:
+class Dot(NamedTuple):
     """Evidence after a window: place in the drawing, and whether it is at the threshold or above."""
 
     x: float
@@ -170,8 +169,7 @@ class Dot:
     point: EvidencePoint
 
 
-@dataclass(frozen=True, slots=True)
-class Course:
+class Course(NamedTuple):
     """Evidence after each of some windows, as it is drawn.
 
     Parameters
@@ -187,11 +185,6 @@ class Course:
     dots: tuple[Dot, ...]
     threshold: float
     marks: tuple[tuple[float, int], ...]
-
-    @property
-    def path(self) -> str:
-        """Line through the windows, as SVG writes it."""
-        return " ".join(f"{'L' if number else 'M'}{dot.x:.1f} {dot.y:.1f}" for number, dot in enumerate(self.dots))
 
 
 def course_of(points: Sequence[EvidencePoint], threshold: float | None) -> Course | None:

@@ -154,7 +154,6 @@ def show(request: Request, context: Shared, person: Viewer, wanted: Annotated[Wa
         precision=precision(context.store),
         wanted=wanted,
         link=filter_link("/alerts", wanted),
-        state_names=list(STATES),
         state_signs=STATES,
         step_of=lambda severity: STEPS[severity_step(severity)],
         monitor=MONITOR,

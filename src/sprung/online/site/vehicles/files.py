@@ -68,8 +68,6 @@ def show(
     try:
         return _report(context, vehicle, period, kind="inline")
     except HTTPException as error:
-        if error.status_code != 503:
-            raise
         answer = page(request, "problem.html", status=503, title="One report at a time", sentence=error.detail)
         answer.headers.update(error.headers or {})
         return answer

@@ -96,7 +96,6 @@ def show(
         plan=_plan(state.parts),
         axis=axis_of(state.parts),
         quality=quality,
-        n_good=sum(channel.is_good for channel in quality.channels),
         body=last_body_modes(context.store, vehicle),
         wanted=wanted,
         ranges=list(_RANGES),

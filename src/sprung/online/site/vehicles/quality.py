@@ -100,7 +100,6 @@ def show(request: Request, context: Shared, person: Viewer, row: KnownVehicle) -
         row.vehicle,
         tab="/data",
         quality=quality,
-        bad=[channel.channel for channel in quality.channels if not channel.is_good],
         is_silent=quality.last_seen < context.silent_before and not quality.is_parked,
     )
 

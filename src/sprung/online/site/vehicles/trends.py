@@ -229,8 +229,7 @@ def _modes(found: Sequence[Mapping[str, ModeValue]]) -> tuple[ModeTrend, ...]:
     """Return bounce, pitch and roll over windows, as far as any has them."""
     return tuple(
         ModeTrend(
-            label=label,
-            **{name: [getattr(modes.get(label), name, None) for modes in found] for name in _MODE_FIELDS},
+            label=label, **{name: [getattr(modes.get(label), name, None) for modes in found] for name in _MODE_FIELDS}
         )
         for label in MOTIONS
         if any(label in modes for modes in found)
