@@ -1,5 +1,10 @@
 """A fleet in a store, and a client of the application."""
 
+import json
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
+from typing import ClassVar
+
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -156,3 +161,31 @@ def write_run(folder, rows):
     path = folder / "diagnoses" / name
     pq.write_table(pa.Table.from_pylist(rows, _RUN), path)
     table.commit([AddedFile(name, path.stat().st_size, len(rows))], replaces=True)
+
+
+class _Receiver(BaseHTTPRequestHandler):
+    """A server that takes documents, and answers with its `status`."""
+
+    status = 204
+    received: ClassVar[list[tuple[str | None, dict[str, object]]]] = []
+
+    def do_POST(self) -> None:
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        self.received.append((self.headers["Idempotency-Key"], json.loads(body)))
+        self.send_response(self.status)
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        """Write nothing."""
+
+
+@pytest.fixture
+def receiver():
+    """Class and address of a server that keeps what is sent to it."""
+    handler = type("Receiver", (_Receiver,), {"received": []})
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = Thread(target=server.serve_forever)
+        thread.start()
+        yield handler, f"http://127.0.0.1:{server.server_port}/orders"
+        server.shutdown()
+        thread.join()

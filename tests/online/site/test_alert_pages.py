@@ -1,16 +1,12 @@
 """The pages of alerts: acts by forms, what viewers see, and what people can write."""
 
-import json
 import re
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from threading import Thread
-from typing import ClassVar
 
 import pytest
 from tests.online.site.conftest import NOW, PASSWORD
 
 from sprung.online.alerts import AlertSettings
-from sprung.online.monitor import AlertBook, operations
+from sprung.online.monitor import AlertBook
 from sprung.online.site.alerts.alert import _folded
 from sprung.results.documents.monitoring import HistoryEntry
 
@@ -36,15 +32,6 @@ def send(client, token, act, **fields):
         headers={"accept": "text/html"},
         follow_redirects=False,
     )
-
-
-def test_a_list_of_alerts(log_in_page) -> None:
-    client, _ = log_in_page("viewer")
-    page = client.get("/alerts").text
-    assert "<h1>2 alerts need attention.</h1>" in page
-    assert '<a href="/alerts/1">front-left spring 20 % softer</a>' in page
-    assert "bus-2" not in client.get("/alerts?vehicle=bus-1").text
-    assert "No alert matches." in client.get("/alerts?state=shelved").text
 
 
 def test_every_act_by_a_form(log_in_page, store) -> None:
@@ -98,15 +85,6 @@ def test_the_history_folds_updates() -> None:
     assert folded == [(1, "updated", 5), (1, "acknowledged", 4), (3, "updated", 3), (1, "raised", 0)]
 
 
-def test_two_people_acknowledge_the_same_alert(log_in_page, store) -> None:
-    client, token = log_in_page("engineer")
-    operations.acknowledge(store, 1, who="bert", now=NOW)
-    answer = send(client, token, "acknowledge")
-    assert answer.status_code == 409
-    assert "is acknowledged already" in answer.text
-    assert "by bert" in answer.text
-
-
 def test_viewers_see_no_forms_and_cannot_act(log_in_page) -> None:
     client, token = log_in_page("viewer")
     page = client.get("/alerts/1").text
@@ -135,36 +113,8 @@ def test_a_work_order_as_a_file(log_in_page, check_document) -> None:
     assert order == client.get("/api/v1/alerts/1/work-order").json()
 
 
-class _Workshop(BaseHTTPRequestHandler):
-    """A server that takes work orders, and answers with its `status`."""
-
-    status = 204
-    received: ClassVar[list[tuple[str | None, dict[str, object]]]] = []
-
-    def do_POST(self) -> None:
-        body = self.rfile.read(int(self.headers["Content-Length"]))
-        self.received.append((self.headers["Idempotency-Key"], json.loads(body)))
-        self.send_response(self.status)
-        self.end_headers()
-
-    def log_message(self, *_: object) -> None:
-        """Write nothing."""
-
-
-@pytest.fixture
-def workshop():
-    """The server's class and address."""
-    handler = type("Workshop", (_Workshop,), {"received": []})
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        thread = Thread(target=server.serve_forever)
-        thread.start()
-        yield handler, f"http://127.0.0.1:{server.server_port}/orders"
-        server.shutdown()
-        thread.join()
-
-
-def test_a_work_order_by_webhook(log_in_page, store, workshop, check_document) -> None:
-    handler, url = workshop
+def test_a_work_order_by_webhook(log_in_page, store, receiver, check_document) -> None:
+    handler, url = receiver
     client, token = log_in_page("engineer", send={"webhook": [{"url": url}]})
     answer = send(client, token, "work-order")
     assert (answer.status_code, answer.headers["location"]) == (303, "/alerts/1?done=work-order")

@@ -88,6 +88,16 @@ def taken(desk, request, **options):
     raise AssertionError("the desk is always busy")
 
 
+def computed(client, address, *, busy):
+    """The answer at an address when it is no longer busy."""
+    for _ in range(3000):
+        answer = client.get(address)
+        if not busy(answer):
+            return answer
+        time.sleep(0.01)
+    raise AssertionError(f"{address} is always busy")
+
+
 def test_a_result_is_kept(tmp_path) -> None:
     desk = DiagramDesk(command=GIVES)
     with pytest.raises(BusyError, match="are being computed from the samples: try again in 5 s"):
@@ -185,12 +195,7 @@ def test_diagrams_that_failed_can_be_computed_again(store, site) -> None:
     desk = DiagramDesk(command=(sys.executable, "-c", "raise SystemExit(3)"))
     context = Context(store, site, figures=dict, troubles=list, clock=lambda: NOW)
     with TestClient(application(context, diagrams=desk), base_url="http://127.0.0.1:8737") as client:
-        page = client.get("/vehicles/bus-1/windows/1/0/diagrams")
-        for _ in range(3000):
-            page = client.get("/vehicles/bus-1/windows/1/0/diagrams")
-            if "data-busy" not in page.text:
-                break
-            time.sleep(0.01)
+        page = computed(client, "/vehicles/bus-1/windows/1/0/diagrams", busy=lambda answer: "data-busy" in answer.text)
     assert "exit code 3" in page.text
     assert "/vehicles/bus-1/windows/1/0/diagrams?again=true" in page.text
 
@@ -218,12 +223,7 @@ def test_page_and_interface_show_the_same_diagrams(served, site) -> None:
     assert (answer.status_code, answer.headers["retry-after"]) == (503, "5")
     page = client.get("/vehicles/bus-1/windows/1/0/diagrams")
     assert page.status_code == 200
-    for _ in range(3000):
-        answer = client.get(f"{address}/diagrams")
-        if answer.status_code == 200:
-            break
-        time.sleep(0.01)
-    given = answer.json()
+    given = computed(client, f"{address}/diagrams", busy=lambda answer: answer.status_code == 503).json()
     assert (given["vehicle"], given["boot"], given["number"], given["t0"]) == ("bus-1", 1, 0, NOW)
     for name in ("fit", "stabilisation", "identification", "levels"):
         assert given[name] == VALUES[name]

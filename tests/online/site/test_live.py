@@ -73,28 +73,6 @@ def test_those_who_come_at_once_hear_everything_once(store) -> None:
     assert first != second
 
 
-def test_what_waits_for_listeners_is_bounded(store, monkeypatch) -> None:
-    """However much happens, a listener that takes nothing has a full queue at most, then none."""
-    monkeypatch.setattr(live, "_MAX_WAITING", 5)
-
-    async def listen():
-        feed = Feed(store, look=0.001)
-        idle = [feed.listen(None) for _ in range(10)]
-        await asyncio.gather(*(next_of(each) for each in idle))
-        waiting = []
-        for number in range(40):
-            operations.add_comment(store, 1, who="eve", comment=str(number), now=NOW)
-            await asyncio.sleep(0.005)
-            waiting.append(sum(queue.qsize() for queue in feed._listeners))
-        async with asyncio.timeout(20.0):
-            while feed.n_listeners:
-                await asyncio.sleep(0.01)
-        await feed.close()
-        return waiting
-
-    assert max(asyncio.run(listen())) <= 50
-
-
 @pytest.mark.parametrize("limit", [1, 1000])
 def test_a_listener_continues_where_it_stopped(store, monkeypatch, limit) -> None:
     """Nothing is missed and nothing comes twice, in whatever portions the store is read."""
@@ -158,7 +136,3 @@ def test_an_idle_listener_gets_signs_of_life(store, monkeypatch) -> None:
 @pytest.mark.parametrize("text", ["", "1", "1-", "-1", "a-b", "1-2-3", "9" * 19 + "-1"])
 def test_what_is_no_mark_is_ignored(text) -> None:
     assert Mark.parse(text) is None
-
-
-def test_marks_are_read_as_written() -> None:
-    assert Mark.parse(str(Mark(3, NOW - 1))) == Mark(3, NOW - 1)

@@ -100,10 +100,6 @@ def test_pages_of_each_role(serve, people, store, role) -> None:
             assert ("/people" in linked, "/audit" in linked) == (role == "admin", role != "viewer")
 
 
-def test_all_sections_are_pages() -> None:
-    assert {"/", "/site", "/people", "/audit", "/api", "/log-in"} <= {path for path, _ in PAGES}
-
-
 def test_nobody_is_sent_to_log_in_and_back(serve, people) -> None:
     _, client = serve()
     for path, role in PAGES:

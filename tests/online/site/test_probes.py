@@ -37,15 +37,6 @@ def test_figures_with_labels_stand_together() -> None:
     )
 
 
-def test_figures_of_the_store_are_among_the_others(serve) -> None:
-    _, client = serve()
-    answer = client.get("/metrics")
-    assert answer.headers["content-type"].startswith("text/plain; version=0.0.4")
-    assert "\nsprung_store_writable 1.0\n" in answer.text
-    assert "\nsprung_alerts_active 2.0\n" in answer.text
-    assert "\nsprung_frames_total 5.0\n" in answer.text
-
-
 @pytest.mark.parametrize("hangs", [False, True])
 def test_a_store_that_hangs_or_fails_costs_only_what_it_has(serve, store, monkeypatch, hangs) -> None:
     """More requests than may wait for the store are answered, too."""
