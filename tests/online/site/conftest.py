@@ -26,6 +26,7 @@ NOW = 1_795_219_200_000_000_000
 HOUR = 3600 * 10**9
 PASSWORD = "correct horse battery"
 ROLES = ("viewer", "engineer", "admin")
+FIGURES = {"sprung_store_writable": 1.0, "sprung_frames_total": 5.0}
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -41,11 +42,11 @@ def fill(opened):
     """Three vehicles; the spring of the first is soft (alert 1), the second is silent (alert 2)."""
     for name, seen in (("bus-1", NOW), ("bus-2", NOW - 5 * HOUR), ("bus-3", NOW)):
         opened.inbox.put_vehicle(name, configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
-    book = AlertBook(opened, AlertSettings())
     evidence = {"change": -0.2, "interval": [-0.22, -0.18]}
-    report = Report("bus-1", "front_left.spring", 700, "front-left spring 20 % softer", evidence)
-    book.put(reported(None, report, AlertSettings(), NOW - HOUR), now=NOW - HOUR)
-    book.report("bus-2", "silent", "bus-2 has sent nothing", now=NOW - HOUR)
+    raise_alert(
+        opened, "bus-1", "front_left.spring", 700, "front-left spring 20 % softer", evidence=evidence, now=NOW - HOUR
+    )
+    AlertBook(opened, AlertSettings()).report("bus-2", "silent", "bus-2 has sent nothing", now=NOW - HOUR)
     opened.inbox.add_frames([StoredFrame("bus-1", 1, seq, NOW, b"x") for seq in range(9)], now=NOW)
     status = {"share": 0.0, "n_learnt": 12, "n_needed": 12, "until": NOW}
     windows = tuple((k, NOW + k * 600 * 10**9, {"time": k}) for k in range(5))
@@ -64,6 +65,13 @@ def fill(opened):
     )
 
 
+def raise_alert(store, vehicle, cause, severity=700, text="text", *, evidence=None, now=NOW):
+    """Raise an alert, and return its number."""
+    report = Report(vehicle, cause, severity, text, evidence or {})
+    AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), now), now=now)
+    return next(row.id for row in store.alerts.find(vehicle=vehicle) if row.cause == cause)
+
+
 @pytest.fixture
 def store(sqlite_url):
     """Three vehicles; the spring of the first is soft (alert 1), the second is silent (alert 2)."""
@@ -77,15 +85,11 @@ def serve(store):
     """Function of site settings that returns the context and a client; the clock stands still."""
     opened = []
 
-    def served(**fields):
-        context = Context(
-            store,
-            Site(**fields),
-            figures=lambda: {"sprung_store_writable": 1.0, "sprung_frames_total": 5.0},
-            troubles=list,
-            clock=lambda: NOW,
-        )
-        client = TestClient(application(context), base_url="http://127.0.0.1:8737", raise_server_exceptions=False)
+    def served(*, figures=FIGURES, troubles=(), diagrams=None, **fields):
+        site = Site.model_validate(fields)
+        context = Context(store, site, figures=lambda: figures, troubles=lambda: list(troubles), clock=lambda: NOW)
+        app = application(context, diagrams=diagrams)
+        client = TestClient(app, base_url="http://127.0.0.1:8737", raise_server_exceptions=False)
         opened.append(client)
         return context, client
 

@@ -36,6 +36,7 @@ VEHICLES: list[tuple[str, str, dict[str, Any]]] = (
         ("waiting", "waiting", {"n_windows": None}),
         ("silent", "stale", {"n_windows": 12, "age": 5 * HOUR}),
         ("parked", "stale", {"n_windows": 12, "age": 48 * HOUR}),
+        ("parked today", "no_change_detected", {"n_windows": 12, "age": 20 * HOUR}),
         ("sensor", "fault", {"n_windows": 12, "fault": SensorFault("acc_fl", "dead", "it is constant")}),
     ]
 )
@@ -46,7 +47,7 @@ def fill(store, name, *, n_windows=12, change=None, status=None, age=0, fault=No
     seen = NOW - age
     store.inbox.put_vehicle(name, configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
     store.inbox.add_frames([StoredFrame(name, 1, 0, seen, b"x")], now=seen)
-    store.inbox.park(name, is_parked=name == "parked")
+    store.inbox.park(name, is_parked=name.startswith("parked"))
     if n_windows is None:
         return
     generator = np.random.default_rng(sum(name.encode()))
@@ -117,6 +118,8 @@ def test_all_renderings_of_twenty_vehicles_agree(fleet) -> None:
         assert said == dict.fromkeys(said, sentence), name
         verdicts = {report["verdict"], commands[name]["verdict"], listed[name]["verdict"]}
         assert verdicts == {verdict}, name
+        is_unknown = verdict not in {"change", "no_change_detected", "fault"}
+        assert (listed[name]["health_index"] is None) == is_unknown, name
         facts = ("change", "interval", "detectable")
         reported_parts = {each["component"]: {fact: each[fact] for fact in facts} for each in report["changes"]}
         parts = {each["part"]: {fact: each[fact] for fact in facts} for each in state["parts"]}

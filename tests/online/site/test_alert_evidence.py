@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from tests.online.site.conftest import HOUR, NOW
+from tests.online.site.conftest import HOUR, NOW, raise_alert
 
 from sprung.diagnosis import Observation
 from sprung.online.alerts import AlertSettings, Report, reported
@@ -54,9 +54,8 @@ def alert(store):
         "detectable": {"front_left.spring": 0.07},
         "detection": {**course, "threshold": 10.8, "hypotheses": hypotheses},
     }
-    report = Report("bus-3", "front.spring", 700, "both front springs 20 % (10 to 30 %) softer; inspect", evidence)
-    AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), NOW), now=NOW)
-    return next(row.id for row in store.alerts.find(vehicle="bus-3"))
+    text = "both front springs 20 % (10 to 30 %) softer; inspect"
+    return raise_alert(store, "bus-3", "front.spring", 700, text, evidence=evidence)
 
 
 def test_the_evidence_of_an_alert(serve, alert) -> None:
@@ -92,9 +91,7 @@ def test_the_windows_behind_the_alert_of_a_sensor_begin_with_its_fault(serve, st
         document["sensor_faults"] = [fault]
     store.inbox.add_frames([StoredFrame("bus-3", 1, 0, NOW, b"x")], now=NOW)
     store.results.commit(Progress("bus-3", 1, done_seq=0, observations=tuple(windows), now=NOW))
-    report = Report("bus-3", "sensor:acc_rr", 300, "sensor acc_rr is dead", {"kind": "dead"})
-    AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), NOW), now=NOW)
-    (number,) = [row.id for row in store.alerts.find(vehicle="bus-3")]
+    number = raise_alert(store, "bus-3", "sensor:acc_rr", 300, "sensor acc_rr is dead", evidence={"kind": "dead"})
     context, _ = serve()
     found = [(each.number, each.is_since_onset, each.note) for each in evidence(context, PERSON, number).windows]
     assert found == [(k, k >= 6, "acc_rr stuck low" if k >= 6 else "") for k in range(1, 10)]

@@ -1,15 +1,11 @@
 """The interface: every act, every list, pages of lists, and what is refused."""
 
-import numpy as np
 import pytest
-from tests.diagnosis.conftest import drawn_window
-from tests.online.site.conftest import HOUR, NOW
+from tests.online.site.conftest import HOUR, NOW, raise_alert
 
-from sprung.diagnosis import learn
-from sprung.online.alerts import AlertSettings, Report, health_index, reported
+from sprung.online.alerts import AlertSettings, health_index
 from sprung.online.monitor import AlertBook, alert_of
-from sprung.online.store import AlertRow, FleetFilter, Progress
-from sprung.results.documents import baseline_document, observation_document
+from sprung.online.store import AlertRow, FleetFilter
 
 
 @pytest.fixture
@@ -40,51 +36,10 @@ def test_the_fleet_in_order_of_urgency(client) -> None:
     assert "<h1>No alert needs attention. " in client.get("/alerts", headers={"Accept": "text/html"}).text
 
 
-@pytest.mark.parametrize(
-    ("sent", "expected"),
-    [
-        ((0, False, False), ("no_change_detected", 100.0)),
-        ((20 * HOUR, True, False), ("no_change_detected", 100.0)),
-        ((90 * 24 * HOUR, True, False), ("stale", None)),
-        ((2 * HOUR, False, False), ("stale", None)),
-        ((0, False, True), ("learning", None)),
-    ],
-)
-def test_old_data_are_never_healthy(client, store, sent, expected) -> None:
-    (age, is_parked, is_learning), (verdict, health) = sent, expected
-    name, seen = "bus-9", NOW - age
-    store.inbox.put_vehicle(name, configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
-    store.inbox.park(name, is_parked=is_parked)
-    status = {"share": 0.0, "n_learnt": 3 if is_learning else 12, "n_needed": 12, "until": seen}
-    generator = np.random.default_rng(1)
-    begin = seen // 10**9 - 24 * 600
-    windows = [drawn_window(generator, begin + 600.0 * k) for k in range(24)]
-    document = baseline_document(learn(windows[:12])).as_json()
-    store.results.commit(
-        Progress(
-            name,
-            1,
-            done_seq=-1,
-            observations=tuple(
-                (k, round(1e9 * window.time), observation_document(window)) for k, window in enumerate(windows)
-            ),
-            baselines=((1, seen, "first learning", document),),
-            status=status | {"is_learning": is_learning},
-            now=seen,
-        )
-    )
-    (vehicle,) = client.get("/api/v1/vehicles?text=bus-9").json()["vehicles"]
-    assert (vehicle["verdict"], vehicle["health_index"]) == (verdict, health)
-    page = client.get("/?text=bus-9", headers={"Accept": "text/html"}).text
-    assert ('<tr class="unknown">' in page) == (health is None)
-    assert ("1 of 1 good" in page) == (verdict != "stale")
-
-
 def test_an_alert_does_not_hide_that_its_vehicle_is_silent(client, store) -> None:
     seen = NOW - 72 * HOUR
     store.inbox.put_vehicle("bus-8", configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
-    report = Report("bus-8", "front_left.spring", 900, "front-left spring 20 % softer")
-    AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), seen), now=seen)
+    raise_alert(store, "bus-8", "front_left.spring", 900, "front-left spring 20 % softer", now=seen)
     (first,) = client.get("/api/v1/vehicles?text=bus-8").json()["vehicles"]
     assert (first["verdict"], first["is_old"], first["health_index"]) == ("change", True, None)
     page = client.get("/?text=bus-8", headers={"Accept": "text/html"}).text
@@ -107,10 +62,9 @@ def test_the_quality_of_data_in_the_fleet(client, store) -> None:
         return first["channels"], first["failing"], first["has_lost"]
 
     assert quality() == (1, [], False)
-    book = AlertBook(store, AlertSettings())
-    book.put(reported(None, Report("bus-1", "sensor:acc_fl", 300, "dead", {}), AlertSettings(), NOW), now=NOW)
+    raise_alert(store, "bus-1", "sensor:acc_fl", 300, "dead")
     assert quality() == (1, ["acc_fl"], False)
-    book.report_lost("bus-1", {1: 3}, now=NOW)
+    AlertBook(store, AlertSettings()).report_lost("bus-1", {1: 3}, now=NOW)
     assert quality() == (1, ["acc_fl"], True)
     page = client.get("/", headers={"Accept": "text/html"}).text
     assert "0 of 1 good" in page

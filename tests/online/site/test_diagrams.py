@@ -5,12 +5,10 @@ import sys
 import time
 
 import pytest
-from starlette.testclient import TestClient
 from tests.online.site.conftest import NOW
 
 from sprung.link.archive import write_archive
 from sprung.online.monitor import Site
-from sprung.online.site import Context, application
 from sprung.online.site.vehicles.diagrams import BusyError, DiagramDesk
 
 MODE = {
@@ -160,14 +158,9 @@ def site(tmp_path):
 
 
 @pytest.fixture
-def served(store, site):
+def served(serve, site):
     """A client of a server whose program gives the values above."""
-    desk = DiagramDesk(command=GIVES)
-    context = Context(store, site, figures=dict, troubles=list, clock=lambda: NOW)
-    with TestClient(
-        application(context, diagrams=desk), base_url="http://127.0.0.1:8737", raise_server_exceptions=False
-    ) as client:
-        yield client
+    return serve(figures={}, diagrams=DiagramDesk(command=GIVES), store=site.store)[1]
 
 
 def archive(site, number=0, t0=NOW):
@@ -190,12 +183,11 @@ def test_samples_that_are_not_kept(served, store) -> None:
     assert client.get("/api/v1/vehicles/bus-1/windows/1/77/diagrams").status_code == 404
 
 
-def test_diagrams_that_failed_can_be_computed_again(store, site) -> None:
+def test_diagrams_that_failed_can_be_computed_again(serve, site) -> None:
     archive(site)
     desk = DiagramDesk(command=(sys.executable, "-c", "raise SystemExit(3)"))
-    context = Context(store, site, figures=dict, troubles=list, clock=lambda: NOW)
-    with TestClient(application(context, diagrams=desk), base_url="http://127.0.0.1:8737") as client:
-        page = computed(client, "/vehicles/bus-1/windows/1/0/diagrams", busy=lambda answer: "data-busy" in answer.text)
+    _, client = serve(diagrams=desk, store=site.store)
+    page = computed(client, "/vehicles/bus-1/windows/1/0/diagrams", busy=lambda answer: "data-busy" in answer.text)
     assert "exit code 3" in page.text
     assert "/vehicles/bus-1/windows/1/0/diagrams?again=true" in page.text
 

@@ -3,13 +3,12 @@
 from html.parser import HTMLParser
 
 import pytest
-from starlette.testclient import TestClient
-from tests.online.site.conftest import NOW, PASSWORD, ROLES
+from tests.online.site.conftest import NOW, PASSWORD, ROLES, raise_alert
 from tests.online.site.test_access import ROUTES, VALUES
 
-from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, Site, operations
-from sprung.online.site import Context, add_account, add_token, application
+from sprung.online.alerts import AlertSettings
+from sprung.online.monitor import AlertBook, operations
+from sprung.online.site import add_account, add_token
 from sprung.online.site.app import routes_of
 
 #: A text that runs a script where it is taken for markup, for a value of an attribute, or for an address.
@@ -115,12 +114,9 @@ def put_hostile_texts(store):
         store.inbox.put_vehicle(
             name, configuration=HOSTILE, description=HOSTILE, channels=[[HOSTILE, HOSTILE]], now=NOW
         )
-    book = AlertBook(store, AlertSettings())
     evidence = {HOSTILE: HOSTILE, "change": -0.2, "interval": [-0.22, -0.18], "notes": [HOSTILE], "channel": HOSTILE}
-    book.put(
-        reported(None, Report("bus-3", f"sensor:{HOSTILE}", 900, HOSTILE, evidence), AlertSettings(), NOW), now=NOW
-    )
-    book.report("bus-1", "lost", HOSTILE, now=NOW)
+    raise_alert(store, "bus-3", f"sensor:{HOSTILE}", 900, HOSTILE, evidence=evidence)
+    AlertBook(store, AlertSettings()).report("bus-1", "lost", HOSTILE, now=NOW)
     for row in store.alerts.find():
         operations.add_comment(store, row.id, who=HOSTILE, comment=HOSTILE, now=NOW)
         operations.assign(store, row.id, assignee=HOSTILE, who=HOSTILE, comment=HOSTILE, now=NOW)
@@ -140,12 +136,9 @@ def put_hostile_texts(store):
 
 
 @pytest.fixture
-def hostile(store):
+def hostile(serve, store):
     """A client without accounts, and a store in which every text is hostile that a vehicle or person can set."""
-    site = Site.model_validate(put_hostile_texts(store))
-    context = Context(store, site, figures=dict, troubles=lambda: [HOSTILE], clock=lambda: NOW)
-    with TestClient(application(context), base_url="http://127.0.0.1:8737") as client:
-        yield client
+    return serve(figures={}, troubles=[HOSTILE], **put_hostile_texts(store))[1]
 
 
 @pytest.mark.slow

@@ -1,10 +1,9 @@
 """Precision of a site's alerts, and times to repair, from verdicts."""
 
 import pytest
-from tests.online.site.conftest import HOUR, NOW
+from tests.online.site.conftest import HOUR, NOW, raise_alert
 
-from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, operations
+from sprung.online.monitor import operations
 from sprung.online.site.alerts.lists import precision, share
 from sprung.online.store import Progress, StoredFrame, VerdictRow
 
@@ -29,16 +28,6 @@ def test_an_interval_without_misses_has_a_closed_form() -> None:
     assert (share(0, 0).value, share(0, 0).interval) == (None, (0.0, 1.0))
 
 
-def raise_alert(store, vehicle, cause, *, onset, raised):
-    """Raise an alert, and return its number."""
-    evidence = {} if onset is None else {"since": onset / 1e9}
-    report = Report(vehicle, cause, 700, "text", evidence)
-    known = next((row for row in store.alerts.find(vehicle=vehicle) if row.cause == cause), None)
-    assert known is None
-    AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), raised), now=raised)
-    return next(row.id for row in store.alerts.find(vehicle=vehicle) if row.cause == cause)
-
-
 def test_verdicts_give_precision_and_delays(store) -> None:
     """Six alerts: two confirmed, one another part, one nothing found, one not looked at, one of the monitor."""
     given = [
@@ -50,8 +39,8 @@ def test_verdicts_give_precision_and_delays(store) -> None:
         ("lost", None, ("confirmed", "", "disk renewed"), 1),
     ]
     for cause, onset, (verdict, part, action), hours in given:
-        began = None if onset is None else NOW + onset * HOUR
-        number = raise_alert(store, "bus-3", cause, onset=began, raised=NOW)
+        began = {} if onset is None else {"since": (NOW + onset * HOUR) / 1e9}
+        number = raise_alert(store, "bus-3", cause, evidence=began)
         operations.add_verdict(
             store, number, verdict=verdict, part=part, action=action, who="eve", now=NOW + hours * HOUR
         )
@@ -81,7 +70,7 @@ def test_an_alert_that_was_raised_again_keeps_the_onset_of_its_findings(store) -
     store.inbox.add_frames([StoredFrame("bus-3", 1, 0, NOW, b"x")], now=NOW)
     found = Progress("bus-3", 1, done_seq=0, findings=((0, NOW - 4 * HOUR, finding),), now=NOW)
     store.results.commit(found)
-    number = raise_alert(store, "bus-3", "front_left.spring", onset=NOW - HOUR, raised=NOW)
+    number = raise_alert(store, "bus-3", "front_left.spring", evidence={"since": (NOW - HOUR) / 1e9})
     earlier = VerdictRow(number, NOW - HOUR, "eve", "confirmed", "", "spring renewed", NOW - 2 * HOUR)
     store.verdicts.add(earlier)
     delay = precision(store).onset_to_alert

@@ -54,21 +54,19 @@ FIGURES = {
 
 
 @pytest.fixture
-def context(store):
-    """A site with secrets, whose monitor has a trouble."""
-    return Context(
-        store,
-        Site.model_validate(SETTINGS),
-        figures=lambda: FIGURES,
-        troubles=lambda: ["the broker has not answered yet"],
-        clock=lambda: NOW,
-    )
+def opened(serve):
+    """Context and client of a site with secrets, whose monitor has a problem."""
+    return serve(figures=FIGURES, troubles=["the broker has not answered yet"], **SETTINGS)
 
 
 @pytest.fixture
-def client(context):
-    with TestClient(application(context), base_url="http://127.0.0.1:8737") as opened:
-        yield opened
+def context(opened):
+    return opened[0]
+
+
+@pytest.fixture
+def client(opened):
+    return opened[1]
 
 
 def test_settings_have_values_defaults_and_where_they_come_from(context) -> None:

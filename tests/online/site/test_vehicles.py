@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from tests.online.site.conftest import HOUR, NOW, PASSWORD
+from tests.online.site.conftest import HOUR, NOW, PASSWORD, raise_alert
 
 from sprung.diagnosis import Observation, SensorFault, learn
 from sprung.errors import ParameterError
-from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook
 from sprung.online.monitor.vehicle_states import vehicle_state
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.vehicles.baselines import baseline
@@ -94,8 +92,8 @@ def observed(store, windows):
             now=NOW,
         )
     )
-    report = Report(NAME, "front_left.spring", 500, f"{sentence}; 5 % would have been found", finding)
-    AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), NOW - HOUR), now=NOW - HOUR)
+    text = f"{sentence}; 5 % would have been found"
+    raise_alert(store, NAME, "front_left.spring", 500, text, evidence=finding, now=NOW - HOUR)
     return store
 
 
@@ -136,8 +134,7 @@ def test_a_named_part_has_the_size_of_its_finding_and_the_others_their_mean(obse
 
 def found_at(store, since):
     """Raise an alert with an onset, UTC ns, more severe than those before."""
-    report = Report(NAME, "front_left.spring", 900, "front-left spring 21 % softer", {"since": since / 1e9})
-    AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), NOW), now=NOW)
+    raise_alert(store, NAME, "front_left.spring", 900, "front-left spring 21 % softer", evidence={"since": since / 1e9})
 
 
 def test_the_window_of_the_onset_counts_however_its_time_is_rounded(observed) -> None:

@@ -162,10 +162,9 @@ async def events(
     request: Request, _: Viewer, last_event_id: Annotated[str | None, Header(max_length=40)] = None
 ) -> StreamingResponse:
     """Changes of alerts ("alert") and analysed windows ("window") as server-sent events, as they happen."""
-    feed: Feed = request.app.state.feed
     after = None if last_event_id is None else Mark.parse(last_event_id)
     headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
-    return StreamingResponse(feed.listen(after), media_type="text/event-stream", headers=headers)
+    return StreamingResponse(request.app.state.feed.listen(after), media_type="text/event-stream", headers=headers)
 
 
 def _cut_off(queue: asyncio.Queue[Event | None]) -> None:

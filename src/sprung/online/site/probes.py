@@ -23,7 +23,6 @@ from sprung.online.site.shared import Shared, context_of
 T = TypeVar("T")
 
 router = APIRouter(tags=["site"])
-_VIEWER = Allowed(Role.VIEWER)
 
 #: Longest time for an answer of the store [s].
 _TIMEOUT = 2.0
@@ -51,7 +50,7 @@ async def metrics(request: Request, context: Shared) -> Response:
 
     Programs of this machine need no log-in: a store that does not answer must not withhold the figures from them.
     """
-    if not context.is_private and await _in_time(lambda: _VIEWER(request)) is None:
+    if not context.is_private and await _in_time(lambda: Allowed(Role.VIEWER)(request)) is None:
         raise HTTPException(503, "the store does not answer: try again later, and see /health")
     store = context.store
     stored = await _in_time(
