@@ -32,7 +32,7 @@ class Recorder:
 def a_message() -> Message:
     report = Report("car", "front_left.spring", 700, "front-left spring 20 % softer: inspect")
     transition = reported(None, report, AlertSettings(), 0)
-    return message_of(transition.alert, transition)
+    return message_of(transition)
 
 
 def test_one_failing_sender_does_not_keep_the_others() -> None:

@@ -36,7 +36,7 @@ DIRECT = urllib.request.ProxyHandler({})
 def a_message(severity=700, **evidence):
     report = Report("car", "front_left.spring", severity, "front-left spring 20 % softer – inspect", evidence)
     transition = reported(None, report, AlertSettings(), TIME)
-    return message_of(transition.alert, transition)
+    return message_of(transition)
 
 
 @contextmanager

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from sprung.online.alerts import AlertSettings, Report
-from sprung.online.alerts.rounds import reported
+from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import Site, row_of
 from sprung.online.store import Progress, StoredFrame, open_store
 

@@ -4,13 +4,21 @@ from collections.abc import Iterable, Sequence
 
 from sprung.diagnosis import Observation
 from sprung.errors import FormatError
-from sprung.online.alerts import STEPS, health_index, is_of_suspension, severity_step, state_name
 from sprung.online.monitor.alert_book import alert_of
 from sprung.online.monitor.site import Site
 from sprung.online.store import AlertRow, BaselineRow, Entry, Store
 from sprung.results.documents import baseline_from_document, observation_from_document
 from sprung.results.periods import Period
-from sprung.state import LAST_WINDOWS, WINDOWS_SINCE_ONSET, AlertState, Reference, VehicleState, VehicleStatus, state_of
+from sprung.state import (
+    LAST_WINDOWS,
+    WINDOWS_SINCE_ONSET,
+    AlertState,
+    Reference,
+    VehicleState,
+    VehicleStatus,
+    is_of_suspension,
+    state_of,
+)
 
 #: Age of the last message of a parked vehicle after which it says nothing about the present [ns].
 _PARKED = 86400 * 10**9
@@ -20,25 +28,7 @@ _LOOKED_THROUGH = 2 * LAST_WINDOWS
 
 def alert_state(row: AlertRow) -> AlertState:
     """Return the state of a stored alert."""
-    alert = alert_of(row)
-    return AlertState(
-        number=row.id or 0,
-        vehicle=row.vehicle,
-        cause=row.cause,
-        is_of_suspension=is_of_suspension(row.cause),
-        severity=row.severity,
-        step=STEPS[severity_step(row.severity)],
-        state=state_name(alert),
-        is_active=row.is_active,
-        is_acknowledged=row.is_acknowledged,
-        raised=row.raised,
-        cleared=row.cleared,
-        count=row.count,
-        assignee=row.assignee,
-        shelved_until=row.shelved_until,
-        text=row.text,
-        evidence=alert.evidence,
-    )
+    return alert_of(row).as_state(row.id or 0)
 
 
 def vehicle_state(
@@ -91,7 +81,6 @@ def vehicle_state(
         last_seen=last_seen,
         is_old=not is_past and last_seen < now - (_PARKED if is_parked else round(60e9 * silent_after)),
         is_parked=is_parked,
-        health_index=health_index(map(alert_of, rows)),
     )
 
 
