@@ -3,7 +3,7 @@
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.online.monitor.set_aside import aside_document
+from sprung.online.monitor.operations import aside_document
 from sprung.online.store import Progress, StoredFrame, open_store
 from sprung.results.tables import aside_table
 

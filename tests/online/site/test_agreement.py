@@ -14,9 +14,8 @@ from tests.online.site.conftest import HOUR, NOW
 from sprung.diagnosis import SensorFault, diagnose, learn
 from sprung.online.alerts import AlertSettings, Transition, message_of
 from sprung.online.monitor import AlertBook, Observed, alert_of, operations
-from sprung.online.monitor.exports import export
-from sprung.online.monitor.vehicle_document import report_document
-from sprung.online.monitor.vehicle_history import read_history
+from sprung.online.monitor.exports import export, report_document
+from sprung.online.monitor.histories import read_history
 from sprung.online.store import Progress, StoredFrame
 from sprung.recording import Channel, Recording
 from sprung.results.documents import baseline_document, finding_document, observation_document

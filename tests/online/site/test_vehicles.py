@@ -8,7 +8,7 @@ from sprung.diagnosis import Observation, SensorFault, learn
 from sprung.errors import ParameterError
 from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import AlertBook
-from sprung.online.monitor.vehicle_states import vehicle_state
+from sprung.online.monitor.histories import vehicle_state
 from sprung.online.site import vehicle_data, vehicle_trends
 from sprung.online.store import Progress, StoredFrame
 from sprung.results.documents import baseline_document, observation_document

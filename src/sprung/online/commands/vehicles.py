@@ -68,7 +68,7 @@ def aside(
     json: Json = None,
 ) -> None:
     """List frames and states that could not be analysed and were set aside, such as after an upgrade."""
-    from sprung.online.monitor.set_aside import aside_document
+    from sprung.online.monitor.operations import aside_document
     from sprung.results import tables
 
     with existing_store(store) as opened:

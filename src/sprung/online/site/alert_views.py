@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from sprung.errors import ParameterError
 from sprung.online.alerts import STEPS
-from sprung.online.monitor.vehicle_states import alert_state
+from sprung.online.monitor.histories import alert_state
 from sprung.online.site.context import Context
 from sprung.online.site.models import Alerts, Answer
 from sprung.online.store import AlertFilter, AlertPlace, AlertRow, Entry

@@ -7,7 +7,7 @@ from fastapi.responses import JSONResponse
 from pydantic import Field
 
 from sprung.errors import ParameterError
-from sprung.online.monitor.work_orders import send_work_order, work_order
+from sprung.online.monitor.operations import send_work_order, work_order
 from sprung.online.site import alert_views
 from sprung.online.site.access import Engineer, Viewer
 from sprung.online.site.alert_views import AlertCounts, Evidence, WantedAlerts

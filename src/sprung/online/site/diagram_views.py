@@ -5,7 +5,7 @@ from typing import Any
 
 from sprung.errors import ParameterError
 from sprung.link.archive import archive_path
-from sprung.online.monitor.vehicle_states import reference_of
+from sprung.online.monitor.histories import reference_of
 from sprung.online.site.context import Context
 from sprung.online.site.diagram_models import WindowDiagrams
 from sprung.online.site.diagrams import Computed, NoSamplesError

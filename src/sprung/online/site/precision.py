@@ -8,8 +8,8 @@ from pydantic import Field
 from scipy.special import betaincinv
 
 from sprung.online.alerts import WATCHING
+from sprung.online.monitor.histories import alert_state
 from sprung.online.monitor.operations import VERDICTS
-from sprung.online.monitor.vehicle_states import alert_state
 from sprung.online.site.models import Answer
 from sprung.online.store import AlertRow, Store, VerdictRow
 from sprung.state import time_of

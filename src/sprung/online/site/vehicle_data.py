@@ -13,9 +13,8 @@ from sprung.diagnosis.sensors.faults import MISSING
 from sprung.errors import FormatError, ParameterError, SprungError
 from sprung.modal import Modes
 from sprung.online.monitor import VehicleStatus
-from sprung.online.monitor.histories import LEARN, ROLL_BACK
+from sprung.online.monitor.histories import LEARN, ROLL_BACK, observations_of, reference_of
 from sprung.online.monitor.operations import BASELINE_ACTS
-from sprung.online.monitor.vehicle_states import observations_of, reference_of
 from sprung.online.site.models import WindowEntry
 from sprung.online.site.vehicle_models import (
     BaselineDetail,

@@ -9,7 +9,7 @@ from urllib.parse import quote
 import numpy as np
 
 from sprung.diagnosis import Observation
-from sprung.online.monitor.vehicle_states import observations_of, reference_of
+from sprung.online.monitor.histories import observations_of, reference_of
 from sprung.online.site.vehicle_models import ModeTrend, ModeValue, PartTrend, TimeMark, Trends
 from sprung.online.store import Entry, Store
 from sprung.state import Reference, interval_95

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from sprung.errors import ParameterError
 from sprung.online.alerts import STEPS
-from sprung.online.monitor.vehicle_states import alert_state, vehicle_state
+from sprung.online.monitor.histories import alert_state, vehicle_state
 from sprung.online.site.context import Context
 from sprung.online.site.models import (
     AlertDetail,
@@ -137,7 +137,7 @@ def state_of_row(context: Context, row: FleetRow, active: list[AlertRow]) -> Veh
         silent_after=context.site.alerts.silent_after_minutes,
         last_seen=row.last_seen,
         is_parked=row.is_parked,
-        alerts=active,
+        alerts=[alert_state(each) for each in active],
     )
 
 

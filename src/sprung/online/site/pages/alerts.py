@@ -11,7 +11,7 @@ from pydantic import Field
 from sprung.errors import ParameterError
 from sprung.online.alerts import STEPS, is_of_suspension, severity_step
 from sprung.online.monitor import MONITOR, operations
-from sprung.online.monitor.work_orders import work_order
+from sprung.online.monitor.operations import work_order
 from sprung.online.site import alert_views, views
 from sprung.online.site.access import Viewer
 from sprung.online.site.alert_views import STATES, AlertCounts, WantedAlerts

@@ -11,7 +11,7 @@ from fastapi.responses import RedirectResponse
 from sprung.diagnosis import INTERVAL_95
 from sprung.errors import ParameterError
 from sprung.online.monitor import operations
-from sprung.online.monitor.vehicle_states import observations_of
+from sprung.online.monitor.histories import observations_of
 from sprung.online.site import vehicle_data, views
 from sprung.online.site.access import Viewer
 from sprung.online.site.api import Time, VehicleName
