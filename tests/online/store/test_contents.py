@@ -39,7 +39,7 @@ def test_an_empty_store_has_no_oldest_result(store) -> None:
 
 
 def test_counting_ends(store, monkeypatch) -> None:
-    monkeypatch.setattr("sprung.online.store.contents.MOST_COUNTED", 2)
+    monkeypatch.setattr("sprung.online.store.contents.MAX_COUNTED", 2)
     store.inbox.add_frames([StoredFrame("car-1", 1, seq, 7, b"x") for seq in range(3)], now=50)
     tables = {each.table: each for each in store.contents().tables}
     assert (tables["frames"].rows, tables["frames"].is_more) == (2, True)

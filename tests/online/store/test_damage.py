@@ -64,7 +64,7 @@ def garbled(content):
     ],
     ids=["garbled", "cut", "zeros", "text", "other format"],
 )
-def test_damaged_file_is_set_aside(sqlite_file, damage) -> None:
+def test_a_damaged_file_is_renamed(sqlite_file, damage) -> None:
     url = f"sqlite:///{sqlite_file}"
     with open_store(url) as store:
         fill(store, n_batches=50)

@@ -227,6 +227,11 @@ def acknowledged(alert: Alert, who: str, now: int, comment: str = "") -> Transit
     comment
         Comment for the history.
 
+    Returns
+    -------
+    Transition
+        Alert afterwards, and the entry of its history.
+
     Raises
     ------
     ParameterError
@@ -251,6 +256,11 @@ def acknowledged(alert: Alert, who: str, now: int, comment: str = "") -> Transit
 def shelved(alert: Alert, who: str, until: int, now: int, comment: str = "") -> Transition:
     """Shelve an alert until a time [UTC ns], so that nobody is notified; shelving again moves that time.
 
+    Returns
+    -------
+    Transition
+        Alert afterwards, and the entry of its history.
+
     Raises
     ------
     ParameterError
@@ -274,6 +284,11 @@ def shelved(alert: Alert, who: str, until: int, now: int, comment: str = "") -> 
 
 def unshelved(alert: Alert, who: str, now: int, comment: str = "") -> Transition:
     """End the shelving of an alert before its time; an active one notifies as at the end of its shelving.
+
+    Returns
+    -------
+    Transition
+        Alert afterwards, and the entry of its history.
 
     Raises
     ------
@@ -319,6 +334,11 @@ def shelf_ended(alert: Alert, now: int) -> Transition:
 def assigned(alert: Alert, who: str, assignee: str | None, now: int, comment: str = "") -> Transition:
     """Assign an alert to somebody, or to nobody (None).
 
+    Returns
+    -------
+    Transition
+        Alert afterwards, and the entry of its history.
+
     Raises
     ------
     ParameterError
@@ -343,6 +363,11 @@ def assigned(alert: Alert, who: str, assignee: str | None, now: int, comment: st
 def commented(alert: Alert, who: str, now: int, comment: str) -> Transition:
     """Add a comment to the history of an alert.
 
+    Returns
+    -------
+    Transition
+        Alert afterwards, and the entry of its history.
+
     Raises
     ------
     ParameterError
@@ -364,6 +389,11 @@ def commented(alert: Alert, who: str, now: int, comment: str) -> Transition:
 
 def closed(alert: Alert, who: str, now: int, comment: str = "") -> Transition:
     """Clear an active alert whose cause was removed, such as by a repair; the next report raises it again.
+
+    Returns
+    -------
+    Transition
+        Alert afterwards, and the entry of its history.
 
     Raises
     ------

@@ -24,7 +24,7 @@ VehicleName = Annotated[str, typer.Argument(metavar="ID", help="Name of the vehi
 
 @application.callback()
 def vehicles(context: typer.Context, *, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
-    """List the monitored vehicles; sub-commands rank them, show what is set aside, or request baselines or samples."""
+    """List the monitored vehicles; sub-commands rank them, show the quarantine, or request baselines or samples."""
     check_options_follow(context)
     if context.invoked_subcommand is None:
         list_vehicles(store=store, json=json)
@@ -42,7 +42,7 @@ def list_vehicles(*, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None
 @application.command()
 def rank(
     *,
-    rate: Annotated[float, option("SHARE", "Expected share of sound vehicles among those reported to deviate.")] = 0.05,
+    rate: Annotated[float, option("SHARE", "Expected share of healthy vehicles among those reported to deviate.")] = 0.05,
     store: StoreUrl = DEFAULT_STORE,
     json: Json = None,
 ) -> None:
@@ -58,7 +58,7 @@ def rank(
 
 
 @application.command()
-def aside(
+def quarantine(
     vehicle: Annotated[str, typer.Argument(metavar="[ID]", help="Name of the vehicle.", show_default=False)] = "",
     *,
     again: Annotated[
@@ -67,15 +67,15 @@ def aside(
     store: StoreUrl = DEFAULT_STORE,
     json: Json = None,
 ) -> None:
-    """List frames and states that could not be analysed and were set aside, such as after an upgrade."""
-    from sprung.online.monitor.operations import aside_document
+    """List frames and states that could not be analysed and were quarantined, such as after an upgrade."""
+    from sprung.online.monitor.operations import quarantine_document
     from sprung.results import tables
 
     with existing_store(store) as opened:
-        document = aside_document(opened, vehicle=vehicle, is_analysed=again)
+        document = quarantine_document(opened, vehicle=vehicle, is_analysed=again)
     if write_result(document, json):
-        table = tables.aside_table(document)
-        show(table if document["aside"] else ["nothing is set aside"], written([], json))
+        table = tables.quarantine_table(document)
+        show(table if document["quarantined"] else ["nothing is quarantined"], written([], json))
 
 
 @application.command()

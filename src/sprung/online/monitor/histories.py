@@ -18,10 +18,10 @@ from sprung.online.monitor.site import Site
 from sprung.online.monitor.states import History
 from sprung.online.store import (
     AlertRow,
-    AsideRow,
     BaselineRow,
     Entry,
     HistoryRow,
+    QuarantineRow,
     Store,
     VehicleRow,
     VerdictRow,
@@ -237,8 +237,8 @@ class VehicleHistory:
         State at the end of the period.
     status
         Progress of the analysis; None before the first.
-    aside
-        Frames and states of the vehicle that were set aside in the period.
+    quarantined
+        Frames and states of the vehicle that were quarantined in the period.
     diagnosis
         Present diagnosis, where the period reaches to it; None without one.
     """
@@ -255,7 +255,7 @@ class VehicleHistory:
     alerts: tuple[AlertHistory, ...]
     state: VehicleState
     status: VehicleStatus | None
-    aside: tuple[AsideRow, ...]
+    quarantined: tuple[QuarantineRow, ...]
     diagnosis: Diagnosis | None
 
     @property
@@ -345,7 +345,7 @@ def read_history(store: Store, vehicle: str, period: Period, *, now: int) -> Veh
         alerts=tuple(alerts),
         state=state,
         status=None if status is None else VehicleStatus(**status),
-        aside=tuple(each for each in store.aside.find(vehicle) if period.overlaps(each.stored, each.stored)),
+        quarantined=tuple(each for each in store.quarantine.find(vehicle) if period.overlaps(each.stored, each.stored)),
         diagnosis=_present(store, vehicle) if until is None or until >= row.last_seen else None,
     )
 

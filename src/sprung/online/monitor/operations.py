@@ -41,7 +41,7 @@ from sprung.online.monitor.histories import (
 from sprung.online.monitor.jobs import Limits, Opening, analyse, open_monitor
 from sprung.online.monitor.site import Site
 from sprung.online.monitor.states import StateError
-from sprung.online.store import AlertRow, AsideRow, Store, VehicleRow, VerdictRow
+from sprung.online.store import AlertRow, QuarantineRow, Store, VehicleRow, VerdictRow
 from sprung.results.documents import WorkOrderDocument, fleet_document
 from sprung.results.documents.monitoring import HistoryEntry
 from sprung.results.tables import counted, diagnosis_in_words
@@ -313,7 +313,7 @@ def ranking_document(store: Store, *, rate: float = 0.05) -> dict[str, Any]:
     store
         Store of the monitor.
     rate
-        Expected share of sound vehicles among those reported to deviate, above 0 and up to 1.
+        Expected share of healthy vehicles among those reported to deviate, above 0 and up to 1.
 
     Raises
     ------
@@ -436,8 +436,8 @@ def send_work_order(
     return results
 
 
-def aside_document(store: Store, *, vehicle: str = "", is_analysed: bool = False) -> dict[str, Any]:
-    """Return what was set aside as `sprung.aside/1`, consecutive frames as one entry.
+def quarantine_document(store: Store, *, vehicle: str = "", is_analysed: bool = False) -> dict[str, Any]:
+    """Return what was quarantined as `sprung.quarantine/1`, consecutive frames as one entry.
 
     Parameters
     ----------
@@ -454,12 +454,12 @@ def aside_document(store: Store, *, vehicle: str = "", is_analysed: bool = False
     ParameterError
         If the vehicle is unknown.
     """
-    names = store.aside.vehicles()
+    names = store.quarantine.vehicles()
     if vehicle and vehicle not in names:
         known_vehicle(store, vehicle)
     entries = []
     for name in [vehicle] if vehicle else names:
-        numbered = enumerate(store.aside.find(name))
+        numbered = enumerate(store.quarantine.find(name))
         runs = groupby(numbered, key=lambda each: (each[1].boot, each[1].seq - each[0], each[1].kind, each[1].reason))
         for rows in ([row for _, row in run] for _, run in runs):
             first, last = rows[0], rows[-1]
@@ -477,10 +477,10 @@ def aside_document(store: Store, *, vehicle: str = "", is_analysed: bool = False
                     "again": _analysed(store, name, rows) if is_analysed and first.kind == "raw" else None,
                 }
             )
-    return {"schema": "sprung.aside/1", "aside": entries}
+    return {"schema": "sprung.quarantine/1", "quarantined": entries}
 
 
-def _analysed(store: Store, vehicle: str, rows: Sequence[AsideRow]) -> str:
+def _analysed(store: Store, vehicle: str, rows: Sequence[QuarantineRow]) -> str:
     """Return the result of analysing consecutive frames, in words."""
     described = store.inbox.vehicle(vehicle)
     if described is None:

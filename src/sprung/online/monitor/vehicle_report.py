@@ -375,10 +375,10 @@ def _data(history: VehicleHistory, document: ReportDocument) -> list[Block]:
         sentences.append(f"{history.n_earlier} earlier windows of the period are left out: choose a shorter period.")
     if history.n_unreadable:
         sentences.append(f"{counted(history.n_unreadable, 'window')} of another form cannot be read by this version.")
-    if history.aside:
-        reasons = "; ".join(dict.fromkeys(each.reason for each in history.aside))
-        what = "frame or state was" if len(history.aside) == 1 else "frames or states were"
-        sentences.append(f"{len(history.aside)} {what} set aside: {reasons}.")
+    if history.quarantined:
+        reasons = "; ".join(dict.fromkeys(each.reason for each in history.quarantined))
+        what = "frame or state was" if len(history.quarantined) == 1 else "frames or states were"
+        sentences.append(f"{len(history.quarantined)} {what} quarantined: {reasons}.")
     blocks: list[Block] = [Sentences(tuple(sentences))]
     if document.sensor_faults:
         faults = tuple(

@@ -32,7 +32,7 @@ from sprung.online.site.site_models import (
     TableEntry,
     VersionEntry,
 )
-from sprung.online.store import MOST_COUNTED, Contents
+from sprung.online.store import MAX_COUNTED, Contents
 from sprung.results.tables import counted
 
 _DAY = 86400 * 10**9
@@ -123,7 +123,7 @@ def false_alarms(context: Context) -> FalseAlarms:
         hours_per_day=watch.hours_per_day,
         days=_PERIOD,
         vehicle_days=days,
-        is_more=n_windows >= MOST_COUNTED,
+        is_more=n_windows >= MAX_COUNTED,
         verdicts=len(looked_at),
         false=n_false,
         rate=n_false / days if days else None,

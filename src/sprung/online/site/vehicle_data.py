@@ -109,7 +109,7 @@ def data_quality(store: Store, vehicle: str) -> DataQuality:
         n_inconclusive=sum(not window.is_conclusive for _, window in windows),
         reasons=tuple(Counter(window.reason for _, window in windows if window.reason).most_common()),
         lost_frames=sum(cursor.lost for cursor in cursors.values()),
-        unanalysed_frames=sum(each.kind != "state" for each in store.aside.find(vehicle)),
+        unanalysed_frames=sum(each.kind != "state" for each in store.quarantine.find(vehicle)),
         channels=tuple(sorted(channels, key=_badness)),
         notes=windows[-1][1].notes if windows else (),
     )

@@ -138,7 +138,7 @@ class DataQuality(Answer):
     n_inconclusive: int
     reasons: tuple[tuple[str, int], ...] = Field(description="why windows are inconclusive, with their number")
     lost_frames: int
-    unanalysed_frames: int = Field(description="set aside because their analysis failed")
+    unanalysed_frames: int = Field(description="quarantined because their analysis failed")
     channels: tuple[ChannelQuality, ...]
     notes: tuple[str, ...]
 

@@ -5,13 +5,12 @@ from sprung._checks import missing_package
 try:
     from sprung.online.store.accounts import AccountRow, TokenRow, VerdictRow
     from sprung.online.store.archive import Retention
-    from sprung.online.store.contents import MOST_COUNTED, Contents, Counted
+    from sprung.online.store.contents import MAX_COUNTED, Contents, Counted
     from sprung.online.store.fleet import ChangeRow, FleetCounts, FleetFilter, FleetRow, Place, WindowRow
     from sprung.online.store.rows import (
         AlertFilter,
         AlertPlace,
         AlertRow,
-        AsideRow,
         AuditRow,
         BaselineRow,
         CommandRow,
@@ -21,6 +20,7 @@ try:
         HistoryRow,
         NotificationRow,
         Progress,
+        QuarantineRow,
         Snapshot,
         StoredFrame,
         VehicleRow,
@@ -31,12 +31,11 @@ except ImportError as error:
     raise missing_package(error, "sqlalchemy", purpose="the store", extra="online") from None
 
 __all__ = [
-    "MOST_COUNTED",
+    "MAX_COUNTED",
     "AccountRow",
     "AlertFilter",
     "AlertPlace",
     "AlertRow",
-    "AsideRow",
     "AuditRow",
     "BaselineRow",
     "ChangeRow",
@@ -53,6 +52,7 @@ __all__ = [
     "NotificationRow",
     "Place",
     "Progress",
+    "QuarantineRow",
     "RefusedError",
     "ReservationLostError",
     "Retention",

@@ -29,7 +29,7 @@ from sprung.online.store.schema import ALERT_HISTORY, ALERTS, DELIVERIES, NOTIFI
 #: A day [ns], and the severities of a step.
 _DAY, _STEP = 86400 * 10**9, 200
 #: Values of one query: databases refuse more than some 32,000.
-_MOST_VALUES = 1000
+_MAX_VALUES = 1000
 #: Columns of the progress of a sender, besides the number of attempts.
 _PROGRESS = ("next_attempt", "sent", "given_up", "last_error")
 
@@ -64,8 +64,8 @@ class Alerts:
         wanted = list(numbers)
         rows: dict[int, AlertRow] = {}
         with self._database.reading() as connection:
-            for first in range(0, len(wanted), _MOST_VALUES):
-                query = select(ALERTS).where(ALERTS.c.id.in_(wanted[first : first + _MOST_VALUES]))
+            for first in range(0, len(wanted), _MAX_VALUES):
+                query = select(ALERTS).where(ALERTS.c.id.in_(wanted[first : first + _MAX_VALUES]))
                 rows |= {row["id"]: AlertRow(**row) for row in connection.execute(query).mappings()}
         return rows
 

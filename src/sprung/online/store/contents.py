@@ -9,7 +9,7 @@ from sprung.online.store.retention import KEPT
 from sprung.online.store.schema import FINDINGS, METADATA, MODES, OBSERVATIONS, SCHEMA
 
 #: Number of rows at which counting ends, so that a large store answers soon, too.
-MOST_COUNTED = 1_000_000
+MAX_COUNTED = 1_000_000
 #: Key of the site file by which rows of a table are deleted; those of the others stay, see `KEPT`.
 AGE_KEYS = {
     **dict.fromkeys(
@@ -20,7 +20,7 @@ AGE_KEYS = {
             "baselines",
             "notifications",
             "commands",
-            "set_aside",
+            "quarantine",
             "sessions",
         ),
         "keep.results_days",
@@ -39,7 +39,7 @@ class Counted:
     table
         Name of the table.
     rows
-        Number of rows, at most `MOST_COUNTED`.
+        Number of rows, at most `MAX_COUNTED`.
     is_more
         Whether there are more.
     stay
@@ -90,18 +90,18 @@ def contents_of(database: Database) -> Contents:
 
 
 def n_windows_since(database: Database, time: int) -> int:
-    """Return the number of windows analysed since a time (UTC ns), at most `MOST_COUNTED`."""
-    rows = select(literal(1)).select_from(OBSERVATIONS).where(OBSERVATIONS.c.stored >= time).limit(MOST_COUNTED)
+    """Return the number of windows analysed since a time (UTC ns), at most `MAX_COUNTED`."""
+    rows = select(literal(1)).select_from(OBSERVATIONS).where(OBSERVATIONS.c.stored >= time).limit(MAX_COUNTED)
     with database.reading() as connection:
         return connection.scalar(select(func.count()).select_from(rows.subquery())) or 0
 
 
 def _count(connection: Connection, table: Table) -> Counted:
     """Return the number of rows of a table."""
-    rows = select(literal(1)).select_from(table).limit(MOST_COUNTED + 1)
+    rows = select(literal(1)).select_from(table).limit(MAX_COUNTED + 1)
     n_rows = connection.scalar(select(func.count()).select_from(rows.subquery())) or 0
     stay = AGE_KEYS.get(table.name) or KEPT[table.name]
-    return Counted(table.name, min(n_rows, MOST_COUNTED), n_rows > MOST_COUNTED, stay)
+    return Counted(table.name, min(n_rows, MAX_COUNTED), n_rows > MAX_COUNTED, stay)
 
 
 def _name(connection: Connection) -> str:

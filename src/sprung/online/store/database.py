@@ -19,9 +19,9 @@ from sprung.online.store.schema import SNAPSHOTS, RefusedError, StoreError
 #: Longest time that a process waits for another one that writes [s].
 PATIENCE = 10.0
 #: Time after which PostgreSQL ends the transaction of a program that has stopped within it [ms].
-_MOST_IDLE = 15_000
+_MAX_IDLE = 15_000
 #: Bytes free on its disk below which a store counts as full.
-LEAST_FREE = 1 << 20
+MIN_FREE = 1 << 20
 
 _CANNOT_WRITE = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN}
 # https://www.postgresql.org/docs/15/errcodes-appendix.html: disk_full, io_error, read_only_sql_transaction
@@ -129,7 +129,7 @@ class Database:
         SQLite writes nothing to its disk before the commit; free space and permission are checked there.
         """
         free = self.free()
-        if free is not None and free < LEAST_FREE:
+        if free is not None and free < MIN_FREE:
             raise StoreError(_cannot_write(f"its disk has {free} bytes left"))
         if self.path is not None and not (os.access(self.path, os.W_OK) and os.access(self.path.parent, os.W_OK)):
             raise StoreError(_cannot_write(f"{self.path} is read-only"))
@@ -161,7 +161,7 @@ def _engine(url: URL) -> Engine:
 
         @event.listens_for(server, "connect")
         def limit(connection: Any, _: Any) -> None:
-            connection.execute(f"SET idle_in_transaction_session_timeout = {_MOST_IDLE}")
+            connection.execute(f"SET idle_in_transaction_session_timeout = {_MAX_IDLE}")
             connection.commit()
 
         return server
@@ -218,7 +218,7 @@ def words_of(error: BaseException | None) -> str:
     if code in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED} or state == "55P03":  # lock_not_available
         return f"the store is busy ({cause}): end the program that has held it for more than {PATIENCE:g} s"
     if code in {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}:
-        return f"the store is damaged ({cause}): restart, which sets it aside and creates a new one"
+        return f"the store is damaged ({cause}): restart, which renames it and creates a new one"
     # 08: connection_exception, 57: operator_intervention; none where no server answered
     if not code and (not state or state[:2] in {"08", "57"}):
         return f"the store does not answer ({cause}): check that its database runs and can be reached"

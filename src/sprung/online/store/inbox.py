@@ -14,7 +14,7 @@ Key = tuple[str, int]
 _STRIDE = 1000
 _LARGEST = 2**63 - 1
 #: Bytes of frames that are read together, and rows that the database hands over together.
-_MOST_BYTES, _ROWS = 8 << 20, 16
+_MAX_BYTES, _ROWS = 8 << 20, 16
 _ADVANCE = (
     update(CURSORS)
     .where(CURSORS.c.vehicle == bindparam("of_vehicle"), CURSORS.c.boot == bindparam("of_boot"))
@@ -228,7 +228,7 @@ class Inbox:
             for row in rows:
                 frames.append(StoredFrame._make(row))
                 n_bytes += len(frames[-1].payload)
-                if n_bytes >= _MOST_BYTES:
+                if n_bytes >= _MAX_BYTES:
                     break
         return frames
 

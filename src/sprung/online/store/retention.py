@@ -22,8 +22,8 @@ from sprung.online.store.schema import (
     MODES,
     NOTIFICATIONS,
     OBSERVATIONS,
+    QUARANTINE,
     SESSIONS,
-    SET_ASIDE,
     SNAPSHOTS,
 )
 
@@ -52,7 +52,7 @@ class Ages:
     Parameters
     ----------
     results
-        For results, notifications, requests and what was set aside.
+        For results, notifications, requests and what was quarantined.
     audit
         For the audit trail and the history of alerts.
     boots
@@ -93,7 +93,7 @@ def conditions() -> Mapping[str, ColumnElement[bool]]:
         "baselines": and_(BASELINES.c.created < results, is_replaced),
         "notifications": or_(NOTIFICATIONS.c.sent < results, NOTIFICATIONS.c.given_up < results),
         "commands": COMMANDS.c.done < results,
-        "set_aside": SET_ASIDE.c.stored < results,
+        "quarantine": QUARANTINE.c.stored < results,
         "alert_history": and_(ALERT_HISTORY.c.time < audit, not_(is_of_active_alert)),
         "audit": AUDIT.c.time < audit,
         "sessions": SESSIONS.c.expires < results,

@@ -120,7 +120,7 @@ class Snapshot:
 
 
 @dataclass(frozen=True, slots=True)
-class AsideRow:
+class QuarantineRow:
     """A frame whose analysis fails, or a state that cannot be read (kind "state"), and the reason."""
 
     vehicle: str

@@ -199,8 +199,8 @@ SNAPSHOTS = Table(
 )
 
 #: Frames whose analysis fails, and states that cannot be read (kind "state"), with the reason.
-SET_ASIDE = Table(
-    "set_aside",
+QUARANTINE = Table(
+    "quarantine",
     METADATA,
     _key("vehicle", Text),
     _key("boot", _INTEGER),

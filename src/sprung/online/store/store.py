@@ -12,11 +12,11 @@ from sqlalchemy.exc import ArgumentError
 from sprung.errors import ParameterError
 from sprung.online.store.accounts import Accounts, Verdicts
 from sprung.online.store.alerts import Alerts
-from sprung.online.store.aside import Aside
 from sprung.online.store.contents import Contents, contents_of, n_windows_since
 from sprung.online.store.database import PATIENCE, Database
 from sprung.online.store.fleet import Fleet
 from sprung.online.store.inbox import Inbox
+from sprung.online.store.quarantine import Quarantine
 from sprung.online.store.requests import Requests
 from sprung.online.store.reservation import Reservation
 from sprung.online.store.results import Results
@@ -53,7 +53,7 @@ class Store:
         Vehicles and their frames that wait for analysis.
     results
         Observations, modes, findings, baselines and snapshots.
-    aside
+    quarantine
         Frames and states that could not be used.
     alerts
         Alerts with their history, and notifications.
@@ -75,7 +75,7 @@ class Store:
         self._database = database
         self.inbox = Inbox(database)
         self.results = Results(database)
-        self.aside = Aside(database)
+        self.quarantine = Quarantine(database)
         self.alerts = Alerts(database)
         self.requests = Requests(database)
         self.reservation = Reservation(database)
@@ -257,14 +257,14 @@ _FORMS = "write sqlite:///folder/file.sqlite or postgresql://user@host/database"
 
 
 def _prepare(path: Path) -> tuple[str, ...]:
-    """Make the folder of a file of SQLite, set the file aside if it is damaged, and return notices."""
+    """Make the folder of a file of SQLite, rename it if it is damaged, and return notices."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists():
             return ()
         _check_is_store(path)
         damage = _damage(path)
-        return () if damage is None else (_set_aside(path, damage),)
+        return () if damage is None else (_renamed(path, damage),)
     except (OSError, sqlite3.Error) as error:
         raise StoreError(
             f"the store {path} cannot be opened ({error}): check that its folder and disk can be written"
@@ -272,7 +272,7 @@ def _prepare(path: Path) -> tuple[str, ...]:
 
 
 def _check_is_store(path: Path) -> None:
-    """Refuse a file that is not a store by name and content: no recording may be set aside."""
+    """Refuse a file that is not a store by name and content: no recording may be quarantined."""
     with path.open("rb") as file:
         begin = file.read(len(_SQLITE))
     if begin and begin != _SQLITE and path.suffix not in _ENDINGS:
@@ -292,11 +292,11 @@ def _damage(path: Path) -> str | None:
     return None if found == "ok" else " ".join(str(found).split())
 
 
-def _set_aside(path: Path, damage: str) -> str:
+def _renamed(path: Path, damage: str) -> str:
     """Rename a damaged file, its log first, and return the sentence about it."""
-    aside = path.with_name(f"{path.name}.corrupt-{datetime.now(UTC):%Y%m%dT%H%M%S}")
+    kept = path.with_name(f"{path.name}.corrupt-{datetime.now(UTC):%Y%m%dT%H%M%S}")
     for ending in ("-wal", "-shm", ""):
         part = path.with_name(path.name + ending)
         if part.exists():
-            part.rename(aside.with_name(aside.name + ending))
-    return f"the store {path} was damaged ({damage}): it is kept as {aside.name}, and a new one was created"
+            part.rename(kept.with_name(kept.name + ending))
+    return f"the store {path} was damaged ({damage}): it is kept as {kept.name}, and a new one was created"

@@ -1,19 +1,19 @@
-"""Frames whose analysis fails, and states that cannot be read: set aside for a later release, and not deleted."""
+"""Frames whose analysis fails, and states that cannot be read: quarantined for a later release, and not deleted."""
 
 from sqlalchemy import ColumnElement, Connection, and_, delete, func, literal, select, tuple_
 
 from sprung.online.store.database import Database
-from sprung.online.store.rows import AsideRow, StoredFrame
-from sprung.online.store.schema import FRAMES, SET_ASIDE, SNAPSHOTS
+from sprung.online.store.rows import QuarantineRow, StoredFrame
+from sprung.online.store.schema import FRAMES, QUARANTINE, SNAPSHOTS
 
 #: Kind of a state; the others are those of frames.
 _STATE = "state"
-#: Largest size of what is kept of one vehicle [bytes]; what was set aside first is deleted first.
-_MOST_BYTES = 64 << 20
+#: Largest size of what is kept of one vehicle [bytes]; what was quarantined first is deleted first.
+_MAX_BYTES = 64 << 20
 
 
-class Aside:
-    """Frames and states that are set aside, with the reason.
+class Quarantine:
+    """Frames and states that are quarantined, with the reason.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Aside:
         chosen = and_(FRAMES.c.vehicle == vehicle, FRAMES.c.boot == boot, FRAMES.c.seq.between(first, last))
         names = StoredFrame._fields
         rows = select(*(FRAMES.c[name] for name in names), literal(reason), literal(now)).where(chosen)
-        insert = self._database.insert(SET_ASIDE).from_select([*names, "reason", "stored"], rows)
+        insert = self._database.insert(QUARANTINE).from_select([*names, "reason", "stored"], rows)
         with self._database.writing() as connection:
             connection.execute(insert.on_conflict_do_nothing())
             moved = connection.execute(delete(FRAMES).where(chosen)).rowcount
@@ -65,38 +65,38 @@ class Aside:
             if row is None:
                 return False
             values = {"kind": _STATE, "t0": now, "payload": row["document"], "reason": reason, "stored": now}
-            insert = self._database.insert(SET_ASIDE).values(
+            insert = self._database.insert(QUARANTINE).values(
                 vehicle=vehicle, boot=row["boot"], seq=row["seq"], **values
             )
-            keys = [column.name for column in SET_ASIDE.primary_key]
+            keys = [column.name for column in QUARANTINE.primary_key]
             connection.execute(insert.on_conflict_do_update(index_elements=keys, set_=values))
             connection.execute(delete(SNAPSHOTS).where(chosen))
             _limit(connection, vehicle)
         return True
 
     def vehicles(self) -> list[str]:
-        """Return the vehicles of which something was set aside, by name."""
-        query = select(SET_ASIDE.c.vehicle).distinct().order_by(SET_ASIDE.c.vehicle)
+        """Return the vehicles of which something was quarantined, by name."""
+        query = select(QUARANTINE.c.vehicle).distinct().order_by(QUARANTINE.c.vehicle)
         with self._database.reading() as connection:
             return list(connection.scalars(query))
 
-    def find(self, vehicle: str) -> list[AsideRow]:
-        """Return what was set aside of a vehicle, in order of boots and sequence numbers."""
-        query = select(SET_ASIDE).where(SET_ASIDE.c.vehicle == vehicle).order_by(*SET_ASIDE.primary_key)
+    def find(self, vehicle: str) -> list[QuarantineRow]:
+        """Return what was quarantined of a vehicle, in order of boots and sequence numbers."""
+        query = select(QUARANTINE).where(QUARANTINE.c.vehicle == vehicle).order_by(*QUARANTINE.primary_key)
         with self._database.reading() as connection:
-            return [AsideRow(**row) for row in connection.execute(query).mappings()]
+            return [QuarantineRow(**row) for row in connection.execute(query).mappings()]
 
 
 def _limit(connection: Connection, vehicle: str) -> None:
-    """Delete what was set aside first, down to the largest size."""
-    key = (SET_ASIDE.c.boot, SET_ASIDE.c.seq, SET_ASIDE.c.kind)
-    of_vehicle: ColumnElement[bool] = SET_ASIDE.c.vehicle == vehicle
-    newest_first = (SET_ASIDE.c.stored.desc(), *(column.desc() for column in key))
-    sizes = select(*key, func.length(SET_ASIDE.c.payload)).where(of_vehicle).order_by(*newest_first)
+    """Delete what was quarantined first, down to the largest size."""
+    key = (QUARANTINE.c.boot, QUARANTINE.c.seq, QUARANTINE.c.kind)
+    of_vehicle: ColumnElement[bool] = QUARANTINE.c.vehicle == vehicle
+    newest_first = (QUARANTINE.c.stored.desc(), *(column.desc() for column in key))
+    sizes = select(*key, func.length(QUARANTINE.c.payload)).where(of_vehicle).order_by(*newest_first)
     total, beyond = 0, []
     for *place, size in connection.execute(sizes):
         total += size
-        if total > _MOST_BYTES:
+        if total > _MAX_BYTES:
             beyond.append(tuple(place))
     for start in range(0, len(beyond), 500):
-        connection.execute(delete(SET_ASIDE).where(of_vehicle, tuple_(*key).in_(beyond[start : start + 500])))
+        connection.execute(delete(QUARANTINE).where(of_vehicle, tuple_(*key).in_(beyond[start : start + 500])))
