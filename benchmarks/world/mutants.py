@@ -18,8 +18,7 @@ from sprung.online.monitor.intake import Intake
 from sprung.online.monitor.postman import Postman
 from sprung.online.monitor.streams import Handover, Stream
 from sprung.online.store import Store, StoredFrame, StoreError, inbox
-from sprung.online.store.inbox import Inbox
-from sprung.online.store.quarantine import Quarantine
+from sprung.online.store.inbox import Inbox, Quarantine
 from sprung.online.store.results import Results
 from sprung.online.store.schema import FRAMES
 

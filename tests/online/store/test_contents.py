@@ -1,8 +1,7 @@
 """What a store holds, counted on both databases."""
 
 from sprung.online.store import Counted, Progress, StoredFrame
-from sprung.online.store.contents import AGE_KEYS
-from sprung.online.store.retention import KEPT, conditions
+from sprung.online.store.retention import AGE_KEYS, KEPT, conditions
 from sprung.online.store.schema import METADATA
 
 
@@ -39,7 +38,7 @@ def test_an_empty_store_has_no_oldest_result(store) -> None:
 
 
 def test_counting_ends(store, monkeypatch) -> None:
-    monkeypatch.setattr("sprung.online.store.contents.MAX_COUNTED", 2)
+    monkeypatch.setattr("sprung.online.store.retention.MAX_COUNTED", 2)
     store.inbox.add_frames([StoredFrame("car-1", 1, seq, 7, b"x") for seq in range(3)], now=50)
     tables = {each.table: each for each in store.contents().tables}
     assert (tables["frames"].rows, tables["frames"].is_more) == (2, True)

@@ -1,6 +1,6 @@
 import pytest
 
-from sprung.online.store import Cursor, Progress, QuarantineRow, StoredFrame, quarantine
+from sprung.online.store import Cursor, Progress, QuarantineRow, StoredFrame, inbox
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def test_a_state_is_moved_with_the_reason(filled) -> None:
 
 
 def test_the_last_bytes_of_each_vehicle_are_kept(filled, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(quarantine, "_MAX_BYTES", 6)
+    monkeypatch.setattr(inbox, "_MAX_QUARANTINED", 6)
     filled.inbox.add_frames([StoredFrame("other", 1, 0, 0, b"large frame")], now=0)
     for last, now in ((2, 1), (4, 2)):
         filled.quarantine.put_frames("zafira", 7, 1, last, reason="", now=now)

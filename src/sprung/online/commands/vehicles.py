@@ -42,7 +42,7 @@ def list_vehicles(*, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None
 @application.command()
 def rank(
     *,
-    rate: Annotated[float, option("SHARE", "Expected share of healthy vehicles among those reported to deviate.")] = 0.05,
+    rate: Annotated[float, option("SHARE", "Expected share of healthy vehicles among those that deviate.")] = 0.05,
     store: StoreUrl = DEFAULT_STORE,
     json: Json = None,
 ) -> None:

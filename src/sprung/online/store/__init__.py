@@ -3,10 +3,9 @@
 from sprung._checks import missing_package
 
 try:
-    from sprung.online.store.accounts import AccountRow, TokenRow, VerdictRow
-    from sprung.online.store.archive import Retention
-    from sprung.online.store.contents import MAX_COUNTED, Contents, Counted
     from sprung.online.store.fleet import ChangeRow, FleetCounts, FleetFilter, FleetRow, Place, WindowRow
+    from sprung.online.store.people import AccountRow, TokenRow, VerdictRow
+    from sprung.online.store.retention import MAX_COUNTED, Contents, Counted, Retention
     from sprung.online.store.rows import (
         AlertFilter,
         AlertPlace,

@@ -22,7 +22,7 @@ from sqlalchemy import (
     update,
 )
 
-from sprung.online.store.database import Database
+from sprung.online.store.database import Tables
 from sprung.online.store.rows import AlertFilter, AlertPlace, AlertRow, Delivery, Document, HistoryRow, NotificationRow
 from sprung.online.store.schema import ALERT_HISTORY, ALERTS, DELIVERIES, NOTIFICATIONS
 
@@ -34,30 +34,18 @@ _MAX_VALUES = 1000
 _PROGRESS = ("next_attempt", "sent", "given_up", "last_error")
 
 
-class Alerts:
-    """One alert for each cause on each vehicle.
-
-    Parameters
-    ----------
-    database
-        Database of the store.
-    """
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
+class Alerts(Tables):
+    """One alert for each cause on each vehicle."""
 
     def find(self, *, vehicle: str | None = None, is_active: bool | None = None) -> list[AlertRow]:
         """Return alerts, the most severe first, then the oldest."""
         values = {"vehicle": vehicle, "is_active": is_active}
         conditions = {name: value for name, value in values.items() if value is not None}
-        with self._database.reading() as connection:
-            return [AlertRow(**row) for row in connection.execute(_alerts(*conditions), conditions).mappings()]
+        return self._database.rows(AlertRow, _alerts(*conditions), conditions)
 
     def row(self, number: int) -> AlertRow | None:
         """Return the alert of a number; None if there is none."""
-        with self._database.reading() as connection:
-            row = connection.execute(select(ALERTS).where(ALERTS.c.id == number)).mappings().first()
-            return None if row is None else AlertRow(**row)
+        return self._database.row(AlertRow, select(ALERTS).where(ALERTS.c.id == number))
 
     def rows(self, numbers: Collection[int]) -> dict[int, AlertRow]:
         """Return the alerts of some numbers, by number."""
@@ -80,8 +68,7 @@ class Alerts:
             )
             query = query.where(is_next)
         query = query.order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.id).limit(limit)
-        with self._database.reading() as connection:
-            return [AlertRow(**row) for row in connection.execute(query).mappings()]
+        return self._database.rows(AlertRow, query)
 
     def counts(self, wanted: AlertFilter) -> dict[tuple[str, int], int]:
         """Return the number of alerts by state and step of severity, 0 to 4."""
@@ -94,8 +81,7 @@ class Alerts:
 
     def n_active(self) -> int:
         """Return the number of active alerts."""
-        with self._database.reading() as connection:
-            return connection.scalar(select(func.count()).where(ALERTS.c.is_active)) or 0
+        return self._database.scalar(select(func.count()).where(ALERTS.c.is_active)) or 0
 
     def of_vehicles(self, vehicles: Sequence[str]) -> dict[str, list[AlertRow]]:
         """Return the active alerts of some vehicles, the most severe first, by vehicle."""
@@ -152,14 +138,12 @@ class Alerts:
     def history(self, alert_id: int) -> list[HistoryRow]:
         """Return the history of an alert, oldest event first."""
         query = select(ALERT_HISTORY).where(ALERT_HISTORY.c.alert == alert_id).order_by(ALERT_HISTORY.c.id)
-        with self._database.reading() as connection:
-            return [HistoryRow(**row) for row in connection.execute(query).mappings()]
+        return self._database.rows(HistoryRow, query)
 
     def shelved(self, *, until: int) -> list[AlertRow]:
         """Return the alerts whose shelving ends at a time at the latest."""
         query = select(ALERTS).where(ALERTS.c.shelved_until <= until).order_by(ALERTS.c.id)
-        with self._database.reading() as connection:
-            return [AlertRow(**row) for row in connection.execute(query).mappings()]
+        return self._database.rows(AlertRow, query)
 
     @contextmanager
     def locked(self, vehicle: str, cause: str) -> Iterator[AlertRow | None]:
@@ -201,8 +185,7 @@ class Alerts:
 
     def n_open(self) -> int:
         """Return the number of notifications that are neither sent nor given up."""
-        with self._database.reading() as connection:
-            return connection.scalar(_N_OPEN) or 0
+        return self._database.scalar(_N_OPEN) or 0
 
     def put_delivery(
         self, notification: int, sender: str, delivery: Delivery, *, senders: Collection[str], now: int

@@ -4,17 +4,19 @@ import os
 import shutil
 import sqlite3
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from sqlalchemy import URL, Connection, Engine, Table, create_engine, event, func, select
+from sqlalchemy import URL, Connection, Engine, Select, Table, create_engine, event, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, StatementError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 from sprung.online.store.schema import SNAPSHOTS, RefusedError, StoreError
+
+T = TypeVar("T")
 
 #: Longest time that a process waits for another one that writes [s].
 PATIENCE = 10.0
@@ -60,6 +62,27 @@ class Database:
         if whole.connection is None:
             whole.connection = whole.stack.enter_context(self._checked())
         return nullcontext(whole.connection)
+
+    def rows(self, kind: Callable[..., T], query: Select[Any], values: Mapping[str, Any] | None = None) -> list[T]:
+        """Return the rows of a query as values of a kind."""
+        with self.reading() as connection:
+            return [kind(**row) for row in connection.execute(query, values).mappings()]
+
+    def row(self, kind: Callable[..., T], query: Select[Any], values: Mapping[str, Any] | None = None) -> T | None:
+        """Return the first row of a query as a value of a kind; None if there is none."""
+        with self.reading() as connection:
+            row = connection.execute(query, values).mappings().first()
+        return None if row is None else kind(**row)
+
+    def scalar(self, query: Select[Any], values: Mapping[str, Any] | None = None) -> Any:
+        """Return the first column of the first row of a query; None if there is none."""
+        with self.reading() as connection:
+            return connection.scalar(query, values)
+
+    def scalars(self, query: Select[Any], values: Mapping[str, Any] | None = None) -> list[Any]:
+        """Return the first column of a query."""
+        with self.reading() as connection:
+            return list(connection.scalars(query, values))
 
     @contextmanager
     def together(self) -> Iterator[None]:
@@ -109,8 +132,7 @@ class Database:
         if self.path is not None:
             files = (self.path.with_name(self.path.name + ending) for ending in ("", "-wal", "-shm"))
             return sum(file.stat().st_size for file in files if file.exists())
-        with self.reading() as connection:
-            return int(connection.scalar(select(func.pg_database_size(func.current_database()))) or 0)
+        return int(self.scalar(select(func.pg_database_size(func.current_database()))) or 0)
 
     def free(self) -> int | None:
         """Return the free space on the disk of the store [bytes]; None with a server."""
@@ -141,6 +163,13 @@ class Database:
     def close(self) -> None:
         """Close all connections."""
         self.engine.dispose()
+
+
+class Tables:
+    """Tables of a subject in a database."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
 
 
 class _Whole(threading.local):

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, FromClause, Select, Subquery, and_, case, exists, false, func, not_, or_, select
 
-from sprung.online.store.database import Database
+from sprung.online.store.database import Tables
 from sprung.online.store.rows import Document
 from sprung.online.store.schema import ALERT_HISTORY, ALERTS, BASELINES, OBSERVATIONS, STATUSES, VEHICLES
 
@@ -134,17 +134,8 @@ class WindowRow(NamedTuple):
     number: int
 
 
-class Fleet:
-    """The fleet as shown to people.
-
-    Parameters
-    ----------
-    database
-        Database of the store.
-    """
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
+class Fleet(Tables):
+    """The fleet as shown to people."""
 
     def page(self, wanted: FleetFilter, *, after: Place | None = None, limit: int = 50) -> list[FleetRow]:
         """Return vehicles in order of urgency.

@@ -6,7 +6,7 @@ from typing import Any, Literal
 from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, delete, func, not_, select, tuple_, update
 
 from sprung.errors import ParameterError
-from sprung.online.store.database import Database
+from sprung.online.store.database import Tables
 from sprung.online.store.rows import BaselineRow, Document, Entry, Numbered, Progress, Snapshot
 from sprung.online.store.schema import (
     BASELINES,
@@ -33,17 +33,8 @@ _UNNEEDED = delete(FRAMES).where(_OF_FRAMES, FRAMES.c.seq <= _LAST)
 _KINDS = {"observations": OBSERVATIONS, "modes": MODES, "findings": FINDINGS}
 
 
-class Results:
-    """Results, stored together with the progress of analysis.
-
-    Parameters
-    ----------
-    database
-        Database of the store.
-    """
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
+class Results(Tables):
+    """Results, stored together with the progress of analysis."""
 
     def commit(self, progress: Progress, *before: Progress) -> None:
         """Store results of analysis in one transaction; storing the same again has no effect.
@@ -128,8 +119,7 @@ class Results:
     def n_observations(self, vehicle: str) -> int:
         """Return the number of observations of a vehicle."""
         query = select(func.count()).where(OBSERVATIONS.c.vehicle == vehicle)
-        with self._database.reading() as connection:
-            return connection.scalar(query) or 0
+        return self._database.scalar(query) or 0
 
     def n_numbered(self, vehicle: str) -> tuple[int, int]:
         """Return the numbers that follow those of the observations and of the modes of a vehicle."""
@@ -156,8 +146,7 @@ class Results:
     def baselines(self, vehicle: str) -> list[BaselineRow]:
         """Return the baselines of a vehicle, the present one last."""
         query = select(BASELINES).where(BASELINES.c.vehicle == vehicle).order_by(BASELINES.c.version)
-        with self._database.reading() as connection:
-            return [BaselineRow(**row) for row in connection.execute(query).mappings()]
+        return self._database.rows(BaselineRow, query)
 
     def pieces(
         self,
@@ -200,9 +189,7 @@ class Results:
 
     def snapshot(self, vehicle: str) -> Snapshot | None:
         """Return the state from which the analysis of a vehicle continues."""
-        with self._database.reading() as connection:
-            row = connection.execute(select(SNAPSHOTS).where(SNAPSHOTS.c.vehicle == vehicle)).mappings().first()
-            return None if row is None else Snapshot(**row)
+        return self._database.row(Snapshot, select(SNAPSHOTS).where(SNAPSHOTS.c.vehicle == vehicle))
 
     def _add(self, connection: Connection, table: Table, rows: list[dict[str, Any]]) -> None:
         """Store new rows."""

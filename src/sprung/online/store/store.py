@@ -10,17 +10,14 @@ from sqlalchemy import URL, Connection, func, inspect, make_url, select
 from sqlalchemy.exc import ArgumentError
 
 from sprung.errors import ParameterError
-from sprung.online.store.accounts import Accounts, Verdicts
 from sprung.online.store.alerts import Alerts
-from sprung.online.store.contents import Contents, contents_of, n_windows_since
 from sprung.online.store.database import PATIENCE, Database
 from sprung.online.store.fleet import Fleet
-from sprung.online.store.inbox import Inbox
-from sprung.online.store.quarantine import Quarantine
-from sprung.online.store.requests import Requests
+from sprung.online.store.inbox import Inbox, Quarantine
+from sprung.online.store.people import Accounts, Requests, Verdicts
 from sprung.online.store.reservation import Reservation
 from sprung.online.store.results import Results
-from sprung.online.store.retention import Ages, delete_older
+from sprung.online.store.retention import Ages, Contents, contents_of, delete_older, n_windows_since
 from sprung.online.store.schema import METADATA, SCHEMA, SCHEMA_VERSION, VEHICLES, StoreError
 
 # Number of the lock on PostgreSQL while tables are created: any, but the same in every program.

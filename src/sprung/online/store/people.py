@@ -1,12 +1,14 @@
-"""People and programs that may use the interface, and what the workshop found."""
+"""People and programs that may use the interface, what they request, and what the workshop found."""
 
 from collections.abc import Collection
 from dataclasses import asdict, dataclass, field
+from typing import Any
 
-from sqlalchemy import delete, func, select
+from sqlalchemy import delete, func, select, update
 
-from sprung.online.store.database import Database
-from sprung.online.store.schema import ACCOUNTS, ALERTS, SESSIONS, TOKENS, VERDICTS
+from sprung.online.store.database import Tables
+from sprung.online.store.rows import AuditRow, CommandRow
+from sprung.online.store.schema import ACCOUNTS, ALERTS, AUDIT, COMMANDS, SESSIONS, TOKENS, VERDICTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,34 +69,20 @@ class VerdictRow:
     id: int | None = None
 
 
-class Accounts:
-    """Accounts with their sessions, and tokens. Secrets are stored as hashes only.
-
-    Parameters
-    ----------
-    database
-        Database of the store.
-    """
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
+class Accounts(Tables):
+    """Accounts with their sessions, and tokens. Secrets are stored as hashes only."""
 
     def all(self) -> list[AccountRow]:
         """Return the accounts by name."""
-        with self._database.reading() as connection:
-            rows = connection.execute(select(ACCOUNTS).order_by(ACCOUNTS.c.name)).mappings()
-            return [AccountRow(**row) for row in rows]
+        return self._database.rows(AccountRow, select(ACCOUNTS).order_by(ACCOUNTS.c.name))
 
     def find(self, name: str) -> AccountRow | None:
         """Return an account; None if the name is unknown."""
-        with self._database.reading() as connection:
-            row = connection.execute(select(ACCOUNTS).where(ACCOUNTS.c.name == name)).mappings().first()
-            return None if row is None else AccountRow(**row)
+        return self._database.row(AccountRow, select(ACCOUNTS).where(ACCOUNTS.c.name == name))
 
     def n_accounts(self) -> int:
         """Return the number of accounts."""
-        with self._database.reading() as connection:
-            return connection.scalar(select(func.count()).select_from(ACCOUNTS)) or 0
+        return self._database.scalar(select(func.count()).select_from(ACCOUNTS)) or 0
 
     def put(self, row: AccountRow) -> None:
         """Store an account, replacing role and password of one of that name, whose sessions end."""
@@ -122,9 +110,7 @@ class Accounts:
         """Return the account of a session; None if there is none, or it has ended."""
         query = select(ACCOUNTS).join(SESSIONS, SESSIONS.c.account == ACCOUNTS.c.name)
         query = query.where(SESSIONS.c.digest == digest, SESSIONS.c.expires > now)
-        with self._database.reading() as connection:
-            row = connection.execute(query).mappings().first()
-            return None if row is None else AccountRow(**row)
+        return self._database.row(AccountRow, query)
 
     def end_session(self, digest: str) -> None:
         """End a session."""
@@ -133,8 +119,7 @@ class Accounts:
 
     def tokens(self) -> list[TokenRow]:
         """Return the tokens, the oldest first."""
-        with self._database.reading() as connection:
-            return [TokenRow(**row) for row in connection.execute(select(TOKENS).order_by(TOKENS.c.id)).mappings()]
+        return self._database.rows(TokenRow, select(TOKENS).order_by(TOKENS.c.id))
 
     def add_token(self, row: TokenRow) -> int:
         """Store a token, and return its number."""
@@ -155,17 +140,8 @@ class Accounts:
             return connection.execute(delete(TOKENS).where(TOKENS.c.id == number)).rowcount > 0
 
 
-class Verdicts:
-    """Verdicts of the workshop on alerts.
-
-    Parameters
-    ----------
-    database
-        Database of the store.
-    """
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
+class Verdicts(Tables):
+    """Verdicts of the workshop on alerts."""
 
     def add(self, row: VerdictRow) -> int:
         """Store a verdict, and return its number."""
@@ -178,8 +154,7 @@ class Verdicts:
         query = select(VERDICTS).order_by(VERDICTS.c.id)
         if alerts is not None:
             query = query.where(VERDICTS.c.alert.in_(alerts))
-        with self._database.reading() as connection:
-            return [VerdictRow(**row) for row in connection.execute(query).mappings()]
+        return self._database.rows(VerdictRow, query)
 
     def judged(self, *, since: int = 0) -> list[tuple[VerdictRow, str]]:
         """Return the last verdict on each alert for each time that it was raised since a time, with its cause."""
@@ -192,3 +167,62 @@ class Verdicts:
                 cause = values.pop("cause")
                 last[values["alert"], values["raised"]] = (VerdictRow(**values), cause)
         return list(last.values())
+
+
+class Requests(Tables):
+    """Requests and the audit trail, which keeps everything for as long as the site file states."""
+
+    def audit(self, who: str, act: str, subject: str, detail: Any = None, *, now: int) -> None:
+        """Record who did what to what; `detail` is anything that JSON can hold."""
+        with self._database.writing() as connection:
+            row = {"time": now, "who": who, "act": act, "subject": subject, "detail": detail}
+            connection.execute(AUDIT.insert(), row)
+
+    def audited(self, *, act: str | None = None, before: int | None = None, limit: int | None = None) -> list[AuditRow]:
+        """Return the record in order.
+
+        Parameters
+        ----------
+        act
+            Name of an action; None: all actions.
+        before
+            Number of an entry, which is left out with all later ones; None: no entry is.
+        limit
+            Largest number of entries, of which the last are returned; None: no limit.
+        """
+        query = select(AUDIT).order_by(AUDIT.c.id.desc()).limit(limit)
+        if act is not None:
+            query = query.where(AUDIT.c.act == act)
+        if before is not None:
+            query = query.where(AUDIT.c.id < before)
+        with self._database.reading() as connection:
+            rows = connection.execute(query).mappings().all()
+            return [AuditRow(**row) for row in reversed(rows)]
+
+    def add_command(self, who: str, vehicle: str, act: str, detail: Any = None, *, now: int) -> int:
+        """Store a request to the running monitor, with an entry in the audit trail, and return its number."""
+        row = {"created": now, "who": who, "vehicle": vehicle, "act": act, "detail": detail}
+        record = {"time": now, "who": who, "act": act, "subject": vehicle, "detail": detail}
+        with self._database.writing() as connection:
+            connection.execute(AUDIT.insert(), record)
+            return int(connection.execute(COMMANDS.insert().values(row).returning(COMMANDS.c.id)).scalar_one())
+
+    def open_commands(self) -> list[CommandRow]:
+        """Return open requests, the oldest first."""
+        query = select(COMMANDS).where(COMMANDS.c.done.is_(None)).order_by(COMMANDS.c.id)
+        return self._database.rows(CommandRow, query)
+
+    def commands_of(self, vehicle: str) -> list[CommandRow]:
+        """Return the requests about a vehicle, open and done, the oldest first."""
+        query = select(COMMANDS).where(COMMANDS.c.vehicle == vehicle).order_by(COMMANDS.c.id)
+        return self._database.rows(CommandRow, query)
+
+    def command(self, command_id: int) -> CommandRow | None:
+        """Return a request, open or done; None if the number is unknown."""
+        return self._database.row(CommandRow, select(COMMANDS).where(COMMANDS.c.id == command_id))
+
+    def command_done(self, command_id: int, now: int, *, detail: Any = None) -> None:
+        """Store that a request was completed; `detail` replaces that of the request, if given."""
+        statement = update(COMMANDS).where(COMMANDS.c.id == command_id, COMMANDS.c.done.is_(None))
+        with self._database.writing() as connection:
+            connection.execute(statement.values(done=now, **({} if detail is None else {"detail": detail})))
