@@ -4,9 +4,9 @@ from sprung._checks import missing_package
 
 try:
     from sprung.online.store.fleet import ChangeRow, FleetCounts, FleetFilter, FleetRow, Place, WindowRow
-    from sprung.online.store.people import AccountRow, TokenRow, VerdictRow
     from sprung.online.store.retention import MAX_COUNTED, Contents, Counted, Retention
     from sprung.online.store.rows import (
+        AccountRow,
         AlertFilter,
         AlertPlace,
         AlertRow,
@@ -22,7 +22,9 @@ try:
         QuarantineRow,
         Snapshot,
         StoredFrame,
+        TokenRow,
         VehicleRow,
+        VerdictRow,
     )
     from sprung.online.store.schema import RefusedError, ReservationLostError, StoreError
     from sprung.online.store.store import Store, check_address, open_store

@@ -24,10 +24,10 @@ from sqlalchemy import (
 
 from sprung.online.store.database import Tables
 from sprung.online.store.rows import AlertFilter, AlertPlace, AlertRow, Delivery, Document, HistoryRow, NotificationRow
-from sprung.online.store.schema import ALERT_HISTORY, ALERTS, DELIVERIES, NOTIFICATIONS
+from sprung.online.store.schema import ALERT_HISTORY, ALERTS, DELIVERIES, NOTIFICATIONS, STEP_SIZE, in_steps
 
-#: A day [ns], and the severities of a step.
-_DAY, _STEP = 86400 * 10**9, 200
+#: A day [ns].
+_DAY = 86400 * 10**9
 #: Values of one query: databases refuse more than some 32,000.
 _MAX_VALUES = 1000
 #: Columns of the progress of a sender, besides the number of attempts.
@@ -73,7 +73,7 @@ class Alerts(Tables):
     def counts(self, wanted: AlertFilter) -> dict[tuple[str, int], int]:
         """Return the number of alerts by state and step of severity, 0 to 4."""
         state = case(*((condition, literal(name)) for name, condition in _STATES.items()), else_=literal(""))
-        step = case(*((ALERTS.c.severity <= _STEP * (k + 1), k) for k in range(4)), else_=4)
+        step = case(*((ALERTS.c.severity <= STEP_SIZE * (k + 1), k) for k in range(4)), else_=4)
         query = select(state.label("state"), step.label("step")).where(*_conditions(wanted)).subquery()
         counted = select(query.c.state, query.c.step, func.count()).group_by(query.c.state, query.c.step)
         with self._database.reading() as connection:
@@ -218,8 +218,7 @@ def _conditions(wanted: AlertFilter) -> list[ColumnElement[bool]]:
     if wanted.states:
         conditions.append(or_(*(_STATES[name] for name in wanted.states)))
     if wanted.steps:
-        ranges = ((_STEP * step, _STEP * (step + 1)) for step in wanted.steps)
-        conditions.append(or_(*(and_(ALERTS.c.severity > low, ALERTS.c.severity <= high) for low, high in ranges)))
+        conditions.append(in_steps(ALERTS.c.severity, wanted.steps))
     if wanted.vehicle:
         conditions.append(ALERTS.c.vehicle.icontains(wanted.vehicle, autoescape=True))
     if wanted.assignee is not None:

@@ -58,7 +58,8 @@ class Inbox(Tables):
     ) -> None:
         """Store the description of a vehicle: hash and text of its configuration, its channels."""
         values = {"configuration": configuration, "description": description, "channels": list(channels)}
-        row = self._database.insert(VEHICLES).values(vehicle=vehicle, first_seen=now, last_seen=now, **values)
+        new = {"vehicle": vehicle, "first_seen": now, "last_seen": now, "is_parked": False, **values}
+        row = self._database.insert(VEHICLES).values(new)
         with self._database.writing() as connection:
             connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_={**values, "last_seen": now}))
 

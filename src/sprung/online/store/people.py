@@ -1,72 +1,14 @@
 """People and programs that may use the interface, what they request, and what the workshop found."""
 
 from collections.abc import Collection
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from typing import Any
 
 from sqlalchemy import delete, func, select, update
 
 from sprung.online.store.database import Tables
-from sprung.online.store.rows import AuditRow, CommandRow
+from sprung.online.store.rows import AccountRow, AuditRow, CommandRow, TokenRow, VerdictRow
 from sprung.online.store.schema import ACCOUNTS, ALERTS, AUDIT, COMMANDS, SESSIONS, TOKENS, VERDICTS
-
-
-@dataclass(frozen=True, slots=True)
-class AccountRow:
-    """A person: name, role and salted hash of the password."""
-
-    name: str
-    role: str
-    password: str = field(repr=False)
-    created: int
-
-
-@dataclass(frozen=True, slots=True)
-class TokenRow:
-    """A program that may use the interface until `expires`; `digest` is the hash of its secret."""
-
-    digest: str = field(repr=False)
-    name: str
-    role: str
-    created: int
-    created_by: str
-    expires: int | None = None
-    id: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class VerdictRow:
-    """Verdict of the workshop on an alert.
-
-    Parameters
-    ----------
-    alert
-        Number of the alert.
-    time, who
-        Time of the verdict [UTC ns], and person who stated it.
-    verdict
-        "confirmed", "another part", "nothing found" or "not looked at".
-    part
-        Part that was found instead; empty for none.
-    action
-        Work that was done; empty: none.
-    raised
-        Time when the alert was raised.
-    request
-        Number of the request for a new baseline; None: none.
-    id
-        Number of the row; None before it is stored.
-    """
-
-    alert: int
-    time: int
-    who: str
-    verdict: str
-    part: str
-    action: str
-    raised: int
-    request: int | None = None
-    id: int | None = None
 
 
 class Accounts(Tables):

@@ -306,3 +306,61 @@ class CommandRow:
     act: str
     detail: Any
     done: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class AccountRow:
+    """A person: name, role and salted hash of the password."""
+
+    name: str
+    role: str
+    password: str = field(repr=False)
+    created: int
+
+
+@dataclass(frozen=True, slots=True)
+class TokenRow:
+    """A program that may use the interface until `expires`; `digest` is the hash of its secret."""
+
+    digest: str = field(repr=False)
+    name: str
+    role: str
+    created: int
+    created_by: str
+    expires: int | None = None
+    id: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class VerdictRow:
+    """Verdict of the workshop on an alert.
+
+    Parameters
+    ----------
+    alert
+        Number of the alert.
+    time, who
+        Time of the verdict [UTC ns], and person who stated it.
+    verdict
+        "confirmed", "another part", "nothing found" or "not looked at".
+    part
+        Part that was found instead; empty for none.
+    action
+        Work that was done; empty: none.
+    raised
+        Time when the alert was raised.
+    request
+        Number of the request for a new baseline; None: none.
+    id
+        Number of the row; None before it is stored.
+    """
+
+    alert: int
+    time: int
+    who: str
+    verdict: str
+    part: str
+    action: str
+    raised: int
+    request: int | None = None
+    id: int | None = None

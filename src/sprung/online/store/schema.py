@@ -5,13 +5,17 @@ Times are UTC nanoseconds. `boot` counts the starts of a box, `seq` its frames s
 
 import json
 import zlib
-from typing import Any
+from collections.abc import Iterable
+from types import UnionType
+from typing import Any, get_args, get_type_hints
 
 from sqlalchemy import (
     BigInteger,
     Boolean,
     Column,
+    ColumnElement,
     ForeignKey,
+    ForeignKeyConstraint,
     Index,
     Integer,
     LargeBinary,
@@ -20,10 +24,29 @@ from sqlalchemy import (
     Text,
     TypeDecorator,
     UniqueConstraint,
+    and_,
     false,
+    or_,
 )
+from sqlalchemy.schema import SchemaItem
 
 from sprung.errors import SprungError
+from sprung.online.store.rows import (
+    AccountRow,
+    AlertRow,
+    AuditRow,
+    BaselineRow,
+    CommandRow,
+    Cursor,
+    Delivery,
+    HistoryRow,
+    QuarantineRow,
+    Snapshot,
+    StoredFrame,
+    TokenRow,
+    VehicleRow,
+    VerdictRow,
+)
 
 
 class StoreError(SprungError):
@@ -31,7 +54,7 @@ class StoreError(SprungError):
 
 
 class RefusedError(StoreError):
-    """Values that no row can hold: the store itself is sound, and stores others."""
+    """Values that no row can hold: the store itself works, and stores others."""
 
 
 class ReservationLostError(SprungError):
@@ -102,6 +125,10 @@ METADATA = MetaData()
 _INTEGER = BigInteger().with_variant(Integer, "sqlite")
 
 
+#: Type of the column for a field of some type; what is in none of them is JSON.
+_TYPES: dict[Any, Any] = {int: _INTEGER, str: Text, bool: Boolean, bytes: LargeBinary}
+
+
 def _key(name: str, kind: type[Text] | BigInteger) -> Column[object]:
     """Return a column of a primary key that is always given."""
     return Column(name, kind, primary_key=True, autoincrement=False)
@@ -112,47 +139,30 @@ def _identity() -> Column[object]:
     return Column("id", _INTEGER, primary_key=True, autoincrement=True)
 
 
-def _of_alert() -> Column[object]:
-    """Return the column with the alert that a row belongs to."""
-    return Column("alert", _INTEGER, ForeignKey("alerts.id"), nullable=False)
+def _of_alert() -> ForeignKeyConstraint:
+    """Return the condition that the alert of a row exists."""
+    return ForeignKeyConstraint(["alert"], ["alerts.id"])
 
 
-VEHICLES = Table(
-    "vehicles",
-    METADATA,
-    _key("vehicle", Text),
-    Column("configuration", Text, nullable=False),
-    Column("description", Text, nullable=False),
-    Column("channels", Json, nullable=False),
-    Column("first_seen", _INTEGER, nullable=False),
-    Column("last_seen", _INTEGER, nullable=False),
-    Column("is_parked", Boolean, nullable=False, server_default=false()),
-)
+def _table(name: str, row: type, *more: SchemaItem, keys: tuple[str, ...] = ()) -> Table:
+    """Return a table whose columns are the fields of a kind of rows; without keys `id` numbers them."""
+    columns: list[Column[Any]] = []
+    for field, hint in get_type_hints(row).items():
+        kind = get_args(hint)[0] if isinstance(hint, UnionType) else hint
+        if field in keys:
+            columns.append(_key(field, _TYPES[kind]))
+        elif field == "id":
+            columns.append(_identity())
+        else:
+            is_optional = isinstance(hint, UnionType) or hint is Any
+            columns.append(Column(field, _TYPES.get(kind, Json), nullable=is_optional))
+    return Table(name, METADATA, *columns, *more)
 
+
+VEHICLES = _table("vehicles", VehicleRow, keys=("vehicle",))
 #: Frames that arrived and are not yet analysed.
-FRAMES = Table(
-    "frames",
-    METADATA,
-    _key("vehicle", Text),
-    _key("boot", _INTEGER),
-    _key("seq", _INTEGER),
-    Column("t0", _INTEGER, nullable=False),
-    Column("kind", Text, nullable=False),
-    Column("payload", LargeBinary, nullable=False),
-)
-
-CURSORS = Table(
-    "cursors",
-    METADATA,
-    _key("vehicle", Text),
-    _key("boot", _INTEGER),
-    Column("contiguous", _INTEGER, nullable=False),
-    Column("done", _INTEGER, nullable=False),
-    Column("lost", _INTEGER, nullable=False),
-    Column("updated", _INTEGER, nullable=False),
-)
-
-
+FRAMES = _table("frames", StoredFrame, keys=("vehicle", "boot", "seq"))
+CURSORS = _table("cursors", Cursor, _key("vehicle", Text), _key("boot", _INTEGER))
 #: Newest boot of a vehicle whose progress was deleted: frames of it and of earlier boots are repeats.
 FORGOTTEN = Table("forgotten", METADATA, _key("vehicle", Text), Column("boot", _INTEGER, nullable=False))
 
@@ -179,39 +189,10 @@ MODES = _entries("modes")
 #: A window may have several findings, which `place` distinguishes.
 FINDINGS = _entries("findings", _key("place", _INTEGER))
 
-BASELINES = Table(
-    "baselines",
-    METADATA,
-    _key("vehicle", Text),
-    _key("version", _INTEGER),
-    Column("created", _INTEGER, nullable=False),
-    Column("reason", Text, nullable=False),
-    Column("document", Json, nullable=False),
-)
-
-SNAPSHOTS = Table(
-    "snapshots",
-    METADATA,
-    _key("vehicle", Text),
-    Column("boot", _INTEGER, nullable=False),
-    Column("seq", _INTEGER, nullable=False),
-    Column("document", LargeBinary, nullable=False),
-)
-
+BASELINES = _table("baselines", BaselineRow, keys=("vehicle", "version"))
+SNAPSHOTS = _table("snapshots", Snapshot, keys=("vehicle",))
 #: Frames whose analysis fails, and states that cannot be read (kind "state"), with the reason.
-QUARANTINE = Table(
-    "quarantine",
-    METADATA,
-    _key("vehicle", Text),
-    _key("boot", _INTEGER),
-    _key("seq", _INTEGER),
-    _key("kind", Text),
-    Column("t0", _INTEGER, nullable=False),
-    Column("payload", LargeBinary, nullable=False),
-    Column("reason", Text, nullable=False),
-    Column("stored", _INTEGER, nullable=False),
-)
-
+QUARANTINE = _table("quarantine", QuarantineRow, keys=("vehicle", "boot", "seq", "kind"))
 #: Progress of the analysis of each vehicle, for people.
 STATUSES = Table(
     "statuses",
@@ -220,48 +201,20 @@ STATUSES = Table(
     Column("document", Json, nullable=False),
     Column("is_learning", Boolean, nullable=False, server_default=false()),
 )
-
-ALERTS = Table(
+ALERTS = _table(
     "alerts",
-    METADATA,
-    _identity(),
-    Column("vehicle", Text, nullable=False),
-    Column("cause", Text, nullable=False),
-    Column("severity", Integer, nullable=False),
-    Column("text", Text, nullable=False),
-    Column("is_active", Boolean, nullable=False),
-    Column("is_acknowledged", Boolean, nullable=False),
-    Column("shelved_until", _INTEGER),
-    Column("raised", _INTEGER, nullable=False),
-    Column("updated", _INTEGER, nullable=False),
-    Column("cleared", _INTEGER),
-    Column("count", _INTEGER, nullable=False),
-    Column("assignee", Text),
-    Column("document", Json, nullable=False),
+    AlertRow,
     UniqueConstraint("vehicle", "cause", name="alerts_by_cause"),
     Index("alerts_active", "is_active", "vehicle", "severity", "cause"),
 )
-
-ALERT_HISTORY = Table(
-    "alert_history",
-    METADATA,
-    _identity(),
-    _of_alert(),
-    Column("time", _INTEGER, nullable=False),
-    Column("what", Text, nullable=False),
-    Column("who", Text, nullable=False),
-    Column("comment", Text, nullable=False),
-    Column("assignee", Text),
-    Column("shelved_until", _INTEGER),
-    Index("alert_history_of_alert", "alert"),
-)
-
+ALERT_HISTORY = _table("alert_history", HistoryRow, _of_alert(), Index("alert_history_of_alert", "alert"))
 #: Notifications: `sent` when every sender had passed them on, `given_up` when the last one settled and any gave up;
 #: `attempts` and `last_error` are those of all senders.
 NOTIFICATIONS = Table(
     "notifications",
     METADATA,
     _identity(),
+    Column("alert", _INTEGER, nullable=False),
     _of_alert(),
     Column("created", _INTEGER, nullable=False),
     Column("document", Json, nullable=False),
@@ -271,77 +224,21 @@ NOTIFICATIONS = Table(
     Column("given_up", _INTEGER),
     Index("notifications_sent", "sent"),
 )
-
 #: Progress of each sender with a notification: what one has passed on it does not send again after a restart.
-DELIVERIES = Table(
+DELIVERIES = _table(
     "deliveries",
-    METADATA,
-    Column(
-        "notification",
-        _INTEGER,
-        ForeignKey("notifications.id", ondelete="CASCADE"),
-        primary_key=True,
-        autoincrement=False,
-    ),
+    Delivery,
+    _key("notification", _INTEGER),
     _key("sender", Text),
-    Column("attempts", _INTEGER, nullable=False),
-    Column("next_attempt", _INTEGER),
-    Column("sent", _INTEGER),
-    Column("given_up", _INTEGER),
-    Column("last_error", Text),
+    ForeignKeyConstraint(["notification"], ["notifications.id"], ondelete="CASCADE"),
 )
-
-AUDIT = Table(
-    "audit",
-    METADATA,
-    _identity(),
-    Column("time", _INTEGER, nullable=False),
-    Column("who", Text, nullable=False),
-    Column("act", Text, nullable=False),
-    Column("subject", Text, nullable=False),
-    Column("detail", Json),
-)
-
+AUDIT = _table("audit", AuditRow)
 #: Requests of operators to the running monitor.
-COMMANDS = Table(
-    "commands",
-    METADATA,
-    _identity(),
-    Column("created", _INTEGER, nullable=False),
-    Column("who", Text, nullable=False),
-    Column("vehicle", Text, nullable=False),
-    Column("act", Text, nullable=False),
-    Column("detail", Json),
-    Column("done", _INTEGER),
-    Index("commands_done", "done"),
-)
-
+COMMANDS = _table("commands", CommandRow, Index("commands_done", "done"))
 #: Verdicts of the workshop on alerts, and the work that was done.
-VERDICTS = Table(
-    "verdicts",
-    METADATA,
-    _identity(),
-    _of_alert(),
-    Column("time", _INTEGER, nullable=False),
-    Column("who", Text, nullable=False),
-    Column("verdict", Text, nullable=False),
-    Column("part", Text, nullable=False),
-    Column("action", Text, nullable=False),
-    Column("raised", _INTEGER, nullable=False),
-    Column("request", _INTEGER),
-    Index("verdicts_of_alert", "alert"),
-)
-
+VERDICTS = _table("verdicts", VerdictRow, _of_alert(), Index("verdicts_of_alert", "alert"))
 #: People who may log in; the password only as a salted hash.
-ACCOUNTS = Table(
-    "accounts",
-    METADATA,
-    _key("name", Text),
-    Column("role", Text, nullable=False),
-    Column("password", Text, nullable=False),
-    Column("created", _INTEGER, nullable=False),
-)
-
+ACCOUNTS = _table("accounts", AccountRow, keys=("name",))
 #: Browsers that are logged in, by the hash of their secret.
 SESSIONS = Table(
     "sessions",
@@ -351,20 +248,17 @@ SESSIONS = Table(
     Column("created", _INTEGER, nullable=False),
     Column("expires", _INTEGER, nullable=False),
 )
-
 #: Programs that may use the interface, by the hash of their secret.
-TOKENS = Table(
-    "tokens",
-    METADATA,
-    _identity(),
-    Column("digest", Text, nullable=False, unique=True),
-    Column("name", Text, nullable=False),
-    Column("role", Text, nullable=False),
-    Column("created", _INTEGER, nullable=False),
-    Column("created_by", Text, nullable=False),
-    Column("expires", _INTEGER),
-)
-
+TOKENS = _table("tokens", TokenRow, UniqueConstraint("digest"))
 #: Version of these tables in a store, one row: `SCHEMA_VERSION` of the program that made it.
 SCHEMA = Table("schema_version", METADATA, Column("version", Integer, primary_key=True, autoincrement=False))
 SCHEMA_VERSION = 1
+
+#: Severities of a step: 1 to 200 are the first, 801 to 1000 the fifth.
+STEP_SIZE = 200
+
+
+def in_steps(severity: ColumnElement[int], steps: Iterable[int]) -> ColumnElement[bool]:
+    """Return the condition for severities of some steps, 0 to 4."""
+    ranges = ((STEP_SIZE * step, STEP_SIZE * (step + 1)) for step in steps)
+    return or_(false(), *(and_(severity > low, severity <= high) for low, high in ranges))
