@@ -10,8 +10,9 @@ def window(number, *, now):
 
 
 def test_every_table_has_a_key_or_a_reason() -> None:
-    assert AGE_KEYS.keys() == set(conditions())
-    assert AGE_KEYS.keys() | KEPT.keys() == METADATA.tables.keys()
+    assert set(conditions()) | KEPT.keys() == METADATA.tables.keys()
+    assert AGE_KEYS.keys() <= set(conditions())
+    assert not KEPT.keys() & set(conditions())
 
 
 def test_rows_are_counted_by_table(store) -> None:

@@ -16,7 +16,7 @@ def frame(boot, seq, vehicle="car-1"):
 
 def count(store, name):
     """The number of rows of a table."""
-    with store._database.reading() as connection:
+    with store.reading() as connection:
         return connection.scalar(select(func.count()).select_from(METADATA.tables[name]))
 
 

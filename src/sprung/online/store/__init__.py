@@ -5,7 +5,7 @@ from sprung._checks import missing_package
 try:
     from sprung.online.store.fleet import ChangeRow, FleetCounts, FleetFilter, FleetRow, Place, WindowRow
     from sprung.online.store.retention import MAX_COUNTED, Contents, Counted, Retention
-    from sprung.online.store.rows import (
+    from sprung.online.store.schema import (
         AccountRow,
         AlertFilter,
         AlertPlace,
@@ -20,13 +20,15 @@ try:
         NotificationRow,
         Progress,
         QuarantineRow,
+        RefusedError,
+        ReservationLostError,
         Snapshot,
         StoredFrame,
+        StoreError,
         TokenRow,
         VehicleRow,
         VerdictRow,
     )
-    from sprung.online.store.schema import RefusedError, ReservationLostError, StoreError
     from sprung.online.store.store import Store, check_address, open_store
 except ImportError as error:
     raise missing_package(error, "sqlalchemy", purpose="the store", extra="online") from None

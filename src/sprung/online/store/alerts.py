@@ -23,8 +23,21 @@ from sqlalchemy import (
 )
 
 from sprung.online.store.database import Tables
-from sprung.online.store.rows import AlertFilter, AlertPlace, AlertRow, Delivery, Document, HistoryRow, NotificationRow
-from sprung.online.store.schema import ALERT_HISTORY, ALERTS, DELIVERIES, NOTIFICATIONS, STEP_SIZE, in_steps
+from sprung.online.store.schema import (
+    ALERT_HISTORY,
+    ALERTS,
+    DELIVERIES,
+    NOTIFICATIONS,
+    STEP_SIZE,
+    AlertFilter,
+    AlertPlace,
+    AlertRow,
+    Delivery,
+    Document,
+    HistoryRow,
+    NotificationRow,
+    in_steps,
+)
 
 #: A day [ns].
 _DAY = 86400 * 10**9
@@ -50,12 +63,11 @@ class Alerts(Tables):
     def rows(self, numbers: Collection[int]) -> dict[int, AlertRow]:
         """Return the alerts of some numbers, by number."""
         wanted = list(numbers)
-        rows: dict[int, AlertRow] = {}
-        with self._database.reading() as connection:
-            for first in range(0, len(wanted), _MAX_VALUES):
-                query = select(ALERTS).where(ALERTS.c.id.in_(wanted[first : first + _MAX_VALUES]))
-                rows |= {row["id"]: AlertRow(**row) for row in connection.execute(query).mappings()}
-        return rows
+        rows: list[AlertRow] = []
+        for first in range(0, len(wanted), _MAX_VALUES):
+            query = select(ALERTS).where(ALERTS.c.id.in_(wanted[first : first + _MAX_VALUES]))
+            rows += self._database.rows(AlertRow, query)
+        return {row.id: row for row in rows if row.id is not None}
 
     def page(self, wanted: AlertFilter, *, after: AlertPlace | None = None, limit: int) -> list[AlertRow]:
         """Return alerts, the most severe first, then the oldest, from the one that follows a place on."""
@@ -87,9 +99,8 @@ class Alerts(Tables):
         """Return the active alerts of some vehicles, the most severe first, by vehicle."""
         found: dict[str, list[AlertRow]] = {}
         query = select(ALERTS).where(ALERTS.c.vehicle.in_(vehicles), ALERTS.c.is_active)
-        with self._database.reading() as connection:
-            for row in connection.execute(query.order_by(ALERTS.c.severity.desc(), ALERTS.c.id)).mappings():
-                found.setdefault(row["vehicle"], []).append(AlertRow(**row))
+        for row in self._database.rows(AlertRow, query.order_by(ALERTS.c.severity.desc(), ALERTS.c.id)):
+            found.setdefault(row.vehicle, []).append(row)
         return found
 
     def put(

@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from pathlib import Path
 from typing import Any, TypeVar
 
-from sqlalchemy import URL, Connection, Engine, Select, Table, create_engine, event, func, select
+from sqlalchemy import URL, ColumnElement, Connection, Engine, Select, Table, create_engine, delete, event, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, StatementError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
@@ -83,6 +83,17 @@ class Database:
         """Return the first column of a query."""
         with self.reading() as connection:
             return list(connection.scalars(query, values))
+
+    def add(self, table: Table, values: Mapping[str, Any]) -> int:
+        """Store a row, which the store numbers, and return its number."""
+        new = {name: value for name, value in values.items() if name != "id"}
+        with self.writing() as connection:
+            return int(connection.execute(table.insert().values(new).returning(table.c.id)).scalar_one())
+
+    def remove(self, table: Table, *conditions: ColumnElement[bool]) -> bool:
+        """Remove rows, and return whether there were any."""
+        with self.writing() as connection:
+            return connection.execute(delete(table).where(*conditions)).rowcount > 0
 
     @contextmanager
     def together(self) -> Iterator[None]:

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 from sqlalchemy import ColumnElement, FromClause, Select, Subquery, and_, case, exists, func, not_, or_, select
 
 from sprung.online.store.database import Tables
-from sprung.online.store.rows import Document
 from sprung.online.store.schema import (
     ALERT_HISTORY,
     ALERTS,
@@ -16,6 +15,7 @@ from sprung.online.store.schema import (
     STATUSES,
     STEP_SIZE,
     VEHICLES,
+    Document,
     in_steps,
 )
 

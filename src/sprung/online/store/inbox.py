@@ -22,8 +22,19 @@ from sqlalchemy import (
 )
 
 from sprung.online.store.database import Tables
-from sprung.online.store.rows import Cursor, QuarantineRow, StoredFrame, VehicleRow, check_count
-from sprung.online.store.schema import CURSORS, FORGOTTEN, FRAMES, QUARANTINE, SNAPSHOTS, VEHICLES
+from sprung.online.store.schema import (
+    CURSORS,
+    FORGOTTEN,
+    FRAMES,
+    QUARANTINE,
+    SNAPSHOTS,
+    VEHICLES,
+    Cursor,
+    QuarantineRow,
+    StoredFrame,
+    VehicleRow,
+    check_count,
+)
 
 Key = tuple[str, int]
 

@@ -4,11 +4,23 @@ from collections.abc import Collection
 from dataclasses import asdict
 from typing import Any
 
-from sqlalchemy import delete, func, select, update
+from sqlalchemy import delete, func, or_, select, update
 
 from sprung.online.store.database import Tables
-from sprung.online.store.rows import AccountRow, AuditRow, CommandRow, TokenRow, VerdictRow
-from sprung.online.store.schema import ACCOUNTS, ALERTS, AUDIT, COMMANDS, SESSIONS, TOKENS, VERDICTS
+from sprung.online.store.schema import (
+    ACCOUNTS,
+    ALERTS,
+    AUDIT,
+    COMMANDS,
+    SESSIONS,
+    TOKENS,
+    VERDICTS,
+    AccountRow,
+    AuditRow,
+    CommandRow,
+    TokenRow,
+    VerdictRow,
+)
 
 
 class Accounts(Tables):
@@ -37,9 +49,7 @@ class Accounts(Tables):
 
     def remove(self, name: str) -> bool:
         """Remove an account with its sessions, and return whether there was one."""
-        with self._database.writing() as connection:
-            connection.execute(delete(SESSIONS).where(SESSIONS.c.account == name))
-            return connection.execute(delete(ACCOUNTS).where(ACCOUNTS.c.name == name)).rowcount > 0
+        return self._database.remove(ACCOUNTS, ACCOUNTS.c.name == name)
 
     def add_session(self, digest: str, account: str, *, now: int, expires: int) -> None:
         """Store a session by the hash of its secret, and remove those that ended."""
@@ -56,8 +66,7 @@ class Accounts(Tables):
 
     def end_session(self, digest: str) -> None:
         """End a session."""
-        with self._database.writing() as connection:
-            connection.execute(delete(SESSIONS).where(SESSIONS.c.digest == digest))
+        self._database.remove(SESSIONS, SESSIONS.c.digest == digest)
 
     def tokens(self) -> list[TokenRow]:
         """Return the tokens, the oldest first."""
@@ -65,21 +74,16 @@ class Accounts(Tables):
 
     def add_token(self, row: TokenRow) -> int:
         """Store a token, and return its number."""
-        values = {name: value for name, value in asdict(row).items() if name != "id"}
-        with self._database.writing() as connection:
-            return int(connection.execute(TOKENS.insert().values(values).returning(TOKENS.c.id)).scalar_one())
+        return self._database.add(TOKENS, asdict(row))
 
     def of_token(self, digest: str, *, now: int) -> TokenRow | None:
         """Return a token; None if it is unknown or has expired."""
-        with self._database.reading() as connection:
-            row = connection.execute(select(TOKENS).where(TOKENS.c.digest == digest)).mappings().first()
-        found = None if row is None else TokenRow(**row)
-        return None if found is None or (found.expires is not None and found.expires <= now) else found
+        is_valid = or_(TOKENS.c.expires.is_(None), TOKENS.c.expires > now)
+        return self._database.row(TokenRow, select(TOKENS).where(TOKENS.c.digest == digest, is_valid))
 
     def remove_token(self, number: int) -> bool:
         """Remove a token, and return whether there was one of that number."""
-        with self._database.writing() as connection:
-            return connection.execute(delete(TOKENS).where(TOKENS.c.id == number)).rowcount > 0
+        return self._database.remove(TOKENS, TOKENS.c.id == number)
 
 
 class Verdicts(Tables):
@@ -87,9 +91,7 @@ class Verdicts(Tables):
 
     def add(self, row: VerdictRow) -> int:
         """Store a verdict, and return its number."""
-        values = {name: value for name, value in asdict(row).items() if name != "id"}
-        with self._database.writing() as connection:
-            return int(connection.execute(VERDICTS.insert().values(values).returning(VERDICTS.c.id)).scalar_one())
+        return self._database.add(VERDICTS, asdict(row))
 
     def all(self, *, alerts: Collection[int] | None = None) -> list[VerdictRow]:
         """Return verdicts in order, all or those on some alerts."""
@@ -103,11 +105,9 @@ class Verdicts(Tables):
         query = select(VERDICTS, ALERTS.c.cause).join(ALERTS, ALERTS.c.id == VERDICTS.c.alert)
         query = query.where(VERDICTS.c.raised >= since).order_by(VERDICTS.c.id)
         last: dict[tuple[int, int], tuple[VerdictRow, str]] = {}
-        with self._database.reading() as connection:
-            for row in connection.execute(query).mappings():
-                values = dict(row)
-                cause = values.pop("cause")
-                last[values["alert"], values["raised"]] = (VerdictRow(**values), cause)
+        for values in self._database.rows(dict[str, Any], query):
+            cause = values.pop("cause")
+            last[values["alert"], values["raised"]] = (VerdictRow(**values), cause)
         return list(last.values())
 
 
@@ -116,9 +116,7 @@ class Requests(Tables):
 
     def audit(self, who: str, act: str, subject: str, detail: Any = None, *, now: int) -> None:
         """Record who did what to what; `detail` is anything that JSON can hold."""
-        with self._database.writing() as connection:
-            row = {"time": now, "who": who, "act": act, "subject": subject, "detail": detail}
-            connection.execute(AUDIT.insert(), row)
+        self._database.add(AUDIT, {"time": now, "who": who, "act": act, "subject": subject, "detail": detail})
 
     def audited(self, *, act: str | None = None, before: int | None = None, limit: int | None = None) -> list[AuditRow]:
         """Return the record in order.
@@ -137,17 +135,14 @@ class Requests(Tables):
             query = query.where(AUDIT.c.act == act)
         if before is not None:
             query = query.where(AUDIT.c.id < before)
-        with self._database.reading() as connection:
-            rows = connection.execute(query).mappings().all()
-            return [AuditRow(**row) for row in reversed(rows)]
+        return self._database.rows(AuditRow, query)[::-1]
 
     def add_command(self, who: str, vehicle: str, act: str, detail: Any = None, *, now: int) -> int:
         """Store a request to the running monitor, with an entry in the audit trail, and return its number."""
         row = {"created": now, "who": who, "vehicle": vehicle, "act": act, "detail": detail}
-        record = {"time": now, "who": who, "act": act, "subject": vehicle, "detail": detail}
-        with self._database.writing() as connection:
-            connection.execute(AUDIT.insert(), record)
-            return int(connection.execute(COMMANDS.insert().values(row).returning(COMMANDS.c.id)).scalar_one())
+        with self._database.together():
+            self.audit(who, act, vehicle, detail, now=now)
+            return self._database.add(COMMANDS, row)
 
     def open_commands(self) -> list[CommandRow]:
         """Return open requests, the oldest first."""

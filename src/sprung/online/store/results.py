@@ -7,7 +7,6 @@ from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, delete
 
 from sprung.errors import ParameterError
 from sprung.online.store.database import Tables
-from sprung.online.store.rows import BaselineRow, Document, Entry, Numbered, Progress, Snapshot
 from sprung.online.store.schema import (
     BASELINES,
     CURSORS,
@@ -18,6 +17,12 @@ from sprung.online.store.schema import (
     SNAPSHOTS,
     STATUSES,
     VEHICLES,
+    BaselineRow,
+    Document,
+    Entry,
+    Numbered,
+    Progress,
+    Snapshot,
 )
 
 # Statements are built once: building one takes longer than running it.
@@ -123,8 +128,11 @@ class Results(Tables):
 
     def n_numbered(self, vehicle: str) -> tuple[int, int]:
         """Return the numbers that follow those of the observations and of the modes of a vehicle."""
-        with self._database.reading() as connection:
-            return _n_numbered(connection, OBSERVATIONS, vehicle), _n_numbered(connection, MODES, vehicle)
+        following = [
+            self._database.scalar(select(func.max(table.c.number) + 1).where(table.c.vehicle == vehicle))
+            for table in (OBSERVATIONS, MODES)
+        ]
+        return following[0] or 0, following[1] or 0
 
     def latest(self, vehicles: Sequence[str]) -> dict[str, tuple[int, int]]:
         """Return number of the last observation and version of the baseline of vehicles, -1 if there is none."""
@@ -140,8 +148,8 @@ class Results(Tables):
     def status(self, vehicle: str) -> Document | None:
         """Return the progress of the analysis of a vehicle; None before the first."""
         query = select(STATUSES.c.document).where(STATUSES.c.vehicle == vehicle)
-        with self._database.reading() as connection:
-            return connection.scalar(query)
+        status: Document | None = self._database.scalar(query)
+        return status
 
     def baselines(self, vehicle: str) -> list[BaselineRow]:
         """Return the baselines of a vehicle, the present one last."""
@@ -232,8 +240,7 @@ class Results(Tables):
             query = query.where(table.c.t0 >= since)
         if until is not None:
             query = query.where(table.c.t0 <= until)
-        with self._database.reading() as connection:
-            return [Entry(**row) for row in reversed(connection.execute(query).mappings().all())]
+        return self._database.rows(Entry, query)[::-1]
 
 
 def _mark_done(connection: Connection, progress: Progress) -> None:
@@ -249,12 +256,6 @@ def _mark_done(connection: Connection, progress: Progress) -> None:
         )
     connection.execute(_ANALYSED, {**place, "last": progress.done_seq})
     connection.execute(_UNNEEDED, {**place, "last": progress.delete_through_seq})
-
-
-def _n_numbered(connection: Connection, table: Table, vehicle: str) -> int:
-    """Return the number that follows those of a table about a vehicle."""
-    last = connection.scalar(select(func.max(table.c.number)).where(table.c.vehicle == vehicle))
-    return 0 if last is None else int(last) + 1
 
 
 def _rows(progress: Progress, entries: Sequence[Numbered]) -> list[dict[str, Any]]:

@@ -69,24 +69,8 @@ KEPT = {
 _BATCH = 1000
 #: Number of rows at which counting ends, so that a large store answers soon, too.
 MAX_COUNTED = 1_000_000
-#: Key of the site file by which rows of a table are deleted; those of the others stay, see `KEPT`.
-AGE_KEYS = {
-    **dict.fromkeys(
-        (
-            "observations",
-            "modes",
-            "findings",
-            "baselines",
-            "notifications",
-            "commands",
-            "quarantine",
-            "sessions",
-        ),
-        "keep.results_days",
-    ),
-    **dict.fromkeys(("alert_history", "audit"), "keep.audit_days"),
-    "cursors": "keep.boots_days",
-}
+#: Key of the site file by which rows of a table are deleted; "keep.results_days" for all others that are not in `KEPT`.
+AGE_KEYS = {"alert_history": "keep.audit_days", "audit": "keep.audit_days", "cursors": "keep.boots_days"}
 # Within the ticks of its disk a folder can change again without a sign [ns].
 _SETTLED = 2 * 10**9
 _NEVER = 2**63
@@ -254,7 +238,7 @@ def _count(connection: Connection, table: Table) -> Counted:
     """Return the number of rows of a table."""
     rows = select(literal(1)).select_from(table).limit(MAX_COUNTED + 1)
     n_rows = connection.scalar(select(func.count()).select_from(rows.subquery())) or 0
-    stay = AGE_KEYS.get(table.name) or KEPT[table.name]
+    stay = KEPT.get(table.name) or AGE_KEYS.get(table.name, "keep.results_days")
     return Counted(table.name, min(n_rows, MAX_COUNTED), n_rows > MAX_COUNTED, stay)
 
 
