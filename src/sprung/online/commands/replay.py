@@ -46,9 +46,9 @@ def replay(
     from sprung._checks import check_number
     from sprung.link import Address, Spool, check_vehicle
     from sprung.online.box import after, from_files
-    from sprung.online.box.recorded import replay_times
     from sprung.online.box.running import box_of
     from sprung.online.box.running import replay as send
+    from sprung.online.box.sources import replay_times
     from sprung.results.tables import span_in_words
     from sprung.vehicles import read_vehicle
 
