@@ -110,7 +110,7 @@ def timed(ask: Callable[[], Response], repeats: int) -> str:
 def fill(store: Store, n_vehicles: int, n_alerts: int) -> None:
     """Fill a store; its tables are written directly, as the monitor would take a day."""
     chance = random.Random(1)
-    database = store._database
+    database = store
     with database.writing() as connection:
         for first in range(0, n_vehicles, BATCH):
             numbers = range(first, min(first + BATCH, n_vehicles))

@@ -93,7 +93,7 @@ class InlineWorkers:
         self._chance, self._on_failed = chance, on_failed
         self._opened: dict[str, Analysis] = {}
         self._outcomes: list[Outcome] = []
-        #: Vehicles whose worker died since their last state: a frame on which it dies twice is set aside.
+        #: Vehicles whose worker died since their last state: a frame on which it dies twice is quarantined.
         self._died: set[str] = set()
 
     @property

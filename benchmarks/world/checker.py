@@ -80,9 +80,9 @@ class Checker:
         self.reordered: set[str] = set()
         self._delivered: Counter[tuple[str, str]] = Counter()
         self._excused: Counter[tuple[str, str]] = Counter()
-        #: How often the present monitor failed on a frame, by vehicle and place; frames that it has set aside.
+        #: How often the present monitor failed on a frame, by vehicle and place; frames that it has quarantined.
         self._failures: Counter[tuple[str, Place]] = Counter()
-        self._aside: dict[str, set[Place]] = defaultdict(set)
+        self._quarantined: dict[str, set[Place]] = defaultdict(set)
         #: Payload of each frame, by vehicle and by boot and sequence number.
         self.payloads: dict[tuple[str, Place], bytes] = {}
         #: What the boxes do at present: "append", "step", "start", "stop".
@@ -217,9 +217,9 @@ class Checker:
         if last > contiguous:
             self._fail(f"{vehicle} {boot} is acknowledged up to {last}, but the store has it up to {contiguous}")
         query = "SELECT seq FROM frames WHERE vehicle = ? AND boot = ? AND seq BETWEEN ? AND ?"
-        aside = query.replace("frames", "set_aside")
+        quarantined = query.replace("frames", "quarantine")
         places = (vehicle, boot, first, last)
-        stored = {seq for each in (query, aside) for (seq,) in self._reader.execute(each, places)}
+        stored = {seq for each in (query, quarantined) for (seq,) in self._reader.execute(each, places)}
         missing = [seq for seq in range(max(first, done + 1), last + 1) if seq not in stored]
         wrong = [seq for seq in missing if box.fates.get((boot, seq)) == KEPT]
         if wrong or len(missing) > n_lost:
@@ -237,7 +237,7 @@ class Checker:
     def look(self) -> None:
         """Check what the monitor has stored since the last call."""
         self._look_at_windows()
-        self._look_at_frames_aside()
+        self._look_at_quarantined_frames()
 
     def _look_at_windows(self) -> None:
         """Compare new windows with the samples that there were."""
@@ -252,20 +252,20 @@ class Checker:
             self._in_order(vehicle, (windows[-1][-1:] if windows else ()) + samples)
             windows.append(samples)
 
-    def _look_at_frames_aside(self) -> None:
-        """Check that new frames aside failed twice, or are those of a window from which one was set aside before."""
-        query = "SELECT vehicle, boot, seq FROM set_aside ORDER BY vehicle, boot, seq"
+    def _look_at_quarantined_frames(self) -> None:
+        """Check that new frames in quarantine failed twice, or are of a window of which one was quarantined before."""
+        query = "SELECT vehicle, boot, seq FROM quarantine ORDER BY vehicle, boot, seq"
         new: dict[tuple[str, int], list[int]] = defaultdict(list)
         for vehicle, boot, seq in self._reader.execute(query):
-            if (boot, seq) not in self._aside[vehicle]:
+            if (boot, seq) not in self._quarantined[vehicle]:
                 new[vehicle, boot].append(seq)
         for (vehicle, boot), numbers in new.items():
-            last, before = numbers[-1], self._aside[vehicle]
+            last, before = numbers[-1], self._quarantined[vehicle]
             state = self._one("SELECT boot, seq FROM snapshots WHERE vehicle = ?", vehicle) or (-1, -1)
             is_of_window = any(state < place < (boot, last) for place in before)
             n_needed = 1 if is_of_window else 2
             if self._failures[vehicle, (boot, last)] < n_needed or (len(numbers) > 1 and not is_of_window):
-                self._fail(f"{vehicle}: frames {numbers[:9]} of {boot} are set aside, which nothing failed on")
+                self._fail(f"{vehicle}: frames {numbers[:9]} of {boot} are quarantined, which nothing failed on")
             before.update((boot, seq) for seq in numbers)
 
     def delivered(self, sender: str, message: Message) -> None:
@@ -343,16 +343,17 @@ class Checker:
         analysed = [place for place, samples in sorted(box.samples.items()) if have.issuperset(samples)]
         if sum(len(box.samples[place]) for place in analysed) != len(have):
             self._fail(f"{vehicle}: only a part of a frame is analysed")
-        aside = self._aside[vehicle]
-        arrived = aside.union(analysed)
+        quarantined = self._quarantined[vehicle]
+        arrived = quarantined.union(analysed)
         missing = [place for place, fate in sorted(box.fates.items()) if fate == KEPT and place not in arrived]
         if missing:
             self._fail(f"{vehicle}: frames {missing[:9]} were kept by its box, and are not analysed")
         for boot, (last, lost, _) in cursors.items():
             count = sum(place[0] == boot for place in analysed)
-            n_aside = sum(place[0] == boot for place in aside)
-            if count + n_aside + lost != last + 1:
-                self._fail(f"{vehicle} {boot}: {count} frames analysed, {n_aside} aside and {lost} lost of {last + 1}")
+            n_quarantined = sum(place[0] == boot for place in quarantined)
+            if count + n_quarantined + lost != last + 1:
+                counts = f"{count} frames analysed, {n_quarantined} quarantined and {lost} lost"
+                self._fail(f"{vehicle} {boot}: {counts} of {last + 1}")
             self._compare_losses(vehicle, box, boot, lost)
         return analysed
 

@@ -206,7 +206,7 @@ def empty_store() -> bytes:
 
 def faulty(store: Store, chance: Chance) -> None:
     """Let statements and commits of a store fail, or end the process, as chance has it."""
-    dialect = store._database.engine.dialect
+    dialect = store.engine.dialect
     execute, execute_many, commit = dialect.do_execute, dialect.do_executemany, dialect.do_commit
 
     def fail(name: str) -> None:
@@ -248,6 +248,6 @@ def faulty(store: Store, chance: Chance) -> None:
 
 def faultless(store: Store) -> None:
     """Let statements and commits of a store succeed again."""
-    dialect = store._database.engine.dialect
+    dialect = store.engine.dialect
     for name in ("do_execute", "do_executemany", "do_commit"):
         vars(dialect).pop(name, None)

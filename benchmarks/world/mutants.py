@@ -18,8 +18,7 @@ from sprung.online.monitor.intake import Intake
 from sprung.online.monitor.postman import Postman
 from sprung.online.monitor.streams import Handover, Stream
 from sprung.online.store import Store, StoredFrame, StoreError, inbox
-from sprung.online.store.aside import Aside
-from sprung.online.store.inbox import Inbox
+from sprung.online.store.inbox import Inbox, Quarantine
 from sprung.online.store.results import Results
 from sprung.online.store.schema import FRAMES
 
@@ -243,17 +242,17 @@ def conceals_losses_from_people() -> Patches:
     yield patch.object(AlertBook, "report_lost", lambda *_, **__: None)
 
 
-def sets_frames_aside_at_the_first_failure() -> Patches:
+def quarantines_frames_at_the_first_failure() -> Patches:
     yield patch.object(strikes, "_MOST", 1)
 
 
-def forgets_frames_aside() -> Patches:
-    def mutant(self: Aside, vehicle: str, boot: int, first: int, last: int, **_: Any) -> int:
+def forgets_quarantined_frames() -> Patches:
+    def mutant(self: Quarantine, vehicle: str, boot: int, first: int, last: int, **_: Any) -> int:
         chosen = (FRAMES.c.vehicle == vehicle, FRAMES.c.boot == boot, FRAMES.c.seq.between(first, last))
         with self._database.writing() as connection:
             return connection.execute(delete(FRAMES).where(*chosen)).rowcount
 
-    yield patch.object(Aside, "put_frames", mutant)
+    yield patch.object(Quarantine, "put_frames", mutant)
 
 
 #: What the protocol does wrong, by the way in which it is broken.
@@ -284,8 +283,8 @@ MUTANTS: dict[str, Callable[[], Patches]] = {
         forgets_losses,
         forgets_losses_at_a_restart,
         conceals_losses_from_people,
-        sets_frames_aside_at_the_first_failure,
-        forgets_frames_aside,
+        quarantines_frames_at_the_first_failure,
+        forgets_quarantined_frames,
     )
 }
 

@@ -89,7 +89,7 @@ COMMANDS = (
     "vehicles {store}",
     "vehicles {store} --json -",
     "vehicles rank {store} --json -",
-    "vehicles aside {store}",
+    "vehicles quarantine {store}",
     "vehicles export {first} --what windows {store} --out windows.csv",
     "vehicles export {first} --what alerts {store} --json -",
     "report {first} {store} --json -",

@@ -1,6 +1,15 @@
 """How a vehicle is, as one value: pages, reports, messages, commands, interface and exports render it."""
 
-from sprung.state.alerts import AlertState, time_of
+from sprung.state.alerts import (
+    STEP_SIZE,
+    STEPS,
+    WATCHING,
+    AlertState,
+    health_index,
+    is_of_suspension,
+    severity_step,
+    time_of,
+)
 from sprung.state.reference import PartState, Reference, interval_95
 from sprung.state.vehicles import (
     LAST_WINDOWS,
@@ -15,7 +24,10 @@ from sprung.state.verdicts import Verdict
 
 __all__ = [
     "LAST_WINDOWS",
+    "STEPS",
+    "STEP_SIZE",
     "TIME_ROUNDING",
+    "WATCHING",
     "WINDOWS_SINCE_ONSET",
     "AlertState",
     "PartState",
@@ -23,8 +35,11 @@ __all__ = [
     "VehicleState",
     "VehicleStatus",
     "Verdict",
+    "health_index",
     "interval_95",
+    "is_of_suspension",
     "progress_in_words",
+    "severity_step",
     "state_of",
     "time_of",
 ]

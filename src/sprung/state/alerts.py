@@ -1,12 +1,22 @@
 """The state of an alert: the facts behind it, read once."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from pydantic import BaseModel
+
 from sprung.diagnosis import SEVERITIES, Hypothesis
+from sprung.results.documents.monitoring import AlertEntry
 from sprung.vehicles import Component
 
+#: Names of the five steps of severity, each of 200: note from 1, low from 201, critical from 801 to 1000.
+STEPS = ("note", "low", "medium", "high", "critical")
+STEP_SIZE = 200
+#: Causes that concern monitoring and not the vehicle.
+WATCHING = ("silent", "lost", "monitor")
+#: Weight of alerts of sensors in the health index; those of the suspension have 1.
+SENSOR_WEIGHT = 1 / 3
 #: Times above this are counted from 1970 [s]: those of a recording without a date are not.
 _DATED = 1e8
 
@@ -19,16 +29,12 @@ class AlertState:
     ----------
     number, vehicle, cause
         Number of the alert, and what it is about: "front_left.spring", "sensor:acc_fl", "silent".
-    is_of_suspension
-        Whether the cause is a change of the suspension.
-    severity, step
-        Severity, 1 to 1000, and its step: note, low, medium, high or critical.
-    state
-        State in the terms of ISA-18.2.
+    severity
+        Severity, 1 to 1000.
     is_active, is_acknowledged
         Whether the cause holds now, and whether an operator has acknowledged it.
-    raised, cleared, count
-        Times when it last became active and inactive, and how often it became active.
+    raised, updated, cleared, count
+        Times when it last became active, changed and became inactive, and how often it became active.
     assignee, shelved_until
         Person responsible, and end of the shelving; None without.
     text
@@ -40,19 +46,43 @@ class AlertState:
     number: int
     vehicle: str
     cause: str
-    is_of_suspension: bool
     severity: int
-    step: str
-    state: str
     is_active: bool
     is_acknowledged: bool
     raised: int
+    updated: int
     cleared: int | None
     count: int
     assignee: str | None
     shelved_until: int | None
     text: str
     evidence: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def state(self) -> str:
+        """State in the terms of ISA-18.2; "shelved" takes precedence."""
+        if self.shelved_until is not None:
+            return "shelved"
+        if self.is_active:
+            return "acknowledged" if self.is_acknowledged else "unacknowledged"
+        return "normal" if self.is_acknowledged else "returned to normal, unacknowledged"
+
+    @property
+    def step(self) -> str:
+        """Step of the severity, of `STEPS`."""
+        return STEPS[severity_step(self.severity)]
+
+    @property
+    def is_of_suspension(self) -> bool:
+        """Whether the cause is a change of the suspension."""
+        return is_of_suspension(self.cause)
+
+    @property
+    def impact(self) -> float:
+        """Severity, weighted: a third for sensors, none for what only concerns monitoring."""
+        if self.is_of_suspension:
+            return self.severity
+        return 0.0 if self.cause.partition(":")[0] in WATCHING else SENSOR_WEIGHT * self.severity
 
     @property
     def sentence(self) -> str:
@@ -117,10 +147,56 @@ class AlertState:
         corner, dot, kind = self.cause.partition(".")
         return tuple(Hypothesis("", corner, kind).parts(tuple(components))) if dot else ()
 
+    def facts(self, document: type[BaseModel]) -> dict[str, Any]:
+        """Return those fields of a published document that are facts of the alert."""
+        return {name: getattr(self, name) for name in document.model_fields if hasattr(self, name)}
+
     def as_entry(self) -> dict[str, Any]:
         """Return the alert as in `sprung.alerts/1`."""
-        names = ("vehicle", "cause", "severity", "state", "raised", "count", "assignee", "shelved_until", "text")
-        return {"number": self.number, **{name: getattr(self, name) for name in names}}
+        return self.facts(AlertEntry)
+
+
+def health_index(alerts: Iterable[AlertState]) -> float:
+    """Return the health of a vehicle from 0 (inspect first) to 100 (no active alert).
+
+    Notes
+    -----
+    100 - max(w severity / 10) over the active alerts, with w = 1 for the suspension, 1/3 for sensors, and 0 for what
+    only concerns monitoring ("silent", "lost", "monitor"). A critical change (900) gives 10, a dead sensor of severity
+    600 gives 80.
+
+    The index ranks vehicles for planning only: it neither raises nor clears alerts. A shelved or acknowledged alert
+    counts like any other, as neither repairs the vehicle. For a vehicle that is silent or could not be assessed, 100
+    means an unknown state, not a healthy one.
+
+    Examples
+    --------
+    >>> health_index([])
+    100.0
+    """
+    return 100.0 - max((alert.impact / 10 for alert in alerts if alert.is_active), default=0.0)
+
+
+def severity_step(severity: int) -> int:
+    """Return the step of a severity in `STEPS`: 0 for 1 to 200, 4 for 801 to 1000.
+
+    Examples
+    --------
+    >>> STEPS[severity_step(700)], severity_step(1), severity_step(1000)
+    ('high', 0, 4)
+    """
+    return (severity - 1) // STEP_SIZE
+
+
+def is_of_suspension(cause: str) -> bool:
+    """Return whether a cause is a change of the suspension, rather than of a sensor ("sensor:acc_fl") or monitoring.
+
+    Examples
+    --------
+    >>> [is_of_suspension(cause) for cause in ("front_left.spring", "sensor:acc_fl", "silent")]
+    [True, False, False]
+    """
+    return ":" not in cause and cause not in WATCHING
 
 
 def time_of(seconds: Any) -> int | None:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from sprung._display import counted
 from sprung.diagnosis import Observation, doubt_about
 from sprung.results.tables import no_change_in_words
-from sprung.state.alerts import AlertState
+from sprung.state.alerts import AlertState, health_index
 from sprung.state.reference import PartState, Reference
 from sprung.state.verdicts import Verdict
 from sprung.vehicles import Component
@@ -128,7 +128,6 @@ def state_of(
     last_seen: int = 0,
     is_old: bool = False,
     is_parked: bool = False,
-    health_index: float | None = None,
 ) -> VehicleState:
     """Return the state of a vehicle.
 
@@ -151,8 +150,6 @@ def state_of(
     last_seen, is_old, is_parked
         Time of the last message, whether it is too old for a statement about the present, and whether the vehicle was
         shut down properly.
-    health_index
-        Health index by the active alerts.
 
     Notes
     -----
@@ -201,7 +198,7 @@ def state_of(
         is_old=is_old,
         windows_learnt=None if status is None else status.n_learnt,
         windows_needed=None if status is None else status.n_needed,
-        health_index=health_index if is_known else None,
+        health_index=health_index(active) if is_known else None,
         notes=reference.notes,
     )
 

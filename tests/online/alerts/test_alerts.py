@@ -1,38 +1,28 @@
-"""Names and severities of alerts."""
+"""Names, severities and weights of alerts."""
 
 import pytest
 
-from sprung.online.alerts import (
-    Alert,
-    Report,
-    severity_step,
-    state_name,
-)
+from sprung.online.alerts import Alert, Report, health_index, severity_step
 
 
-def report(evidence):
-    return Report("car", "front_left.spring", 500, "softer", evidence)
-
-
-def an_alert(is_active, is_acknowledged, shelved_until=None):
-    return Alert(
-        "car", "front_left.spring", 500, "softer", is_active, is_acknowledged, shelved_until, 1, 2, None, 1, None, 0
-    )
+def an_alert(cause="front_left.spring", severity=500, is_active=True, is_acknowledged=False, shelved_until=None):
+    return Alert("car", cause, severity, "softer", is_active, is_acknowledged, shelved_until, 1, 2, None, 1, None, 0)
 
 
 @pytest.mark.parametrize(
-    ("alert", "name"),
+    ("is_active", "is_acknowledged", "shelved_until", "name"),
     [
-        (an_alert(True, False), "unacknowledged"),
-        (an_alert(True, True), "acknowledged"),
-        (an_alert(False, False), "returned to normal, unacknowledged"),
-        (an_alert(False, True), "normal"),
-        (an_alert(True, False, 2000), "shelved"),
-        (an_alert(False, True, 2000), "shelved"),
+        (True, False, None, "unacknowledged"),
+        (True, True, None, "acknowledged"),
+        (False, False, None, "returned to normal, unacknowledged"),
+        (False, True, None, "normal"),
+        (True, False, 2000, "shelved"),
+        (False, True, 2000, "shelved"),
     ],
 )
-def test_names_of_isa_18_2(alert, name) -> None:
-    assert state_name(alert) == name
+def test_names_of_isa_18_2(is_active, is_acknowledged, shelved_until, name) -> None:
+    alert = an_alert(is_active=is_active, is_acknowledged=is_acknowledged, shelved_until=shelved_until)
+    assert alert.as_state().state == name
 
 
 @pytest.mark.parametrize(
@@ -43,5 +33,24 @@ def test_steps_of_severity(severity, step) -> None:
 
 
 def test_values_can_be_keys() -> None:
-    assert len({report({"a": [1]}), report({"a": [2]})}) == 2
-    assert len({an_alert(True, False), an_alert(True, False)}) == 1
+    reports = {Report("car", "front_left.spring", 500, "softer", {"a": [value]}) for value in (1, 2)}
+    assert len(reports) == 2
+    assert len({an_alert(), an_alert()}) == 1
+
+
+@pytest.mark.parametrize(
+    ("alerts", "health"),
+    [
+        ([], 100.0),
+        ([an_alert(severity=900)], 10.0),
+        ([an_alert(severity=300), an_alert("rear_left.tyre")], 50.0),
+        ([an_alert("sensor:acc_fl", 600)], 80.0),
+        ([an_alert("sensor:acc_fl", 900), an_alert(severity=200)], 70.0),
+        ([an_alert("silent", 900), an_alert("monitor:disk", 1000)], 100.0),
+        ([an_alert(severity=1000)], 0.0),
+        ([an_alert(shelved_until=2000, is_acknowledged=True)], 50.0),
+        ([an_alert(is_active=False)], 100.0),
+    ],
+)
+def test_health_forgets_what_cleared_and_not_what_is_shelved(alerts, health) -> None:
+    assert health_index([alert.as_state() for alert in alerts]) == pytest.approx(health)

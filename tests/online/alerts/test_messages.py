@@ -21,7 +21,7 @@ TIME = 1_700_000_000_000_000_000  # 2023-11-14 22:13:20 UTC
 def a_message(severity=700, **evidence):
     report = Report("car", "front_left.spring", severity, "front-left spring 20 % softer – inspect", evidence)
     transition = reported(None, report, AlertSettings(), TIME)
-    return message_of(transition.alert, transition)
+    return message_of(transition)
 
 
 def test_messages_follow_their_schema(check_document) -> None:
@@ -54,7 +54,7 @@ def test_message_says_who_did_it() -> None:
     alert = reported(None, Report("car", "silent", 500, "nothing heard"), AlertSettings(), TIME).alert
     alert = replace(alert, is_active=False, cleared=TIME, assignee="bob")
     transition = acknowledged(alert, "ann", TIME, "in the garage")
-    message = message_of(transition.alert, transition)
+    message = message_of(transition)
     assert message.text.splitlines()[-3:] == [
         "Cleared: 2023-11-14T22:13:20Z",
         "Assigned to: bob",
@@ -78,4 +78,4 @@ def test_any_evidence_becomes_json() -> None:
 
 def test_subject_is_one_line() -> None:
     transition = reported(None, Report("car", "a\r\nBcc: x@y", 1, "t"), AlertSettings(), TIME)
-    assert message_of(transition.alert, transition).subject == "car: a Bcc: x@y raised (note)"
+    assert message_of(transition).subject == "car: a Bcc: x@y raised (note)"

@@ -16,7 +16,6 @@ from sprung.online.alerts import (
     reported,
     shelf_ended,
     shelved,
-    state_name,
     unshelved,
 )
 
@@ -117,7 +116,12 @@ def test_table(event, state, cell) -> None:
 def test_life_of_an_alert() -> None:
     settings = AlertSettings(raise_after=2, clear_after=2)
     first = reported(None, report(300), settings, 10)
-    assert (first.what, first.alert.count, first.alert.streak, state_name(first.alert)) == ("pending", 0, 1, "normal")
+    assert (first.what, first.alert.count, first.alert.streak, first.alert.as_state().state) == (
+        "pending",
+        0,
+        1,
+        "normal",
+    )
     risen = reported(first.alert, report(500, "much softer", evidence={"change": -0.2}), settings, 20).alert
     assert (risen.raised, risen.severity, risen.text, risen.evidence) == (20, 500, "much softer", {"change": -0.2})
     gone = absent(absent(risen, settings, 30).alert, settings, 40).alert

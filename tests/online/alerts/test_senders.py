@@ -25,6 +25,7 @@ from sprung.online.alerts import (
     SendError,
     WebhookSender,
     addressed,
+    deliver,
     message_of,
     reported,
 )
@@ -36,7 +37,7 @@ DIRECT = urllib.request.ProxyHandler({})
 def a_message(severity=700, **evidence):
     report = Report("car", "front_left.spring", severity, "front-left spring 20 % softer – inspect", evidence)
     transition = reported(None, report, AlertSettings(), TIME)
-    return message_of(transition.alert, transition)
+    return message_of(transition)
 
 
 @contextmanager
@@ -299,3 +300,34 @@ def test_publish_fails() -> None:
 def test_refusals(act, sentence) -> None:
     with pytest.raises(ParameterError, match=sentence):
         act()
+
+
+class Recorder:
+    """A sender that keeps what it is given, or fails."""
+
+    shows_pictures = False
+
+    def __init__(self, name, error=None):
+        self.name, self.error, self.sent = name, error, []
+
+    def send(self, message):
+        if self.error is not None:
+            raise self.error
+        self.sent.append(message)
+
+
+def test_one_failing_sender_does_not_keep_the_others() -> None:
+    last, message = Recorder("last"), a_message()
+    senders = [Recorder("faulty", KeyError("bug")), Recorder("hook", SendError("webhook at 127.0.0.1: refused")), last]
+    assert deliver(message, senders) == {
+        "faulty": "faulty failed with KeyError: 'bug'",
+        "hook": "webhook at 127.0.0.1: refused",
+    }
+    assert last.sent == [message]
+    assert deliver(message, [last]) == {}
+
+
+def test_backoff_doubles_up_to_the_longest() -> None:
+    backoff = Backoff(first=3, most=20)
+    waits = [backoff.next_attempt(attempts, 100) - 100 for attempts in (1, 2, 3, 4, 5, 10**9)]
+    assert waits == [3, 6, 12, 20, 20, 20]

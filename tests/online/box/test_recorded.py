@@ -6,7 +6,7 @@ import pytest
 from sprung.errors import ParameterError
 from sprung.formats import write
 from sprung.link import TIME_SET, TIME_UNKNOWN
-from sprung.online.box.recorded import replay_times
+from sprung.online.box.sources import replay_times
 from sprung.recording import Channel, Recording
 
 #: 2026-11-21 00:00 UTC.

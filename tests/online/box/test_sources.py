@@ -183,7 +183,7 @@ def test_pace_of_none_and_of_nonsense() -> None:
     assert len(list(paced(blocks_of(recording()), None, clock=clock, sleep=clock.sleep))) == 5
     assert clock.slept == []
     with pytest.raises(ParameterError, match="pace=0 must be above 0"):
-        paced([], 0.0, clock=clock, sleep=clock.sleep)
+        list(paced([], 0.0, clock=clock, sleep=clock.sleep))
 
 
 def test_simulator_is_the_same_every_time_and_goes_on() -> None:

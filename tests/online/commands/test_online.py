@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from sprung.online.alerts import AlertSettings, Report
-from sprung.online.alerts.rounds import reported
+from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import Site, row_of
 from sprung.online.store import Progress, StoredFrame, open_store
 
@@ -94,20 +93,20 @@ def test_an_alert_from_raised_to_normal(sprung, store, monkeypatch):
         ]
 
 
-def test_what_was_set_aside_is_listed_and_analysed_again(sprung, store, monkeypatch):
+def test_what_was_quarantined_is_listed_and_analysed_again(sprung, store, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
-    assert "nothing is set aside" in sprung("vehicles", "aside", "--store", store).out
+    assert "nothing is quarantined" in sprung("vehicles", "quarantine", "--store", store).out
     with open_store(store) as opened:
         opened.inbox.add_frames([StoredFrame("bus-17", 3, seq, NOW, b"x") for seq in range(2)], now=NOW)
-        opened.aside.put_frames("bus-17", 3, 0, 1, reason="it fails", now=NOW)
-    listed = sprung("vehicles", "aside", "bus-17", "--store", store).out
+        opened.quarantine.put_frames("bus-17", 3, 0, 1, reason="it fails", now=NOW)
+    listed = sprung("vehicles", "quarantine", "bus-17", "--store", store).out
     assert all(words in listed for words in ("bus-17", "frames 0 to 1 of boot 3", "it fails"))
-    again = sprung("vehicles", "aside", "--again", "--store", store)
+    again = sprung("vehicles", "quarantine", "--again", "--store", store)
     assert (again.code, "by this version" in again.out) == (2, False)
     assert "the vehicle file of bus-17" in again.err
-    (entry,) = sprung("vehicles", "aside", "--store", store, "--json", "-").document()["aside"]
+    (entry,) = sprung("vehicles", "quarantine", "--store", store, "--json", "-").document()["quarantined"]
     assert (entry["first"], entry["last"], entry["again"]) == (0, 1, None)
-    refused = sprung("vehicles", "aside", "car-7", "--store", store)
+    refused = sprung("vehicles", "quarantine", "car-7", "--store", store)
     assert (refused.code, "unknown vehicle 'car-7'" in refused.err) == (2, True)
 
 

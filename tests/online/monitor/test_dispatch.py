@@ -162,7 +162,7 @@ def test_frames_that_a_job_left_come_in_the_next_one(dispatch, workers, store) -
 
 
 def aside(store, vehicle="car-1"):
-    return [(row.kind, row.seq) for row in store.aside.find(vehicle)]
+    return [(row.kind, row.seq) for row in store.quarantine.find(vehicle)]
 
 
 def test_only_the_frame_that_fails_is_set_aside(dispatch, workers, store) -> None:
@@ -177,13 +177,13 @@ def test_only_the_frame_that_fails_is_set_aside(dispatch, workers, store) -> Non
     assert aside(store) == [("raw", 3)]
     (row,) = store.alerts.find(vehicle="car-1")
     assert (row.cause, row.is_active) == ("monitor:analysis", True)
-    assert row.text == "frames could not be analysed and were set aside: it fails"
+    assert row.text == "frames could not be analysed and were quarantined: it fails"
     dispatch.give()
     assert workers.jobs[-1] == ("car-1", [b"0", b"1", b"2", b"4"], "")
     dispatch.settle(Outcome("car-1", 4, (WINDOW_EVENT,), b"state", VehicleStatus(), seconds=1.5))
     assert dispatch.figures["sprung_analysis_cpu_seconds_total"] == 1.5
     assert store.inbox.cursor("car-1", 1).done == 4
-    assert dispatch.figures["sprung_frames_set_aside_total"] == 1
+    assert dispatch.figures["sprung_frames_quarantined_total"] == 1
     assert [row.is_active for row in store.alerts.find(vehicle="car-1")] == [False]
 
 
@@ -198,7 +198,7 @@ def test_a_frame_that_the_store_did_not_set_aside_costs_no_others(dispatch, work
     dispatch.settle(failed("car-1", 3))
     dispatch.give()
     with monkeypatch.context() as patched:
-        patched.setattr(store.aside, "put_frames", full)
+        patched.setattr(store.quarantine, "put_frames", full)
         with pytest.raises(StoreError, match="full"):
             dispatch.settle(failed("car-1", 3))
     dispatch._backoff.succeed("car-1")
@@ -256,7 +256,7 @@ def test_a_vehicle_that_begins_anew_keeps_its_frames(dispatch, workers, store) -
     dispatch.give()
     dispatch.settle(failed("car-1", 0, Failure.STATE))
     assert aside(store) == [("state", 1)]
-    assert store.aside.find("car-1")[0].payload == b"of a newer program"
+    assert store.quarantine.find("car-1")[0].payload == b"of a newer program"
     (row,) = store.alerts.find(vehicle="car-1")
     assert row.cause == "monitor:state"
     assert "it fails; monitoring starts again from the baseline and the windows in the store" in row.text
@@ -264,12 +264,12 @@ def test_a_vehicle_that_begins_anew_keeps_its_frames(dispatch, workers, store) -
     opening = workers.opened["car-1"]
     assert (opening.state, opening.history.n_windows) == (None, 1)
     assert workers.jobs[-1] == ("car-1", [b"2", b"3"], "")
-    assert dispatch.figures["sprung_states_set_aside_total"] == 1
+    assert dispatch.figures["sprung_states_quarantined_total"] == 1
 
 
 @pytest.mark.parametrize("failure", [Failure.STATE, Failure.VEHICLE, Failure.FRAME])
 def test_a_vehicle_that_cannot_be_opened_waits_longer_each_time(dispatch, workers, store, timer, failure) -> None:
-    """Also with a request to learn and no frames; nothing is set aside, and there is one alert."""
+    """Also with a request to learn and no frames; nothing is quarantined, and there is one alert."""
     describe(store, "car-1")
     arrive(store, dispatch, "car-1", 0, 1)
     dispatch.give()
@@ -310,7 +310,7 @@ def test_results_that_the_store_refuses_are_a_failure_of_their_vehicle(
         assert not workers.is_open("car-1")
     assert aside(store) == [("raw", 1)]
     (row,) = store.alerts.find(vehicle="car-1")
-    assert row.text.endswith("were set aside: the store cannot hold this: a number of 65 bits")
+    assert row.text.endswith("were quarantined: the store cannot hold this: a number of 65 bits")
 
 
 def test_a_report_that_the_store_refuses_is_set_aside(dispatch, store, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -330,7 +330,7 @@ def test_a_report_that_the_store_refuses_is_set_aside(dispatch, store, monkeypat
     assert dispatch.give() == 0
     assert aside(store) == [("modes", 0)]
     (row,) = store.alerts.find(vehicle="car-1")
-    assert row.text.endswith("were set aside: the store cannot hold this: a number of 65 bits")
+    assert row.text.endswith("were quarantined: the store cannot hold this: a number of 65 bits")
     assert store.inbox.cursor("car-1", 1).done == 0
 
 

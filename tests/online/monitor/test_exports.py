@@ -12,8 +12,7 @@ import pytest
 from tests.online.monitor.history_store import HOSTILE, VEHICLE, fill, finding
 
 from sprung.errors import ParameterError
-from sprung.online.monitor.exports import FORMATS, WHATS, export
-from sprung.online.monitor.table_files import iso_time
+from sprung.online.monitor.exports import FORMATS, WHATS, export, iso_time
 from sprung.online.store import Progress, open_store
 from sprung.results.periods import Period
 

@@ -67,7 +67,7 @@ def test_a_state_that_cannot_be_used_costs_no_frame_and_no_baseline(
     assert [(row.number, row.t0) for row in rows] == [(number, NOW + number * 120 * 10**9) for number in range(5)]
     assert again.store.results.baselines("car-1") == learnt
     assert not again.station.statuses["car-1"].is_learning
-    (kept,) = again.store.aside.find("car-1")
+    (kept,) = again.store.quarantine.find("car-1")
     assert (kept.kind, kept.seq, kept.payload) == ("state", 359, document)
     (alert,) = again.store.alerts.find(vehicle="car-1")
     assert (alert.cause, alert.is_active) == ("monitor:state", False)

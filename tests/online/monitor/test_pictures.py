@@ -7,7 +7,7 @@ import pytest
 
 from sprung.online.monitor import MonitorSettings, VehicleMonitor
 from sprung.online.monitor.jobs import analyse
-from sprung.online.monitor.pictures import alert_picture
+from sprung.online.monitor.vehicle_report import alert_picture
 from sprung.online.store import Progress, StoredFrame, open_store
 from sprung.results.figures import corner_changes_figure
 from sprung.vehicles import vehicle_text

@@ -215,7 +215,7 @@ def test_a_poisoned_vehicle_is_left_out_and_said(bench, run_frames) -> None:
     (row,) = one.store.alerts.find(vehicle="car-1")
     assert (row.cause, row.is_active) == ("monitor:analysis", False)
     assert "it is poisoned" in row.text
-    assert [(row.seq, row.reason) for row in one.store.aside.find("car-1")] == [(0, "it is poisoned")]
+    assert [(row.seq, row.reason) for row in one.store.quarantine.find("car-1")] == [(0, "it is poisoned")]
     (window,) = one.store.results.observations("car-1")
     assert window.t0 == BEGUN + 10**9
     assert one.station.figures()["sprung_failures_total"] == 2
@@ -254,9 +254,9 @@ def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run
 
     inline.submit = tried
     one.send(run_frames[:1500])
-    assert [(row.kind, row.seq) for row in one.store.aside.find("car-1")] == [("raw", 599)]
+    assert [(row.kind, row.seq) for row in one.store.quarantine.find("car-1")] == [("raw", 599)]
     (row,) = one.store.alerts.find(vehicle="car-1")
-    assert row.text == "frames could not be analysed and were set aside: it is poisoned"
+    assert row.text == "frames could not be analysed and were quarantined: it is poisoned"
     assert one.store.results.observations("car-1")[0].t0 == BEGUN
     assert one.station.figures()["sprung_failures_total"] == 2
 

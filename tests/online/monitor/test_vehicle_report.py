@@ -12,8 +12,8 @@ from tests.online.monitor.history_store import BEGIN, DAY, DEAD_DAY, HOSTILE, ON
 from sprung.diagnosis.deviations import mean_deviation
 from sprung.errors import ParameterError
 from sprung.online.monitor import operations
-from sprung.online.monitor.vehicle_document import report_document
-from sprung.online.monitor.vehicle_history import read_history
+from sprung.online.monitor.exports import report_document
+from sprung.online.monitor.histories import read_history
 from sprung.online.monitor.vehicle_report import vehicle_report
 from sprung.online.store import Progress, open_store
 from sprung.results.documents import baseline_from_document, observation_from_document
@@ -193,8 +193,8 @@ def test_the_sentence_says_what_matters_in_the_period(store, whole) -> None:
 
 def test_an_alert_on_old_samples_counts_from_the_onset(store) -> None:
     """As after a replay, or where a box was offline."""
-    alert = next(each for each in read_history(store, VEHICLE, Period(), now=END).alerts if each.row.id == 2)
-    late = replace(alert, events=tuple(replace(event, time=event.time + 90 * DAY * NS) for event in alert.events))
+    alert = next(each for each in read_history(store, VEHICLE, Period(), now=END).alerts if each.alert.number == 2)
+    late = replace(alert, history=tuple(replace(event, time=event.time + 90 * DAY * NS) for event in alert.history))
     onset = (BEGIN + ONSET_DAY * DAY) * NS
     assert late.spans == [(onset, None)]
     assert (late.is_active_at(onset + DAY * NS), late.is_active_at(onset - 1)) == (True, False)

@@ -12,11 +12,10 @@ from tests.diagnosis.conftest import drawn_window
 from tests.online.site.conftest import HOUR, NOW
 
 from sprung.diagnosis import SensorFault, diagnose, learn
-from sprung.online.alerts import AlertSettings, Report, message_of, reported
+from sprung.online.alerts import AlertSettings, Transition, message_of
 from sprung.online.monitor import AlertBook, Observed, alert_of, operations
-from sprung.online.monitor.exports import export
-from sprung.online.monitor.vehicle_document import report_document
-from sprung.online.monitor.vehicle_history import read_history
+from sprung.online.monitor.exports import export, report_document
+from sprung.online.monitor.histories import read_history
 from sprung.online.store import Progress, StoredFrame
 from sprung.recording import Channel, Recording
 from sprung.results.documents import baseline_document, finding_document, observation_document
@@ -138,7 +137,7 @@ def assert_alerts_agree(store, client, name, parts, sentence):
     for row in rows:
         evidence = client.get(f"/api/v1/alerts/{row.id}/evidence").json()
         alert = alert_of(row)
-        message = message_of(alert, reported(None, _report(alert), AlertSettings(raise_after=1), now=NOW))
+        message = message_of(Transition(alert, "raised"))
         stated = exported[row.cause]["sentence"]
         assert message.text.startswith(stated)
         if len(rows) == 1:
@@ -151,7 +150,3 @@ def assert_alerts_agree(store, client, name, parts, sentence):
         columns = ("change_percent", "change_low_percent", "change_high_percent", "detectable_percent")
         numbers = [float(exported[row.cause][column]) for column in columns]
         assert numbers == pytest.approx(100 * np.array([part["change"], *part["interval"], part["detectable"]]))
-
-
-def _report(alert):
-    return Report(alert.vehicle, alert.cause, alert.severity, alert.text, alert.evidence)

@@ -106,7 +106,7 @@ def test_the_impact_of_alerts_is_what_the_health_index_lacks(store) -> None:
     assert len(places) == len(causes)
     for vehicle, place in places.items():
         (row,) = store.alerts.find(vehicle=vehicle)
-        assert place.impact == pytest.approx(10 * (100 - health_index([alert_of(row)])), abs=1e-9)
+        assert place.impact == pytest.approx(10 * (100 - health_index([alert_of(row).as_state()])), abs=1e-9)
 
 
 def test_a_vehicle(client) -> None:

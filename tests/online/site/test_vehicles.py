@@ -6,7 +6,7 @@ from tests.online.site.conftest import HOUR, NOW, PASSWORD, raise_alert
 
 from sprung.diagnosis import Observation, SensorFault, learn
 from sprung.errors import ParameterError
-from sprung.online.monitor.vehicle_states import vehicle_state
+from sprung.online.monitor.histories import vehicle_state
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.vehicles.baselines import baseline
 from sprung.online.site.vehicles.common import require_vehicle, require_window

@@ -134,11 +134,11 @@ def statements(store):
         def note(connection, cursor, statement, *_):
             executed.append(statement)
 
-        event.listen(store._database.engine, "before_cursor_execute", note)
+        event.listen(store.engine, "before_cursor_execute", note)
         try:
             yield executed
         finally:
-            event.remove(store._database.engine, "before_cursor_execute", note)
+            event.remove(store.engine, "before_cursor_execute", note)
 
     return watched
 

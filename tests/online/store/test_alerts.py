@@ -3,9 +3,9 @@ from itertools import product
 
 import pytest
 
-from sprung.online.alerts import severity_step, state_name
 from sprung.online.monitor import alert_of
 from sprung.online.store import AlertFilter, AlertPlace, AlertRow, Delivery, HistoryRow, NotificationRow
+from sprung.state import severity_step
 
 DAY = 86400 * 10**9
 ALERT = AlertRow("zafira", "front_left.damper", severity=2, text="Damper is weak", raised=100, document={"p": 0.01})
@@ -81,7 +81,9 @@ def every(store):
 def test_the_states_of_the_store_are_those_of_alerts(store, every) -> None:
     """The store selects by state and step in SQL, alerts state them in Python."""
     for state, step in product(STATES, range(5)):
-        expected = [row for row in every if (state_name(alert_of(row)), severity_step(row.severity)) == (state, step)]
+        expected = [
+            row for row in every if (alert_of(row).as_state().state, severity_step(row.severity)) == (state, step)
+        ]
         assert store.alerts.page(AlertFilter((state,), (step,)), limit=1000) == expected
         assert store.alerts.counts(AlertFilter()).get((state, step), 0) == len(expected)
     assert sum(store.alerts.counts(AlertFilter()).values()) == len(every)

@@ -10,19 +10,17 @@ import pytest
 from sqlalchemy import event
 
 from sprung.online.store import Cursor, Progress, Store, StoredFrame, StoreError, open_store
-from sprung.online.store.database import Database
 from sprung.online.store.store import check_address
 
 CANNOT_WRITE = r"the store cannot write \(.*\): free space on its disk or make it writable, then it continues"
 
 
 @contextmanager
-def store_on_database(url: str) -> Iterator[tuple[Store, Database]]:
-    """Open a store together with the database below it."""
+def a_store(url: str) -> Iterator[Store]:
+    """Open a store that exists, without a check of its file."""
     open_store(url).close()
-    database = Database(check_address(url))
-    with Store(database) as store:
-        yield store, database
+    with Store(check_address(url)) as store:
+        yield store
 
 
 def fill(store, *, n_batches, payload=b"x" * 200):
@@ -64,7 +62,7 @@ def garbled(content):
     ],
     ids=["garbled", "cut", "zeros", "text", "other format"],
 )
-def test_damaged_file_is_set_aside(sqlite_file, damage) -> None:
+def test_a_damaged_file_is_renamed(sqlite_file, damage) -> None:
     url = f"sqlite:///{sqlite_file}"
     with open_store(url) as store:
         fill(store, n_batches=50)
@@ -142,18 +140,18 @@ def test_torn_log_leaves_a_beginning_of_what_happened(sqlite_file, tmp_path: Pat
 
 @pytest.mark.parametrize("setting", ["max_page_count=60", "query_only=1"], ids=["full", "read-only"])
 def test_store_goes_on_when_it_can_write_again(sqlite_file, setting) -> None:
-    with store_on_database(f"sqlite:///{sqlite_file}") as (store, database):
+    with a_store(f"sqlite:///{sqlite_file}") as store:
         fill(store, n_batches=1)
 
         def limit(connection, _):
             connection.execute(f"PRAGMA {setting}")
 
-        database.engine.dispose()
-        event.listen(database.engine, "connect", limit)
+        store.engine.dispose()
+        event.listen(store.engine, "connect", limit)
         acknowledged = fill_up(store)
         with pytest.raises(StoreError, match=CANNOT_WRITE):
             store.check()
-        event.remove(database.engine, "connect", limit)
+        event.remove(store.engine, "connect", limit)
         store.check()
         assert store.inbox.cursor("zafira", 7) == Cursor(acknowledged, -1, 0)
         assert store.inbox.add_frames([StoredFrame("zafira", 7, acknowledged + 1, 0, b"")], now=0) == {
@@ -201,8 +199,8 @@ def test_read_only_disk(small_disk) -> None:
         assert store.inbox.cursor("zafira", 7).contiguous == 3
 
 
-def write_while_the_connection_is_cut(database: Database, other: Database) -> None:
-    with database.writing() as connection:
+def write_while_the_connection_is_cut(store: Store, other: Store) -> None:
+    with store.writing() as connection:
         own = connection.exec_driver_sql("SELECT pg_backend_pid()").scalar()
         with other.writing() as killer:
             killer.exec_driver_sql(f"SELECT pg_terminate_backend({own}, 5000)")
@@ -210,17 +208,17 @@ def write_while_the_connection_is_cut(database: Database, other: Database) -> No
 
 
 def test_server_that_goes_away_and_comes_back(postgresql_url) -> None:
-    with store_on_database(postgresql_url) as (store, database), store_on_database(postgresql_url) as (_, other):
+    with a_store(postgresql_url) as store, a_store(postgresql_url) as other:
         fill(store, n_batches=1)
         with pytest.raises(StoreError, match="the store does not answer"):
-            write_while_the_connection_is_cut(database, other)
+            write_while_the_connection_is_cut(store, other)
         assert store.inbox.cursor("zafira", 7).contiguous == 2
         store.check()
 
 
 def test_read_only_server(postgresql_url) -> None:
-    with store_on_database(postgresql_url) as (store, database):
-        with database.writing() as connection:
+    with a_store(postgresql_url) as store:
+        with store.writing() as connection:
             connection.exec_driver_sql("SET SESSION default_transaction_read_only = on")
         with pytest.raises(StoreError, match=CANNOT_WRITE):
             store.check()

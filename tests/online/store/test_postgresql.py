@@ -39,7 +39,7 @@ def test_a_server_that_freezes_within_a_transaction_is_an_error(postgresql_url, 
         open_store(postgresql_url) as store,
         pytest.raises(StoreError, match=r"the store does not answer \(no answer within 0\.5 s"),
     ):
-        freeze_and_ask(store._database)
+        freeze_and_ask(store)
 
 
 @pytest.mark.slow
@@ -53,7 +53,7 @@ def test_a_socket_that_never_answers_is_an_error(tmp_path: Path) -> None:
 
 def test_limits_are_those_of_the_server_too(postgresql_url) -> None:
     with open_store(postgresql_url) as store:
-        with store._database.reading() as connection:
+        with store.reading() as connection:
             limits = [connection.scalar(text(f"SHOW {name}")) for name in ("statement_timeout", "lock_timeout")]
         assert limits == ["15s", "10s"]
 
@@ -62,7 +62,7 @@ def test_a_lock_that_is_held_is_a_busy_store(postgresql_url, monkeypatch: pytest
     monkeypatch.setattr(postgresql, "LOCK", 1)
     with open_store(postgresql_url) as store:
         store.inbox.add_frames([StoredFrame("car-1", 1, 0, 0, b"")], now=0)
-        with store._database.writing() as connection:
+        with store.writing() as connection:
             connection.execute(text("LOCK TABLE cursors"))
             monkeypatch.setattr(postgresql, "ANSWER", 10.0)
             with pytest.raises(StoreError, match=r"the store is busy \(.*lock timeout.*\): end the program"):

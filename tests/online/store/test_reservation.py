@@ -30,7 +30,7 @@ def test_what_a_monitor_writes_after_it_lost_the_connection_is_refused(postgresq
         assert first.reservation.take("a")
         with first.reservation.fenced():
             first.inbox.add_frames([FRAME], now=0)
-        with second._database.writing() as connection:
+        with second.writing() as connection:
             connection.exec_driver_sql("SELECT pg_terminate_backend(%s, 5000)", (first.reservation._pid,))
         assert second.reservation.take("b")
         with first.reservation.fenced(), pytest.raises(ReservationLostError):
@@ -44,7 +44,7 @@ def test_who_takes_over_waits_for_transactions_under_way(postgresql_url) -> None
     """Otherwise it would read a store to which the one before still adds."""
     with open_store(postgresql_url) as first, open_store(postgresql_url) as second:
         assert first.reservation.take("a")
-        with first.reservation.fenced(), first._database.writing():
+        with first.reservation.fenced(), first.writing():
             first.reservation.release()
             with pytest.raises(StoreError, match="lock timeout"):
                 second.reservation.take("b")

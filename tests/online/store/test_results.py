@@ -142,7 +142,7 @@ def test_documents_of_later_programs_are_refused(store) -> None:
     from sqlalchemy import text
 
     store.results.commit(Progress("zafira", 7, done_seq=-1, modes=((0, 100, {"modes": []}),)))
-    with store._database.writing() as connection:
+    with store.writing() as connection:
         connection.execute(text("UPDATE modes SET document = :later"), {"later": b"\x09later"})
     with pytest.raises(StoreError, match="install the newer sprung that wrote it"):
         store.results.modes("zafira")

@@ -16,7 +16,7 @@ def frame(boot, seq, vehicle="car-1"):
 
 def count(store, name):
     """The number of rows of a table."""
-    with store._database.reading() as connection:
+    with store.reading() as connection:
         return connection.scalar(select(func.count()).select_from(METADATA.tables[name]))
 
 
@@ -48,7 +48,7 @@ def test_old_rows_of_every_table_with_an_age_go_and_new_ones_stay(store) -> None
             now=now,
         )
         store.inbox.add_frames([frame(now, 0)], now=now)
-        store.aside.put_frames("car-1", now, 0, 0, reason="it fails", now=now)
+        store.quarantine.put_frames("car-1", now, 0, 0, reason="it fails", now=now)
         store.results.commit(progress)
         row = AlertRow("car-1", "silent", severity=300, text="", is_active=False, raised=now)
         store.alerts.put(row, history=("raised", "", ""), notify={}, now=now)

@@ -1,24 +1,31 @@
 """Alerts with hold-off, hysteresis, acknowledgement and shelving, and senders of notifications."""
 
-from sprung.online.alerts.alerts import (
-    STEPS,
-    WATCHING,
-    Alert,
-    AlertSettings,
-    Change,
-    Report,
-    Transition,
-    is_of_suspension,
-    severity_step,
-    state_name,
-)
-from sprung.online.alerts.delivery import Backoff, Sender, SendError, deliver
-from sprung.online.alerts.health import health_index
+from sprung.online.alerts.alerts import Alert, AlertSettings, Change, Report, Transition
 from sprung.online.alerts.messages import Message, addressed, message_of, trial_message
-from sprung.online.alerts.people import acknowledged, assigned, closed, commented, shelf_ended, shelved, unshelved
-from sprung.online.alerts.rounds import absent, assess, reported
-from sprung.online.alerts.senders import LogSender, MailSender, PublishSender, WebhookSender
-from sprung.online.alerts.services import ServiceSender
+from sprung.online.alerts.senders import (
+    Backoff,
+    LogSender,
+    MailSender,
+    PublishSender,
+    Sender,
+    SendError,
+    ServiceSender,
+    WebhookSender,
+    deliver,
+)
+from sprung.online.alerts.transitions import (
+    absent,
+    acknowledged,
+    assess,
+    assigned,
+    closed,
+    commented,
+    reported,
+    shelf_ended,
+    shelved,
+    unshelved,
+)
+from sprung.state import STEPS, WATCHING, health_index, is_of_suspension, severity_step
 
 __all__ = [
     "STEPS",
@@ -52,7 +59,6 @@ __all__ = [
     "severity_step",
     "shelf_ended",
     "shelved",
-    "state_name",
     "trial_message",
     "unshelved",
 ]

@@ -1,15 +1,11 @@
 """Alerts as values: one for each cause in a vehicle, in the terms of ANSI/ISA-18.2 (IEC 62682)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
 from sprung._checks import check_number
 from sprung.errors import ParameterError
-
-#: Names of the five steps of severity, from 1 to 200, 201 to 400 and so on.
-STEPS = ("note", "low", "medium", "high", "critical")
-#: Causes that concern monitoring and not the vehicle.
-WATCHING = ("silent", "lost", "monitor")
+from sprung.state import AlertState
 
 #: Changes of an alert. "pending": only the count of reports changed; "none": no change.
 Change = Literal[
@@ -81,8 +77,7 @@ class Report:
     evidence: dict[str, Any] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        _check_names(self.vehicle, self.cause)
-        _check_severity(self.severity)
+        _check(self.vehicle, self.cause, self.severity)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,13 +132,25 @@ class Alert:
     notified: int | None = None
 
     def __post_init__(self) -> None:
-        _check_names(self.vehicle, self.cause)
-        _check_severity(self.severity)
+        _check(self.vehicle, self.cause, self.severity)
 
     @property
     def is_shelved(self) -> bool:
         """Whether it is shelved: nobody is notified until the shelving ends."""
         return self.shelved_until is not None
+
+    def as_state(self, number: int = 0) -> AlertState:
+        """Return what people and programs are told about it, with its number in the store.
+
+        Examples
+        --------
+        >>> from sprung.online.alerts import AlertSettings, Report, acknowledged, reported
+        >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=0).alert
+        >>> alert.as_state().state, acknowledged(alert, "Ada", now=60).alert.as_state().state
+        ('unacknowledged', 'acknowledged')
+        """
+        shared = [each.name for each in fields(AlertState) if each.name != "number"]
+        return AlertState(number=number, **{name: getattr(self, name) for name in shared})
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,57 +178,8 @@ class Transition:
     is_notified: bool = False
 
 
-def state_name(alert: Alert) -> str:
-    """Return the state in the terms of ISA-18.2.
-
-    Returns
-    -------
-    str
-        "shelved", "unacknowledged", "acknowledged", "returned to normal, unacknowledged" or "normal"; "shelved" takes
-        precedence.
-
-    Examples
-    --------
-    >>> from sprung.online.alerts import AlertSettings, Report, acknowledged, reported
-    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=0).alert
-    >>> state_name(alert), state_name(acknowledged(alert, "Ada", now=60).alert)
-    ('unacknowledged', 'acknowledged')
-    """
-    if alert.is_shelved:
-        return "shelved"
-    if alert.is_active:
-        return "acknowledged" if alert.is_acknowledged else "unacknowledged"
-    return "normal" if alert.is_acknowledged else "returned to normal, unacknowledged"
-
-
-def severity_step(severity: int) -> int:
-    """Return the step of a severity in `STEPS`: 0 for 1 to 200, 4 for 801 to 1000.
-
-    Examples
-    --------
-    >>> STEPS[severity_step(700)], severity_step(1), severity_step(1000)
-    ('high', 0, 4)
-    """
-    return (severity - 1) // 200
-
-
-def is_of_suspension(cause: str) -> bool:
-    """Return whether a cause is a change of the suspension, rather than of a sensor ("sensor:acc_fl") or monitoring.
-
-    Examples
-    --------
-    >>> [is_of_suspension(cause) for cause in ("front_left.spring", "sensor:acc_fl", "silent")]
-    [True, False, False]
-    """
-    return ":" not in cause and cause not in WATCHING
-
-
-def _check_severity(severity: int) -> None:
-    """Refuse a severity out of range."""
-    check_number("severity", severity, at_least=1, at_most=1000)
-
-
-def _check_names(vehicle: str, cause: str) -> None:
-    """Refuse an alert without vehicle or cause."""
+def _check(vehicle: str, cause: str, severity: int) -> None:
+    """Refuse an alert without vehicle or cause, and a severity out of range."""
     if not vehicle or not cause:
         raise ParameterError(f"vehicle {vehicle!r} and cause {cause!r} must not be empty: name both")
+    check_number("severity", severity, at_least=1, at_most=1000)

@@ -5,7 +5,8 @@ from datetime import UTC, datetime
 from math import isfinite
 from typing import Any
 
-from sprung.online.alerts.alerts import STEPS, Alert, Transition, severity_step, state_name
+from sprung.online.alerts.alerts import Transition
+from sprung.results.documents.monitoring import NotificationDocument
 
 _WORDS = {"updated": "still active", "unshelved": "no longer shelved", "commented": "commented on"}
 
@@ -47,50 +48,48 @@ class Message:
     key: str = ""
 
 
-def message_of(alert: Alert, transition: Transition) -> Message:
+def message_of(transition: Transition) -> Message:
     """Return the notification about an event of an alert.
-
-    Parameters
-    ----------
-    alert
-        Alert after the event, as in `transition.alert`.
-    transition
-        The event.
 
     Examples
     --------
     >>> from sprung.online.alerts import AlertSettings, Report, reported
     >>> report = Report("bus-17", "front_left.spring", 700, "front-left spring 20 % softer")
-    >>> event = reported(None, report, AlertSettings(), now=0)
-    >>> message_of(event.alert, event).subject
+    >>> message_of(reported(None, report, AlertSettings(), now=0)).subject
     'bus-17: front_left.spring raised (high)'
     """
-    step = STEPS[severity_step(alert.severity)]
+    alert, by = transition.alert.as_state(), transition.who or "nobody"
     words = _WORDS.get(transition.what, transition.what)
-    subject = " ".join(f"{alert.vehicle}: {alert.cause} {words} ({step})".split())
-    lines = [
-        alert.text,
-        "",
-        f"Vehicle: {alert.vehicle}",
-        f"Cause: {alert.cause}",
-        f"State: {state_name(alert)}",
-        f"Severity: {alert.severity} of 1000 ({step})",
-        f"Raised: {_written(alert.raised)} (occurrence {alert.count})",
-    ]
-    if alert.cleared is not None:
-        lines.append(f"Cleared: {_written(alert.cleared)}")
-    if alert.assignee is not None:
-        lines.append(f"Assigned to: {alert.assignee}")
-    if transition.who or transition.comment:
-        lines.append(f"By: {transition.who or 'nobody'}{': ' if transition.comment else ''}{transition.comment}")
+    subject = " ".join(f"{alert.vehicle}: {alert.cause} {words} ({alert.step})".split())
+    lines = {
+        "Vehicle": alert.vehicle,
+        "Cause": alert.cause,
+        "State": alert.state,
+        "Severity": f"{alert.severity} of 1000 ({alert.step})",
+        "Raised": f"{_written(alert.raised)} (occurrence {alert.count})",
+        "Cleared": None if alert.cleared is None else _written(alert.cleared),
+        "Assigned to": alert.assignee,
+        "By": ": ".join(filter(None, (by, transition.comment))) if transition.who or transition.comment else None,
+    }
+    document = {
+        "schema": "sprung.alert/1",
+        "time": _written(alert.updated),
+        "what": transition.what,
+        "who": transition.who,
+        "comment": transition.comment,
+        "subject": subject,
+        **alert.facts(NotificationDocument),
+        "evidence": _plain(alert.evidence),
+    }
+    del document["number"]  # which the store gives
     return Message(
         vehicle=alert.vehicle,
         what=transition.what,
         severity=alert.severity,
         subject=subject,
-        text="\n".join(lines),
+        text="\n".join([alert.text, "", *(f"{name}: {value}" for name, value in lines.items() if value is not None)]),
         time=alert.updated,
-        document=_document(alert, transition, subject),
+        document=document,
     )
 
 
@@ -114,7 +113,7 @@ def addressed(message: Message, *, number: int, key: str = "", link: str = "", p
     --------
     >>> from sprung.online.alerts import AlertSettings, Report, reported
     >>> event = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=0)
-    >>> message = addressed(message_of(event.alert, event), number=8)
+    >>> message = addressed(message_of(event), number=8)
     >>> message.subject
     'bus-17: front_left.spring raised (high), alert 8'
     >>> message.text.splitlines()[-1]
@@ -124,7 +123,7 @@ def addressed(message: Message, *, number: int, key: str = "", link: str = "", p
     return replace(
         message,
         subject=f"{message.subject}, alert {number}",
-        text="\n".join([*lines, *([f"Link: {link}"] if link else [])]),
+        text="\n".join(lines + [f"Link: {link}"] * bool(link)),
         document={**message.document, "number": number, "key": key, "link": link or None},
         picture=picture,
         key=key,
@@ -144,33 +143,6 @@ def trial_message(time: int) -> Message:
     text = "This message tests the delivery of alerts. No alert was raised; there is nothing to do."
     document = {"schema": "sprung.alert/1", "time": _written(time), "what": "test", "subject": subject, "text": text}
     return Message("monitor", "test", 1, subject, text, time, document)
-
-
-def _document(alert: Alert, transition: Transition, subject: str) -> dict[str, Any]:
-    """Return the JSON object of a message; times are UTC ns, but for `time`, which is ISO 8601."""
-    return {
-        "schema": "sprung.alert/1",
-        "time": _written(alert.updated),
-        "what": transition.what,
-        "who": transition.who,
-        "comment": transition.comment,
-        "subject": subject,
-        "text": alert.text,
-        "vehicle": alert.vehicle,
-        "cause": alert.cause,
-        "severity": alert.severity,
-        "step": STEPS[severity_step(alert.severity)],
-        "state": state_name(alert),
-        "is_active": alert.is_active,
-        "is_acknowledged": alert.is_acknowledged,
-        "shelved_until": alert.shelved_until,
-        "raised": alert.raised,
-        "updated": alert.updated,
-        "cleared": alert.cleared,
-        "count": alert.count,
-        "assignee": alert.assignee,
-        "evidence": _plain(alert.evidence),
-    }
 
 
 def _written(time: int) -> str:

@@ -1,34 +1,192 @@
-"""Senders: a log, a webhook, mail, a topic. Network and logger are arguments; no error message contains a secret."""
+"""Senders: a log, a webhook, mail, a topic, services of apprise; and how often they try again.
+
+Network and logger are arguments; no error message contains a secret.
+"""
 
 import json
 import logging
 import re
 import smtplib
+import socket
 import ssl
+import threading
 import urllib.request
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from email.message import EmailMessage
 from email.utils import format_datetime
 from html import escape
 from http.client import HTTPConnection, HTTPException, HTTPResponse, HTTPSConnection
-from typing import Any
+from typing import Any, Protocol, Self
 from urllib.error import HTTPError, URLError
 from urllib.parse import urlsplit
 
-from sprung._checks import check_number
-from sprung.errors import ParameterError
-from sprung.online.alerts.alerts import severity_step
-from sprung.online.alerts.delivery import SendError
+from sprung._checks import check_number, required
+from sprung.errors import ParameterError, SprungError
 from sprung.online.alerts.messages import Message
-from sprung.online.alerts.watch import Watch
+from sprung.state import severity_step
 
+_SECOND = 1_000_000_000
+#: Time between attempts to end a connection [s]: during a TLS handshake, which has its own limit, it has no socket.
+_AGAIN = 1.0
 #: Log levels of the steps of severity.
 _LEVELS = (logging.INFO, logging.INFO, logging.WARNING, logging.ERROR, logging.CRITICAL)
 #: Content identifier of the picture within a mail.
 _PICTURE = "picture@sprung"
 #: Names of vehicles that can be part of a topic.
 _VEHICLE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+#: Kind of a notification by the step of its severity, as apprise names them.
+_KINDS = ("info", "info", "warning", "failure", "failure")
+
+
+class SendError(SprungError):
+    """A message that a sender could not deliver; the text states where, why, and what to check."""
+
+
+class Sender(Protocol):
+    """Anything that delivers messages."""
+
+    @property
+    def name(self) -> str:
+        """Name of the sender, unique in a list of senders."""
+
+    @property
+    def shows_pictures(self) -> bool:
+        """Whether it passes on `Message.picture`, which takes seconds to draw."""
+
+    def send(self, message: Message) -> None:
+        """Deliver a message, or raise `SendError`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Backoff:
+    """Waits between attempts, doubled after each failure.
+
+    Parameters
+    ----------
+    first
+        Wait after the first failure [ns].
+    most
+        Longest wait [ns].
+
+    Raises
+    ------
+    ParameterError
+        If the first wait is not above 0, or the longest one is shorter.
+    """
+
+    first: int = 5 * _SECOND
+    most: int = 3600 * _SECOND
+
+    def __post_init__(self) -> None:
+        check_number("first", self.first, above=0, advice="5 s are usual, in ns")
+        check_number("most", self.most, at_least=self.first, advice="no wait can be shorter than the first")
+
+    def next_attempt(self, attempts: int, now: int) -> int:
+        """Return the time of the next attempt [UTC ns] after a number of failures, the last of them `now`.
+
+        Raises
+        ------
+        ParameterError
+            If the number of failures is below 1.
+
+        Examples
+        --------
+        >>> [Backoff().next_attempt(attempts, 0) // 10**9 for attempts in (1, 2, 3, 10, 11, 10**6)]
+        [5, 10, 20, 2560, 3600, 3600]
+        """
+        check_number("attempts", attempts, at_least=1, advice="it counts the failed ones")
+        return now + min(self.most, self.first << min(attempts - 1, 62))
+
+
+def deliver(message: Message, senders: Iterable[Sender]) -> dict[str, str]:
+    """Deliver a message through every sender.
+
+    Returns
+    -------
+    dict
+        Reason for each sender that failed, one sentence by name of the sender; empty if all succeeded.
+
+    Examples
+    --------
+    >>> from sprung.online.alerts import PublishSender, trial_message
+    >>> topics = []
+    >>> working = PublishSender(lambda topic, payload: topics.append(topic))
+    >>> offline = PublishSender(lambda topic, payload: False, name="offline")
+    >>> deliver(trial_message(0), [offline, working])
+    {'offline': 'alert of monitor was not published (no connection): check the broker'}
+    >>> topics
+    ['sprung/v1/monitor/alert']
+    """
+    failed = {}
+    for sender in senders:
+        try:
+            sender.send(message)
+        except SendError as error:
+            failed[sender.name] = str(error)
+        except Exception as error:  # a faulty sender must not silence the others
+            failed[sender.name] = f"{sender.name} failed with {type(error).__name__}: {error}"
+    return failed
+
+
+class Watch:
+    """Ends the connections of a conversation that takes too long, which raises an error in their reader.
+
+    Parameters
+    ----------
+    limit
+        Longest time within the context [s].
+
+    Notes
+    -----
+    The resolution of names, and attempts to connect to several addresses of a host, are not ended.
+    """
+
+    def __init__(self, limit: float) -> None:
+        self._limit = limit
+        self._connections: list[Any] = []
+        self._finished, self._over = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._finished.set()
+        self._thread.join()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the limit has passed within the context."""
+        return self._over.is_set()
+
+    def add(self, connection: Any) -> None:
+        """Watch a connection: a client of `http.client` or `smtplib`, with its `sock`."""
+        self._connections.append(connection)
+
+    def over(self, connect: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a function that opens connections as `connect` does, and watches them."""
+
+        def watched(*arguments: Any, **options: Any) -> Any:
+            connection = connect(*arguments, **options)
+            self.add(connection)
+            return connection
+
+        return watched
+
+    def _run(self) -> None:
+        """End the connections when the limit has passed, until the conversation is finished."""
+        wait = self._limit
+        while not self._finished.wait(wait):
+            self._over.set()
+            for sock in [connection.sock for connection in self._connections]:
+                if sock is not None:
+                    with suppress(OSError):
+                        sock.shutdown(socket.SHUT_RDWR)
+            wait = min(_AGAIN, self._limit)
 
 
 class LogSender:
@@ -306,6 +464,53 @@ class PublishSender:
             raise SendError(f"alert of {message.vehicle} was not published ({error}): check the broker") from error
         if is_published is False:
             raise SendError(f"alert of {message.vehicle} was not published (no connection): check the broker")
+
+
+class ServiceSender:
+    """Sends subject and text by a service of the package apprise.
+
+    Parameters
+    ----------
+    url
+        Address of the service as apprise writes it, such as "slack://TOKEN/#channel". It may contain a secret: errors
+        name its kind only.
+    name
+        Name of the sender, see `Sender`.
+
+    Raises
+    ------
+    ParameterError
+        If the address does not begin with the kind of a service.
+    """
+
+    shows_pictures = False
+
+    def __init__(self, url: str, *, name: str = "service") -> None:
+        kind = re.match(r"([a-z0-9]+)://\S", url)
+        if kind is None:
+            raise ParameterError(
+                "url of the service must be like slack://TOKEN/#channel, as the documentation of apprise writes it"
+            )
+        self.name, self._url, self._kind = name, url, kind[1]
+
+    def send(self, message: Message) -> None:
+        """Send one notification.
+
+        Raises
+        ------
+        SendError
+            If apprise is not installed or does not know the service, or the service does not accept the notification.
+        """
+        try:
+            apprise: Any = required("apprise", purpose=f"the service {self._kind}", extra="apprise")
+        except ImportError as error:
+            raise SendError(str(error)) from None
+        service = apprise.Apprise()
+        if not service.add(self._url):
+            raise SendError(f"apprise does not know the address of the service {self._kind}: correct its url")
+        kind = "success" if message.what == "cleared" else _KINDS[severity_step(message.severity)]
+        if not service.notify(title=message.subject, body=message.text, notify_type=kind):
+            raise SendError(f"the service {self._kind} did not accept the notification: check its url and the network")
 
 
 def _json(message: Message) -> bytes:

@@ -7,12 +7,18 @@ smaller without it.
 from sprung.formats.can import can_database
 from sprung.online.box.box import Box, BoxSettings
 from sprung.online.box.can import can_bus, from_can
-from sprung.online.box.folder import from_folder
 from sprung.online.box.mqtt_source import from_mqtt
-from sprung.online.box.opening import SOURCES, Listener, SourceSettings, open_source
 from sprung.online.box.resampling import Regular
-from sprung.online.box.sources import after, blocks_of, from_files, from_simulator, paced
-from sprung.online.box.standard_input import from_lines
+from sprung.online.box.running import SOURCES, Listener, SourceSettings, open_source
+from sprung.online.box.sources import (
+    after,
+    blocks_of,
+    from_files,
+    from_folder,
+    from_lines,
+    from_simulator,
+    paced,
+)
 
 __all__ = [
     "SOURCES",

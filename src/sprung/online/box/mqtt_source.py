@@ -15,9 +15,9 @@ from sprung.recording import Recording
 # Longest waits [s]: for the broker, for a message between checks whether to stop, and for more of a block.
 _CONNECT, _LOOK, _PAUSE = 10.0, 0.2, 5.0
 # Messages that wait to be read, and bytes of one, at most.
-_MOST_WAITING, _LARGEST = 100_000, 1 << 16
+_MAX_WAITING, _LARGEST = 100_000, 1 << 16
 # Largest number of different problems that are reported.
-_MOST_PROBLEMS = 100
+_MAX_PROBLEMS = 100
 # A time before 2000 or after 2100 [s] is that of a clock that was not set, or in another unit.
 _YEAR_2000, _YEAR_2100 = 946_684_800, 4_102_444_800
 
@@ -91,7 +91,7 @@ def _blocks(
     clock: Callable[[], int],
 ) -> Iterator[Recording]:
     """Yield the blocks of messages until it is time to stop."""
-    inbox: queue.Queue[tuple[int, str, bytes]] = queue.Queue(_MOST_WAITING)
+    inbox: queue.Queue[tuple[int, str, bytes]] = queue.Queue(_MAX_WAITING)
 
     def received(topic: str, payload: bytes) -> None:
         try:
@@ -130,7 +130,7 @@ class _Reader:
         """Yield the time and values of a message, if it has any."""
         if self.has_overflowed:
             self.has_overflowed = False
-            self._report("", "overflow", f"more than {_MOST_WAITING} messages wait, some are lost: send fewer")
+            self._report("", "overflow", f"more than {_MAX_WAITING} messages wait, some are lost: send fewer")
         try:
             document = _parsed(topic, payload)
             when = _time(topic, document, arrived)
@@ -153,7 +153,7 @@ class _Reader:
 
     def _report(self, topic: str, kind: str, problem: str) -> None:
         """Report a problem of a kind of a topic, once only."""
-        if (topic, kind) not in self._reported and len(self._reported) < _MOST_PROBLEMS:
+        if (topic, kind) not in self._reported and len(self._reported) < _MAX_PROBLEMS:
             self._reported.add((topic, kind))
             self._on_problem(problem)
 

@@ -18,7 +18,7 @@ from sprung.vehicles import Vehicle
 #: Number, start and end (UTC ns) of a request for samples.
 Request = tuple[int, int, int]
 #: Largest number of answers that are remembered.
-_MOST_ANSWERS = 100
+_MAX_ANSWERS = 100
 
 
 class Answers:
@@ -44,7 +44,7 @@ class Answers:
     def keep(self, request: Request, answer: dict[str, Any]) -> None:
         """Remember an answer, in memory only if the disk is full."""
         self._known[request] = answer
-        if len(self._known) > _MOST_ANSWERS:
+        if len(self._known) > _MAX_ANSWERS:
             self._known.pop(next(iter(self._known)))
         if self._path is not None:
             part = self._path.with_name(f"{self._path.name}.part")

@@ -19,11 +19,11 @@ BLOCK = 1.0
 _STEP = 2.0
 # Such times are accepted after this time [s], or number of messages, without others in between.
 _WITNESSED = 1.0
-_MOST_WITNESSES = 10_000
+_MAX_WITNESSES = 10_000
 # Longest delay of the values of a channel after those of others of the same time [s].
 _PATIENCE = 1.0
 # Most values of a channel that are kept: only faulty senders send more in 3 s.
-_MOST_VALUES = 20_000
+_MAX_VALUES = 20_000
 # Largest plausible value of a sensor; squares of larger ones would overflow.
 _LARGEST = 1e100
 # A value this close to a sample, in sample intervals, is taken as it is: floating-point stamps are rounded.
@@ -109,7 +109,7 @@ class Regular:
         if self._waiting and abs(when - self._waiting[-1][0]) > _STEP * 1e9:
             self._doubt()
         self._waiting.append((when, known))
-        if when - self._waiting[0][0] < _WITNESSED * 1e9 and len(self._waiting) < _MOST_WITNESSES:
+        if when - self._waiting[0][0] < _WITNESSED * 1e9 and len(self._waiting) < _MAX_WITNESSES:
             return []
         return self._begin_anew()
 
@@ -154,7 +154,7 @@ class Regular:
         self._latest = max(self._latest, when)
         for name, value in values.items():
             points = self._points[name]
-            if not (points and when <= points[-1][0]) and len(points) < _MOST_VALUES:
+            if not (points and when <= points[-1][0]) and len(points) < _MAX_VALUES:
                 points.append((when, value if abs(value) <= _LARGEST else np.nan))
 
     def _complete(self) -> list[Recording]:

@@ -1,23 +1,43 @@
-"""Sources of samples: files and a simulator, continued after a restart, and replayed at a pace.
+"""Sources of samples: files, a watched folder, lines of text and a simulator, continued after a restart, at a pace.
 
 A source is an iterator of blocks: short recordings without gaps, one after the other, each with the time of its first
 sample.
 """
 
-from collections.abc import Callable, Generator, Iterable, Iterator
-from dataclasses import replace
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from os import PathLike
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
 
 from sprung._checks import check_number
-from sprung.formats import ReadSettings, read_blocks
-from sprung.link import joined
+from sprung._display import counted
+from sprung.errors import FormatError, ParameterError, SprungError
+from sprung.formats import ENDINGS, ReadSettings, read_blocks
+from sprung.formats.table import MISSING, Column, chosen_columns, is_number, is_time
+from sprung.link import TIME_SET, TIME_UNKNOWN, joined
 from sprung.online.box.resampling import BLOCK
-from sprung.recording import Recording
+from sprung.recording import Channel, Recording
+from sprung.results.tables import time_in_words
 from sprung.vehicles import Vehicle
 
 if TYPE_CHECKING:
     from sprung.simulation import DriveSettings
+
+#: Time between two checks of a folder, and for which a file must be unchanged before it is read [s].
+SETTLED = 2.0
+#: Name of a stream of lines in messages.
+_NAME = "standard input"
+#: Longest line [characters].
+_LONGEST_LINE = 1 << 16
+#: Largest plausible value of a sensor; squares of larger ones would overflow.
+_LARGEST = 1e100
+#: A longer wait for a line [s] may be a pause of the sender.
+_PAUSE = 2.0
 
 
 def blocks_of(recording: Recording, *, length: float = BLOCK) -> Iterator[Recording]:
@@ -171,7 +191,7 @@ def paced(
     clock: Callable[[], float],
     sleep: Callable[[float], None],
 ) -> Iterator[Recording]:
-    """Return blocks at a pace.
+    """Yield blocks at a pace, each when it would have been complete.
 
     Parameters
     ----------
@@ -199,19 +219,326 @@ def paced(
     >>> [(block.n_samples, sum(waits)) for block in blocks]
     [(500, 2.5), (500, 5.0)]
     """
-    if pace is None:
-        return iter(blocks)
-    return _paced(blocks, check_number("pace", pace, above=0), clock, sleep)
-
-
-def _paced(
-    blocks: Iterable[Recording], pace: float, clock: Callable[[], float], sleep: Callable[[float], None]
-) -> Iterator[Recording]:
-    """Yield each block when it would have been complete."""
+    if pace is not None:
+        check_number("pace", pace, above=0)
     begin, driven = clock(), 0.0
     for block in blocks:
         driven += block.duration
-        wait = begin + driven / pace - clock()
+        wait = 0.0 if pace is None else begin + driven / pace - clock()
         if wait > 0:
             sleep(wait)
         yield block
+
+
+def from_folder(
+    folder: Path,
+    *,
+    start: Callable[[], int],
+    is_done: Callable[[], bool],
+    sleep: Callable[[float], None],
+    done: Callable[[str, str], None],
+    known: Sequence[str] = (),
+    settings: ReadSettings | None = None,
+) -> Iterator[Recording]:
+    r"""Yield the blocks of files that appear in a folder, by name.
+
+    Parameters
+    ----------
+    folder
+        Folder in which files of any readable format appear. A file is read once, when it has not changed for 2 s; a
+        new one needs a new name.
+    start
+        Function that returns the time of a file without time, UTC ns; it follows the one before if that ends later.
+    is_done
+        Function that returns whether to stop, called once all settled files are read.
+    sleep
+        Function that waits for a time [s].
+    done
+        Function called with the name of each file that was read, and the reason if it was not read completely (empty if
+        it was).
+    known
+        Names of files that were read before.
+    settings
+        As for `sprung.formats.read`.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> read = []
+    >>> with TemporaryDirectory() as name:
+    ...     folder = Path(name)
+    ...     _ = (folder / "run.csv").write_text("t,acc_fl" + "".join(f"\n{k / 100},0.5" for k in range(300)))
+    ...     waits = {"is_done": lambda: bool(read), "sleep": lambda seconds: None}
+    ...     blocks = list(from_folder(folder, start=lambda: 0, done=lambda *file: read.append(file), **waits))
+    >>> sum(block.n_samples for block in blocks), read
+    (300, [('run.csv', '')])
+    """
+    finished = set(known)
+    seen: dict[str, tuple[int, int]] = {}
+    free = 0
+    while True:
+        now = _states(folder, finished)
+        for name in [name for name in sorted(now) if now[name] == seen.get(name) or _is_old(now[name])]:
+            begin, problem = max(start(), free), ""
+            try:
+                end = yield from blocks_of_file(folder / name, start=begin, settings=settings)
+                free = end if end > begin else free
+            except SprungError as error:
+                problem = str(error)
+            finished.add(name)
+            done(name, problem)
+        seen = now
+        if is_done():
+            return
+        sleep(SETTLED)
+
+
+def _states(folder: Path, finished: set[str]) -> dict[str, tuple[int, int]]:
+    """Return size and time of change [ns] of each file that is still to be read; hidden ones are ignored."""
+    states = {}
+    try:
+        for path in folder.iterdir():
+            is_wanted = path.name.lower().endswith(ENDINGS) and not path.name.startswith(".")
+            if is_wanted and path.name not in finished and path.is_file():
+                status = path.stat()
+                states[path.name] = status.st_size, status.st_mtime_ns
+    except OSError:
+        # A file or the folder was removed meanwhile: the next pass finds what is left.
+        return states
+    return states
+
+
+def _is_old(state: tuple[int, int]) -> bool:
+    """Return whether a file is unchanged for long; clocks of other machines may be wrong."""
+    return time.time_ns() - state[1] > SETTLED * 1e9
+
+
+class LineStream(Protocol):
+    """Stream of text that is read line by line, such as `sys.stdin`."""
+
+    def readline(self, limit: int, /) -> str:
+        """Return the next line, at most `limit` characters of it; empty at the end."""
+
+
+def from_lines(lines: LineStream, *, sampling_rate: float, start: Callable[[], int]) -> Iterator[Recording]:
+    r"""Yield the blocks of comma-separated values as they arrive, such as from standard input.
+
+    Parameters
+    ----------
+    lines
+        Lines of the stream. The first has the names of the channels, with units in brackets as in files; the others
+        have a number for each, or nothing where it is missing.
+    sampling_rate
+        Sampling rate of the lines [Hz].
+    start
+        Function that returns the present time, UTC ns.
+
+    Raises
+    ------
+    FormatError
+        If a line cannot be read, with its number, after the samples before it.
+    ParameterError
+        If the sampling rate is not above 0.
+
+    Notes
+    -----
+    The first line of values has its time of arrival; the times of later lines follow from their number. After a pause
+    of more than 2 s, or if the clock was set back meanwhile, a new block begins at the arrival of the next line.
+
+    Examples
+    --------
+    >>> from io import StringIO
+    >>> lines = StringIO("acc_fl [g]" + 200 * "\n0.5")
+    >>> blocks = list(from_lines(lines, sampling_rate=100.0, start=lambda: 0))
+    >>> [(block.start, block.n_samples, float(block.samples[0, 0])) for block in blocks]
+    [(0, 100, 4.903325), (1000000000, 100, 4.903325)]
+    """
+    check_number("sampling_rate", sampling_rate, above=0)
+    texts = _texts(lines)
+    columns = _columns(texts)
+    channels = tuple(Channel(column.name, column.quantity) for column in columns)
+    factors = np.array([[column.factor] for column in columns])
+    n_full = max(1, round(BLOCK * sampling_rate))
+    pause = max(_PAUSE, 5 / sampling_rate) * 1e9
+    rows: list[list[float]] = []
+    following: int | None = None  # time of the next block; None: that of the arrival of its first line
+
+    def block() -> Iterator[Recording]:
+        nonlocal following
+        if rows and following is not None:
+            yield Recording(np.array(rows).T * factors, sampling_rate, channels, following)
+            following += round(len(rows) * 1e9 / sampling_rate)
+            rows.clear()
+
+    began = start()
+    try:
+        for number, text in texts:
+            came = start()
+            if following is not None:
+                # A late line is not a pause if lines before it were early, as from a sender that writes in batches.
+                is_late = came - following - len(rows) * 1e9 / sampling_rate > pause
+                if came - began < -pause or (came - began > pause and is_late):
+                    yield from block()
+                    following = None
+            rows.append(_values(text, number, columns))
+            following = came if following is None else following
+            if len(rows) >= n_full:
+                yield from block()
+            began = start()
+    except FormatError:
+        yield from block()
+        raise
+    yield from block()
+
+
+def _texts(lines: LineStream) -> Iterator[tuple[int, str]]:
+    """Yield the lines that are not blank, with their numbers."""
+    number = 0
+    while True:
+        number += 1
+        try:
+            line = lines.readline(_LONGEST_LINE)
+        except UnicodeDecodeError:
+            raise FormatError(f"line {number} of {_NAME} is not text in UTF-8: send names and numbers") from None
+        if not line:
+            return
+        if len(line) >= _LONGEST_LINE:
+            raise FormatError(
+                f"line {number} of {_NAME} is longer than {_LONGEST_LINE} characters: end each line of values"
+            )
+        if line.strip():
+            yield number, line.removeprefix("\ufeff").strip()
+
+
+def _columns(texts: Iterator[tuple[int, str]]) -> tuple[Column, ...]:
+    """Return the channels that the first line names."""
+    number, text = next(texts, (0, ""))
+    headings = [_bare(heading) for heading in text.split(",")]
+    if not text:
+        raise FormatError(f"{_NAME} is empty: the first line must name the channels")
+    if not all(headings) or any(is_number(heading) for heading in headings):
+        raise FormatError(
+            f"line {number} of {_NAME} is {text[:60]!r}: it must name the channels, separated by commas, before the "
+            "lines of numbers"
+        )
+    stamped = [heading for heading in headings if is_time(heading)]
+    if stamped:
+        raise FormatError(f"{_NAME} has a time column {stamped[0]!r}: leave it out, as lines are timed on arrival")
+    return chosen_columns(headings, None, path=Path(_NAME))
+
+
+def _values(text: str, number: int, columns: tuple[Column, ...]) -> list[float]:
+    """Return the numbers of a line; NaN where one is missing."""
+    fields = [_bare(field) for field in text.split(",")]
+    if len(fields) != len(columns):
+        found = f"{counted(len(fields), 'value')} for {counted(len(columns), 'channel')} ({text[:60]!r})"
+        raise FormatError(
+            f"line {number} of {_NAME} has {found}: send one for each, or nothing between commas where it is missing"
+        )
+    values = []
+    for field, column in zip(fields, columns, strict=True):
+        if field in MISSING:
+            values.append(np.nan)
+        elif is_number(field) and abs(float(field)) < _LARGEST:
+            values.append(float(field))
+        else:
+            raise FormatError(
+                f"line {number} of {_NAME}, channel {column.name!r}: {field[:40]!r} is not a measured value: send a "
+                "number, or nothing where it is missing"
+            )
+    return values
+
+
+def _bare(field: str) -> str:
+    """Return the contents of a field, without blanks and quotes around it."""
+    text = field.strip()
+    return text[1:-1].strip() if len(text) > 1 and text[0] == text[-1] == '"' else text
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayTimes:
+    """Times that files without start time get in a replay.
+
+    Parameters
+    ----------
+    start
+        Time of the first sample of the first of these files, UTC ns; the others follow.
+    untimed
+        Names of these files.
+    is_given
+        Whether the time was given by the operator.
+    """
+
+    start: int
+    untimed: tuple[str, ...]
+    is_given: bool
+
+    @property
+    def status(self) -> int:
+        """Status of the time of the samples, as in `Frame`."""
+        return TIME_UNKNOWN if self.untimed and not self.is_given else TIME_SET
+
+    @property
+    def in_words(self) -> list[str]:
+        """Sentence about files without start time; empty if the times are those of the files."""
+        if not self.untimed:
+            return []
+        others = f" and {counted(len(self.untimed) - 1, 'other file')}" if self.untimed[1:] else ""
+        how = "as given" if self.is_given else "so that they end now; give --start TIME for the time of recording"
+        begin = time_in_words(self.start)
+        return [f"no start time in {self.untimed[0]}{others}: samples count from {begin} UTC on, {how}"]
+
+
+def replay_times(
+    paths: Sequence[str | PathLike[str]],
+    *,
+    now: int,
+    start: str | None = None,
+    settings: ReadSettings | None = None,
+) -> ReplayTimes:
+    """Return the times of recordings in a replay: files without start time end now, unless one is given.
+
+    Parameters
+    ----------
+    paths
+        Files in order of time.
+    now
+        Present time, UTC ns.
+    start
+        Time of the first sample of the first file without start time, ISO 8601, UTC unless it has another offset; None:
+        unknown.
+    settings
+        As for `sprung.formats.read`.
+
+    Raises
+    ------
+    ParameterError
+        If the time cannot be read.
+    SprungError
+        As raised by `sprung.formats.read`.
+    """
+    given = None if start is None else _utc(start)
+    found = {str(path): _untimed_duration(path, settings) for path in paths}
+    durations = {name: duration for name, duration in found.items() if duration is not None}
+    begin = now - round(1e9 * sum(durations.values())) if given is None else given
+    return ReplayTimes(begin, tuple(durations), given is not None)
+
+
+def _untimed_duration(path: str | PathLike[str], settings: ReadSettings | None) -> float | None:
+    """Return the duration of a file without start time, with its gaps [s]; None if it has one."""
+    duration = 0.0
+    for part in read_blocks(path, settings=settings):
+        if part.start is not None:
+            return None
+        duration += part.duration + sum(gap.duration for gap in part.gaps)
+    return duration
+
+
+def _utc(text: str) -> int:
+    """Return the time in a text, UTC ns."""
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError:
+        raise ParameterError(f"--start {text!r} is not a time: write it like 2026-11-21T08:30 (UTC)") from None
+    return round((time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()) * 10**9

@@ -2,12 +2,12 @@
 
 import typer
 
-from sprung.online.commands import accounts, alerts, box, demo, monitor, replay, report, vehicles
+from sprung.online.commands import accounts, alerts, box, monitor, vehicles
 
 
 def register(application: typer.Typer) -> None:
     """Add the commands to the application."""
-    for command in (monitor.monitor, box.box, replay.replay, report.report, demo.demo):
+    for command in (monitor.monitor, box.box, box.replay, vehicles.report, monitor.demo):
         application.command()(command)
     application.add_typer(alerts.application, name="alerts")
     application.add_typer(vehicles.application, name="vehicles")

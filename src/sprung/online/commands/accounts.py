@@ -1,6 +1,5 @@
 """The commands `sprung accounts` and `sprung tokens`: who may use the pages and the interface of a monitor."""
 
-import getpass
 import sys
 import time
 from pathlib import Path
@@ -11,13 +10,10 @@ import typer
 from sprung.cli.options import Json, option
 from sprung.cli.output import show, write_result, written
 from sprung.errors import ParameterError
-from sprung.online.commands.stores import DEFAULT_STORE, StoreUrl, Who, check_options_follow, existing_store
+from sprung.online.commands.stores import DEFAULT_STORE, StoreUrl, Who, existing_store, group
 
 if TYPE_CHECKING:
     from sprung.online.store import Store
-
-accounts_application = typer.Typer(invoke_without_command=True)
-tokens_application = typer.Typer(invoke_without_command=True)
 
 Role = Annotated[
     str,
@@ -25,19 +21,13 @@ Role = Annotated[
 ]
 
 
-@accounts_application.callback()
-def accounts(context: typer.Context, *, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
-    """List the people who may log in; sub-commands add and remove them."""
-    check_options_follow(context)
-    if context.invoked_subcommand is None:
-        list_accounts(store=store, json=json)
-
-
-@accounts_application.command("list")
 def list_accounts(*, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
     """List accounts by name."""
     with existing_store(store) as opened:
         _print_accounts(opened, json)
+
+
+accounts_application = group(list_accounts, "List the people who may log in; sub-commands add and remove them.")
 
 
 @accounts_application.command("add")
@@ -49,7 +39,7 @@ def add_account(
         Path | None, option("FILE", "File whose first line is the password; - for standard input; omit to be prompted.")
     ] = None,
     store: StoreUrl = DEFAULT_STORE,
-    who: Who = None,
+    who: Who,
     json: Json = None,
 ) -> None:
     """Add an account, or change the role and password of one; the store is created if needed."""
@@ -58,7 +48,7 @@ def add_account(
 
     password = _password(password_file)
     with open_store(store) as opened:
-        site.add_account(opened, name, role, password, who=who or getpass.getuser(), now=time.time_ns())
+        site.add_account(opened, name, role, password, who=who, now=time.time_ns())
         _print_accounts(opened, json)
 
 
@@ -67,30 +57,26 @@ def remove_account(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the person.", show_default=False)],
     *,
     store: StoreUrl = DEFAULT_STORE,
-    who: Who = None,
+    who: Who,
     json: Json = None,
 ) -> None:
     """Remove an account; its sessions end."""
     from sprung.online import site
 
     with existing_store(store) as opened:
-        site.remove_account(opened, name, who=who or getpass.getuser(), now=time.time_ns())
+        site.remove_account(opened, name, who=who, now=time.time_ns())
         _print_accounts(opened, json)
 
 
-@tokens_application.callback()
-def tokens(context: typer.Context, *, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
-    """List the programs that may use the interface; sub-commands add and remove them."""
-    check_options_follow(context)
-    if context.invoked_subcommand is None:
-        list_tokens(store=store, json=json)
-
-
-@tokens_application.command("list")
 def list_tokens(*, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
     """List tokens, the oldest first."""
     with existing_store(store) as opened:
         _print_tokens(opened, json)
+
+
+tokens_application = group(
+    list_tokens, "List the programs that may use the interface; sub-commands add and remove them."
+)
 
 
 @tokens_application.command("add")
@@ -100,14 +86,14 @@ def add_token(
     role: Role = "viewer",
     days: Annotated[float | None, option("D", "Days until the token expires; omit for no expiry.")] = None,
     store: StoreUrl = DEFAULT_STORE,
-    who: Who = None,
+    who: Who,
     json: Json = None,
 ) -> None:
     """Create a token for a program, and print its secret, which is not stored."""
     from sprung.online import site
 
     with existing_store(store) as opened:
-        number, secret = site.add_token(opened, name, role, days=days, who=who or getpass.getuser(), now=time.time_ns())
+        number, secret = site.add_token(opened, name, role, days=days, who=who, now=time.time_ns())
         _print_tokens(opened, json, made=(number, secret))
 
 
@@ -116,14 +102,14 @@ def remove_token(
     number: Annotated[int, typer.Argument(metavar="NUMBER", help="Token number.", show_default=False)],
     *,
     store: StoreUrl = DEFAULT_STORE,
-    who: Who = None,
+    who: Who,
     json: Json = None,
 ) -> None:
     """Revoke a token."""
     from sprung.online import site
 
     with existing_store(store) as opened:
-        site.remove_token(opened, number, who=who or getpass.getuser(), now=time.time_ns())
+        site.remove_token(opened, number, who=who, now=time.time_ns())
         _print_tokens(opened, json)
 
 
@@ -155,18 +141,11 @@ def _print_tokens(store: "Store", json: str | None, *, made: tuple[int, str] | N
     """Print tokens as a table, as JSON, or both, with the secret of a new one."""
     from sprung.results import tables
 
-    entries = [
-        {
-            "number": row.id,
-            "name": row.name,
-            "role": row.role,
-            "created": row.created,
-            "created_by": row.created_by,
-            "expires": row.expires,
-            **({"secret": made[1]} if made is not None and row.id == made[0] else {}),
-        }
-        for row in store.accounts.tokens()
-    ]
+    facts = ("name", "role", "created", "created_by", "expires")
+    entries = [{"number": row.id, **{name: getattr(row, name) for name in facts}} for row in store.accounts.tokens()]
+    for entry in entries:
+        if made is not None and entry["number"] == made[0]:
+            entry["secret"] = made[1]
     document = {"schema": "sprung.tokens/1", "tokens": entries}
     if write_result(document, json):
         secret = [] if made is None else [f"secret of token {made[0]}, shown only once: {made[1]}"]

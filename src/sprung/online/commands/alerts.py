@@ -1,6 +1,5 @@
 """The command `sprung alerts`: alerts in the store of a monitor, and what operators do to them."""
 
-import getpass
 import time
 from collections.abc import Callable
 from functools import partial
@@ -10,12 +9,10 @@ import typer
 
 from sprung.cli.options import Json, option
 from sprung.cli.output import show, write_result, written
-from sprung.online.commands.stores import DEFAULT_STORE, StoreUrl, Who, check_options_follow, existing_store
+from sprung.online.commands.stores import DEFAULT_STORE, StoreUrl, Who, existing_store, group
 
 if TYPE_CHECKING:
     from sprung.online.store import Store
-
-application = typer.Typer(invoke_without_command=True)
 
 Number = Annotated[int, typer.Argument(metavar="NUMBER", help="Alert number.", show_default=False)]
 Comment = Annotated[str, option("TEXT", "Comment for the history.", "--comment", show_default=False)]
@@ -23,22 +20,6 @@ Vehicle = Annotated[str | None, option("ID", "Only alerts of this vehicle.", "--
 Complete = Annotated[bool, typer.Option("--all", help="Include alerts that have returned to normal.")]
 
 
-@application.callback()
-def alerts(
-    context: typer.Context,
-    *,
-    store: StoreUrl = DEFAULT_STORE,
-    vehicle: Vehicle = None,
-    every: Complete = False,
-    json: Json = None,
-) -> None:
-    """List alerts; sub-commands act on them."""
-    check_options_follow(context)
-    if context.invoked_subcommand is None:
-        list_alerts(store=store, vehicle=vehicle, every=every, json=json)
-
-
-@application.command("list")
 def list_alerts(
     *, store: StoreUrl = DEFAULT_STORE, vehicle: Vehicle = None, every: Complete = False, json: Json = None
 ) -> None:
@@ -47,14 +28,22 @@ def list_alerts(
         _print_alerts(opened, json, vehicle=vehicle, is_complete=every)
 
 
-@application.command()
-def ack(
-    number: Number, *, store: StoreUrl = DEFAULT_STORE, who: Who = None, comment: Comment = "", json: Json = None
-) -> None:
-    """Acknowledge an alert."""
-    from sprung.online.monitor import operations
+application = group(list_alerts, "List alerts; sub-commands act on them.")
 
-    _act(operations.acknowledge, number, store=store, who=who, comment=comment, json=json)
+
+def _add_act(name: str, operation: str, text: str) -> None:
+    """Add a sub-command that applies an operator action without options of its own."""
+
+    @application.command(name, help=text)
+    def act(
+        number: Number, *, store: StoreUrl = DEFAULT_STORE, who: Who, comment: Comment = "", json: Json = None
+    ) -> None:
+        from sprung.online.monitor import operations
+
+        _act(getattr(operations, operation), number, store=store, who=who, comment=comment, json=json)
+
+
+_add_act("ack", "acknowledge", "Acknowledge an alert.")
 
 
 @application.command()
@@ -63,7 +52,7 @@ def shelve(
     *,
     hours: Annotated[float, option("H", "Hours without notifications.", min=0)] = 8.0,
     store: StoreUrl = DEFAULT_STORE,
-    who: Who = None,
+    who: Who,
     comment: Comment = "",
     json: Json = None,
 ) -> None:
@@ -73,14 +62,7 @@ def shelve(
     _act(partial(operations.shelve, hours=hours), number, store=store, who=who, comment=comment, json=json)
 
 
-@application.command()
-def unshelve(
-    number: Number, *, store: StoreUrl = DEFAULT_STORE, who: Who = None, comment: Comment = "", json: Json = None
-) -> None:
-    """Resume the notifications of a shelved alert."""
-    from sprung.online.monitor import operations
-
-    _act(operations.unshelve, number, store=store, who=who, comment=comment, json=json)
+_add_act("unshelve", "unshelve", "Resume the notifications of a shelved alert.")
 
 
 @application.command()
@@ -89,7 +71,7 @@ def assign(
     *,
     to: Annotated[str | None, option("NAME", "Assignee; omit to unassign.")] = None,
     store: StoreUrl = DEFAULT_STORE,
-    who: Who = None,
+    who: Who,
     comment: Comment = "",
     json: Json = None,
 ) -> None:
@@ -99,24 +81,8 @@ def assign(
     _act(partial(operations.assign, assignee=to), number, store=store, who=who, comment=comment, json=json)
 
 
-@application.command()
-def comment(
-    number: Number, *, comment: Comment = "", store: StoreUrl = DEFAULT_STORE, who: Who = None, json: Json = None
-) -> None:
-    """Add a comment to the history of an alert."""
-    from sprung.online.monitor import operations
-
-    _act(operations.add_comment, number, store=store, who=who, comment=comment, json=json)
-
-
-@application.command()
-def close(
-    number: Number, *, store: StoreUrl = DEFAULT_STORE, who: Who = None, comment: Comment = "", json: Json = None
-) -> None:
-    """Clear an active alert whose cause was removed."""
-    from sprung.online.monitor import operations
-
-    _act(operations.close, number, store=store, who=who, comment=comment, json=json)
+_add_act("comment", "add_comment", "Add a comment to the history of an alert.")
+_add_act("close", "close", "Clear an active alert whose cause was removed.")
 
 
 @application.command()
@@ -133,7 +99,7 @@ def verdict(
         False
     ),
     store: StoreUrl = DEFAULT_STORE,
-    who: Who = None,
+    who: Who,
     json: Json = None,
 ) -> None:
     """Record what the workshop found and did."""
@@ -147,7 +113,7 @@ def verdict(
             part=part,
             action=action,
             is_new_baseline=new_baseline,
-            who=who or getpass.getuser(),
+            who=who,
             now=time.time_ns(),
         )
         _print_alerts(opened, json)
@@ -165,10 +131,10 @@ def history(number: Number, *, store: StoreUrl = DEFAULT_STORE, json: Json = Non
         show(tables.alert_history_table(document), written([], json))
 
 
-def _act(act: Callable[..., None], number: int, *, store: str, who: str | None, comment: str, json: str | None) -> None:
+def _act(act: Callable[..., None], number: int, *, store: str, who: str, comment: str, json: str | None) -> None:
     """Apply an operator action of `sprung.online.monitor.operations` to an alert, and list all alerts."""
     with existing_store(store) as opened:
-        act(opened, number, who=who or getpass.getuser(), comment=comment, now=time.time_ns())
+        act(opened, number, who=who, comment=comment, now=time.time_ns())
         _print_alerts(opened, json)
 
 

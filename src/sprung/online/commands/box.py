@@ -1,7 +1,8 @@
-"""The command `sprung box`."""
+"""The commands `sprung box` and `sprung replay`: samples to a monitor."""
 
 import logging
 import os
+import tempfile
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,15 +11,19 @@ import typer
 
 from sprung.cli.checks import may_lack_sensors, names
 from sprung.cli.logs import LogFormat, log_to
-from sprung.cli.options import AllowMissing, SamplingRate, VehicleFile, option
+from sprung.cli.options import AllowMissing, Files, SamplingRate, VehicleFile, option
+from sprung.cli.output import show
+from sprung.cli.progress import progress_bar
+from sprung.cli.reading import reads_files
 from sprung.cli.stopping import stop_on_signals
-from sprung.online.commands.replay import BrokerUrl, VehicleId
 
 if TYPE_CHECKING:
-    from sprung.online.box.onboard import OnBoard
-    from sprung.vehicles import Vehicle
+    from sprung.formats import ReadSettings
 
 LOG = logging.getLogger("sprung.box")
+
+VehicleId = Annotated[str, option("ID", "Name of the vehicle.", show_default=False)]
+BrokerUrl = Annotated[str, option("URL", "Broker: mqtt://HOST:PORT, or mqtts://HOST:PORT with ?ca=F&cert=F&key=F.")]
 
 
 def box(
@@ -76,7 +81,11 @@ def box(
     may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=names(channels))
     stopping = stop_on_signals()
     frames = Spool(spool, most_bytes=round(1e6 * spool_megabytes), boot_from=time.time_ns() // 10**6)
-    ring = _on_board(description, spool / "ring", ring_megabytes) if on_board else None
+    ring = None
+    if on_board:  # which needs more of the package than a box that only sends
+        from sprung.online.box.onboard import on_board_in
+
+        ring = on_board_in(spool / "ring", description, most_bytes=round(1e6 * ring_megabytes))
     running = box_of(
         vehicle_id,
         description,
@@ -102,16 +111,65 @@ def box(
         LOG.info(f"source finished; all frames of {vehicle_id} acknowledged: {run}")
 
 
-def _on_board(vehicle: "Vehicle", folder: Path, megabytes: float) -> "OnBoard":
-    """Return the identification on board, which needs more of the package than a box that only sends."""
-    from sprung.online.box.onboard import on_board_in
-
-    return on_board_in(folder, vehicle, most_bytes=round(1e6 * megabytes))
-
-
 def _log_problem(problem: str) -> None:
     """Log a problem with the link, or that it is over."""
     if problem:
         LOG.warning(problem)
     else:
         LOG.info("connection restored")
+
+
+@reads_files
+def replay(
+    files: Files,
+    *,
+    vehicle_id: VehicleId,
+    vehicle: VehicleFile,
+    broker: BrokerUrl = "mqtt://127.0.0.1:1883",
+    pace: Annotated[
+        float | None, option("X", "Speed of the replay, as a multiple of real time.", show_default="no limit")
+    ] = None,
+    reading: "ReadSettings",
+    allow_missing: AllowMissing = False,
+    start: Annotated[
+        str | None,
+        option("TIME", "Start of files without times, such as 2026-11-21T08:30 (UTC).", show_default="they end now"),
+    ] = None,
+    spool: Annotated[
+        Path | None, option("DIR", "Folder that keeps frames until they are acknowledged; a second run continues.")
+    ] = None,
+    patience: Annotated[float, option("SECONDS", "Longest wait for the last acknowledgement.", min=0)] = 60.0,
+) -> None:
+    """Send recordings to a monitor as a vehicle would, and wait until they are acknowledged.
+
+    Samples keep the times of the recording. The monitor skips what it has already analysed.
+    """
+    from sprung._checks import check_number
+    from sprung.link import Address, Spool, check_vehicle
+    from sprung.online.box import after, from_files
+    from sprung.online.box.running import box_of
+    from sprung.online.box.running import replay as send
+    from sprung.online.box.sources import replay_times
+    from sprung.results.tables import span_in_words
+    from sprung.vehicles import read_vehicle
+
+    if pace is not None:
+        check_number("--pace", pace, above=0)
+    check_vehicle(vehicle_id)
+    description = read_vehicle(vehicle)
+    may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
+    address = Address.parse(broker)
+    with tempfile.TemporaryDirectory(prefix="sprung-") as scratch:
+        frames = Spool(spool or Path(scratch), boot_from=time.time_ns() // 10**6, is_synced=spool is not None)
+        times = replay_times(files, now=time.time_ns(), start=start, settings=reading)
+        box = box_of(vehicle_id, description, frames, address, time_status=times.status, allow_missing=may_lack)
+        try:
+            resumed = box.resume_time()
+            box.open(timeout=10.0)
+            recorded = from_files(files, start=times.start, settings=reading)
+            with progress_bar() as report:
+                sent = send(box, after(recorded, resumed), pace=pace, patience=patience, on_progress=report)
+        finally:
+            box.close()
+    span = "" if sent.begin is None or sent.end is None else f" ({span_in_words(sent.begin, sent.end)})"
+    show([*times.in_words, f"{sent.duration / 60:.1f} min of {vehicle_id}{span} sent and acknowledged"])

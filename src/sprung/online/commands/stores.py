@@ -1,7 +1,11 @@
-"""The store of a monitor, as an option of several commands."""
+"""The store of a monitor as an option of several commands, and groups of them."""
 
+import getpass
+import inspect
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,7 +16,9 @@ if TYPE_CHECKING:
     from sprung.online.store import Store
 
 StoreUrl = Annotated[str, option("URL", "Store: sqlite:///FILE or postgresql://USER@HOST/NAME.", "--store")]
-Who = Annotated[str | None, option("NAME", "Name of the operator.", "--who", show_default="the user")]
+Who = Annotated[
+    str, option("NAME", "Name of the operator.", "--who", show_default="the user", default_factory=getpass.getuser)
+]
 DEFAULT_STORE = "sqlite:///sprung-data/sprung.sqlite"
 
 
@@ -25,10 +31,27 @@ def existing_store(url: str) -> "Store":
     return open_store(url)
 
 
-def check_options_follow(context: typer.Context) -> None:
-    """Refuse options in front of a sub-command: they would have no effect."""
-    for parameter in context.command.params:
-        source = context.get_parameter_source(parameter.name or "")
-        if context.invoked_subcommand is not None and source is not None and source.name == "COMMANDLINE":
-            option, command = parameter.opts[0], f"{context.command_path} {context.invoked_subcommand}"
-            raise ParameterError(f"{option} must follow the sub-command: write {command} .. {option} ..")
+def group(listing: Callable[..., None], text: str) -> typer.Typer:
+    """Return a group of sub-commands, of which the first is "list"; without a sub-command it lists, too.
+
+    Options in front of a sub-command are refused, as they would have no effect.
+    """
+
+    @wraps(listing)
+    def alone(context: typer.Context, **options: Any) -> None:
+        for parameter in context.command.params:
+            source = context.get_parameter_source(parameter.name or "")
+            if context.invoked_subcommand is not None and source is not None and source.name == "COMMANDLINE":
+                option, command = parameter.opts[0], f"{context.command_path} {context.invoked_subcommand}"
+                raise ParameterError(f"{option} must follow the sub-command: write {command} .. {option} ..")
+        if context.invoked_subcommand is None:
+            listing(**options)
+
+    signature = inspect.signature(listing)
+    first = inspect.Parameter("context", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context)
+    alone.__dict__["__signature__"] = signature.replace(parameters=[first, *signature.parameters.values()])
+    alone.__annotations__ = {"context": typer.Context, **listing.__annotations__}
+    application = typer.Typer(invoke_without_command=True)
+    application.callback(help=text)(alone)
+    application.command("list")(listing)
+    return application

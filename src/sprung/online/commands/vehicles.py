@@ -1,6 +1,5 @@
-"""The command `sprung vehicles`: the vehicles of a monitor, and requests to it."""
+"""The commands `sprung vehicles` and `sprung report`: the vehicles of a monitor, and requests to it."""
 
-import getpass
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -8,29 +7,21 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from sprung.cli.checks import check_file
-from sprung.cli.options import Json, Since, Until, option
+from sprung.cli.options import OUTPUT, Json, Since, Until, option
 from sprung.cli.output import show, write_pieces, write_result, written
 from sprung.cli.progress import progress_bar
 from sprung.errors import ParameterError
-from sprung.online.commands.stores import DEFAULT_STORE, StoreUrl, Who, check_options_follow, existing_store
+from sprung.online.commands.stores import DEFAULT_STORE, StoreUrl, Who, existing_store, group
 
 if TYPE_CHECKING:
     from sprung.online.store import Store
 
-application = typer.Typer(invoke_without_command=True)
+#: Endings of the pages that can be written.
+_PAGES = (".html", ".htm", ".pdf")
 
 VehicleName = Annotated[str, typer.Argument(metavar="ID", help="Name of the vehicle.", show_default=False)]
 
 
-@application.callback()
-def vehicles(context: typer.Context, *, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
-    """List the monitored vehicles; sub-commands rank them, show what is set aside, or request baselines or samples."""
-    check_options_follow(context)
-    if context.invoked_subcommand is None:
-        list_vehicles(store=store, json=json)
-
-
-@application.command("list")
 def list_vehicles(*, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
     """List the monitored vehicles and the open requests."""
     from sprung.online.monitor.requests import open_request_in_words
@@ -39,10 +30,16 @@ def list_vehicles(*, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None
         _print_vehicles(opened, json, [open_request_in_words(row) for row in opened.requests.open_commands()])
 
 
+application = group(
+    list_vehicles,
+    "List the monitored vehicles; sub-commands rank them, show the quarantine, or request baselines or samples.",
+)
+
+
 @application.command()
 def rank(
     *,
-    rate: Annotated[float, option("SHARE", "Expected share of sound vehicles among those reported to deviate.")] = 0.05,
+    rate: Annotated[float, option("SHARE", "Expected share of healthy vehicles among those that deviate.")] = 0.05,
     store: StoreUrl = DEFAULT_STORE,
     json: Json = None,
 ) -> None:
@@ -58,7 +55,7 @@ def rank(
 
 
 @application.command()
-def aside(
+def quarantine(
     vehicle: Annotated[str, typer.Argument(metavar="[ID]", help="Name of the vehicle.", show_default=False)] = "",
     *,
     again: Annotated[
@@ -67,15 +64,15 @@ def aside(
     store: StoreUrl = DEFAULT_STORE,
     json: Json = None,
 ) -> None:
-    """List frames and states that could not be analysed and were set aside, such as after an upgrade."""
-    from sprung.online.monitor.set_aside import aside_document
+    """List frames and states that could not be analysed and were quarantined, such as after an upgrade."""
+    from sprung.online.monitor.operations import quarantine_document
     from sprung.results import tables
 
     with existing_store(store) as opened:
-        document = aside_document(opened, vehicle=vehicle, is_analysed=again)
+        document = quarantine_document(opened, vehicle=vehicle, is_analysed=again)
     if write_result(document, json):
-        table = tables.aside_table(document)
-        show(table if document["aside"] else ["nothing is set aside"], written([], json))
+        table = tables.quarantine_table(document)
+        show(table if document["quarantined"] else ["nothing is quarantined"], written([], json))
 
 
 @application.command()
@@ -84,7 +81,7 @@ def learn(
     *,
     reason: Annotated[str, option("TEXT", "Reason, such as 'new dampers'; required.", show_default=False)] = "",
     store: StoreUrl = DEFAULT_STORE,
-    who: Who = None,
+    who: Who,
     json: Json = None,
 ) -> None:
     """Learn a new baseline of a vehicle, such as after maintenance."""
@@ -92,7 +89,7 @@ def learn(
     from sprung.online.monitor.requests import relearning_in_words
 
     with existing_store(store) as opened:
-        relearn(opened, vehicle, reason=reason, who=who or getpass.getuser(), now=time.time_ns())
+        relearn(opened, vehicle, reason=reason, who=who, now=time.time_ns())
         _print_vehicles(opened, json, [relearning_in_words(vehicle, reason)])
 
 
@@ -105,7 +102,7 @@ def roll_back(
         str, option("TEXT", "Reason, such as 'learnt with a broken spring'; required.", show_default=False)
     ] = "",
     store: StoreUrl = DEFAULT_STORE,
-    who: Who = None,
+    who: Who,
     json: Json = None,
 ) -> None:
     """Return to an earlier baseline of a vehicle; it becomes the newest version."""
@@ -115,7 +112,7 @@ def roll_back(
     if version is None:
         raise ParameterError("give --version N, the baseline to return to: the page of the vehicle lists them")
     with existing_store(store) as opened:
-        roll_back(opened, vehicle, version=version, reason=reason, who=who or getpass.getuser(), now=time.time_ns())
+        roll_back(opened, vehicle, version=version, reason=reason, who=who, now=time.time_ns())
         _print_vehicles(opened, json, [rolling_back_in_words(vehicle, version, reason)])
 
 
@@ -126,7 +123,7 @@ def raw(
     minutes: Annotated[float, option("M", "Minutes to look back.", min=0)] = 30.0,
     wait: Annotated[float, option("SECONDS", "Longest wait for the samples; the request stays open.", min=0)] = 60.0,
     store: StoreUrl = DEFAULT_STORE,
-    who: Who = None,
+    who: Who,
     json: Json = None,
 ) -> None:
     """Request the latest samples of a vehicle whose box identifies on board."""
@@ -134,8 +131,7 @@ def raw(
     from sprung.online.monitor.requests import wait_for_samples
 
     with existing_store(store) as opened:
-        who, now = who or getpass.getuser(), time.time_ns()
-        number = request_samples(opened, vehicle, minutes=minutes, who=who, now=now)
+        number = request_samples(opened, vehicle, minutes=minutes, who=who, now=time.time_ns())
         with progress_bar() as report:
             sentence = wait_for_samples(opened, number, timeout=wait, on_progress=report)
         _print_vehicles(opened, json, [sentence])
@@ -171,6 +167,38 @@ def export(
             write_pieces(export(opened, vehicle, what, file_format="json", period=period), json)
     if json != "-":
         show(written([] if out is None else [out], json))
+
+
+def report(
+    vehicle: VehicleName,
+    *,
+    out: Annotated[
+        Path | None, option("FILE.html", "Page to write; .pdf needs the extra pdf.", "--out", panel=OUTPUT)
+    ] = None,
+    since: Since = None,
+    until: Until = None,
+    store: StoreUrl = DEFAULT_STORE,
+    json: Json = None,
+) -> None:
+    """Write a page about a monitored vehicle and a period: changes, trends, alerts, modes, conditions, data."""
+    from sprung.online.monitor.vehicle_report import vehicle_report
+    from sprung.results.page import pdf_of, render
+    from sprung.results.periods import parse_period
+
+    check_file("--out", out)
+    check_file("--json", json)
+    if out is None and json is None:
+        raise ParameterError("there is no file to write: give --out FILE.html or --json PATH")
+    if out is not None and out.suffix.lower() not in _PAGES:
+        raise ParameterError(f"--out {out} must be an HTML or PDF file: name it {out.with_suffix('.html').name}")
+    period = parse_period(since, until)
+    with existing_store(store) as opened:
+        content = vehicle_report(opened, vehicle, period=period, now=time.time_ns())
+    if out is not None:
+        page = render(content)
+        out.write_bytes(pdf_of(page) if out.suffix.lower() == ".pdf" else page.encode())
+    if write_result(content.document or {}, json):
+        show([content.verdict, *written([] if out is None else [out], json)])
 
 
 def _print_vehicles(store: "Store", json: str | None, sentences: list[str]) -> None:

@@ -186,7 +186,7 @@ def row_of(alert: Alert) -> AlertRow:
 
 def _notification(transition: Transition) -> dict[str, Any]:
     """Return the notification about an event as the store keeps it: picture and key come when it is sent."""
-    fields = asdict(message_of(transition.alert, transition))
+    fields = asdict(message_of(transition))
     del fields["picture"], fields["key"]
     return fields
 

@@ -30,7 +30,7 @@ from sprung.vehicles import Vehicle, vehicle_from_text
 from sprung.vehicles.window import window_of
 
 #: Largest memory that the diagrams of a window may take in addition to what their process holds [bytes].
-_MOST_BYTES = 1.5e9
+_MAX_BYTES = 1.5e9
 #: Digits of the values.
 _DIGITS = 6
 
@@ -170,7 +170,7 @@ def answer(request: Mapping[str, Any]) -> dict[str, Any]:
         "method": identification method; "source": name of the window.
     """
     try:
-        with limited_memory(_MOST_BYTES):
+        with limited_memory(_MAX_BYTES):
             vehicle = vehicle_from_text(request["description"], source="the vehicle file")
             recording = archived_recording(request["samples"], request["quantities"])
             diagrams = window_diagrams(recording, vehicle, method=request["method"])
@@ -179,7 +179,7 @@ def answer(request: Mapping[str, Any]) -> dict[str, Any]:
     except SprungError as error:
         return {"error": str(error)}
     except MemoryError:
-        return {"error": f"they need more memory than {_MOST_BYTES / 1e9:g} GB"}
+        return {"error": f"they need more memory than {_MAX_BYTES / 1e9:g} GB"}
 
 
 def _spectra(identification: Identification) -> dict[str, Any]:

@@ -1,17 +1,21 @@
-"""Windows, modes, findings and alerts of a vehicle as tables for other programs: CSV, Parquet and JSON, in pieces."""
+"""Results of a vehicle for other programs: `sprung.report/1`, and tables as CSV, Parquet and JSON files in pieces."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import csv
+import io
+import json
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from datetime import UTC, datetime
 from itertools import chain
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, TypeVar, get_args
 
 import numpy as np
 
 from sprung._checks import check_one_of
 from sprung.diagnosis.observation import CONDITION_UNITS
-from sprung.errors import ParameterError
-from sprung.online.monitor.table_files import Columns, Row, Rows, csv_pieces, json_pieces, parquet_pieces
-from sprung.online.monitor.vehicle_history import AlertHistory, alerts_of
+from sprung.online.monitor.histories import AlertHistory, VehicleHistory, alerts_of, known_vehicle
 from sprung.online.store import Entry, Store
+from sprung.results.documents import ReportDocument
 from sprung.results.periods import Period
 
 What: TypeAlias = Literal["windows", "modes", "findings", "alerts"]
@@ -22,6 +26,15 @@ FORMATS: tuple[str, ...] = get_args(FileFormat)
 #: Media types of the formats.
 MEDIA_TYPES = {"csv": "text/csv", "parquet": "application/vnd.apache.parquet", "json": "application/json"}
 
+#: Kind of the values of a column: text, time [UTC ns], number, whole number.
+Kind: TypeAlias = Literal["text", "time", "number", "integer"]
+#: Kinds of the columns by name. A name ends in the unit of its values, which the stored values of that name lack.
+Columns: TypeAlias = dict[str, Kind]
+Row: TypeAlias = Mapping[str, Any]
+Rows: TypeAlias = Iterator[list[Row]]
+
+#: Beginnings of cells that spreadsheets would take for formulas.
+_FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 #: Units in the names of columns.
 _UNITS = {
     "": "",
@@ -45,13 +58,16 @@ _OF_MODE: Columns = {
     "mpc": "number",
     "stable_rate": "number",
 }
+_OF_CHANGE: Columns = {
+    "change_percent": "number",
+    "change_low_percent": "number",
+    "change_high_percent": "number",
+}
 _OF_FINDING: Columns = {
     **_OF_WINDOW,
     "corner": "text",
     "component": "text",
-    "change_percent": "number",
-    "change_low_percent": "number",
-    "change_high_percent": "number",
+    **_OF_CHANGE,
     "score": "number",
     "severity": "text",
     "severity_number": "integer",
@@ -75,9 +91,7 @@ _OF_ALERT: Columns = {
     "times_raised": "integer",
     "assignee": "text",
     "shelved_until_utc": "time",
-    "change_percent": "number",
-    "change_low_percent": "number",
-    "change_high_percent": "number",
+    **_OF_CHANGE,
     "detectable_percent": "number",
     "sentence": "text",
     "verdict": "text",
@@ -86,6 +100,80 @@ _OF_ALERT: Columns = {
     "verdict_by": "text",
     "verdict_utc": "time",
 }
+
+
+T = TypeVar("T")
+K = TypeVar("K", bound=Hashable)
+
+
+def report_document(history: VehicleHistory, *, now: int) -> ReportDocument:
+    """Return the report of a vehicle and period as `sprung.report/1`, written at a time (UTC ns)."""
+    state, windows = history.state, history.windows
+    usable = [window for window in windows if window.is_conclusive]
+    changes = () if state.baseline is None else state.parts
+    modes = grouped((label, values) for window in usable for label, values in window.modes.items())
+    conditions = grouped(
+        (name, value) for window in windows for name, value in window.conditions.items() if np.isfinite(value)
+    )
+    faults = grouped(
+        (fault, time)
+        for time, window in zip(history.times.tolist(), windows, strict=True)
+        for fault in dict.fromkeys((fault.channel, fault.kind) for fault in window.sensor_faults)
+    )
+    sizes = ("change", "interval", "interval_with_common", "detectable")
+    return ReportDocument.model_validate(
+        {
+            "schema": "sprung.report/1",
+            "vehicle": history.vehicle.vehicle,
+            "since": history.period.since,
+            "until": history.period.until,
+            "written": now,
+            "verdict": state.verdict,
+            "sentence": state.sentence,
+            "windows": len(windows),
+            "usable": len(usable),
+            "baseline": state.baseline,
+            "changes": [{"component": part.part, **{name: getattr(part, name) for name in sizes}} for part in changes],
+            "changes_since": None if state.baseline is None else state.since,
+            "modes": {
+                label: {
+                    "windows": len(values),
+                    "natural_frequency": _range([frequency for frequency, _ in values]),
+                    "damping_ratio": _range([ratio for _, ratio in values]),
+                }
+                for label, values in modes.items()
+            },
+            "conditions": {name: _range(values) for name, values in conditions.items()},
+            "sensor_faults": [
+                {"channel": channel, "kind": kind, "windows": len(times), "first": times[0], "last": times[-1]}
+                for (channel, kind), times in faults.items()
+            ],
+            "reasons": dict(Counter(window.reason for window in windows if window.reason).most_common()),
+            "alerts": [
+                {
+                    "alert": each.alert,
+                    "cleared": each.alert.cleared,
+                    "evidence": each.alert.evidence,
+                    "history": each.history,
+                    "verdicts": each.verdicts,
+                }
+                for each in history.alerts
+            ],
+        }
+    )
+
+
+def grouped(pairs: Iterable[tuple[K, T]]) -> dict[K, list[T]]:
+    """Return the values of each key, in order."""
+    groups: dict[K, list[T]] = {}
+    for key, value in pairs:
+        groups.setdefault(key, []).append(value)
+    return groups
+
+
+def _range(values: Sequence[float]) -> Mapping[str, float]:
+    """Return lowest, median and highest value."""
+    return dict(zip(("low", "median", "high"), np.quantile(values, (0.0, 0.5, 1.0)).tolist(), strict=True))
 
 
 def export(
@@ -122,39 +210,45 @@ def export(
     """
     check_one_of("what", what, WHATS)
     check_one_of("format", file_format, FORMATS)
-    if store.inbox.vehicle(vehicle) is None:
-        raise ParameterError(f"unknown vehicle {vehicle!r}: sprung vehicles lists the known ones")
-    columns, rows = _TABLES[what](store, vehicle, period or Period())
+    known_vehicle(store, vehicle)
+    columns, rows = _table(store, vehicle, what, period or Period())
     if file_format == "csv":
-        return csv_pieces(columns, rows)
+        return _csv_pieces(columns, rows)
     if file_format == "parquet":
-        return parquet_pieces(columns, rows)
-    return json_pieces(columns, rows, head={"schema": "sprung.export/1", "vehicle": vehicle, "what": what})
+        return _parquet_pieces(columns, rows)
+    return _json_pieces(columns, rows, head={"schema": "sprung.export/1", "vehicle": vehicle, "what": what})
 
 
-def _windows(store: Store, vehicle: str, period: Period) -> tuple[Columns, Rows]:
-    """Return the table of windows, whose columns are those of all windows of the period."""
+def _table(store: Store, vehicle: str, what: str, period: Period) -> tuple[Columns, Rows]:
+    """Return kinds of columns, and rows in pieces; the columns of windows are those of all windows of the period."""
+    if what == "alerts":
+        return _OF_ALERT, iter([[_alert(alert) for alert in alerts_of(store, vehicle, period)]])
 
-    def pieces() -> Iterator[list[Entry]]:
-        return store.results.pieces("observations", vehicle, since=period.since, until=period.until)
+    def pieces(kind: Literal["observations", "modes", "findings"]) -> Iterator[list[Entry]]:
+        return store.results.pieces(kind, vehicle, since=period.since, until=period.until)
 
-    components: dict[str, None] = {}
-    conditions: dict[str, None] = {}
-    labels: dict[str, None] = {}
-    for entry in chain.from_iterable(pieces()):
-        components.update(dict.fromkeys(entry.document.get("components") or ()))
-        conditions.update(dict.fromkeys(entry.document.get("conditions") or ()))
-        labels.update(dict.fromkeys(entry.document.get("modes") or ()))
+    def rows(kind: Literal["observations", "modes", "findings"], of: Callable[[Entry], list[Row]]) -> Rows:
+        return (list(chain.from_iterable(map(of, piece))) for piece in pieces(kind))
+
+    if what == "modes":
+        return _OF_MODE, rows("modes", _modes)
+    if what == "findings":
+        return _OF_FINDING, rows("findings", _finding)
+    names: dict[str, dict[str, None]] = {"conditions": {}, "components": {}, "modes": {}}
+    for entry in chain.from_iterable(pieces("observations")):
+        for kind, known in names.items():
+            known.update(dict.fromkeys(entry.document.get(kind) or ()))
     columns: Columns = {**_OF_WINDOW, "is_conclusive": "text", "reason": "text", "sensor_faults": "text"}
-    columns |= {_condition(name): "number" for name in conditions}
-    for component in components:
-        columns |= {f"{_plain(component)}_ln_ratio": "number", f"{_plain(component)}_ln_ratio_std": "number"}
-    for label in labels:
+    columns |= {_condition(name): "number" for name in names["conditions"]}
+    for component in names["components"]:
+        plain = component.replace(".", "_")
+        columns |= {f"{plain}_ln_ratio": "number", f"{plain}_ln_ratio_std": "number"}
+    for label in names["modes"]:
         columns |= {f"{label}_natural_frequency_hz": "number", f"{label}_damping_ratio": "number"}
-    return columns, (list(map(_window, piece)) for piece in pieces())
+    return columns, rows("observations", _window)
 
 
-def _window(entry: Entry) -> Row:
+def _window(entry: Entry) -> list[Row]:
     """Return the row of a window."""
     document = entry.document
     faults = document.get("sensor_faults") or ()
@@ -168,101 +262,65 @@ def _window(entry: Entry) -> Row:
     ratios = document.get("log_ratios") or ()
     deviations = np.sqrt(np.diag(document["covariance"])).tolist() if ratios else ()
     for component, ratio, deviation in zip(document.get("components") or (), ratios, deviations, strict=False):
-        row |= {f"{_plain(component)}_ln_ratio": ratio, f"{_plain(component)}_ln_ratio_std": deviation}
+        plain = component.replace(".", "_")
+        row |= {f"{plain}_ln_ratio": ratio, f"{plain}_ln_ratio_std": deviation}
     for label, (frequency, damping) in (document.get("modes") or {}).items():
         row |= {f"{label}_natural_frequency_hz": frequency, f"{label}_damping_ratio": damping}
-    return row
+    return [row]
 
 
-def _modes(store: Store, vehicle: str, period: Period) -> tuple[Columns, Rows]:
-    """Return the table of identified modes."""
-    pieces = store.results.pieces("modes", vehicle, since=period.since, until=period.until)
-    return _OF_MODE, (list(chain.from_iterable(map(_modes_of, piece))) for piece in pieces)
-
-
-def _modes_of(entry: Entry) -> list[Row]:
+def _modes(entry: Entry) -> list[Row]:
     """Return the rows of the modes of a window."""
-    names = ("label", "damping_ratio", "damping_ratio_std", "mpc", "stable_rate")
-    return [
-        {
-            **_place(entry),
-            "mode": number,
-            "natural_frequency_hz": mode.get("natural_frequency"),
-            "natural_frequency_std_hz": mode.get("natural_frequency_std"),
-            **{name: mode.get(name) for name in names},
-        }
-        for number, mode in enumerate(entry.document.get("modes") or (), start=1)
-    ]
+    modes = enumerate(entry.document.get("modes") or (), start=1)
+    return [_in_units({**mode, **_place(entry), "mode": number}, _OF_MODE) for number, mode in modes]
 
 
-def _findings(store: Store, vehicle: str, period: Period) -> tuple[Columns, Rows]:
-    """Return the table of findings."""
-    pieces = store.results.pieces("findings", vehicle, since=period.since, until=period.until)
-    return _OF_FINDING, (list(map(_finding, piece)) for piece in pieces)
-
-
-def _finding(entry: Entry) -> Row:
+def _finding(entry: Entry) -> list[Row]:
     """Return the row of a finding."""
-    document = entry.document
-    names = ("corner", "component", "score", "severity", "severity_number", "advice", "runner_up", "sentence")
-    earliest, latest = document.get("since_interval") or (None, None)
-    trend = document.get("trend") or {}
-    return {
+    found = entry.document
+    low, high = found.get("interval") or (None, None)
+    times = {"since": found.get("since")}
+    times["since_earliest"], times["since_latest"] = found.get("since_interval") or (None, None)
+    values = {
+        **found,
         **_place(entry),
-        **{name: document.get(name) for name in names},
-        **_change(document.get("change"), document.get("interval")),
-        "since_utc": _nanoseconds(document.get("since")),
-        "since_earliest_utc": _nanoseconds(earliest),
-        "since_latest_utc": _nanoseconds(latest),
-        "trend_percent_per_hour": _percent(trend.get("per_hour")),
+        "change_low": low,
+        "change_high": high,
+        "trend_per_hour": (found.get("trend") or {}).get("per_hour"),
+        **{name: None if time is None else round(1e9 * time) for name, time in times.items()},
     }
+    return [_in_units(values, _OF_FINDING)]
 
 
-def _alerts(store: Store, vehicle: str, period: Period) -> tuple[Columns, Rows]:
-    """Return the table of alerts that were active in a period, and their last verdicts."""
-    return _OF_ALERT, iter([list(map(_alert, alerts_of(store, vehicle, period)))])
-
-
-def _alert(alert: AlertHistory) -> Row:
-    """Return the row of an alert."""
-    state = alert.state
-    verdict = alert.verdicts[-1] if alert.verdicts else None
-    given = (
-        {}
-        if verdict is None
-        else {
-            "verdict": verdict.verdict,
-            "verdict_part": verdict.part,
-            "verdict_action": verdict.action,
-            "verdict_by": verdict.who,
-            "verdict_utc": verdict.time,
-        }
-    )
-    return {
-        "alert": state.number,
-        "vehicle": state.vehicle,
-        "cause": state.cause,
-        "severity_number": state.severity,
-        "severity": state.step,
-        "state": state.state,
-        "raised_utc": state.raised,
-        "cleared_utc": state.cleared,
-        "times_raised": state.count,
-        "assignee": state.assignee,
-        "shelved_until_utc": state.shelved_until,
-        **_change(state.change, state.interval),
-        "detectable_percent": _percent(state.detectable.get(state.cause)),
-        "sentence": state.sentence,
-        **given,
+def _alert(each: AlertHistory) -> Row:
+    """Return the row of an alert with its last verdict."""
+    alert = each.alert
+    low, high = alert.interval or (None, None)
+    names = ("vehicle", "cause", "state", "raised", "cleared", "assignee", "shelved_until", "change", "sentence")
+    values = {
+        **{name: getattr(alert, name) for name in names},
+        "alert": alert.number,
+        "severity_number": alert.severity,
+        "severity": alert.step,
+        "times_raised": alert.count,
+        "change_low": low,
+        "change_high": high,
+        "detectable": alert.detectable.get(alert.cause),
     }
+    for given in each.verdicts[-1:]:
+        values |= {f"verdict_{name}": getattr(given, name) for name in ("part", "action")}
+        values |= {"verdict": given.verdict, "verdict_by": given.who, "verdict_utc": given.time}
+    return _in_units({"verdict_utc": None, **values}, _OF_ALERT)
 
 
-_TABLES: Mapping[str, Callable[[Store, str, Period], tuple[Columns, Rows]]] = {
-    "windows": _windows,
-    "modes": _modes,
-    "findings": _findings,
-    "alerts": _alerts,
-}
+def _in_units(values: Mapping[str, Any], columns: Columns) -> Row:
+    """Return the values of columns in the units of their names, from values without units."""
+    row = {}
+    for name in columns:
+        bare = name.replace("_percent", "").removesuffix("_utc").removesuffix("_hz")
+        value = values.get(name if name in values else bare)
+        row[name] = 100 * value if "_percent" in name and value is not None else value
+    return row
 
 
 def _place(entry: Entry) -> dict[str, Any]:
@@ -270,31 +328,79 @@ def _place(entry: Entry) -> dict[str, Any]:
     return {"vehicle": entry.vehicle, "boot": entry.boot, "window": entry.number, "start_utc": entry.t0}
 
 
-def _change(change: float | None, interval: Sequence[float] | None) -> dict[str, float | None]:
-    """Return size and interval of a change [%]."""
-    low, high = interval or (None, None)
-    return {
-        "change_percent": _percent(change),
-        "change_low_percent": _percent(low),
-        "change_high_percent": _percent(high),
-    }
-
-
-def _percent(ratio: float | None) -> float | None:
-    """Return a ratio in percent."""
-    return None if ratio is None else 100 * ratio
-
-
-def _nanoseconds(time: float | None) -> int | None:
-    """Return a time [s] in UTC ns."""
-    return None if time is None else round(1e9 * time)
-
-
 def _condition(name: str) -> str:
     """Return the column of a condition."""
     return f"{name}{_UNITS[CONDITION_UNITS.get(name, '')]}"
 
 
-def _plain(component: str) -> str:
-    """Return the name of a component without its dot."""
-    return component.replace(".", "_")
+def iso_time(time: int) -> str:
+    """Return a time (UTC ns) in the form of ISO 8601, to the nanosecond.
+
+    Examples
+    --------
+    >>> iso_time(1_000_000_001)
+    '1970-01-01T00:00:01.000000001Z'
+    """
+    seconds, rest = divmod(time, 10**9)
+    return f"{datetime.fromtimestamp(seconds, tz=UTC):%Y-%m-%dT%H:%M:%S}.{rest:09d}Z"
+
+
+def _csv_pieces(columns: Columns, rows: Rows) -> Iterator[bytes]:
+    """Yield a CSV file in pieces; an apostrophe precedes text that a spreadsheet would take for a formula."""
+    buffer = io.BytesIO()
+    writer = csv.writer(io.TextIOWrapper(buffer, "utf-8", newline="", write_through=True), lineterminator="\r\n")
+    writer.writerow([_cell(name, "text") for name in columns])
+    yield _emptied(buffer)
+    for piece in rows:
+        writer.writerows([_cell(row.get(name), kind) for name, kind in columns.items()] for row in piece)
+        yield _emptied(buffer)
+
+
+def _cell(value: Any, kind: Kind) -> Any:
+    """Return a cell of a CSV file: no text begins like a formula."""
+    if value is None:
+        return ""
+    if kind == "text":
+        return f"'{value}" if str(value).startswith(_FORMULAS) else str(value)
+    return iso_time(value) if kind == "time" else value
+
+
+def _json_pieces(columns: Columns, rows: Rows, *, head: Mapping[str, str]) -> Iterator[bytes]:
+    """Yield a JSON document in pieces: `head`, the names of the `columns`, and the `rows` as objects."""
+    begin = json.dumps({**head, "columns": list(columns)})[:-1]
+    yield f'{begin}, "rows": ['.encode()
+    before = "\n"
+    for piece in rows:
+        texts = []
+        for row in piece:
+            is_time = {name: kind == "time" and row.get(name) is not None for name, kind in columns.items()}
+            values = {name: iso_time(row[name]) if is_time[name] else row.get(name) for name in columns}
+            texts.append(before + json.dumps(values, allow_nan=False))
+            before = ",\n"
+        yield "".join(texts).encode()
+    yield b"\n]}\n"
+
+
+def _parquet_pieces(columns: Columns, rows: Rows) -> Iterator[bytes]:
+    """Yield a Parquet file in pieces, a row group each."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    types = {"text": pa.string(), "time": pa.timestamp("ns", "UTC"), "number": pa.float64(), "integer": pa.int64()}
+    schema = pa.schema([(name, types[kind]) for name, kind in columns.items()])
+    buffer = io.BytesIO()
+    with pq.ParquetWriter(pa.PythonFile(buffer, mode="w"), schema, compression="zstd") as writer:
+        for piece in rows:
+            if piece:
+                arrays = [pa.array([row.get(field.name) for row in piece], type=field.type) for field in schema]
+                writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
+            yield _emptied(buffer)
+    yield _emptied(buffer)
+
+
+def _emptied(buffer: io.BytesIO) -> bytes:
+    """Return the contents of a buffer, and empty it."""
+    content = buffer.getvalue()
+    buffer.seek(0)
+    buffer.truncate()
+    return content

@@ -16,8 +16,11 @@ FIGURES = {
     "sprung_identifications_total": ("counter", "Identifications of modes."),
     "sprung_analysis_cpu_seconds_total": ("counter", "Processor time of the jobs of workers."),
     "sprung_failures_total": ("counter", "Jobs of workers that failed."),
-    "sprung_frames_set_aside_total": ("counter", "Frames set aside, as their analysis fails or needs too much memory."),
-    "sprung_states_set_aside_total": ("counter", "Saved states that could not be used."),
+    "sprung_frames_quarantined_total": (
+        "counter",
+        "Frames whose analysis fails or needs too much memory.",
+    ),
+    "sprung_states_quarantined_total": ("counter", "Saved states that could not be used."),
     "sprung_vehicles_waiting": ("gauge", "Vehicles that could not be opened and are retried later."),
     "sprung_vehicles_slow": ("gauge", "Vehicles that share the process for slow ones."),
     "sprung_workers_replaced_total": ("counter", "Processes that died or took too long."),

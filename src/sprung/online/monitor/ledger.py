@@ -65,8 +65,8 @@ class Ledger:
         self._samples, self._correlations = site.archive, site.correlations
         self._n_windows = 0
         self._n_identifications = 0
-        self._n_frames_aside = 0
-        self._n_states_aside = 0
+        self._n_frames_quarantined = 0
+        self._n_states_quarantined = 0
 
     @property
     def figures(self) -> dict[str, float]:
@@ -74,8 +74,8 @@ class Ledger:
         return {
             "sprung_windows_total": self._n_windows,
             "sprung_identifications_total": self._n_identifications,
-            "sprung_frames_set_aside_total": self._n_frames_aside,
-            "sprung_states_set_aside_total": self._n_states_aside,
+            "sprung_frames_quarantined_total": self._n_frames_quarantined,
+            "sprung_states_quarantined_total": self._n_states_quarantined,
         }
 
     def commit(self, outcome: Outcome, boot: int, seq: int) -> bool:
@@ -200,8 +200,10 @@ class Ledger:
             If the store cannot write.
         """
         now = self._clock()
-        self._n_frames_aside += self._store.aside.put_frames(vehicle, boot, first, last, reason=reason, now=now)
-        self.warn(vehicle, "monitor:analysis", f"frames could not be analysed and were set aside: {reason}")
+        self._n_frames_quarantined += self._store.quarantine.put_frames(
+            vehicle, boot, first, last, reason=reason, now=now
+        )
+        self.warn(vehicle, "monitor:analysis", f"frames could not be analysed and were quarantined: {reason}")
 
     def set_state_aside(self, vehicle: str, *, reason: str) -> bool:
         """Set the saved state of a vehicle aside, and raise an alert; return whether there was one.
@@ -211,11 +213,11 @@ class Ledger:
         StoreError
             If the store cannot write.
         """
-        if not self._store.aside.put_state(vehicle, reason=reason, now=self._clock()):
+        if not self._store.quarantine.put_state(vehicle, reason=reason, now=self._clock()):
             return False
-        self._n_states_aside += 1
+        self._n_states_quarantined += 1
         sentence = (
-            f"the saved state could not be used and was set aside: {reason}; monitoring starts again from the "
+            f"the saved state could not be used and was quarantined: {reason}; monitoring starts again from the "
             "baseline and the windows in the store, and no frame is left out"
         )
         self.warn(vehicle, "monitor:state", sentence)

@@ -1,33 +1,50 @@
-"""Views and actions of operators, for command line and HTTP: alerts, vehicles, requests to the running monitor.
+"""Views and actions of operators, for command line and HTTP: alerts, work orders, vehicles, requests, quarantine.
 
 Everything goes through the store, so that it works whether or not a monitor runs; the audit trail records every action.
 Times are UTC ns.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import asdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import partial
+from itertools import groupby
 from typing import Any
 
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.online.alerts import (
     AlertSettings,
+    Message,
+    Sender,
     Transition,
     acknowledged,
     assigned,
     closed,
     commented,
+    deliver,
     shelved,
     unshelved,
 )
 from sprung.online.monitor.alert_book import AlertBook, alert_of
+from sprung.online.monitor.engine import Identified, MonitorSettings, Observed
 from sprung.online.monitor.fleets import rankings
-from sprung.online.monitor.histories import LEARN, ROLL_BACK, restored_baseline
-from sprung.online.monitor.vehicle_states import alert_state, vehicle_state
-from sprung.online.store import AlertRow, Store, VehicleRow, VerdictRow
-from sprung.results.documents import fleet_document
+from sprung.online.monitor.histories import (
+    LEARN,
+    ROLL_BACK,
+    alert_state,
+    history_of,
+    known_vehicle,
+    restored_baseline,
+    vehicle_state,
+)
+from sprung.online.monitor.jobs import Limits, Opening, analyse, open_monitor
+from sprung.online.monitor.site import Site
+from sprung.online.monitor.states import StateError
+from sprung.online.store import AlertRow, QuarantineRow, Store, VehicleRow, VerdictRow
+from sprung.results.documents import WorkOrderDocument, fleet_document
+from sprung.results.documents.monitoring import HistoryEntry
+from sprung.results.tables import counted, diagnosis_in_words
 
 #: Possible verdicts of the workshop on an alert.
 VERDICTS = ("confirmed", "another part", "nothing found", "not looked at")
@@ -67,8 +84,7 @@ def history_document(store: Store, number: int) -> dict[str, Any]:
         If there is no alert of that number.
     """
     _alert_row(store, number)
-    rows = [asdict(row) for row in store.alerts.history(number)]
-    history = [{name: value for name, value in row.items() if name not in {"id", "alert"}} for row in rows]
+    history = [HistoryEntry.model_validate(row).model_dump() for row in store.alerts.history(number)]
     return {"schema": "sprung.alert-history/1", "number": number, "history": history}
 
 
@@ -224,7 +240,7 @@ def relearn(store: Store, vehicle: str, *, reason: str, who: str, now: int) -> i
     """
     if not reason.strip():
         raise ParameterError(f"a new baseline of {vehicle} needs a reason: give --reason TEXT, such as 'new dampers'")
-    _check_known(store, vehicle)
+    known_vehicle(store, vehicle)
     return store.requests.add_command(who, vehicle, LEARN, reason.strip(), now=now)
 
 
@@ -260,7 +276,7 @@ def roll_back(store: Store, vehicle: str, *, version: int, reason: str, who: str
         raise ParameterError(
             f"the return to baseline {version} of {vehicle} needs a reason, such as 'learnt with a broken spring'"
         )
-    _check_known(store, vehicle)
+    known_vehicle(store, vehicle)
     next_version = restored_baseline(store, vehicle, version=version, reason=reason).version
     is_learning = bool((store.results.status(vehicle) or {}).get("is_learning"))
     is_requested = any(row.vehicle == vehicle and row.act in BASELINE_ACTS for row in store.requests.open_commands())
@@ -279,7 +295,7 @@ def request_samples(store: Store, vehicle: str, *, minutes: float, who: str, now
         If the vehicle is unknown, or the time is not above 0.
     """
     check_number("minutes", minutes, above=0)
-    _check_known(store, vehicle)
+    known_vehicle(store, vehicle)
     return store.requests.add_command(who, vehicle, "raw", {"from": now - round(60e9 * minutes), "to": now}, now=now)
 
 
@@ -297,7 +313,7 @@ def ranking_document(store: Store, *, rate: float = 0.05) -> dict[str, Any]:
     store
         Store of the monitor.
     rate
-        Expected share of sound vehicles among those reported to deviate, above 0 and up to 1.
+        Expected share of healthy vehicles among those reported to deviate, above 0 and up to 1.
 
     Raises
     ------
@@ -332,6 +348,167 @@ def vehicle_summary(store: Store, row: VehicleRow, *, now: int) -> dict[str, Any
     }
 
 
+def work_order(store: Store, number: int, *, who: str, now: int, link: str = "") -> WorkOrderDocument:
+    """Return the work order of an alert.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    number
+        Alert number.
+    who
+        Name of the person or program that requests it.
+    now
+        Present time, UTC ns.
+    link
+        Address of the alert; empty: none.
+
+    Raises
+    ------
+    ParameterError
+        If no alert has that number, or it is about the monitor and not about a vehicle.
+    """
+    alert = alert_state(_alert_row(store, number))
+    if alert.cause.partition(":")[0] == "monitor":
+        raise ParameterError(f"alert {number} is about the monitor ({alert.cause}): a work order is about a vehicle")
+    corner, part = alert.place
+    return WorkOrderDocument.model_validate(
+        {
+            **alert.facts(WorkOrderDocument),
+            "schema": "sprung.work-order/1",
+            "key": f"work-order-{number}-{alert.raised}",
+            "alert": number,
+            "created": now,
+            "created_by": who,
+            "corner": corner,
+            "part": part,
+            "since": alert.onset or alert.raised,
+            "since_interval": alert.onset_interval,
+            "sentence": alert.text,
+            "link": link or None,
+        }
+    )
+
+
+def send_work_order(
+    store: Store, number: int, senders: Sequence[Sender], *, who: str, now: int, link: str = ""
+) -> dict[str, str]:
+    """Send the work order of an alert, and record in its history who sent it and where it arrived.
+
+    Parameters
+    ----------
+    store, number, who, now, link
+        As for `work_order`.
+    senders
+        Webhooks of the site file.
+
+    Returns
+    -------
+    dict
+        Reason of the failure by name of the sender; empty if it arrived.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such work order, or no sender.
+    """
+    order = work_order(store, number, who=who, now=now, link=link)
+    if not senders:
+        raise ParameterError("the site file has no webhook: add [[send.webhook]] to it, or download the work order")
+    subject = f"Work order: {order.vehicle} {order.part}"
+    errors = deliver(
+        Message(
+            vehicle=order.vehicle,
+            what="work order",
+            severity=order.severity,
+            subject=subject,
+            text=order.sentence,
+            time=order.created,
+            document=order.as_json(),
+            key=order.key,
+        ),
+        senders,
+    )
+    results = {sender.name: errors.get(sender.name, "") for sender in senders}
+    words = "; ".join(f"by {name}: {error or 'sent'}" for name, error in results.items())
+    add_comment(store, number, who=who, comment=f"work order {words}", now=now)
+    return results
+
+
+def quarantine_document(store: Store, *, vehicle: str = "", is_analysed: bool = False) -> dict[str, Any]:
+    """Return what was quarantined as `sprung.quarantine/1`, consecutive frames as one entry.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    vehicle
+        Name of the vehicle; empty: all vehicles.
+    is_analysed
+        Whether frames are analysed again by this version, each run of them starting from the baseline of the vehicle.
+        The result is in `again`; nothing is stored.
+
+    Raises
+    ------
+    ParameterError
+        If the vehicle is unknown.
+    """
+    names = store.quarantine.vehicles()
+    if vehicle and vehicle not in names:
+        known_vehicle(store, vehicle)
+    entries = []
+    for name in [vehicle] if vehicle else names:
+        numbered = enumerate(store.quarantine.find(name))
+        runs = groupby(numbered, key=lambda each: (each[1].boot, each[1].seq - each[0], each[1].kind, each[1].reason))
+        for rows in ([row for _, row in run] for _, run in runs):
+            first, last = rows[0], rows[-1]
+            entries.append(
+                {
+                    "vehicle": first.vehicle,
+                    "kind": first.kind,
+                    "boot": first.boot,
+                    "first": first.seq,
+                    "last": last.seq,
+                    "begin": first.t0,
+                    "stored": last.stored,
+                    "size": sum(len(row.payload) for row in rows),
+                    "reason": first.reason,
+                    "again": _analysed(store, name, rows) if is_analysed and first.kind == "raw" else None,
+                }
+            )
+    return {"schema": "sprung.quarantine/1", "quarantined": entries}
+
+
+def _analysed(store: Store, vehicle: str, rows: Sequence[QuarantineRow]) -> str:
+    """Return the result of analysing consecutive frames, in words."""
+    described = store.inbox.vehicle(vehicle)
+    if described is None:
+        return "cannot be analysed: the vehicle has sent no description"
+    watch = Site().watch
+    limits = Limits(vehicle_bytes=1e6 * watch.megabytes_per_vehicle, job_bytes=1e6 * watch.megabytes_per_job)
+    saved = store.results.snapshot(vehicle)
+    state = None if saved is None else saved.document
+    known = Opening(vehicle, described.description, dict(described.channels), state, MonitorSettings())
+    with suppress(StateError):  # the settings of the saved state, where it can be read
+        known = replace(known, settings=open_monitor(known)[0].settings)
+    history = history_of(store, vehicle, most_windows=known.settings.most_windows)
+    opened = open_monitor(replace(known, state=None, history=history))
+    windows: list[Observed] = []
+    n_identified, place = 0, 0
+    while place < len(rows):
+        outcome = analyse(vehicle, opened, [row.payload for row in rows[place:]], limits=limits)
+        windows += [event for event in outcome.events if isinstance(event, Observed)]
+        n_identified += sum(isinstance(event, Identified) for event in outcome.events)
+        if outcome.error:
+            return f"fails at frame {rows[place + outcome.n_consumed].seq}: {outcome.error}"
+        place += outcome.n_consumed
+    said = f"can be analysed: {counted(len(windows), 'window')}, {counted(n_identified, 'identification')} of modes"
+    if not windows or windows[-1].diagnosis is None:
+        return said
+    return f"{said}; {diagnosis_in_words(windows[-1].diagnosis)[0]}"
+
+
 def _act(
     store: Store, number: int, name: str, act: Callable[..., Transition], *, who: str, comment: str, now: int
 ) -> None:
@@ -356,9 +533,3 @@ def _alert_row(store: Store, number: int) -> AlertRow:
     if row is None:
         raise ParameterError(f"unknown alert {number}: sprung alerts list --all lists all alerts")
     return row
-
-
-def _check_known(store: Store, vehicle: str) -> None:
-    """Refuse a vehicle that the store does not contain."""
-    if store.inbox.vehicle(vehicle) is None:
-        raise ParameterError(f"unknown vehicle {vehicle!r}: sprung vehicles lists the known ones")

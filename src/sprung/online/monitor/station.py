@@ -19,11 +19,11 @@ from sprung.online.monitor.inflow import Inflow, vehicle_of
 from sprung.online.monitor.intake import MONITOR, Intake
 from sprung.online.monitor.lakes import lake_writer
 from sprung.online.monitor.ledger import Ledger
-from sprung.online.monitor.pictures import alert_picture
 from sprung.online.monitor.postman import PostOffice, senders_of
 from sprung.online.monitor.refusals import OVERLOAD, Refusals
 from sprung.online.monitor.site import Site
 from sprung.online.monitor.upkeep import Upkeep
+from sprung.online.monitor.vehicle_report import alert_picture
 from sprung.online.monitor.workers import Workers
 from sprung.online.store import ReservationLostError, Store, StoreError
 from sprung.state import VehicleStatus

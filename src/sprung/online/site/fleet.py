@@ -8,7 +8,7 @@ from pydantic import Field
 
 from sprung.online.alerts import STEPS
 from sprung.online.monitor import embedded_port
-from sprung.online.monitor.vehicle_states import vehicle_state
+from sprung.online.monitor.histories import alert_state, vehicle_state
 from sprung.online.site.access import Viewer
 from sprung.online.site.rendering import filter_link, page, with_others
 from sprung.online.site.shared import Answer, Context, Shared, Wanted, column_number, parse_cursor
@@ -140,7 +140,7 @@ def state_of_row(context: Context, row: FleetRow, active: Sequence[AlertRow]) ->
         silent_after=context.site.alerts.silent_after_minutes,
         last_seen=row.last_seen,
         is_parked=row.is_parked,
-        alerts=active,
+        alerts=[alert_state(each) for each in active],
     )
 
 

@@ -25,7 +25,7 @@ from sprung.online.site.access import Engineer, EngineerForm, Viewer
 from sprung.online.site.accounts import Role
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import Answer, Context, Done, Name, Shared
-from sprung.online.store import MOST_COUNTED, Contents, Counted
+from sprung.online.store import MAX_COUNTED, Contents, Counted
 from sprung.results.tables import counted
 
 api = APIRouter(tags=["site"])
@@ -239,7 +239,7 @@ def false_alarms(context: Context) -> FalseAlarms:
         hours_per_day=watch.hours_per_day,
         days=_PERIOD,
         vehicle_days=days,
-        is_more=n_windows >= MOST_COUNTED,
+        is_more=n_windows >= MAX_COUNTED,
         verdicts=len(looked_at),
         false=n_false,
         rate=n_false / days if days else None,

@@ -3,15 +3,13 @@
 from sprung._checks import missing_package
 
 try:
-    from sprung.online.store.accounts import AccountRow, TokenRow, VerdictRow
-    from sprung.online.store.archive import Retention
-    from sprung.online.store.contents import MOST_COUNTED, Contents, Counted
     from sprung.online.store.fleet import ChangeRow, FleetCounts, FleetFilter, FleetRow, Place, WindowRow
-    from sprung.online.store.rows import (
+    from sprung.online.store.retention import MAX_COUNTED, Contents, Counted, Retention
+    from sprung.online.store.schema import (
+        AccountRow,
         AlertFilter,
         AlertPlace,
         AlertRow,
-        AsideRow,
         AuditRow,
         BaselineRow,
         CommandRow,
@@ -21,22 +19,26 @@ try:
         HistoryRow,
         NotificationRow,
         Progress,
+        QuarantineRow,
+        RefusedError,
+        ReservationLostError,
         Snapshot,
         StoredFrame,
+        StoreError,
+        TokenRow,
         VehicleRow,
+        VerdictRow,
     )
-    from sprung.online.store.schema import RefusedError, ReservationLostError, StoreError
     from sprung.online.store.store import Store, check_address, open_store
 except ImportError as error:
     raise missing_package(error, "sqlalchemy", purpose="the store", extra="online") from None
 
 __all__ = [
-    "MOST_COUNTED",
+    "MAX_COUNTED",
     "AccountRow",
     "AlertFilter",
     "AlertPlace",
     "AlertRow",
-    "AsideRow",
     "AuditRow",
     "BaselineRow",
     "ChangeRow",
@@ -53,6 +55,7 @@ __all__ = [
     "NotificationRow",
     "Place",
     "Progress",
+    "QuarantineRow",
     "RefusedError",
     "ReservationLostError",
     "Retention",

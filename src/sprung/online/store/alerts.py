@@ -22,52 +22,52 @@ from sqlalchemy import (
     update,
 )
 
-from sprung.online.store.database import Database
-from sprung.online.store.rows import AlertFilter, AlertPlace, AlertRow, Delivery, Document, HistoryRow, NotificationRow
-from sprung.online.store.schema import ALERT_HISTORY, ALERTS, DELIVERIES, NOTIFICATIONS
+from sprung.online.store.database import Tables
+from sprung.online.store.schema import (
+    ALERT_HISTORY,
+    ALERTS,
+    DELIVERIES,
+    NOTIFICATIONS,
+    STEP_SIZE,
+    AlertFilter,
+    AlertPlace,
+    AlertRow,
+    Delivery,
+    Document,
+    HistoryRow,
+    NotificationRow,
+    in_steps,
+)
 
-#: A day [ns], and the severities of a step.
-_DAY, _STEP = 86400 * 10**9, 200
+#: A day [ns].
+_DAY = 86400 * 10**9
 #: Values of one query: databases refuse more than some 32,000.
-_MOST_VALUES = 1000
+_MAX_VALUES = 1000
 #: Columns of the progress of a sender, besides the number of attempts.
 _PROGRESS = ("next_attempt", "sent", "given_up", "last_error")
 
 
-class Alerts:
-    """One alert for each cause on each vehicle.
-
-    Parameters
-    ----------
-    database
-        Database of the store.
-    """
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
+class Alerts(Tables):
+    """One alert for each cause on each vehicle."""
 
     def find(self, *, vehicle: str | None = None, is_active: bool | None = None) -> list[AlertRow]:
         """Return alerts, the most severe first, then the oldest."""
         values = {"vehicle": vehicle, "is_active": is_active}
         conditions = {name: value for name, value in values.items() if value is not None}
-        with self._database.reading() as connection:
-            return [AlertRow(**row) for row in connection.execute(_alerts(*conditions), conditions).mappings()]
+        return self._database.rows(AlertRow, _alerts(*conditions), conditions)
 
     def row(self, number: int) -> AlertRow | None:
         """Return the alert of a number; None if there is none."""
-        with self._database.reading() as connection:
-            row = connection.execute(select(ALERTS).where(ALERTS.c.id == number)).mappings().first()
-            return None if row is None else AlertRow(**row)
+        return self._database.row(AlertRow, select(ALERTS).where(ALERTS.c.id == number))
 
     def rows(self, numbers: Collection[int]) -> dict[int, AlertRow]:
         """Return the alerts of some numbers, by number."""
         wanted = list(numbers)
-        rows: dict[int, AlertRow] = {}
-        with self._database.reading() as connection:
-            for first in range(0, len(wanted), _MOST_VALUES):
-                query = select(ALERTS).where(ALERTS.c.id.in_(wanted[first : first + _MOST_VALUES]))
-                rows |= {row["id"]: AlertRow(**row) for row in connection.execute(query).mappings()}
-        return rows
+        rows: list[AlertRow] = []
+        for first in range(0, len(wanted), _MAX_VALUES):
+            query = select(ALERTS).where(ALERTS.c.id.in_(wanted[first : first + _MAX_VALUES]))
+            rows += self._database.rows(AlertRow, query)
+        return {row.id: row for row in rows if row.id is not None}
 
     def page(self, wanted: AlertFilter, *, after: AlertPlace | None = None, limit: int) -> list[AlertRow]:
         """Return alerts, the most severe first, then the oldest, from the one that follows a place on."""
@@ -80,13 +80,12 @@ class Alerts:
             )
             query = query.where(is_next)
         query = query.order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.id).limit(limit)
-        with self._database.reading() as connection:
-            return [AlertRow(**row) for row in connection.execute(query).mappings()]
+        return self._database.rows(AlertRow, query)
 
     def counts(self, wanted: AlertFilter) -> dict[tuple[str, int], int]:
         """Return the number of alerts by state and step of severity, 0 to 4."""
         state = case(*((condition, literal(name)) for name, condition in _STATES.items()), else_=literal(""))
-        step = case(*((ALERTS.c.severity <= _STEP * (k + 1), k) for k in range(4)), else_=4)
+        step = case(*((ALERTS.c.severity <= STEP_SIZE * (k + 1), k) for k in range(4)), else_=4)
         query = select(state.label("state"), step.label("step")).where(*_conditions(wanted)).subquery()
         counted = select(query.c.state, query.c.step, func.count()).group_by(query.c.state, query.c.step)
         with self._database.reading() as connection:
@@ -94,16 +93,14 @@ class Alerts:
 
     def n_active(self) -> int:
         """Return the number of active alerts."""
-        with self._database.reading() as connection:
-            return connection.scalar(select(func.count()).where(ALERTS.c.is_active)) or 0
+        return self._database.scalar(select(func.count()).where(ALERTS.c.is_active)) or 0
 
     def of_vehicles(self, vehicles: Sequence[str]) -> dict[str, list[AlertRow]]:
         """Return the active alerts of some vehicles, the most severe first, by vehicle."""
         found: dict[str, list[AlertRow]] = {}
         query = select(ALERTS).where(ALERTS.c.vehicle.in_(vehicles), ALERTS.c.is_active)
-        with self._database.reading() as connection:
-            for row in connection.execute(query.order_by(ALERTS.c.severity.desc(), ALERTS.c.id)).mappings():
-                found.setdefault(row["vehicle"], []).append(AlertRow(**row))
+        for row in self._database.rows(AlertRow, query.order_by(ALERTS.c.severity.desc(), ALERTS.c.id)):
+            found.setdefault(row.vehicle, []).append(row)
         return found
 
     def put(
@@ -152,14 +149,12 @@ class Alerts:
     def history(self, alert_id: int) -> list[HistoryRow]:
         """Return the history of an alert, oldest event first."""
         query = select(ALERT_HISTORY).where(ALERT_HISTORY.c.alert == alert_id).order_by(ALERT_HISTORY.c.id)
-        with self._database.reading() as connection:
-            return [HistoryRow(**row) for row in connection.execute(query).mappings()]
+        return self._database.rows(HistoryRow, query)
 
     def shelved(self, *, until: int) -> list[AlertRow]:
         """Return the alerts whose shelving ends at a time at the latest."""
         query = select(ALERTS).where(ALERTS.c.shelved_until <= until).order_by(ALERTS.c.id)
-        with self._database.reading() as connection:
-            return [AlertRow(**row) for row in connection.execute(query).mappings()]
+        return self._database.rows(AlertRow, query)
 
     @contextmanager
     def locked(self, vehicle: str, cause: str) -> Iterator[AlertRow | None]:
@@ -201,8 +196,7 @@ class Alerts:
 
     def n_open(self) -> int:
         """Return the number of notifications that are neither sent nor given up."""
-        with self._database.reading() as connection:
-            return connection.scalar(_N_OPEN) or 0
+        return self._database.scalar(_N_OPEN) or 0
 
     def put_delivery(
         self, notification: int, sender: str, delivery: Delivery, *, senders: Collection[str], now: int
@@ -235,8 +229,7 @@ def _conditions(wanted: AlertFilter) -> list[ColumnElement[bool]]:
     if wanted.states:
         conditions.append(or_(*(_STATES[name] for name in wanted.states)))
     if wanted.steps:
-        ranges = ((_STEP * step, _STEP * (step + 1)) for step in wanted.steps)
-        conditions.append(or_(*(and_(ALERTS.c.severity > low, ALERTS.c.severity <= high) for low, high in ranges)))
+        conditions.append(in_steps(ALERTS.c.severity, wanted.steps))
     if wanted.vehicle:
         conditions.append(ALERTS.c.vehicle.icontains(wanted.vehicle, autoescape=True))
     if wanted.assignee is not None:

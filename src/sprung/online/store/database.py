@@ -4,24 +4,26 @@ import os
 import shutil
 import sqlite3
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from sqlalchemy import URL, Connection, Engine, Table, create_engine, event, func, select
+from sqlalchemy import URL, ColumnElement, Connection, Engine, Select, Table, create_engine, delete, event, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, StatementError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 from sprung.online.store.schema import SNAPSHOTS, RefusedError, StoreError
 
+T = TypeVar("T")
+
 #: Longest time that a process waits for another one that writes [s].
 PATIENCE = 10.0
 #: Time after which PostgreSQL ends the transaction of a program that has stopped within it [ms].
-_MOST_IDLE = 15_000
+_MAX_IDLE = 15_000
 #: Bytes free on its disk below which a store counts as full.
-LEAST_FREE = 1 << 20
+MIN_FREE = 1 << 20
 
 _CANNOT_WRITE = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN}
 # https://www.postgresql.org/docs/15/errcodes-appendix.html: disk_full, io_error, read_only_sql_transaction
@@ -60,6 +62,38 @@ class Database:
         if whole.connection is None:
             whole.connection = whole.stack.enter_context(self._checked())
         return nullcontext(whole.connection)
+
+    def rows(self, kind: Callable[..., T], query: Select[Any], values: Mapping[str, Any] | None = None) -> list[T]:
+        """Return the rows of a query as values of a kind."""
+        with self.reading() as connection:
+            return [kind(**row) for row in connection.execute(query, values).mappings()]
+
+    def row(self, kind: Callable[..., T], query: Select[Any], values: Mapping[str, Any] | None = None) -> T | None:
+        """Return the first row of a query as a value of a kind; None if there is none."""
+        with self.reading() as connection:
+            row = connection.execute(query, values).mappings().first()
+        return None if row is None else kind(**row)
+
+    def scalar(self, query: Select[Any], values: Mapping[str, Any] | None = None) -> Any:
+        """Return the first column of the first row of a query; None if there is none."""
+        with self.reading() as connection:
+            return connection.scalar(query, values)
+
+    def scalars(self, query: Select[Any], values: Mapping[str, Any] | None = None) -> list[Any]:
+        """Return the first column of a query."""
+        with self.reading() as connection:
+            return list(connection.scalars(query, values))
+
+    def add(self, table: Table, values: Mapping[str, Any]) -> int:
+        """Store a row, which the store numbers, and return its number."""
+        new = {name: value for name, value in values.items() if name != "id"}
+        with self.writing() as connection:
+            return int(connection.execute(table.insert().values(new).returning(table.c.id)).scalar_one())
+
+    def remove(self, table: Table, *conditions: ColumnElement[bool]) -> bool:
+        """Remove rows, and return whether there were any."""
+        with self.writing() as connection:
+            return connection.execute(delete(table).where(*conditions)).rowcount > 0
 
     @contextmanager
     def together(self) -> Iterator[None]:
@@ -109,8 +143,7 @@ class Database:
         if self.path is not None:
             files = (self.path.with_name(self.path.name + ending) for ending in ("", "-wal", "-shm"))
             return sum(file.stat().st_size for file in files if file.exists())
-        with self.reading() as connection:
-            return int(connection.scalar(select(func.pg_database_size(func.current_database()))) or 0)
+        return int(self.scalar(select(func.pg_database_size(func.current_database()))) or 0)
 
     def free(self) -> int | None:
         """Return the free space on the disk of the store [bytes]; None with a server."""
@@ -129,7 +162,7 @@ class Database:
         SQLite writes nothing to its disk before the commit; free space and permission are checked there.
         """
         free = self.free()
-        if free is not None and free < LEAST_FREE:
+        if free is not None and free < MIN_FREE:
             raise StoreError(_cannot_write(f"its disk has {free} bytes left"))
         if self.path is not None and not (os.access(self.path, os.W_OK) and os.access(self.path.parent, os.W_OK)):
             raise StoreError(_cannot_write(f"{self.path} is read-only"))
@@ -141,6 +174,13 @@ class Database:
     def close(self) -> None:
         """Close all connections."""
         self.engine.dispose()
+
+
+class Tables:
+    """Tables of a subject in a database."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
 
 
 class _Whole(threading.local):
@@ -161,7 +201,7 @@ def _engine(url: URL) -> Engine:
 
         @event.listens_for(server, "connect")
         def limit(connection: Any, _: Any) -> None:
-            connection.execute(f"SET idle_in_transaction_session_timeout = {_MOST_IDLE}")
+            connection.execute(f"SET idle_in_transaction_session_timeout = {_MAX_IDLE}")
             connection.commit()
 
         return server
@@ -218,7 +258,7 @@ def words_of(error: BaseException | None) -> str:
     if code in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED} or state == "55P03":  # lock_not_available
         return f"the store is busy ({cause}): end the program that has held it for more than {PATIENCE:g} s"
     if code in {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}:
-        return f"the store is damaged ({cause}): restart, which sets it aside and creates a new one"
+        return f"the store is damaged ({cause}): restart, which renames it and creates a new one"
     # 08: connection_exception, 57: operator_intervention; none where no server answered
     if not code and (not state or state[:2] in {"08", "57"}):
         return f"the store does not answer ({cause}): check that its database runs and can be reached"

@@ -4,15 +4,22 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, FromClause, Select, Subquery, and_, case, exists, false, func, not_, or_, select
+from sqlalchemy import ColumnElement, FromClause, Select, Subquery, and_, case, exists, func, not_, or_, select
 
-from sprung.online.store.database import Database
-from sprung.online.store.rows import Document
-from sprung.online.store.schema import ALERT_HISTORY, ALERTS, BASELINES, OBSERVATIONS, STATUSES, VEHICLES
+from sprung.online.store.database import Tables
+from sprung.online.store.schema import (
+    ALERT_HISTORY,
+    ALERTS,
+    BASELINES,
+    OBSERVATIONS,
+    STATUSES,
+    STEP_SIZE,
+    VEHICLES,
+    Document,
+    in_steps,
+)
 
-#: Severities of a step: 1 to 200 are the first, 801 to 1000 the fifth.
-_STEP = 200
-#: Weight of alerts that are not of the suspension, in the health index: `sprung.online.alerts.health_index`.
+#: Weight of alerts that are not of the suspension, in the health index: `sprung.state.health_index`.
 _OF_OTHERS = 1 / 3
 _WATCHING = ("silent", "lost", "monitor")
 
@@ -134,17 +141,8 @@ class WindowRow(NamedTuple):
     number: int
 
 
-class Fleet:
-    """The fleet as shown to people.
-
-    Parameters
-    ----------
-    database
-        Database of the store.
-    """
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
+class Fleet(Tables):
+    """The fleet as shown to people."""
 
     def page(self, wanted: FleetFilter, *, after: Place | None = None, limit: int = 50) -> list[FleetRow]:
         """Return vehicles in order of urgency.
@@ -168,31 +166,24 @@ class Fleet:
                 name = after.vehicle if after is not None and not after.severity else ""
                 calm = connection.execute(_calm(wanted, name).limit(limit - len(places)))
                 places += [Place(0, 0.0, row.vehicle) for row in calm]
-            names = [place.vehicle for place in places]
-            columns = (VEHICLES.c.vehicle, VEHICLES.c.last_seen, VEHICLES.c.is_parked, VEHICLES.c.channels)
-            seen = {
-                row.vehicle: row for row in connection.execute(select(*columns).where(VEHICLES.c.vehicle.in_(names)))
-            }
-            versions = select(BASELINES.c.vehicle, func.max(BASELINES.c.version)).where(BASELINES.c.vehicle.in_(names))
-            latest = dict(iter(connection.execute(versions.group_by(BASELINES.c.vehicle))))
-            progress = select(STATUSES.c.vehicle, STATUSES.c.document).where(STATUSES.c.vehicle.in_(names))
-            statuses = dict(iter(connection.execute(progress)))
-        return [
-            FleetRow(
-                place,
-                seen[place.vehicle].last_seen,
-                seen[place.vehicle].is_parked,
-                latest.get(place.vehicle),
-                statuses.get(place.vehicle),
-                len(seen[place.vehicle].channels),
+            latest = select(func.max(BASELINES.c.version)).where(BASELINES.c.vehicle == VEHICLES.c.vehicle)
+            columns = [VEHICLES.c[name] for name in ("vehicle", "last_seen", "is_parked", "channels")]
+            query = (
+                select(*columns, latest.scalar_subquery().label("baseline"), STATUSES.c.document.label("status"))
+                .select_from(VEHICLES.outerjoin(STATUSES, STATUSES.c.vehicle == VEHICLES.c.vehicle))
+                .where(VEHICLES.c.vehicle.in_([place.vehicle for place in places]))
             )
-            for place in places
+            known = {row.vehicle: row for row in connection.execute(query)}
+        found = ((place, known[place.vehicle]) for place in places)
+        return [
+            FleetRow(place, row.last_seen, row.is_parked, row.baseline, row.status, len(row.channels))
+            for place, row in found
         ]
 
     def counts(self, *, silent_before: int) -> FleetCounts:
         """Return numbers of vehicles; those not parked whose last message came before a time [UTC ns] are silent."""
         worst = _worst()
-        step = (worst.c.severity - 1) // _STEP
+        step = (worst.c.severity - 1) // STEP_SIZE
         is_known = exists().where(VEHICLES.c.vehicle == ALERTS.c.vehicle)
         of_steps = select(step, func.count()).where(exists().where(VEHICLES.c.vehicle == worst.c.vehicle))
         with self._database.reading() as connection:
@@ -256,8 +247,7 @@ def _alerted(wanted: FleetFilter, after: Place | None) -> Select[Any]:
     query = select(vehicle, severity, impact).where(exists().where(VEHICLES.c.vehicle == vehicle))
     query = query.where(*_conditions(wanted, vehicle))
     if wanted.steps:
-        ranges = [and_(severity > _STEP * step, severity <= _STEP * (step + 1)) for step in wanted.steps if step >= 0]
-        query = query.where(or_(false(), *ranges))
+        query = query.where(in_steps(severity, [step for step in wanted.steps if step >= 0]))
     if wanted.assignee is not None:
         query = query.where(exists().where(of_vehicle, ALERTS.c.assignee == wanted.assignee))
     if wanted.is_unacknowledged:

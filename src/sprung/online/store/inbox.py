@@ -1,20 +1,47 @@
-"""The durable inbox: frames that arrived, in any order and repeatedly, and their progress towards completeness."""
+"""The durable inbox: frames that arrived, in any order and repeatedly, and their progress towards completeness.
+
+Frames whose analysis fails, and states that cannot be read, are quarantined for a later release, and not deleted.
+"""
 
 from collections.abc import Collection, Container, Iterator, Mapping, Sequence
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, func, or_, select, tuple_, update
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    Table,
+    and_,
+    bindparam,
+    delete,
+    func,
+    literal,
+    or_,
+    select,
+    tuple_,
+    update,
+)
 
-from sprung.online.store.database import Database
-from sprung.online.store.rows import Cursor, StoredFrame, VehicleRow, check_count
-from sprung.online.store.schema import CURSORS, FORGOTTEN, FRAMES, VEHICLES
+from sprung.online.store.database import Tables
+from sprung.online.store.schema import (
+    CURSORS,
+    FORGOTTEN,
+    FRAMES,
+    QUARANTINE,
+    SNAPSHOTS,
+    VEHICLES,
+    Cursor,
+    QuarantineRow,
+    StoredFrame,
+    VehicleRow,
+    check_count,
+)
 
 Key = tuple[str, int]
 
 _STRIDE = 1000
 _LARGEST = 2**63 - 1
 #: Bytes of frames that are read together, and rows that the database hands over together.
-_MOST_BYTES, _ROWS = 8 << 20, 16
+_MAX_BYTES, _ROWS = 8 << 20, 16
 _ADVANCE = (
     update(CURSORS)
     .where(CURSORS.c.vehicle == bindparam("of_vehicle"), CURSORS.c.boot == bindparam("of_boot"))
@@ -28,26 +55,22 @@ _AFTER = (
 )
 _FOLLOWING = select(FRAMES.c.seq).where(*_AFTER).order_by(FRAMES.c.seq).limit(_STRIDE)
 _N_ARRIVED = select(func.count()).where(*_AFTER, FRAMES.c.seq <= bindparam("last"))
+#: Kind of a state; the others are those of frames.
+_STATE = "state"
+#: Largest size of what is kept of one vehicle [bytes]; what was quarantined first is deleted first.
+_MAX_QUARANTINED = 64 << 20
 
 
-class Inbox:
-    """Vehicles and their frames that are not yet analysed.
-
-    Parameters
-    ----------
-    database
-        Database of the store.
-    """
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
+class Inbox(Tables):
+    """Vehicles and their frames that are not yet analysed."""
 
     def put_vehicle(
         self, vehicle: str, *, configuration: str, description: str, channels: Sequence[Any], now: int
     ) -> None:
         """Store the description of a vehicle: hash and text of its configuration, its channels."""
         values = {"configuration": configuration, "description": description, "channels": list(channels)}
-        row = self._database.insert(VEHICLES).values(vehicle=vehicle, first_seen=now, last_seen=now, **values)
+        new = {"vehicle": vehicle, "first_seen": now, "last_seen": now, "is_parked": False, **values}
+        row = self._database.insert(VEHICLES).values(new)
         with self._database.writing() as connection:
             connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_={**values, "last_seen": now}))
 
@@ -61,20 +84,15 @@ class Inbox:
 
     def vehicles(self) -> list[VehicleRow]:
         """Return the vehicles in order of their names."""
-        with self._database.reading() as connection:
-            rows = connection.execute(select(VEHICLES).order_by(VEHICLES.c.vehicle))
-            return [VehicleRow(**row) for row in rows.mappings()]
+        return self._database.rows(VehicleRow, select(VEHICLES).order_by(VEHICLES.c.vehicle))
 
     def vehicle(self, vehicle: str) -> VehicleRow | None:
         """Return a vehicle; None if it has no description."""
-        with self._database.reading() as connection:
-            row = connection.execute(select(VEHICLES).where(VEHICLES.c.vehicle == vehicle)).mappings().first()
-            return None if row is None else VehicleRow(**row)
+        return self._database.row(VehicleRow, select(VEHICLES).where(VEHICLES.c.vehicle == vehicle))
 
     def n_vehicles(self) -> int:
         """Return the number of vehicles."""
-        with self._database.reading() as connection:
-            return connection.scalar(select(func.count()).select_from(VEHICLES)) or 0
+        return self._database.scalar(select(func.count()).select_from(VEHICLES)) or 0
 
     def last_seen(self) -> dict[str, int]:
         """Return when each vehicle was last seen."""
@@ -84,8 +102,7 @@ class Inbox:
 
     def parked(self) -> set[str]:
         """Return the vehicles that were shut down properly."""
-        with self._database.reading() as connection:
-            return set(connection.scalars(select(VEHICLES.c.vehicle).where(VEHICLES.c.is_parked)))
+        return set(self._database.scalars(select(VEHICLES.c.vehicle).where(VEHICLES.c.is_parked)))
 
     def park(self, vehicle: str, *, is_parked: bool) -> None:
         """Store whether a vehicle was shut down properly."""
@@ -206,8 +223,7 @@ class Inbox:
         """Return at most `limit` boots of a vehicle that are not analysed up to where they are complete, ascending."""
         is_open = or_(CURSORS.c.done < CURSORS.c.contiguous, CURSORS.c.contiguous < 0)
         query = select(CURSORS.c.boot).where(CURSORS.c.vehicle == vehicle, is_open).order_by(CURSORS.c.boot)
-        with self._database.reading() as connection:
-            return list(connection.scalars(query.limit(limit)))
+        return list(self._database.scalars(query.limit(limit)))
 
     def pending(self, vehicle: str, boot: int, *, after: int, limit: int) -> list[StoredFrame]:
         """Return at most `limit` frames that follow the number `after`, up to where the inbox is complete.
@@ -228,15 +244,14 @@ class Inbox:
             for row in rows:
                 frames.append(StoredFrame._make(row))
                 n_bytes += len(frames[-1].payload)
-                if n_bytes >= _MOST_BYTES:
+                if n_bytes >= _MAX_BYTES:
                     break
         return frames
 
     def boots(self, vehicle: str) -> list[int]:
         """Return the boots of a vehicle with frames in the inbox, ascending."""
         query = select(FRAMES.c.boot).distinct().where(FRAMES.c.vehicle == vehicle).order_by(FRAMES.c.boot)
-        with self._database.reading() as connection:
-            return list(connection.scalars(query))
+        return list(self._database.scalars(query))
 
     def _locked(self, connection: Connection, ends: Mapping[Key, int], now: int) -> dict[Key, Cursor]:
         """Return cursors, created if missing; on PostgreSQL other writers of them wait from here on.
@@ -324,3 +339,83 @@ def _unbroken(connection: Connection, key: Key, *, after: int) -> int:
         after += run
         if run < _STRIDE:
             return after
+
+
+class Quarantine(Tables):
+    """Frames and states that are quarantined, with the reason.
+
+    Notes
+    -----
+    Of each vehicle the last 64 MiB are kept, as long as results.
+    """
+
+    def put_frames(self, vehicle: str, boot: int, first: int, last: int, *, reason: str, now: int) -> int:
+        """Move frames of a boot, from one sequence number to another, out of the inbox.
+
+        Returns
+        -------
+        int
+            Number of frames moved.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write; nothing is moved then.
+        """
+        chosen = and_(FRAMES.c.vehicle == vehicle, FRAMES.c.boot == boot, FRAMES.c.seq.between(first, last))
+        names = StoredFrame._fields
+        rows = select(*(FRAMES.c[name] for name in names), literal(reason), literal(now)).where(chosen)
+        insert = self._database.insert(QUARANTINE).from_select([*names, "reason", "stored"], rows)
+        with self._database.writing() as connection:
+            connection.execute(insert.on_conflict_do_nothing())
+            moved = connection.execute(delete(FRAMES).where(chosen)).rowcount
+            _limit(connection, vehicle)
+        return moved
+
+    def put_state(self, vehicle: str, *, reason: str, now: int) -> bool:
+        """Move the state of a vehicle out of the way; return whether it had one.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write; nothing is moved then.
+        """
+        chosen = SNAPSHOTS.c.vehicle == vehicle
+        with self._database.writing() as connection:
+            row = connection.execute(select(SNAPSHOTS).where(chosen)).mappings().first()
+            if row is None:
+                return False
+            values = {"kind": _STATE, "t0": now, "payload": row["document"], "reason": reason, "stored": now}
+            insert = self._database.insert(QUARANTINE).values(
+                vehicle=vehicle, boot=row["boot"], seq=row["seq"], **values
+            )
+            keys = [column.name for column in QUARANTINE.primary_key]
+            connection.execute(insert.on_conflict_do_update(index_elements=keys, set_=values))
+            connection.execute(delete(SNAPSHOTS).where(chosen))
+            _limit(connection, vehicle)
+        return True
+
+    def vehicles(self) -> list[str]:
+        """Return the vehicles of which something was quarantined, by name."""
+        query = select(QUARANTINE.c.vehicle).distinct().order_by(QUARANTINE.c.vehicle)
+        return list(self._database.scalars(query))
+
+    def find(self, vehicle: str) -> list[QuarantineRow]:
+        """Return what was quarantined of a vehicle, in order of boots and sequence numbers."""
+        query = select(QUARANTINE).where(QUARANTINE.c.vehicle == vehicle).order_by(*QUARANTINE.primary_key)
+        return self._database.rows(QuarantineRow, query)
+
+
+def _limit(connection: Connection, vehicle: str) -> None:
+    """Delete what was quarantined first, down to the largest size."""
+    key = (QUARANTINE.c.boot, QUARANTINE.c.seq, QUARANTINE.c.kind)
+    of_vehicle: ColumnElement[bool] = QUARANTINE.c.vehicle == vehicle
+    newest_first = (QUARANTINE.c.stored.desc(), *(column.desc() for column in key))
+    sizes = select(*key, func.length(QUARANTINE.c.payload)).where(of_vehicle).order_by(*newest_first)
+    total, beyond = 0, []
+    for *place, size in connection.execute(sizes):
+        total += size
+        if total > _MAX_QUARANTINED:
+            beyond.append(tuple(place))
+    for start in range(0, len(beyond), 500):
+        connection.execute(delete(QUARANTINE).where(of_vehicle, tuple_(*key).in_(beyond[start : start + 500])))

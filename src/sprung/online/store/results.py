@@ -6,8 +6,7 @@ from typing import Any, Literal
 from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, delete, func, not_, select, tuple_, update
 
 from sprung.errors import ParameterError
-from sprung.online.store.database import Database
-from sprung.online.store.rows import BaselineRow, Document, Entry, Numbered, Progress, Snapshot
+from sprung.online.store.database import Tables
 from sprung.online.store.schema import (
     BASELINES,
     CURSORS,
@@ -18,6 +17,12 @@ from sprung.online.store.schema import (
     SNAPSHOTS,
     STATUSES,
     VEHICLES,
+    BaselineRow,
+    Document,
+    Entry,
+    Numbered,
+    Progress,
+    Snapshot,
 )
 
 # Statements are built once: building one takes longer than running it.
@@ -33,17 +38,8 @@ _UNNEEDED = delete(FRAMES).where(_OF_FRAMES, FRAMES.c.seq <= _LAST)
 _KINDS = {"observations": OBSERVATIONS, "modes": MODES, "findings": FINDINGS}
 
 
-class Results:
-    """Results, stored together with the progress of analysis.
-
-    Parameters
-    ----------
-    database
-        Database of the store.
-    """
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
+class Results(Tables):
+    """Results, stored together with the progress of analysis."""
 
     def commit(self, progress: Progress, *before: Progress) -> None:
         """Store results of analysis in one transaction; storing the same again has no effect.
@@ -128,13 +124,15 @@ class Results:
     def n_observations(self, vehicle: str) -> int:
         """Return the number of observations of a vehicle."""
         query = select(func.count()).where(OBSERVATIONS.c.vehicle == vehicle)
-        with self._database.reading() as connection:
-            return connection.scalar(query) or 0
+        return self._database.scalar(query) or 0
 
     def n_numbered(self, vehicle: str) -> tuple[int, int]:
         """Return the numbers that follow those of the observations and of the modes of a vehicle."""
-        with self._database.reading() as connection:
-            return _n_numbered(connection, OBSERVATIONS, vehicle), _n_numbered(connection, MODES, vehicle)
+        following = [
+            self._database.scalar(select(func.max(table.c.number) + 1).where(table.c.vehicle == vehicle))
+            for table in (OBSERVATIONS, MODES)
+        ]
+        return following[0] or 0, following[1] or 0
 
     def latest(self, vehicles: Sequence[str]) -> dict[str, tuple[int, int]]:
         """Return number of the last observation and version of the baseline of vehicles, -1 if there is none."""
@@ -150,14 +148,13 @@ class Results:
     def status(self, vehicle: str) -> Document | None:
         """Return the progress of the analysis of a vehicle; None before the first."""
         query = select(STATUSES.c.document).where(STATUSES.c.vehicle == vehicle)
-        with self._database.reading() as connection:
-            return connection.scalar(query)
+        status: Document | None = self._database.scalar(query)
+        return status
 
     def baselines(self, vehicle: str) -> list[BaselineRow]:
         """Return the baselines of a vehicle, the present one last."""
         query = select(BASELINES).where(BASELINES.c.vehicle == vehicle).order_by(BASELINES.c.version)
-        with self._database.reading() as connection:
-            return [BaselineRow(**row) for row in connection.execute(query).mappings()]
+        return self._database.rows(BaselineRow, query)
 
     def pieces(
         self,
@@ -200,9 +197,7 @@ class Results:
 
     def snapshot(self, vehicle: str) -> Snapshot | None:
         """Return the state from which the analysis of a vehicle continues."""
-        with self._database.reading() as connection:
-            row = connection.execute(select(SNAPSHOTS).where(SNAPSHOTS.c.vehicle == vehicle)).mappings().first()
-            return None if row is None else Snapshot(**row)
+        return self._database.row(Snapshot, select(SNAPSHOTS).where(SNAPSHOTS.c.vehicle == vehicle))
 
     def _add(self, connection: Connection, table: Table, rows: list[dict[str, Any]]) -> None:
         """Store new rows."""
@@ -245,8 +240,7 @@ class Results:
             query = query.where(table.c.t0 >= since)
         if until is not None:
             query = query.where(table.c.t0 <= until)
-        with self._database.reading() as connection:
-            return [Entry(**row) for row in reversed(connection.execute(query).mappings().all())]
+        return self._database.rows(Entry, query)[::-1]
 
 
 def _mark_done(connection: Connection, progress: Progress) -> None:
@@ -262,12 +256,6 @@ def _mark_done(connection: Connection, progress: Progress) -> None:
         )
     connection.execute(_ANALYSED, {**place, "last": progress.done_seq})
     connection.execute(_UNNEEDED, {**place, "last": progress.delete_through_seq})
-
-
-def _n_numbered(connection: Connection, table: Table, vehicle: str) -> int:
-    """Return the number that follows those of a table about a vehicle."""
-    last = connection.scalar(select(func.max(table.c.number)).where(table.c.vehicle == vehicle))
-    return 0 if last is None else int(last) + 1
 
 
 def _rows(progress: Progress, entries: Sequence[Numbered]) -> list[dict[str, Any]]:

@@ -1,17 +1,22 @@
-"""Tables of the store.
+"""Rows of the store, and the tables that hold them.
 
 Times are UTC nanoseconds. `boot` counts the starts of a box, `seq` its frames since then, from 0.
 """
 
 import json
 import zlib
-from typing import Any
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from types import UnionType
+from typing import Any, NamedTuple, TypeAlias, get_args, get_type_hints
 
 from sqlalchemy import (
     BigInteger,
     Boolean,
     Column,
+    ColumnElement,
     ForeignKey,
+    ForeignKeyConstraint,
     Index,
     Integer,
     LargeBinary,
@@ -20,10 +25,18 @@ from sqlalchemy import (
     Text,
     TypeDecorator,
     UniqueConstraint,
+    and_,
     false,
+    or_,
 )
+from sqlalchemy.schema import SchemaItem
 
-from sprung.errors import SprungError
+from sprung.errors import ParameterError, SprungError
+
+#: Values that JSON can hold, without NaN and infinities.
+Document: TypeAlias = dict[str, Any]
+#: Number of a window, its t0, its document.
+Numbered: TypeAlias = tuple[int, int, Document]
 
 
 class StoreError(SprungError):
@@ -31,7 +44,7 @@ class StoreError(SprungError):
 
 
 class RefusedError(StoreError):
-    """Values that no row can hold: the store itself is sound, and stores others."""
+    """Values that no row can hold: the store itself works, and stores others."""
 
 
 class ReservationLostError(SprungError):
@@ -96,10 +109,370 @@ _WORDS = (
     b'],"imag":[0.0,-0.0]},"mode_shape_std":null,"mpc":0.9,"label":"roll","stable_rate":0.6}],"reason":""}'
 )
 
+
+def check_count(name: str, value: int, *, at_least: int = 0) -> int:
+    """Return `value` if it is a whole number that a column holds.
+
+    Raises
+    ------
+    ParameterError
+        If the value is not a whole number of that range.
+    """
+    if not isinstance(value, int) or not at_least <= value < 2**63:
+        raise ParameterError(f"{name}={value!r} must be a whole number from {at_least} to 2^63 - 1")
+    return value
+
+
+class StoredFrame(NamedTuple):
+    """A frame, or a report of a box that identifies on board, as it waits in the inbox.
+
+    Parameters
+    ----------
+    vehicle
+        Name of the vehicle.
+    boot, seq
+        Number of the box's start, and of the frame since then.
+    t0
+        Time of the first sample.
+    payload
+        Bytes as they came.
+    kind
+        "raw", "corr" or "modes".
+    """
+
+    vehicle: str
+    boot: int
+    seq: int
+    t0: int
+    payload: bytes
+    kind: str = "raw"
+
+
+@dataclass(frozen=True, slots=True)
+class Cursor:
+    """Progress of the frames of one boot of a vehicle.
+
+    Parameters
+    ----------
+    contiguous
+        Sequence number up to which every frame arrived or is lost; -1 before the first.
+    done
+        Sequence number up to which they are analysed; -1 before the first.
+    lost
+        Number of frames declared lost.
+    updated
+        Time when `contiguous` last changed.
+    """
+
+    contiguous: int = -1
+    done: int = -1
+    lost: int = 0
+    updated: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleRow:
+    """A vehicle as it described itself: hash and text of its configuration, names of its channels.
+
+    It is parked if it was shut down properly.
+    """
+
+    vehicle: str
+    configuration: str
+    description: str
+    channels: list[Any]
+    first_seen: int
+    last_seen: int
+    is_parked: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """An observation, modes or a finding: the document about the window `number` that begins at `t0`."""
+
+    vehicle: str
+    boot: int
+    number: int
+    t0: int
+    document: Document
+
+
+@dataclass(frozen=True, slots=True)
+class BaselineRow:
+    """One version of the baseline of a vehicle."""
+
+    vehicle: str
+    version: int
+    created: int
+    reason: str
+    document: Document
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """State of the analysis of a vehicle after the frame `seq`, from which it continues after a restart."""
+
+    vehicle: str
+    boot: int
+    seq: int
+    document: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class QuarantineRow:
+    """A frame whose analysis fails, or a state that cannot be read (kind "state"), and the reason."""
+
+    vehicle: str
+    boot: int
+    seq: int
+    kind: str
+    t0: int
+    payload: bytes
+    reason: str
+    stored: int
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Results of the analysis of frames of one boot; stored as a whole or not at all.
+
+    Parameters
+    ----------
+    vehicle, boot
+        Vehicle and boot of the frames.
+    done_seq
+        Sequence number up to which they are analysed.
+    delete_through_seq
+        Sequence number up to which they are deleted, at most `done_seq`; -1 keeps all.
+    observations, modes, findings
+        Documents, each with the number of its window and t0. The findings of one window belong in one progress.
+    baselines
+        Version, time, reason and document of each new baseline.
+    snapshot
+        State after `done_seq`; None: not stored.
+    status
+        Progress of the analysis for people, any JSON; None: not stored.
+    now
+        Present time, from which the age of the results counts; 0: from their t0 on.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
+    """
+
+    vehicle: str
+    boot: int
+    done_seq: int
+    delete_through_seq: int = -1
+    observations: tuple[Numbered, ...] = ()
+    modes: tuple[Numbered, ...] = ()
+    findings: tuple[Numbered, ...] = ()
+    baselines: tuple[tuple[int, int, str, Document], ...] = ()
+    snapshot: bytes | None = None
+    status: Document | None = None
+    now: int = 0
+
+    def __post_init__(self) -> None:
+        check_count("boot", self.boot)
+        check_count("done_seq", self.done_seq, at_least=-1)
+        check_count("delete_through_seq", self.delete_through_seq, at_least=-1)
+        if self.delete_through_seq > self.done_seq:
+            raise ParameterError(
+                f"delete_through_seq={self.delete_through_seq} is beyond done_seq={self.done_seq}: "
+                f"frames stay until they are analysed"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class AlertRow:
+    """Alert of one cause on one vehicle; `id` and `updated` are given by the store."""
+
+    vehicle: str
+    cause: str
+    severity: int
+    text: str
+    raised: int
+    is_active: bool = True
+    is_acknowledged: bool = False
+    shelved_until: int | None = None
+    cleared: int | None = None
+    count: int = 1
+    assignee: str | None = None
+    document: Document = field(default_factory=dict)
+    updated: int = 0
+    id: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class AlertFilter:
+    """Which alerts are listed.
+
+    Parameters
+    ----------
+    states
+        Names of states in the terms of ISA-18.2; none: all.
+    steps
+        Steps of severity, 0 to 4; none: all.
+    vehicle
+        Part of the vehicle's name.
+    assignee
+        Name of the assignee; None: any.
+    """
+
+    states: tuple[str, ...] = ()
+    steps: tuple[int, ...] = ()
+    vehicle: str = ""
+    assignee: str | None = None
+
+
+class AlertPlace(NamedTuple):
+    """Place of an alert in lists."""
+
+    severity: int
+    raised: int
+    id: int
+
+
+@dataclass(frozen=True, slots=True)
+class HistoryRow:
+    """Event of an alert: what, by whom, and assignee and end of the shelving after it."""
+
+    id: int
+    alert: int
+    time: int
+    what: str
+    who: str
+    comment: str
+    assignee: str | None = None
+    shelved_until: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """Progress of one sender with a notification; it is settled once `sent` or `given_up` is a time.
+
+    Parameters
+    ----------
+    attempts
+        Number of attempts.
+    next_attempt
+        Time of the next attempt; None: at once.
+    sent, given_up
+        Time when the sender passed it on, or gave it up.
+    last_error
+        Reason of the last failure; None after a success.
+    """
+
+    attempts: int = 0
+    next_attempt: int | None = None
+    sent: int | None = None
+    given_up: int | None = None
+    last_error: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class NotificationRow:
+    """Notification about an alert, and the progress of the sender for which it was looked up."""
+
+    id: int
+    alert: int
+    created: int
+    document: Document
+    delivery: Delivery
+
+
+@dataclass(frozen=True, slots=True)
+class AuditRow:
+    """Who did what to what."""
+
+    id: int
+    time: int
+    who: str
+    act: str
+    subject: str
+    detail: Any
+
+
+@dataclass(frozen=True, slots=True)
+class CommandRow:
+    """Request of an operator to the running monitor; `done` is None until it is completed."""
+
+    id: int
+    created: int
+    who: str
+    vehicle: str
+    act: str
+    detail: Any
+    done: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class AccountRow:
+    """A person: name, role and salted hash of the password."""
+
+    name: str
+    role: str
+    password: str = field(repr=False)
+    created: int
+
+
+@dataclass(frozen=True, slots=True)
+class TokenRow:
+    """A program that may use the interface until `expires`; `digest` is the hash of its secret."""
+
+    digest: str = field(repr=False)
+    name: str
+    role: str
+    created: int
+    created_by: str
+    expires: int | None = None
+    id: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class VerdictRow:
+    """Verdict of the workshop on an alert.
+
+    Parameters
+    ----------
+    alert
+        Number of the alert.
+    time, who
+        Time of the verdict [UTC ns], and person who stated it.
+    verdict
+        "confirmed", "another part", "nothing found" or "not looked at".
+    part
+        Part that was found instead; empty for none.
+    action
+        Work that was done; empty: none.
+    raised
+        Time when the alert was raised.
+    request
+        Number of the request for a new baseline; None: none.
+    id
+        Number of the row; None before it is stored.
+    """
+
+    alert: int
+    time: int
+    who: str
+    verdict: str
+    part: str
+    action: str
+    raised: int
+    request: int | None = None
+    id: int | None = None
+
+
 METADATA = MetaData()
 
 # SQLite counts up only what is called INTEGER; that has 64 bits there.
 _INTEGER = BigInteger().with_variant(Integer, "sqlite")
+
+
+#: Type of the column for a field of some type; what is in none of them is JSON.
+_TYPES: dict[Any, Any] = {int: _INTEGER, str: Text, bool: Boolean, bytes: LargeBinary}
 
 
 def _key(name: str, kind: type[Text] | BigInteger) -> Column[object]:
@@ -112,47 +485,30 @@ def _identity() -> Column[object]:
     return Column("id", _INTEGER, primary_key=True, autoincrement=True)
 
 
-def _of_alert() -> Column[object]:
-    """Return the column with the alert that a row belongs to."""
-    return Column("alert", _INTEGER, ForeignKey("alerts.id"), nullable=False)
+def _of_alert() -> ForeignKeyConstraint:
+    """Return the condition that the alert of a row exists."""
+    return ForeignKeyConstraint(["alert"], ["alerts.id"])
 
 
-VEHICLES = Table(
-    "vehicles",
-    METADATA,
-    _key("vehicle", Text),
-    Column("configuration", Text, nullable=False),
-    Column("description", Text, nullable=False),
-    Column("channels", Json, nullable=False),
-    Column("first_seen", _INTEGER, nullable=False),
-    Column("last_seen", _INTEGER, nullable=False),
-    Column("is_parked", Boolean, nullable=False, server_default=false()),
-)
+def _table(name: str, row: type, *more: SchemaItem, keys: tuple[str, ...] = ()) -> Table:
+    """Return a table whose columns are the fields of a kind of rows; without keys `id` numbers them."""
+    columns: list[Column[Any]] = []
+    for name_of, hint in get_type_hints(row).items():
+        kind = get_args(hint)[0] if isinstance(hint, UnionType) else hint
+        if name_of in keys:
+            columns.append(_key(name_of, _TYPES[kind]))
+        elif name_of == "id":
+            columns.append(_identity())
+        else:
+            is_optional = isinstance(hint, UnionType) or hint is Any
+            columns.append(Column(name_of, _TYPES.get(kind, Json), nullable=is_optional))
+    return Table(name, METADATA, *columns, *more)
 
+
+VEHICLES = _table("vehicles", VehicleRow, keys=("vehicle",))
 #: Frames that arrived and are not yet analysed.
-FRAMES = Table(
-    "frames",
-    METADATA,
-    _key("vehicle", Text),
-    _key("boot", _INTEGER),
-    _key("seq", _INTEGER),
-    Column("t0", _INTEGER, nullable=False),
-    Column("kind", Text, nullable=False),
-    Column("payload", LargeBinary, nullable=False),
-)
-
-CURSORS = Table(
-    "cursors",
-    METADATA,
-    _key("vehicle", Text),
-    _key("boot", _INTEGER),
-    Column("contiguous", _INTEGER, nullable=False),
-    Column("done", _INTEGER, nullable=False),
-    Column("lost", _INTEGER, nullable=False),
-    Column("updated", _INTEGER, nullable=False),
-)
-
-
+FRAMES = _table("frames", StoredFrame, keys=("vehicle", "boot", "seq"))
+CURSORS = _table("cursors", Cursor, _key("vehicle", Text), _key("boot", _INTEGER))
 #: Newest boot of a vehicle whose progress was deleted: frames of it and of earlier boots are repeats.
 FORGOTTEN = Table("forgotten", METADATA, _key("vehicle", Text), Column("boot", _INTEGER, nullable=False))
 
@@ -179,39 +535,10 @@ MODES = _entries("modes")
 #: A window may have several findings, which `place` distinguishes.
 FINDINGS = _entries("findings", _key("place", _INTEGER))
 
-BASELINES = Table(
-    "baselines",
-    METADATA,
-    _key("vehicle", Text),
-    _key("version", _INTEGER),
-    Column("created", _INTEGER, nullable=False),
-    Column("reason", Text, nullable=False),
-    Column("document", Json, nullable=False),
-)
-
-SNAPSHOTS = Table(
-    "snapshots",
-    METADATA,
-    _key("vehicle", Text),
-    Column("boot", _INTEGER, nullable=False),
-    Column("seq", _INTEGER, nullable=False),
-    Column("document", LargeBinary, nullable=False),
-)
-
+BASELINES = _table("baselines", BaselineRow, keys=("vehicle", "version"))
+SNAPSHOTS = _table("snapshots", Snapshot, keys=("vehicle",))
 #: Frames whose analysis fails, and states that cannot be read (kind "state"), with the reason.
-SET_ASIDE = Table(
-    "set_aside",
-    METADATA,
-    _key("vehicle", Text),
-    _key("boot", _INTEGER),
-    _key("seq", _INTEGER),
-    _key("kind", Text),
-    Column("t0", _INTEGER, nullable=False),
-    Column("payload", LargeBinary, nullable=False),
-    Column("reason", Text, nullable=False),
-    Column("stored", _INTEGER, nullable=False),
-)
-
+QUARANTINE = _table("quarantine", QuarantineRow, keys=("vehicle", "boot", "seq", "kind"))
 #: Progress of the analysis of each vehicle, for people.
 STATUSES = Table(
     "statuses",
@@ -220,48 +547,20 @@ STATUSES = Table(
     Column("document", Json, nullable=False),
     Column("is_learning", Boolean, nullable=False, server_default=false()),
 )
-
-ALERTS = Table(
+ALERTS = _table(
     "alerts",
-    METADATA,
-    _identity(),
-    Column("vehicle", Text, nullable=False),
-    Column("cause", Text, nullable=False),
-    Column("severity", Integer, nullable=False),
-    Column("text", Text, nullable=False),
-    Column("is_active", Boolean, nullable=False),
-    Column("is_acknowledged", Boolean, nullable=False),
-    Column("shelved_until", _INTEGER),
-    Column("raised", _INTEGER, nullable=False),
-    Column("updated", _INTEGER, nullable=False),
-    Column("cleared", _INTEGER),
-    Column("count", _INTEGER, nullable=False),
-    Column("assignee", Text),
-    Column("document", Json, nullable=False),
+    AlertRow,
     UniqueConstraint("vehicle", "cause", name="alerts_by_cause"),
     Index("alerts_active", "is_active", "vehicle", "severity", "cause"),
 )
-
-ALERT_HISTORY = Table(
-    "alert_history",
-    METADATA,
-    _identity(),
-    _of_alert(),
-    Column("time", _INTEGER, nullable=False),
-    Column("what", Text, nullable=False),
-    Column("who", Text, nullable=False),
-    Column("comment", Text, nullable=False),
-    Column("assignee", Text),
-    Column("shelved_until", _INTEGER),
-    Index("alert_history_of_alert", "alert"),
-)
-
+ALERT_HISTORY = _table("alert_history", HistoryRow, _of_alert(), Index("alert_history_of_alert", "alert"))
 #: Notifications: `sent` when every sender had passed them on, `given_up` when the last one settled and any gave up;
 #: `attempts` and `last_error` are those of all senders.
 NOTIFICATIONS = Table(
     "notifications",
     METADATA,
     _identity(),
+    Column("alert", _INTEGER, nullable=False),
     _of_alert(),
     Column("created", _INTEGER, nullable=False),
     Column("document", Json, nullable=False),
@@ -271,77 +570,21 @@ NOTIFICATIONS = Table(
     Column("given_up", _INTEGER),
     Index("notifications_sent", "sent"),
 )
-
 #: Progress of each sender with a notification: what one has passed on it does not send again after a restart.
-DELIVERIES = Table(
+DELIVERIES = _table(
     "deliveries",
-    METADATA,
-    Column(
-        "notification",
-        _INTEGER,
-        ForeignKey("notifications.id", ondelete="CASCADE"),
-        primary_key=True,
-        autoincrement=False,
-    ),
+    Delivery,
+    _key("notification", _INTEGER),
     _key("sender", Text),
-    Column("attempts", _INTEGER, nullable=False),
-    Column("next_attempt", _INTEGER),
-    Column("sent", _INTEGER),
-    Column("given_up", _INTEGER),
-    Column("last_error", Text),
+    ForeignKeyConstraint(["notification"], ["notifications.id"], ondelete="CASCADE"),
 )
-
-AUDIT = Table(
-    "audit",
-    METADATA,
-    _identity(),
-    Column("time", _INTEGER, nullable=False),
-    Column("who", Text, nullable=False),
-    Column("act", Text, nullable=False),
-    Column("subject", Text, nullable=False),
-    Column("detail", Json),
-)
-
+AUDIT = _table("audit", AuditRow)
 #: Requests of operators to the running monitor.
-COMMANDS = Table(
-    "commands",
-    METADATA,
-    _identity(),
-    Column("created", _INTEGER, nullable=False),
-    Column("who", Text, nullable=False),
-    Column("vehicle", Text, nullable=False),
-    Column("act", Text, nullable=False),
-    Column("detail", Json),
-    Column("done", _INTEGER),
-    Index("commands_done", "done"),
-)
-
+COMMANDS = _table("commands", CommandRow, Index("commands_done", "done"))
 #: Verdicts of the workshop on alerts, and the work that was done.
-VERDICTS = Table(
-    "verdicts",
-    METADATA,
-    _identity(),
-    _of_alert(),
-    Column("time", _INTEGER, nullable=False),
-    Column("who", Text, nullable=False),
-    Column("verdict", Text, nullable=False),
-    Column("part", Text, nullable=False),
-    Column("action", Text, nullable=False),
-    Column("raised", _INTEGER, nullable=False),
-    Column("request", _INTEGER),
-    Index("verdicts_of_alert", "alert"),
-)
-
+VERDICTS = _table("verdicts", VerdictRow, _of_alert(), Index("verdicts_of_alert", "alert"))
 #: People who may log in; the password only as a salted hash.
-ACCOUNTS = Table(
-    "accounts",
-    METADATA,
-    _key("name", Text),
-    Column("role", Text, nullable=False),
-    Column("password", Text, nullable=False),
-    Column("created", _INTEGER, nullable=False),
-)
-
+ACCOUNTS = _table("accounts", AccountRow, keys=("name",))
 #: Browsers that are logged in, by the hash of their secret.
 SESSIONS = Table(
     "sessions",
@@ -351,20 +594,17 @@ SESSIONS = Table(
     Column("created", _INTEGER, nullable=False),
     Column("expires", _INTEGER, nullable=False),
 )
-
 #: Programs that may use the interface, by the hash of their secret.
-TOKENS = Table(
-    "tokens",
-    METADATA,
-    _identity(),
-    Column("digest", Text, nullable=False, unique=True),
-    Column("name", Text, nullable=False),
-    Column("role", Text, nullable=False),
-    Column("created", _INTEGER, nullable=False),
-    Column("created_by", Text, nullable=False),
-    Column("expires", _INTEGER),
-)
-
+TOKENS = _table("tokens", TokenRow, UniqueConstraint("digest"))
 #: Version of these tables in a store, one row: `SCHEMA_VERSION` of the program that made it.
 SCHEMA = Table("schema_version", METADATA, Column("version", Integer, primary_key=True, autoincrement=False))
 SCHEMA_VERSION = 1
+
+#: Severities of a step: 1 to 200 are the first, 801 to 1000 the fifth.
+STEP_SIZE = 200
+
+
+def in_steps(severity: ColumnElement[int], steps: Iterable[int]) -> ColumnElement[bool]:
+    """Return the condition for severities of some steps, 0 to 4."""
+    ranges = ((STEP_SIZE * step, STEP_SIZE * (step + 1)) for step in steps)
+    return or_(false(), *(and_(severity > low, severity <= high) for low, high in ranges))

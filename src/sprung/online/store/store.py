@@ -1,7 +1,7 @@
 """The store, and how it is opened."""
 
 import sqlite3
-from contextlib import AbstractContextManager, closing
+from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Self
@@ -10,17 +10,14 @@ from sqlalchemy import URL, Connection, func, inspect, make_url, select
 from sqlalchemy.exc import ArgumentError
 
 from sprung.errors import ParameterError
-from sprung.online.store.accounts import Accounts, Verdicts
 from sprung.online.store.alerts import Alerts
-from sprung.online.store.aside import Aside
-from sprung.online.store.contents import Contents, contents_of, n_windows_since
 from sprung.online.store.database import PATIENCE, Database
 from sprung.online.store.fleet import Fleet
-from sprung.online.store.inbox import Inbox
-from sprung.online.store.requests import Requests
+from sprung.online.store.inbox import Inbox, Quarantine
+from sprung.online.store.people import Accounts, Requests, Verdicts
 from sprung.online.store.reservation import Reservation
 from sprung.online.store.results import Results
-from sprung.online.store.retention import Ages, delete_older
+from sprung.online.store.retention import Ages, Contents, contents_of, delete_older, n_windows_since
 from sprung.online.store.schema import METADATA, SCHEMA, SCHEMA_VERSION, VEHICLES, StoreError
 
 # Number of the lock on PostgreSQL while tables are created: any, but the same in every program.
@@ -37,15 +34,17 @@ _DAMAGED = {
 }
 
 
-class Store:
+class Store(Database):
     """Results and state of the monitor; each method is one transaction, from any thread. Made by `open_store`.
 
     Methods that are called within `together` are one transaction.
 
     Parameters
     ----------
-    database
-        Open database with the present schema.
+    url
+        Address of the database.
+    notices
+        Sentences about problems found when it was opened.
 
     Attributes
     ----------
@@ -53,7 +52,7 @@ class Store:
         Vehicles and their frames that wait for analysis.
     results
         Observations, modes, findings, baselines and snapshots.
-    aside
+    quarantine
         Frames and states that could not be used.
     alerts
         Alerts with their history, and notifications.
@@ -67,22 +66,19 @@ class Store:
         People and programs that may use the interface.
     verdicts
         Verdicts of the workshop on alerts.
-    notices
-        Sentences about problems found when the store was opened.
     """
 
-    def __init__(self, database: Database) -> None:
-        self._database = database
-        self.inbox = Inbox(database)
-        self.results = Results(database)
-        self.aside = Aside(database)
-        self.alerts = Alerts(database)
-        self.requests = Requests(database)
-        self.reservation = Reservation(database)
-        self.fleet = Fleet(database)
-        self.accounts = Accounts(database)
-        self.verdicts = Verdicts(database)
-        self.notices = database.notices
+    def __init__(self, url: URL, *, notices: tuple[str, ...] = ()) -> None:
+        super().__init__(url, notices=notices)
+        self.inbox = Inbox(self)
+        self.results = Results(self)
+        self.quarantine = Quarantine(self)
+        self.alerts = Alerts(self)
+        self.requests = Requests(self)
+        self.reservation = Reservation(self)
+        self.fleet = Fleet(self)
+        self.accounts = Accounts(self)
+        self.verdicts = Verdicts(self)
 
     def __enter__(self) -> Self:
         return self
@@ -93,42 +89,20 @@ class Store:
     @property
     def folder(self) -> Path | None:
         """Folder of the SQLite file; None with a server."""
-        return None if self._database.path is None else self._database.path.parent
-
-    def size(self) -> int:
-        """Return the size of the store on disk [bytes]."""
-        return self._database.size()
-
-    def free(self) -> int | None:
-        """Return the free space on the disk of the store [bytes]; None with a server."""
-        return self._database.free()
+        return None if self.path is None else self.path.parent
 
     def contents(self) -> Contents:
         """Return the contents of the store."""
-        return contents_of(self._database)
+        return contents_of(self)
 
     def n_windows_since(self, time: int) -> int:
         """Return the number of windows analysed since a time (UTC ns), at most a million."""
-        return n_windows_since(self._database, time)
-
-    def check(self) -> None:
-        """Write and roll back.
-
-        Raises
-        ------
-        StoreError
-            If the store cannot write, or its disk has less than 1 MiB left.
-        """
-        self._database.check()
-
-    def together(self) -> AbstractContextManager[None]:
-        """Return a context in which all that this thread writes is one transaction, as `Database.together`."""
-        return self._database.together()
+        return n_windows_since(self, time)
 
     def close(self) -> None:
         """Close all connections, and let another monitor work on the store."""
         self.reservation.release()
-        self._database.close()
+        super().close()
 
     def delete_older(
         self, before: int, *, audit_before: int | None = None, boots_before: int | None = None, limit: int = 10**9
@@ -161,7 +135,7 @@ class Store:
             audit=before if audit_before is None else audit_before,
             boots=before if boots_before is None else boots_before,
         )
-        return delete_older(self._database, ages, limit=limit)
+        return delete_older(self, ages, limit=limit)
 
 
 def open_store(url: str) -> Store:
@@ -193,14 +167,14 @@ def open_store(url: str) -> Store:
     """
     address = check_address(url)
     is_file = address.get_backend_name() == "sqlite"
-    database = Database(address, notices=_prepare(Path(address.database or "")) if is_file else ())
+    store = Store(address, notices=_prepare(Path(address.database or "")) if is_file else ())
     try:
-        with database.writing() as connection:
+        with store.writing() as connection:
             _create_tables(connection)
     except BaseException:
-        database.close()
+        store.close()
         raise
-    return Store(database)
+    return store
 
 
 def _create_tables(connection: Connection) -> None:
@@ -257,14 +231,14 @@ _FORMS = "write sqlite:///folder/file.sqlite or postgresql://user@host/database"
 
 
 def _prepare(path: Path) -> tuple[str, ...]:
-    """Make the folder of a file of SQLite, set the file aside if it is damaged, and return notices."""
+    """Make the folder of a file of SQLite, rename it if it is damaged, and return notices."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists():
             return ()
         _check_is_store(path)
         damage = _damage(path)
-        return () if damage is None else (_set_aside(path, damage),)
+        return () if damage is None else (_renamed(path, damage),)
     except (OSError, sqlite3.Error) as error:
         raise StoreError(
             f"the store {path} cannot be opened ({error}): check that its folder and disk can be written"
@@ -272,7 +246,7 @@ def _prepare(path: Path) -> tuple[str, ...]:
 
 
 def _check_is_store(path: Path) -> None:
-    """Refuse a file that is not a store by name and content: no recording may be set aside."""
+    """Refuse a file that is not a store by name and content: no recording may be quarantined."""
     with path.open("rb") as file:
         begin = file.read(len(_SQLITE))
     if begin and begin != _SQLITE and path.suffix not in _ENDINGS:
@@ -292,11 +266,11 @@ def _damage(path: Path) -> str | None:
     return None if found == "ok" else " ".join(str(found).split())
 
 
-def _set_aside(path: Path, damage: str) -> str:
+def _renamed(path: Path, damage: str) -> str:
     """Rename a damaged file, its log first, and return the sentence about it."""
-    aside = path.with_name(f"{path.name}.corrupt-{datetime.now(UTC):%Y%m%dT%H%M%S}")
+    kept = path.with_name(f"{path.name}.corrupt-{datetime.now(UTC):%Y%m%dT%H%M%S}")
     for ending in ("-wal", "-shm", ""):
         part = path.with_name(path.name + ending)
         if part.exists():
-            part.rename(aside.with_name(aside.name + ending))
-    return f"the store {path} was damaged ({damage}): it is kept as {aside.name}, and a new one was created"
+            part.rename(kept.with_name(kept.name + ending))
+    return f"the store {path} was damaged ({damage}): it is kept as {kept.name}, and a new one was created"

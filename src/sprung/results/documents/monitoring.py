@@ -137,8 +137,8 @@ class TokensDocument(Document):
     tokens: tuple[TokenEntry, ...]
 
 
-class AsideEntry(Document):
-    """Consecutive frames, or a state, that a monitor set aside; times are nanoseconds UTC since 1970."""
+class QuarantineEntry(Document):
+    """Consecutive frames, or a state, that a monitor quarantined; times are nanoseconds UTC since 1970."""
 
     vehicle: str
     kind: str
@@ -152,11 +152,11 @@ class AsideEntry(Document):
     again: str | None
 
 
-class AsideDocument(Document):
-    """Frames and states in the store of a monitor that were set aside."""
+class QuarantineDocument(Document):
+    """Frames and states in the store of a monitor that were quarantined."""
 
-    schema_name: Literal["sprung.aside/1"] = Field(alias="schema")
-    aside: tuple[AsideEntry, ...]
+    schema_name: Literal["sprung.quarantine/1"] = Field(alias="schema")
+    quarantined: tuple[QuarantineEntry, ...]
 
 
 class ReproductionDocument(Document):

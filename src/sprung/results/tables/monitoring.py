@@ -60,21 +60,21 @@ def alert_history_table(document: Mapping[str, Any]) -> Table:
     return Table("", ("time (UTC)", "event", "by", "comment"), rows, n_words=3)
 
 
-def aside_table(document: Mapping[str, Any]) -> Table:
-    """Return the table of what was set aside, from a `sprung.aside/1`.
+def quarantine_table(document: Mapping[str, Any]) -> Table:
+    """Return the table of what was quarantined, from a `sprung.quarantine/1`.
 
     Examples
     --------
     >>> entry = {"vehicle": "bus-17", "kind": "raw", "first": 4, "last": 6, "boot": 1}
     >>> time = 1_790_000_000_000_000_000
     >>> entry |= {"begin": time, "stored": time, "reason": "inconsistent frame", "again": None}
-    >>> table = aside_table({"aside": [entry]})
+    >>> table = quarantine_table({"quarantined": [entry]})
     >>> for row in (table.columns, *table.rows):
     ...     print(" | ".join(row))
-    vehicle | what | samples from (UTC) | set aside (UTC) | reason
+    vehicle | what | samples from (UTC) | quarantined (UTC) | reason
     bus-17 | frames 4 to 6 of boot 1 | 2026-09-21 14:13 | 2026-09-21 14:13 | inconsistent frame
     """
-    is_analysed = any(entry["again"] is not None for entry in document["aside"])
+    is_analysed = any(entry["again"] is not None for entry in document["quarantined"])
     rows = tuple(
         (
             entry["vehicle"],
@@ -84,9 +84,9 @@ def aside_table(document: Mapping[str, Any]) -> Table:
             entry["reason"],
             *([entry["again"] or ""] if is_analysed else []),
         )
-        for entry in document["aside"]
+        for entry in document["quarantined"]
     )
-    columns = ("vehicle", "what", "samples from (UTC)", "set aside (UTC)", "reason")
+    columns = ("vehicle", "what", "samples from (UTC)", "quarantined (UTC)", "reason")
     again = ("by this version",) if is_analysed else ()
     return Table("", (*columns, *again), rows, n_words=len(columns) + len(again))
 

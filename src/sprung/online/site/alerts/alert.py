@@ -9,8 +9,8 @@ from pydantic import Field
 
 from sprung.errors import ParameterError
 from sprung.online.monitor import MONITOR, operations
-from sprung.online.monitor.vehicle_states import alert_state
-from sprung.online.monitor.work_orders import send_work_order, work_order
+from sprung.online.monitor.histories import alert_state
+from sprung.online.monitor.operations import send_work_order, work_order
 from sprung.online.site.access import Engineer, EngineerForm, Form, Viewer
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.alerts.evidence import BEFORE, SINCE, Evidence, course_of, evidence_of

@@ -11,8 +11,8 @@ from scipy.special import betaincinv
 
 from sprung.online.alerts import STEPS, WATCHING, severity_step
 from sprung.online.monitor import MONITOR
+from sprung.online.monitor.histories import alert_state
 from sprung.online.monitor.operations import VERDICTS
-from sprung.online.monitor.vehicle_states import alert_state
 from sprung.online.site.access import Viewer
 from sprung.online.site.rendering import filter_link, page, with_others
 from sprung.online.site.shared import Answer, Shared, Wanted, column_number, parse_cursor

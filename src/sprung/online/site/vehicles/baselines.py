@@ -13,9 +13,8 @@ from sprung.diagnosis.baseline import CONDITIONS
 from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.errors import FormatError, ParameterError
 from sprung.online.monitor import VehicleStatus, operations
-from sprung.online.monitor.histories import LEARN, ROLL_BACK
+from sprung.online.monitor.histories import LEARN, ROLL_BACK, reference_of
 from sprung.online.monitor.requests import rolling_back_in_words
-from sprung.online.monitor.vehicle_states import reference_of
 from sprung.online.site.access import Engineer, EngineerForm, Form, Viewer
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.shared import Answer, Context, Done, Given, Line, Outcome, Shared, VehicleName

@@ -22,7 +22,7 @@ from pydantic import Field
 
 from sprung.errors import ParameterError
 from sprung.link.archive import archive_path
-from sprung.online.monitor.vehicle_states import reference_of
+from sprung.online.monitor.histories import reference_of
 from sprung.online.site.access import Viewer
 from sprung.online.site.shared import Answer, Context, Shared, context_of
 from sprung.online.site.vehicles.common import KnownVehicle, KnownWindow, path_of, require_vehicle, vehicle_page

@@ -5,7 +5,7 @@ from urllib.parse import urlencode
 
 from fastapi import APIRouter, Query, Request, Response
 
-from sprung.online.monitor.vehicle_states import observations_of
+from sprung.online.monitor.histories import observations_of
 from sprung.online.site.access import Viewer
 from sprung.online.site.fleet import FleetVehicle, state_of_row
 from sprung.online.site.shared import Answer, Context, Shared

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from sprung.diagnosis import Observation
 from sprung.diagnosis.sensors.faults import MISSING
-from sprung.online.monitor.vehicle_states import observations_of
+from sprung.online.monitor.histories import observations_of
 from sprung.online.site.access import Viewer
 from sprung.online.site.shared import Answer, Shared
 from sprung.online.site.vehicles.common import KnownVehicle, vehicle_page
@@ -59,7 +59,7 @@ class DataQuality(Answer):
     n_inconclusive: int
     reasons: tuple[tuple[str, int], ...] = Field(description="why windows are inconclusive, with their number")
     lost_frames: int
-    unanalysed_frames: int = Field(description="set aside because their analysis failed")
+    unanalysed_frames: int = Field(description="quarantined because their analysis failed")
     channels: tuple[ChannelQuality, ...]
     notes: tuple[str, ...]
 
@@ -82,7 +82,7 @@ def data_quality(context: Shared, _: Viewer, row: KnownVehicle) -> DataQuality:
         n_inconclusive=sum(not window.is_conclusive for _, window in windows),
         reasons=tuple(Counter(window.reason for _, window in windows if window.reason).most_common()),
         lost_frames=sum(cursor.lost for cursor in store.inbox.cursors(vehicle=vehicle).values()),
-        unanalysed_frames=sum(each.kind != "state" for each in store.aside.find(vehicle)),
+        unanalysed_frames=sum(each.kind != "state" for each in store.quarantine.find(vehicle)),
         channels=tuple(
             sorted(channels, key=lambda each: (each.is_good, -sum(check.n_faults for check in each.checks)))
         ),

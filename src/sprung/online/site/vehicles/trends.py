@@ -12,7 +12,7 @@ from pydantic import Field
 from sprung.diagnosis import Observation
 from sprung.errors import FormatError, SprungError
 from sprung.modal import Modes
-from sprung.online.monitor.vehicle_states import observations_of, reference_of
+from sprung.online.monitor.histories import observations_of, reference_of
 from sprung.online.site.access import Viewer
 from sprung.online.site.shared import Answer, Shared, Time, finite
 from sprung.online.site.vehicles.common import KnownVehicle, path_of

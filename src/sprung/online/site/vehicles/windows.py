@@ -10,7 +10,7 @@ from pydantic import Field
 from sprung.diagnosis import Observation
 from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.errors import FormatError
-from sprung.online.monitor.vehicle_states import observations_of, reference_of
+from sprung.online.monitor.histories import observations_of, reference_of
 from sprung.online.site.access import Viewer
 from sprung.online.site.shared import Answer, Limit, Shared, Time, VehicleName
 from sprung.online.site.vehicles.common import KnownVehicle, KnownWindow, axis_of, vehicle_page

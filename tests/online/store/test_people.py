@@ -1,8 +1,8 @@
-"""Accounts, sessions, tokens and verdicts, on both databases."""
+"""Accounts, sessions, tokens, verdicts, and the record of who did what, on both databases."""
 
 from dataclasses import replace
 
-from sprung.online.store import AccountRow, AlertRow, TokenRow, VerdictRow
+from sprung.online.store import AccountRow, AlertRow, AuditRow, CommandRow, TokenRow, VerdictRow
 
 ANNA = AccountRow("anna", "engineer", "hash-1", 5)
 TOKEN = TokenRow("digest", "dashboard", "viewer", 5, "anna", expires=100)
@@ -55,3 +55,19 @@ def test_verdicts(store) -> None:
     number = store.verdicts.add(row)
     assert store.verdicts.all() == store.verdicts.all(alerts=[alert.id]) == [replace(row, id=number)]
     assert store.verdicts.all(alerts=[alert.id + 1]) == []
+
+
+def test_commands_are_on_the_record(store) -> None:
+    store.requests.audit("eve", "log in", "service", now=1)
+    number = store.requests.add_command("eve", "zafira", "learn again", {"reason": "new dampers"}, now=2)
+    assert store.requests.open_commands() == [
+        CommandRow(number, 2, "eve", "zafira", "learn again", {"reason": "new dampers"}, None)
+    ]
+    store.requests.command_done(number, 3)
+    assert store.requests.open_commands() == []
+    rows = store.requests.audited()
+    assert rows == [
+        AuditRow(rows[0].id, 1, "eve", "log in", "service", None),
+        AuditRow(rows[1].id, 2, "eve", "learn again", "zafira", {"reason": "new dampers"}),
+    ]
+    assert store.requests.audited(limit=1) == rows[1:]

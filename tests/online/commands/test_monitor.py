@@ -1,8 +1,8 @@
 """What is said at the start of a monitor is true, and enough to go on."""
 
 from sprung.link import Address
+from sprung.online.commands.monitor import start_in_words
 from sprung.online.monitor import Site
-from sprung.online.monitor.guidance import start_in_words
 
 
 def said(n_vehicles=0, **site):
