@@ -8,7 +8,7 @@ import pytest
 
 from sprung._arrays import Real
 from sprung.diagnosis import Baseline, Observation, learn
-from sprung.diagnosis.directions import usual_nuisance
+from sprung.diagnosis.scatter import usual_nuisance
 from sprung.vehicles import Component
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")

@@ -7,9 +7,8 @@ import pytest
 
 from sprung.diagnosis import ChangeDetector, detectable, diagnose, learn
 from sprung.diagnosis.baseline import CONDITIONS
-from sprung.diagnosis.comparison import Compared
 from sprung.diagnosis.detectability import detectable_changes
-from sprung.diagnosis.ratios import Hypotheses, evidence_of, ratios_of, scores_of
+from sprung.diagnosis.ratios import Compared, Hypotheses, evidence_of, ratios_of, scores_of
 from sprung.errors import ParameterError
 from sprung.vehicles import Component
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import learn
-from sprung.diagnosis.deviations import mean_deviation, usual_std
+from sprung.diagnosis.baseline import mean_deviation, usual_std
 from sprung.errors import ParameterError
 
 

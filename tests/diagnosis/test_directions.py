@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sprung.diagnosis.directions import directions, kinds_of, usual_nuisance
+from sprung.diagnosis.scatter import directions, kinds_of, usual_nuisance
 from sprung.vehicles import Component
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from sprung.diagnosis.directions import directions
-from sprung.diagnosis.scatter import FreeDegrees, Scatter, regression
+from sprung.diagnosis.scatter import FreeDegrees, Scatter, directions, regression
 from sprung.vehicles import Component
 
 COMPONENTS = tuple(

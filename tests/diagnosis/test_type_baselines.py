@@ -14,7 +14,7 @@ from sprung.diagnosis import (
     nominal_type,
     rank_fleet,
 )
-from sprung.diagnosis.directions import directions
+from sprung.diagnosis.scatter import directions
 from sprung.diagnosis.type_baselines import MAKERS
 from sprung.errors import DataError, ParameterError
 from sprung.vehicles import Component

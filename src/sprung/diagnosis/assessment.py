@@ -7,10 +7,10 @@ import numpy as np
 from sprung._checks import check_each, check_type
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, Size
+from sprung.diagnosis.channel_faults import SensorFault
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, time_in_words
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import DIFFERENT, ResidualTest, residual_test
-from sprung.diagnosis.sensors import SensorFault
 from sprung.diagnosis.trends import current_sizes, trend
 from sprung.diagnosis.type_baselines import TypeBaseline, nominal_type
 from sprung.diagnosis.type_comparison import compare_with_type

@@ -9,15 +9,13 @@ from scipy.special import logsumexp
 from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.diagnosis.baseline import Baseline
-from sprung.diagnosis.comparison import Compared, compare
 from sprung.diagnosis.detectability import detectable_changes, losses
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.observation import Observation
-from sprung.diagnosis.ratios import Hypotheses, Ratios, evidence_of, ratios_of, scores_of
+from sprung.diagnosis.ratios import Compared, Hypotheses, Ratios, compare, evidence_of, ratios_of, scores_of
+from sprung.modal import INTERVAL_95
 from sprung.vehicles import Component
 
-#: Half width of a 95 % interval in standard deviations of a normal variable, to two decimals.
-INTERVAL_95 = 1.96
 #: Share of the size of a change [ln] that friction hides from a linear model, and its standard deviation. An imperfect
 #: file adds a share of its model error. On 14 faults of two simulated nonlinear cars, sizes were 1 to 6 % (springs),
 #: 5 to 11 % (dampers) and -2 to 2 % (tyres) too small.

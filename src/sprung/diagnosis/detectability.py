@@ -9,8 +9,7 @@ from scipy.special import logsumexp
 from sprung._arrays import Real
 from sprung._checks import check_number, check_type
 from sprung.diagnosis.baseline import CONDITIONS, Baseline
-from sprung.diagnosis.comparison import Compared
-from sprung.diagnosis.ratios import Hypotheses, Scores, dimensions_of, explained_by, scores_of
+from sprung.diagnosis.ratios import Compared, Hypotheses, Scores, dimensions_of, explained_by, scores_of
 from sprung.vehicles import Component
 
 #: Probability of an alert after a change of the size stated.

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sprung.diagnosis.baseline import Baseline
-from sprung.diagnosis.changes import INTERVAL_95, Candidate, Size, size_of
-from sprung.diagnosis.comparison import Compared, compare
+from sprung.diagnosis.changes import Candidate, Size, size_of
 from sprung.diagnosis.observation import Observation
+from sprung.diagnosis.ratios import Compared, compare
+from sprung.modal import INTERVAL_95
 
 #: Relative change at which a part is due, for forecasts.
 _LIMIT = 0.3

@@ -20,9 +20,17 @@ from sprung.diagnosis.baseline import (
     units_of,
     vehicle_of,
 )
-from sprung.diagnosis.directions import USUAL_ENDS, directions, kinds_of, usual_nuisance
 from sprung.diagnosis.observation import Observation
-from sprung.diagnosis.scatter import ROUNDS, FreeDegrees, Scatter, regression
+from sprung.diagnosis.scatter import (
+    ROUNDS,
+    USUAL_ENDS,
+    FreeDegrees,
+    Scatter,
+    directions,
+    kinds_of,
+    regression,
+    usual_nuisance,
+)
 from sprung.errors import DataError, ParameterError
 from sprung.vehicles import Component
 

@@ -9,11 +9,11 @@ from scipy import stats
 from sprung._arrays import Indices, Real
 from sprung._checks import check_each, check_number, check_type
 from sprung.diagnosis.baseline import Baseline, slope_covariances
-from sprung.diagnosis.changes import INTERVAL_95, Candidate, ChangeDetector, Detection, Size, false_discoveries
+from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, Size, false_discoveries
 from sprung.diagnosis.detectability import POWER, losses
-from sprung.diagnosis.directions import USUAL_ENDS, directions, kinds_of, usual_nuisance
 from sprung.diagnosis.hypotheses import Hypothesis, hypotheses_of, log_prior
 from sprung.diagnosis.observation import Observation
+from sprung.diagnosis.scatter import USUAL_ENDS, directions, kinds_of, usual_nuisance
 from sprung.diagnosis.type_baselines import (
     LEAST_VEHICLES,
     OF_MAKERS,
@@ -23,6 +23,7 @@ from sprung.diagnosis.type_baselines import (
     usable_windows,
 )
 from sprung.errors import DataError
+from sprung.modal import INTERVAL_95
 from sprung.vehicles import Component
 
 #: Size that comparisons are most powerful for, ln values; share of losses among changes, and of unmodelled deviations

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sprung._arrays import Real
-from sprung.diagnosis import INTERVAL_95, MAX_UNDETECTED, Baseline, Observation
-from sprung.diagnosis.deviations import MeanDeviation, mean_deviation, usual_std
+from sprung.diagnosis import MAX_UNDETECTED, Baseline, Observation
+from sprung.diagnosis.baseline import MeanDeviation, mean_deviation, usual_std
+from sprung.modal import INTERVAL_95
 from sprung.state.alerts import AlertState
 from sprung.state.verdicts import Verdict
 from sprung.vehicles import Component

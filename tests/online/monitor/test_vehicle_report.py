@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.online.monitor.history_store import BEGIN, DAY, DEAD_DAY, HOSTILE, ONSET_DAY, PER_DAY, VEHICLE, fill
 
-from sprung.diagnosis.deviations import mean_deviation
+from sprung.diagnosis.baseline import mean_deviation
 from sprung.errors import ParameterError
 from sprung.online.monitor import operations
 from sprung.online.monitor.vehicle_document import report_document

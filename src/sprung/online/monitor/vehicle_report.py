@@ -136,7 +136,7 @@ def _plan(history: VehicleHistory, document: ReportDocument) -> Picture:
 
 def _trend_section(history: VehicleHistory) -> Section:
     """Return the section on components, body modes and findings over dates."""
-    from sprung.diagnosis.deviations import usual_std
+    from sprung.diagnosis.baseline import usual_std
     from sprung.results.figures import (
         Stretch,
         components_history_figure,

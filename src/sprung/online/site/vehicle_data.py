@@ -8,8 +8,8 @@ import numpy as np
 
 from sprung.diagnosis import Baseline, Observation
 from sprung.diagnosis.baseline import CONDITIONS
+from sprung.diagnosis.channel_faults import MISSING
 from sprung.diagnosis.observation import CONDITION_UNITS
-from sprung.diagnosis.sensors.faults import MISSING
 from sprung.errors import FormatError, ParameterError, SprungError
 from sprung.modal import Modes
 from sprung.online.monitor import VehicleStatus

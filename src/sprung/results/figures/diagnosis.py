@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from sprung._arrays import Real
 from sprung.diagnosis import Baseline, Diagnosis, Finding, Hypothesis, ModeChange, Observation
-from sprung.diagnosis.deviations import mean_deviation, usual_std
+from sprung.diagnosis.baseline import mean_deviation, usual_std
 from sprung.diagnosis.findings import time_in_words
 from sprung.errors import ParameterError
 from sprung.results.figures.corners import corner_bars

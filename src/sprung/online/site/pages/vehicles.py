@@ -8,8 +8,8 @@ from urllib.parse import quote, urlencode
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import RedirectResponse
 
-from sprung.diagnosis import INTERVAL_95
 from sprung.errors import ParameterError
+from sprung.modal import INTERVAL_95
 from sprung.online.monitor import operations
 from sprung.online.monitor.vehicle_states import observations_of
 from sprung.online.site import vehicle_data, views
