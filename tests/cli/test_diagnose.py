@@ -46,7 +46,7 @@ def test_diagnosis_has_the_contracts_names(sprung, drives, baseline):
     words = ("--vehicle", "zafira", "--baseline", baseline, "--json", "-")
     document = sprung("diagnose", drives / "broken.parquet", *words).document()
     assert document["schema"] == "sprung.diagnosis/1"
-    assert (document["verdict"], document["healthy"]) == ("change", False)
+    assert document["verdict"] == "change"
     assert set(document["detectable"]) == set(document["windows"][0]["components"])
     (finding,) = document["findings"]
     assert (finding["corner"], finding["component"]) == ("rear_right", "spring")
@@ -124,7 +124,7 @@ def test_an_inconclusive_drive_is_not_called_healthy(sprung, drives, baseline, t
     assert outcome.code == 3
     assert "inconclusive: no window was usable" in outcome.out
     assert "segments of steady speed are too few" in outcome.err
-    assert json.loads((tmp_path / "d.json").read_text())["healthy"] is None
+    assert json.loads((tmp_path / "d.json").read_text())["verdict"] == "inconclusive"
 
 
 def test_excluded_windows_are_explained(sprung, baseline, tmp_path):

@@ -56,7 +56,7 @@ def test_the_residual_is_what_mean_and_slopes_leave(baseline, healthy) -> None:
     slopes = np.zeros((12, 4))
     slopes[3, 0] = 0.02  # per 100 kg
     steep = replace(baseline, slopes=slopes)
-    loaded = replace(one, conditions={**one.conditions, "payload": baseline.middle["payload"] + 200.0})
+    loaded = replace(one, conditions={**one.conditions, "payload": baseline.centre["payload"] + 200.0})
     expected = one.log_ratios - baseline.mean
     expected[3] -= 0.04
     assert steep.residual(loaded) == pytest.approx(expected, abs=1e-12)

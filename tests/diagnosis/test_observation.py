@@ -109,7 +109,7 @@ def test_the_residual_test_needs_no_samples(car, run, observations) -> None:
     baseline = learn(observations[:5], least_windows=5)
     assert baseline.residuals is not None
     assert baseline.residuals.n_windows == expected.n_windows
-    np.testing.assert_allclose(baseline.residuals.center, expected.center, rtol=1e-9)
+    np.testing.assert_allclose(baseline.residuals.mean, expected.mean, rtol=1e-9)
     last = run.part(0, run.n_samples // 5)
     tests = diagnose([one.without_segments() for one in observations], baseline).residual_tests
     assert tests.keys() == {one.time for one in observations}

@@ -46,9 +46,9 @@ def test_many_windows_give_their_own_scatter(ratio) -> None:
     usual = Scatter.usual(COMPONENTS, reported, with_temperature=True)
     learnt = usual.learnt(away, FreeDegrees(np.ones((2000, 1)), usual.whole, []))
     np.testing.assert_allclose(learnt.scales, ratio, rtol=0.06)
-    np.testing.assert_allclose(list(learnt.ends.values()), 0.03, rtol=0.1)
-    np.testing.assert_allclose(list(learnt.together.values()), 0.05, rtol=0.1)
+    np.testing.assert_allclose(list(learnt.front_rear_std.values()), 0.03, rtol=0.1)
+    np.testing.assert_allclose(list(learnt.common_std.values()), 0.05, rtol=0.1)
     np.testing.assert_allclose(np.diag(pairs @ learnt.whole @ pairs.T), np.diag(pairs @ truth @ pairs.T), rtol=0.1)
     unknown = Scatter.usual(COMPONENTS, reported, with_temperature=False)
     kept = unknown.learnt(away, FreeDegrees(np.ones((2000, 1)), usual.whole, []))
-    assert kept.together == unknown.together
+    assert kept.common_std == unknown.common_std

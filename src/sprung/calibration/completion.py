@@ -148,7 +148,7 @@ def calibrate(
     >>> settings = CalibrationSettings(corners, most_mounts=0, has_modes=False)
     >>> calibration = calibrate(drive, vehicle, settings=settings)
     >>> place = calibration.number("acc_fl.x")
-    >>> abs(place.value - place.given) < 2 * place.std, place.std < place.prior_std, calibration.is_better
+    >>> abs(place.value - place.nominal_value) < 2 * place.std, place.std < place.prior_std, calibration.is_better
     (True, True, False)
     """
     settings = settings or CalibrationSettings()
@@ -544,7 +544,7 @@ def _learnt(number: VehicleNumber, draft: Draft, parameter: float, std: float, *
         name=number.name,
         group=number.group,
         unit=number.unit,
-        given=None if is_new else given,
+        nominal_value=None if is_new else given,
         value=value,
         std=number.std_of_value(value, std),
         prior_std=number.std_of_value(given, number.std),
@@ -572,8 +572,9 @@ def completed(fit: JointFit) -> Vehicle:
 def _with_sources(vehicle: Vehicle, learnt: Sequence[CalibratedNumber], n_windows: int) -> Vehicle:
     """Return the vehicle file with a table of where the numbers that the drives determine come from."""
     drives = "one drive" if n_windows == 1 else f"{n_windows} windows of drives"
+    source = f"calibrated on {drives}"
     entries = [
-        LearntNumber(name=one.name, value=one.value, std=one.std, given=one.given, source=f"calibrated on {drives}")
+        LearntNumber(name=one.name, value=one.value, std=one.std, given=one.nominal_value, source=source)
         for one in learnt
         if one.is_identifiable
     ]

@@ -23,7 +23,7 @@ class CalibratedNumber:
         Kind of number: "components", "sides", "body", "wheels", "sensors", "mounted_masses", "modes", "speed".
     unit
         Unit of the values.
-    given
+    nominal_value
         Value of the file; None if the file lacks it.
     value, std
         Learnt value and its standard deviation.
@@ -37,7 +37,7 @@ class CalibratedNumber:
     name: str
     group: str
     unit: str
-    given: float | None
+    nominal_value: float | None
     value: float
     std: float
     prior_std: float

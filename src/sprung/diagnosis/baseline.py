@@ -45,7 +45,7 @@ class Baseline(Tabular, Savable):
         Mean covariance that the windows report, shape (components, components).
     slopes
         Change of the mean with one unit of each of `CONDITIONS`, shape (components, conditions).
-    middle
+    centre
         Median of each condition of the windows, where known.
     ranges
         Lowest and highest value of each condition of the windows, and of those of `LAYOUT_CONDITIONS`, where known.
@@ -55,7 +55,7 @@ class Baseline(Tabular, Savable):
     information
         Information about the mean and the slopes (the mean of all components first, then the slopes of all components
         with the first condition ...), shape ((1 + conditions) components, the same).
-    degrees
+    degrees_of_freedom
         Degrees of freedom of the scatter of windows in `covariance`.
     n_windows
         Number of windows that it was learnt from; 0: the vehicle file only.
@@ -67,7 +67,7 @@ class Baseline(Tabular, Savable):
         Reference of the subspace residual test; None: not learnt.
     model_error
         Median model error of the windows that it was learnt from, see `CornerFit`.
-    taught
+    learning_times
         Times of the windows that it was learnt from [s].
     vehicle_file
         Text of the vehicle file that a calibration completed, in terms of which the windows were observed; empty: the
@@ -87,18 +87,18 @@ class Baseline(Tabular, Savable):
     covariance: Real
     reported: Real
     slopes: Real
-    middle: dict[str, float]
+    centre: dict[str, float]
     ranges: dict[str, tuple[float, float]]
     nuisance: Real
     information: Real
-    degrees: float
+    degrees_of_freedom: float
     n_windows: int
     n_refused: int
     version: int
     reason: str
     residuals: ResidualReference | None = None
     model_error: float = 0.0
-    taught: tuple[float, ...] = ()
+    learning_times: tuple[float, ...] = ()
     vehicle_file: str = ""
     missing: tuple[str, ...] = ()
 
@@ -190,7 +190,7 @@ class Baseline(Tabular, Savable):
             return observation.covariance + self.nuisance
         own = np.sqrt(np.maximum(np.diag(observation.covariance) / np.diag(self.reported), 1.0))
         covariance = self.covariance * np.outer(own, own) + self.nuisance
-        if "temperature" in self.middle and "temperature" not in observation.conditions:
+        if "temperature" in self.centre and "temperature" not in observation.conditions:
             covariance = covariance + usual_nuisance(self.components, USUAL_ENDS)
         return np.asarray(covariance, dtype=np.float64)
 
@@ -199,7 +199,7 @@ class Baseline(Tabular, Savable):
 
         An unknown condition is 0.
         """
-        return units_of(observation, self.middle)
+        return units_of(observation, self.centre)
 
 
 def vehicle_of(observations: Iterable[Observation]) -> str:
@@ -239,25 +239,25 @@ def slope_covariances(components: tuple[Component, ...]) -> list[Real]:
     return [_SLOPE**2 * own + _SLOPES_TOGETHER[name] ** 2 * alike for name in CONDITIONS]
 
 
-def units_of(observation: Observation, middle: dict[str, float]) -> Real:
+def units_of(observation: Observation, centre: dict[str, float]) -> Real:
     """Return the conditions of a window in units of `CONDITIONS` away from a middle, at most 5, shape (conditions,).
 
     Parameters
     ----------
     observation
         Window with its conditions; one that is unknown is 0.
-    middle
+    centre
         Value of each condition in the middle, where known.
     """
     units = []
     for name, unit in CONDITIONS.items():
         value = observation.conditions.get(name)
-        if value is None or name not in middle:
+        if value is None or name not in centre:
             units.append(0.0)
         elif name == "roughness":
-            units.append(float(np.log(value / middle[name])) / unit)
+            units.append(float(np.log(value / centre[name])) / unit)
         else:
-            units.append((value - middle[name]) / unit)
+            units.append((value - centre[name]) / unit)
     return np.asarray(np.clip(np.array(units), -5.0, 5.0), dtype=np.float64)
 
 

@@ -181,7 +181,6 @@ class ChangeDetector:
         self._baseline, self._false_alarms, self._n_windows = baseline, false_alarms, n_windows
         self._threshold = float(np.log(windows_per_day / false_alarms))
         self._hypotheses = Hypotheses.of(baseline.components)
-        self._start = baseline.information
         self._observations: list[Observation] = []
         self._compared: list[Compared] = []
         self._evidence: list[float] = []
@@ -326,7 +325,8 @@ class ChangeDetector:
 
     def _table_of(self, end: int) -> Ratios:
         """Return the likelihood ratios of the first `end` windows compared."""
-        return ratios_of(scores_of(self._compared[:end], self._start, self._baseline.degrees), self._hypotheses)
+        scores = scores_of(self._compared[:end], self._baseline.information, self._baseline.degrees_of_freedom)
+        return ratios_of(scores, self._hypotheses)
 
     def _sum(self, table: Ratios) -> float:
         """Return ln of the e-detector."""

@@ -171,7 +171,7 @@ def detectable(
         units=np.eye(1 + len(CONDITIONS))[0],
         information=np.asarray(np.linalg.inv(baseline.covariance + baseline.nuisance), dtype=np.float64),
     )
-    scores = scores_of([usual] * n_windows, baseline.information, baseline.degrees)
+    scores = scores_of([usual] * n_windows, baseline.information, baseline.degrees_of_freedom)
     threshold = float(np.log(windows_per_day / false_alarms))
     hypotheses = Hypotheses.of(baseline.components)
     # Windows as certain as those of the baseline add one variance for each of their degrees of freedom.

@@ -148,18 +148,18 @@ def learn(
         covariance=estimate.covariance,
         reported=estimate.reported,
         slopes=estimate.slopes,
-        middle=estimate.middle,
+        centre=estimate.centre,
         ranges=ranges(common),
         nuisance=estimate.nuisance,
         information=estimate.information,
-        degrees=estimate.degrees,
+        degrees_of_freedom=estimate.degrees_of_freedom,
         n_windows=len(common),
         n_refused=len(every) - len(common),
         version=1 if previous is None else previous.version + 1,
         reason=reason,
         residuals=_residual_reference(common),
         model_error=float(np.median([window.conditions.get("model_error", 0.0) for window in common])),
-        taught=tuple(sorted(observation.time for observation in common)),
+        learning_times=tuple(sorted(observation.time for observation in common)),
         missing=common[0].missing,
     )
 
@@ -169,30 +169,30 @@ class _Estimate:
     """Estimate of the normal state from windows; equations as in `learn`, fields as in `Baseline`."""
 
     components: tuple[Component, ...]
-    middle: dict[str, float]
+    centre: dict[str, float]
     mean: Real
     slopes: Real
     covariance: Real
     reported: Real
     nuisance: Real
     information: Real
-    degrees: float
+    degrees_of_freedom: float
 
     @classmethod
     def of(cls, observations: Sequence[Observation], of_type: TypeBaseline | None) -> "_Estimate":
         """Return the estimate from windows with the same components, and what is known of the vehicle's type."""
         components = observations[0].components
-        middle = medians(observations) if of_type is None else dict(of_type.middle)
+        middle = medians(observations) if of_type is None else dict(of_type.centre)
         values = np.array([observation.log_ratios for observation in observations])
         reported = np.mean([observation.covariance for observation in observations], axis=0)
         rows = np.array([np.concatenate([[1.0], units_of(observation, middle)]) for observation in observations])
-        is_warm = all("temperature" in observation.conditions for observation in observations)
+        has_temperature = all("temperature" in observation.conditions for observation in observations)
         if of_type is None:
             prior, centre = prior_information(components, np.zeros_like(reported)), None
-            usual = Scatter.usual(components, reported, with_temperature=is_warm)
+            usual = Scatter.usual(components, reported, with_temperature=has_temperature)
         else:
             prior, centre = of_type.information, np.vstack([of_type.mean, of_type.slopes.T])
-            usual = of_type.scatter(reported, with_temperature=is_warm)
+            usual = of_type.scatter(reported, with_temperature=has_temperature)
         scatter = usual
         for _ in range(ROUNDS):
             coefficients, _ = regression(rows, values, scatter.whole, prior, centre)
@@ -204,19 +204,19 @@ class _Estimate:
         _, information = regression(rows, values, scatter.whole, prior, centre)
         return cls(
             components=components,
-            middle=middle,
+            centre=middle,
             mean=coefficients[0],
             slopes=coefficients[1:].T,
             covariance=scatter.covariance,
             reported=reported,
             nuisance=scatter.nuisance,
             information=information,
-            degrees=scatter.degrees,
+            degrees_of_freedom=scatter.degrees_of_freedom,
         )
 
     def distance(self, observation: Observation) -> float:
         """Return the squared Mahalanobis distance of a window from the prediction for its conditions."""
-        row = np.concatenate([[1.0], units_of(observation, self.middle)])
+        row = np.concatenate([[1.0], units_of(observation, self.centre)])
         away = observation.log_ratios - self.mean - self.slopes @ row[1:]
         seen = np.kron(row, np.eye(len(away)))
         doubt = seen @ np.linalg.solve(self.information, seen.T)
@@ -231,7 +231,7 @@ def _is_like(
 
     estimate = _Estimate.of(others, of_type)
     size = len(estimate.components)
-    return estimate.distance(observation) <= size * stats.f.isf(chance, size, estimate.degrees)
+    return estimate.distance(observation) <= size * stats.f.isf(chance, size, estimate.degrees_of_freedom)
 
 
 def _residual_reference(observations: Sequence[Observation]) -> ResidualReference | None:

@@ -101,7 +101,7 @@ class ResidualReference:
         directions).
     whitening
         Matrix that maps residuals to unit covariance in one segment, shape (directions, residuals).
-    center, scatter, n_windows
+    mean, scatter, n_windows
         Mean and standard deviation of ln statistic over the windows that it was learnt from, and their number.
     """
 
@@ -110,7 +110,7 @@ class ResidualReference:
     segment: float
     null_space: Real
     whitening: Real
-    center: float
+    mean: float
     scatter: float
     n_windows: int
 
@@ -256,14 +256,14 @@ def learn_reference(windows: Sequence[ResidualStatistics]) -> ResidualReference:
             break
         del matrices[worst]
     # The mean of the others, which the null space removes, adds 1 / (n - 1) to the variance, that of all 1 / n.
-    center = float(logs.mean() + np.log(1 - len(logs) ** -2.0))
+    mean = float(logs.mean() + np.log(1 - len(logs) ** -2.0))
     return ResidualReference(
         first.channels,
         first.sampling_rate,
         first.segment,
         null_space,
         whitening,
-        center,
+        mean,
         _scatter(logs, least),
         len(logs),
     )
@@ -315,7 +315,7 @@ def residual_test(reference: ResidualReference, window: ResidualStatistics) -> R
     residual = _residuals(_hankel(window.mean)[None], reference.null_space)[0]
     statistic = _statistic(residual, window.n_segments, reference.whitening)
     spread = reference.scatter * np.sqrt(1 + 1 / reference.n_windows)
-    score = (np.log(statistic) - reference.center) / spread
+    score = (np.log(statistic) - reference.mean) / spread
     return ResidualTest(statistic, float(stdtr(reference.n_windows - 1, -score)))
 
 

@@ -136,21 +136,21 @@ class Scatter:
         Mean covariance that windows report, shape (components, components).
     scales
         Standard deviation of each component over the reported one, shape (components,).
-    ends, together
+    front_rear_std, common_std
         Standard deviation of front against rear and of all components of each kind, beyond what the fits explain.
-    is_warm
+    has_temperature
         Whether the temperature of every window is known, so that common changes can be learnt.
-    degrees
+    degrees_of_freedom
         Degrees of freedom of all pairs together; as the start of an estimate, their weight in it.
     """
 
     components: tuple[Component, ...]
     reported: Real
     scales: Real
-    ends: dict[str, float]
-    together: dict[str, float]
-    is_warm: bool
-    degrees: float = _REPORTED
+    front_rear_std: dict[str, float]
+    common_std: dict[str, float]
+    has_temperature: bool
+    degrees_of_freedom: float = _REPORTED
 
     @classmethod
     def usual(cls, components: tuple[Component, ...], reported: Real, *, with_temperature: bool) -> "Scatter":
@@ -169,7 +169,7 @@ class Scatter:
     @property
     def nuisance(self) -> Real:
         """Covariance of common changes."""
-        return usual_nuisance(self.components, self.ends, self.together)
+        return usual_nuisance(self.components, self.front_rear_std, self.common_std)
 
     @property
     def whole(self) -> Real:
@@ -191,24 +191,26 @@ class Scatter:
         pairs, ends, together = directions(self.components)
         squares = np.sum((away @ pairs.T) ** 2, axis=0) / np.diag(pairs @ self.covariance @ pairs.T)
         left = np.array([free.of(row) for row in pairs])
-        degrees = float(np.sum(left)) + self.degrees
-        common = (float(np.sum(squares)) + self.degrees) / degrees
-        weight = _OF_PAIRS + self.degrees / max(len(pairs), 1)
+        degrees = float(np.sum(left)) + self.degrees_of_freedom
+        common = (float(np.sum(squares)) + self.degrees_of_freedom) / degrees
+        weight = _OF_PAIRS + self.degrees_of_freedom / max(len(pairs), 1)
         own = (squares + weight * common) / (left + weight)
         if is_widened:
             own = own * _widening(left + weight, degrees)
-        scaled = replace(self, scales=self.scales * np.sqrt(pairs.T**2 @ own), degrees=degrees)
+        scaled = replace(self, scales=self.scales * np.sqrt(pairs.T**2 @ own), degrees_of_freedom=degrees)
         scaled = replace(
             scaled,
-            ends=scaled._beyond_chance(away, free, ends, weight=_OF_ENDS, usual=self.ends, is_widened=is_widened),
+            front_rear_std=scaled._beyond_chance(
+                away, free, ends, weight=_OF_ENDS, usual=self.front_rear_std, is_widened=is_widened
+            ),
         )
-        if not self.is_warm:
+        if not self.has_temperature:
             return scaled
         means = together / together.sum(axis=1, keepdims=True)
         common_changes = scaled._beyond_chance(
-            away, free, means, weight=_OF_ALL, usual=self.together, is_widened=is_widened
+            away, free, means, weight=_OF_ALL, usual=self.common_std, is_widened=is_widened
         )
-        return replace(scaled, together=common_changes)
+        return replace(scaled, common_std=common_changes)
 
     def _beyond_chance(
         self,
@@ -234,7 +236,7 @@ class Scatter:
             chance = float(np.mean(np.diag(of_kind @ self.covariance @ of_kind.T)))
             share = left / (left + weight)
             variance = share * max(0.0, own - chance) + (1 - share) * usual[kind] ** 2
-            widening = float(_widening(len(of_kind) * (left + weight), self.degrees)) if is_widened else 1.0
+            widening = float(_widening(len(of_kind) * (left + weight), self.degrees_of_freedom)) if is_widened else 1.0
             stds[kind] = float(np.sqrt(variance * widening))
         return stds
 

@@ -165,7 +165,7 @@ def _lines(candidate: Candidate, windows: Sequence[Compared], baseline: Baseline
     estimate = covariance @ pull
     away = [w.residual - x @ estimate for x, w in zip(columns, windows, strict=True)]
     squares = float(sum(w.residual @ w.information @ w.residual for w in windows) - pull @ estimate)
-    variance = (baseline.degrees + squares) / (baseline.degrees + len(windows) * len(identity))
+    variance = (baseline.degrees_of_freedom + squares) / (baseline.degrees_of_freedom + len(windows) * len(identity))
     count = len(directions)
     result = []
     for k, direction in enumerate(directions):

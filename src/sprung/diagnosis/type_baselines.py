@@ -63,14 +63,14 @@ class TypeBaseline(Savable):
         Mean over vehicles of ln(value / nominal value) at the middle of the conditions, shape (components,).
     between
         Covariance of vehicles about that mean, shape (components, components).
-    slopes, middle, ranges
+    slopes, centre, ranges
         Dependence on conditions, as in `Baseline`.
-    scales, ends, together
+    scales, front_rear_std, common_std
         Scatter of windows of one vehicle: standard deviations of components over the reported ones, and of front
         against rear and of all components of each kind beyond them.
-    is_warm
+    has_temperature
         Whether the temperature of all windows was known.
-    degrees
+    degrees_of_freedom
         Degrees of freedom of the scatter of windows.
     n_vehicles, n_windows
         Numbers of vehicles and windows that it was learnt from; 0: makers' scatter only.
@@ -86,13 +86,13 @@ class TypeBaseline(Savable):
     mean: Real
     between: Real
     slopes: Real
-    middle: dict[str, float]
+    centre: dict[str, float]
     ranges: dict[str, tuple[float, float]]
     scales: Real
-    ends: dict[str, float]
-    together: dict[str, float]
-    is_warm: bool
-    degrees: float
+    front_rear_std: dict[str, float]
+    common_std: dict[str, float]
+    has_temperature: bool
+    degrees_of_freedom: float
     n_vehicles: int
     n_windows: int
 
@@ -125,9 +125,9 @@ class TypeBaseline(Savable):
         usual = Scatter.usual(self.components, reported, with_temperature=with_temperature)
         if not self.n_vehicles:
             return usual
-        together = self.together if with_temperature and self.is_warm else usual.together
-        is_warm, degrees = with_temperature and self.is_warm, min(self.degrees, _OF_TYPE)
-        return Scatter(self.components, reported, self.scales, self.ends, together, is_warm, degrees)
+        together = self.common_std if with_temperature and self.has_temperature else usual.common_std
+        has_temperature, degrees = with_temperature and self.has_temperature, min(self.degrees_of_freedom, _OF_TYPE)
+        return Scatter(self.components, reported, self.scales, self.front_rear_std, together, has_temperature, degrees)
 
     def baseline(self, observations: Sequence[Observation], *, widening: float = 1.0) -> Baseline:
         """Return the baseline of a vehicle of the type before any window of its own.
@@ -148,11 +148,11 @@ class TypeBaseline(Savable):
             covariance=scatter.covariance,
             reported=reported,
             slopes=self.slopes,
-            middle=self.middle,
+            centre=self.centre,
             ranges=self.ranges,
             nuisance=scatter.nuisance,
             information=self._information(widening),
-            degrees=max(scatter.degrees, 2.0 * len(directions(self.components)[0])),
+            degrees_of_freedom=max(scatter.degrees_of_freedom, 2.0 * len(directions(self.components)[0])),
             n_windows=self.n_windows,
             n_refused=0,
             version=0,
@@ -196,13 +196,13 @@ def nominal_type(components: tuple[Component, ...], *, name: str) -> TypeBaselin
         mean=np.zeros(len(components)),
         between=_between(components, {kind: _makers(kind) for kind in kinds}, *wide),
         slopes=np.zeros((len(components), len(CONDITIONS))),
-        middle={},
+        centre={},
         ranges={},
         scales=usual.scales,
-        ends=usual.ends,
-        together=usual.together,
-        is_warm=False,
-        degrees=usual.degrees,
+        front_rear_std=usual.front_rear_std,
+        common_std=usual.common_std,
+        has_temperature=False,
+        degrees_of_freedom=usual.degrees_of_freedom,
         n_vehicles=0,
         n_windows=0,
     )
@@ -274,7 +274,7 @@ class Fleet:
     """Windows of vehicles: slopes and scatter within them, and the mean of each with its number of windows."""
 
     components: tuple[Component, ...]
-    middle: dict[str, float]
+    centre: dict[str, float]
     slopes: Real
     scatter: Scatter
     ranges: dict[str, tuple[float, float]]
@@ -333,13 +333,13 @@ class Fleet:
             mean=np.linalg.lstsq(rows, along)[0],
             between=_between(self.components, *stds),
             slopes=self.slopes,
-            middle=self.middle,
+            centre=self.centre,
             ranges=self.ranges,
             scales=self.scatter.scales,
-            ends=self.scatter.ends,
-            together=self.scatter.together,
-            is_warm=self.scatter.is_warm,
-            degrees=self.scatter.degrees,
+            front_rear_std=self.scatter.front_rear_std,
+            common_std=self.scatter.common_std,
+            has_temperature=self.scatter.has_temperature,
+            degrees_of_freedom=self.scatter.degrees_of_freedom,
             n_vehicles=len(chosen),
             n_windows=sum(self.counts[vehicle] for vehicle in chosen),
         )

@@ -364,7 +364,7 @@ def _mean_residual(of_type: TypeBaseline, windows: Sequence[Observation]) -> tup
     free = max((len(away) - 1) * len(pairs), 1)
     excess = max(1.0, float(np.sum(scatter**2 / np.diag(pairs @ own @ pairs.T))) / free)
     covariance = excess * own / len(away)
-    if not (of_type.is_warm and has_temperature(windows)):
+    if not (of_type.has_temperature and has_temperature(windows)):
         no_ends = dict.fromkeys(kinds_of(ends, baseline.components), 0.0)
         covariance = covariance + usual_nuisance(baseline.components, no_ends or USUAL_ENDS)
     for beyond, slope in zip(_beyond(of_type, baseline, windows), slope_covariances(baseline.components), strict=True):

@@ -73,7 +73,16 @@ def without_times(value):
             name: without_times(own)
             for name, own in value.items()
             if name
-            not in {"time", "times", "since", "since_interval", "onset", "onset_interval", "first_alert", "taught"}
+            not in {
+                "time",
+                "times",
+                "since",
+                "since_interval",
+                "onset",
+                "onset_interval",
+                "first_alert",
+                "learning_times",
+            }
         }
     return [without_times(own) for own in value] if isinstance(value, list) else value
 

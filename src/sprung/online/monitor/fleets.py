@@ -169,11 +169,11 @@ def _normal_windows(store: Store, vehicle: str) -> list[Observation]:
     baselines = store.results.baselines(vehicle)
     if _is_calibrated(baselines):
         return []
-    taught = baselines[-1].document.get("taught", []) if baselines else []
-    if not taught:
+    learning_times = baselines[-1].document.get("learning_times", []) if baselines else []
+    if not learning_times:
         return _last_windows(store, vehicle)
-    since, until = (round(1e9 * end) for end in (min(taught) - 1, max(taught) + 1))
-    times = set(taught)
+    since, until = (round(1e9 * end) for end in (min(learning_times) - 1, max(learning_times) + 1))
+    times = set(learning_times)
     every = _observations(store.results.observations(vehicle, since=since, until=until))
     return [observation for observation in every if observation.time in times]
 

@@ -37,12 +37,12 @@ def history_of(store: Store, vehicle: str, *, most_windows: int) -> History:
     if not baselines:
         return History(n_windows=n_windows, n_identified=n_identified)
     baseline = baselines[-1].document
-    taught = max(baseline.get("taught") or [float("inf")])
+    learning_times = max(baseline.get("learning_times") or [float("inf")])
     documents = [entry.document for entry in results.observations(vehicle, limit=most_windows)]
     status = results.status(vehicle) or {}
     return History(
         baseline,
-        tuple(document for document in documents if document["time"] > taught),
+        tuple(document for document in documents if document["time"] > learning_times),
         n_windows,
         n_identified,
         _last_reason(store, vehicle) if status.get("is_learning") else "",

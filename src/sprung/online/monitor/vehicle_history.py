@@ -126,7 +126,7 @@ class VehicleHistory:
     def baseline_of(self, window: Observation) -> Baseline | None:
         """Return the baseline that a window is compared with: the last one whose learning had begun, or the first."""
         readable = [baseline for _, baseline in self.baselines if baseline is not None]
-        begun = [baseline for baseline in readable if not baseline.taught or min(baseline.taught) <= window.time]
+        begun = [one for one in readable if not one.learning_times or min(one.learning_times) <= window.time]
         return begun[-1] if begun else readable[0] if readable else None
 
     def deviations(self) -> "Deviations | None":
@@ -239,7 +239,8 @@ def _baselines(store: Store, vehicle: str, period: Period) -> list[tuple[Baselin
     return [
         (row, baseline)
         for row, baseline in read
-        if until is None or (1e9 * min(baseline.taught) if baseline and baseline.taught else row.created) <= until
+        if until is None
+        or (1e9 * min(baseline.learning_times) if baseline and baseline.learning_times else row.created) <= until
     ]
 
 

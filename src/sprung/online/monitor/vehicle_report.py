@@ -160,7 +160,9 @@ def _trend_section(history: VehicleHistory) -> Section:
                 for alert in history.alerts
                 for begin, stop in alert.spans
             ],
-            baselines=[round(1e9 * min(own.taught)) for _, own in history.baselines[1:] if own and own.taught],
+            baselines=[
+                round(1e9 * min(own.learning_times)) for _, own in history.baselines[1:] if own and own.learning_times
+            ],
         )
         blocks.append(_picture(figure, "Every part over time. A new baseline sets the change back to zero."))
     modes = _modes_over_time(history)
