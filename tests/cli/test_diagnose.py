@@ -135,7 +135,7 @@ def test_excluded_windows_are_explained(sprung, baseline, tmp_path):
     write(run.recording, tmp_path / "engine.parquet")
     outcome = sprung("diagnose", tmp_path / "engine.parquet", "--vehicle", "zafira", "--json", "-")
     assert outcome.code == 3
-    reason = "1 of 1 windows are explained too poorly to be compared with the vehicle file: learn a baseline"
+    reason = "the model fits 1 of 1 windows too poorly for a comparison with the vehicle file: learn a baseline"
     assert f"no window was usable: {reason}" in outcome.err
     assert reason in outcome.document()["notes"]
     # Windows with other components than the baseline's.

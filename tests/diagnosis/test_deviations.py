@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import learn
-from sprung.diagnosis.baseline import mean_deviation, usual_std
+from sprung.diagnosis.baseline import mean_deviation, typical_std
 from sprung.errors import ParameterError
 
 
@@ -16,7 +16,7 @@ def test_mean_and_deviations_are_those_of_the_windows(healthy) -> None:
     by_chance = np.diag(baseline.covariance) * (1 / 18 + 1 / 12)
     np.testing.assert_allclose(mean.std_by_chance**2, by_chance)
     np.testing.assert_allclose(mean.std**2, by_chance + np.diag(baseline.nuisance))
-    np.testing.assert_allclose(usual_std(baseline) ** 2, np.diag(baseline.covariance + baseline.nuisance))
+    np.testing.assert_allclose(typical_std(baseline) ** 2, np.diag(baseline.covariance + baseline.nuisance))
     assert (mean.components, mean.n_windows) == (baseline.components, 18)
     assert np.all(np.abs(mean.log_ratios) < 3 * mean.std)
 

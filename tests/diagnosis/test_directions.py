@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sprung.diagnosis.scatter import directions, kinds_of, usual_nuisance
+from sprung.diagnosis.scatter import directions, kinds_of, typical_nuisance
 from sprung.vehicles import Component
 
 
@@ -26,7 +26,7 @@ def test_kinds_with_different_numbers_of_axles() -> None:
     some = components(*SPRINGS, "front_left.damper", "front_right.damper")
     _, ends, _ = directions(some)
     assert kinds_of(ends, some) == ["spring"]
-    nuisance = usual_nuisance(some, {"spring": 0.008, "damper": 0.012})
+    nuisance = typical_nuisance(some, {"spring": 0.008, "damper": 0.012})
     assert nuisance[4, 5] == pytest.approx(0.25**2)  # all dampers together
     assert nuisance[0, 2] == pytest.approx(0.08**2 - (0.008 / 2) ** 2)  # together, and against each other
     assert np.linalg.eigvalsh(nuisance).min() > -1e-12

@@ -43,12 +43,12 @@ def test_many_windows_give_their_own_scatter(ratio) -> None:
     pairs, ends, together = directions(COMPONENTS)
     truth = ratio**2 * reported + 0.03**2 * ends.T @ ends + 0.05**2 * together.T @ together
     away = generator.standard_normal((2000, 12)) @ np.linalg.cholesky(truth).T
-    usual = Scatter.usual(COMPONENTS, reported, with_temperature=True)
+    usual = Scatter.typical(COMPONENTS, reported, with_temperature=True)
     learnt = usual.learnt(away, FreeDegrees(np.ones((2000, 1)), usual.whole, []))
     np.testing.assert_allclose(learnt.scales, ratio, rtol=0.06)
     np.testing.assert_allclose(list(learnt.front_rear_std.values()), 0.03, rtol=0.1)
     np.testing.assert_allclose(list(learnt.common_std.values()), 0.05, rtol=0.1)
     np.testing.assert_allclose(np.diag(pairs @ learnt.whole @ pairs.T), np.diag(pairs @ truth @ pairs.T), rtol=0.1)
-    unknown = Scatter.usual(COMPONENTS, reported, with_temperature=False)
+    unknown = Scatter.typical(COMPONENTS, reported, with_temperature=False)
     kept = unknown.learnt(away, FreeDegrees(np.ones((2000, 1)), usual.whole, []))
     assert kept.common_std == unknown.common_std

@@ -7,7 +7,7 @@ from functools import partial
 from sprung.calibration.draft import Draft, VehicleNumber
 from sprung.vehicles import Component, Vehicle, corner_names
 
-#: Standard deviations of ln(value / given value): a corner over its axle (makers' tolerances), wheels, inertias,
+#: Standard deviations of ln(value / given value): a corner over its axle (manufacturing tolerances), wheels, inertias,
 #: anti-roll bars, gains of sensors; mounted masses: mass, frequency, damping.
 _SIDE, _WHEEL, _INERTIA, _BAR, _GAIN = 0.05, 0.07, 0.1, 0.3, 0.03
 _MOUNTED = {"mass": 0.3, "frequency": 0.15, "damping_ratio": 0.5}

@@ -23,7 +23,7 @@ from sprung.likelihood import (
 from sprung.likelihood.fitting import FitSetup
 from sprung.likelihood.spectra import delayed_speeds, segment_speeds, steady_segments
 from sprung.likelihood.speed_delay import DELAYS, speed_delay
-from sprung.likelihood.vehicle import Kind, usual_choices, with_sensors
+from sprung.likelihood.vehicle import Kind, default_choices, with_sensors
 from sprung.vehicles import Vehicle, structure
 from sprung.vehicles.window import Window
 
@@ -88,7 +88,7 @@ def window_spectra(window: Window, settings: CornerSettings) -> WindowSpectra:
         )
     motion = window.motion
     layout, rigid = window_layouts(window.vehicle, motion.names)
-    band, length = usual_choices(window.vehicle, window.structure, settings, motion.sampling_rate)
+    band, length = default_choices(window.vehicle, window.structure, settings, motion.sampling_rate)
     segments = segment_spectra([motion], layout, speed=None, band=band, segment_length=length)
     if kind == "rig" or window.speed is None:
         return WindowSpectra(segments, layout, rigid, kind)

@@ -11,7 +11,7 @@ from sprung._checks import freeze, frozen_array
 from sprung._display import Savable, Tabular, counted, in_short, listed
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import ResidualReference
-from sprung.diagnosis.scatter import USUAL_ENDS, directions, usual_nuisance
+from sprung.diagnosis.scatter import FRONT_REAR_STD, directions, typical_nuisance
 from sprung.errors import ParameterError
 from sprung.vehicles import Component
 
@@ -106,11 +106,7 @@ class Baseline(Tabular, Savable):
         size, more = len(self.components), 1 + len(CONDITIONS)
         square, every = (size, size), (size * more, size * more)
         shapes = {"mean": (size,), "covariance": square, "reported": square, "nuisance": square}
-        for name, shape in (shapes | {"slopes": (size, more - 1), "information": every}).items():
-            values = frozen_array(name, getattr(self, name), ndim=len(shape))
-            if values.shape != shape or not np.all(np.isfinite(values)):
-                raise ParameterError(f"{name} of a baseline must be {shape} finite numbers: learn it again")
-            object.__setattr__(self, name, values)
+        freeze_shapes(self, "a baseline", **shapes, slopes=(size, more - 1), information=every)
 
     def __repr__(self) -> str:
         """Return the vehicle, the learning, the conditions and limits."""
@@ -130,8 +126,8 @@ class Baseline(Tabular, Savable):
         """Limits of the baseline, one sentence each."""
         if self.n_windows == 0:
             return (
-                "no baseline: left is compared with right by makers' scatter (standard deviation 4 % for springs, 5 % "
-                "for dampers, 3 % for tyres); a change of both sides of an axle alike is not found",
+                "no baseline: left is compared with right by production scatter (standard deviation 4 % for springs, "
+                "5 % for dampers, 3 % for tyres); a change of both sides of an axle alike is not found",
             )
         if self.version == 0:
             return (f"no baseline of the vehicle itself: compared with {self.reason}",)
@@ -150,7 +146,7 @@ class Baseline(Tabular, Savable):
         )
 
     def accepts(self, observation: Observation) -> bool:
-        """Return whether a window can be compared: conclusive, from sound sensors, with the same components.
+        """Return whether a window can be compared: conclusive, from valid sensors, with the same components.
 
         The effect of a failing sensor on a fit is unknown. Without a learnt baseline, the vehicle file must also
         explain the window well.
@@ -191,7 +187,7 @@ class Baseline(Tabular, Savable):
         own = np.sqrt(np.maximum(np.diag(observation.covariance) / np.diag(self.reported), 1.0))
         covariance = self.covariance * np.outer(own, own) + self.nuisance
         if "temperature" in self.centre and "temperature" not in observation.conditions:
-            covariance = covariance + usual_nuisance(self.components, USUAL_ENDS)
+            covariance = covariance + typical_nuisance(self.components, FRONT_REAR_STD)
         return np.asarray(covariance, dtype=np.float64)
 
     def units(self, observation: Observation) -> Real:
@@ -200,6 +196,15 @@ class Baseline(Tabular, Savable):
         An unknown condition is 0.
         """
         return units_of(observation, self.centre)
+
+
+def freeze_shapes(value: object, what: str, **shapes: tuple[int, ...]) -> None:
+    """Make arrays of a value read-only; a message refuses those of another shape, or that are not finite."""
+    for name, shape in shapes.items():
+        array = frozen_array(name, getattr(value, name), ndim=len(shape))
+        if array.shape != shape or not np.all(np.isfinite(array)):
+            raise ParameterError(f"{name} of {what} must be {shape} finite numbers: learn it again")
+        object.__setattr__(value, name, array)
 
 
 def vehicle_of(observations: Iterable[Observation]) -> str:
@@ -338,7 +343,7 @@ def mean_deviation(baseline: Baseline, observations: Sequence[Observation]) -> M
     return MeanDeviation(baseline.components, mean, np.sqrt(np.diag(whole)), np.sqrt(np.diag(by_chance)), count)
 
 
-def usual_std(baseline: Baseline) -> Real:
+def typical_std(baseline: Baseline) -> Real:
     """Return the standard deviation of single windows about a baseline, ln values, shape (components,)."""
     return np.sqrt(np.diag(baseline.covariance + baseline.nuisance + _between(baseline)))
 

@@ -300,9 +300,9 @@ def mode_changes(
         if component.kind == finding.component and finding.corner in {component.corner, component.axle, "all"}:
             after[component] = before.get(component, 1.0) * (1 + finding.change)
     healthy, changed = (nominal.changed(factors).modes() for factors in (before, after))
-    sound = [window for window in observations if window.is_conclusive and not window.sensor_faults]
-    earlier = [window for window in sound if window.time < finding.since]
-    later = [window for window in sound if window.time >= finding.since]
+    valid = [window for window in observations if window.is_conclusive and not window.sensor_faults]
+    earlier = [window for window in valid if window.time < finding.since]
+    later = [window for window in valid if window.time >= finding.since]
     changes = []
     for label in (label for label in MOTIONS if label in healthy.labels):
         row = healthy.labels.index(label)

@@ -15,10 +15,10 @@ from sprung.vehicles import Component
 #: temperature is unknown; that which is left where it is known; and that of front against rear, in ln values.
 COMMON = {"spring": 0.08, "damper": 0.25, "tyre": 0.06}
 COMMON_AT_A_TEMPERATURE = {"spring": 0.04, "damper": 0.06, "tyre": 0.03}
-USUAL_ENDS = {"spring": 0.008, "damper": 0.012, "tyre": 0.005}
+FRONT_REAR_STD = {"spring": 0.008, "damper": 0.012, "tyre": 0.005}
 
 
-def usual_nuisance(
+def typical_nuisance(
     components: tuple[Component, ...], ends: dict[str, float], together: dict[str, float] | None = None
 ) -> Real:
     """Return the covariance of the common changes of components from window to window.
@@ -153,11 +153,11 @@ class Scatter:
     degrees_of_freedom: float = _REPORTED
 
     @classmethod
-    def usual(cls, components: tuple[Component, ...], reported: Real, *, with_temperature: bool) -> "Scatter":
+    def typical(cls, components: tuple[Component, ...], reported: Real, *, with_temperature: bool) -> "Scatter":
         """Return the scatter as windows report it, with the usual common changes."""
         kinds = {component.kind for component in components}
         common = COMMON_AT_A_TEMPERATURE if with_temperature else COMMON
-        ends = {kind: USUAL_ENDS.get(kind, 0.02) for kind in kinds}
+        ends = {kind: FRONT_REAR_STD.get(kind, 0.02) for kind in kinds}
         together = {kind: common.get(kind, 0.2) for kind in kinds}
         return cls(components, reported, np.ones(len(components)), ends, together, with_temperature)
 
@@ -169,7 +169,7 @@ class Scatter:
     @property
     def nuisance(self) -> Real:
         """Covariance of common changes."""
-        return usual_nuisance(self.components, self.front_rear_std, self.common_std)
+        return typical_nuisance(self.components, self.front_rear_std, self.common_std)
 
     @property
     def whole(self) -> Real:

@@ -8,11 +8,12 @@ from scipy import stats
 from scipy.linalg import block_diag
 
 from sprung._arrays import Real
-from sprung._checks import check_each, check_type, frozen_array
+from sprung._checks import check_each, check_type
 from sprung._display import Savable, counted, in_short
 from sprung.diagnosis.baseline import (
     CONDITIONS,
     Baseline,
+    freeze_shapes,
     medians,
     prior_information,
     ranges,
@@ -22,27 +23,27 @@ from sprung.diagnosis.baseline import (
 )
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.scatter import (
+    FRONT_REAR_STD,
     ROUNDS,
-    USUAL_ENDS,
     FreeDegrees,
     Scatter,
     directions,
     kinds_of,
     regression,
-    usual_nuisance,
+    typical_nuisance,
 )
-from sprung.errors import DataError, ParameterError
+from sprung.errors import DataError
 from sprung.vehicles import Component
 
-#: Makers' scatter: standard deviation of ln(left / right) of sound parts of each kind; also of an axle, and of all
+#: Production scatter: standard deviation of ln(left / right) of healthy parts of each kind; also of an axle, and of all
 #: corners, from vehicle to vehicle of a type.
-MAKERS = {"spring": 0.04, "damper": 0.05, "tyre": 0.03}
+PRODUCTION_SCATTER = {"spring": 0.04, "damper": 0.05, "tyre": 0.03}
 #: Standard deviation of front against rear and of all of a kind about the vehicle file.
 _FILE_ENDS, _FILE_ALL = 0.15, 0.25
 #: Smallest number of vehicles of a type.
-LEAST_VEHICLES = 4
-#: Weight of makers' scatter in vehicles; largest weight of the scatter of a type's windows, in degrees of freedom.
-OF_MAKERS, _OF_TYPE = 4.0, 48.0
+MIN_VEHICLES = 4
+#: Weight of production scatter in vehicles; largest weight of the scatter of a type's windows, in degrees of freedom.
+PRODUCTION_VEHICLES, _OF_TYPE = 4.0, 48.0
 #: Information about the slopes of a vehicle when those of its type are known, over the usual one.
 _OF_SLOPES = 25.0
 #: Clipping of Huber's proposal 2 in standard deviations, and its rounds.
@@ -73,7 +74,7 @@ class TypeBaseline(Savable):
     degrees_of_freedom
         Degrees of freedom of the scatter of windows.
     n_vehicles, n_windows
-        Numbers of vehicles and windows that it was learnt from; 0: makers' scatter only.
+        Numbers of vehicles and windows that it was learnt from; 0: production scatter only.
 
     Raises
     ------
@@ -99,11 +100,7 @@ class TypeBaseline(Savable):
     def __post_init__(self) -> None:
         size = len(self.components)
         shapes = {"mean": (size,), "between": (size, size), "slopes": (size, len(CONDITIONS)), "scales": (size,)}
-        for name, shape in shapes.items():
-            values = frozen_array(name, getattr(self, name), ndim=len(shape))
-            if values.shape != shape or not np.all(np.isfinite(values)):
-                raise ParameterError(f"{name} of a type's baseline must be {shape} finite numbers: learn it again")
-            object.__setattr__(self, name, values)
+        freeze_shapes(self, "a type's baseline", **shapes)
 
     def __repr__(self) -> str:
         """Return the type, and the numbers of vehicles and windows."""
@@ -116,13 +113,13 @@ class TypeBaseline(Savable):
         return self._information(1.0)
 
     @property
-    def of_a_vehicle(self) -> Real:
+    def single_vehicle_covariance(self) -> Real:
         """Covariance of a further vehicle about the mean, which its vehicles determine up to chance."""
         return self.between * (1 + 1 / self.n_vehicles) if self.n_vehicles else self.between
 
     def scatter(self, reported: Real, *, with_temperature: bool) -> Scatter:
         """Return the scatter of the windows of a vehicle before any, from the covariance that they report."""
-        usual = Scatter.usual(self.components, reported, with_temperature=with_temperature)
+        usual = Scatter.typical(self.components, reported, with_temperature=with_temperature)
         if not self.n_vehicles:
             return usual
         together = self.common_std if with_temperature and self.has_temperature else usual.common_std
@@ -163,12 +160,12 @@ class TypeBaseline(Savable):
 
     def _information(self, widening: float) -> Real:
         """Return `information` for wider deviations between vehicles."""
-        of_mean = _inverse(widening**2 * self.of_a_vehicle)
+        of_mean = _inverse(widening**2 * self.single_vehicle_covariance)
         return prior_information(self.components, of_mean, of_slopes=_OF_SLOPES if self.n_vehicles else 1.0)
 
 
 def nominal_type(components: tuple[Component, ...], *, name: str) -> TypeBaseline:
-    """Return what is known of a type without any of its vehicles: makers' scatter of left against right.
+    """Return what is known of a type without any of its vehicles: production scatter of left against right.
 
     Parameters
     ----------
@@ -179,7 +176,7 @@ def nominal_type(components: tuple[Component, ...], *, name: str) -> TypeBaselin
 
     Examples
     --------
-    Before any vehicle, parts are at the values of the file, and left is as right but for makers' scatter:
+    Before any vehicle, parts are at the values of the file, and left is as right but for production scatter:
 
     >>> import sprung
     >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
@@ -189,12 +186,12 @@ def nominal_type(components: tuple[Component, ...], *, name: str) -> TypeBaselin
     """
     kinds = sorted({component.kind for component in components})
     wide = dict.fromkeys(kinds, _FILE_ENDS), dict.fromkeys(kinds, _FILE_ALL)
-    usual = Scatter.usual(components, np.eye(len(components)), with_temperature=False)
+    usual = Scatter.typical(components, np.eye(len(components)), with_temperature=False)
     return TypeBaseline(
         name=name,
         components=components,
         mean=np.zeros(len(components)),
-        between=_between(components, {kind: _makers(kind) for kind in kinds}, *wide),
+        between=_between(components, {kind: _production_scatter(kind) for kind in kinds}, *wide),
         slopes=np.zeros((len(components), len(CONDITIONS))),
         centre={},
         ranges={},
@@ -234,7 +231,7 @@ def learn_type(windows: Mapping[str, Iterable[Observation]], *, name: str = "") 
     within one. B and V are those of a regression within vehicles, as in `learn`. The means of vehicles along left
     against right, front against rear and all of a kind together, independent of each other, have a location and a scale
     by Huber's proposal 2, so that a minority of faulty vehicles moves neither; V / n_i is subtracted from the squared
-    scale, and makers' scatter weighs as much as four vehicles.
+    scale, and production scatter weighs as much as four vehicles.
 
     References
     ----------
@@ -261,9 +258,9 @@ def learn_type(windows: Mapping[str, Iterable[Observation]], *, name: str = "") 
     (8, True)
     """
     usable = usable_windows(windows)
-    if len(usable) < LEAST_VEHICLES:
+    if len(usable) < MIN_VEHICLES:
         raise DataError(
-            f"{len(usable)} vehicles have usable windows, and {LEAST_VEHICLES} are needed: give more vehicles"
+            f"{len(usable)} vehicles have usable windows, and {MIN_VEHICLES} are needed: give more vehicles"
         )
     names = {window.vehicle for own in usable.values() for window in own}
     return Fleet.of(usable).type_of(usable, name=name or (names.pop() if len(names) == 1 else ""))
@@ -294,7 +291,7 @@ class Fleet:
         inside = np.eye(len(every)) - (owner / counts) @ owner.T
         before = slope_covariances(components)
         prior: Real = np.asarray(block_diag(*map(np.linalg.inv, before)), dtype=np.float64)
-        scatter = usual = Scatter.usual(components, reported, with_temperature=has_temperature(every))
+        scatter = usual = Scatter.typical(components, reported, with_temperature=has_temperature(every))
         for _ in range(ROUNDS):
             slopes, _ = regression(inside @ units, inside @ values, scatter.whole, prior)
             away = inside @ (values - units @ slopes)
@@ -318,15 +315,19 @@ class Fleet:
         pairs, ends, together = directions(self.components)
         rows = np.vstack([pairs, ends, together / together.sum(axis=1, keepdims=True)])
         groups = np.repeat([0, 1, 2], [len(pairs), len(ends), len(together)])
-        located = [_located(means @ row) for row in rows]
-        along = np.array([location for location, _ in located])
+        locations = [_huber_location(means @ row) for row in rows]
+        along = np.array([location for location, _ in locations])
         stds: list[dict[str, float]] = [{}, {}, {}]
-        of_rows = list(zip(groups, kinds_of(rows, self.components), rows, located, strict=True))
+        of_rows = list(zip(groups, kinds_of(rows, self.components), rows, locations, strict=True))
         for group, kind in sorted({(int(group), kind) for group, kind, _, _ in of_rows}):
             alike = [(row, scale) for g, k, row, (_, scale) in of_rows if (g, k) == (group, kind)]
             own = float(np.mean([max(0.0, scale**2 - row @ noise @ row) for row, scale in alike]))
             count = len(alike) * (len(chosen) - 1)
-            stds[group][kind] = float(np.sqrt((count * own + OF_MAKERS * _makers(kind) ** 2) / (count + OF_MAKERS)))
+            stds[group][kind] = float(
+                np.sqrt(
+                    (count * own + PRODUCTION_VEHICLES * _production_scatter(kind) ** 2) / (count + PRODUCTION_VEHICLES)
+                )
+            )
         return TypeBaseline(
             name=name,
             components=self.components,
@@ -349,7 +350,7 @@ def _inverse(matrix: Real) -> Real:
     return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
-def _located(values: Real) -> tuple[float, float]:
+def _huber_location(values: Real) -> tuple[float, float]:
     """Return location and scale of values by Huber's proposal 2, both as for normal values."""
     location = float(np.median(values))
     scale = float(stats.median_abs_deviation(values, scale="normal")) or float(np.std(values)) or 1e-12
@@ -368,12 +369,12 @@ def _between(
     """Return a covariance from the deviations of left against right, front against rear, and all of each kind."""
     pairs, _, _ = directions(components)
     of_pairs = np.array([sides[kind] for kind in kinds_of(pairs, components)]) / 2
-    rest = usual_nuisance(components, ends or USUAL_ENDS, together)
+    rest = typical_nuisance(components, ends or FRONT_REAR_STD, together)
     return np.asarray((pairs.T * of_pairs**2) @ pairs + rest + 1e-8 * np.eye(len(components)), dtype=np.float64)
 
 
-def _makers(kind: str) -> float:
-    return MAKERS.get(kind, max(MAKERS.values()))
+def _production_scatter(kind: str) -> float:
+    return PRODUCTION_SCATTER.get(kind, max(PRODUCTION_SCATTER.values()))
 
 
 def has_temperature(observations: Iterable[Observation]) -> bool:
@@ -390,11 +391,11 @@ def usable_windows(windows: Mapping[str, Iterable[Observation]]) -> dict[str, li
     """Return the windows that can be learnt from, with the commonest components, of vehicles that have any."""
     check_type("windows", windows, Mapping, advice="{'car-1': sprung.observe(recordings, vehicle), ..}")
     every = {vehicle: check_each(f"windows[{vehicle!r}]", own, Observation) for vehicle, own in windows.items()}
-    sound = {
+    valid = {
         vehicle: [window for window in own if window.is_conclusive and not window.sensor_faults]
         for vehicle, own in every.items()
     }
-    kinds = [window.components for own in sound.values() for window in own]
+    kinds = [window.components for own in valid.values() for window in own]
     common = max(kinds, key=kinds.count, default=())
-    alike = {vehicle: [window for window in own if window.components == common] for vehicle, own in sound.items()}
+    alike = {vehicle: [window for window in own if window.components == common] for vehicle, own in valid.items()}
     return {vehicle: own for vehicle, own in alike.items() if own}

@@ -9,14 +9,14 @@ from scipy import stats
 from sprung._arrays import Indices, Real
 from sprung._checks import check_each, check_number, check_type
 from sprung.diagnosis.baseline import Baseline, slope_covariances
-from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, Size, false_discoveries
+from sprung.diagnosis.changes import Candidate, Detection, Size, detect, false_discoveries
 from sprung.diagnosis.detectability import POWER, losses
 from sprung.diagnosis.hypotheses import Hypothesis, hypotheses_of, log_prior
 from sprung.diagnosis.observation import Observation
-from sprung.diagnosis.scatter import USUAL_ENDS, directions, kinds_of, usual_nuisance
+from sprung.diagnosis.scatter import FRONT_REAR_STD, directions, kinds_of, typical_nuisance
 from sprung.diagnosis.type_baselines import (
-    LEAST_VEHICLES,
-    OF_MAKERS,
+    MIN_VEHICLES,
+    PRODUCTION_VEHICLES,
     Fleet,
     TypeBaseline,
     has_temperature,
@@ -114,10 +114,8 @@ def compare_with_type(
     if deviation.is_alert:
         return deviation
     wide = type_baseline.baseline(every, widening=_WIDE)
-    detector = ChangeDetector(wide, false_alarms=false_alarms, windows_per_day=windows_per_day)
-    for observation in every:
-        detector.update(observation)
-    return detector.detection if detector.is_alert else deviation
+    detection = detect(wide, every, false_alarms=false_alarms, windows_per_day=windows_per_day)
+    return detection if detection is not None and detection.is_alert else deviation
 
 
 def _comparable(of_type: TypeBaseline, windows: Sequence[Observation]) -> list[Observation]:
@@ -173,7 +171,7 @@ def rank_fleet(windows: Mapping[str, Iterable[Observation]], *, rate: float = 0.
     windows
         Windows of each vehicle, by its name.
     rate
-        Expected share of sound vehicles among the discoveries, above 0 and up to 1.
+        Expected share of healthy vehicles among the discoveries, above 0 and up to 1.
 
     Returns
     -------
@@ -217,9 +215,9 @@ def rank_fleet(windows: Mapping[str, Iterable[Observation]], *, rate: float = 0.
     """
     check_number("rate", rate, above=0, at_most=1)
     usable = usable_windows(windows)
-    if len(usable) <= LEAST_VEHICLES:
+    if len(usable) <= MIN_VEHICLES:
         raise DataError(
-            f"{len(usable)} vehicles have usable windows, and {LEAST_VEHICLES + 1} are needed: give more vehicles"
+            f"{len(usable)} vehicles have usable windows, and {MIN_VEHICLES + 1} are needed: give more vehicles"
         )
     fleet = Fleet.of(usable)
     detections: dict[str, Detection] = {}
@@ -254,9 +252,9 @@ class _Comparison:
     def of(cls, of_type: TypeBaseline, covariance: Real) -> "_Comparison":
         """Return the comparison of a mean of windows, of the covariance given, with a type."""
         parts = tuple(hypothesis for hypothesis in hypotheses_of(of_type.components) if len(hypothesis.changes) == 1)
-        degrees = of_type.n_vehicles + OF_MAKERS if of_type.n_vehicles else np.inf
+        degrees = of_type.n_vehicles + PRODUCTION_VEHICLES if of_type.n_vehicles else np.inf
         rows = np.array([hypothesis.direction(of_type.components) for hypothesis in parts])
-        inverse = np.linalg.inv(of_type.of_a_vehicle + covariance)
+        inverse = np.linalg.inv(of_type.single_vehicle_covariance + covariance)
         likeness = rows @ inverse @ rows.T
         stds = 1 / np.sqrt(np.diag(likeness))
         return cls(
@@ -366,13 +364,15 @@ def _mean_residual(of_type: TypeBaseline, windows: Sequence[Observation]) -> tup
     covariance = excess * own / len(away)
     if not (of_type.has_temperature and has_temperature(windows)):
         no_ends = dict.fromkeys(kinds_of(ends, baseline.components), 0.0)
-        covariance = covariance + usual_nuisance(baseline.components, no_ends or USUAL_ENDS)
-    for beyond, slope in zip(_beyond(of_type, baseline, windows), slope_covariances(baseline.components), strict=True):
+        covariance = covariance + typical_nuisance(baseline.components, no_ends or FRONT_REAR_STD)
+    for beyond, slope in zip(
+        _extrapolation(of_type, baseline, windows), slope_covariances(baseline.components), strict=True
+    ):
         covariance = covariance + beyond**2 * slope
     return away.mean(axis=0), np.asarray(covariance, dtype=np.float64)
 
 
-def _beyond(of_type: TypeBaseline, baseline: Baseline, windows: Sequence[Observation]) -> Real:
+def _extrapolation(of_type: TypeBaseline, baseline: Baseline, windows: Sequence[Observation]) -> Real:
     """Return how far the mean conditions of windows are beyond those of the type, in units, shape (conditions,)."""
     ends = [
         baseline.units(replace(windows[0], conditions={name: end[side] for name, end in of_type.ranges.items()}))

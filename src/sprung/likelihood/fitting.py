@@ -30,8 +30,8 @@ from sprung.likelihood.uncertainty import parameter_covariance, power_misfit, se
 from sprung.likelihood.vehicle import (
     CornerSettings,
     Kind,
+    default_choices,
     highest_of_body,
-    usual_choices,
     vehicle_model,
     with_sensors,
 )
@@ -232,7 +232,7 @@ def _prepare(
     kind: Kind = settings.kind or first.vehicle.kind
     layout = rigid_layout(with_sensors(first.structure, records[0].names))
     speed = None if kind == "rig" else first.speed
-    band, length = usual_choices(first.vehicle, first.structure, settings, records[0].sampling_rate)
+    band, length = default_choices(first.vehicle, first.structure, settings, records[0].sampling_rate)
     segments = segment_spectra(records, layout, speed=None, band=band, segment_length=length)
     setup = FitSetup(first.vehicle, first.structure, layout, settings, kind)
     if speed is None:
@@ -466,7 +466,7 @@ def _implausibility_notes(fit: CornerFit) -> list[str]:
     if fit.uneven_axles and fit.model_error > _IMPERFECT:
         values = ", ".join(f"{name} {ratio:.2g}" for name, ratio in fit.uneven_axles.items())
         notes.append(
-            f"left over right beyond makers' scatter: {values}; a fault, or what the vehicle file lacks: compare with "
-            "a baseline"
+            f"left over right beyond production scatter: {values}; a fault, or what the vehicle file lacks: compare "
+            "with a baseline"
         )
     return notes

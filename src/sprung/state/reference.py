@@ -7,7 +7,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.diagnosis import MAX_UNDETECTED, Baseline, Observation
-from sprung.diagnosis.baseline import MeanDeviation, mean_deviation, usual_std
+from sprung.diagnosis.baseline import MeanDeviation, mean_deviation, typical_std
 from sprung.modal import INTERVAL_95
 from sprung.state.alerts import AlertState
 from sprung.state.verdicts import Verdict
@@ -100,7 +100,7 @@ class Reference:
 
     def band(self) -> Real | None:
         """Return the ends of the range of 95 % of usual windows, relative, shape (2, components); None: unknown."""
-        return None if self.baseline is None else interval_95(np.zeros(()), usual_std(self.baseline))
+        return None if self.baseline is None else interval_95(np.zeros(()), typical_std(self.baseline))
 
     def parts(
         self, windows: Sequence[Observation], alerts: Sequence[AlertState] = (), *, limits: dict[str, float]

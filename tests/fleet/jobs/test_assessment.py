@@ -116,7 +116,7 @@ class TestAssessment:
             )
             for k, row in enumerate(rows)
         ]
-        baseline = learn(observed[:LEARN], least_windows=2)
+        baseline = learn(observed[:LEARN], min_windows=2)
         diagnosis = diagnose(observed[LEARN:], baseline)
         assert_close(without_times(json.loads(own["document"])), without_times(baseline_document(baseline).as_json()))
         document = diagnosis_document(diagnosis, modes=()).as_json() | {"modes": []}

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 from sprung._checks import check_number
 from sprung.diagnosis import LEARNING_WINDOWS, Observation, RankedVehicle, TypeBaseline, learn_type, rank_fleet
-from sprung.diagnosis.type_baselines import LEAST_VEHICLES
+from sprung.diagnosis.type_baselines import MIN_VEHICLES
 from sprung.errors import DataError, SprungError
 from sprung.online.store import BaselineRow, Entry, Store
 from sprung.results.documents import observation_from_document
@@ -73,7 +73,7 @@ class VehicleTypes:
         StoreError
             If the store cannot be used.
         """
-        return len(self.others(vehicle)) >= LEAST_VEHICLES
+        return len(self.others(vehicle)) >= MIN_VEHICLES
 
     def normal_windows(self, vehicles: Sequence[str]) -> dict[str, list[Observation]]:
         """Return the windows with which vehicles take part in the baseline of their type.
@@ -111,7 +111,7 @@ def type_of_others(store: Store, vehicle: str, *, types: VehicleTypes | None = N
     """
     types = types or VehicleTypes(store)
     others = types.others(vehicle)[:_MOST_VEHICLES]
-    if len(others) < LEAST_VEHICLES:
+    if len(others) < MIN_VEHICLES:
         return None
     try:
         return learn_type(types.normal_windows(others), name=_name(store, vehicle))

@@ -136,7 +136,7 @@ def _plan(history: VehicleHistory, document: ReportDocument) -> Picture:
 
 def _trend_section(history: VehicleHistory) -> Section:
     """Return the section on components, body modes and findings over dates."""
-    from sprung.diagnosis.baseline import usual_std
+    from sprung.diagnosis.baseline import typical_std
     from sprung.results.figures import (
         Stretch,
         components_history_figure,
@@ -154,7 +154,7 @@ def _trend_section(history: VehicleHistory) -> Section:
             deviations.log_ratios,
             deviations.std,
             components=deviations.baseline.components,
-            usual=usual_std(deviations.baseline),
+            usual=typical_std(deviations.baseline),
             alerts=[
                 Stretch(alert.row.cause, begin, end if stop is None else stop)
                 for alert in history.alerts
