@@ -5,7 +5,7 @@ import pytest
 
 from sprung.recording import Channel, Recording
 from sprung.vehicles import VEHICLES, parse_vehicle, read_description, read_vehicle
-from sprung.vehicles.plausibility import plausibility_notes
+from sprung.vehicles.labels import plausibility_notes
 from sprung.vehicles.window import window_of
 
 USUAL_DAMPING = "2 to 100 % is usual: check damping, and its unit (N s/m)"

@@ -10,8 +10,8 @@ from sprung.channel_names import corner_of
 from sprung.recording import Channel, Recording
 from sprung.signals.delays import advanced_linearly
 from sprung.vehicles.description import Vehicle
+from sprung.vehicles.labels import plausibility_notes
 from sprung.vehicles.models import structure
-from sprung.vehicles.plausibility import plausibility_notes
 from sprung.vehicles.sensor_layout import layout_notes, with_layout
 from sprung.vehicles.structure import Structure
 from sprung.vehicles.usable import output_channels, speed_channel, usable_motion
