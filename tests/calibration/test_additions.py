@@ -5,12 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.calibration.additions import likely_mount, with_mode, with_mount
-from sprung.calibration.draft import explicit
-from sprung.calibration.fitting import FreeVehicle, JointFit
-from sprung.calibration.joint import fitted
-from sprung.calibration.numbers import component_numbers
-from sprung.calibration.windows import joint_of, scaled_start
+from sprung.calibration.draft import component_numbers, explicit
+from sprung.calibration.fitting import FreeVehicle, JointFit, likely_mount, with_mode, with_mount
+from sprung.calibration.joint import fitted, joint_of, scaled_start
 from sprung.likelihood import CornerSettings
 from sprung.vehicles import MountedMass
 from sprung.vehicles.sections import FlexibleMode

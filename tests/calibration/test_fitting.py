@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from sprung.calibration.completion import has_misplaced_sensors
-from sprung.calibration.draft import Draft, explicit
+from sprung.calibration.draft import Draft, component_numbers, explicit, sensor_numbers
 from sprung.calibration.fitting import FreeVehicle, JointFit, Weighting, expected_steps, misfit_in
-from sprung.calibration.joint import fitted
-from sprung.calibration.numbers import component_numbers, sensor_numbers
-from sprung.calibration.windows import WindowSpectra, joint_of, scaled_start
+from sprung.calibration.joint import WindowSpectra, fitted, joint_of, scaled_start
 from sprung.likelihood import CornerSettings, Model, SegmentSpectra, class_spectra, rigid_layout
 
 CHANNELS = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")

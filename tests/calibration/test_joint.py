@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from sprung.calibration.draft import explicit
-from sprung.calibration.joint import fitted, joint_model
-from sprung.calibration.numbers import component_numbers, file_numbers, sensor_numbers
-from sprung.calibration.windows import scaled_start
+from sprung.calibration.draft import component_numbers, explicit, file_numbers, sensor_numbers
+from sprung.calibration.joint import fitted, joint_model, scaled_start
 from sprung.errors import ParameterError
 
 CHANNELS = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")

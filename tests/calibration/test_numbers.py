@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from sprung.calibration.draft import channel_responses, explicit, moved
-from sprung.calibration.numbers import component_numbers, file_numbers, with_widths
+from sprung.calibration.draft import channel_responses, component_numbers, explicit, file_numbers, moved, with_widths
 from sprung.vehicles.sections import LearntNumber
 
 CHANNELS = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
@@ -23,10 +22,10 @@ def test_parameters_of_zero_are_the_file(hatchback) -> None:
 def test_every_number_moves_itself_alone(hatchback) -> None:
     draft = explicit(hatchback)
     numbers = [number for number in every(draft) if number.name != "body.centre_x"]
-    before = np.array([number.get(draft) for number in numbers])
+    before = np.array([draft.value_at(number.place) for number in numbers])
     for row, number in enumerate(numbers):
         parameters = 0.1 * number.std * np.eye(len(numbers))[row]
-        after = np.array([other.get(moved(draft, numbers, parameters)) for other in numbers])
+        after = np.array([moved(draft, numbers, parameters).value_at(other.place) for other in numbers])
         assert np.flatnonzero(np.abs(after - before) > 1e-12).tolist() == [row]
         assert after[row] == pytest.approx(number.value(before[row], parameters[row]))
 

@@ -472,7 +472,8 @@ def with_faults(structure: Structure, faults: Iterable[Fault], *, time: float = 
 
     Examples
     --------
-    >>> from sprung.vehicles import parse_fault, read_vehicle, structure
+    >>> from sprung.vehicles import parse_fault, read_vehicle
+    >>> from sprung.vehicles.models import structure
     >>> zafira = structure(read_vehicle("zafira"))
     >>> soft = with_faults(zafira, [parse_fault("front_left.spring=-0.2")])
     >>> spring = Component("front_left", "spring")
@@ -511,7 +512,8 @@ def frequency_response(structure: Structure, frequencies: ArrayLike) -> Complex:
 
     Examples
     --------
-    >>> from sprung.vehicles import read_description, structure
+    >>> from sprung.vehicles import read_description
+    >>> from sprung.vehicles.models import structure
     >>> quarter = structure(read_description("quarter"))
     >>> f = np.array([0.5, 13.21])
     >>> body = np.abs(frequency_response(quarter, f)[:, 0, 0]) / (2 * np.pi * f) ** 2  # over the height of the road
