@@ -13,7 +13,6 @@ from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit
 from sprung.likelihood.from_modes import corners_from_modes
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines, without_lines
-from sprung.likelihood.missing_speed import with_estimated_speeds
 from sprung.likelihood.search import minimised
 from sprung.likelihood.spectra import (
     CLASS_WIDTH,
@@ -25,7 +24,7 @@ from sprung.likelihood.spectra import (
     segment_speeds,
     steady_segments,
 )
-from sprung.likelihood.speed_delay import DELAYS, SpeedDelay, speed_delay
+from sprung.likelihood.speed_delay import DELAYS, SpeedDelay, speed_delay, with_estimated_speeds
 from sprung.likelihood.uncertainty import parameter_covariance, power_misfit, segment_weights, tempering
 from sprung.likelihood.vehicle import (
     CornerSettings,
