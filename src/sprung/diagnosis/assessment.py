@@ -1,6 +1,7 @@
 """From windows and a baseline to a diagnosis: health assessment of ISO 13374."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,30 +11,41 @@ from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, Size
 from sprung.diagnosis.channel_faults import SensorFault
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, time_in_words
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
-from sprung.diagnosis.residuals import DIFFERENT, ResidualTest, residual_test
+from sprung.diagnosis.residuals import RESIDUALS, ResidualTest, residual_test
 from sprung.diagnosis.trends import current_sizes, trend
 from sprung.diagnosis.type_baselines import TypeBaseline, nominal_type
 from sprung.diagnosis.type_comparison import compare_with_type
 from sprung.errors import ParameterError
 from sprung.vehicles import Component
 
-#: Difference of ln evidence above which the runner-up is not named.
-_CLOSE = 3.0
+
+@dataclass(frozen=True, slots=True)
+class NamingRules:
+    """When a part is named, and a window comparable."""
+
+    #: Difference of ln evidence above which the runner-up is not named.
+    close: float = 3.0
+    #: Share of what an unmodelled change explains that a part must explain to be named in its place.
+    mostly: float = 0.8
+    #: Apparent change of another part for a unit change of one (both ln), by nonlinearity and errors of the file:
+    #: standard deviation. The second part of a pair must change by this many standard deviations of it and of chance.
+    leak: float = 0.1
+    clearly: float = 3.0
+    #: Margin around the range of a condition in the baseline within which a window is comparable, relative to that
+    #: range, and its least size in units of the condition.
+    room: float = 0.5
+    min_room: float = 0.2
+
+
+RULES = NamingRules()
+
 #: Change of a part that must be detectable for "no change detected" to be said.
 MAX_UNDETECTED = 0.2
-#: Share of what an unmodelled change explains that a part must explain to be named in its place.
-_MOSTLY = 0.8
-#: Apparent change of another part for a unit change of one (both ln), by nonlinearity and errors of the vehicle file:
-#: standard deviation. The second part of a pair must change by three standard deviations of this and of chance.
-_LEAK, _CLEARLY = 0.1, 3.0
 #: Doubt where windows differ from a vehicle file, without a baseline, and no part explains it.
 _OTHER_VEHICLE = (
     "the windows differ from the vehicle file in a way that no single part explains: the file does not describe this "
     "vehicle; calibrate it on healthy drives, or learn a baseline"
 )
-#: Margin around the range of a condition in the baseline within which a window is comparable, relative to that range,
-#: and its least size in units of the condition.
-_ROOM, _LEAST_ROOM = 0.5, 0.2
 
 
 def diagnose(
@@ -247,7 +259,7 @@ def _second_opinion(tests: Mapping[float, ResidualTest], *, is_changed: bool) ->
     different = sum(test.is_different for test in tests.values())
     sentence = (
         f"second opinion without the vehicle file (subspace residuals): {different} of {len(tests)} windows differ "
-        f"from those of the baseline (p < {DIFFERENT:g})"
+        f"from those of the baseline (p < {RESIDUALS.different:g})"
     )
     is_contradicted = different > len(tests) / 2
     if is_changed and not different:
@@ -260,7 +272,7 @@ def _second_opinion(tests: Mapping[float, ResidualTest], *, is_changed: bool) ->
 def _findings(detection: Detection, observations: Sequence[Observation], baseline: Baseline) -> tuple[Finding, ...]:
     """Return the findings of the hypothesis to name: one for each of its changes, one for an unmodelled change."""
     best, second = _best_two(detection)
-    is_close = best.log_evidence - second.log_evidence < _CLOSE and second.hypothesis.scope != "else"
+    is_close = best.log_evidence - second.log_evidence < RULES.close and second.hypothesis.scope != "else"
     runner_up = _words(second) if is_close else ""
     if not best.sizes:
         level = SEVERITIES[2]
@@ -297,7 +309,7 @@ def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
     candidates = [value for value in detection.candidates if value.hypothesis.scope != "pair" or _is_distinct(value)]
     first, *others = candidates
     named = next(candidate for candidate in candidates if candidate.hypothesis.scope != "else")
-    is_enough = named.explained >= _MOSTLY * first.explained and named.log_evidence >= detection.threshold
+    is_enough = named.explained >= RULES.mostly * first.explained and named.log_evidence >= detection.threshold
     if first.hypothesis.scope != "else" or not is_enough:
         return first, others[0]
     return named, next(
@@ -307,9 +319,8 @@ def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
 
 def _is_distinct(pair: Candidate) -> bool:
     """Return whether the smaller change of a pair exceeds what chance and the larger one may mimic."""
-    small, large = sorted(pair.sizes, key=lambda size: abs(np.log1p(size.change)))
-    deviation = abs(np.log1p(small.change)) / small.score
-    return bool(abs(np.log1p(small.change)) > _CLEARLY * np.hypot(deviation, _LEAK * abs(np.log1p(large.change))))
+    (small, score), (large, _) = sorted((abs(np.log1p(size.change)), size.score) for size in pair.sizes)
+    return bool(small > RULES.clearly * np.hypot(small / score, RULES.leak * large))
 
 
 def _words(candidate: Candidate) -> str:
@@ -393,5 +404,5 @@ def _is_far(baseline: Baseline, name: str, observation: Observation) -> bool:
         return False
     scale = np.log if name == "roughness" else float
     low, high, value = (scale(one) for one in (*baseline.ranges[name], observation.conditions[name]))
-    room = max(_ROOM * (high - low), _LEAST_ROOM * (CONDITIONS | LAYOUT_CONDITIONS)[name])
+    room = max(RULES.room * (high - low), RULES.min_room * (CONDITIONS | LAYOUT_CONDITIONS)[name])
     return not low - room <= value <= high + room

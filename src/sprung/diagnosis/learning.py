@@ -17,8 +17,7 @@ from sprung.diagnosis.baseline import (
     vehicle_of,
 )
 from sprung.diagnosis.observation import Observation
-from sprung.diagnosis.residuals import FEWEST as FEWEST_RESIDUALS
-from sprung.diagnosis.residuals import ResidualReference, learn_reference
+from sprung.diagnosis.residuals import RESIDUALS, ResidualReference, learn_reference
 from sprung.diagnosis.scatter import ROUNDS, FreeDegrees, Scatter, regression
 from sprung.diagnosis.type_baselines import TypeBaseline
 from sprung.errors import DataError, ParameterError
@@ -206,7 +205,7 @@ def _residual_reference(observations: Sequence[Observation]) -> ResidualReferenc
     residuals = [window.residuals for window in observations]
     complete = [statistics for statistics in residuals if statistics is not None and statistics.segments is not None]
     alike = [statistics for statistics in complete if statistics.is_like(complete[0])]
-    return learn_reference(alike) if len(alike) >= FEWEST_RESIDUALS else None
+    return learn_reference(alike) if len(alike) >= RESIDUALS.min_windows else None
 
 
 def _commonest_reason(observations: Sequence[Observation]) -> str:

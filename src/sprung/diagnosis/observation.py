@@ -9,7 +9,7 @@ from sprung._arrays import Real
 from sprung._checks import check_type, freeze
 from sprung._display import Tabular, counted, in_short, listed
 from sprung.diagnosis.channel_faults import MISSING, SensorFault
-from sprung.diagnosis.residuals import VEHICLE_RATE, ResidualStatistics, residual_statistics
+from sprung.diagnosis.residuals import RESIDUALS, ResidualStatistics, residual_statistics
 from sprung.diagnosis.sensors import exchanged_opposites, valid_part
 from sprung.errors import DataError, IdentificationError, ParameterError
 from sprung.identification import IdentificationSettings, cov_ssi
@@ -356,7 +356,7 @@ def _fitted_conditions(fit: CornerFit) -> dict[str, float]:
 def _residuals(window: Window) -> ResidualStatistics | None:
     """Return the statistics for the residual test; None if no stretch of motion is long enough."""
     try:
-        return residual_statistics(window.motion.select(window.outputs), sampling_rate=VEHICLE_RATE)
+        return residual_statistics(window.motion.select(window.outputs), sampling_rate=RESIDUALS.vehicle_rate)
     except DataError:
         return None
 

@@ -242,17 +242,14 @@ def explained_by(score: Real, information: Real, hypotheses: Hypotheses) -> tupl
         What is explained, shape (.., windows, hypotheses), and volumes, shape (windows, hypotheses).
     """
     lines, between, spread = hypotheses.directions, 1 / _SIZE**2, 1 / _UNMODELLED**2
-    known = np.einsum("hi,wij,hj->wh", lines, information, lines)
-    each = information + spread * np.eye(score.shape[-1])
+    known, each, a, b, c = _informations(information, hypotheses)
     first, second = hypotheses.pairs
-    a, b = (information[:, index, index] + between for index in (first, second))
-    c = information[:, first, second]
     one, two = score[..., first], score[..., second]
-    determinant = a * b - c**2
+    determinant = (a + between) * (b + between) - c**2
     explained = [
         (score @ lines.T) ** 2 / (known + between),
         np.sum(score * np.matmul(score[..., None, :], np.linalg.inv(each))[..., 0, :], axis=-1, keepdims=True),
-        (one * (one * b - two * c) + two * (two * a - one * c)) / determinant,
+        (one * (one * (b + between) - two * c) + two * (two * (a + between) - one * c)) / determinant,
     ]
     volumes = [
         np.log1p(known * _SIZE**2) / 2,
@@ -260,6 +257,14 @@ def explained_by(score: Real, information: Real, hypotheses: Hypotheses) -> tupl
         np.log(determinant * _SIZE**4) / 2,
     ]
     return np.concatenate(explained, axis=-1), np.concatenate(volumes, axis=-1)
+
+
+def _informations(information: Real, hypotheses: Hypotheses) -> tuple[Real, Real, Real, Real, Real]:
+    """Return the information of single sizes, of an unmodelled change with its prior, and of each pair: a, b and c."""
+    lines, (first, second) = hypotheses.directions, hypotheses.pairs
+    known = np.einsum("hi,wij,hj->wh", lines, information, lines)
+    each = information + np.eye(information.shape[-1]) / _UNMODELLED**2
+    return known, each, information[:, first, first], information[:, second, second], information[:, first, second]
 
 
 def dimensions_of(information: Real, hypotheses: Hypotheses) -> Real:
@@ -276,14 +281,10 @@ def dimensions_of(information: Real, hypotheses: Hypotheses) -> Real:
     -----
     tr K (K + C^-1)^-1 with the information K and the prior covariance C of the sizes.
     """
-    lines, between, spread = hypotheses.directions, 1 / _SIZE**2, 1 / _UNMODELLED**2
-    known = np.einsum("hi,wij,hj->wh", lines, information, lines)
-    each = np.linalg.inv(information + spread * np.eye(information.shape[-1]))
-    first, second = hypotheses.pairs
-    a, b = (information[:, index, index] for index in (first, second))
-    c = information[:, first, second]
+    between = 1 / _SIZE**2
+    known, each, a, b, c = _informations(information, hypotheses)
     of_pairs = (a * (b + between) + b * (a + between) - 2 * c**2) / ((a + between) * (b + between) - c**2)
-    of_all = np.einsum("wij,wji->w", information, each)[:, None]
+    of_all = np.einsum("wij,wji->w", information, np.linalg.inv(each))[:, None]
     return np.concatenate([known / (known + between), of_all, of_pairs], axis=-1)
 
 

@@ -82,13 +82,23 @@ def kinds_of(rows: Real, components: tuple[Component, ...]) -> list[str]:
 
 #: Rounds of regression and scatter, which need each other.
 ROUNDS = 3
-#: Weight of the scatter that windows report, in degrees of freedom of all pairs.
-_REPORTED = 1.0
-#: Weights of prior scatters in windows: of one pair, as all pairs scatter; of front against rear and of all of a kind
-#: together, as is usual.
-_OF_PAIRS, _OF_ENDS, _OF_ALL = 4.0, 8.0, 4.0
-#: Probability at which a variance with few degrees of freedom is widened to the quantile of the common one.
-_TAIL = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class ScatterWeights:
+    """Weights of what is known before any window."""
+
+    #: Scatter that windows report, in degrees of freedom of all pairs.
+    reported: float = 1.0
+    #: In windows: the scatter of all pairs for one of them, the typical one of front against rear and of all of a kind.
+    pairs: float = 4.0
+    front_rear: float = 8.0
+    common: float = 4.0
+    #: Probability at which a variance with few degrees of freedom is widened to the quantile of the common one.
+    tail: float = 1e-5
+
+
+WEIGHTS = ScatterWeights()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -150,7 +160,7 @@ class Scatter:
     front_rear_std: dict[str, float]
     common_std: dict[str, float]
     has_temperature: bool
-    degrees_of_freedom: float = _REPORTED
+    degrees_of_freedom: float = WEIGHTS.reported
 
     @classmethod
     def typical(cls, components: tuple[Component, ...], reported: Real, *, with_temperature: bool) -> "Scatter":
@@ -193,7 +203,7 @@ class Scatter:
         left = np.array([free.of(row) for row in pairs])
         degrees = float(np.sum(left)) + self.degrees_of_freedom
         common = (float(np.sum(squares)) + self.degrees_of_freedom) / degrees
-        weight = _OF_PAIRS + self.degrees_of_freedom / max(len(pairs), 1)
+        weight = WEIGHTS.pairs + self.degrees_of_freedom / max(len(pairs), 1)
         own = (squares + weight * common) / (left + weight)
         if is_widened:
             own = own * _widening(left + weight, degrees)
@@ -201,14 +211,14 @@ class Scatter:
         scaled = replace(
             scaled,
             front_rear_std=scaled._beyond_chance(
-                away, free, ends, weight=_OF_ENDS, usual=self.front_rear_std, is_widened=is_widened
+                away, free, ends, weight=WEIGHTS.front_rear, usual=self.front_rear_std, is_widened=is_widened
             ),
         )
         if not self.has_temperature:
             return scaled
         means = together / together.sum(axis=1, keepdims=True)
         common_changes = scaled._beyond_chance(
-            away, free, means, weight=_OF_ALL, usual=self.common_std, is_widened=is_widened
+            away, free, means, weight=WEIGHTS.common, usual=self.common_std, is_widened=is_widened
         )
         return replace(scaled, common_std=common_changes)
 
@@ -243,7 +253,7 @@ class Scatter:
 
 def _widening(own: Real | float, common: float) -> Real:
     """Return the ratio of variances at which the tails of Student's t with few degrees of freedom and many agree."""
-    ratio = stats.t.isf(_TAIL, own) / stats.t.isf(_TAIL, common)
+    ratio = stats.t.isf(WEIGHTS.tail, own) / stats.t.isf(WEIGHTS.tail, common)
     return np.asarray(np.maximum(ratio, 1.0) ** 2, dtype=np.float64)
 
 

@@ -1,7 +1,7 @@
 """Vehicles of one type: their mean, and their covariance between and within vehicles."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -38,16 +38,30 @@ from sprung.vehicles import Component
 #: Production scatter: standard deviation of ln(left / right) of healthy parts of each kind; also of an axle, and of all
 #: corners, from vehicle to vehicle of a type.
 PRODUCTION_SCATTER = {"spring": 0.04, "damper": 0.05, "tyre": 0.03}
-#: Standard deviation of front against rear and of all of a kind about the vehicle file.
-_FILE_ENDS, _FILE_ALL = 0.15, 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class TypeSettings:
+    """Settings of the baseline of a type."""
+
+    #: Standard deviation of front against rear and of all of a kind about the vehicle file.
+    file_front_rear: float = 0.15
+    file_common: float = 0.25
+    #: Weight of production scatter in vehicles.
+    production: float = 4.0
+    #: Largest weight of the scatter of a type's windows, in degrees of freedom.
+    max_degrees: float = 48.0
+    #: Information about the slopes of a vehicle when those of its type are known, over the typical one.
+    slopes: float = 25.0
+    #: Clipping of Huber's proposal 2 in standard deviations, and its rounds.
+    clip: float = 1.5
+    rounds: int = 50
+
+
+SETTINGS = TypeSettings()
+
 #: Smallest number of vehicles of a type.
 MIN_VEHICLES = 4
-#: Weight of production scatter in vehicles; largest weight of the scatter of a type's windows, in degrees of freedom.
-PRODUCTION_VEHICLES, _OF_TYPE = 4.0, 48.0
-#: Information about the slopes of a vehicle when those of its type are known, over the usual one.
-_OF_SLOPES = 25.0
-#: Clipping of Huber's proposal 2 in standard deviations, and its rounds.
-_CLIP, _CLIP_ROUNDS = 1.5, 50
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -119,12 +133,18 @@ class TypeBaseline(Savable):
 
     def scatter(self, reported: Real, *, with_temperature: bool) -> Scatter:
         """Return the scatter of the windows of a vehicle before any, from the covariance that they report."""
-        usual = Scatter.typical(self.components, reported, with_temperature=with_temperature)
+        typical = Scatter.typical(self.components, reported, with_temperature=with_temperature)
         if not self.n_vehicles:
-            return usual
-        together = self.common_std if with_temperature and self.has_temperature else usual.common_std
-        has_temperature, degrees = with_temperature and self.has_temperature, min(self.degrees_of_freedom, _OF_TYPE)
-        return Scatter(self.components, reported, self.scales, self.front_rear_std, together, has_temperature, degrees)
+            return typical
+        is_learnt = with_temperature and self.has_temperature
+        return replace(
+            typical,
+            scales=self.scales,
+            front_rear_std=self.front_rear_std,
+            common_std=self.common_std if is_learnt else typical.common_std,
+            has_temperature=is_learnt,
+            degrees_of_freedom=min(self.degrees_of_freedom, SETTINGS.max_degrees),
+        )
 
     def baseline(self, observations: Sequence[Observation], *, widening: float = 1.0) -> Baseline:
         """Return the baseline of a vehicle of the type before any window of its own.
@@ -160,8 +180,8 @@ class TypeBaseline(Savable):
 
     def _information(self, widening: float) -> Real:
         """Return `information` for wider deviations between vehicles."""
-        of_mean = _inverse(widening**2 * self.single_vehicle_covariance)
-        return prior_information(self.components, of_mean, of_slopes=_OF_SLOPES if self.n_vehicles else 1.0)
+        of_mean = np.asarray(np.linalg.inv(widening**2 * self.single_vehicle_covariance), dtype=np.float64)
+        return prior_information(self.components, of_mean, of_slopes=SETTINGS.slopes if self.n_vehicles else 1.0)
 
 
 def nominal_type(components: tuple[Component, ...], *, name: str) -> TypeBaseline:
@@ -185,13 +205,13 @@ def nominal_type(components: tuple[Component, ...], *, name: str) -> TypeBaselin
     (0, True)
     """
     kinds = sorted({component.kind for component in components})
-    wide = dict.fromkeys(kinds, _FILE_ENDS), dict.fromkeys(kinds, _FILE_ALL)
+    wide = dict.fromkeys(kinds, SETTINGS.file_front_rear), dict.fromkeys(kinds, SETTINGS.file_common)
     usual = Scatter.typical(components, np.eye(len(components)), with_temperature=False)
     return TypeBaseline(
         name=name,
         components=components,
         mean=np.zeros(len(components)),
-        between=_between(components, {kind: _production_scatter(kind) for kind in kinds}, *wide),
+        between=_between(components, {kind: PRODUCTION_SCATTER.get(kind, 0.05) for kind in kinds}, *wide),
         slopes=np.zeros((len(components), len(CONDITIONS))),
         centre={},
         ranges={},
@@ -322,12 +342,9 @@ class Fleet:
         for group, kind in sorted({(int(group), kind) for group, kind, _, _ in of_rows}):
             alike = [(row, scale) for g, k, row, (_, scale) in of_rows if (g, k) == (group, kind)]
             own = float(np.mean([max(0.0, scale**2 - row @ noise @ row) for row, scale in alike]))
-            count = len(alike) * (len(chosen) - 1)
-            stds[group][kind] = float(
-                np.sqrt(
-                    (count * own + PRODUCTION_VEHICLES * _production_scatter(kind) ** 2) / (count + PRODUCTION_VEHICLES)
-                )
-            )
+            count, known = len(alike) * (len(chosen) - 1), SETTINGS.production
+            squares = count * own + known * PRODUCTION_SCATTER.get(kind, 0.05) ** 2
+            stds[group][kind] = float(np.sqrt(squares / (count + known)))
         return TypeBaseline(
             name=name,
             components=self.components,
@@ -346,18 +363,14 @@ class Fleet:
         )
 
 
-def _inverse(matrix: Real) -> Real:
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-
-
 def _huber_location(values: Real) -> tuple[float, float]:
     """Return location and scale of values by Huber's proposal 2, both as for normal values."""
     location = float(np.median(values))
     scale = float(stats.median_abs_deviation(values, scale="normal")) or float(np.std(values)) or 1e-12
-    density, tail = stats.norm.pdf(_CLIP), stats.norm.sf(_CLIP)
-    expected = 1 - 2 * tail - 2 * _CLIP * density + 2 * _CLIP**2 * tail
-    for _ in range(_CLIP_ROUNDS):
-        clipped = np.clip(values, location - _CLIP * scale, location + _CLIP * scale)
+    density, tail = stats.norm.pdf(SETTINGS.clip), stats.norm.sf(SETTINGS.clip)
+    expected = 1 - 2 * tail - 2 * SETTINGS.clip * density + 2 * SETTINGS.clip**2 * tail
+    for _ in range(SETTINGS.rounds):
+        clipped = np.clip(values, location - SETTINGS.clip * scale, location + SETTINGS.clip * scale)
         scale = float(np.sqrt(np.sum((clipped - location) ** 2) / (len(values) - 1) / expected))
         location = float(np.mean(clipped))
     return location, scale
@@ -371,10 +384,6 @@ def _between(
     of_pairs = np.array([sides[kind] for kind in kinds_of(pairs, components)]) / 2
     rest = typical_nuisance(components, ends or FRONT_REAR_STD, together)
     return np.asarray((pairs.T * of_pairs**2) @ pairs + rest + 1e-8 * np.eye(len(components)), dtype=np.float64)
-
-
-def _production_scatter(kind: str) -> float:
-    return PRODUCTION_SCATTER.get(kind, max(PRODUCTION_SCATTER.values()))
 
 
 def has_temperature(observations: Iterable[Observation]) -> bool:

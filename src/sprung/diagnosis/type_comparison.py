@@ -16,23 +16,38 @@ from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.scatter import FRONT_REAR_STD, directions, kinds_of, typical_nuisance
 from sprung.diagnosis.type_baselines import (
     MIN_VEHICLES,
-    PRODUCTION_VEHICLES,
     Fleet,
     TypeBaseline,
     has_temperature,
     usable_windows,
 )
+from sprung.diagnosis.type_baselines import (
+    SETTINGS as OF_TYPES,
+)
 from sprung.errors import DataError
 from sprung.modal import INTERVAL_95
 from sprung.vehicles import Component
 
-#: Size that comparisons are most powerful for, ln values; share of losses among changes, and of unmodelled deviations
-#: in the probability of a false alarm; correlation above which two hypotheses are the same test.
-_SIZE, _LOSSES, _UNMODELLED, _SAME = float(-np.log(0.8)), 0.9, 0.05, 0.9
-#: Largest loss that is sought as the smallest detectable one [ln], and number of times that its range is halved.
-_LARGEST, _HALVINGS = 3.0, 10
-#: Widening of the deviations between vehicles where changes are sought between the windows of one vehicle.
-_WIDE = 3.0
+
+@dataclass(frozen=True, slots=True)
+class TypeTest:
+    """Settings of the comparison with a type."""
+
+    #: Size that the tests are most powerful for, a loss of 20 % [ln], and share of losses among changes.
+    size: float = float(-np.log(0.8))
+    losses: float = 0.9
+    #: Share of unmodelled deviations in the probability of a false alarm.
+    unmodelled: float = 0.05
+    #: Correlation above which two hypotheses are the same test.
+    same: float = 0.9
+    #: Largest loss that is sought as the smallest detectable one [ln], and number of times that its range is halved.
+    largest: float = 3.0
+    halvings: int = 10
+    #: Widening of the deviations between vehicles where changes are sought between the windows of one vehicle.
+    wide: float = 3.0
+
+
+TEST = TypeTest()
 
 
 def compare_with_type(
@@ -113,7 +128,7 @@ def compare_with_type(
     deviation = _deviation(type_baseline, compared, evidence, threshold)
     if deviation.is_alert:
         return deviation
-    wide = type_baseline.baseline(every, widening=_WIDE)
+    wide = type_baseline.baseline(every, widening=TEST.wide)
     detection = detect(wide, every, false_alarms=false_alarms, windows_per_day=windows_per_day)
     return detection if detection is not None and detection.is_alert else deviation
 
@@ -252,7 +267,7 @@ class _Comparison:
     def of(cls, of_type: TypeBaseline, covariance: Real) -> "_Comparison":
         """Return the comparison of a mean of windows, of the covariance given, with a type."""
         parts = tuple(hypothesis for hypothesis in hypotheses_of(of_type.components) if len(hypothesis.changes) == 1)
-        degrees = of_type.n_vehicles + PRODUCTION_VEHICLES if of_type.n_vehicles else np.inf
+        degrees = of_type.n_vehicles + OF_TYPES.production if of_type.n_vehicles else np.inf
         rows = np.array([hypothesis.direction(of_type.components) for hypothesis in parts])
         inverse = np.linalg.inv(of_type.single_vehicle_covariance + covariance)
         likeness = rows @ inverse @ rows.T
@@ -277,14 +292,14 @@ class _Comparison:
 
     def _tails(self, z: Real) -> Real:
         """Return the probability of evidence as strong as that of each hypothesis, from any of them."""
-        deltas = np.tile(_SIZE / self.stds, 2)
-        of_signs = np.concatenate([self.shares + np.log(_LOSSES), self.shares + np.log(1 - _LOSSES)])
+        deltas = np.tile(TEST.size / self.stds, 2)
+        of_signs = np.concatenate([self.shares + np.log(TEST.losses), self.shares + np.log(1 - TEST.losses)])
         both = np.concatenate([-z, z], axis=-1) * deltas - deltas**2 / 2 + of_signs
         strength = both.reshape(*z.shape[:-1], 2, -1).max(axis=-2)
         deltas, of_signs = deltas[self.distinct], of_signs[self.distinct]
         limits = deltas / 2 + (strength[..., None] - of_signs) / deltas
         tails = stats.norm.sf(limits) if np.isinf(self.degrees) else stats.t.sf(limits, self.degrees)
-        return np.asarray(np.clip(tails.sum(axis=-1) / (1 - _UNMODELLED), 1e-300, 1.0), dtype=np.float64)
+        return np.asarray(np.clip(tails.sum(axis=-1) / (1 - TEST.unmodelled), 1e-300, 1.0), dtype=np.float64)
 
 
 def _distinct(cosines: Real) -> Indices:
@@ -293,7 +308,7 @@ def _distinct(cosines: Real) -> Indices:
     alike = np.outer(signs, signs) * np.tile(cosines, (2, 2))
     distinct: list[int] = []
     for number in range(len(signs)):
-        if not np.any(alike[number, distinct] > _SAME):
+        if not np.any(alike[number, distinct] > TEST.same):
             distinct.append(number)
     return np.array(distinct)
 
@@ -318,7 +333,7 @@ def _against_type(of_type: TypeBaseline, windows: Sequence[Observation]) -> tupl
     explained = float(residual @ comparison.inverse @ residual)
     count = len(residual)
     rest = stats.chi2.sf(explained, count) if np.isinf(degrees) else stats.f.sf(explained / count, count, degrees)
-    unmodelled = float(-np.log(np.clip(rest / _UNMODELLED, 1e-300, 1.0)))
+    unmodelled = float(-np.log(np.clip(rest / TEST.unmodelled, 1e-300, 1.0)))
     candidates.append(
         Candidate(Hypothesis("else", "vehicle", "unmodelled"), unmodelled, explained, (), times[0], times)
     )
@@ -339,8 +354,8 @@ def _detectable(of_type: TypeBaseline, windows: Sequence[Observation], threshold
     """
     comparison = _Comparison.of(of_type, _mean_residual(of_type, windows)[1])
     count = len(of_type.components)
-    low, high = np.zeros(count), np.full(count, _LARGEST)
-    for _ in range(_HALVINGS):
+    low, high = np.zeros(count), np.full(count, TEST.largest)
+    for _ in range(TEST.halvings):
         middle = (low + high) / 2
         evidence = comparison.evidence(-middle[:, None] * comparison.rows[:count])
         is_found = evidence.max(axis=1) >= threshold
