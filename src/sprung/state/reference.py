@@ -76,7 +76,7 @@ class Reference:
     @property
     def learnt_until(self) -> float:
         """Start of the last window that the baseline was learnt from [s]."""
-        return -np.inf if self.baseline is None else max(self.baseline.taught, default=-np.inf)
+        return -np.inf if self.baseline is None else max(self.baseline.learning_times, default=-np.inf)
 
     def limits(self, n_windows: int) -> dict[str, float]:
         """Return the smallest losses detectable in a number of windows; empty if unknown."""
@@ -87,7 +87,9 @@ class Reference:
         """Return whether a window can be compared."""
         if self.baseline is None:
             return observation.is_conclusive
-        is_of_its_file = not self.baseline.vehicle_file or observation.time > max(self.baseline.taught, default=0.0)
+        is_of_its_file = not self.baseline.vehicle_file or observation.time > max(
+            self.baseline.learning_times, default=0.0
+        )
         return is_of_its_file and self.baseline.accepts(observation)
 
     def deviation(self, windows: Sequence[Observation]) -> MeanDeviation:
