@@ -228,6 +228,8 @@ def learn_reference(windows: Sequence[ResidualStatistics]) -> ResidualReference:
     ------
     DataError
         If there are fewer than three windows.
+    ParameterError
+        If a window lacks the correlations of its segments.
 
     Notes
     -----
