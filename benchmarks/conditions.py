@@ -61,7 +61,11 @@ from sprung.vehicles.files import vehicle_from_text, vehicle_text
 
 #: Code that decides the samples of a drive, what a window says, and how a vehicle file is completed.
 DRIVES = ("excitation", "recording.py", "signals", "simulation", "vehicles")
-OBSERVATIONS = (*DRIVES, "likelihood", "diagnosis/observation.py", "diagnosis/residuals.py", "diagnosis/sensors")
+OBSERVATIONS = (
+    *DRIVES,
+    "likelihood",
+    *(f"diagnosis/{name}.py" for name in ("observation", "residuals", "sensors", "channel_faults", "rigid_body")),
+)
 CALIBRATIONS = (*OBSERVATIONS, "calibration")
 KINDS = ("spring", "damper", "tyre")
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")

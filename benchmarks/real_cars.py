@@ -129,7 +129,7 @@ def left_out(drives: Drives, name: str, car: Vehicle, label: str) -> Iterator[st
             for window in windows[key]
         ]
         try:
-            baseline = learn(others, least_windows=FEWEST)
+            baseline = learn(others, min_windows=FEWEST)
         except DataError as error:
             yield f"| {label} | {prior:g} | {name} | {error} | | | | {alone} |"
             continue

@@ -36,7 +36,7 @@ TIMES = {
     "onset",
     "onset_interval",
     "first_alert",
-    "taught",
+    "learning_times",
     "sentence",
     "advice",
     "notes",

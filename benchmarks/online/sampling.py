@@ -28,7 +28,7 @@ OF_ANALYSIS: tuple[Place, ...] = (
             "identification/ladders.py",
         ),
     ),
-    ("sensor checks", ("diagnosis/sensors/",)),
+    ("sensor checks", ("diagnosis/sensors.py", "diagnosis/channel_faults.py", "diagnosis/rigid_body.py")),
     (
         "decimation, preparation",
         (

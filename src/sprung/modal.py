@@ -13,6 +13,9 @@ from sprung._checks import check_type, freeze, frozen_array
 from sprung._display import Drawable, Tabular, counted, in_short, listed
 from sprung.errors import ParameterError
 
+#: Half width of a 95 % interval in standard deviations of a normal variable, to two decimals.
+INTERVAL_95 = 1.96
+
 
 def natural_frequency(poles: Complex) -> Real:
     """Return the undamped natural frequency abs(pole) / 2 pi [Hz] of continuous poles [rad/s].

@@ -192,7 +192,7 @@ def test_no_finding_between_two_logs_of_the_same_car(real_file) -> None:
         for log, length in (("00000165_00000001-60FEB68B", 360.0), ("00000165_00000002-60FEB8E3", 150.0))
     )
     assert sum(one.is_conclusive for one in fast) == 4
-    found = diagnose(slow, learn(fast, least_windows=4))
+    found = diagnose(slow, learn(fast, min_windows=4))
     assert found.detection is not None
     assert (found.findings, found.verdict) == ((), "inconclusive")
     assert any(note.startswith("1 of 1 windows have a speed far from that") for note in found.notes)

@@ -8,8 +8,7 @@ import pytest
 
 from sprung._arrays import Real
 from sprung.calibration.draft import Draft, VehicleNumber, explicit
-from sprung.calibration.joint import JointModel
-from sprung.calibration.windows import WindowSpectra, joint_of, of_all_channels, window_model
+from sprung.calibration.joint import JointModel, WindowSpectra, joint_of, of_all_channels, window_model
 from sprung.likelihood import ClassSpectra, CornerSettings, Model, SegmentSpectra, rigid_layout
 from sprung.vehicles import Vehicle, parse_vehicle
 

@@ -51,9 +51,11 @@ def test_a_complete_file_stays_what_it_was(hatchback, drive) -> None:
     assert not calibration.vehicle.mounted_mass
     assert not calibration.vehicle.flexible_mode
     scores = [
-        (number.value - number.given) / number.std
+        (number.value - number.nominal_value) / number.std
         for number in calibration.learnt
-        if number.given is not None and number.is_identifiable and number.group in {"sensors", "wheels", "speed"}
+        if number.nominal_value is not None
+        and number.is_identifiable
+        and number.group in {"sensors", "wheels", "speed"}
     ]
     assert np.sqrt(np.mean(np.square(scores))) < 2
     assert max(calibration.model_errors_after) < 0.1

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from sprung.calibration.additions import with_mount
 from sprung.calibration.draft import explicit
+from sprung.calibration.fitting import with_mount
 from sprung.cli import main
 from sprung.vehicles import MountedMass, Vehicle, read_vehicle, vehicle_from_text, write_vehicle
 

@@ -8,7 +8,7 @@ import pytest
 
 from sprung._arrays import Real
 from sprung.diagnosis import Baseline, Observation, learn
-from sprung.diagnosis.directions import usual_nuisance
+from sprung.diagnosis.scatter import typical_nuisance
 from sprung.vehicles import Component
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
@@ -26,7 +26,7 @@ def drawn_values(generator: np.random.Generator, covariance: Real) -> Real:
 def drawn_window(
     generator: np.random.Generator, time: float, change: Mapping[str, float] = NO_CHANGE, **fields: Any
 ) -> Observation:
-    values = drawn_values(generator, COVARIANCE + usual_nuisance(COMPONENTS, ENDS))
+    values = drawn_values(generator, COVARIANCE + typical_nuisance(COMPONENTS, ENDS))
     for name, size in change.items():
         values[COMPONENTS.index(Component.parse(name))] += np.log1p(size)
     conditions = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import SensorFault, diagnose, learn, nominal_type
-from sprung.diagnosis.baseline import units_of
+from sprung.diagnosis.baseline import mean_deviation, typical_std, units_of
 from sprung.errors import ParameterError
 
 
@@ -56,7 +56,7 @@ def test_the_residual_is_what_mean_and_slopes_leave(baseline, healthy) -> None:
     slopes = np.zeros((12, 4))
     slopes[3, 0] = 0.02  # per 100 kg
     steep = replace(baseline, slopes=slopes)
-    loaded = replace(one, conditions={**one.conditions, "payload": baseline.middle["payload"] + 200.0})
+    loaded = replace(one, conditions={**one.conditions, "payload": baseline.centre["payload"] + 200.0})
     expected = one.log_ratios - baseline.mean
     expected[3] -= 0.04
     assert steep.residual(loaded) == pytest.approx(expected, abs=1e-12)
@@ -68,3 +68,32 @@ def test_the_residual_is_what_mean_and_slopes_leave(baseline, healthy) -> None:
 def test_a_baseline_of_the_wrong_shape_is_refused(baseline, name, value) -> None:
     with pytest.raises(ParameterError, match=f"{name} of a baseline must be"):
         replace(baseline, **{name: value})
+
+
+def test_mean_and_deviations_are_those_of_the_windows(healthy) -> None:
+    every = healthy(30)
+    baseline, later = learn(every[:12]), every[12:]
+    mean = mean_deviation(baseline, later)
+    np.testing.assert_allclose(mean.log_ratios, np.mean([baseline.residual(window) for window in later], axis=0))
+    by_chance = np.diag(baseline.covariance) * (1 / 18 + 1 / 12)
+    np.testing.assert_allclose(mean.std_by_chance**2, by_chance)
+    np.testing.assert_allclose(mean.std**2, by_chance + np.diag(baseline.nuisance))
+    np.testing.assert_allclose(typical_std(baseline) ** 2, np.diag(baseline.covariance + baseline.nuisance))
+    assert (mean.components, mean.n_windows) == (baseline.components, 18)
+    assert np.all(np.abs(mean.log_ratios) < 3 * mean.std)
+
+
+def test_a_change_is_found_at_its_part_alone(window) -> None:
+    generator = np.random.default_rng(3)
+    baseline = learn([window(generator, 600.0 * k) for k in range(12)])
+    changed = [window(generator, 7200 + 600.0 * k, {"front_left.spring": -0.2}) for k in range(12)]
+    mean = mean_deviation(baseline, changed)
+    scores = dict(zip(map(str, mean.components), mean.log_ratios / mean.std, strict=True))
+    assert min(scores, key=scores.__getitem__) == "front_left.spring"
+    assert scores.pop("front_left.spring") < -2.5
+    assert all(abs(score) < 1.96 for score in scores.values())
+
+
+def test_no_window_has_no_mean(healthy) -> None:
+    with pytest.raises(ParameterError, match="at least one conclusive window"):
+        mean_deviation(learn(healthy(12)), [])

@@ -45,13 +45,13 @@ def test_updates_give_the_evidence_of_every_beginning(baseline, softening) -> No
     assert detector.evidence.tolist() == detector.detection.evidence.tolist()
     assert detector.is_alert
     assert detector.is_alert == detector.detection.is_alert
-    assert detector.candidates[0].hypothesis.name == "front_left.spring"
+    assert detector.detection.candidates[0].hypothesis.name == "front_left.spring"
     assert detector.threshold == pytest.approx(np.log(48 / 1e-3))
 
 
 def test_without_a_window_to_compare_there_is_no_evidence(baseline, softening) -> None:
     detector = fed(ChangeDetector(baseline), [softening[2], softening[6]])
-    assert (detector.detection, detector.candidates, detector.is_alert) == (None, (), False)
+    assert (detector.detection, detector.is_alert) == (None, False)
     assert len(detector.observations) == 2
 
 
@@ -64,7 +64,7 @@ def test_it_goes_on_from_its_windows_and_evidence(baseline, softening, n_windows
         stopped.update(observation)
         stopped = ChangeDetector.resumed(baseline, stopped.observations, stopped.evidence, n_windows=n_windows)
         assert stopped.evidence.tolist() == through.evidence.tolist()
-        assert stopped.candidates == through.candidates
+        assert stopped.detection.candidates == through.detection.candidates
     without_evidence = ChangeDetector.resumed(baseline, through.observations, ())
     assert without_evidence.evidence[-1] == through.evidence[-1]
 
@@ -130,7 +130,7 @@ def test_windows_that_scatter_twice_as_much_as_they_report_raise_no_more_alarms(
         for k in range(30):
             one = window(generator, 600.0 * k)
             every.append(replace(one, log_ratios=one.log_ratios + drawn(generator, 3 * one.covariance)))
-        found = detect(learn(every[:6], least_windows=4), every[6:], false_alarms=0.1)
+        found = detect(learn(every[:6], min_windows=4), every[6:], false_alarms=0.1)
         assert found is not None
         alarms += found.first_alert is not None
     assert alarms <= 10  # 5 and two standard deviations

@@ -7,9 +7,8 @@ import pytest
 
 from sprung.diagnosis import ChangeDetector, detectable, diagnose, learn
 from sprung.diagnosis.baseline import CONDITIONS
-from sprung.diagnosis.comparison import Compared
 from sprung.diagnosis.detectability import detectable_changes
-from sprung.diagnosis.ratios import Hypotheses, evidence_of, ratios_of, scores_of
+from sprung.diagnosis.ratios import Compared, Hypotheses, evidence_of, ratios_of, scores_of
 from sprung.errors import ParameterError
 from sprung.vehicles import Component
 
@@ -23,7 +22,7 @@ def vehicle(baseline, generator):
     """
     root = np.linalg.cholesky(baseline.covariance + baseline.nuisance)
     information = np.linalg.inv(root @ root.T)
-    scale = np.sqrt(baseline.degrees / generator.chisquare(baseline.degrees))
+    scale = np.sqrt(baseline.degrees_of_freedom / generator.chisquare(baseline.degrees_of_freedom))
     units = np.eye(1 + len(CONDITIONS))[0]
     of_mean = np.linalg.cholesky(np.linalg.inv(baseline.information)[: len(root), : len(root)])
     error = scale * of_mean @ generator.standard_normal(len(root))
@@ -31,7 +30,7 @@ def vehicle(baseline, generator):
     def scores(n_windows, change):
         residuals = scale * generator.standard_normal((n_windows, len(root))) @ root.T + error + change
         windows = [Compared(600.0 * k, 0.0, residual, units, information) for k, residual in enumerate(residuals)]
-        return scores_of(windows, baseline.information, baseline.degrees)
+        return scores_of(windows, baseline.information, baseline.degrees_of_freedom)
 
     return scores
 

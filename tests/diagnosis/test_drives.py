@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sprung.diagnosis.drives import fit_drive
+from sprung.diagnosis.observation import fit_drive
 from sprung.errors import IdentificationError
 from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import fit_corners
@@ -34,7 +34,7 @@ def test_a_drive_without_modes_is_fitted_from_nominal_values(run, car, monkeypat
     def no_modes(*_, **__):
         raise IdentificationError("no mode")
 
-    monkeypatch.setattr("sprung.diagnosis.drives.cov_ssi", no_modes)
+    monkeypatch.setattr("sprung.diagnosis.observation.cov_ssi", no_modes)
     fit = fit_drive([run], car)
     np.testing.assert_array_equal(fit.log_ratios, fit_corners(run, car).log_ratios)
     assert fit.from_modes is None

@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from sprung.diagnosis import Diagnosis, Finding, diagnose
+from sprung.diagnosis import Diagnosis, Finding, Observation, diagnose, mode_changes
 from sprung.diagnosis.findings import detectable_in_words, time_in_words
-from sprung.vehicles import Component
+from sprung.modal import mac
+from sprung.vehicles import Component, parse_fault, read_vehicle, structure, with_faults
 
 
 def test_sentences_of_intervals_and_axles(faulty, baseline) -> None:
@@ -79,3 +81,68 @@ def test_the_smallest_changes_are_one_clause() -> None:
     assert detectable_in_words(dict(zip(parts, (0.07, 0.12, 0.1), strict=True))) == clause.format("7 to 12")
     assert detectable_in_words(dict.fromkeys(parts, 0.071)) == clause.format("7")
     assert detectable_in_words({}) == ""
+
+
+FINDING = Finding(
+    corner="rear_left",
+    component="spring",
+    change=-0.3,
+    interval=(-0.33, -0.27),
+    score=12.0,
+    severity="high",
+    severity_number=700,
+    advice="inspect before the next 500 km",
+    since=1200.0,
+    since_interval=(600.0, 1200.0),
+    runner_up="",
+    trend=None,
+)
+
+
+@pytest.fixture(scope="module")
+def car():
+    return read_vehicle("zafira")
+
+
+def test_modes_after_a_change_are_those_of_a_vehicle_with_the_fault(car) -> None:
+    healthy = structure(car)
+    before, after = healthy.modes(), with_faults(healthy, [parse_fault("rear_left.spring=-0.3")]).modes()
+    changes = mode_changes(car, FINDING)
+    assert [change.label for change in changes] == ["bounce", "pitch", "roll"]
+    for k, change in enumerate(changes):
+        assert before.labels[k] == change.label
+        assert change.frequency == pytest.approx((before.natural_frequency[k], after.natural_frequency[k]), rel=1e-9)
+        assert change.damping == pytest.approx((before.damping_ratio[k], after.damping_ratio[k]), rel=1e-9)
+        assert change.mac == pytest.approx(mac(before.mode_shapes, after.mode_shapes)[k, k], rel=1e-9)
+        assert change.channels == before.channels
+        assert change.shapes.max(axis=1) == pytest.approx([1.0, 1.0])
+        assert (change.measured_before, change.measured_since) == (None, None)
+
+
+def test_a_change_of_an_axle_is_a_change_of_both_its_sides(car) -> None:
+    faults = [parse_fault(f"front_{side}.damper=0.4") for side in ("left", "right")]
+    after = with_faults(structure(car), faults).modes()
+    finding = replace(FINDING, corner="front", component="damper", change=0.4)
+    changes = mode_changes(car, finding)
+    assert [change.damping[1] for change in changes] == pytest.approx(after.damping_ratio[:3], rel=1e-9)
+
+
+def test_an_unmodelled_change_changes_no_mode(car) -> None:
+    unmodelled = replace(FINDING, corner="vehicle", component="unmodelled", change=None, interval=None, score=None)
+    assert mode_changes(car, unmodelled) == ()
+
+
+def test_measured_modes_are_medians_before_the_onset_and_since(car) -> None:
+    def observed(time: float, frequency: float, reason: str = "") -> Observation:
+        components, values = (Component("rear_left", "spring"),), np.zeros(1)
+        modes = {"bounce": (frequency, 0.3)}
+        return Observation(time, components, values, np.eye(1), {}, modes, (), reason=reason)
+
+    times = np.arange(6) * 600.0  # the onset is at 1200 s
+    frequencies = [1.5, 1.6, 1.2, 1.3, 1.1, 9.0]
+    windows = [observed(time, value) for time, value in zip(times, frequencies, strict=True)]
+    windows[-1] = replace(windows[-1], reason="standing")
+    bounce, pitch, _ = mode_changes(car, FINDING, observations=windows)
+    assert bounce.measured_before == pytest.approx((1.55, 0.3))
+    assert bounce.measured_since == pytest.approx((1.2, 0.3))
+    assert (pitch.measured_before, pitch.measured_since) == (None, None)

@@ -42,7 +42,7 @@ def test_windows_without_scatter_give_their_mean_middle_and_ranges(healthy) -> N
     baseline = learn(every)
     np.testing.assert_allclose(baseline.mean, one.log_ratios, atol=1e-12)
     np.testing.assert_allclose(baseline.slopes, 0, atol=1e-12)
-    assert baseline.middle["payload"] == 120.0
+    assert baseline.centre["payload"] == 120.0
     assert baseline.ranges["payload"] == (0.0, 240.0)
 
 
@@ -51,7 +51,7 @@ def test_means_and_slopes_are_as_uncertain_as_the_windows_scatter(healthy) -> No
     windows = healthy(12)
     baseline = learn(windows)
     assert baseline.n_windows == 12
-    rows = np.array([np.concatenate([[1.0], units_of(one, baseline.middle)]) for one in windows])
+    rows = np.array([np.concatenate([[1.0], units_of(one, baseline.centre)]) for one in windows])
     of_windows = np.kron(rows.T @ rows, np.linalg.inv(baseline.covariance + baseline.nuisance))
     prior = prior_information(baseline.components, np.zeros_like(baseline.covariance))
     np.testing.assert_allclose(baseline.information, of_windows + prior, rtol=1e-9, atol=1e-6)

@@ -89,12 +89,12 @@ def test_a_window_that_lacks_a_sensor_is_refused_or_says_so(car, run) -> None:
 
 def test_windows_are_compared_with_a_baseline_of_the_same_sensors(car, run, observations) -> None:
     lacking = [replace(one, missing=("acc_rr",)) for one in observations]
-    without = learn(lacking[:5], least_windows=5)
+    without = learn(lacking[:5], min_windows=5)
     assert without.missing == ("acc_rr",)
     assert without.notes[0] == "the baseline was learnt without the sensors acc_rr of the vehicle file"
     assert without.accepts(lacking[0])
     assert not without.accepts(observations[0])
-    complete = learn([*observations[:5], lacking[5]], least_windows=5)
+    complete = learn([*observations[:5], lacking[5]], min_windows=5)
     assert (complete.missing, complete.n_windows, complete.n_refused) == ((), 5, 1)
     notes = diagnose([lacking[0]], complete).notes
     excluded = "1 of 1 windows were excluded because they lack the sensors acc_rr, unlike those of the baseline"
@@ -106,10 +106,10 @@ def test_the_residual_test_needs_no_samples(car, run, observations) -> None:
     parts = [run.part(k, k + run.n_samples // 5) for k in range(0, run.n_samples, run.n_samples // 5)]
     outputs = [part.select(part.names[:4]) for part in parts]
     expected = learn_reference([residual_statistics(output, sampling_rate=25.0) for output in outputs])
-    baseline = learn(observations[:5], least_windows=5)
+    baseline = learn(observations[:5], min_windows=5)
     assert baseline.residuals is not None
     assert baseline.residuals.n_windows == expected.n_windows
-    np.testing.assert_allclose(baseline.residuals.center, expected.center, rtol=1e-9)
+    np.testing.assert_allclose(baseline.residuals.mean, expected.mean, rtol=1e-9)
     last = run.part(0, run.n_samples // 5)
     tests = diagnose([one.without_segments() for one in observations], baseline).residual_tests
     assert tests.keys() == {one.time for one in observations}
@@ -138,7 +138,7 @@ def test_a_window_with_a_failing_sensor_has_no_residual_test(car, run) -> None:
 
 
 def test_a_second_opinion_that_disagrees_is_noted(observations) -> None:
-    baseline = learn(observations[:5], least_windows=5)
+    baseline = learn(observations[:5], min_windows=5)
     agreed = diagnose(observations, baseline)
     (note,) = [note for note in agreed.notes if note.startswith("second opinion")]
     assert note.endswith("windows differ from those of the baseline (p < 0.001)")
@@ -160,7 +160,7 @@ def test_windows_in_conditions_not_met_before_have_no_second_opinion(observation
     Speeds below those of the baseline made 9 of 14 healthy windows differ, 400 kg behind and a little to the right 8 of
     8.
     """
-    baseline = learn(observations[:5], least_windows=5)
+    baseline = learn(observations[:5], min_windows=5)
     within = {name: sum(ends) / 2 for name, ends in baseline.ranges.items()}
     residuals = replace(observations[0].residuals, mean=10 * observations[0].residuals.mean[::-1])
     strange = replace(observations[0], residuals=residuals, conditions={**observations[0].conditions, **within})

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from sprung.diagnosis.directions import directions
-from sprung.diagnosis.scatter import FreeDegrees, Scatter, regression
+from sprung.diagnosis.scatter import FreeDegrees, Scatter, directions, kinds_of, regression, typical_nuisance
 from sprung.vehicles import Component
 
 COMPONENTS = tuple(
@@ -44,12 +43,37 @@ def test_many_windows_give_their_own_scatter(ratio) -> None:
     pairs, ends, together = directions(COMPONENTS)
     truth = ratio**2 * reported + 0.03**2 * ends.T @ ends + 0.05**2 * together.T @ together
     away = generator.standard_normal((2000, 12)) @ np.linalg.cholesky(truth).T
-    usual = Scatter.usual(COMPONENTS, reported, with_temperature=True)
+    usual = Scatter.typical(COMPONENTS, reported, with_temperature=True)
     learnt = usual.learnt(away, FreeDegrees(np.ones((2000, 1)), usual.whole, []))
     np.testing.assert_allclose(learnt.scales, ratio, rtol=0.06)
-    np.testing.assert_allclose(list(learnt.ends.values()), 0.03, rtol=0.1)
-    np.testing.assert_allclose(list(learnt.together.values()), 0.05, rtol=0.1)
+    np.testing.assert_allclose(list(learnt.front_rear_std.values()), 0.03, rtol=0.1)
+    np.testing.assert_allclose(list(learnt.common_std.values()), 0.05, rtol=0.1)
     np.testing.assert_allclose(np.diag(pairs @ learnt.whole @ pairs.T), np.diag(pairs @ truth @ pairs.T), rtol=0.1)
-    unknown = Scatter.usual(COMPONENTS, reported, with_temperature=False)
+    unknown = Scatter.typical(COMPONENTS, reported, with_temperature=False)
     kept = unknown.learnt(away, FreeDegrees(np.ones((2000, 1)), usual.whole, []))
-    assert kept.together == unknown.together
+    assert kept.common_std == unknown.common_std
+
+
+def components(*names):
+    return tuple(map(Component.parse, names))
+
+
+SPRINGS = ("front_left.spring", "front_right.spring", "rear_left.spring", "rear_right.spring")
+
+
+def test_pairs_ends_and_all_of_a_kind() -> None:
+    pairs, ends, together = directions(components(*SPRINGS))
+    assert pairs.tolist() == [[1, -1, 0, 0], [0, 0, 1, -1]]
+    assert ends.tolist() == [[0.5, 0.5, -0.5, -0.5]]
+    assert together.tolist() == [[1, 1, 1, 1]]
+
+
+def test_kinds_with_different_numbers_of_axles() -> None:
+    """Dampers of the front axle only: they have no front against rear."""
+    some = components(*SPRINGS, "front_left.damper", "front_right.damper")
+    _, ends, _ = directions(some)
+    assert kinds_of(ends, some) == ["spring"]
+    nuisance = typical_nuisance(some, {"spring": 0.008, "damper": 0.012})
+    assert nuisance[4, 5] == pytest.approx(0.25**2)  # all dampers together
+    assert nuisance[0, 2] == pytest.approx(0.08**2 - (0.008 / 2) ** 2)  # together, and against each other
+    assert np.linalg.eigvalsh(nuisance).min() > -1e-12

@@ -6,7 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from sprung.diagnosis import KINDS, observe_window, sensor_faults
+from sprung.diagnosis import observe_window, sensor_faults
+from sprung.diagnosis.channel_faults import KINDS
 from sprung.diagnosis.sensors import check_sensors, speed_fault
 from sprung.errors import DataError
 from sprung.identification.records import without_dead_parts

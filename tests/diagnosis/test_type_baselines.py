@@ -1,4 +1,4 @@
-"""Types: vehicles and windows of known covariances, makers' scatter, faults from the start, and fleets."""
+"""Types: vehicles and windows of known covariances, production scatter, faults from the start, and fleets."""
 
 from dataclasses import replace
 
@@ -14,8 +14,8 @@ from sprung.diagnosis import (
     nominal_type,
     rank_fleet,
 )
-from sprung.diagnosis.directions import directions
-from sprung.diagnosis.type_baselines import MAKERS
+from sprung.diagnosis.scatter import directions
+from sprung.diagnosis.type_baselines import PRODUCTION_SCATTER
 from sprung.errors import DataError, ParameterError
 from sprung.vehicles import Component
 
@@ -125,9 +125,9 @@ def test_a_change_between_the_windows_is_found_without_a_baseline() -> None:
 
 @pytest.mark.slow
 def test_p_values_of_sound_vehicles_hold_and_faults_are_found() -> None:
-    """Makers' scatter drawn as stated: at most 1 % beyond p = 1 %; of 20 % losses about 90 % beyond p = 0.1 %."""
+    """Production scatter drawn as stated: at most 1 % beyond p = 1 %; of 20 % losses about 90 % beyond p = 0.1 %."""
     of_type = nominal_type(COMPONENTS, name="")
-    sides = np.array([MAKERS[COMPONENTS[int(np.flatnonzero(row)[0])].kind] for row in PAIRS])
+    sides = np.array([PRODUCTION_SCATTER[COMPONENTS[int(np.flatnonzero(row)[0])].kind] for row in PAIRS])
     evidence, n_found = [], 0
     for seed in range(400):
         generator = np.random.default_rng([seed, 8])
@@ -169,7 +169,7 @@ def test_the_type_stands_in_for_windows_of_a_new_vehicle() -> None:
     for seed in range(12):
         windows = drawn(np.random.default_rng([seed, 12]), 20, slope=-0.009)
         for errors, known in ((with_type, of_type), (alone, None)):
-            learnt = learn(windows[:2], type_baseline=known, least_windows=2)
+            learnt = learn(windows[:2], type_baseline=known, min_windows=2)
             assert learnt.n_windows == 2
             errors.extend(learnt.residual(window) for window in windows[2:])
     assert np.sqrt(np.mean(np.square(with_type))) < 0.025

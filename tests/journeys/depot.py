@@ -107,7 +107,9 @@ def _tell(store: Store, book: AlertBook, name: str, story: Story, number: int, *
     if not is_learning:
         taught = usable[:_TAUGHT]
         baseline = learn(taught)
-        baseline = replace(baseline, version=1, reason="first learning", taught=tuple(each.time for each in taught))
+        baseline = replace(
+            baseline, version=1, reason="first learning", learning_times=tuple(each.time for each in taught)
+        )
         learnt = _ns(taught[-1].time) + 600 * _S
         baselines = ((1, learnt, "first learning", baseline_document(baseline).as_json()),)
         late = [window for window in windows if window.time > taught[-1].time]

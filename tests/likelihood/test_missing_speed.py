@@ -7,7 +7,7 @@ import pytest
 
 from sprung.errors import DataError
 from sprung.likelihood import SegmentSpectra
-from sprung.likelihood.missing_speed import speed_grid, with_estimated_speeds
+from sprung.likelihood.speed_delay import speed_grid, with_estimated_speeds
 
 
 def test_the_grid_rises_by_two_per_cent_between_its_ends() -> None:

@@ -2,6 +2,8 @@
 
 from sprung.calibration.completion import (
     CALIBRATION_WINDOWS,
+    CalibratedNumber,
+    Calibration,
     CalibrationSettings,
     calibrate,
     calibrated,
@@ -11,8 +13,7 @@ from sprung.calibration.completion import (
     usable_spectra,
 )
 from sprung.calibration.data_sheet import DataSheet, described, tyre_stiffness
-from sprung.calibration.results import CalibratedNumber, Calibration
-from sprung.calibration.windows import WindowSpectra, window_layouts
+from sprung.calibration.joint import WindowSpectra, window_layouts
 
 __all__ = [
     "CALIBRATION_WINDOWS",

@@ -120,7 +120,7 @@ class FileNumbers(ParameterBlock):
 
     def values(self, parameters: Real) -> dict[str, float]:
         """Return the numbers in the units of the file."""
-        given = [number.get(self.draft) for number in self.numbers]
+        given = [self.draft.value_at(number.place) for number in self.numbers]
         return {
             number.name: number.value(value, parameter)
             for number, value, parameter in zip(self.numbers, given, parameters.tolist(), strict=True)

@@ -1,4 +1,4 @@
-"""Completion of a vehicle file from healthy drives."""
+"""Completion of a vehicle file from the windows of healthy drives, and its result."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -7,9 +7,21 @@ from typing import Literal
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import check_number, check_type
-from sprung.calibration.additions import likely_mount, with_mode, with_mount
-from sprung.calibration.draft import Draft, VehicleNumber, explicit, moved
+from sprung._checks import check_number, check_type, freeze
+from sprung._display import Drawable, Savable, Tabular, counted, in_short
+from sprung.calibration.draft import (
+    COMPONENT_FIELDS,
+    Draft,
+    VehicleNumber,
+    component_numbers,
+    explicit,
+    file_numbers,
+    mode_numbers,
+    mounted_numbers,
+    moved,
+    sensor_numbers,
+    with_widths,
+)
 from sprung.calibration.fitting import (
     FreeVehicle,
     JointFit,
@@ -17,20 +29,13 @@ from sprung.calibration.fitting import (
     expected_steps,
     extended_fit,
     joint_fit,
+    likely_mount,
     misfit_in,
     reweighted,
+    with_mode,
+    with_mount,
 )
-from sprung.calibration.numbers import (
-    COMPONENT_FIELDS,
-    component_numbers,
-    file_numbers,
-    mode_numbers,
-    mounted_numbers,
-    sensor_numbers,
-    with_widths,
-)
-from sprung.calibration.results import CONVINCING, CalibratedNumber, Calibration
-from sprung.calibration.windows import DELAY, WindowSpectra, window_spectra
+from sprung.calibration.joint import DELAY, WindowSpectra, window_spectra
 from sprung.errors import DataError, ParameterError
 from sprung.likelihood import CornerSettings
 from sprung.likelihood.spectra import OVERCOUNT
@@ -38,6 +43,107 @@ from sprung.recording import Recording, each_recording
 from sprung.vehicles import Component, Vehicle, corner_names
 from sprung.vehicles.sections import FlexibleMode, LearntNumber
 from sprung.vehicles.window import Window, window_of
+
+#: Gain in ln evidence that counts as an improvement: far more than chance, as models are never perfect.
+CONVINCING = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class CalibratedNumber:
+    """A number of the vehicle after calibration.
+
+    Parameters
+    ----------
+    name
+        Place of the number in the file, such as "front.tyre_stiffness", "acc_fl.x" or "speed_scale".
+    group
+        Kind of number: "components", "sides", "body", "wheels", "sensors", "mounted_masses", "modes", "speed".
+    unit
+        Unit of the values.
+    nominal_value
+        Value of the file; None if the file lacks it.
+    value, std
+        Learnt value and its standard deviation.
+    prior_std
+        Standard deviation before any data.
+    is_identifiable
+        Whether the drives determine it: the data halve its standard deviation at least. The others stay near the given
+        value.
+    """
+
+    name: str
+    group: str
+    unit: str
+    nominal_value: float | None
+    value: float
+    std: float
+    prior_std: float
+    is_identifiable: bool
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Calibration(Tabular, Savable, Drawable):
+    """A vehicle file completed from drives.
+
+    Parameters
+    ----------
+    vehicle
+        Completed vehicle.
+    learnt
+        Numbers that were free, identifiable or not.
+    coordinates
+        Coordinates of the misfit, before and after: what the vehicle of the given file explains.
+    frequencies
+        Frequencies of the misfit [Hz], shape (frequencies,).
+    misfit_before, misfit_after
+        Measured over fitted power less 1 in joint fits of the windows, averaged over them: with springs, dampers and
+        tyres free and all else as given, and as completed; shape (coordinates, frequencies).
+    model_errors_before, model_errors_after
+        Model error of each window in these fits.
+    evidence_gain
+        Gain in ln evidence of the completed file over the given one, in all channels of all windows.
+    n_segments
+        Number of segments of each window.
+    notes
+        Remarks, one sentence each.
+    """
+
+    vehicle: Vehicle
+    learnt: tuple[CalibratedNumber, ...]
+    coordinates: tuple[str, ...]
+    frequencies: Real
+    misfit_before: Real
+    misfit_after: Real
+    model_errors_before: tuple[float, ...]
+    model_errors_after: tuple[float, ...]
+    evidence_gain: float
+    n_segments: tuple[int, ...]
+    notes: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        freeze(self, frequencies=1, misfit_before=2, misfit_after=2)
+
+    def __repr__(self) -> str:
+        """Return the numbers learnt, the gain in evidence and the first note."""
+        learnt = sum(number.is_identifiable for number in self.learnt)
+        numbers = f"{learnt} of {counted(len(self.learnt), 'number')} determined by {counted(self.n_windows, 'window')}"
+        gain = f"gain in ln evidence over the given file: {self.evidence_gain:.0f}"
+        return in_short(f"Calibration of {self.vehicle.name!r}: {numbers}", gain, *self.notes[:1])
+
+    @property
+    def n_windows(self) -> int:
+        """Number of windows."""
+        return len(self.n_segments)
+
+    @property
+    def is_better(self) -> bool:
+        """Whether the completed file explains the windows better than the given one, far beyond chance."""
+        return self.evidence_gain > CONVINCING
+
+    def number(self, name: str) -> CalibratedNumber:
+        """Return a learnt number by its name; KeyError if it was not free."""
+        return {number.name: number for number in self.learnt}[name]
+
 
 #: A number is identifiable if the drives reduce its standard deviation to this share of the prior's or less.
 _IDENTIFIABLE = 0.5
@@ -148,7 +254,7 @@ def calibrate(
     >>> settings = CalibrationSettings(corners, most_mounts=0, has_modes=False)
     >>> calibration = calibrate(drive, vehicle, settings=settings)
     >>> place = calibration.number("acc_fl.x")
-    >>> abs(place.value - place.given) < 2 * place.std, place.std < place.prior_std, calibration.is_better
+    >>> abs(place.value - place.nominal_value) < 2 * place.std, place.std < place.prior_std, calibration.is_better
     (True, True, False)
     """
     settings = settings or CalibrationSettings()
@@ -538,13 +644,13 @@ def _reason(windows: Sequence[WindowSpectra]) -> str:
 
 def _learnt(number: VehicleNumber, draft: Draft, parameter: float, std: float, *, is_new: bool) -> CalibratedNumber:
     """Return a number with its learnt value."""
-    given = number.get(draft)
+    given = draft.value_at(number.place)
     value = number.value(given, parameter)
     return CalibratedNumber(
         name=number.name,
         group=number.group,
         unit=number.unit,
-        given=None if is_new else given,
+        nominal_value=None if is_new else given,
         value=value,
         std=number.std_of_value(value, std),
         prior_std=number.std_of_value(given, number.std),
@@ -572,8 +678,9 @@ def completed(fit: JointFit) -> Vehicle:
 def _with_sources(vehicle: Vehicle, learnt: Sequence[CalibratedNumber], n_windows: int) -> Vehicle:
     """Return the vehicle file with a table of where the numbers that the drives determine come from."""
     drives = "one drive" if n_windows == 1 else f"{n_windows} windows of drives"
+    source = f"calibrated on {drives}"
     entries = [
-        LearntNumber(name=one.name, value=one.value, std=one.std, given=one.given, source=f"calibrated on {drives}")
+        LearntNumber(name=one.name, value=one.value, std=one.std, given=one.nominal_value, source=source)
         for one in learnt
         if one.is_identifiable
     ]

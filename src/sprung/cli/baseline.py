@@ -30,7 +30,7 @@ def baseline(
     reading: "ReadSettings",
     allow_missing: AllowMissing = False,
     window: Minutes = 10.0,
-    least_windows: Annotated[
+    min_windows: Annotated[
         int | None, option("N", "Minimum number of usable windows (6; 2 with --type).", "--windows", min=2)
     ] = None,
     of_type: TypeFile = None,
@@ -81,7 +81,7 @@ def baseline(
         reason=reason.strip() or "first learning",
         previous=before,
         type_baseline=type_baseline,
-        least_windows=least_windows,
+        min_windows=min_windows,
     )
     if calibration is not None or (before is not None and before.vehicle_file):
         complete = description if calibration is None else calibration.vehicle

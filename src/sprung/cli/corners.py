@@ -59,7 +59,7 @@ def corners(
     json: Json = None,
 ) -> None:
     """Estimate the springs, dampers and tyres of every corner from the spectra of a drive or a rig run."""
-    from sprung.diagnosis.drives import fit_drive
+    from sprung.diagnosis.observation import fit_drive
     from sprung.formats import read_records
     from sprung.likelihood import CornerSettings
     from sprung.results import tables

@@ -40,7 +40,7 @@ def describe(
     """Write a vehicle file from a data sheet, with guesses for what it does not state; complete it with calibrate."""
     from sprung.calibration import DataSheet, described
     from sprung.vehicles import structure, write_vehicle
-    from sprung.vehicles.plausibility import plausibility_notes
+    from sprung.vehicles.labels import plausibility_notes
 
     check_file("--out", out)
     sheet = DataSheet(

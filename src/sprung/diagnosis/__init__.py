@@ -3,7 +3,6 @@
 from sprung.diagnosis.assessment import MAX_UNDETECTED, diagnose, diagnosis_of, doubt_about
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.changes import (
-    INTERVAL_95,
     Candidate,
     ChangeDetector,
     Detection,
@@ -11,11 +10,20 @@ from sprung.diagnosis.changes import (
     detect,
     false_discoveries,
 )
+from sprung.diagnosis.channel_faults import SensorFault
 from sprung.diagnosis.detectability import detectable
-from sprung.diagnosis.evidence import ModeChange, mode_changes
-from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, Findings, Verdict, detectable_in_words
+from sprung.diagnosis.findings import (
+    SEVERITIES,
+    Diagnosis,
+    Finding,
+    Findings,
+    ModeChange,
+    Verdict,
+    detectable_in_words,
+    mode_changes,
+)
 from sprung.diagnosis.hypotheses import Hypothesis
-from sprung.diagnosis.learning import LEARNING_WINDOWS, LEAST_WINDOWS, learn
+from sprung.diagnosis.learning import LEARNING_WINDOWS, learn
 from sprung.diagnosis.observation import (
     Observation,
     Observations,
@@ -32,16 +40,13 @@ from sprung.diagnosis.residuals import (
     residual_statistics,
     residual_test,
 )
-from sprung.diagnosis.sensors import KINDS, SensorFault, sensor_faults
+from sprung.diagnosis.sensors import sensor_faults
 from sprung.diagnosis.trends import Trend, trend
 from sprung.diagnosis.type_baselines import TypeBaseline, learn_type, nominal_type
 from sprung.diagnosis.type_comparison import RankedVehicle, compare_with_type, rank_fleet
 
 __all__ = [
-    "INTERVAL_95",
-    "KINDS",
     "LEARNING_WINDOWS",
-    "LEAST_WINDOWS",
     "MAX_UNDETECTED",
     "SEVERITIES",
     "Baseline",

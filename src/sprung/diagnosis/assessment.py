@@ -1,39 +1,51 @@
 """From windows and a baseline to a diagnosis: health assessment of ISO 13374."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from sprung._checks import check_each, check_type
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, Size
+from sprung.diagnosis.channel_faults import SensorFault
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, time_in_words
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
-from sprung.diagnosis.residuals import DIFFERENT, ResidualTest, residual_test
-from sprung.diagnosis.sensors import SensorFault
+from sprung.diagnosis.residuals import RESIDUALS, ResidualTest, residual_test
 from sprung.diagnosis.trends import current_sizes, trend
 from sprung.diagnosis.type_baselines import TypeBaseline, nominal_type
 from sprung.diagnosis.type_comparison import compare_with_type
 from sprung.errors import ParameterError
 from sprung.vehicles import Component
 
-#: Difference of ln evidence above which the runner-up is not named.
-_CLOSE = 3.0
+
+@dataclass(frozen=True, slots=True)
+class NamingRules:
+    """When a part is named, and a window comparable."""
+
+    #: Difference of ln evidence above which the runner-up is not named.
+    close: float = 3.0
+    #: Share of what an unmodelled change explains that a part must explain to be named in its place.
+    mostly: float = 0.8
+    #: Apparent change of another part for a unit change of one (both ln), by nonlinearity and errors of the file:
+    #: standard deviation. The second part of a pair must change by this many standard deviations of it and of chance.
+    leak: float = 0.1
+    clearly: float = 3.0
+    #: Margin around the range of a condition in the baseline within which a window is comparable, relative to that
+    #: range, and its least size in units of the condition.
+    room: float = 0.5
+    min_room: float = 0.2
+
+
+RULES = NamingRules()
+
 #: Change of a part that must be detectable for "no change detected" to be said.
 MAX_UNDETECTED = 0.2
-#: Share of what an unmodelled change explains that a part must explain to be named in its place.
-_MOSTLY = 0.8
-#: Apparent change of another part for a unit change of one (both ln), by nonlinearity and errors of the vehicle file:
-#: standard deviation. The second part of a pair must change by three standard deviations of this and of chance.
-_LEAK, _CLEARLY = 0.1, 3.0
 #: Doubt where windows differ from a vehicle file, without a baseline, and no part explains it.
 _OTHER_VEHICLE = (
     "the windows differ from the vehicle file in a way that no single part explains: the file does not describe this "
     "vehicle; calibrate it on healthy drives, or learn a baseline"
 )
-#: Margin around the range of a condition in the baseline within which a window is comparable, relative to that range,
-#: and its least size in units of the condition.
-_ROOM, _LEAST_ROOM = 0.5, 0.2
 
 
 def diagnose(
@@ -53,7 +65,7 @@ def diagnose(
     baseline
         Baseline of the vehicle; None: it is compared with its type.
     type_baseline
-        Baseline of the vehicle's type; None: left is compared with right by makers' scatter, see `nominal_type`.
+        Baseline of the vehicle's type; None: left is compared with right by production scatter, see `nominal_type`.
     false_alarms
         Rate of false alarms of a healthy vehicle, per day; above 0.
     windows_per_day
@@ -131,8 +143,8 @@ def diagnosis_of(detector: ChangeDetector) -> Diagnosis:
 
     Notes
     -----
-    Without a baseline, a difference that no part explains is put down to the vehicle file: a doubt, not a finding. If
-    the baseline has a residual reference, each conclusive window with sound sensors is tested against it as well; a
+    Without a baseline, a difference that no part explains is attributed to the vehicle file: a doubt, not a finding. If
+    the baseline has a residual reference, each conclusive window with valid sensors is tested against it as well; a
     note states this second opinion, and whether it disagrees. The residuals depend on the conditions, which this test
     does not model: windows far from the conditions of the baseline are not tested. Without findings, the diagnosis is
     inconclusive if the second opinion disagrees, if there is no baseline, or if the loss of a fifth of some part would
@@ -168,35 +180,26 @@ def _diagnosis(
     findings = _findings(detection, compared, baseline) if detection is not None and is_alert else ()
     is_other = baseline.n_windows == 0 and any(finding.component == "unmodelled" for finding in findings)
     findings = () if is_other else findings
-    is_changed = bool(findings)
     tests = _residual_tests(every, baseline)
-    opinion = _second_opinion(tests, is_changed=is_changed)
-    doubts = (
-        *_doubts(baseline, detection),
-        *((_OTHER_VEHICLE,) if is_other else ()),
-        *(opinion if _is_contradicted(tests) else ()),
-    )
+    opinion, is_contradicted = _second_opinion(tests, is_changed=bool(findings))
+    doubts = []
+    if detection is not None and baseline.n_windows == 0:
+        doubts.append("no baseline: compared with the vehicle file, and left with right, with wide limits")
+    elif detection is not None and doubt_about(detection.detectable):
+        doubts.append(doubt_about(detection.detectable))
+    doubts += [_OTHER_VEHICLE] if is_other else []
     notes = (
-        *_layout_notes(every),
-        *_inconclusive_notes(every),
+        *_window_notes(every),
         *_exclusion_notes(every, baseline),
         *baseline.notes,
         *_condition_notes(baseline, compared),
         *([] if detection is None else _evidence_notes(detection)),
         *opinion,
-        *(doubt for doubt in doubts if doubt not in opinion),
+        *doubts,
     )
-    return Diagnosis(findings, _distinct_faults(every), detection, every, notes, baseline, false_alarms, tests, doubts)
-
-
-def _doubts(baseline: Baseline, detection: Detection | None) -> tuple[str, ...]:
-    """Return reasons why a change may have gone undetected: no baseline, or a change of 20 % of some part."""
-    if detection is None:
-        return ()
-    if baseline.n_windows == 0:
-        return ("no baseline: compared with the vehicle file, and left with right, with wide limits",)
-    doubt = doubt_about(detection.detectable)
-    return (doubt,) if doubt else ()
+    doubts += opinion if is_contradicted else []
+    faults = _distinct_faults(every)
+    return Diagnosis(findings, faults, detection, every, notes, baseline, false_alarms, tests, tuple(doubts))
 
 
 def doubt_about(detectable: Mapping[Component, float]) -> str:
@@ -222,8 +225,8 @@ def doubt_about(detectable: Mapping[Component, float]) -> str:
 
 def _inconclusive(observations: tuple[Observation, ...], false_alarms: float) -> Diagnosis:
     """Return the diagnosis of windows none of which is conclusive."""
-    notes = (*_layout_notes(observations), *_inconclusive_notes(observations))
-    return Diagnosis((), _distinct_faults(observations), None, observations, notes, None, false_alarms)
+    faults = _distinct_faults(observations)
+    return Diagnosis((), faults, None, observations, _window_notes(observations), None, false_alarms)
 
 
 def _distinct_faults(observations: Sequence[Observation]) -> tuple[SensorFault, ...]:
@@ -236,7 +239,7 @@ def _distinct_faults(observations: Sequence[Observation]) -> tuple[SensorFault, 
 
 
 def _residual_tests(observations: Sequence[Observation], baseline: Baseline) -> dict[float, ResidualTest]:
-    """Return the residual tests of windows with sound sensors, the reference's channels and known conditions."""
+    """Return the residual tests of windows with valid sensors, the reference's channels and known conditions."""
     reference = baseline.residuals
     if reference is None:
         return {}
@@ -249,31 +252,27 @@ def _residual_tests(observations: Sequence[Observation], baseline: Baseline) -> 
     }
 
 
-def _is_contradicted(tests: Mapping[float, ResidualTest]) -> bool:
-    """Return whether most windows differ from those of the baseline by the residual test."""
-    return sum(test.is_different for test in tests.values()) > len(tests) / 2
-
-
-def _second_opinion(tests: Mapping[float, ResidualTest], *, is_changed: bool) -> tuple[str, ...]:
-    """Return notes on the result of the residual test, and on whether it disagrees."""
+def _second_opinion(tests: Mapping[float, ResidualTest], *, is_changed: bool) -> tuple[list[str], bool]:
+    """Return a note on the result of the residual test, and whether most windows differ."""
     if not tests:
-        return ()
+        return [], False
     different = sum(test.is_different for test in tests.values())
     sentence = (
         f"second opinion without the vehicle file (subspace residuals): {different} of {len(tests)} windows differ "
-        f"from those of the baseline (p < {DIFFERENT:g})"
+        f"from those of the baseline (p < {RESIDUALS.different:g})"
     )
+    is_contradicted = different > len(tests) / 2
     if is_changed and not different:
-        return (f"{sentence}: it does not confirm the finding",)
-    if not is_changed and _is_contradicted(tests):
-        return (f"{sentence}: it disagrees, no change of springs, dampers or tyres was detected",)
-    return (sentence,)
+        sentence += ": it does not confirm the finding"
+    if not is_changed and is_contradicted:
+        sentence += ": it disagrees, no change of springs, dampers or tyres was detected"
+    return [sentence], is_contradicted
 
 
 def _findings(detection: Detection, observations: Sequence[Observation], baseline: Baseline) -> tuple[Finding, ...]:
     """Return the findings of the hypothesis to name: one for each of its changes, one for an unmodelled change."""
     best, second = _best_two(detection)
-    is_close = best.log_evidence - second.log_evidence < _CLOSE and second.hypothesis.scope != "else"
+    is_close = best.log_evidence - second.log_evidence < RULES.close and second.hypothesis.scope != "else"
     runner_up = _words(second) if is_close else ""
     if not best.sizes:
         level = SEVERITIES[2]
@@ -305,12 +304,12 @@ def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
 
     A part, or a pair, that explains nearly all is named even if an unmodelled change explains a little more: with much
     evidence, every error of the vehicle file makes it do so. For the same reason a pair is named only if its second
-    part changes more than the first one may feign.
+    part changes more than the first one may mimic.
     """
     candidates = [value for value in detection.candidates if value.hypothesis.scope != "pair" or _is_distinct(value)]
     first, *others = candidates
     named = next(candidate for candidate in candidates if candidate.hypothesis.scope != "else")
-    is_enough = named.explained >= _MOSTLY * first.explained and named.log_evidence >= detection.threshold
+    is_enough = named.explained >= RULES.mostly * first.explained and named.log_evidence >= detection.threshold
     if first.hypothesis.scope != "else" or not is_enough:
         return first, others[0]
     return named, next(
@@ -319,10 +318,9 @@ def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
 
 
 def _is_distinct(pair: Candidate) -> bool:
-    """Return whether the smaller change of a pair exceeds what chance and the larger one may feign."""
-    small, large = sorted(pair.sizes, key=lambda size: abs(np.log1p(size.change)))
-    deviation = abs(np.log1p(small.change)) / small.score
-    return bool(abs(np.log1p(small.change)) > _CLEARLY * np.hypot(deviation, _LEAK * abs(np.log1p(large.change))))
+    """Return whether the smaller change of a pair exceeds what chance and the larger one may mimic."""
+    (small, score), (large, _) = sorted((abs(np.log1p(size.change)), size.score) for size in pair.sizes)
+    return bool(small > RULES.clearly * np.hypot(small / score, RULES.leak * large))
 
 
 def _words(candidate: Candidate) -> str:
@@ -333,43 +331,39 @@ def _words(candidate: Candidate) -> str:
     )
 
 
-def _layout_notes(observations: Sequence[Observation]) -> tuple[str, ...]:
-    """Return the notes on sensors that windows lack and channels that the vehicle file does not name, once each."""
-    return tuple(dict.fromkeys(note for observation in observations for note in observation.notes))
-
-
-def _inconclusive_notes(observations: Sequence[Observation]) -> list[str]:
-    """Return notes on inconclusive windows, one for each reason."""
+def _window_notes(observations: Sequence[Observation]) -> tuple[str, ...]:
+    """Return the notes of windows, once each, and one for each reason why some are inconclusive."""
     reasons = [observation.reason for observation in observations if not observation.is_conclusive]
-    return [
+    notes = dict.fromkeys(note for observation in observations for note in observation.notes)
+    return *notes, *(
         f"{reasons.count(reason)} of {len(observations)} windows were inconclusive: {reason}"
         for reason in dict.fromkeys(reasons)
-    ]
+    )
 
 
 def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) -> list[str]:
     """Return notes on what the windows are compared with, and on those that were excluded."""
     conclusive = [observation for observation in observations if observation.is_conclusive]
-    sound = [observation for observation in conclusive if not observation.sensor_faults]
+    valid = [observation for observation in conclusive if not observation.sensor_faults]
     notes = []
-    if len(sound) < len(conclusive):
+    if len(valid) < len(conclusive):
         causes = {f"{f.channel} is {f.kind.replace('_', ' ')}" for window in conclusive for f in window.sensor_faults}
         notes.append(
-            f"{len(conclusive) - len(sound)} of {len(conclusive)} windows were excluded because "
+            f"{len(conclusive) - len(valid)} of {len(conclusive)} windows were excluded because "
             f"{' and '.join(sorted(causes))}; the suspension is not monitored until this is repaired"
         )
-    others = {name for window in sound if not baseline.has_sensors_of(window) for name in window.missing}
-    n_others = sum(not baseline.has_sensors_of(window) for window in sound)
+    others = {name for window in valid if not baseline.has_sensors_of(window) for name in window.missing}
+    n_others = sum(not baseline.has_sensors_of(window) for window in valid)
     if n_others:
         lacking = f"lack the sensors {', '.join(sorted(others))}" if others else "have more sensors"
         notes.append(
-            f"{n_others} of {len(sound)} windows were excluded because they {lacking}, unlike those of the baseline:"
+            f"{n_others} of {len(valid)} windows were excluded because they {lacking}, unlike those of the baseline:"
             " learn it again with the same sensors"
         )
-    distrusted = sum(not baseline.is_trusted_on(observation) for observation in sound)
+    distrusted = sum(not baseline.is_trusted_on(observation) for observation in valid)
     if distrusted:
         notes.append(
-            f"{distrusted} of {len(sound)} windows are explained too poorly to be compared with the vehicle file: "
+            f"the model fits {distrusted} of {len(valid)} windows too poorly for a comparison with the vehicle file: "
             "learn a baseline"
         )
     return notes
@@ -410,5 +404,5 @@ def _is_far(baseline: Baseline, name: str, observation: Observation) -> bool:
         return False
     scale = np.log if name == "roughness" else float
     low, high, value = (scale(one) for one in (*baseline.ranges[name], observation.conditions[name]))
-    room = max(_ROOM * (high - low), _LEAST_ROOM * (CONDITIONS | LAYOUT_CONDITIONS)[name])
+    room = max(RULES.room * (high - low), RULES.min_room * (CONDITIONS | LAYOUT_CONDITIONS)[name])
     return not low - room <= value <= high + room

@@ -7,11 +7,11 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from sprung._arrays import Real
-from sprung._checks import frozen_array
+from sprung._checks import freeze, frozen_array
 from sprung._display import Savable, Tabular, counted, in_short, listed
-from sprung.diagnosis.directions import USUAL_ENDS, directions, usual_nuisance
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import ResidualReference
+from sprung.diagnosis.scatter import FRONT_REAR_STD, directions, typical_nuisance
 from sprung.errors import ParameterError
 from sprung.vehicles import Component
 
@@ -45,7 +45,7 @@ class Baseline(Tabular, Savable):
         Mean covariance that the windows report, shape (components, components).
     slopes
         Change of the mean with one unit of each of `CONDITIONS`, shape (components, conditions).
-    middle
+    centre
         Median of each condition of the windows, where known.
     ranges
         Lowest and highest value of each condition of the windows, and of those of `LAYOUT_CONDITIONS`, where known.
@@ -55,7 +55,7 @@ class Baseline(Tabular, Savable):
     information
         Information about the mean and the slopes (the mean of all components first, then the slopes of all components
         with the first condition ...), shape ((1 + conditions) components, the same).
-    degrees
+    degrees_of_freedom
         Degrees of freedom of the scatter of windows in `covariance`.
     n_windows
         Number of windows that it was learnt from; 0: the vehicle file only.
@@ -67,7 +67,7 @@ class Baseline(Tabular, Savable):
         Reference of the subspace residual test; None: not learnt.
     model_error
         Median model error of the windows that it was learnt from, see `CornerFit`.
-    taught
+    learning_times
         Times of the windows that it was learnt from [s].
     vehicle_file
         Text of the vehicle file that a calibration completed, in terms of which the windows were observed; empty: the
@@ -87,18 +87,18 @@ class Baseline(Tabular, Savable):
     covariance: Real
     reported: Real
     slopes: Real
-    middle: dict[str, float]
+    centre: dict[str, float]
     ranges: dict[str, tuple[float, float]]
     nuisance: Real
     information: Real
-    degrees: float
+    degrees_of_freedom: float
     n_windows: int
     n_refused: int
     version: int
     reason: str
     residuals: ResidualReference | None = None
     model_error: float = 0.0
-    taught: tuple[float, ...] = ()
+    learning_times: tuple[float, ...] = ()
     vehicle_file: str = ""
     missing: tuple[str, ...] = ()
 
@@ -106,11 +106,7 @@ class Baseline(Tabular, Savable):
         size, more = len(self.components), 1 + len(CONDITIONS)
         square, every = (size, size), (size * more, size * more)
         shapes = {"mean": (size,), "covariance": square, "reported": square, "nuisance": square}
-        for name, shape in (shapes | {"slopes": (size, more - 1), "information": every}).items():
-            values = frozen_array(name, getattr(self, name), ndim=len(shape))
-            if values.shape != shape or not np.all(np.isfinite(values)):
-                raise ParameterError(f"{name} of a baseline must be {shape} finite numbers: learn it again")
-            object.__setattr__(self, name, values)
+        freeze_shapes(self, "a baseline", **shapes, slopes=(size, more - 1), information=every)
 
     def __repr__(self) -> str:
         """Return the vehicle, the learning, the conditions and limits."""
@@ -130,8 +126,8 @@ class Baseline(Tabular, Savable):
         """Limits of the baseline, one sentence each."""
         if self.n_windows == 0:
             return (
-                "no baseline: left is compared with right by makers' scatter (standard deviation 4 % for springs, 5 % "
-                "for dampers, 3 % for tyres); a change of both sides of an axle alike is not found",
+                "no baseline: left is compared with right by production scatter (standard deviation 4 % for springs, "
+                "5 % for dampers, 3 % for tyres); a change of both sides of an axle alike is not found",
             )
         if self.version == 0:
             return (f"no baseline of the vehicle itself: compared with {self.reason}",)
@@ -150,7 +146,7 @@ class Baseline(Tabular, Savable):
         )
 
     def accepts(self, observation: Observation) -> bool:
-        """Return whether a window can be compared: conclusive, from sound sensors, with the same components.
+        """Return whether a window can be compared: conclusive, from valid sensors, with the same components.
 
         The effect of a failing sensor on a fit is unknown. Without a learnt baseline, the vehicle file must also
         explain the window well.
@@ -190,8 +186,8 @@ class Baseline(Tabular, Savable):
             return observation.covariance + self.nuisance
         own = np.sqrt(np.maximum(np.diag(observation.covariance) / np.diag(self.reported), 1.0))
         covariance = self.covariance * np.outer(own, own) + self.nuisance
-        if "temperature" in self.middle and "temperature" not in observation.conditions:
-            covariance = covariance + usual_nuisance(self.components, USUAL_ENDS)
+        if "temperature" in self.centre and "temperature" not in observation.conditions:
+            covariance = covariance + typical_nuisance(self.components, FRONT_REAR_STD)
         return np.asarray(covariance, dtype=np.float64)
 
     def units(self, observation: Observation) -> Real:
@@ -199,7 +195,16 @@ class Baseline(Tabular, Savable):
 
         An unknown condition is 0.
         """
-        return units_of(observation, self.middle)
+        return units_of(observation, self.centre)
+
+
+def freeze_shapes(value: object, what: str, **shapes: tuple[int, ...]) -> None:
+    """Make arrays of a value read-only; a message refuses those of another shape, or that are not finite."""
+    for name, shape in shapes.items():
+        array = frozen_array(name, getattr(value, name), ndim=len(shape))
+        if array.shape != shape or not np.all(np.isfinite(array)):
+            raise ParameterError(f"{name} of {what} must be {shape} finite numbers: learn it again")
+        object.__setattr__(value, name, array)
 
 
 def vehicle_of(observations: Iterable[Observation]) -> str:
@@ -239,25 +244,25 @@ def slope_covariances(components: tuple[Component, ...]) -> list[Real]:
     return [_SLOPE**2 * own + _SLOPES_TOGETHER[name] ** 2 * alike for name in CONDITIONS]
 
 
-def units_of(observation: Observation, middle: dict[str, float]) -> Real:
+def units_of(observation: Observation, centre: dict[str, float]) -> Real:
     """Return the conditions of a window in units of `CONDITIONS` away from a middle, at most 5, shape (conditions,).
 
     Parameters
     ----------
     observation
         Window with its conditions; one that is unknown is 0.
-    middle
+    centre
         Value of each condition in the middle, where known.
     """
     units = []
     for name, unit in CONDITIONS.items():
         value = observation.conditions.get(name)
-        if value is None or name not in middle:
+        if value is None or name not in centre:
             units.append(0.0)
         elif name == "roughness":
-            units.append(float(np.log(value / middle[name])) / unit)
+            units.append(float(np.log(value / centre[name])) / unit)
         else:
-            units.append((value - middle[name]) / unit)
+            units.append((value - centre[name]) / unit)
     return np.asarray(np.clip(np.array(units), -5.0, 5.0), dtype=np.float64)
 
 
@@ -276,3 +281,73 @@ def _conditions_met(observations: Sequence[Observation], names: Iterable[str]) -
     """Return the values of each known condition of some."""
     met = {name: [window.conditions[name] for window in observations if name in window.conditions] for name in names}
     return {name: values for name, values in met.items() if values}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MeanDeviation:
+    """Mean deviation of windows from a baseline.
+
+    Parameters
+    ----------
+    components
+        Springs, dampers and tyres of the baseline.
+    log_ratios
+        Mean deviation from the baseline under the conditions of each window, ln values, shape (components,).
+    std
+        Standard deviation of `log_ratios` with the effects that corners share, shape (components,).
+    std_by_chance
+        Part of `std` that is independent from window to window, shape (components,).
+    n_windows
+        Number of windows.
+    """
+
+    components: tuple[Component, ...]
+    log_ratios: Real
+    std: Real
+    std_by_chance: Real
+    n_windows: int
+
+    def __post_init__(self) -> None:
+        freeze(self, log_ratios=1, std=1, std_by_chance=1)
+
+
+def mean_deviation(baseline: Baseline, observations: Sequence[Observation]) -> MeanDeviation:
+    """Return the mean deviation of windows from a baseline.
+
+    Parameters
+    ----------
+    baseline
+        Baseline of the vehicle or its type, or of the vehicle file.
+    observations
+        Conclusive windows with the components of the baseline, at least one.
+
+    Raises
+    ------
+    ParameterError
+        If there is no window, or one has other components.
+
+    Notes
+    -----
+    By chance the mean of n windows has the variance C (1 / n + 1 / m) with the covariance C of the m windows of the
+    baseline, or the mean of what the windows report without one. Common effects such as that of a payload may persist:
+    averaging over windows does not remove them.
+    """
+    if not observations:
+        raise ParameterError("observations is empty, but a mean needs at least one conclusive window")
+    count = len(observations)
+    mean = np.mean([baseline.residual(window) for window in observations], axis=0)
+    by_chance = np.mean([window.covariance for window in observations], axis=0) / count
+    if baseline.version:
+        by_chance = baseline.covariance * (1 / count + 1 / baseline.n_windows)
+    whole = by_chance + baseline.nuisance + _between(baseline)
+    return MeanDeviation(baseline.components, mean, np.sqrt(np.diag(whole)), np.sqrt(np.diag(by_chance)), count)
+
+
+def typical_std(baseline: Baseline) -> Real:
+    """Return the standard deviation of single windows about a baseline, ln values, shape (components,)."""
+    return np.sqrt(np.diag(baseline.covariance + baseline.nuisance + _between(baseline)))
+
+
+def _between(baseline: Baseline) -> Real:
+    """Return the covariance between vehicles, of a baseline that is not the vehicle's own."""
+    return baseline.doubt if baseline.version == 0 else np.zeros_like(baseline.covariance)

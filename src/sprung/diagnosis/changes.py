@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from scipy.special import logsumexp
@@ -9,15 +10,13 @@ from scipy.special import logsumexp
 from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.diagnosis.baseline import Baseline
-from sprung.diagnosis.comparison import Compared, compare
 from sprung.diagnosis.detectability import detectable_changes, losses
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.observation import Observation
-from sprung.diagnosis.ratios import Hypotheses, Ratios, evidence_of, ratios_of, scores_of
+from sprung.diagnosis.ratios import Compared, Hypotheses, Ratios, compare, evidence_of, ratios_of, scores_of
+from sprung.modal import INTERVAL_95
 from sprung.vehicles import Component
 
-#: Half width of a 95 % interval in standard deviations of a normal variable, to two decimals.
-INTERVAL_95 = 1.96
 #: Share of the size of a change [ln] that friction hides from a linear model, and its standard deviation. An imperfect
 #: file adds a share of its model error. On 14 faults of two simulated nonlinear cars, sizes were 1 to 6 % (springs),
 #: 5 to 11 % (dampers) and -2 to 2 % (tyres) too small.
@@ -25,7 +24,7 @@ _HIDDEN = {"spring": 0.03, "damper": 0.06, "tyre": 0.0}
 _SCALE = {"spring": 0.025, "damper": 0.05, "tyre": 0.012}
 _OF_MODEL_ERROR = 0.5
 #: Number of pairs among the candidates: those of the largest likelihood.
-_MOST_PAIRS = 5
+_MAX_PAIRS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,10 +179,14 @@ class ChangeDetector:
         check_number("windows_per_day", windows_per_day, above=0)
         if n_windows is not None:
             check_number("n_windows", n_windows, at_least=1)
-        self._baseline, self._false_alarms, self._n_windows = baseline, false_alarms, n_windows
-        self._threshold = float(np.log(windows_per_day / false_alarms))
+        #: Normal state of the vehicle.
+        self.baseline: Final = baseline
+        #: Rate of false alarms of a healthy vehicle, per day.
+        self.false_alarms: Final = false_alarms
+        #: Evidence at which an alert is raised.
+        self.threshold: Final = float(np.log(windows_per_day / false_alarms))
+        self._n_windows = n_windows
         self._hypotheses = Hypotheses.of(baseline.components)
-        self._start = baseline.information
         self._observations: list[Observation] = []
         self._compared: list[Compared] = []
         self._evidence: list[float] = []
@@ -217,18 +220,8 @@ class ChangeDetector:
         detector._evidence = [*map(float, evidence)][: len(detector._compared)]
         while len(detector._evidence) < len(detector._compared):
             table = detector._table_of(len(detector._evidence) + 1)
-            detector._evidence.append(detector._sum(table))
+            detector._evidence.append(evidence_of(table, detector._hypotheses))
         return detector
-
-    @property
-    def baseline(self) -> Baseline:
-        """Normal state of the vehicle."""
-        return self._baseline
-
-    @property
-    def false_alarms(self) -> float:
-        """Rate of false alarms of a healthy vehicle, per day."""
-        return self._false_alarms
 
     @property
     def observations(self) -> tuple[Observation, ...]:
@@ -241,20 +234,9 @@ class ChangeDetector:
         return np.array(self._evidence)
 
     @property
-    def threshold(self) -> float:
-        """Evidence at which an alert is raised."""
-        return self._threshold
-
-    @property
     def is_alert(self) -> bool:
         """Whether the alert is active after the last window."""
-        return bool(self._evidence and self._evidence[-1] >= self._threshold)
-
-    @property
-    def candidates(self) -> tuple[Candidate, ...]:
-        """All hypotheses, the best first; none before the first window that can be compared."""
-        detection = self.detection
-        return () if detection is None else detection.candidates
+        return bool(self._evidence and self._evidence[-1] >= self.threshold)
 
     @property
     def detection(self) -> Detection | None:
@@ -264,34 +246,47 @@ class ChangeDetector:
         table = self._table_of(len(self._compared)) if self._table is None else self._table
         times = np.array([window.time for window in self._compared])
         candidates = self._candidates(table)
-        above = np.flatnonzero(self.evidence >= self._threshold)
+        above = np.flatnonzero(self.evidence >= self.threshold)
+        unexplained = table.scores.rest - (candidates[0].explained if self.is_alert else 0.0)
+        found = detectable_changes(table.scores, self._hypotheses, threshold=self.threshold, unexplained=unexplained)
         return Detection(
             times=times,
             evidence=self.evidence,
             e_value=float(self._evidence[-1] - np.log(len(times))),
-            threshold=self._threshold,
+            threshold=self.threshold,
             candidates=candidates,
             first_alert=float(times[above[0]]) if above.size else None,
-            detectable=self._detectable(table, candidates[0]),
+            detectable=dict(zip(self.baseline.components, losses(found), strict=True)),
         )
 
     def _candidates(self, table: Ratios) -> tuple[Candidate, ...]:
         """Return the candidates, the most probable first."""
         values = self._hypotheses.values
         order = np.argsort(-(logsumexp(table.logs, axis=0) + self._hypotheses.log_prior)).tolist()
-        unlikely = [row for row in order if values[row].scope == "pair"][_MOST_PAIRS:]
-        return tuple(
-            _candidate(values[row], self._compared, table, row, self._baseline.components)
-            for row in order
-            if row not in unlikely
-        )
+        unlikely = [row for row in order if values[row].scope == "pair"][_MAX_PAIRS:]
+        return tuple(self._candidate(table, row) for row in order if row not in unlikely)
 
-    def _detectable(self, table: Ratios, best: Candidate) -> dict[Component, float]:
-        """Return the smallest loss of each component that would have been found."""
-        scores = table.scores
-        unexplained = scores.rest - (best.explained if self.is_alert else 0.0)
-        changes = detectable_changes(scores, self._hypotheses, threshold=self._threshold, unexplained=unexplained)
-        return dict(zip(self._baseline.components, losses(changes), strict=True))
+    def _candidate(self, table: Ratios, row: int) -> Candidate:
+        """Return the candidate of a hypothesis."""
+        hypothesis, logs = self._hypotheses.values[row], table.logs[:, row]
+        times = np.array([window.time for window in self._compared])
+        model_error = float(np.median([window.model_error for window in self._compared]))
+        best = int(np.argmax(logs))
+        sizes, covariances = table.sizes(row, hypothesis.directions(self.baseline.components))
+        stds = np.sqrt(np.diagonal(covariances[best]))
+        # The onset may lie anywhere after the start of the window before.
+        first, last = np.searchsorted(np.cumsum(np.exp(logs - logsumexp(logs))), [0.025, 0.975])
+        return Candidate(
+            hypothesis,
+            float(np.logaddexp.reduce(logs) - np.log(len(times))),
+            float(table.explained[best, row]),
+            tuple(
+                size_of(change.component, float(size), float(std), model_error)
+                for change, size, std in zip(hypothesis.changes, sizes[best], stds, strict=True)
+            ),
+            float(times[best]),
+            (float(times[max(min(first, len(times) - 1) - 1, 0)]), float(times[min(last, len(times) - 1)])),
+        )
 
     def update(self, observation: Observation) -> None:
         """Add the next window; one that cannot be compared with the baseline adds no evidence.
@@ -307,14 +302,14 @@ class ChangeDetector:
             self._evidence.append(0.0)
         if self._compared and (is_compared or is_shortened):
             self._table = self._table_of(len(self._compared))
-            self._evidence[-1] = self._sum(self._table)
+            self._evidence[-1] = evidence_of(self._table, self._hypotheses)
 
     def _take(self, observation: Observation) -> bool:
         """Keep a window, and return whether it can be compared."""
         self._observations.append(observation)
-        if not self._baseline.accepts(observation):
+        if not self.baseline.accepts(observation):
             return False
-        self._compared.append(compare(self._baseline, observation))
+        self._compared.append(compare(self.baseline, observation))
         return True
 
     def _forget(self) -> bool:
@@ -322,17 +317,14 @@ class ChangeDetector:
         if self._n_windows is None:
             return False
         gone = self._observations[: -self._n_windows]
-        n_compared = sum(self._baseline.accepts(observation) for observation in gone)
+        n_compared = sum(self.baseline.accepts(observation) for observation in gone)
         del self._observations[: len(gone)], self._compared[:n_compared], self._evidence[:n_compared]
         return n_compared > 0
 
     def _table_of(self, end: int) -> Ratios:
         """Return the likelihood ratios of the first `end` windows compared."""
-        return ratios_of(scores_of(self._compared[:end], self._start, self._baseline.degrees), self._hypotheses)
-
-    def _sum(self, table: Ratios) -> float:
-        """Return ln of the e-detector."""
-        return evidence_of(table, self._hypotheses)
+        scores = scores_of(self._compared[:end], self.baseline.information, self.baseline.degrees_of_freedom)
+        return ratios_of(scores, self._hypotheses)
 
 
 def detect(
@@ -442,29 +434,6 @@ def false_discoveries(evidence: Sequence[float] | Real, *, rate: float = 0.05) -
     return sorted(int(k) for k in order[: passing[-1] + 1]) if passing.size else []
 
 
-def _candidate(
-    hypothesis: Hypothesis, windows: Sequence[Compared], table: Ratios, column: int, components: tuple[Component, ...]
-) -> Candidate:
-    """Return the candidate of a hypothesis."""
-    times = np.array([window.time for window in windows])
-    model_error = float(np.median([window.model_error for window in windows]))
-    logs = table.logs[:, column]
-    best = int(np.argmax(logs))
-    sizes, covariances = table.sizes(column, hypothesis.directions(components))
-    deviations = np.sqrt(np.diagonal(covariances[best]))
-    return Candidate(
-        hypothesis,
-        float(np.logaddexp.reduce(logs) - np.log(len(times))),
-        float(table.explained[best, column]),
-        tuple(
-            size_of(change.component, float(size), float(deviation), model_error)
-            for change, size, deviation in zip(hypothesis.changes, sizes[best], deviations, strict=True)
-        ),
-        float(times[best]),
-        _onset_interval(logs, times),
-    )
-
-
 def size_of(kind: str, size: float, deviation: float, model_error: float) -> Size:
     """Return the size of a change with its interval.
 
@@ -482,10 +451,3 @@ def size_of(kind: str, size: float, deviation: float, model_error: float) -> Siz
     half = INTERVAL_95 * np.hypot(deviation, scale * size)
     interval = float(np.expm1(size - half)), float(np.expm1(size + half))
     return Size(float(np.expm1(size)), interval, abs(size) / deviation)
-
-
-def _onset_interval(logs: Real, times: Real) -> tuple[float, float]:
-    """Return the 95 % interval of the onset, which may lie anywhere after the start of the window before."""
-    weights = np.exp(logs - np.logaddexp.reduce(logs))
-    first, last = np.searchsorted(np.cumsum(weights), [0.025, 0.975])
-    return float(times[max(min(first, len(times) - 1) - 1, 0)]), float(times[min(last, len(times) - 1)])

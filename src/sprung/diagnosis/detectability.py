@@ -9,8 +9,7 @@ from scipy.special import logsumexp
 from sprung._arrays import Real
 from sprung._checks import check_number, check_type
 from sprung.diagnosis.baseline import CONDITIONS, Baseline
-from sprung.diagnosis.comparison import Compared
-from sprung.diagnosis.ratios import Hypotheses, Scores, dimensions_of, explained_by, scores_of
+from sprung.diagnosis.ratios import Compared, Hypotheses, Scores, dimensions_of, explained_by, scores_of
 from sprung.vehicles import Component
 
 #: Probability of an alert after a change of the size stated.
@@ -172,7 +171,7 @@ def detectable(
         units=np.eye(1 + len(CONDITIONS))[0],
         information=np.asarray(np.linalg.inv(baseline.covariance + baseline.nuisance), dtype=np.float64),
     )
-    scores = scores_of([usual] * n_windows, baseline.information, baseline.degrees)
+    scores = scores_of([usual] * n_windows, baseline.information, baseline.degrees_of_freedom)
     threshold = float(np.log(windows_per_day / false_alarms))
     hypotheses = Hypotheses.of(baseline.components)
     # Windows as certain as those of the baseline add one variance for each of their degrees of freedom.

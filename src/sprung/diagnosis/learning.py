@@ -1,11 +1,11 @@
 """Learning the baseline of a vehicle from its windows."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
+from scipy import stats
 
-from sprung._arrays import Real
 from sprung._checks import check_each, check_number, check_type
 from sprung.diagnosis.baseline import (
     Baseline,
@@ -17,17 +17,15 @@ from sprung.diagnosis.baseline import (
     vehicle_of,
 )
 from sprung.diagnosis.observation import Observation
-from sprung.diagnosis.residuals import FEWEST as FEWEST_RESIDUALS
-from sprung.diagnosis.residuals import ResidualReference, learn_reference
+from sprung.diagnosis.residuals import RESIDUALS, ResidualReference, learn_reference
 from sprung.diagnosis.scatter import ROUNDS, FreeDegrees, Scatter, regression
 from sprung.diagnosis.type_baselines import TypeBaseline
 from sprung.errors import DataError, ParameterError
-from sprung.vehicles import Component
 
 #: Usual number of windows that a baseline is learnt from, and the smallest that must be usable.
 LEARNING_WINDOWS = 12
-LEAST_WINDOWS = LEARNING_WINDOWS // 2
-_LEAST_WITH_TYPE = 2
+MIN_WINDOWS = LEARNING_WINDOWS // 2
+_MIN_WITH_TYPE = 2
 #: Probability that a healthy window is left out of learning.
 _SUSPECT = 1e-3
 
@@ -38,7 +36,7 @@ def learn(
     reason: str = "first learning",
     previous: Baseline | None = None,
     type_baseline: TypeBaseline | None = None,
-    least_windows: int | None = None,
+    min_windows: int | None = None,
 ) -> Baseline:
     """Learn the baseline of a vehicle.
 
@@ -52,7 +50,7 @@ def learn(
         Baseline that this one replaces.
     type_baseline
         Baseline of the vehicle's type, which takes part as what was known before any window; None: nothing was.
-    least_windows
+    min_windows
         Smallest number of usable windows, at least 2; None: 6, or 2 with the baseline of a type.
 
     Returns
@@ -111,127 +109,95 @@ def learn(
     >>> baseline.n_windows, bool(np.allclose(baseline.mean, values.mean(axis=0), atol=0.005))
     (12, True)
     """
-    if least_windows is None:
-        least_windows = LEAST_WINDOWS if type_baseline is None else _LEAST_WITH_TYPE
-    check_number("least_windows", least_windows, at_least=2)
+    if min_windows is None:
+        min_windows = MIN_WINDOWS if type_baseline is None else _MIN_WITH_TYPE
+    check_number("min_windows", min_windows, at_least=2)
     for name, value, kind in (("previous", previous, Baseline), ("type_baseline", type_baseline, TypeBaseline)):
         if value is not None:
             check_type(name, value, kind)
     every = list(check_each("observations", observations, Observation))
     vehicle = vehicle_of(every)
-    sound = [observation for observation in every if observation.is_conclusive and not observation.sensor_faults]
+    valid = [window for window in every if window.is_conclusive and not window.sensor_faults]
     common = [
-        observation
-        for observation in sound
-        if (observation.components, observation.missing) == (sound[0].components, sound[0].missing)
+        window for window in valid if (window.components, window.missing) == (valid[0].components, valid[0].missing)
     ]
     if type_baseline is not None and common and common[0].components != type_baseline.components:
         raise ParameterError("the components differ from those of the type's baseline: fit the same ones")
     while True:
-        if len(common) < least_windows:
+        if len(common) < min_windows:
             raise DataError(
-                f"{len(common)} of {len(every)} windows can be learnt from, and {least_windows} are needed: give more "
+                f"{len(common)} of {len(every)} windows can be learnt from, and {min_windows} are needed: give more "
                 f"drives{_commonest_reason(every)}"
             )
-        estimate = _Estimate.of(common, type_baseline)
-        distances = [estimate.distance(observation) for observation in common]
-        worst = int(np.argmax(distances))
-        suspect = common[worst]
+        baseline = _estimated(common, type_baseline)
+        worst = int(np.argmax([_distance(baseline, window) for window in common]))
         others = [*common[:worst], *common[worst + 1 :]]
-        if _is_like(suspect, others, type_baseline, chance=_SUSPECT / len(distances)):
+        of_others, size = _estimated(others, type_baseline), len(baseline.components)
+        limit = size * stats.f.isf(_SUSPECT / len(common), size, of_others.degrees_of_freedom)
+        if _distance(of_others, common[worst]) <= limit:
             break
         common = others
-    return Baseline(
+    return replace(
+        baseline,
         vehicle=vehicle,
-        components=estimate.components,
-        mean=estimate.mean,
-        covariance=estimate.covariance,
-        reported=estimate.reported,
-        slopes=estimate.slopes,
-        middle=estimate.middle,
-        ranges=ranges(common),
-        nuisance=estimate.nuisance,
-        information=estimate.information,
-        degrees=estimate.degrees,
-        n_windows=len(common),
         n_refused=len(every) - len(common),
         version=1 if previous is None else previous.version + 1,
         reason=reason,
         residuals=_residual_reference(common),
-        model_error=float(np.median([window.conditions.get("model_error", 0.0) for window in common])),
-        taught=tuple(sorted(observation.time for observation in common)),
-        missing=common[0].missing,
     )
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Estimate:
-    """Estimate of the normal state from windows; equations as in `learn`, fields as in `Baseline`."""
-
-    components: tuple[Component, ...]
-    middle: dict[str, float]
-    mean: Real
-    slopes: Real
-    covariance: Real
-    reported: Real
-    nuisance: Real
-    information: Real
-    degrees: float
-
-    @classmethod
-    def of(cls, observations: Sequence[Observation], of_type: TypeBaseline | None) -> "_Estimate":
-        """Return the estimate from windows with the same components, and what is known of the vehicle's type."""
-        components = observations[0].components
-        middle = medians(observations) if of_type is None else dict(of_type.middle)
-        values = np.array([observation.log_ratios for observation in observations])
-        reported = np.mean([observation.covariance for observation in observations], axis=0)
-        rows = np.array([np.concatenate([[1.0], units_of(observation, middle)]) for observation in observations])
-        is_warm = all("temperature" in observation.conditions for observation in observations)
-        if of_type is None:
-            prior, centre = prior_information(components, np.zeros_like(reported)), None
-            usual = Scatter.usual(components, reported, with_temperature=is_warm)
-        else:
-            prior, centre = of_type.information, np.vstack([of_type.mean, of_type.slopes.T])
-            usual = of_type.scatter(reported, with_temperature=is_warm)
-        scatter = usual
-        for _ in range(ROUNDS):
-            coefficients, _ = regression(rows, values, scatter.whole, prior, centre)
-            away = values - rows @ coefficients
-            free = FreeDegrees(rows, scatter.whole, slope_covariances(components))
-            scatter = usual.learnt(away, free)
-        scatter = usual.learnt(away, free, is_widened=True)
-        # Means and slopes are as uncertain as the windows that they are from: by the widened scatter.
-        _, information = regression(rows, values, scatter.whole, prior, centre)
-        return cls(
-            components=components,
-            middle=middle,
-            mean=coefficients[0],
-            slopes=coefficients[1:].T,
-            covariance=scatter.covariance,
-            reported=reported,
-            nuisance=scatter.nuisance,
-            information=information,
-            degrees=scatter.degrees,
-        )
-
-    def distance(self, observation: Observation) -> float:
-        """Return the squared Mahalanobis distance of a window from the prediction for its conditions."""
-        row = np.concatenate([[1.0], units_of(observation, self.middle)])
-        away = observation.log_ratios - self.mean - self.slopes @ row[1:]
-        seen = np.kron(row, np.eye(len(away)))
-        doubt = seen @ np.linalg.solve(self.information, seen.T)
-        return float(away @ np.linalg.solve(self.covariance + self.nuisance + doubt, away))
+def _estimated(windows: Sequence[Observation], of_type: TypeBaseline | None) -> Baseline:
+    """Return the baseline from windows with the same components, and what is known of the vehicle's type."""
+    components = windows[0].components
+    centre = medians(windows) if of_type is None else dict(of_type.centre)
+    values = np.array([window.log_ratios for window in windows])
+    reported = np.mean([window.covariance for window in windows], axis=0)
+    rows = np.array([np.concatenate([[1.0], units_of(window, centre)]) for window in windows])
+    has_temperature = all("temperature" in window.conditions for window in windows)
+    if of_type is None:
+        prior, prior_mean = prior_information(components, np.zeros_like(reported)), None
+        typical = Scatter.typical(components, reported, with_temperature=has_temperature)
+    else:
+        prior, prior_mean = of_type.information, np.vstack([of_type.mean, of_type.slopes.T])
+        typical = of_type.scatter(reported, with_temperature=has_temperature)
+    scatter = typical
+    for _ in range(ROUNDS):
+        coefficients, _ = regression(rows, values, scatter.whole, prior, prior_mean)
+        away = values - rows @ coefficients
+        free = FreeDegrees(rows, scatter.whole, slope_covariances(components))
+        scatter = typical.learnt(away, free)
+    scatter = typical.learnt(away, free, is_widened=True)
+    # Means and slopes are as uncertain as the windows that they are from: by the widened scatter.
+    _, information = regression(rows, values, scatter.whole, prior, prior_mean)
+    return Baseline(
+        vehicle=windows[0].vehicle,
+        components=components,
+        mean=coefficients[0],
+        covariance=scatter.covariance,
+        reported=reported,
+        slopes=coefficients[1:].T,
+        centre=centre,
+        ranges=ranges(windows),
+        nuisance=scatter.nuisance,
+        information=information,
+        degrees_of_freedom=scatter.degrees_of_freedom,
+        n_windows=len(windows),
+        n_refused=0,
+        version=1,
+        reason="",
+        model_error=float(np.median([window.conditions.get("model_error", 0.0) for window in windows])),
+        learning_times=tuple(sorted(window.time for window in windows)),
+        missing=windows[0].missing,
+    )
 
 
-def _is_like(
-    observation: Observation, others: Sequence[Observation], of_type: TypeBaseline | None, *, chance: float
-) -> bool:
-    """Return whether a window agrees with the others; a healthy one does not with probability `chance`."""
-    from scipy import stats
-
-    estimate = _Estimate.of(others, of_type)
-    size = len(estimate.components)
-    return estimate.distance(observation) <= size * stats.f.isf(chance, size, estimate.degrees)
+def _distance(baseline: Baseline, window: Observation) -> float:
+    """Return the squared Mahalanobis distance of a window from the prediction for its conditions."""
+    away = baseline.residual(window)
+    seen = np.kron(np.concatenate([[1.0], baseline.units(window)]), np.eye(len(away)))
+    doubt = seen @ np.linalg.solve(baseline.information, seen.T)
+    return float(away @ np.linalg.solve(baseline.covariance + baseline.nuisance + doubt, away))
 
 
 def _residual_reference(observations: Sequence[Observation]) -> ResidualReference | None:
@@ -239,7 +205,7 @@ def _residual_reference(observations: Sequence[Observation]) -> ResidualReferenc
     residuals = [window.residuals for window in observations]
     complete = [statistics for statistics in residuals if statistics is not None and statistics.segments is not None]
     alike = [statistics for statistics in complete if statistics.is_like(complete[0])]
-    return learn_reference(alike) if len(alike) >= FEWEST_RESIDUALS else None
+    return learn_reference(alike) if len(alike) >= RESIDUALS.min_windows else None
 
 
 def _commonest_reason(observations: Sequence[Observation]) -> str:

@@ -8,19 +8,20 @@ import numpy as np
 from sprung._arrays import Real
 from sprung._checks import check_type, freeze
 from sprung._display import Tabular, counted, in_short, listed
-from sprung.diagnosis.residuals import VEHICLE_RATE, ResidualStatistics, residual_statistics
-from sprung.diagnosis.sensors import SensorFault, check_sensors, exchanged_opposites, speed_fault
-from sprung.diagnosis.sensors.faults import MISSING
-from sprung.errors import DataError, ParameterError
-from sprung.likelihood import CornerFit, CornerSettings
+from sprung.diagnosis.channel_faults import MISSING, SensorFault
+from sprung.diagnosis.residuals import RESIDUALS, ResidualStatistics, residual_statistics
+from sprung.diagnosis.sensors import exchanged_opposites, valid_part
+from sprung.errors import DataError, IdentificationError, ParameterError
+from sprung.identification import IdentificationSettings, cov_ssi
+from sprung.likelihood import CornerFit, CornerSettings, fit_corners
 from sprung.likelihood.fitting import fit_windows
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Component, Vehicle
 from sprung.vehicles.labels import MOTIONS
 from sprung.vehicles.window import Window, window_of
 
-#: Length of a window [s], and smallest number of segments in a conclusive one.
-WINDOW, FEWEST_SEGMENTS = 600.0, 40
+#: Length of a window [s].
+WINDOW = 600.0
 #: Conditions that the fit of the parts accounts for but the correlations of the channels depend on, and one unit of
 #: each: the payload's moments [kg m] and product of inertia [kg m2], amplitude of the right track over the left one.
 LAYOUT_CONDITIONS = {
@@ -40,9 +41,23 @@ CONDITION_UNITS = {
     "payload_y_moment": "kg m",
     "payload_product": "kg m^2",
 }
-#: Model error above which a window is inconclusive; share of the spectra left out for lines above which the fit may
-#: have chosen what it explains, and model error above which such a window is inconclusive.
-_MOST_ERROR, _MANY_LINES, _MOST_ERROR_BETWEEN_LINES = 1.0, 0.25, 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class WindowLimits:
+    """Limits of conclusive windows."""
+
+    #: Smallest number of segments.
+    min_segments: int = 40
+    #: Largest model error.
+    model_error: float = 1.0
+    #: Share of the spectra left out for lines above which the fit may have chosen what it explains, and largest model
+    #: error of such a window.
+    many_lines: float = 0.25
+    model_error_between_lines: float = 0.25
+
+
+LIMITS = WindowLimits()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -158,14 +173,9 @@ def windows(
     >>> [(start, window.duration) for start, window in windows(run)]
     [(0.0, 600.0), (600.0, 300.0)]
     """
-    return _windows(each_recording(recordings), length)
-
-
-def _windows(recordings: Iterable[Recording], length: float) -> Iterator[tuple[float, Recording]]:
-    """Yield windows of recordings with their start times."""
     clock = 0.0
     first: int | None = None
-    for recording in recordings:
+    for recording in each_recording(recordings):
         if recording.start is not None:
             first = recording.start if first is None else first
             clock = (recording.start - first) / 1e9
@@ -289,41 +299,30 @@ def observe_window(
     """
     check_type("recording", recording, Recording)
     check_type("vehicle", vehicle, Vehicle)
-    window = window_of(recording, vehicle, allow_missing=allow_missing)
-    check = check_sensors(window)
-    sound, faults = sound_part(window, check.faults, settings=settings)
+    placed = window_of(recording, vehicle, allow_missing=allow_missing)
+    window, check = valid_part(placed, settings=settings)
     try:
-        fit = fit_windows([sound], settings=settings)
+        fit = fit_windows([window], settings=settings)
     except (DataError, ParameterError) as error:
-        return _inconclusive(time, sound, faults, str(error))
-    exchanged = () if faults or check.disagreement else exchanged_opposites(sound, fit, settings)
-    if exchanged:
-        return _inconclusive(time, sound, exchanged, "sensors are exchanged")
+        return _observation(time, window, check.faults, reason=str(error))
+    if not check.faults and not check.disagreement:
+        exchanged = exchanged_opposites(window, fit, settings)
+        if exchanged:
+            return _observation(time, window, exchanged, reason="sensors are exchanged")
     reason = _reason(fit, check.disagreement)
     if reason:
-        return _inconclusive(time, sound, faults, reason)
-    return _conclusive(time, sound, fit, faults)
-
-
-def sound_part(
-    window: Window, faults: tuple[SensorFault, ...], *, settings: CornerSettings | None = None
-) -> tuple[Window, tuple[SensorFault, ...]]:
-    """Return the part of a window that is fitted, without failing channels, and all faults.
-
-    Parameters
-    ----------
-    window
-        Window of a vehicle.
-    faults
-        Faults of its sensors, as `check_sensors` finds them; a wrong speed is added.
-    settings
-        Choices of the fit.
-    """
-    sound = window.without({fault.channel for fault in faults})
-    wrong_speed = speed_fault(sound, settings=settings)
-    if wrong_speed is None:
-        return sound, faults
-    return sound.without({wrong_speed.channel}), (*faults, wrong_speed)
+        return _observation(time, window, check.faults, reason=reason)
+    modes = fit.modes()
+    body = zip(modes.labels, modes.natural_frequency.tolist(), modes.damping_ratio.tolist(), strict=True)
+    return replace(
+        _observation(time, window, check.faults),
+        components=fit.components,
+        log_ratios=fit.log_ratios,
+        covariance=fit.covariance[: len(fit.components), : len(fit.components)],
+        conditions=window.conditions | _fitted_conditions(fit),
+        modes={label: (frequency, damping) for label, frequency, damping in body if label in MOTIONS},
+        residuals=None if check.faults else _residuals(window),
+    )
 
 
 def _reason(fit: CornerFit, disagreement: float) -> str:
@@ -331,64 +330,38 @@ def _reason(fit: CornerFit, disagreement: float) -> str:
     if disagreement:
         apart = f"sensors disagree by {100 * disagreement:.0f} % and no single one explains it"
         return f"{apart}: check signs, gains, places and delays"
-    if fit.n_segments < FEWEST_SEGMENTS:
+    if fit.n_segments < LIMITS.min_segments:
         return f"{fit.n_segments} segments of steady speed are too few"
-    has_many_lines = fit.share_of_lines > _MANY_LINES
-    if fit.model_error > (_MOST_ERROR_BETWEEN_LINES if has_many_lines else _MOST_ERROR):
+    has_many_lines = fit.share_of_lines > LIMITS.many_lines
+    if fit.model_error > (LIMITS.model_error_between_lines if has_many_lines else LIMITS.model_error):
         badly = f"the vehicle file explains the window poorly: model error {100 * fit.model_error:.0f} %"
         lines = f" with {100 * fit.share_of_lines:.0f} % of the spectra left out for lines"
         return f"{badly}{lines if has_many_lines else ''}"
     return ""
 
 
-def _conclusive(time: float, window: Window, fit: CornerFit, faults: tuple[SensorFault, ...]) -> Observation:
-    """Return the observation of a fit."""
-    count = len(fit.components)
-    conditions = {**window.conditions, "model_error": fit.model_error, "segments": float(fit.n_segments)}
-    if "roughness" in fit.inputs:
-        conditions["roughness"] = fit.inputs["roughness"]
-    if "payload_mass" in fit.payload:
-        conditions["payload"] = fit.payload["payload_mass"]["value"]
-    layout = {name: estimate["value"] for name, estimate in fit.payload.items()} | _tracks(fit)
-    conditions |= {name: layout[name] for name in LAYOUT_CONDITIONS if name in layout}
-    modes = fit.modes()
-    body = {
-        label: (float(modes.natural_frequency[k]), float(modes.damping_ratio[k]))
-        for k, label in enumerate(modes.labels)
-        if label in MOTIONS
-    }
-    return Observation(
-        time=time,
-        components=fit.components,
-        log_ratios=fit.log_ratios,
-        covariance=fit.covariance[:count, :count],
-        conditions=conditions,
-        modes=body,
-        sensor_faults=faults,
-        vehicle=window.vehicle.name,
-        residuals=None if faults else _residuals(window),
-        missing=window.missing,
-        notes=window.notes,
-    )
-
-
-def _tracks(fit: CornerFit) -> dict[str, float]:
-    """Return the amplitude of the right track over that of the left, where it was fitted."""
-    values: dict[str, float] = {}
+def _fitted_conditions(fit: CornerFit) -> dict[str, float]:
+    """Return the conditions that a fit estimates."""
+    layout = {name: estimate["value"] for name, estimate in fit.payload.items()}
     for block, own in fit.model.by_block(fit.parameters):
-        values |= block.values(own) if block.group == "tracks" else {}
-    return values
+        layout |= block.values(own) if block.group == "tracks" else {}
+    fitted = {"model_error": fit.model_error, "segments": float(fit.n_segments)}
+    if "roughness" in fit.inputs:
+        fitted["roughness"] = fit.inputs["roughness"]
+    if "payload_mass" in layout:
+        fitted["payload"] = layout["payload_mass"]
+    return fitted | {name: layout[name] for name in LAYOUT_CONDITIONS if name in layout}
 
 
 def _residuals(window: Window) -> ResidualStatistics | None:
     """Return the statistics for the residual test; None if no stretch of motion is long enough."""
     try:
-        return residual_statistics(window.motion.select(window.outputs), sampling_rate=VEHICLE_RATE)
+        return residual_statistics(window.motion.select(window.outputs), sampling_rate=RESIDUALS.vehicle_rate)
     except DataError:
         return None
 
 
-def _inconclusive(time: float, window: Window, faults: tuple[SensorFault, ...], reason: str) -> Observation:
+def _observation(time: float, window: Window, faults: tuple[SensorFault, ...], *, reason: str = "") -> Observation:
     """Return the observation of a window without estimates of the corners."""
     return Observation(
         time=time,
@@ -433,3 +406,42 @@ def with_missing_as_faults(observation: Observation, *, known: Collection[str] =
         if name not in known
     )
     return replace(observation, sensor_faults=(*observation.sensor_faults, *faults))
+
+
+def fit_drive(
+    recordings: Recording | Iterable[Recording],
+    vehicle: Vehicle,
+    *,
+    settings: CornerSettings | None = None,
+    allow_missing: bool = False,
+) -> CornerFit:
+    """Fit springs, dampers and tyres of every corner to a drive, with a second start from identified modes.
+
+    Parameters
+    ----------
+    recordings
+        Recordings of one condition, as for `sprung.likelihood.fit_corners`.
+    vehicle
+        Vehicle with its sensors.
+    settings
+        Choices of the fit; None: all from the vehicle.
+    allow_missing
+        Whether the recordings may lack sensors of the vehicle file; a note then says which.
+
+    Returns
+    -------
+    CornerFit
+        With the estimates by modes alone in `from_modes`, where the recordings have modes.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As from `sprung.likelihood.fit_corners`.
+    """
+    records = list(each_recording(recordings))
+    own = IdentificationSettings(has_road_modes=False, refine=False, allow_missing=allow_missing)
+    try:
+        modes = cov_ssi(records, settings=own, vehicle=vehicle).modes
+    except (DataError, IdentificationError):
+        modes = None
+    return fit_corners(records, vehicle, settings=settings, modes=modes, allow_missing=allow_missing)

@@ -7,9 +7,55 @@ import numpy as np
 from scipy.special import logsumexp
 
 from sprung._arrays import Indices, Real
-from sprung.diagnosis.comparison import Compared
+from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.hypotheses import Hypothesis, hypotheses_of, log_prior
+from sprung.diagnosis.observation import Observation
 from sprung.vehicles import Component
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Compared:
+    """A window against the baseline.
+
+    Parameters
+    ----------
+    time
+        Time of its first sample [s].
+    model_error
+        Model error of its fit.
+    residual
+        Deviation from the normal state under its conditions, ln values, shape (components,).
+    units
+        1, then its conditions in units away from the middle of the baseline's, shape (1 + conditions,).
+    information
+        Inverse covariance of the residual, shape (components, components).
+    """
+
+    time: float
+    model_error: float
+    residual: Real
+    units: Real
+    information: Real
+
+
+def compare(baseline: Baseline, observation: Observation) -> Compared:
+    """Return a window against the baseline.
+
+    Parameters
+    ----------
+    baseline
+        Normal state of the vehicle.
+    observation
+        Window with the baseline's components.
+    """
+    return Compared(
+        observation.time,
+        observation.conditions.get("model_error", 0.0),
+        baseline.residual(observation),
+        np.concatenate([[1.0], baseline.units(observation)]),
+        np.asarray(np.linalg.inv(baseline.covariance_of(observation)), dtype=np.float64),
+    )
+
 
 #: Standard deviation of the size of a fault, ln values, before any window; of an unmodelled change, per component.
 _SIZE, _UNMODELLED = 0.15, 0.04
@@ -196,17 +242,14 @@ def explained_by(score: Real, information: Real, hypotheses: Hypotheses) -> tupl
         What is explained, shape (.., windows, hypotheses), and volumes, shape (windows, hypotheses).
     """
     lines, between, spread = hypotheses.directions, 1 / _SIZE**2, 1 / _UNMODELLED**2
-    known = np.einsum("hi,wij,hj->wh", lines, information, lines)
-    each = information + spread * np.eye(score.shape[-1])
+    known, each, a, b, c = _informations(information, hypotheses)
     first, second = hypotheses.pairs
-    a, b = (information[:, index, index] + between for index in (first, second))
-    c = information[:, first, second]
     one, two = score[..., first], score[..., second]
-    determinant = a * b - c**2
+    determinant = (a + between) * (b + between) - c**2
     explained = [
         (score @ lines.T) ** 2 / (known + between),
         np.sum(score * np.matmul(score[..., None, :], np.linalg.inv(each))[..., 0, :], axis=-1, keepdims=True),
-        (one * (one * b - two * c) + two * (two * a - one * c)) / determinant,
+        (one * (one * (b + between) - two * c) + two * (two * (a + between) - one * c)) / determinant,
     ]
     volumes = [
         np.log1p(known * _SIZE**2) / 2,
@@ -214,6 +257,14 @@ def explained_by(score: Real, information: Real, hypotheses: Hypotheses) -> tupl
         np.log(determinant * _SIZE**4) / 2,
     ]
     return np.concatenate(explained, axis=-1), np.concatenate(volumes, axis=-1)
+
+
+def _informations(information: Real, hypotheses: Hypotheses) -> tuple[Real, Real, Real, Real, Real]:
+    """Return the information of single sizes, of an unmodelled change with its prior, and of each pair: a, b and c."""
+    lines, (first, second) = hypotheses.directions, hypotheses.pairs
+    known = np.einsum("hi,wij,hj->wh", lines, information, lines)
+    each = information + np.eye(information.shape[-1]) / _UNMODELLED**2
+    return known, each, information[:, first, first], information[:, second, second], information[:, first, second]
 
 
 def dimensions_of(information: Real, hypotheses: Hypotheses) -> Real:
@@ -230,14 +281,10 @@ def dimensions_of(information: Real, hypotheses: Hypotheses) -> Real:
     -----
     tr K (K + C^-1)^-1 with the information K and the prior covariance C of the sizes.
     """
-    lines, between, spread = hypotheses.directions, 1 / _SIZE**2, 1 / _UNMODELLED**2
-    known = np.einsum("hi,wij,hj->wh", lines, information, lines)
-    each = np.linalg.inv(information + spread * np.eye(information.shape[-1]))
-    first, second = hypotheses.pairs
-    a, b = (information[:, index, index] for index in (first, second))
-    c = information[:, first, second]
+    between = 1 / _SIZE**2
+    known, each, a, b, c = _informations(information, hypotheses)
     of_pairs = (a * (b + between) + b * (a + between) - 2 * c**2) / ((a + between) * (b + between) - c**2)
-    of_all = np.einsum("wij,wji->w", information, each)[:, None]
+    of_all = np.einsum("wij,wji->w", information, np.linalg.inv(each))[:, None]
     return np.concatenate([known / (known + between), of_all, of_pairs], axis=-1)
 
 

@@ -17,18 +17,31 @@ from sprung.signals.conditioning import decimate
 from sprung.signals.data_faults import CONDITIONS
 from sprung.vehicles.usable import usable
 
-#: Share of the block Hankel matrix' energy that the model order explains.
-_EXPLAINED = 0.999
-#: Largest number of directions of the residual that are tested, and segments for each.
-_MOST_DIRECTIONS, _SEGMENTS_EACH = 40, 4
-#: Smallest standard deviation of ln statistic from window to window, and its weight in windows.
-_LEAST_SCATTER, _PRIOR_WINDOWS = 0.15, 1.0
-#: Smallest number of windows of a reference, and p-value below which an outlying window is left out of it.
-FEWEST, _SUSPECT = 3, 0.005
-#: Rate at which a vehicle's windows are compared [Hz], and p-value below which one differs.
-VEHICLE_RATE, DIFFERENT = 25.0, 1e-3
-#: Length of a segment [s] and block rows of the Hankel matrix, unless given.
-_SEGMENT, _BLOCK_ROWS = 5.0, 6
+
+@dataclass(frozen=True, slots=True)
+class ResidualSettings:
+    """Settings of the residual test."""
+
+    #: Share of the energy of the block Hankel matrix that the model order explains.
+    explained: float = 0.999
+    #: Largest number of directions of the residual that are tested, and segments for each.
+    max_directions: int = 40
+    segments_each: int = 4
+    #: Smallest standard deviation of ln statistic from window to window, and its weight in windows.
+    min_scatter: float = 0.15
+    prior_windows: float = 1.0
+    #: Smallest number of windows of a reference, and p-value below which an outlying window is left out of it.
+    min_windows: int = 3
+    suspect: float = 0.005
+    #: Rate at which the windows of a vehicle are compared [Hz], and p-value below which one differs.
+    vehicle_rate: float = 25.0
+    different: float = 1e-3
+    #: Length of a segment [s] and block rows of the Hankel matrix, unless stated.
+    segment: float = 5.0
+    block_rows: int = 6
+
+
+RESIDUALS = ResidualSettings()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -101,7 +114,7 @@ class ResidualReference:
         directions).
     whitening
         Matrix that maps residuals to unit covariance in one segment, shape (directions, residuals).
-    center, scatter, n_windows
+    mean, scatter, n_windows
         Mean and standard deviation of ln statistic over the windows that it was learnt from, and their number.
     """
 
@@ -110,7 +123,7 @@ class ResidualReference:
     segment: float
     null_space: Real
     whitening: Real
-    center: float
+    mean: float
     scatter: float
     n_windows: int
 
@@ -142,15 +155,15 @@ class ResidualTest:
     @property
     def is_different(self) -> bool:
         """Whether the p-value is below 0.1 %."""
-        return self.p_value < DIFFERENT
+        return self.p_value < RESIDUALS.different
 
 
 def residual_statistics(
     recording: Recording,
     *,
     sampling_rate: float | None = None,
-    segment: float = _SEGMENT,
-    block_rows: int = _BLOCK_ROWS,
+    segment: float = RESIDUALS.segment,
+    block_rows: int = RESIDUALS.block_rows,
 ) -> ResidualStatistics:
     """Return the statistics of a window for the residual test.
 
@@ -185,7 +198,10 @@ def residual_statistics(
     (12, (2, 2, 7))
     """
     check_number("block_rows", block_rows, at_least=2)
-    outputs = _outputs_at(recording, sampling_rate)
+    motion = usable(recording)
+    outputs = motion.select([c.name for c in motion.channels if c.quantity not in CONDITIONS])
+    if sampling_rate is not None and outputs.sampling_rate > sampling_rate:
+        outputs = decimate(outputs, sampling_rate)
     samples = outputs.samples - outputs.samples.mean(axis=1, keepdims=True)
     scaled = outputs.changed("scaled", samples=samples / samples.std(axis=1, keepdims=True))
     correlations = correlate_segments(scaled, n_lags=2 * block_rows + 1, segment=segment)
@@ -212,6 +228,8 @@ def learn_reference(windows: Sequence[ResidualStatistics]) -> ResidualReference:
     ------
     DataError
         If there are fewer than three windows.
+    ParameterError
+        If a window lacks the correlations of its segments.
 
     Notes
     -----
@@ -240,30 +258,33 @@ def learn_reference(windows: Sequence[ResidualStatistics]) -> ResidualReference:
     >>> reference.n_windows, reference.block_rows
     (3, 4)
     """
-    if len(windows) < FEWEST:
-        raise DataError(f"the residual test needs at least {FEWEST} usable windows, got {len(windows)}: give more")
+    if len(windows) < RESIDUALS.min_windows:
+        needed = f"the residual test needs at least {RESIDUALS.min_windows} usable windows"
+        raise DataError(f"{needed}, got {len(windows)}: give more")
+    if any(window.segments is None for window in windows):
+        raise ParameterError("the window lacks the correlations of its segments: keep them until it is learnt from")
     first = windows[0]
-    matrices = [_segment_matrices(window) for window in windows]
+    matrices = [np.array([_hankel(values) for values in np.asarray(window.segments)]) for window in windows]
     while True:
         null_space, whitening = _estimate(matrices, len(first.channels))
         logs = np.log([_statistic_against_others(matrices, k, len(first.channels)) for k in range(len(matrices))])
         # Chance alone scatters ln of a mean of squares as that of chi square.
-        least = max(_LEAST_SCATTER, float(np.sqrt(polygamma(1, len(whitening) / 2))))
+        least = max(RESIDUALS.min_scatter, float(np.sqrt(polygamma(1, len(whitening) / 2))))
         worst = int(np.argmax(logs))
         others = np.delete(logs, worst)
         score = (logs[worst] - others.mean()) / (_scatter(others, least) * np.sqrt(1 + 1 / len(others)))
-        if len(logs) <= FEWEST or stdtr(len(others) - 1, -score) > _SUSPECT:
+        if len(logs) <= RESIDUALS.min_windows or stdtr(len(others) - 1, -score) > RESIDUALS.suspect:
             break
         del matrices[worst]
     # The mean of the others, which the null space removes, adds 1 / (n - 1) to the variance, that of all 1 / n.
-    center = float(logs.mean() + np.log(1 - len(logs) ** -2.0))
+    mean = float(logs.mean() + np.log(1 - len(logs) ** -2.0))
     return ResidualReference(
         first.channels,
         first.sampling_rate,
         first.segment,
         null_space,
         whitening,
-        center,
+        mean,
         _scatter(logs, least),
         len(logs),
     )
@@ -315,24 +336,8 @@ def residual_test(reference: ResidualReference, window: ResidualStatistics) -> R
     residual = _residuals(_hankel(window.mean)[None], reference.null_space)[0]
     statistic = _statistic(residual, window.n_segments, reference.whitening)
     spread = reference.scatter * np.sqrt(1 + 1 / reference.n_windows)
-    score = (np.log(statistic) - reference.center) / spread
+    score = (np.log(statistic) - reference.mean) / spread
     return ResidualTest(statistic, float(stdtr(reference.n_windows - 1, -score)))
-
-
-def _outputs_at(recording: Recording, sampling_rate: float | None) -> Recording:
-    """Return the outputs at the rate of the test; None: as recorded."""
-    motion = usable(recording)
-    outputs = motion.select([c.name for c in motion.channels if c.quantity not in CONDITIONS])
-    if sampling_rate is None or outputs.sampling_rate <= sampling_rate:
-        return outputs
-    return decimate(outputs, sampling_rate)
-
-
-def _segment_matrices(window: ResidualStatistics) -> Real:
-    """Return the block Hankel matrix of each segment, shape (segments, rows, columns)."""
-    if window.segments is None:
-        raise ParameterError("the window lacks the correlations of its segments: keep them until it is learnt from")
-    return np.array([_hankel(values) for values in window.segments])
 
 
 def _hankel(correlations: Real) -> Real:
@@ -346,11 +351,11 @@ def _estimate(matrices: Sequence[Real], n_channels: int) -> tuple[Real, Real]:
     every = np.concatenate(matrices)
     left, values, _ = np.linalg.svd(every.mean(axis=0), full_matrices=True)
     explained = np.cumsum(values**2) / np.sum(values**2)
-    order = min(int(np.searchsorted(explained, _EXPLAINED)) + 1, len(left) - n_channels)
+    order = min(int(np.searchsorted(explained, RESIDUALS.explained)) + 1, len(left) - n_channels)
     null_space = left[:, order:]
     residuals = _residuals(every, null_space)
     away = residuals - residuals.mean(axis=0)
-    count = max(1, min(_MOST_DIRECTIONS, len(away) // _SEGMENTS_EACH))
+    count = max(1, min(RESIDUALS.max_directions, len(away) // RESIDUALS.segments_each))
     return null_space, _whitening(away, count)
 
 
@@ -368,8 +373,8 @@ def _whitening(away: Real, count: int) -> Real:
 
 def _scatter(logs: Real, least: float) -> float:
     """Return the standard deviation of ln statistic from window to window, at least that of chance."""
-    squares = np.sum((logs - logs.mean()) ** 2) + _PRIOR_WINDOWS * least**2
-    return max(float(np.sqrt(squares / (len(logs) - 1 + _PRIOR_WINDOWS))), least)
+    squares = np.sum((logs - logs.mean()) ** 2) + RESIDUALS.prior_windows * least**2
+    return max(float(np.sqrt(squares / (len(logs) - 1 + RESIDUALS.prior_windows))), least)
 
 
 def _statistic_against_others(matrices: Sequence[Real], row: int, n_channels: int) -> float:

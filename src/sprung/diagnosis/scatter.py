@@ -2,30 +2,103 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy import stats
 
 from sprung._arrays import Real
-from sprung.diagnosis.directions import (
-    COMMON,
-    COMMON_AT_A_TEMPERATURE,
-    USUAL_ENDS,
-    directions,
-    kinds_of,
-    usual_nuisance,
-)
+from sprung._checks import frozen_array
 from sprung.vehicles import Component
+
+#: Usual common change of all components of a kind from window to window (payload, temperature, road), where the
+#: temperature is unknown; that which is left where it is known; and that of front against rear, in ln values.
+COMMON = {"spring": 0.08, "damper": 0.25, "tyre": 0.06}
+COMMON_AT_A_TEMPERATURE = {"spring": 0.04, "damper": 0.06, "tyre": 0.03}
+FRONT_REAR_STD = {"spring": 0.008, "damper": 0.012, "tyre": 0.005}
+
+
+def typical_nuisance(
+    components: tuple[Component, ...], ends: dict[str, float], together: dict[str, float] | None = None
+) -> Real:
+    """Return the covariance of the common changes of components from window to window.
+
+    Parameters
+    ----------
+    components
+        Springs, dampers and tyres.
+    ends
+        Standard deviation between front and rear of each kind, ln values.
+    together
+        Standard deviation of all components of each kind together, ln values; None: `COMMON`.
+
+    Returns
+    -------
+    numpy.ndarray
+        Covariance, shape (components, components): all components of a kind by the same factor, and the axles against
+        each other.
+    """
+    _, between, alike = directions(components)
+    stds = COMMON if together is None else together
+    of_ends = np.array([ends.get(kind, max(ends.values())) for kind in kinds_of(between, components)])
+    of_all = np.array([stds.get(kind, 0.2) for kind in kinds_of(alike, components)])
+    return np.asarray((between.T * of_ends**2) @ between + (alike.T * of_all**2) @ alike, dtype=np.float64)
+
+
+@lru_cache(maxsize=64)
+def directions(components: tuple[Component, ...]) -> tuple[Real, Real, Real]:
+    """Return directions as rows, each of shape (rows, components).
+
+    Parameters
+    ----------
+    components
+        Springs, dampers and tyres of corners.
+
+    Returns
+    -------
+    tuple
+        Left against right for each axle and kind; each axle against the next one; all components of a kind together.
+    """
+    kinds = sorted({component.kind for component in components})
+    left = np.array([1.0 if component.side == "left" else -1.0 for component in components])
+    pairs, ends, together = [], [], []
+    for kind in kinds:
+        axles = sorted({component.axle for component in components if component.kind == kind})
+        of_axle = [np.array([float((c.axle, c.kind) == (axle, kind)) for c in components]) for axle in axles]
+        pairs += [row * left for row in of_axle]
+        ends += [of_axle[k] / 2 - of_axle[k + 1] / 2 for k in range(len(axles) - 1)]
+        together.append(np.sum(of_axle, axis=0))
+    size = len(components)
+    first, second, third = (
+        frozen_array("rows", np.array(rows).reshape(-1, size), ndim=2) for rows in (pairs, ends, together)
+    )
+    return first, second, third
+
+
+def kinds_of(rows: Real, components: tuple[Component, ...]) -> list[str]:
+    """Return the kind of components that each direction moves, of rows from `directions`."""
+    return [components[int(np.flatnonzero(row)[0])].kind for row in rows]
+
 
 #: Rounds of regression and scatter, which need each other.
 ROUNDS = 3
-#: Weight of the scatter that windows report, in degrees of freedom of all pairs.
-_REPORTED = 1.0
-#: Weights of prior scatters in windows: of one pair, as all pairs scatter; of front against rear and of all of a kind
-#: together, as is usual.
-_OF_PAIRS, _OF_ENDS, _OF_ALL = 4.0, 8.0, 4.0
-#: Probability at which a variance with few degrees of freedom is widened to the quantile of the common one.
-_TAIL = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class ScatterWeights:
+    """Weights of what is known before any window."""
+
+    #: Scatter that windows report, in degrees of freedom of all pairs.
+    reported: float = 1.0
+    #: In windows: the scatter of all pairs for one of them, the typical one of front against rear and of all of a kind.
+    pairs: float = 4.0
+    front_rear: float = 8.0
+    common: float = 4.0
+    #: Probability at which a variance with few degrees of freedom is widened to the quantile of the common one.
+    tail: float = 1e-5
+
+
+WEIGHTS = ScatterWeights()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -73,28 +146,28 @@ class Scatter:
         Mean covariance that windows report, shape (components, components).
     scales
         Standard deviation of each component over the reported one, shape (components,).
-    ends, together
+    front_rear_std, common_std
         Standard deviation of front against rear and of all components of each kind, beyond what the fits explain.
-    is_warm
+    has_temperature
         Whether the temperature of every window is known, so that common changes can be learnt.
-    degrees
+    degrees_of_freedom
         Degrees of freedom of all pairs together; as the start of an estimate, their weight in it.
     """
 
     components: tuple[Component, ...]
     reported: Real
     scales: Real
-    ends: dict[str, float]
-    together: dict[str, float]
-    is_warm: bool
-    degrees: float = _REPORTED
+    front_rear_std: dict[str, float]
+    common_std: dict[str, float]
+    has_temperature: bool
+    degrees_of_freedom: float = WEIGHTS.reported
 
     @classmethod
-    def usual(cls, components: tuple[Component, ...], reported: Real, *, with_temperature: bool) -> "Scatter":
+    def typical(cls, components: tuple[Component, ...], reported: Real, *, with_temperature: bool) -> "Scatter":
         """Return the scatter as windows report it, with the usual common changes."""
         kinds = {component.kind for component in components}
         common = COMMON_AT_A_TEMPERATURE if with_temperature else COMMON
-        ends = {kind: USUAL_ENDS.get(kind, 0.02) for kind in kinds}
+        ends = {kind: FRONT_REAR_STD.get(kind, 0.02) for kind in kinds}
         together = {kind: common.get(kind, 0.2) for kind in kinds}
         return cls(components, reported, np.ones(len(components)), ends, together, with_temperature)
 
@@ -106,7 +179,7 @@ class Scatter:
     @property
     def nuisance(self) -> Real:
         """Covariance of common changes."""
-        return usual_nuisance(self.components, self.ends, self.together)
+        return typical_nuisance(self.components, self.front_rear_std, self.common_std)
 
     @property
     def whole(self) -> Real:
@@ -128,24 +201,26 @@ class Scatter:
         pairs, ends, together = directions(self.components)
         squares = np.sum((away @ pairs.T) ** 2, axis=0) / np.diag(pairs @ self.covariance @ pairs.T)
         left = np.array([free.of(row) for row in pairs])
-        degrees = float(np.sum(left)) + self.degrees
-        common = (float(np.sum(squares)) + self.degrees) / degrees
-        weight = _OF_PAIRS + self.degrees / max(len(pairs), 1)
+        degrees = float(np.sum(left)) + self.degrees_of_freedom
+        common = (float(np.sum(squares)) + self.degrees_of_freedom) / degrees
+        weight = WEIGHTS.pairs + self.degrees_of_freedom / max(len(pairs), 1)
         own = (squares + weight * common) / (left + weight)
         if is_widened:
             own = own * _widening(left + weight, degrees)
-        scaled = replace(self, scales=self.scales * np.sqrt(pairs.T**2 @ own), degrees=degrees)
+        scaled = replace(self, scales=self.scales * np.sqrt(pairs.T**2 @ own), degrees_of_freedom=degrees)
         scaled = replace(
             scaled,
-            ends=scaled._beyond_chance(away, free, ends, weight=_OF_ENDS, usual=self.ends, is_widened=is_widened),
+            front_rear_std=scaled._beyond_chance(
+                away, free, ends, weight=WEIGHTS.front_rear, usual=self.front_rear_std, is_widened=is_widened
+            ),
         )
-        if not self.is_warm:
+        if not self.has_temperature:
             return scaled
         means = together / together.sum(axis=1, keepdims=True)
         common_changes = scaled._beyond_chance(
-            away, free, means, weight=_OF_ALL, usual=self.together, is_widened=is_widened
+            away, free, means, weight=WEIGHTS.common, usual=self.common_std, is_widened=is_widened
         )
-        return replace(scaled, together=common_changes)
+        return replace(scaled, common_std=common_changes)
 
     def _beyond_chance(
         self,
@@ -171,14 +246,14 @@ class Scatter:
             chance = float(np.mean(np.diag(of_kind @ self.covariance @ of_kind.T)))
             share = left / (left + weight)
             variance = share * max(0.0, own - chance) + (1 - share) * usual[kind] ** 2
-            widening = float(_widening(len(of_kind) * (left + weight), self.degrees)) if is_widened else 1.0
+            widening = float(_widening(len(of_kind) * (left + weight), self.degrees_of_freedom)) if is_widened else 1.0
             stds[kind] = float(np.sqrt(variance * widening))
         return stds
 
 
 def _widening(own: Real | float, common: float) -> Real:
     """Return the ratio of variances at which the tails of Student's t with few degrees of freedom and many agree."""
-    ratio = stats.t.isf(_TAIL, own) / stats.t.isf(_TAIL, common)
+    ratio = stats.t.isf(WEIGHTS.tail, own) / stats.t.isf(WEIGHTS.tail, common)
     return np.asarray(np.maximum(ratio, 1.0) ** 2, dtype=np.float64)
 
 

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sprung.diagnosis.baseline import Baseline
-from sprung.diagnosis.changes import INTERVAL_95, Candidate, Size, size_of
-from sprung.diagnosis.comparison import Compared, compare
+from sprung.diagnosis.changes import Candidate, Size, size_of
 from sprung.diagnosis.observation import Observation
+from sprung.diagnosis.ratios import Compared, compare
+from sprung.modal import INTERVAL_95
 
 #: Relative change at which a part is due, for forecasts.
 _LIMIT = 0.3
@@ -164,7 +165,7 @@ def _lines(candidate: Candidate, windows: Sequence[Compared], baseline: Baseline
     estimate = covariance @ pull
     away = [w.residual - x @ estimate for x, w in zip(columns, windows, strict=True)]
     squares = float(sum(w.residual @ w.information @ w.residual for w in windows) - pull @ estimate)
-    variance = (baseline.degrees + squares) / (baseline.degrees + len(windows) * len(identity))
+    variance = (baseline.degrees_of_freedom + squares) / (baseline.degrees_of_freedom + len(windows) * len(identity))
     count = len(directions)
     result = []
     for k, direction in enumerate(directions):

@@ -1,18 +1,19 @@
 """Vehicles of one type: their mean, and their covariance between and within vehicles."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 from scipy.linalg import block_diag
 
 from sprung._arrays import Real
-from sprung._checks import check_each, check_type, frozen_array
+from sprung._checks import check_each, check_type
 from sprung._display import Savable, counted, in_short
 from sprung.diagnosis.baseline import (
     CONDITIONS,
     Baseline,
+    freeze_shapes,
     medians,
     prior_information,
     ranges,
@@ -20,25 +21,47 @@ from sprung.diagnosis.baseline import (
     units_of,
     vehicle_of,
 )
-from sprung.diagnosis.directions import USUAL_ENDS, directions, kinds_of, usual_nuisance
 from sprung.diagnosis.observation import Observation
-from sprung.diagnosis.scatter import ROUNDS, FreeDegrees, Scatter, regression
-from sprung.errors import DataError, ParameterError
+from sprung.diagnosis.scatter import (
+    FRONT_REAR_STD,
+    ROUNDS,
+    FreeDegrees,
+    Scatter,
+    directions,
+    kinds_of,
+    regression,
+    typical_nuisance,
+)
+from sprung.errors import DataError
 from sprung.vehicles import Component
 
-#: Makers' scatter: standard deviation of ln(left / right) of sound parts of each kind; also of an axle, and of all
+#: Production scatter: standard deviation of ln(left / right) of healthy parts of each kind; also of an axle, and of all
 #: corners, from vehicle to vehicle of a type.
-MAKERS = {"spring": 0.04, "damper": 0.05, "tyre": 0.03}
-#: Standard deviation of front against rear and of all of a kind about the vehicle file.
-_FILE_ENDS, _FILE_ALL = 0.15, 0.25
+PRODUCTION_SCATTER = {"spring": 0.04, "damper": 0.05, "tyre": 0.03}
+
+
+@dataclass(frozen=True, slots=True)
+class TypeSettings:
+    """Settings of the baseline of a type."""
+
+    #: Standard deviation of front against rear and of all of a kind about the vehicle file.
+    file_front_rear: float = 0.15
+    file_common: float = 0.25
+    #: Weight of production scatter in vehicles.
+    production: float = 4.0
+    #: Largest weight of the scatter of a type's windows, in degrees of freedom.
+    max_degrees: float = 48.0
+    #: Information about the slopes of a vehicle when those of its type are known, over the typical one.
+    slopes: float = 25.0
+    #: Clipping of Huber's proposal 2 in standard deviations, and its rounds.
+    clip: float = 1.5
+    rounds: int = 50
+
+
+SETTINGS = TypeSettings()
+
 #: Smallest number of vehicles of a type.
-LEAST_VEHICLES = 4
-#: Weight of makers' scatter in vehicles; largest weight of the scatter of a type's windows, in degrees of freedom.
-OF_MAKERS, _OF_TYPE = 4.0, 48.0
-#: Information about the slopes of a vehicle when those of its type are known, over the usual one.
-_OF_SLOPES = 25.0
-#: Clipping of Huber's proposal 2 in standard deviations, and its rounds.
-_CLIP, _CLIP_ROUNDS = 1.5, 50
+MIN_VEHICLES = 4
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -55,17 +78,17 @@ class TypeBaseline(Savable):
         Mean over vehicles of ln(value / nominal value) at the middle of the conditions, shape (components,).
     between
         Covariance of vehicles about that mean, shape (components, components).
-    slopes, middle, ranges
+    slopes, centre, ranges
         Dependence on conditions, as in `Baseline`.
-    scales, ends, together
+    scales, front_rear_std, common_std
         Scatter of windows of one vehicle: standard deviations of components over the reported ones, and of front
         against rear and of all components of each kind beyond them.
-    is_warm
+    has_temperature
         Whether the temperature of all windows was known.
-    degrees
+    degrees_of_freedom
         Degrees of freedom of the scatter of windows.
     n_vehicles, n_windows
-        Numbers of vehicles and windows that it was learnt from; 0: makers' scatter only.
+        Numbers of vehicles and windows that it was learnt from; 0: production scatter only.
 
     Raises
     ------
@@ -78,24 +101,20 @@ class TypeBaseline(Savable):
     mean: Real
     between: Real
     slopes: Real
-    middle: dict[str, float]
+    centre: dict[str, float]
     ranges: dict[str, tuple[float, float]]
     scales: Real
-    ends: dict[str, float]
-    together: dict[str, float]
-    is_warm: bool
-    degrees: float
+    front_rear_std: dict[str, float]
+    common_std: dict[str, float]
+    has_temperature: bool
+    degrees_of_freedom: float
     n_vehicles: int
     n_windows: int
 
     def __post_init__(self) -> None:
         size = len(self.components)
         shapes = {"mean": (size,), "between": (size, size), "slopes": (size, len(CONDITIONS)), "scales": (size,)}
-        for name, shape in shapes.items():
-            values = frozen_array(name, getattr(self, name), ndim=len(shape))
-            if values.shape != shape or not np.all(np.isfinite(values)):
-                raise ParameterError(f"{name} of a type's baseline must be {shape} finite numbers: learn it again")
-            object.__setattr__(self, name, values)
+        freeze_shapes(self, "a type's baseline", **shapes)
 
     def __repr__(self) -> str:
         """Return the type, and the numbers of vehicles and windows."""
@@ -108,18 +127,24 @@ class TypeBaseline(Savable):
         return self._information(1.0)
 
     @property
-    def of_a_vehicle(self) -> Real:
+    def single_vehicle_covariance(self) -> Real:
         """Covariance of a further vehicle about the mean, which its vehicles determine up to chance."""
         return self.between * (1 + 1 / self.n_vehicles) if self.n_vehicles else self.between
 
     def scatter(self, reported: Real, *, with_temperature: bool) -> Scatter:
         """Return the scatter of the windows of a vehicle before any, from the covariance that they report."""
-        usual = Scatter.usual(self.components, reported, with_temperature=with_temperature)
+        typical = Scatter.typical(self.components, reported, with_temperature=with_temperature)
         if not self.n_vehicles:
-            return usual
-        together = self.together if with_temperature and self.is_warm else usual.together
-        is_warm, degrees = with_temperature and self.is_warm, min(self.degrees, _OF_TYPE)
-        return Scatter(self.components, reported, self.scales, self.ends, together, is_warm, degrees)
+            return typical
+        is_learnt = with_temperature and self.has_temperature
+        return replace(
+            typical,
+            scales=self.scales,
+            front_rear_std=self.front_rear_std,
+            common_std=self.common_std if is_learnt else typical.common_std,
+            has_temperature=is_learnt,
+            degrees_of_freedom=min(self.degrees_of_freedom, SETTINGS.max_degrees),
+        )
 
     def baseline(self, observations: Sequence[Observation], *, widening: float = 1.0) -> Baseline:
         """Return the baseline of a vehicle of the type before any window of its own.
@@ -140,11 +165,11 @@ class TypeBaseline(Savable):
             covariance=scatter.covariance,
             reported=reported,
             slopes=self.slopes,
-            middle=self.middle,
+            centre=self.centre,
             ranges=self.ranges,
             nuisance=scatter.nuisance,
             information=self._information(widening),
-            degrees=max(scatter.degrees, 2.0 * len(directions(self.components)[0])),
+            degrees_of_freedom=max(scatter.degrees_of_freedom, 2.0 * len(directions(self.components)[0])),
             n_windows=self.n_windows,
             n_refused=0,
             version=0,
@@ -155,12 +180,12 @@ class TypeBaseline(Savable):
 
     def _information(self, widening: float) -> Real:
         """Return `information` for wider deviations between vehicles."""
-        of_mean = _inverse(widening**2 * self.of_a_vehicle)
-        return prior_information(self.components, of_mean, of_slopes=_OF_SLOPES if self.n_vehicles else 1.0)
+        of_mean = np.asarray(np.linalg.inv(widening**2 * self.single_vehicle_covariance), dtype=np.float64)
+        return prior_information(self.components, of_mean, of_slopes=SETTINGS.slopes if self.n_vehicles else 1.0)
 
 
 def nominal_type(components: tuple[Component, ...], *, name: str) -> TypeBaseline:
-    """Return what is known of a type without any of its vehicles: makers' scatter of left against right.
+    """Return what is known of a type without any of its vehicles: production scatter of left against right.
 
     Parameters
     ----------
@@ -171,7 +196,7 @@ def nominal_type(components: tuple[Component, ...], *, name: str) -> TypeBaselin
 
     Examples
     --------
-    Before any vehicle, parts are at the values of the file, and left is as right but for makers' scatter:
+    Before any vehicle, parts are at the values of the file, and left is as right but for production scatter:
 
     >>> import sprung
     >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
@@ -180,21 +205,21 @@ def nominal_type(components: tuple[Component, ...], *, name: str) -> TypeBaselin
     (0, True)
     """
     kinds = sorted({component.kind for component in components})
-    wide = dict.fromkeys(kinds, _FILE_ENDS), dict.fromkeys(kinds, _FILE_ALL)
-    usual = Scatter.usual(components, np.eye(len(components)), with_temperature=False)
+    wide = dict.fromkeys(kinds, SETTINGS.file_front_rear), dict.fromkeys(kinds, SETTINGS.file_common)
+    usual = Scatter.typical(components, np.eye(len(components)), with_temperature=False)
     return TypeBaseline(
         name=name,
         components=components,
         mean=np.zeros(len(components)),
-        between=_between(components, {kind: _makers(kind) for kind in kinds}, *wide),
+        between=_between(components, {kind: PRODUCTION_SCATTER.get(kind, 0.05) for kind in kinds}, *wide),
         slopes=np.zeros((len(components), len(CONDITIONS))),
-        middle={},
+        centre={},
         ranges={},
         scales=usual.scales,
-        ends=usual.ends,
-        together=usual.together,
-        is_warm=False,
-        degrees=usual.degrees,
+        front_rear_std=usual.front_rear_std,
+        common_std=usual.common_std,
+        has_temperature=False,
+        degrees_of_freedom=usual.degrees_of_freedom,
         n_vehicles=0,
         n_windows=0,
     )
@@ -226,7 +251,7 @@ def learn_type(windows: Mapping[str, Iterable[Observation]], *, name: str = "") 
     within one. B and V are those of a regression within vehicles, as in `learn`. The means of vehicles along left
     against right, front against rear and all of a kind together, independent of each other, have a location and a scale
     by Huber's proposal 2, so that a minority of faulty vehicles moves neither; V / n_i is subtracted from the squared
-    scale, and makers' scatter weighs as much as four vehicles.
+    scale, and production scatter weighs as much as four vehicles.
 
     References
     ----------
@@ -253,9 +278,9 @@ def learn_type(windows: Mapping[str, Iterable[Observation]], *, name: str = "") 
     (8, True)
     """
     usable = usable_windows(windows)
-    if len(usable) < LEAST_VEHICLES:
+    if len(usable) < MIN_VEHICLES:
         raise DataError(
-            f"{len(usable)} vehicles have usable windows, and {LEAST_VEHICLES} are needed: give more vehicles"
+            f"{len(usable)} vehicles have usable windows, and {MIN_VEHICLES} are needed: give more vehicles"
         )
     names = {window.vehicle for own in usable.values() for window in own}
     return Fleet.of(usable).type_of(usable, name=name or (names.pop() if len(names) == 1 else ""))
@@ -266,7 +291,7 @@ class Fleet:
     """Windows of vehicles: slopes and scatter within them, and the mean of each with its number of windows."""
 
     components: tuple[Component, ...]
-    middle: dict[str, float]
+    centre: dict[str, float]
     slopes: Real
     scatter: Scatter
     ranges: dict[str, tuple[float, float]]
@@ -286,7 +311,7 @@ class Fleet:
         inside = np.eye(len(every)) - (owner / counts) @ owner.T
         before = slope_covariances(components)
         prior: Real = np.asarray(block_diag(*map(np.linalg.inv, before)), dtype=np.float64)
-        scatter = usual = Scatter.usual(components, reported, with_temperature=has_temperature(every))
+        scatter = usual = Scatter.typical(components, reported, with_temperature=has_temperature(every))
         for _ in range(ROUNDS):
             slopes, _ = regression(inside @ units, inside @ values, scatter.whole, prior)
             away = inside @ (values - units @ slopes)
@@ -310,45 +335,42 @@ class Fleet:
         pairs, ends, together = directions(self.components)
         rows = np.vstack([pairs, ends, together / together.sum(axis=1, keepdims=True)])
         groups = np.repeat([0, 1, 2], [len(pairs), len(ends), len(together)])
-        located = [_located(means @ row) for row in rows]
-        along = np.array([location for location, _ in located])
+        locations = [_huber_location(means @ row) for row in rows]
+        along = np.array([location for location, _ in locations])
         stds: list[dict[str, float]] = [{}, {}, {}]
-        of_rows = list(zip(groups, kinds_of(rows, self.components), rows, located, strict=True))
+        of_rows = list(zip(groups, kinds_of(rows, self.components), rows, locations, strict=True))
         for group, kind in sorted({(int(group), kind) for group, kind, _, _ in of_rows}):
             alike = [(row, scale) for g, k, row, (_, scale) in of_rows if (g, k) == (group, kind)]
             own = float(np.mean([max(0.0, scale**2 - row @ noise @ row) for row, scale in alike]))
-            count = len(alike) * (len(chosen) - 1)
-            stds[group][kind] = float(np.sqrt((count * own + OF_MAKERS * _makers(kind) ** 2) / (count + OF_MAKERS)))
+            count, known = len(alike) * (len(chosen) - 1), SETTINGS.production
+            squares = count * own + known * PRODUCTION_SCATTER.get(kind, 0.05) ** 2
+            stds[group][kind] = float(np.sqrt(squares / (count + known)))
         return TypeBaseline(
             name=name,
             components=self.components,
             mean=np.linalg.lstsq(rows, along)[0],
             between=_between(self.components, *stds),
             slopes=self.slopes,
-            middle=self.middle,
+            centre=self.centre,
             ranges=self.ranges,
             scales=self.scatter.scales,
-            ends=self.scatter.ends,
-            together=self.scatter.together,
-            is_warm=self.scatter.is_warm,
-            degrees=self.scatter.degrees,
+            front_rear_std=self.scatter.front_rear_std,
+            common_std=self.scatter.common_std,
+            has_temperature=self.scatter.has_temperature,
+            degrees_of_freedom=self.scatter.degrees_of_freedom,
             n_vehicles=len(chosen),
             n_windows=sum(self.counts[vehicle] for vehicle in chosen),
         )
 
 
-def _inverse(matrix: Real) -> Real:
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-
-
-def _located(values: Real) -> tuple[float, float]:
+def _huber_location(values: Real) -> tuple[float, float]:
     """Return location and scale of values by Huber's proposal 2, both as for normal values."""
     location = float(np.median(values))
     scale = float(stats.median_abs_deviation(values, scale="normal")) or float(np.std(values)) or 1e-12
-    density, tail = stats.norm.pdf(_CLIP), stats.norm.sf(_CLIP)
-    expected = 1 - 2 * tail - 2 * _CLIP * density + 2 * _CLIP**2 * tail
-    for _ in range(_CLIP_ROUNDS):
-        clipped = np.clip(values, location - _CLIP * scale, location + _CLIP * scale)
+    density, tail = stats.norm.pdf(SETTINGS.clip), stats.norm.sf(SETTINGS.clip)
+    expected = 1 - 2 * tail - 2 * SETTINGS.clip * density + 2 * SETTINGS.clip**2 * tail
+    for _ in range(SETTINGS.rounds):
+        clipped = np.clip(values, location - SETTINGS.clip * scale, location + SETTINGS.clip * scale)
         scale = float(np.sqrt(np.sum((clipped - location) ** 2) / (len(values) - 1) / expected))
         location = float(np.mean(clipped))
     return location, scale
@@ -360,12 +382,8 @@ def _between(
     """Return a covariance from the deviations of left against right, front against rear, and all of each kind."""
     pairs, _, _ = directions(components)
     of_pairs = np.array([sides[kind] for kind in kinds_of(pairs, components)]) / 2
-    rest = usual_nuisance(components, ends or USUAL_ENDS, together)
+    rest = typical_nuisance(components, ends or FRONT_REAR_STD, together)
     return np.asarray((pairs.T * of_pairs**2) @ pairs + rest + 1e-8 * np.eye(len(components)), dtype=np.float64)
-
-
-def _makers(kind: str) -> float:
-    return MAKERS.get(kind, max(MAKERS.values()))
 
 
 def has_temperature(observations: Iterable[Observation]) -> bool:
@@ -382,11 +400,11 @@ def usable_windows(windows: Mapping[str, Iterable[Observation]]) -> dict[str, li
     """Return the windows that can be learnt from, with the commonest components, of vehicles that have any."""
     check_type("windows", windows, Mapping, advice="{'car-1': sprung.observe(recordings, vehicle), ..}")
     every = {vehicle: check_each(f"windows[{vehicle!r}]", own, Observation) for vehicle, own in windows.items()}
-    sound = {
+    valid = {
         vehicle: [window for window in own if window.is_conclusive and not window.sensor_faults]
         for vehicle, own in every.items()
     }
-    kinds = [window.components for own in sound.values() for window in own]
+    kinds = [window.components for own in valid.values() for window in own]
     common = max(kinds, key=kinds.count, default=())
-    alike = {vehicle: [window for window in own if window.components == common] for vehicle, own in sound.items()}
+    alike = {vehicle: [window for window in own if window.components == common] for vehicle, own in valid.items()}
     return {vehicle: own for vehicle, own in alike.items() if own}

@@ -9,29 +9,45 @@ from scipy import stats
 from sprung._arrays import Indices, Real
 from sprung._checks import check_each, check_number, check_type
 from sprung.diagnosis.baseline import Baseline, slope_covariances
-from sprung.diagnosis.changes import INTERVAL_95, Candidate, ChangeDetector, Detection, Size, false_discoveries
+from sprung.diagnosis.changes import Candidate, Detection, Size, detect, false_discoveries
 from sprung.diagnosis.detectability import POWER, losses
-from sprung.diagnosis.directions import USUAL_ENDS, directions, kinds_of, usual_nuisance
 from sprung.diagnosis.hypotheses import Hypothesis, hypotheses_of, log_prior
 from sprung.diagnosis.observation import Observation
+from sprung.diagnosis.scatter import FRONT_REAR_STD, directions, kinds_of, typical_nuisance
 from sprung.diagnosis.type_baselines import (
-    LEAST_VEHICLES,
-    OF_MAKERS,
+    MIN_VEHICLES,
     Fleet,
     TypeBaseline,
     has_temperature,
     usable_windows,
 )
+from sprung.diagnosis.type_baselines import (
+    SETTINGS as OF_TYPES,
+)
 from sprung.errors import DataError
+from sprung.modal import INTERVAL_95
 from sprung.vehicles import Component
 
-#: Size that comparisons are most powerful for, ln values; share of losses among changes, and of unmodelled deviations
-#: in the probability of a false alarm; correlation above which two hypotheses are the same test.
-_SIZE, _LOSSES, _UNMODELLED, _SAME = float(-np.log(0.8)), 0.9, 0.05, 0.9
-#: Largest loss that is sought as the smallest detectable one [ln], and number of times that its range is halved.
-_LARGEST, _HALVINGS = 3.0, 10
-#: Widening of the deviations between vehicles where changes are sought between the windows of one vehicle.
-_WIDE = 3.0
+
+@dataclass(frozen=True, slots=True)
+class TypeTest:
+    """Settings of the comparison with a type."""
+
+    #: Size that the tests are most powerful for, a loss of 20 % [ln], and share of losses among changes.
+    size: float = float(-np.log(0.8))
+    losses: float = 0.9
+    #: Share of unmodelled deviations in the probability of a false alarm.
+    unmodelled: float = 0.05
+    #: Correlation above which two hypotheses are the same test.
+    same: float = 0.9
+    #: Largest loss that is sought as the smallest detectable one [ln], and number of times that its range is halved.
+    largest: float = 3.0
+    halvings: int = 10
+    #: Widening of the deviations between vehicles where changes are sought between the windows of one vehicle.
+    wide: float = 3.0
+
+
+TEST = TypeTest()
 
 
 def compare_with_type(
@@ -112,11 +128,9 @@ def compare_with_type(
     deviation = _deviation(type_baseline, compared, evidence, threshold)
     if deviation.is_alert:
         return deviation
-    wide = type_baseline.baseline(every, widening=_WIDE)
-    detector = ChangeDetector(wide, false_alarms=false_alarms, windows_per_day=windows_per_day)
-    for observation in every:
-        detector.update(observation)
-    return detector.detection if detector.is_alert else deviation
+    wide = type_baseline.baseline(every, widening=TEST.wide)
+    detection = detect(wide, every, false_alarms=false_alarms, windows_per_day=windows_per_day)
+    return detection if detection is not None and detection.is_alert else deviation
 
 
 def _comparable(of_type: TypeBaseline, windows: Sequence[Observation]) -> list[Observation]:
@@ -172,7 +186,7 @@ def rank_fleet(windows: Mapping[str, Iterable[Observation]], *, rate: float = 0.
     windows
         Windows of each vehicle, by its name.
     rate
-        Expected share of sound vehicles among the discoveries, above 0 and up to 1.
+        Expected share of healthy vehicles among the discoveries, above 0 and up to 1.
 
     Returns
     -------
@@ -216,9 +230,9 @@ def rank_fleet(windows: Mapping[str, Iterable[Observation]], *, rate: float = 0.
     """
     check_number("rate", rate, above=0, at_most=1)
     usable = usable_windows(windows)
-    if len(usable) <= LEAST_VEHICLES:
+    if len(usable) <= MIN_VEHICLES:
         raise DataError(
-            f"{len(usable)} vehicles have usable windows, and {LEAST_VEHICLES + 1} are needed: give more vehicles"
+            f"{len(usable)} vehicles have usable windows, and {MIN_VEHICLES + 1} are needed: give more vehicles"
         )
     fleet = Fleet.of(usable)
     detections: dict[str, Detection] = {}
@@ -253,9 +267,9 @@ class _Comparison:
     def of(cls, of_type: TypeBaseline, covariance: Real) -> "_Comparison":
         """Return the comparison of a mean of windows, of the covariance given, with a type."""
         parts = tuple(hypothesis for hypothesis in hypotheses_of(of_type.components) if len(hypothesis.changes) == 1)
-        degrees = of_type.n_vehicles + OF_MAKERS if of_type.n_vehicles else np.inf
+        degrees = of_type.n_vehicles + OF_TYPES.production if of_type.n_vehicles else np.inf
         rows = np.array([hypothesis.direction(of_type.components) for hypothesis in parts])
-        inverse = np.linalg.inv(of_type.of_a_vehicle + covariance)
+        inverse = np.linalg.inv(of_type.single_vehicle_covariance + covariance)
         likeness = rows @ inverse @ rows.T
         stds = 1 / np.sqrt(np.diag(likeness))
         return cls(
@@ -278,14 +292,14 @@ class _Comparison:
 
     def _tails(self, z: Real) -> Real:
         """Return the probability of evidence as strong as that of each hypothesis, from any of them."""
-        deltas = np.tile(_SIZE / self.stds, 2)
-        of_signs = np.concatenate([self.shares + np.log(_LOSSES), self.shares + np.log(1 - _LOSSES)])
+        deltas = np.tile(TEST.size / self.stds, 2)
+        of_signs = np.concatenate([self.shares + np.log(TEST.losses), self.shares + np.log(1 - TEST.losses)])
         both = np.concatenate([-z, z], axis=-1) * deltas - deltas**2 / 2 + of_signs
         strength = both.reshape(*z.shape[:-1], 2, -1).max(axis=-2)
         deltas, of_signs = deltas[self.distinct], of_signs[self.distinct]
         limits = deltas / 2 + (strength[..., None] - of_signs) / deltas
         tails = stats.norm.sf(limits) if np.isinf(self.degrees) else stats.t.sf(limits, self.degrees)
-        return np.asarray(np.clip(tails.sum(axis=-1) / (1 - _UNMODELLED), 1e-300, 1.0), dtype=np.float64)
+        return np.asarray(np.clip(tails.sum(axis=-1) / (1 - TEST.unmodelled), 1e-300, 1.0), dtype=np.float64)
 
 
 def _distinct(cosines: Real) -> Indices:
@@ -294,7 +308,7 @@ def _distinct(cosines: Real) -> Indices:
     alike = np.outer(signs, signs) * np.tile(cosines, (2, 2))
     distinct: list[int] = []
     for number in range(len(signs)):
-        if not np.any(alike[number, distinct] > _SAME):
+        if not np.any(alike[number, distinct] > TEST.same):
             distinct.append(number)
     return np.array(distinct)
 
@@ -319,7 +333,7 @@ def _against_type(of_type: TypeBaseline, windows: Sequence[Observation]) -> tupl
     explained = float(residual @ comparison.inverse @ residual)
     count = len(residual)
     rest = stats.chi2.sf(explained, count) if np.isinf(degrees) else stats.f.sf(explained / count, count, degrees)
-    unmodelled = float(-np.log(np.clip(rest / _UNMODELLED, 1e-300, 1.0)))
+    unmodelled = float(-np.log(np.clip(rest / TEST.unmodelled, 1e-300, 1.0)))
     candidates.append(
         Candidate(Hypothesis("else", "vehicle", "unmodelled"), unmodelled, explained, (), times[0], times)
     )
@@ -340,8 +354,8 @@ def _detectable(of_type: TypeBaseline, windows: Sequence[Observation], threshold
     """
     comparison = _Comparison.of(of_type, _mean_residual(of_type, windows)[1])
     count = len(of_type.components)
-    low, high = np.zeros(count), np.full(count, _LARGEST)
-    for _ in range(_HALVINGS):
+    low, high = np.zeros(count), np.full(count, TEST.largest)
+    for _ in range(TEST.halvings):
         middle = (low + high) / 2
         evidence = comparison.evidence(-middle[:, None] * comparison.rows[:count])
         is_found = evidence.max(axis=1) >= threshold
@@ -363,15 +377,17 @@ def _mean_residual(of_type: TypeBaseline, windows: Sequence[Observation]) -> tup
     free = max((len(away) - 1) * len(pairs), 1)
     excess = max(1.0, float(np.sum(scatter**2 / np.diag(pairs @ own @ pairs.T))) / free)
     covariance = excess * own / len(away)
-    if not (of_type.is_warm and has_temperature(windows)):
+    if not (of_type.has_temperature and has_temperature(windows)):
         no_ends = dict.fromkeys(kinds_of(ends, baseline.components), 0.0)
-        covariance = covariance + usual_nuisance(baseline.components, no_ends or USUAL_ENDS)
-    for beyond, slope in zip(_beyond(of_type, baseline, windows), slope_covariances(baseline.components), strict=True):
+        covariance = covariance + typical_nuisance(baseline.components, no_ends or FRONT_REAR_STD)
+    for beyond, slope in zip(
+        _extrapolation(of_type, baseline, windows), slope_covariances(baseline.components), strict=True
+    ):
         covariance = covariance + beyond**2 * slope
     return away.mean(axis=0), np.asarray(covariance, dtype=np.float64)
 
 
-def _beyond(of_type: TypeBaseline, baseline: Baseline, windows: Sequence[Observation]) -> Real:
+def _extrapolation(of_type: TypeBaseline, baseline: Baseline, windows: Sequence[Observation]) -> Real:
     """Return how far the mean conditions of windows are beyond those of the type, in units, shape (conditions,)."""
     ends = [
         baseline.units(replace(windows[0], conditions={name: end[side] for name, end in of_type.ranges.items()}))

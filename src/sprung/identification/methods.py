@@ -16,8 +16,7 @@ from sprung.identification.stabilisation import StabilityCriteria
 from sprung.modal import Modes
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Chain, Quarter, Vehicle
-from sprung.vehicles.labels import labelled
-from sprung.vehicles.plausibility import plausibility_notes
+from sprung.vehicles.labels import labelled, plausibility_notes
 from sprung.vehicles.sensor_layout import layout_notes
 from sprung.vehicles.usable import AnyVehicle
 

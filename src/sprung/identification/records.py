@@ -29,7 +29,7 @@ from sprung.signals.harmonics import Harmonic, in_families, without_side_lines
 from sprung.signals.inspection import ChannelFacts, inspect
 from sprung.signals.line_removal import subtract_lines
 from sprung.signals.spectrum import SpectralMatrix
-from sprung.vehicles.plausibility import plausibility_notes
+from sprung.vehicles.labels import plausibility_notes
 from sprung.vehicles.sensor_layout import check_present, layout_notes
 from sprung.vehicles.usable import AnyVehicle, output_channels, speed_channel, usable
 

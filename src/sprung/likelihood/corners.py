@@ -120,7 +120,7 @@ class CornerFit(Tabular, Savable, Drawable):
 
     @property
     def uneven_axles(self) -> dict[str, float]:
-        """Components that differ from left to right beyond makers' scatter, such as "rear dampers": left over right.
+        """Components that differ from left to right beyond production scatter, such as "rear dampers": left over right.
 
         Notes
         -----

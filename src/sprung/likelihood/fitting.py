@@ -13,7 +13,6 @@ from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit
 from sprung.likelihood.from_modes import corners_from_modes
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines, without_lines
-from sprung.likelihood.missing_speed import with_estimated_speeds
 from sprung.likelihood.search import minimised
 from sprung.likelihood.spectra import (
     CLASS_WIDTH,
@@ -25,13 +24,13 @@ from sprung.likelihood.spectra import (
     segment_speeds,
     steady_segments,
 )
-from sprung.likelihood.speed_delay import DELAYS, SpeedDelay, speed_delay
+from sprung.likelihood.speed_delay import DELAYS, SpeedDelay, speed_delay, with_estimated_speeds
 from sprung.likelihood.uncertainty import parameter_covariance, power_misfit, segment_weights, tempering
 from sprung.likelihood.vehicle import (
     CornerSettings,
     Kind,
+    default_choices,
     highest_of_body,
-    usual_choices,
     vehicle_model,
     with_sensors,
 )
@@ -232,7 +231,7 @@ def _prepare(
     kind: Kind = settings.kind or first.vehicle.kind
     layout = rigid_layout(with_sensors(first.structure, records[0].names))
     speed = None if kind == "rig" else first.speed
-    band, length = usual_choices(first.vehicle, first.structure, settings, records[0].sampling_rate)
+    band, length = default_choices(first.vehicle, first.structure, settings, records[0].sampling_rate)
     segments = segment_spectra(records, layout, speed=None, band=band, segment_length=length)
     setup = FitSetup(first.vehicle, first.structure, layout, settings, kind)
     if speed is None:
@@ -466,7 +465,7 @@ def _implausibility_notes(fit: CornerFit) -> list[str]:
     if fit.uneven_axles and fit.model_error > _IMPERFECT:
         values = ", ".join(f"{name} {ratio:.2g}" for name, ratio in fit.uneven_axles.items())
         notes.append(
-            f"left over right beyond makers' scatter: {values}; a fault, or what the vehicle file lacks: compare with "
-            "a baseline"
+            f"left over right beyond production scatter: {values}; a fault, or what the vehicle file lacks: compare "
+            "with a baseline"
         )
     return notes

@@ -1,23 +1,50 @@
-"""Delay of the speed channel, from segments in which the vehicle changes its speed."""
+"""Speed of a vehicle by the delay between its axles: where it was not recorded, or its channel is late."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import logsumexp
 
-from sprung._arrays import Real
-from sprung.likelihood.missing_speed import STEP, log_likelihoods
+from sprung._arrays import Complex, Real
+from sprung.errors import DataError
 from sprung.likelihood.spectra import OVERCOUNT, SLOWEST, UNSTEADIEST, SegmentSpectra
+from sprung.likelihood.surface import SurfaceInputs
 from sprung.likelihood.whittle import Model
 
-#: Delays that are compared [s], and standard deviation of a delay before any data [s].
-DELAYS, _PRIOR = np.linspace(-0.5, 3.0, 15), 1.0
-#: Step of the posterior over the delays [s].
-_FINE = 0.02
-#: Gain of the log likelihood over no delay from which a delay is corrected, and shortest one [s].
-_SIGNIFICANT, _SHORTEST = 8.0, 0.15
-#: Least change of a segment's speed over the delays, relative to it, for which it is used; most and fewest segments.
-_CHANGING, _MOST, _FEWEST = 0.03, 80, 6
+#: Highest speed of the grid [m/s], and ratio of neighbouring speeds.
+FASTEST = 45.0
+STEP = 1.02
+#: Delays that are compared [s].
+DELAYS = np.linspace(-0.5, 3.0, 15)
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedLimits:
+    """Limits of the speed by the delay between the axles, and of the delay of its channel."""
+
+    #: Gain of a segment's log likelihood by the delay between the axles, over axles that are independent of each other,
+    #: from which the rear ones repeat the front ones; and spread of the speeds that makes them independent.
+    repeated: float = 10.0
+    any_speed: float = 100.0
+    #: Typical change of ln speed from one half-overlapping segment to the next.
+    change: float = 0.08
+    #: Largest standard deviation of ln speed in a segment that is used, and fewest such segments.
+    sharp: float = 0.06
+    min_segments: int = 12
+    #: Standard deviation of the channel's delay before any data [s], and step of its posterior [s].
+    prior: float = 1.0
+    fine: float = 0.02
+    #: Gain of the log likelihood over no delay from which a delay is corrected, and shortest one [s].
+    significant: float = 8.0
+    shortest: float = 0.15
+    #: Least relative change of a segment's speed over the delays for which it is used; most and fewest segments.
+    changing: float = 0.03
+    max_changing: int = 80
+    min_changing: int = 6
+
+
+LIMITS = SpeedLimits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +60,128 @@ class SpeedDelay:
     """
 
     value: float = 0.0
-    std: float = _PRIOR
+    std: float = LIMITS.prior
+
+
+def speed_grid() -> Real:
+    """Return the speeds at which the likelihood is computed [m/s], shape (speeds,)."""
+    count = int(np.log(FASTEST / SLOWEST) / np.log(STEP)) + 1
+    return np.asarray(SLOWEST * STEP ** np.arange(count), dtype=np.float64)
+
+
+def with_estimated_speeds(
+    segments: SegmentSpectra, model_at: Callable[[Real], Model], parameters: Real | None = None
+) -> SegmentSpectra:
+    """Return the segments whose speed can be estimated from the delay between the axles, with that speed.
+
+    Parameters
+    ----------
+    segments
+        Segments in order of time, without speeds.
+    model_at
+        Function from speeds [m/s] to the model with one class for each.
+    parameters
+        Parameters of an earlier fit, of which those of the free parts and the first ones of the surface are used; None:
+        nominal ones.
+
+    Raises
+    ------
+    DataError
+        If the speed of too few segments can be estimated.
+
+    Notes
+    -----
+    The likelihood of each segment at every speed of a grid, its level profiled out; along the segments ln speed is a
+    random walk: a hidden Markov model, whose posterior the forward and backward recursion gives. Its mean and standard
+    deviation are the speed and its spread. A segment counts only if its likelihood is larger than that of axles with
+    inputs that are independent of each other, at any speed: the shape of a spectrum alone, of noise or of a rig, would
+    fit one speed better than others, too.
+
+    References
+    ----------
+    L. R. Rabiner, A tutorial on hidden Markov models and selected applications in speech recognition, Proceedings of
+    the IEEE 77 (1989) 257-286.
+    """
+    speeds = speed_grid()
+    model = model_at(speeds)
+    start = model.start.copy()
+    if parameters is not None:
+        kept = min(parameters.size, int(model.rows("class_roughness")[0]))
+        start[:kept] = parameters[:kept]
+        start[model.names.index("delay")] = 0.0  # the speed itself is sought
+    evidence = log_likelihoods(segments.values, model.matrix(start)) / OVERCOUNT
+    posterior = _smoothed(evidence, np.log(speeds))
+    independent = log_likelihoods(segments.values, _with_independent_axles(model).matrix(start)) / OVERCOUNT
+    gain = np.sum(posterior * evidence, axis=1) - independent.max(axis=1)
+    mean = posterior @ np.log(speeds)
+    deviation = np.sqrt(np.maximum(posterior @ np.log(speeds) ** 2 - mean**2, 0.0))
+    inside = (mean > np.log(speeds[2])) & (mean < np.log(speeds[-3]))
+    is_good = (deviation < LIMITS.sharp) & inside & (gain > LIMITS.repeated)
+    if np.count_nonzero(is_good) < min(LIMITS.min_segments, is_good.size):
+        raise DataError(
+            f"the recording has no speed channel, and the delay between the axles gives the speed of only "
+            f"{np.count_nonzero(is_good)} of {is_good.size} segments: add the speed [m/s]"
+        )
+    return replace(
+        segments,
+        values=segments.values[is_good],
+        speeds=np.exp(mean[is_good]),
+        spreads=np.maximum(deviation[is_good], STEP - 1),
+        n_rejected=segments.n_rejected + int(np.count_nonzero(~is_good)),
+    )
+
+
+def _with_independent_axles(model: Model) -> Model:
+    """Return the model with inputs of the axles that do not repeat each other: of speeds spread over all delays."""
+    blocks = tuple(
+        replace(block, spectra=replace(block.spectra, spreads=np.full(block.spectra.spreads.shape, LIMITS.any_speed)))
+        if isinstance(block, SurfaceInputs)
+        else block
+        for block in model.blocks
+    )
+    return replace(model, blocks=blocks)
+
+
+def log_likelihoods(values: Complex, matrices: Complex) -> Real:
+    """Return the log likelihood of each segment at each speed, the level profiled out.
+
+    Parameters
+    ----------
+    values
+        Spectra of the segments, shape (segments, frequencies, coordinates).
+    matrices
+        Spectral matrices at each speed, shape (speeds, frequencies, coordinates, coordinates).
+
+    Returns
+    -------
+    ndarray
+        Shape (segments, speeds).
+
+    References
+    ----------
+    P. Whittle, The analysis of multiple stationary time series, Journal of the Royal Statistical Society B 15 (1953),
+    125-139.
+    """
+    factors = np.linalg.cholesky(matrices)
+    inverse = np.linalg.inv(factors)
+    logdet = 2 * np.log(np.einsum("vfii->vfi", factors).real).sum(axis=(1, 2))
+    size = matrices.shape[1] * matrices.shape[2]
+    by_frequency = np.ascontiguousarray(values.transpose(1, 2, 0))
+    level = np.array([np.mean(np.abs(L @ by_frequency) ** 2, axis=(0, 1)) for L in inverse])
+    return -logdet - size * np.log(level.T)
+
+
+def _smoothed(evidence: Real, places: Real) -> Real:
+    """Return the posterior of each segment over the places, (segments, places)."""
+    step = -0.5 * (np.subtract.outer(places, places) / LIMITS.change) ** 2
+    step -= logsumexp(step, axis=1, keepdims=True)
+    forward, backward = evidence.copy(), np.zeros_like(evidence)
+    for k in range(1, len(evidence)):
+        forward[k] += logsumexp(forward[k - 1][:, None] + step, axis=0)
+    for k in range(len(evidence) - 2, -1, -1):
+        backward[k] = logsumexp(step + evidence[k + 1] + backward[k + 1], axis=1)
+    total = forward + backward
+    return np.exp(total - logsumexp(total, axis=1, keepdims=True))
 
 
 def speed_delay(segments: SegmentSpectra, speeds: Real, spreads: Real, model_at: Callable[[Real], Model]) -> SpeedDelay:
@@ -62,17 +210,17 @@ def speed_delay(segments: SegmentSpectra, speeds: Real, spreads: Real, model_at:
     125-139.
     """
     change = np.ptp(speeds, axis=0) / np.maximum(speeds.mean(axis=0), SLOWEST)
-    is_usable = (speeds.min(axis=0) > SLOWEST) & (spreads.max(axis=0) < UNSTEADIEST) & (change > _CHANGING)
+    is_usable = (speeds.min(axis=0) > SLOWEST) & (spreads.max(axis=0) < UNSTEADIEST) & (change > LIMITS.changing)
     chosen = np.flatnonzero(is_usable)
-    chosen = chosen[np.argsort(change[chosen])[::-1][:_MOST]]
-    if chosen.size < _FEWEST:
+    chosen = chosen[np.argsort(change[chosen])[::-1][: LIMITS.max_changing]]
+    if chosen.size < LIMITS.min_changing:
         return SpeedDelay()
     speeds = np.log(speeds[:, chosen])
     grid = np.arange(speeds.min() - np.log(STEP), speeds.max() + np.log(STEP), np.log(STEP))
     model = model_at(np.exp(grid))
     by_speed = log_likelihoods(segments.values[chosen], model.matrix(model.start)) / OVERCOUNT
-    delays = np.arange(DELAYS[0], DELAYS[-1], _FINE)
-    total = -0.5 * (delays / _PRIOR) ** 2
+    delays = np.arange(DELAYS[0], DELAYS[-1], LIMITS.fine)
+    total = -0.5 * (delays / LIMITS.prior) ** 2
     for own, at_speeds in zip(speeds.T, by_speed, strict=True):
         total += np.interp(np.interp(delays, DELAYS, own), grid, at_speeds)
     return _peak(delays, total)
@@ -85,6 +233,6 @@ def _peak(delays: Real, total: Real) -> SpeedDelay:
     posterior = np.exp(total - total.max())
     posterior /= posterior.sum()
     mean = float(posterior @ delays)
-    std = float(np.sqrt(posterior @ (delays - mean) ** 2 + _FINE**2))
+    std = float(np.sqrt(posterior @ (delays - mean) ** 2 + LIMITS.fine**2))
     gain = float(total.max() - np.interp(0.0, delays, total))
-    return SpeedDelay(mean if gain > _SIGNIFICANT and abs(mean) > _SHORTEST else 0.0, std)
+    return SpeedDelay(mean if gain > LIMITS.significant and abs(mean) > LIMITS.shortest else 0.0, std)

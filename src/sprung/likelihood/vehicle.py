@@ -168,7 +168,7 @@ def _inputs(spectra: ClassSpectra, vehicle: Vehicle, nominal: Structure, kind: K
     return [RailInputs(spectra, positions, sides, contact_length=_RAIL_CONTACT), by_class]
 
 
-def usual_choices(
+def default_choices(
     vehicle: Vehicle, nominal: Structure, settings: CornerSettings, sampling_rate: float
 ) -> tuple[tuple[float, float], float]:
     """Return the band [Hz] and the length of a segment [s].

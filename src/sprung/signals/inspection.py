@@ -49,7 +49,7 @@ class ChannelFacts:
         if the recording has its speed; 0 for conditions.
     is_dead
         Whether the channel holds no value, none in more than half of its samples, or measures motion and never changes.
-    is_half_dead, is_stuck
+    is_intermittent, is_stuck
         Whether the channel rests at 0, or at another value, for 2 % of the time, or for 1 % and two seconds at a
         stretch.
     is_clipped
@@ -76,7 +76,7 @@ class ChannelFacts:
     clipped: float
     stuck: float
     is_dead: bool
-    is_half_dead: bool
+    is_intermittent: bool
     is_stuck: bool
     is_clipped: bool
     filler: float | None
@@ -89,7 +89,7 @@ class ChannelFacts:
         """Kinds of faults: dead, half-dead, stuck, clipped, spiking, filled, repeating."""
         kinds = {
             "dead": self.is_dead,
-            "half-dead": self.is_half_dead,
+            "half-dead": self.is_intermittent,
             "stuck": self.is_stuck,
             "clipped": self.is_clipped,
             "spiking": self.n_spikes >= FEWEST_SPIKES,
@@ -322,7 +322,7 @@ def _facts(channel: Channel, tally: _Tally, sampling_rate: float) -> ChannelFact
         clipped=clipped,
         stuck=rest.share,
         is_dead=is_dead,
-        is_half_dead=is_at_zero,
+        is_intermittent=is_at_zero,
         is_stuck=is_resting and not is_at_zero,
         is_clipped=not is_dead and clipped > CLIPPED_SHARE,
         filler=tally.filler,

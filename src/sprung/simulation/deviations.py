@@ -1,4 +1,4 @@
-"""Deviations of a vehicle from its file: values, parts that the file lacks, makers' scatter, wear, its sensors."""
+"""Deviations of a vehicle from its file: values, parts that the file lacks, production scatter, wear, its sensors."""
 
 import math
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ _SCATTER, _PLACES, _TILTS, _GAINS, _LAGS, WHEELS = range(6)
 
 @dataclass(frozen=True, slots=True)
 class PartScatter:
-    """Makers' scatter of parts between vehicles of a type.
+    """Production scatter of parts between vehicles of a type.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ class Deviations:
     flexible_modes
         Torsion and bending of the body that the file lacks.
     scatter
-        Makers' scatter of parts; None: parts as in the file.
+        Production scatter of parts; None: parts as in the file.
     wear
         Parts that change with every drive.
     n_drives
@@ -165,7 +165,7 @@ class Deviations:
         return tuple(wear.fault(self.n_drives) for wear in self.wear)
 
     def factors(self, vehicle: Structure) -> dict[Component, float]:
-        """Return the true over the nominal value of each spring, damper and tyre of a corner, by makers' scatter."""
+        """Return the true over the nominal value of each spring, damper and tyre of a corner, by production scatter."""
         if self.scatter is None:
             return {}
         generator, factors = self.generator(_SCATTER), {}

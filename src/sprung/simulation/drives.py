@@ -390,7 +390,7 @@ def _stream(seed: int | list[int], stream: int) -> np.random.Generator:
 
 
 def _healthy(vehicle: Vehicle, settings: DriveSettings) -> Structure:
-    """Return the healthy vehicle with its payload, its makers' scatter, and its parts at their temperatures."""
+    """Return the healthy vehicle with its payload, its production scatter, and its parts at their temperatures."""
     loaded = structure(vehicle)
     for payload in settings.payloads:
         loaded = loaded.with_payload(payload.mass, x=payload.x, y=payload.y)

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sprung._arrays import Real
-from sprung.diagnosis import INTERVAL_95, MAX_UNDETECTED, Baseline, Observation
-from sprung.diagnosis.deviations import MeanDeviation, mean_deviation, usual_std
+from sprung.diagnosis import MAX_UNDETECTED, Baseline, Observation
+from sprung.diagnosis.baseline import MeanDeviation, mean_deviation, typical_std
+from sprung.modal import INTERVAL_95
 from sprung.state.alerts import AlertState
 from sprung.state.verdicts import Verdict
 from sprung.vehicles import Component
@@ -75,7 +76,7 @@ class Reference:
     @property
     def learnt_until(self) -> float:
         """Start of the last window that the baseline was learnt from [s]."""
-        return -np.inf if self.baseline is None else max(self.baseline.taught, default=-np.inf)
+        return -np.inf if self.baseline is None else max(self.baseline.learning_times, default=-np.inf)
 
     def limits(self, n_windows: int) -> dict[str, float]:
         """Return the smallest losses detectable in a number of windows; empty if unknown."""
@@ -86,7 +87,9 @@ class Reference:
         """Return whether a window can be compared."""
         if self.baseline is None:
             return observation.is_conclusive
-        is_of_its_file = not self.baseline.vehicle_file or observation.time > max(self.baseline.taught, default=0.0)
+        is_of_its_file = not self.baseline.vehicle_file or observation.time > max(
+            self.baseline.learning_times, default=0.0
+        )
         return is_of_its_file and self.baseline.accepts(observation)
 
     def deviation(self, windows: Sequence[Observation]) -> MeanDeviation:
@@ -99,7 +102,7 @@ class Reference:
 
     def band(self) -> Real | None:
         """Return the ends of the range of 95 % of usual windows, relative, shape (2, components); None: unknown."""
-        return None if self.baseline is None else interval_95(np.zeros(()), usual_std(self.baseline))
+        return None if self.baseline is None else interval_95(np.zeros(()), typical_std(self.baseline))
 
     def parts(
         self, windows: Sequence[Observation], alerts: Sequence[AlertState] = (), *, limits: dict[str, float]

@@ -1,8 +1,7 @@
 """Vehicles: description in a file, structure of masses and springs, matrices, exact modes and correlations."""
 
-from sprung.vehicles.components import Component
+from sprung.vehicles.components import Component, Fault, parse_fault
 from sprung.vehicles.description import Chain, Description, Quarter, Vehicle, corner_names
-from sprung.vehicles.faults import Fault, parse_fault, with_faults
 from sprung.vehicles.files import (
     VEHICLES,
     parse_vehicle,
@@ -13,8 +12,6 @@ from sprung.vehicles.files import (
     write_vehicle,
 )
 from sprung.vehicles.models import chain, modal_mass, structure, wheel_hop_frequencies
-from sprung.vehicles.modes import ExactModes, modes, participation
-from sprung.vehicles.response import frequency_response
 from sprung.vehicles.sections import (
     Axle,
     Body,
@@ -26,13 +23,24 @@ from sprung.vehicles.sections import (
     QuarterCorner,
     Sensor,
 )
-from sprung.vehicles.structure import BodyShape, Element, Structure, body_row, sensor_outputs
+from sprung.vehicles.structure import (
+    BodyShape,
+    Element,
+    Structure,
+    body_row,
+    frequency_response,
+    sensor_outputs,
+    with_faults,
+)
 from sprung.vehicles.system import (
+    ExactModes,
     MechanicalSystem,
     Outputs,
     StateSpace,
     discretised,
     exact_correlations,
+    modes,
+    participation,
     state_space,
     stationary_covariance,
 )

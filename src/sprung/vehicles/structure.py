@@ -1,24 +1,19 @@
 """Rigid masses joined by springs with dampers: the form in which every vehicle is put together."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sprung._arrays import Complex, Real
-from sprung._checks import check_number, check_one_of, freeze
+from sprung._checks import check_number, check_one_of, freeze, frozen_array
 from sprung.errors import ParameterError
 from sprung.recording import Channel
-from sprung.vehicles.components import Component
-from sprung.vehicles.modes import ExactModes, modes
-from sprung.vehicles.system import (
-    MechanicalSystem,
-    Outputs,
-    StateSpace,
-    discretised,
-    state_space,
-)
+from sprung.vehicles.components import Component, Fault
+from sprung.vehicles.system import ExactModes, MechanicalSystem, Outputs, StateSpace, discretised, modes, state_space
 
 #: Components that the stiffness and the damping of each part of a corner are called after.
 PARTS = MappingProxyType(
@@ -465,3 +460,70 @@ def _motion(sensor: Channel, carrier: str, shapes: Sequence[BodyShape], *, is_ro
         }
         return {"bounce": dz, "pitch": dx * h - dz * x, "roll": dz * y - dy * h, **plane, **bending}
     return {carrier: 0.0 if is_rotation else dz, f"{carrier}_roll": dx if is_rotation else dz * y}
+
+
+def with_faults(structure: Structure, faults: Iterable[Fault], *, time: float = math.inf) -> Structure:
+    """Return a structure with faults as they are at a time [s]; default: at their full size.
+
+    Raises
+    ------
+    ParameterError
+        If the structure has no such component.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import parse_fault, read_vehicle
+    >>> from sprung.vehicles.models import structure
+    >>> zafira = structure(read_vehicle("zafira"))
+    >>> soft = with_faults(zafira, [parse_fault("front_left.spring=-0.2")])
+    >>> spring = Component("front_left", "spring")
+    >>> round(soft.components()[spring] / zafira.components()[spring], 6)
+    0.8
+    """
+    factors: dict[Component, float] = {}
+    for fault in faults:
+        factors[fault.component] = factors.get(fault.component, 1.0) * float(fault.factor(time))
+    return structure.changed(factors)
+
+
+def frequency_response(structure: Structure, frequencies: ArrayLike) -> Complex:
+    """Return the frequency responses of the sensors to the inputs.
+
+    Parameters
+    ----------
+    structure
+        Masses, elements and sensors of a vehicle.
+    frequencies
+        Frequencies [Hz], at least 0, shape (frequencies,).
+
+    Returns
+    -------
+    ndarray
+        Output over input, such as m/s^2 over m, shape (frequencies, channels, inputs).
+
+    Raises
+    ------
+    ParameterError
+        If a frequency is negative or not finite.
+
+    Notes
+    -----
+    H(f) = C (i w I - A)^-1 B + D with w = 2 pi f.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_description
+    >>> from sprung.vehicles.models import structure
+    >>> quarter = structure(read_description("quarter"))
+    >>> f = np.array([0.5, 13.21])
+    >>> body = np.abs(frequency_response(quarter, f)[:, 0, 0]) / (2 * np.pi * f) ** 2  # over the height of the road
+    >>> body.round(2).tolist()  # far below its mode, and at it
+    [1.0, 4.2]
+    """
+    f = frozen_array("frequencies", frequencies, ndim=1)
+    if not np.all(np.isfinite(f)) or np.any(f < 0):
+        raise ParameterError("frequencies must be finite and at least 0: correct them")
+    space = structure.state_space()
+    resolvent = 2j * np.pi * f[:, None, None] * np.eye(len(space.state_matrix)) - space.state_matrix
+    states = np.linalg.solve(resolvent, np.broadcast_to(space.input_matrix, (f.size, *space.input_matrix.shape)))
+    return np.asarray(space.output_matrix @ states + space.feedthrough, dtype=np.complex128)

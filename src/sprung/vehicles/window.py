@@ -10,9 +10,9 @@ from sprung.channel_names import corner_of
 from sprung.recording import Channel, Recording
 from sprung.signals.delays import advanced_linearly
 from sprung.vehicles.description import Vehicle
+from sprung.vehicles.labels import plausibility_notes
 from sprung.vehicles.models import structure
-from sprung.vehicles.plausibility import plausibility_notes
-from sprung.vehicles.sensor_layout import layout_notes, missing_sensors, with_layout
+from sprung.vehicles.sensor_layout import layout_notes, with_layout
 from sprung.vehicles.structure import Structure
 from sprung.vehicles.usable import output_channels, speed_channel, usable_motion
 
@@ -36,6 +36,8 @@ class Window:
         Vehicle as its file describes it.
     structure
         Nominal structure of the vehicle, with all sensors of the file.
+    outputs
+        Names of the channels of motion, in the order of the vehicle file.
     speed
         Name of the channel with the speed [m/s]; None: not recorded, or left out.
     conditions
@@ -52,15 +54,11 @@ class Window:
     recording: Recording
     vehicle: Vehicle
     structure: Structure
+    outputs: tuple[str, ...]
     speed: str | None
     conditions: dict[str, float]
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the channels of motion, in the order of the vehicle file."""
-        return output_channels(self.recording, self.vehicle)
 
     @cached_property
     def motion(self) -> Recording:
@@ -77,8 +75,9 @@ class Window:
         """Return the window without the channels in `names`, and without conditions from the speed if it is one."""
         if not names:
             return self
-        left = [name for name in self.recording.names if name not in names]
-        window = replace(self, recording=self.recording.select(left))
+        left = self.recording.select([name for name in self.recording.names if name not in names])
+        outputs = tuple(name for name in self.outputs if name not in names)
+        window = replace(self, recording=left, outputs=outputs)
         if self.speed not in names:
             return window
         conditions = {name: value for name, value in self.conditions.items() if name not in {"speed", "standing"}}
@@ -114,77 +113,55 @@ def window_of(recording: Recording, vehicle: Vehicle, *, allow_missing: bool = F
         If the recording lacks a sensor of the vehicle file, or has one with another quantity.
     """
     placed = with_layout(recording, vehicle.sensor, allow_missing=allow_missing)
-    placed = with_speed_corrected(with_speed_of_wheels(placed, vehicle), vehicle)
     speed = speed_channel(placed, vehicle)
+    outputs = output_channels(placed, vehicle)
+    if speed is None:
+        placed, speed = _with_speed_of_wheels(placed, vehicle)
+    if speed is not None and (vehicle.speed_scale != 1 or vehicle.speed_delay != 0):
+        placed = _with_speed_corrected(placed, vehicle, placed.index(speed))
     notes = (*plausibility_notes(vehicle), *layout_notes(recording, vehicle))
+    motion = [sensor.channel for sensor in vehicle.sensor if not sensor.is_condition]
     return Window(
         recording=replace(placed, history=(*placed.history, *notes)),
         vehicle=vehicle,
         structure=structure(vehicle),
+        outputs=outputs,
         speed=speed,
         conditions=_conditions(placed, vehicle, speed),
-        missing=missing_sensors(recording.names, vehicle.sensor),
+        missing=tuple(name for name in motion if name not in outputs),
         notes=notes,
     )
 
 
-def with_speed_of_wheels(recording: Recording, vehicle: Vehicle) -> Recording:
-    """Return a recording with the median of the wheels' speeds as the vehicle's, if it has no speed channel.
+def _with_speed_of_wheels(recording: Recording, vehicle: Vehicle) -> tuple[Recording, str | None]:
+    """Return a recording with the median of the wheels' speeds as the vehicle's, and its name; None without any.
 
-    Parameters
-    ----------
-    recording
-        Recording in SI units.
-    vehicle
-        Vehicle with sensors of the wheels' circumferential speed, or of their rotation and their rolling radius; or one
-        whose recording names them, such as "Vehicle.Chassis.Axle.Row1.Wheel.Left.Speed" (`channel_names`).
-
-    Notes
-    -----
-    The median of four wheels is the mean of the two in between: that of the vehicle's middle in a bend, also if one
-    sensor fails or one wheel slips.
+    The speeds are those of sensors of the wheels' circumferential speed, or of their rotation and their rolling radius;
+    or of channels that name them, such as "Vehicle.Chassis.Axle.Row1.Wheel.Left.Speed" (`channel_names`). The median of
+    four wheels is the mean of the two in between: that of the vehicle's middle in a bend, also if one sensor fails or
+    one wheel slips.
     """
-    if speed_channel(recording, vehicle) is not None:
-        return recording
-    radii = _rolling_radii(vehicle)
+    of_axles = (axle.rolling_radius or np.nan for axle in vehicle.axle for _ in range(2))
+    radii = {f"wheel_{corner}": float(radius) for corner, radius in zip(vehicle.suspensions, of_axles, strict=True)}
     wheels = {sensor.channel: 1.0 for sensor in vehicle.sensor if sensor.quantity == "speed" and sensor.on in radii}
     wheels |= {sensor.channel: radii[sensor.on] for sensor in vehicle.sensor if sensor.quantity == "wheel_speed"}
     speeds_of = {channel.name: corner_of(channel.name) for channel in recording.channels if channel.quantity == "speed"}
     wheels |= {name: 1.0 for name, corner in speeds_of.items() if corner in vehicle.suspensions}
     rows = {recording.index(name): factor for name, factor in wheels.items() if name in recording.names}
     if not rows:
-        return recording
+        return recording, None
     speeds = np.array([factor * recording.samples[row] for row, factor in rows.items()])
     missing = np.isnan(speeds).all(axis=0)
     speed = np.full(recording.n_samples, np.nan)
     speed[~missing] = np.abs(np.nanmedian(speeds[:, ~missing], axis=0))
-    return recording.changed(
-        f"speed of {len(rows)} wheels",
-        samples=np.vstack([recording.samples, speed]),
-        channels=(*recording.channels, Channel(vehicle.speed_channel, "speed")),
-    )
+    channels = (*recording.channels, Channel(vehicle.speed_channel, "speed"))
+    samples = np.vstack([recording.samples, speed])
+    return recording.changed(f"speed of {len(rows)} wheels", samples=samples, channels=channels), vehicle.speed_channel
 
 
-def _rolling_radii(vehicle: Vehicle) -> dict[str, float]:
-    """Return the rolling radius of each wheel [m], NaN where the file has none."""
-    radii = (axle.rolling_radius or np.nan for axle in vehicle.axle for _ in range(2))
-    return {f"wheel_{corner}": float(radius) for corner, radius in zip(vehicle.suspensions, radii, strict=True)}
-
-
-def with_speed_corrected(recording: Recording, vehicle: Vehicle) -> Recording:
-    """Return a recording with its speed channel scaled and advanced as the vehicle file states.
-
-    Parameters
-    ----------
-    recording
-        Recording in SI units.
-    vehicle
-        Vehicle with the scale and the delay of its speed channel.
-    """
-    speed = speed_channel(recording, vehicle)
-    if speed is None or (vehicle.speed_scale == 1 and vehicle.speed_delay == 0):
-        return recording
-    samples, row = recording.samples.copy(), recording.index(speed)
+def _with_speed_corrected(recording: Recording, vehicle: Vehicle, row: int) -> Recording:
+    """Return a recording with its speed channel scaled and advanced as the vehicle file states."""
+    samples = recording.samples.copy()
     shift, breaks = vehicle.speed_delay * recording.sampling_rate, [gap.index for gap in recording.gaps]
     samples[row] = vehicle.speed_scale * advanced_linearly(samples[row], shift, breaks=breaks)
     step = f"speed times {vehicle.speed_scale:g}, advanced by {vehicle.speed_delay:g} s"

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pytest
 
 from sprung.diagnosis import observe_window
-from sprung.diagnosis.drives import fit_drive
+from sprung.diagnosis.observation import fit_drive
 from sprung.fleet.jobs.analysis import WindowSettings, Work, analyse, failed
 from sprung.fleet.jobs.files import filesystem
 from sprung.fleet.jobs.results import OF_STEP, SCHEMAS, Results

@@ -73,7 +73,16 @@ def without_times(value):
             name: without_times(own)
             for name, own in value.items()
             if name
-            not in {"time", "times", "since", "since_interval", "onset", "onset_interval", "first_alert", "taught"}
+            not in {
+                "time",
+                "times",
+                "since",
+                "since_interval",
+                "onset",
+                "onset_interval",
+                "first_alert",
+                "learning_times",
+            }
         }
     return [without_times(own) for own in value] if isinstance(value, list) else value
 
@@ -107,7 +116,7 @@ class TestAssessment:
             )
             for k, row in enumerate(rows)
         ]
-        baseline = learn(observed[:LEARN], least_windows=2)
+        baseline = learn(observed[:LEARN], min_windows=2)
         diagnosis = diagnose(observed[LEARN:], baseline)
         assert_close(without_times(json.loads(own["document"])), without_times(baseline_document(baseline).as_json()))
         document = diagnosis_document(diagnosis, modes=()).as_json() | {"modes": []}

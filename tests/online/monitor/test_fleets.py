@@ -162,7 +162,7 @@ def test_a_new_vehicle_is_compared_with_its_type_until_it_has_a_baseline(car, ob
     assert [event.diagnosis.verdict for event in events if event.diagnosis] == ["no_change_detected"] * 4
     learnt = events[-1].baseline
     assert learnt is not None
-    alone = learn(drawn(20, 4), least_windows=2)
+    alone = learn(drawn(20, 4), min_windows=2)
     assert np.trace(learnt.doubt) < np.trace(alone.doubt)
     assert monitor.diagnosis is None
     assert not monitor.is_learning

@@ -29,17 +29,17 @@ def test_a_new_vehicle_has_none(store) -> None:
 
 
 def test_windows_since_the_baseline_are_kept_and_numbers_continue(store) -> None:
-    baselines = tuple((version, NOW, "", {"taught": [0.0, float(version)]}) for version in (1, 2))
+    baselines = tuple((version, NOW, "", {"learning_times": [0.0, float(version)]}) for version in (1, 2))
     commit(store, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], baselines=baselines, modes=((7, NOW, {}),))
     history = history_of(store, "car-1", most_windows=2)
-    assert history.baseline == {"taught": [0.0, 2.0]}
+    assert history.baseline == {"learning_times": [0.0, 2.0]}
     assert [document["time"] for document in history.observations] == [4.0, 5.0]
     assert (history.n_windows, history.n_identified, history.relearning) == (6, 8, "")
     assert len(history_of(store, "car-1", most_windows=9).observations) == 3
 
 
 def test_a_learning_under_way_keeps_its_reason(store) -> None:
-    commit(store, [0.0], baselines=((1, NOW, "", {"taught": [0.0]}),), status={"is_learning": True})
+    commit(store, [0.0], baselines=((1, NOW, "", {"learning_times": [0.0]}),), status={"is_learning": True})
     assert history_of(store, "car-1", most_windows=9).relearning == "maintenance"
     for vehicle, reason in (("car-1", "new dampers"), ("car-2", "new springs")):
         store.requests.add_command("anna", vehicle, "learn", reason, now=NOW)

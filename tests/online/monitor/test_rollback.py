@@ -49,7 +49,7 @@ def test_an_earlier_baseline_returns_as_the_newest_version(store) -> None:
     restored = restored_baseline(store, "car-1", version=1, reason="learnt with a broken spring")
     assert (restored.version, restored.reason) == (3, "baseline 1 again: learnt with a broken spring")
     np.testing.assert_array_equal(restored.mean, learnt().mean)
-    assert restored.taught == learnt().taught
+    assert restored.learning_times == learnt().learning_times
 
 
 def test_a_request_is_stored_with_who_and_why(store) -> None:

@@ -74,7 +74,7 @@ def test_every_kept_state_is_continued(path, car, drive) -> None:
     assert event.recording.n_samples == 24_000
     if saved["is_learning"]:
         assert event.baseline is not None
-        assert event.baseline.taught == (saved["observations"][0]["time"], event.observation.time)
+        assert event.baseline.learning_times == (saved["observations"][0]["time"], event.observation.time)
         return
     assert baseline_of(monitor) == saved["baseline"]
     assert monitor.baseline is not None

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.online.monitor.history_store import BEGIN, DAY, DEAD_DAY, HOSTILE, ONSET_DAY, PER_DAY, VEHICLE, fill
 
-from sprung.diagnosis.deviations import mean_deviation
+from sprung.diagnosis.baseline import mean_deviation
 from sprung.errors import ParameterError
 from sprung.online.monitor import operations
 from sprung.online.monitor.exports import report_document
@@ -234,7 +234,7 @@ def test_windows_are_compared_with_the_baseline_in_force(store) -> None:
     history = read_history(store, VEHICLE, Period(), now=END)
     row, first = history.baselines[0]
     assert first is not None
-    later = replace(first, version=2, mean=first.mean + 1.0, taught=(history.windows[100].time,))
+    later = replace(first, version=2, mean=first.mean + 1.0, learning_times=(history.windows[100].time,))
     both = replace(history, baselines=((row, first), (replace(row, version=2), later)))
     assert both.baseline_of(history.windows[99]) is first
     assert both.baseline_of(history.windows[100]) is later

@@ -41,7 +41,7 @@ def test_the_document_has_all_numbers(calibration, tmp_path) -> None:
     text = document_text(calibration_document(calibration))
     fields = json.loads(text)
     assert fields["schema"] == "sprung.calibration/1"
-    assert fields["learnt"][1]["given"] is None
+    assert fields["learnt"][1]["nominal_value"] is None
     assert fields["learnt"][0]["value"] == 1.3
     assert np.shape(fields["misfit_after"]) == (3, 39)
     path = tmp_path / "calibration.json"

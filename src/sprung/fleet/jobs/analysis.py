@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from sprung.diagnosis import Observation, observe_window
-from sprung.diagnosis.drives import fit_drive
+from sprung.diagnosis.observation import fit_drive
 from sprung.errors import SprungError
 from sprung.fleet.jobs.results import OF_STEP
 from sprung.fleet.lake import recording_of

@@ -11,7 +11,7 @@ from uuid import uuid4
 import numpy as np
 import pyarrow as pa
 
-from sprung.diagnosis.type_baselines import LEAST_VEHICLES
+from sprung.diagnosis.type_baselines import MIN_VEHICLES
 from sprung.fleet.jobs import assessment
 from sprung.fleet.jobs.assessment import LEARNT, OUTLINE, SCHEMA, AssessmentSettings, discoveries, findings_of
 from sprung.fleet.jobs.files import filesystem, read, read_files, spark_schema, write, write_files
@@ -192,7 +192,7 @@ class _Assessor:
             f.min("type_name").alias("name"), digest.alias("state"), f.count(f.lit(1)).alias("count")
         )
         before = self.known("types", *schema.names)
-        enough = kinds.where(f.col("count") >= LEAST_VEHICLES)
+        enough = kinds.where(f.col("count") >= MIN_VEHICLES)
         fresh = enough.join(before.select("type", "state"), ["type", "state"], "left_anti")
         rows = self._rows(sample.join(fresh.select("type"), "type"), until="until")
         learnt = self._per("type", fresh, rows, assessment.types, schema)

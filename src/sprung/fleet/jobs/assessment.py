@@ -178,7 +178,7 @@ def learnt(
     learning = Windows.of(rows).learning(settings.learning_windows)
     least = max(2, settings.learning_windows // 2)
     try:
-        baseline = learn([_observation(row, vehicle["type_name"]) for row in learning], least_windows=least)
+        baseline = learn([_observation(row, vehicle["type_name"]) for row in learning], min_windows=least)
     except SprungError as error:
         return outcome | {"reason": f"no baseline: {error}"}
     except Exception as error:  # whatever a vehicle makes of it, the others go on

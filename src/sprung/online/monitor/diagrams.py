@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from sprung.diagnosis.observation import sound_part
-from sprung.diagnosis.sensors import check_sensors
+from sprung.diagnosis.sensors import valid_part
 from sprung.errors import SprungError
 from sprung.identification import METHODS, BlockRowLadder, Identification
 from sprung.likelihood import CornerFit
@@ -103,9 +102,8 @@ def window_diagrams(recording: Recording, vehicle: Vehicle, *, method: str = "co
     except SprungError as error:
         notes.append(f"the segments are not sorted by level: {error}")
     try:
-        window = window_of(recording, vehicle, allow_missing=True)
-        sound, _ = sound_part(window, check_sensors(window).faults)
-        fit = fit_windows([sound])
+        window, _ = valid_part(window_of(recording, vehicle, allow_missing=True))
+        fit = fit_windows([window])
     except SprungError as error:
         notes.append(f"the vehicle is not fitted to the spectra: {error}")
     return Diagrams(identification, levels, fit, tuple(notes))

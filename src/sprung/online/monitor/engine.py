@@ -647,7 +647,7 @@ class VehicleMonitor:
                 reason=self._reason,
                 previous=self._baseline,
                 type_baseline=self._known_type(),
-                least_windows=max(2, needed // 2),
+                min_windows=max(2, needed // 2),
             )
         except DataError as error:
             self._note = str(error)

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 from sprung._checks import check_number
 from sprung.diagnosis import LEARNING_WINDOWS, Observation, RankedVehicle, TypeBaseline, learn_type, rank_fleet
-from sprung.diagnosis.type_baselines import LEAST_VEHICLES
+from sprung.diagnosis.type_baselines import MIN_VEHICLES
 from sprung.errors import DataError, SprungError
 from sprung.online.store import BaselineRow, Entry, Store
 from sprung.results.documents import observation_from_document
@@ -73,7 +73,7 @@ class VehicleTypes:
         StoreError
             If the store cannot be used.
         """
-        return len(self.others(vehicle)) >= LEAST_VEHICLES
+        return len(self.others(vehicle)) >= MIN_VEHICLES
 
     def normal_windows(self, vehicles: Sequence[str]) -> dict[str, list[Observation]]:
         """Return the windows with which vehicles take part in the baseline of their type.
@@ -111,7 +111,7 @@ def type_of_others(store: Store, vehicle: str, *, types: VehicleTypes | None = N
     """
     types = types or VehicleTypes(store)
     others = types.others(vehicle)[:_MOST_VEHICLES]
-    if len(others) < LEAST_VEHICLES:
+    if len(others) < MIN_VEHICLES:
         return None
     try:
         return learn_type(types.normal_windows(others), name=_name(store, vehicle))
@@ -169,11 +169,11 @@ def _normal_windows(store: Store, vehicle: str) -> list[Observation]:
     baselines = store.results.baselines(vehicle)
     if _is_calibrated(baselines):
         return []
-    taught = baselines[-1].document.get("taught", []) if baselines else []
-    if not taught:
+    learning_times = baselines[-1].document.get("learning_times", []) if baselines else []
+    if not learning_times:
         return _last_windows(store, vehicle)
-    since, until = (round(1e9 * end) for end in (min(taught) - 1, max(taught) + 1))
-    times = set(taught)
+    since, until = (round(1e9 * end) for end in (min(learning_times) - 1, max(learning_times) + 1))
+    times = set(learning_times)
     every = _observations(store.results.observations(vehicle, since=since, until=until))
     return [observation for observation in every if observation.time in times]
 

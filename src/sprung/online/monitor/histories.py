@@ -266,7 +266,11 @@ class VehicleHistory:
     def baseline_of(self, window: Observation) -> Baseline | None:
         """Return the baseline that a window is compared with: the last one whose learning had begun, or the first."""
         readable = [baseline for _, baseline in self.baselines if baseline is not None]
-        begun = [baseline for baseline in readable if not baseline.taught or min(baseline.taught) <= window.time]
+        begun = [
+            baseline
+            for baseline in readable
+            if not baseline.learning_times or min(baseline.learning_times) <= window.time
+        ]
         return begun[-1] if begun else readable[0] if readable else None
 
     def deviations(self) -> Deviations | None:
@@ -319,7 +323,8 @@ def read_history(store: Store, vehicle: str, period: Period, *, now: int) -> Veh
     baselines = [
         (each, baseline)
         for each, baseline in ((each, _read_baseline(each)) for each in results.baselines(vehicle))
-        if until is None or (1e9 * min(baseline.taught) if baseline and baseline.taught else each.created) <= until
+        if until is None
+        or (1e9 * min(baseline.learning_times) if baseline and baseline.learning_times else each.created) <= until
     ]
     alerts = alerts_of(store, vehicle, period)
     state = vehicle_state(
@@ -419,14 +424,14 @@ def history_of(store: Store, vehicle: str, *, most_windows: int) -> History:
     if not baselines:
         return History(n_windows=n_windows, n_identified=n_identified)
     baseline = baselines[-1].document
-    taught = max(baseline.get("taught") or [float("inf")])
+    learning_times = max(baseline.get("learning_times") or [float("inf")])
     documents = [entry.document for entry in results.observations(vehicle, limit=most_windows)]
     status = results.status(vehicle) or {}
     requests = reversed(store.requests.audited(act=LEARN, limit=1000))
     reason = next((str(row.detail) for row in requests if row.subject == vehicle and row.detail), "maintenance")
     return History(
         baseline,
-        tuple(document for document in documents if document["time"] > taught),
+        tuple(document for document in documents if document["time"] > learning_times),
         n_windows,
         n_identified,
         reason if status.get("is_learning") else "",

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sprung import __version__
-from sprung.diagnosis.deviations import usual_std
 from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.errors import SprungError
 from sprung.online.monitor.exports import grouped, report_document
@@ -212,13 +211,15 @@ def _trends(history: VehicleHistory, _: ReportDocument) -> list[Block]:
             deviations.log_ratios,
             deviations.std,
             components=deviations.baseline.components,
-            usual=usual_std(deviations.baseline),
+            usual=typical_std(deviations.baseline),
             alerts=[
                 figures.Stretch(each.alert.cause, begin, end if stop is None else stop)
                 for each in history.alerts
                 for begin, stop in each.spans
             ],
-            baselines=[round(1e9 * min(own.taught)) for _, own in history.baselines[1:] if own and own.taught],
+            baselines=[
+                round(1e9 * min(own.learning_times)) for _, own in history.baselines[1:] if own and own.learning_times
+            ],
         )
         blocks.append(_picture(figure, "Every part over time. A new baseline sets the change back to zero."))
     modes = grouped(

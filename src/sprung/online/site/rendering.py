@@ -16,7 +16,7 @@ from markupsafe import Markup, escape
 from pydantic import BaseModel
 
 from sprung import __version__
-from sprung.diagnosis import INTERVAL_95
+from sprung.modal import INTERVAL_95
 from sprung.online.alerts import STEPS
 from sprung.online.site.access import find_person, set_session
 from sprung.online.site.accounts import Person, Role

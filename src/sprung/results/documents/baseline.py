@@ -18,9 +18,9 @@ from sprung.vehicles import Component
 
 
 class ConditionDocument(Document):
-    """Dependence of the mean on a condition; `middle` and `range` are null if it was never known."""
+    """Dependence of the mean on a condition; `centre` and `range` are null if it was never known."""
 
-    middle: float | None
+    centre: float | None
     range: Pair | None
     slopes: Real
 
@@ -41,8 +41,8 @@ class BaselineDocument(Document):
     nuisance: Real
     reported: Real
     information: Real
-    degrees: float
-    taught: tuple[float, ...] = ()
+    degrees_of_freedom: float
+    learning_times: tuple[float, ...] = ()
     vehicle_file: str = ""
     missing: tuple[str, ...] = ()
     conditions: dict[str, ConditionDocument]
@@ -53,7 +53,7 @@ class BaselineDocument(Document):
 #: Numbers of further windows for which a baseline states the smallest detectable losses.
 FURTHER_WINDOWS = (6, 12)
 #: Fields of a baseline that its document lists by condition.
-BY_CONDITION = ("slopes", "middle", "ranges")
+BY_CONDITION = ("slopes", "centre", "ranges")
 
 
 def baseline_document(baseline: Baseline) -> BaselineDocument:
@@ -136,14 +136,14 @@ def conditions_document(baseline: Baseline | TypeBaseline) -> dict[str, dict[str
     """Return the dependence on each condition, of `BY_CONDITION`."""
     conditions = {
         name: {
-            "middle": baseline.middle.get(name),
+            "centre": baseline.centre.get(name),
             "range": baseline.ranges.get(name),
             "slopes": baseline.slopes[:, column],
         }
         for column, name in enumerate(CONDITIONS)
     }
     without_slopes = {
-        name: {"middle": None, "range": baseline.ranges[name], "slopes": np.zeros(len(baseline.components))}
+        name: {"centre": None, "range": baseline.ranges[name], "slopes": np.zeros(len(baseline.components))}
         for name in baseline.ranges
         if name not in conditions
     }
@@ -163,7 +163,7 @@ def conditions_from_document(conditions: Mapping[str, ConditionDocument], *, sou
         raise FormatError(f"{source} lacks the condition {missing[0]!r}: learn the baseline again")
     return {
         "slopes": np.array([conditions[name].slopes for name in CONDITIONS]).T,
-        "middle": {name: condition.middle for name, condition in conditions.items() if condition.middle is not None},
+        "centre": {name: condition.centre for name, condition in conditions.items() if condition.centre is not None},
         "ranges": {name: condition.range for name, condition in conditions.items() if condition.range is not None},
     }
 

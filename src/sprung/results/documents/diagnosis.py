@@ -123,7 +123,6 @@ class DiagnosisDocument(Document):
     baseline: int | None
     false_alarms: float
     verdict: Verdict
-    healthy: bool | None
     detectable: dict[str, float]
     findings: tuple[Annotated[Finding, Computed("sentence", "string")], ...]
     sensor_faults: tuple[SensorFault, ...]
@@ -323,7 +322,6 @@ def diagnosis_document(
             "baseline": None if baseline is None else baseline.version,
             "false_alarms": diagnosis.false_alarms,
             "verdict": diagnosis.verdict,
-            "healthy": diagnosis.is_healthy,
             "detectable": detectable_document(diagnosis.detectable),
             "findings": diagnosis.findings,
             "sensor_faults": diagnosis.sensor_faults,

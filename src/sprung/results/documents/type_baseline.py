@@ -32,10 +32,10 @@ class TypeBaselineDocument(Document):
     mean: Real
     between: Real
     scales: Real
-    ends: dict[str, float]
-    together: dict[str, float]
-    is_warm: bool
-    degrees: float = Field(gt=0)
+    front_rear_std: dict[str, float]
+    common_std: dict[str, float]
+    has_temperature: bool
+    degrees_of_freedom: float = Field(gt=0)
     conditions: dict[str, ConditionDocument]
 
 

@@ -83,7 +83,7 @@ def learnt_figure(calibration: Calibration, *, source: str = "") -> Figure:
     >>> [label.get_text() for label in learnt_figure(calibration).axes[0].get_yticklabels()]
     ['acc_fl.x']
     """
-    numbers = [number for number in calibration.learnt if number.is_identifiable and number.given is not None][:_DRAWN]
+    numbers = [number for number in calibration.learnt if number.is_identifiable and number.nominal_value is not None][:_DRAWN]
     what = f"Learnt numbers against the vehicle file: {source}" if source else "Learnt numbers against the vehicle file"
     where = "in usual standard deviations, with 95 % intervals"
     figure = new_figure(what, where, width=7.5, height=1.5 + 0.22 * max(len(numbers), 4))
@@ -91,7 +91,7 @@ def learnt_figure(calibration: Calibration, *, source: str = "") -> Figure:
     plain(axes)
     axes.axvline(0, color=INK, linewidth=0.8)
     for row, number in enumerate(numbers):
-        centre = (number.value - (number.given or 0.0)) / number.prior_std
+        centre = (number.value - (number.nominal_value or 0.0)) / number.prior_std
         reach = HALF_WIDTH_95 * number.std / number.prior_std
         axes.hlines(row, centre - reach, centre + reach, color=MODE_COLOURS[0], linewidth=1.5)
         axes.plot(centre, row, "o", color=MODE_COLOURS[0], markersize=4)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from sprung._arrays import Real
 from sprung.diagnosis import Baseline, Diagnosis, Finding, Hypothesis, ModeChange, Observation
-from sprung.diagnosis.deviations import mean_deviation, usual_std
+from sprung.diagnosis.baseline import mean_deviation, typical_std
 from sprung.diagnosis.findings import time_in_words
 from sprung.errors import ParameterError
 from sprung.results.figures.corners import corner_bars
@@ -191,7 +191,7 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
     minutes = np.array([window.time for window in conclusive]) / 60
     values = np.array([normal.mean + normal.residual(window) for window in conclusive])
     bars = HALF_WIDTH_95 * np.sqrt([np.diag(window.covariance) for window in conclusive])
-    own, usual = (HALF_WIDTH_95 * std for std in (np.sqrt(np.diag(normal.covariance)), usual_std(normal)))
+    own, usual = (HALF_WIDTH_95 * std for std in (np.sqrt(np.diag(normal.covariance)), typical_std(normal)))
     for line, kind in zip(panels, _KINDS, strict=True):
         line[0].set_ylabel(f"{kind} [%]", fontsize=NORMAL)
         for axes, corner in zip(line, corners, strict=True):

@@ -15,7 +15,7 @@ from scipy.optimize import isotonic_regression
 from sprung._arrays import Real
 from sprung._display import listed
 from sprung.identification import METHOD_NAMES, Identification
-from sprung.modal import Modes
+from sprung.modal import INTERVAL_95, Modes
 
 #: Colours of the modes by rising frequency, the same in all figures (after Okabe and Ito: distinguishable for
 #: colour-blind readers).
@@ -25,7 +25,7 @@ HARMONIC_COLOUR, INK, BACKGROUND_CURVE, FAINT = "#C08A00", "#222222", "#9FB4C7",
 SMALL, NORMAL, LARGE = 8.0, 9.5, 12.0
 NO_MODE = "No mode was identified."
 #: Half width of a 95 % interval in standard deviations.
-HALF_WIDTH_95 = 1.96
+HALF_WIDTH_95 = INTERVAL_95
 AnyFigure = TypeVar("AnyFigure", bound=FigureBase)
 #: Relative luminance below which text on a colour is white.
 _DARK = 0.18

@@ -60,10 +60,10 @@ def calibration_in_words(calibration: Calibration) -> list[str]:
 def _row(number: CalibratedNumber) -> tuple[str, ...]:
     """Return one line of the table."""
     unit = f" [{number.unit}]" if number.unit else ""
-    given = "–" if number.given is None else f"{number.given:.5g}"
+    given = "–" if number.nominal_value is None else f"{number.nominal_value:.5g}"
     change = ""
-    if number.given:
-        percent = f"{100 * (number.value / number.given - 1):+.1f} %"
-        change = f"{number.value - number.given:+.2g}" if number.unit in {"m", "s"} else percent
+    if number.nominal_value:
+        percent = f"{100 * (number.value / number.nominal_value - 1):+.1f} %"
+        change = f"{number.value - number.nominal_value:+.2g}" if number.unit in {"m", "s"} else percent
     determined = "yes" if number.is_identifiable else "no"
     return f"{number.name}{unit}", given, with_deviation(number.value, number.std), change, determined

@@ -192,7 +192,7 @@ def inspection_columns(inspection: Inspection) -> _Columns:
 
 def calibration_columns(calibration: Calibration) -> _Columns:
     """Return the columns of a calibration."""
-    names = ("name", "group", "unit", "given", "value", "std", "prior_std", "is_identifiable")
+    names = ("name", "group", "unit", "nominal_value", "value", "std", "prior_std", "is_identifiable")
     return {name: [getattr(number, name) for number in calibration.learnt] for name in names}
 
 

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Request, Response
 from pydantic import Field
 
 from sprung.diagnosis import Observation
-from sprung.diagnosis.sensors.faults import MISSING
+from sprung.diagnosis.channel_faults import MISSING
 from sprung.online.monitor.histories import observations_of
 from sprung.online.site.access import Viewer
 from sprung.online.site.shared import Answer, Shared

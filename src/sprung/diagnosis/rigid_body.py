@@ -1,26 +1,56 @@
 """Faults that show in the residual: the part of the channels that rigid-body motion cannot explain."""
 
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from sprung._arrays import Complex, Real
-from sprung.diagnosis.sensors.faults import SensorFault
+from sprung.diagnosis.channel_faults import SensorFault
 from sprung.likelihood.vehicle import highest_of_body
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles import Structure
 from sprung.vehicles.labels import MOTIONS
 from sprung.vehicles.structure import FLEXIBLE_SHAPES
 
-#: Smallest power of the residual over the mean power of the channels for a fault of one channel, and for a disagreement
-#: of several; and error of places [m] that is no reason to refuse a window.
-_RESIDUAL, _DISAGREEMENT, _PLACE = 2e-4, 1e-3, 0.25
-#: Share of the residual that one faulty channel must explain; its ratio to that of any other channel, and to the share
-#: that other signs, gains, places and delays of several channels explain; least of these shares for a disagreement.
-_EXPLAINED, _CLEARLY, _AS_MUCH, _EXPLAINED_TOGETHER = 0.4, 1.1, 0.9, 0.7
-#: Lowest frequency of the comparison [Hz]; its highest one over half the sampling rate, and over the highest natural
-#: frequency of bounce, pitch and roll: a car's body twists at 18 to 30 Hz, and moves little of that below.
-_LOWEST, _OVER_RATE, _OVER_BODY = 0.5, 0.5, 2.0
+
+@dataclass(frozen=True, slots=True)
+class RigidBodyLimits:
+    """Limits of the comparison with a rigid body; shares are those of the residual that something explains."""
+
+    #: Smallest power of the residual over the mean power of the channels for a fault of one channel, and for a
+    #: disagreement of several.
+    residual: float = 2e-4
+    disagreement: float = 1e-3
+    #: Error of places [m] that is no reason to refuse a window.
+    place: float = 0.25
+    #: Share of one faulty channel, its ratio to that of any other channel, and to the share that other signs, gains,
+    #: places and delays of several channels explain; least of these shares for a disagreement.
+    explained: float = 0.4
+    over_others: float = 1.1
+    over_together: float = 0.9
+    together: float = 0.7
+    #: Share of a channel with noise of its own, and its ratio to that of any other channel.
+    alone: float = 0.03
+    far_over_others: float = 5.0
+    #: Residual after an exchange of two channels, over that before, below which they are swapped.
+    swapped: float = 0.05
+    #: Lowest frequency of the comparison [Hz]; its highest one over half the sampling rate, and over the highest
+    #: natural frequency of bounce, pitch and roll: a car's body twists at 18 to 30 Hz, and moves little of that below.
+    lowest: float = 0.5
+    over_rate: float = 0.5
+    over_body: float = 2.0
+    #: Deviation of a gain from 1 and delay [s] that are tolerated; longest delay sought [s], in steps of 0.25 ms.
+    gain: float = 0.03
+    delay: float = 1.5e-3
+    longest_delay: float = 0.1
+    delays: int = 801
+    #: Share of 1/G that neither gain nor delay explains above which a channel is noisy.
+    unexplained: float = 0.3
+
+
+LIMITS = RigidBodyLimits()
+NOISY = ("noisy", "has a signal of its own that the other channels lack")
 
 
 def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[list[SensorFault], float]:
@@ -58,59 +88,46 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
     E. Y. Chow, A. S. Willsky, Analytical redundancy and the design of robust failure detection systems, IEEE
     Transactions on Automatic Control 29 (1984) 603-614 (parity relations).
     """
-    names, matrix = _accelerations(spectra, structure)
-    null = _null_space(names, structure)
+    outputs = structure.outputs
+    places = {row: outputs.names.index(name) for row, name in enumerate(spectra.names)}
+    rows = [row for row, place in places.items() if np.any(outputs.acceleration[place])]
+    T = outputs.acceleration[[places[row] for row in rows]]
+    null = _null_space(T[:, [name not in FLEXIBLE_SHAPES for name in structure.coordinates]])
     if not len(null):
         return [], 0.0
+    names = tuple(spectra.names[row] for row in rows)
     frequencies = spectra.frequencies
-    highest = min(_OVER_RATE * frequencies[-1], _OVER_BODY * highest_of_body(structure))
-    band = (frequencies > _LOWEST) & (frequencies < highest)
-    S, frequencies = matrix.transpose(2, 0, 1)[band], frequencies[band]
+    highest = min(LIMITS.over_rate * frequencies[-1], LIMITS.over_body * highest_of_body(structure))
+    band = (frequencies > LIMITS.lowest) & (frequencies < highest)
+    S, frequencies = spectra.matrix[np.ix_(rows, rows, band)].transpose(2, 0, 1), frequencies[band]
     mean_power = np.einsum("fii->", S).real / len(names)
     residual = _residual_power(S, null) / len(null)
-    if residual < _RESIDUAL * mean_power:
+    if residual < LIMITS.residual * mean_power:
         return [], 0.0
     together = 1 - _least_power(S, frequencies, len(null)) / residual
     faults = _swapped(S, null, residual, names) or _single_fault(S, null, names, frequencies, together)
-    if faults or together < _EXPLAINED_TOGETHER:
+    if faults or together < LIMITS.together:
         return faults, 0.0
-    place, rest = _place_error(S, null, _motions(names, structure))
-    if place > _PLACE:
+    place, rest = _place_error(S, null, T[:, [structure.coordinates.index(name) for name in MOTIONS]])
+    if place > LIMITS.place:
         rest = residual
-    return [], 0.0 if rest < _DISAGREEMENT * mean_power else float(np.sqrt(residual / mean_power))
+    return [], 0.0 if rest < LIMITS.disagreement * mean_power else float(np.sqrt(residual / mean_power))
 
 
-def _accelerations(spectra: SpectralMatrix, structure: Structure) -> tuple[tuple[str, ...], Complex]:
-    """Return the names of the accelerations, and their spectral matrix."""
-    outputs = structure.outputs
-    rows = [row for row, name in enumerate(spectra.names) if np.any(outputs.acceleration[outputs.names.index(name)])]
-    return tuple(spectra.names[row] for row in rows), spectra.matrix[np.ix_(rows, rows)]
-
-
-def _null_space(names: tuple[str, ...], structure: Structure) -> Real:
-    """Return the rows N of N T = 0, shape (residuals, channels); none without accelerations."""
-    if not names:
-        return np.zeros((0, 0))
-    outputs = structure.outputs
-    rows = [outputs.names.index(name) for name in names]
-    is_rigid = [name not in FLEXIBLE_SHAPES for name in structure.coordinates]
-    T = outputs.acceleration[rows][:, is_rigid]
-    T = T[:, np.abs(T).max(axis=0) > 0]
-    left, values, _ = np.linalg.svd(T, full_matrices=True)
+def _null_space(T: Real) -> Real:
+    """Return the rows N of N T = 0, shape (residuals, channels); none without channels."""
+    if not len(T):
+        return T
+    left, values, _ = np.linalg.svd(T[:, np.abs(T).max(axis=0) > 0], full_matrices=True)
     return left[:, np.count_nonzero(values > 1e-6 * values[0]) :].T
 
 
-def _motions(names: tuple[str, ...], structure: Structure) -> Real:
-    """Return pitch and roll acceleration by least squares for one unit of each channel, shape (2, channels)."""
-    outputs = structure.outputs
-    columns = [structure.coordinates.index(name) for name in MOTIONS]
-    T = outputs.acceleration[[outputs.names.index(name) for name in names]][:, columns]
-    return np.asarray(np.linalg.pinv(T)[1:], dtype=np.float64)
+def _place_error(S: Complex, null: Real, T: Real) -> tuple[float, float]:
+    """Return the size [m] of the places' errors that explain the residual best, and the mean power that remains.
 
-
-def _place_error(S: Complex, null: Real, motions: Real) -> tuple[float, float]:
-    """Return the size [m] of the places' errors that explain the residual best, and the mean power that remains."""
-    total = S.sum(axis=0).real
+    `T` maps bounce, pitch and roll to the channels, shape (channels, 3).
+    """
+    total, motions = S.sum(axis=0).real, np.linalg.pinv(T)[1:]
     own, cross = motions @ total @ motions.T, null @ total @ motions.T
     errors = cross @ np.linalg.pinv(own, hermitian=True)
     rest = np.trace(null @ total @ null.T - errors @ cross.T) / len(null)
@@ -131,24 +148,16 @@ def _least_power(S: Complex, frequencies: Real, count: int) -> float:
     return float(powers[:count].mean())
 
 
-#: Residual after an exchange of two channels, over that before, below which they are swapped.
-_VANISHES = 0.05
-
-
 def _swapped(S: Complex, null: Real, residual: float, names: tuple[str, ...]) -> list[SensorFault]:
     """Return the pairs of channels whose exchange makes the residual vanish."""
     pairs = []
     for first, second in combinations(range(len(names)), 2):
         order = np.arange(len(names))
         order[[first, second]] = second, first
-        if _residual_power(S, null[:, order]) / len(null) < _VANISHES * residual:
+        if _residual_power(S, null[:, order]) / len(null) < LIMITS.swapped * residual:
             pairs.append((names[first], names[second]))
     words = " or ".join(f"{first} with {second}" for first, second in pairs)
     return [SensorFault(name, "swapped", words) for pair in pairs for name in pair]
-
-
-#: Share of the residual that a channel with noise of its own explains, and how many times that of any other channel.
-_ALONE, _FAR_MORE = 0.03, 5.0
 
 
 def _single_fault(
@@ -157,12 +166,12 @@ def _single_fault(
     """Return the fault of the one channel that explains the residual as well as errors of several channels do."""
     shares = [_explained_share(S, null, row) for row in range(len(names))]
     worst, second = int(np.argmax(shares)), np.sort(shares)[-2]
-    if shares[worst] >= max(_EXPLAINED, _CLEARLY * second, _AS_MUCH * together):
+    if shares[worst] >= max(LIMITS.explained, LIMITS.over_others * second, LIMITS.over_together * together):
         kind, detail = _kind_and_size(S, null, worst, frequencies)
-        is_certain = kind != "noisy" or shares[worst] >= _EXPLAINED_TOGETHER
+        is_certain = kind != "noisy" or shares[worst] >= LIMITS.together
         return [SensorFault(names[worst], kind, detail)] if is_certain else []
-    if shares[worst] > _ALONE and shares[worst] > _FAR_MORE * second:
-        return [SensorFault(names[worst], *_NOISY)]
+    if shares[worst] > LIMITS.alone and shares[worst] > LIMITS.far_over_others * second:
+        return [SensorFault(names[worst], *NOISY)]
     return []
 
 
@@ -179,30 +188,22 @@ def _explained_share(S: Complex, null: Real, row: int) -> float:
     return float(np.sum(_transfer(S, null, row)[2]) * np.sum(null[:, row] ** 2) / _residual_power(S, null))
 
 
-#: Deviation of a gain from 1 and delay [s] that are tolerated.
-_GAIN, _DELAY = 0.03, 1.5e-3
-#: Longest delay sought [s] and number of delays on the grid; share of 1/G that neither gain nor delay explains above
-#: which a channel is noisy.
-_LONGEST, _N_DELAYS, _UNEXPLAINED = 0.1, 801, 0.3
-_NOISY = ("noisy", "has a signal of its own that the other channels lack")
-
-
 def _kind_and_size(S: Complex, null: Real, row: int, frequencies: Real) -> tuple[str, str]:
     """Return what is wrong with a channel y = G x, 1/G = 1 - residual over channel = e^(i w delay) / gain."""
     ratio, own, _ = _transfer(S, null, row)
     inverse = 1 - ratio
     omega = 2 * np.pi * frequencies
-    delays = np.linspace(-_LONGEST, _LONGEST, _N_DELAYS)
+    delays = np.linspace(-LIMITS.longest_delay, LIMITS.longest_delay, LIMITS.delays)
     sums = np.exp(-1j * delays[:, None] * omega) @ (own * inverse) / own.sum()
     best = int(np.argmax(np.abs(sums.real)))
     delay, amplitude = float(delays[best]), float(sums[best].real)
     error = inverse - amplitude * np.exp(1j * omega * delay)
-    if np.sum(own * np.abs(error) ** 2) > _UNEXPLAINED * np.sum(own * np.abs(inverse) ** 2):
-        return _NOISY
+    if np.sum(own * np.abs(error) ** 2) > LIMITS.unexplained * np.sum(own * np.abs(inverse) ** 2):
+        return NOISY
     if amplitude < 0:
         return "inverted", f"{-1 / amplitude:.2f} times the opposite of what the others measure"
-    if abs(delay) > _DELAY:
+    if abs(delay) > LIMITS.delay:
         return "time_shifted", f"{1e3 * abs(delay):.1f} ms {'late' if delay > 0 else 'early'}"
-    if abs(1 / amplitude - 1) > _GAIN:
+    if abs(1 / amplitude - 1) > LIMITS.gain:
         return "wrong_gain", f"{1 / amplitude:.2f} times what the others measure"
-    return _NOISY
+    return NOISY

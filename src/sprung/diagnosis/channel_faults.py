@@ -1,0 +1,285 @@
+"""Faults that show in a channel alone, or in comparison with others of its quantity.
+
+A check takes channels and returns the size of the fault in words, by row of the channels that have it.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from sprung._arrays import Booleans, Real
+from sprung.recording import Recording
+from sprung.signals import data_faults
+from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
+from sprung.vehicles import Sensor
+from sprung.vehicles.window import Window
+
+#: Kind of a sensor whose channel the samples lack, which only the monitor takes for a fault.
+MISSING = "missing"
+
+
+@dataclass(frozen=True, slots=True)
+class SensorFault:
+    """A fault of a channel.
+
+    Parameters
+    ----------
+    channel
+        Name of the channel.
+    kind
+        One of `KINDS`, or `MISSING`.
+    detail
+        Size of the fault, in words.
+    """
+
+    channel: str
+    kind: str
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelLimits:
+    """Limits of the checks of single channels."""
+
+    #: Length of segments of spectra [s], and smallest number of them for checks of spectra.
+    segment: float = 2.048
+    min_segments: int = 4
+    #: Jump and return within a sample that matters where other channels do not jump, in standard deviations.
+    spike: float = 2.0
+    #: Mains frequencies [Hz], and power of a mains line over the median of its neighbourhood.
+    mains: tuple[float, ...] = (50.0, 60.0)
+    hum: float = 12.0
+    #: Half width of a line, and inner and outer half width of its neighbourhood [Hz].
+    line: float = 0.8
+    neighbourhood: tuple[float, float] = (1.5, 8.0)
+    #: Power of a channel's top band over that of its loudest peer, and edges of that band over half the sampling rate.
+    noise: float = 12.0
+    top: tuple[float, float] = (0.6, 0.9)
+    #: Standard deviation of a channel's mean over blocks, relative to its peers and over its own standard deviation,
+    #: and over that of the peers; without peers, the slopes of the road move it too.
+    drift: float = 0.08
+    drift_of_peers: float = 2.5
+    drift_alone: float = 0.5
+    #: Least length of a block [s], most and fewest blocks.
+    block: float = 5.0
+    max_blocks: int = 60
+    min_blocks: int = 6
+
+
+LIMITS = ChannelLimits()
+
+
+@dataclass(frozen=True, eq=False)
+class Channels:
+    """Channels of motion of a window.
+
+    Parameters
+    ----------
+    recording
+        All samples of the channels, in SI units; missing values are NaN.
+    is_moving
+        Whether the vehicle moves at each sample, shape (samples,).
+    carriers
+        What each channel is on: "body", "wheel", "suspension" or another part.
+    """
+
+    recording: Recording
+    is_moving: Booleans
+    carriers: tuple[str, ...]
+
+    @cached_property
+    def have_runs(self) -> tuple[bool, ...]:
+        """Whether each channel may be stuck or clipped, or has missing values."""
+        return tuple(map(data_faults.has_runs, self.recording.samples))
+
+    @cached_property
+    def samples(self) -> Real:
+        """Samples on the move, gaps closed, shape (channels, samples)."""
+        return self.recording.samples if self.is_moving.all() else self.recording.samples[:, self.is_moving]
+
+    @cached_property
+    def complete(self) -> Real:
+        """Samples on the move with missing values on a straight line between their neighbours, 0 without any values."""
+        is_known = np.isfinite(self.samples)
+        if is_known.all():
+            return self.samples
+        complete = np.where(is_known, self.samples, 0.0)
+        for values, known in zip(complete, is_known, strict=True):
+            if known.any():
+                values[~known] = np.interp(np.flatnonzero(~known), np.flatnonzero(known), values[known])
+        return complete
+
+    @cached_property
+    def spectra(self) -> SpectralMatrix:
+        """Spectral matrix of the samples on the move."""
+        moving = replace(self.recording, samples=self.complete, gaps=())
+        return spectral_matrix(moving, segment_length=LIMITS.segment)
+
+    @property
+    def has_spectra(self) -> bool:
+        """Whether there are channels, and enough samples on the move for spectra."""
+        enough = LIMITS.min_segments * LIMITS.segment * self.recording.sampling_rate
+        return bool(self.carriers) and self.samples.shape[1] >= enough
+
+    def peers(self, row: int) -> list[int]:
+        """Return the rows of the other channels of the same quantity on the same kind of part."""
+        kinds = [(c.quantity, carrier) for c, carrier in zip(self.recording.channels, self.carriers, strict=True)]
+        return [k for k, kind in enumerate(kinds) if kind == kinds[row] and k != row]
+
+    def take(self, rows: Sequence[int]) -> "Channels":
+        """Return only some rows."""
+        names = [self.recording.names[row] for row in rows]
+        return Channels(self.recording.select(names), self.is_moving, tuple(self.carriers[row] for row in rows))
+
+
+def channels_of_motion(window: Window) -> Channels:
+    """Return the channels of motion of a window; all samples count if the vehicle never moves."""
+    recording = window.recording
+    is_moving = np.ones(recording.n_samples, dtype=np.bool_)
+    if window.speed is not None:
+        is_fast = recording.samples[recording.index(window.speed)] > data_faults.MOVING
+        is_moving = is_fast if is_fast.any() else is_moving
+    sensors = {sensor.channel: sensor for sensor in window.vehicle.sensor}
+    carriers = tuple(_carrier(sensors[name]) for name in window.outputs)
+    return Channels(recording.select(window.outputs), is_moving, carriers)
+
+
+def _carrier(sensor: Sensor) -> str:
+    """Return the kind of part that a sensor is on."""
+    return "suspension" if sensor.between else "wheel" if sensor.on.startswith("wheel") else sensor.on
+
+
+def dead(channels: Channels) -> dict[int, str]:
+    """Find channels of which nearly all values are missing, or that rest at 0."""
+    details = {row: rest for row, (rest, is_zero) in _rests(channels).items() if is_zero}
+    for row, values in enumerate(channels.samples):
+        missing = data_faults.missing_share(values)
+        if missing > data_faults.DEAD_SHARE:
+            details[row] = f"{100 * missing:.0f} % of its values are missing"
+    return details
+
+
+def stuck(channels: Channels) -> dict[int, str]:
+    """Find channels that rest at a value other than 0."""
+    return {row: rest for row, (rest, is_zero) in _rests(channels).items() if not is_zero}
+
+
+def _rests(channels: Channels) -> dict[int, tuple[str, bool]]:
+    """Return the channels that rest for a second or more on the move: where, in words, and whether at 0 to rounding."""
+    recording = channels.recording
+    breaks = [gap.index for gap in recording.gaps]
+    rests = {}
+    for row in np.flatnonzero(channels.have_runs).tolist():
+        rate = recording.sampling_rate
+        rest = data_faults.rest_of(recording.samples[row], rate, breaks=breaks, is_moving=channels.is_moving)
+        if rest.is_fault(rate):
+            share = 100 * rest.share
+            how_long = "throughout" if share >= 99.5 else f"for {share:.0f} % of the time"
+            values = channels.samples[row]
+            is_zero = rest.is_at_zero(float(np.std(values[np.isfinite(values)])))
+            rests[row] = f"stays at {rest.value:.4g} {how_long}", is_zero
+    return rests
+
+
+def clipped(channels: Channels) -> dict[int, str]:
+    """Find channels that are cut off at their limits, also while the vehicle stands."""
+    breaks = [gap.index for gap in channels.recording.gaps]
+    shares = {
+        row: data_faults.clipped_share(channels.recording.samples[row], breaks=breaks)
+        for row in np.flatnonzero(channels.have_runs).tolist()
+    }
+    return {
+        row: f"{100 * share:.2g} % of its samples at the limit"
+        for row, share in shares.items()
+        if share > data_faults.CLIPPED_SHARE
+    }
+
+
+def spiking(channels: Channels) -> dict[int, str]:
+    """Find single samples that jump and return while no other channel does."""
+    samples = channels.complete
+    every_bend, every_size = data_faults.bends(samples)
+    details = {}
+    for row, (bend, size) in enumerate(zip(every_bend, every_size, strict=True)):
+        peers = channels.peers(row)
+        # A pothole moves all sensors; without another of its quantity, only a jump that no body performs is a spike.
+        places = np.flatnonzero((np.abs(size[1:-1]) > data_faults.SPIKE) & data_faults.returns(size)) + 1
+        if not places.size:
+            continue
+        jump = np.abs(bend[places]) / samples[row].std()
+        if peers:
+            largest = np.abs(every_size[:, places][peers]).max(axis=0)
+            is_alone = (largest < 0.5 * np.abs(size[places])) & (jump > LIMITS.spike)
+        else:
+            is_alone = jump > data_faults.NO_BODY
+        count = data_faults.count_apart(places[is_alone])
+        if count >= data_faults.FEWEST_SPIKES:
+            details[row] = f"{count} spikes"
+    return details
+
+
+def hum(channels: Channels) -> dict[int, str]:
+    """Find mains lines."""
+    power, frequencies = channels.spectra.densities, channels.spectra.frequencies
+    nearest, farthest = LIMITS.neighbourhood
+    details = {}
+    for mains in LIMITS.mains:
+        if mains > 0.95 * frequencies[-1]:
+            continue
+        distance = np.abs(frequencies - mains)
+        around = (distance > nearest) & (distance < farthest)
+        ratio = power[:, distance < LIMITS.line].max(axis=1) / np.median(power[:, around], axis=1)
+        for row in np.flatnonzero(ratio > LIMITS.hum):
+            details[int(row)] = f"{mains:.0f} Hz stands {10 * np.log10(ratio[row]):.0f} dB out"
+    return details
+
+
+def noisy(channels: Channels) -> dict[int, str]:
+    """Find channels whose top band is far above that of the others of their quantity, at least two."""
+    power, frequencies = channels.spectra.densities, channels.spectra.frequencies
+    low, high = (edge * frequencies[-1] for edge in LIMITS.top)
+    noise = np.median(power[:, (frequencies > low) & (frequencies < high)], axis=1)
+    details = {}
+    for row in range(len(noise)):
+        peers = noise[channels.peers(row)]
+        if peers.size >= 2 and noise[row] > LIMITS.noise * peers.max():
+            details[row] = f"noise {10 * np.log10(noise[row] / np.median(peers)):.0f} dB above the others"
+    return details
+
+
+def drifting(channels: Channels) -> dict[int, str]:
+    """Find channels whose mean moves away from that of the others of their quantity, at least two, or moves alone."""
+    samples = channels.complete
+    n_blocks = min(LIMITS.max_blocks, int(samples.shape[1] / (LIMITS.block * channels.recording.sampling_rate)))
+    if n_blocks < LIMITS.min_blocks:
+        return {}
+    means = samples[:, : samples.shape[1] // n_blocks * n_blocks].reshape(len(samples), n_blocks, -1).mean(axis=2)
+    peers = [rows if len(rows) >= 2 else [] for rows in map(channels.peers, range(len(samples)))]
+    away = [own - (np.median(means[rows], axis=0) if rows else 0.0) for own, rows in zip(means, peers, strict=True)]
+    wander = np.std(away, axis=1)
+    details = {}
+    for row, rows in enumerate(peers):
+        least = (LIMITS.drift if rows else LIMITS.drift_alone) * samples[row].std()
+        if wander[row] > least and (not rows or wander[row] > LIMITS.drift_of_peers * np.median(wander[rows])):
+            details[row] = f"its mean wanders by {wander[row]:.2g} (std) in the window"
+    return details
+
+
+#: Kind of fault and the check that finds it. The first fault of a channel counts; spectra are computed for the channels
+#: without a fault of the first group. Checks against the rigid body follow (`rigid_body_faults`).
+CHECKS_OF_SAMPLES = {"dead": dead, "stuck": stuck, "clipped": clipped}
+CHECKS_OF_SPECTRA = {"spiking": spiking, "hum": hum, "noisy": noisy, "drifting": drifting}
+#: Kinds of faults that all checks find, each a word of `SensorFault.kind`.
+KINDS = (*CHECKS_OF_SAMPLES, *CHECKS_OF_SPECTRA, "inverted", "swapped", "wrong_gain", "time_shifted")
+
+
+def faults_by(checks: Mapping[str, Callable[[Channels], dict[int, str]]], channels: Channels) -> dict[str, SensorFault]:
+    """Return the first fault that checks find in each channel, by its name."""
+    faults: dict[str, SensorFault] = {}
+    for kind, check in checks.items():
+        for row, detail in check(channels).items():
+            name = channels.recording.names[row]
+            faults.setdefault(name, SensorFault(name, kind, detail))
+    return faults
