@@ -52,7 +52,7 @@ def test_page_has_every_table_and_figure(tmp_path, monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize(
-    ("name", "truth", "frequency", "damping"),
+    ("name", "vehicle", "frequency", "damping"),
     [
         ("4", lambda: theoretical(structure(read_description("chain3"))), {"abs": 0.005}, {"abs": 0.005}),
         (
@@ -64,8 +64,9 @@ def test_page_has_every_table_and_figure(tmp_path, monkeypatch: pytest.MonkeyPat
         ("7", lambda: theoretical(chapter_7.bogie("normal"), labels=BODY_MODES), {"rel": 0.005}, {"rel": 0.006}),
     ],
 )
-def test_theory_meets_the_printed_numbers(name, truth, frequency, damping) -> None:
-    printed, modes = published(name)["theory"], truth()
+def test_theory_meets_the_printed_numbers(name, vehicle, frequency, damping) -> None:
+    printed = published(name)["theory"]
+    modes = theoretical(vehicle(), labels=() if name == "4" else BODY_MODES)
     assert modes.natural_frequency == pytest.approx(printed["frequency"], **frequency)
     assert 100 * modes.damping_ratio == pytest.approx(printed["damping"], **damping)
 

@@ -1,4 +1,4 @@
-"""Messages: one CBOR map with named keys, followed by 4 bytes CRC-32 of it."""
+"""Messages: one CBOR map with named keys, followed by 4 bytes CRC-32 of it, on topics sprung/v1/{vehicle}/{what}."""
 
 import io
 import re
@@ -12,6 +12,10 @@ from sprung._checks import required
 from sprung.errors import FormatError, ParameterError
 
 VERSION = 1
+ROOT = "sprung/v1"
+#: Kinds of messages from a vehicle, and to it.
+UPWARDS = ("raw", "corr", "modes", "event", "health", "meta", "state")
+DOWNWARDS = ("ack", "cmd")
 #: Names of vehicles, which are parts of topics and of paths.
 VEHICLE = re.compile(r"(?!\.{1,2}$)[A-Za-z0-9_.-]{1,64}")
 #: Largest message [bytes], and largest number of entries of a list in it.
@@ -290,3 +294,33 @@ def previous_boot(value: Any) -> tuple[int, int] | None:
     if len(numbers) != 2 or min(numbers) < 0:
         raise FormatError(f"{str(value)[:40]!r} found where boot and count of messages before are expected")
     return numbers[0], numbers[1]
+
+
+def topic(vehicle: str, what: str) -> str:
+    """Return the topic of a vehicle's messages.
+
+    Examples
+    --------
+    >>> topic("bus-17", "raw")
+    'sprung/v1/bus-17/raw'
+    """
+    return f"{ROOT}/{vehicle}/{what}"
+
+
+def parse_topic(name: str) -> tuple[str, str]:
+    """Return vehicle and kind of message of a topic.
+
+    Raises
+    ------
+    FormatError
+        If it is not a topic of this version.
+
+    Examples
+    --------
+    >>> parse_topic("sprung/v1/bus-17/raw")
+    ('bus-17', 'raw')
+    """
+    parts = name.split("/")
+    if len(parts) != 4 or "/".join(parts[:2]) != ROOT or not VEHICLE.fullmatch(parts[2]):
+        raise FormatError(f"{name[:120]!r} is not a topic of this version: it must be {ROOT}/VEHICLE/WHAT")
+    return parts[2], parts[3]

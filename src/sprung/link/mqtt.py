@@ -12,7 +12,7 @@ from urllib.parse import parse_qs, unquote, urlsplit
 
 from sprung._checks import required
 from sprung.errors import ParameterError, SprungError
-from sprung.link.local_secret import LOCAL_USER, find_secret
+from sprung.link.credentials import LOCAL_USER, find_secret
 
 #: Seconds between attempts to connect: at first, and at most.
 _RETRY = (1, 30)
