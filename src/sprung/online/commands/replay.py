@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from sprung.cli.checks import may_lack_sensors
 from sprung.cli.options import AllowMissing, Files, VehicleFile, option
-from sprung.cli.output import show
-from sprung.cli.progress import progress_bar
+from sprung.cli.output import progress_bar, show
 from sprung.cli.reading import reads_files
 
 if TYPE_CHECKING:
