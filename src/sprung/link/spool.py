@@ -25,7 +25,7 @@ _TEXT = "remembered"
 #: Smallest number of files of a full spool, of which the oldest is dropped for new ones; largest file [bytes].
 _FILES, _LARGEST = 16, 1 << 20
 #: Number of earlier boots whose ends are declared although nothing of them may be left.
-_MOST_ENDS = 16
+_MAX_ENDS = 16
 
 
 class Disk:
@@ -461,7 +461,7 @@ def _last_ends(ends: Mapping[int, int], oldest: int) -> dict[int, int]:
     them are gone, however many boots ago that was.
     """
     boots = sorted(ends)
-    first = min(bisect_left(boots, oldest) - 1, len(boots) - _MOST_ENDS)
+    first = min(bisect_left(boots, oldest) - 1, len(boots) - _MAX_ENDS)
     return {boot: ends[boot] for boot in boots[max(first, 0) :]}
 
 
