@@ -114,7 +114,7 @@ def run(
             "steps": chosen.steps,
             "analysed": done.n_windows,
             "vehicles_assessed": done.n_vehicles,
-            "seconds": done.elapsed,
+            "analysis_time": done.elapsed,
             "windows": summary.windows,
             "without_result": summary.failed,
             "verdicts": summary.verdicts,

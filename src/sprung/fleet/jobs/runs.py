@@ -41,8 +41,8 @@ class FleetRun:
         Number of windows that were analysed, by table of results.
     n_vehicles
         Number of vehicles that were assessed again.
-    seconds
-        Time of the analysis of all windows together, by table of results [s].
+    analysis_time
+        Processor time of the analysis of all windows together, by table of results [s].
     elapsed
         Time from start to end [s].
     """
@@ -50,7 +50,7 @@ class FleetRun:
     run: str
     n_windows: dict[str, int]
     n_vehicles: int
-    seconds: dict[str, float]
+    analysis_time: dict[str, float]
     elapsed: float
 
 
