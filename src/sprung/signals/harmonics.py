@@ -393,9 +393,7 @@ def _longest_stretch(recording: Recording) -> float:
     return float(max(stretch.stop - stretch.start for stretch in recording.stretches()) / recording.sampling_rate)
 
 
-def _constant_lines(
-    recording: Recording, prominence: float, false_alarm_rate: float, min_damping: float
-) -> list[Line]:
+def _constant_lines(recording: Recording, prominence: float, false_alarm_rate: float, min_damping: float) -> list[Line]:
     """Return regular lines, and narrow lines at their multiples."""
     longest = _longest_stretch(recording)
     peaks: list[Line] = []
