@@ -137,9 +137,8 @@ def has_runs(values: Real) -> bool:
     heads = np.flatnonzero(is_same[1:] & is_same[:-1])
     if not heads.size:
         return False
-    is_stuck = (
-        heads[_LIMITS.stuck_run - _LIMITS.plateau :] - heads[: max(heads.size - _LIMITS.stuck_run + _LIMITS.plateau, 0)]
-    ) == (_LIMITS.stuck_run - _LIMITS.plateau)
+    lag = _LIMITS.stuck_run - _LIMITS.plateau
+    is_stuck = heads[lag:] - heads[: max(heads.size - lag, 0)] == lag
     plateaus = values[heads]
     return bool(is_stuck.any() or (plateaus == values.min()).any() or (plateaus == values.max()).any())
 
@@ -317,9 +316,8 @@ def count_spikes(values: Real) -> int:
 
 def _is_isolated(sizes: Real, place: int) -> bool:
     """Return whether the bend at a place is far above all around it: what rings after an impact is not a spike."""
-    around = np.concatenate(
-        [sizes[max(0, place - _LIMITS.around) : place - 1], sizes[place + 2 : place + _LIMITS.around + 1]]
-    )
+    reach = _LIMITS.around
+    around = np.concatenate([sizes[max(0, place - reach) : place - 1], sizes[place + 2 : place + reach + 1]])
     return bool(around.max(initial=0.0) < _LIMITS.isolated * sizes[place])
 
 
@@ -373,7 +371,8 @@ def repeated_samples(values: Real, sampling_rate: float) -> int:
     powers = _powers(_FACTOR, values.size)
     sums = np.concatenate([np.zeros(1, dtype=np.uint64), np.cumsum(bits * powers, dtype=np.uint64)])
     hashes = (sums[n:] - sums[:-n]) * _powers(np.uint64(pow(int(_FACTOR), -1, 2**64)), sums.size - n)
-    if not _has_twins(hashes):
+    ordered = np.sort(hashes)  # whether any occurs twice, in a fraction of the time of finding which
+    if not np.any(ordered[1:] == ordered[:-1]):
         return 0
     _, first, inverse = np.unique(hashes, return_index=True, return_inverse=True)
     changes = np.concatenate([[0], np.cumsum(np.diff(values) != 0)])
@@ -386,12 +385,6 @@ def repeated_samples(values: Real, sampling_rate: float) -> int:
     np.add.at(edges, copies + n, -1)
     count = int(np.count_nonzero(np.cumsum(edges)[:-1]))
     return count if count < _LIMITS.periodic * values.size else 0
-
-
-def _has_twins(values: np.ndarray[tuple[int], np.dtype[np.uint64]]) -> bool:
-    """Return whether any value occurs twice, in a fraction of the time of finding which."""
-    ordered = np.sort(values)
-    return bool(np.any(ordered[1:] == ordered[:-1]))
 
 
 def _powers(factor: np.uint64, count: int) -> np.ndarray[tuple[int], np.dtype[np.uint64]]:

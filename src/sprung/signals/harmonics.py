@@ -22,7 +22,6 @@ from sprung.signals.narrow_lines import (
     largest_family,
     merge_peaks,
     multiples,
-    narrow_lines,
     octaves,
     search_segments,
     searched,
@@ -463,7 +462,7 @@ def _speed_lines(
     longest = _longest_stretch(along)
     samples, over_time = searched(along), searched(moving)
     for metres in octaves(min(along.duration / 3.5, longest), along):
-        narrow = narrow_lines(
+        narrow, _ = search_segments(
             samples,
             segment_length=metres,
             prominence=min(prominence, _HARMONICS.min_prominence),
@@ -488,7 +487,7 @@ def _unexplained(
     segment_length = min(segment_length, longest)
     reach = (SEARCH.noise_bandwidth + 1) / segment_length
     slow, fast = min(peak.frequency for peak in peaks) * speeds[0], max(peak.frequency for peak in peaks) * speeds[2]
-    rivals = narrow_lines(
+    rivals, _ = search_segments(
         over_time,
         segment_length=segment_length,
         prominence=min(peak.prominence for peak in peaks),

@@ -111,53 +111,6 @@ def octaves(longest: float, recording: Recording) -> list[float]:
     return [fft.prev_fast_len(n, real=True) / recording.sampling_rate for n in n_samples if n >= SEARCH.min_length]
 
 
-def narrow_lines(
-    samples: Searched,
-    *,
-    segment_length: float,
-    prominence: float,
-    false_alarm_rate: float,
-    is_geometric: bool = False,
-    min_damping: float | None = None,
-    band: tuple[float, float] = (0.0, math.inf),
-) -> list[Line]:
-    """Find the peaks of each channel's averaged periodogram that are as narrow as the window.
-
-    Parameters
-    ----------
-    samples
-        Samples of a recording, from `searched`.
-    segment_length
-        Length of the averaged segments [s].
-    prominence
-        Smallest height over the median of bins 3 to 12 on either side [dB].
-    false_alarm_rate
-        Probability of any peak in noise with a smooth spectrum, which raises the smallest height where few segments are
-        averaged.
-    is_geometric
-        Whether the logarithms of the powers are averaged, so that no single segment makes a line.
-    min_damping
-        Smallest damping ratio of a mode: a peak may also be a line because it is narrower than any mode
-        (`chance_of_narrowness`); None: only because it is regular (`chance_of_regularity`).
-    band
-        Lowest and highest frequency of interest, in the recording's unit; further lines need not be found.
-
-    Returns
-    -------
-    list of Line
-        Lines of each channel; a line in several channels occurs in each.
-    """
-    return search_segments(
-        samples,
-        segment_length,
-        prominence=prominence,
-        false_alarm_rate=false_alarm_rate,
-        is_geometric=is_geometric,
-        min_damping=min_damping,
-        band=band,
-    )[0]
-
-
 def searched(recording: Recording) -> Searched:
     """Return the samples of a recording for the search; `DataError` if a channel has missing values."""
     check_complete(recording.names, recording.samples)
@@ -188,8 +141,18 @@ def search_segments(
         Samples.
     segment_length
         Length of a segment [s].
-    prominence, false_alarm_rate, is_geometric, min_damping, band
-        As for `narrow_lines`.
+    prominence
+        Smallest height over the median of bins 3 to 12 on either side [dB].
+    false_alarm_rate
+        Probability of any peak in noise with a smooth spectrum, which raises the smallest height where few segments are
+        averaged.
+    is_geometric
+        Whether the logarithms of the powers are averaged, so that no single segment makes a line.
+    min_damping
+        Smallest damping ratio of a mode: a peak may also be a line because it is narrower than any mode
+        (`chance_of_narrowness`); None: only because it is regular (`chance_of_regularity`).
+    band
+        Lowest and highest frequency of interest, in the recording's unit; further lines need not be found.
     lowest, finer
         Frequency below which a peak may be regular or narrow only if it is wider than the resolution of these
         densities (`has_own_width`).
