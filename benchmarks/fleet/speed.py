@@ -43,7 +43,7 @@ assessing = next(moment for moment, step in marks if step == "learning baselines
 whole = time.perf_counter()
 again = run(session, Lake(f"{folder}/lake"), f"{folder}/vehicles", Results(results), settings=settings)
 print(json.dumps({"start": ready - begin, "windows": assessing - ready, "vehicles": whole - assessing,
-                  "again": again.elapsed, "cpu": sum(done.seconds.values())}))
+                  "again": again.elapsed, "cpu": sum(done.analysis_time.values())}))
 """
 
 

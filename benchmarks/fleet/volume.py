@@ -40,7 +40,7 @@ session = spark_session("local[2]", settings={
     "spark.driver.memory": "2g"})
 settings = FleetSettings(steps=tuple(steps.split(",")), assessment=AssessmentSettings(learning_windows=int(learn)))
 done = run(session, Lake(f"{folder}/lake"), f"{folder}/vehicles", Results(f"{folder}/results"), settings=settings)
-print(json.dumps({"elapsed": done.elapsed, "seconds": sum(done.seconds.values()), "vehicles": done.n_vehicles}))
+print(json.dumps({"elapsed": done.elapsed, "seconds": sum(done.analysis_time.values()), "vehicles": done.n_vehicles}))
 session.stop()
 """
 TABLES = ("windows", "baselines", "types", "diagnoses", "findings")

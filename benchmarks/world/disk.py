@@ -7,7 +7,7 @@ from pathlib import Path
 
 from chance import Chance, Crash
 
-from sprung.link.disk import Disk
+from sprung.link.spool import Disk
 
 
 class File:

@@ -1,6 +1,6 @@
 import pytest
 
-from sprung.cli.failures import explained
+from sprung.cli import explained
 from sprung.errors import (
     DataError,
     FormatError,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from sprung.excitation import HammerBlows
-from sprung.excitation.hammer import corner_weights
+from sprung.excitation.noise import corner_weights
 
 RATE = 1000.0
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sprung.link import Sending, Spool
-from sprung.link.disk import Disk
+from sprung.link.spool import Disk
 
 
 def held(spool):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sprung.link import Key, Loss, Spool, SpoolError, message
-from sprung.link.disk import Disk
+from sprung.link.spool import Disk
 
 
 def filled(folder, count, *, most_bytes=1 << 20, size=100):

@@ -4,7 +4,7 @@ import pytest
 
 from sprung.errors import FormatError
 from sprung.link import UPWARDS, parse_topic, topic
-from sprung.link.topics import DOWNWARDS
+from sprung.link.messages import DOWNWARDS
 
 
 @pytest.mark.parametrize("what", [*UPWARDS, *DOWNWARDS])

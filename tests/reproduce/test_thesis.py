@@ -6,7 +6,16 @@ import pytest
 from sprung.errors import ParameterError
 from sprung.identification import BlockRowLadder, IdentificationSettings, as_in_thesis
 from sprung.reproduce import CHAPTERS, reproduce
-from sprung.reproduce.thesis import deviation, found_in, number, of_runs, spread, thesis_settings, worst_error
+from sprung.reproduce.thesis import (
+    deviation,
+    found_in,
+    number,
+    of_runs,
+    spread,
+    theory_table,
+    thesis_settings,
+    worst_error,
+)
 
 
 def test_the_pages_and_the_command_line_have_one_preset() -> None:
@@ -45,3 +54,18 @@ def test_unknown_chapter_is_refused(tmp_path) -> None:
         reproduce(["9"], directory=tmp_path / "out")
     assert not (tmp_path / "out").exists()
     assert list(CHAPTERS) == ["4", "5", "6", "7", "8", "comparison"]
+
+
+def test_tables_by_columns() -> None:
+    table = theory_table("T", ("bounce",), ([2.0], [2.02]), ([10.0], [np.nan]), digits=(1, 2, 0, 1), remark="R.")
+    assert table.columns == (
+        "",
+        "f published [Hz]",
+        "f ours [Hz]",
+        "deviation",
+        "ξ published [%]",
+        "ξ ours [%]",
+        "deviation",
+    )
+    assert table.rows == (("bounce", "2.0", "2.02", "+1.00 %", "10", "–", "–"),)
+    assert table.caption == "R."

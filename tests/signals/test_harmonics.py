@@ -98,7 +98,7 @@ def test_a_tone_below_what_the_record_can_show_is_not_claimed() -> None:
     t = np.arange(12_000) / 200
     samples = np.random.default_rng(6).standard_normal(t.size) + 3 * np.sin(2 * np.pi * 1.7 * t)
     assert find_harmonics(recorded(samples, 200.0)) == ()
-    (line,) = find_harmonics(recorded(samples, 200.0), least_damping=0.02)
+    (line,) = find_harmonics(recorded(samples, 200.0), min_damping=0.02)
     assert line.frequency == pytest.approx(1.7, abs=0.01)
 
 
@@ -314,6 +314,6 @@ def test_engine_lines_of_a_car(real_file) -> None:
         group = file["ch80_40g_DC_Acceleration"]
         samples = np.array([group[f"{axis}_(40g)"][:] for axis in "XYZ"], dtype=float)
         sampling_rate = float(group.attrs["fs_Hz"])
-    found = [line.frequency for line in find_harmonics(recorded(samples, sampling_rate), least_damping=0.01)]
+    found = [line.frequency for line in find_harmonics(recorded(samples, sampling_rate), min_damping=0.01)]
     for frequency in (22.6, 45.2, 90.9, 109.9, 227.7):
         assert min(abs(np.array(found) - frequency)) < 0.01 * frequency

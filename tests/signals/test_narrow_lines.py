@@ -11,7 +11,7 @@ from sprung.signals.narrow_lines import (
     chance_of_steadiness,
     largest_family,
     multiples,
-    narrow_lines,
+    search_segments,
     searched,
 )
 
@@ -73,13 +73,13 @@ def test_noise_has_no_narrow_lines_at_the_rate_stated() -> None:
         samples = np.random.default_rng(seed).standard_normal((2, 6000))
         recording = Recording(samples, 100.0, (Channel("a"), Channel("b")))
         found += len(
-            narrow_lines(
+            search_segments(
                 searched(recording),
                 segment_length=4.0,
                 prominence=0.1,
                 false_alarm_rate=0.05,
                 is_geometric=is_geometric,
-            )
+            )[0]
         )
     assert found <= stats.poisson.isf(1e-3, 2 * 100 * 0.05)
 
@@ -121,9 +121,9 @@ def test_a_band_holds_the_lines_of_the_whole_search(is_geometric) -> None:
     tones = sum(0.3 * np.sin(2 * np.pi * f * t) for f in (3.3, 11.7, 12.4, 30.1))
     recording = Recording(noise + tones, 100.0, (Channel("a"), Channel("b")))
     options = {"segment_length": 8.0, "prominence": 4.0, "false_alarm_rate": 0.5, "is_geometric": is_geometric}
-    whole = narrow_lines(searched(recording), **options)
+    whole, _ = search_segments(searched(recording), **options)
     for band in ((11.0, 13.0), (0.0, 5.0), (29.0, 49.9)):
         inside = [line for line in whole if band[0] <= line.frequency <= band[1]]
-        found = narrow_lines(searched(recording), band=band, **options)
+        found, _ = search_segments(searched(recording), band=band, **options)
         assert [line for line in found if band[0] <= line.frequency <= band[1]] == inside
         assert inside

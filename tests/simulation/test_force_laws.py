@@ -5,7 +5,7 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.simulation import REALISTIC_FORCE_LAWS, ForceLaw
-from sprung.simulation.force_laws import damping_factor
+from sprung.simulation.conditions import damping_factor
 
 
 def test_damping_falls_by_half_a_percent_per_degree() -> None:

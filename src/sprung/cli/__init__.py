@@ -1,8 +1,8 @@
-"""The command line `sprung`: one module for each command, which imports numerics only when it runs."""
+"""The command line `sprung`: a module for each subject, which imports numerics only when a command runs."""
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import distribution
 from io import TextIOWrapper
 from typing import Annotated, Any, TextIO
@@ -11,21 +11,14 @@ import typer
 from typer.main import get_command
 
 from sprung import __version__
-from sprung.cli import (
-    baseline,
-    calibrate,
-    convert,
-    corners,
-    describe,
-    diagnose,
-    identify,
-    info,
-    reproduce,
-    simulate,
-    track,
-)
-from sprung.cli.failures import explained
+from sprung.cli import corners, diagnosis, identify, recordings, reproduce, simulate, track, vehicle_files
+from sprung.cli.output import printable
+from sprung.errors import DataError, IdentificationError, SprungError
 
+DONE = 0
+BAD_INPUT = 2
+NO_ANSWER = 3
+INTERRUPTED = 130
 _HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
 
@@ -49,6 +42,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return explained(lambda: command.main(arguments, prog_name="sprung", standalone_mode=False))
 
 
+def explained(run: Callable[[], object]) -> int:
+    """Call `run` and return its exit code; an error meant for users becomes one line on standard error."""
+    try:
+        code = run()
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except (SprungError, typer.TyperException, MemoryError, OSError) as error:
+        typer.echo(f"sprung: {printable(_sentence(error))}", err=True)
+        return NO_ANSWER if isinstance(error, DataError | IdentificationError) else BAD_INPUT
+    return code if isinstance(code, int) else DONE
+
+
+def _sentence(error: Exception) -> str:
+    """Return an error as a sentence: what, where, what to do."""
+    if isinstance(error, typer.TyperException):
+        context = getattr(error, "ctx", None)
+        command = "sprung" if context is None else context.command_path
+        problem = error.format_message().replace("Value error, ", "").rstrip(".")
+        return f"{problem}: see {command} --help"
+    if isinstance(error, MemoryError):
+        return "not enough memory: give shorter records, or fewer channels with --channels"
+    if isinstance(error, OSError):
+        where = "" if error.filename is None else f"{error.filename}: "
+        return f"{where}{error.strerror or error}: check the path"
+    return str(error)
+
+
 def _tolerant(stream: TextIO | None) -> TextIO:
     """Return a stream that writes "?" for characters that its encoding lacks; a closed one discards its text."""
     if stream is None:
@@ -60,21 +80,18 @@ def _tolerant(stream: TextIO | None) -> TextIO:
 
 def _application() -> typer.Typer:
     """Return the application with its commands and those that the wings register by entry point."""
-    application = typer.Typer(
-        context_settings=_HELP,
-        pretty_exceptions_enable=False,
-    )
+    application = typer.Typer(context_settings=_HELP, pretty_exceptions_enable=False)
     application.callback()(_common)
     for command in (
-        info.info,
-        convert.convert,
+        recordings.info,
+        recordings.convert,
         identify.identify,
         track.track,
         corners.corners,
-        describe.describe,
-        calibrate.calibrate,
-        baseline.baseline,
-        diagnose.diagnose,
+        vehicle_files.describe,
+        vehicle_files.calibrate,
+        diagnosis.baseline,
+        diagnosis.diagnose,
         reproduce.reproduce,
     ):
         application.command()(command)

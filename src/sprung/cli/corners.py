@@ -6,9 +6,7 @@ import typer
 
 from sprung.cli.checks import check_outputs, may_lack_sensors, names
 from sprung.cli.options import INPUT, AllowMissing, Figures, FileFormat, Files, Json, Page, VehicleFile, option
-from sprung.cli.output import show, write_result, written
-from sprung.cli.pages import write_figures, write_page
-from sprung.cli.progress import progress_bar
+from sprung.cli.output import progress_bar, show, write_figures, write_page, write_result, written
 from sprung.cli.reading import reads_files
 
 if TYPE_CHECKING:

@@ -8,11 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from sprung.cli.checks import check_file, check_outputs, may_lack_sensors, names
-from sprung.cli.completion import vehicles
-from sprung.cli.options import INPUT, OUTPUT, AllowMissing, Figures, FileFormat, Files, Json, Page, option
-from sprung.cli.output import show, write_result, written
-from sprung.cli.pages import write_figures, write_page
-from sprung.cli.progress import progress_bar
+from sprung.cli.options import (
+    INPUT,
+    OUTPUT,
+    AllowMissing,
+    Figures,
+    FileFormat,
+    Files,
+    Json,
+    Page,
+    complete_vehicles,
+    option,
+)
+from sprung.cli.output import progress_bar, show, write_figures, write_page, write_result, written
 from sprung.cli.reading import reads_files
 from sprung.errors import IdentificationError, ParameterError
 
@@ -33,7 +41,7 @@ def identify(
         option(
             "V.toml|NAME",
             "Vehicle file or name of a shipped vehicle: gives sensor layout, band and labels.",
-            autocompletion=vehicles,
+            autocompletion=complete_vehicles,
             panel=INPUT,
         ),
     ] = None,

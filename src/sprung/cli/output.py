@@ -1,17 +1,24 @@
-"""Results as JSON, tables and sentences; names from files are never interpreted as markup or control sequences."""
+"""What commands print and write: tables, sentences, JSON, reports and figures, and the progress bar.
+
+Names from files are never interpreted as markup or control sequences.
+"""
 
 import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from matplotlib.figure import Figure
     from rich.console import Console
     from rich.table import Table as Grid
 
+    from sprung.formats import ReadSettings
     from sprung.results.documents import Document
+    from sprung.results.page import Inputs, Report
     from sprung.results.tables import Table
 
 #: Columns where standard output is not a terminal and COLUMNS is not set.
@@ -119,3 +126,69 @@ def printable(text: str) -> str:
 def printable_lines(text: str) -> str:
     """Return `text` without control characters in its lines."""
     return "\n".join(printable(line) for line in text.split("\n"))
+
+
+def write_page(
+    page: "Path | None",
+    report: "Callable[[Inputs], Report]",
+    files: "Sequence[Path]",
+    *,
+    reading: "ReadSettings",
+    others: Mapping[str, object],
+    has_recordings: bool = True,
+) -> "list[Path]":
+    """Write a report where one is wanted, and return its path.
+
+    Parameters
+    ----------
+    page
+        File to write; None: no report.
+    report
+        Function from the facts about the files to the report.
+    files
+        Recordings, which are read once more for those facts.
+    reading
+        Settings with which the command reads the files.
+    others
+        Further files by purpose; None for those not given.
+    has_recordings
+        Whether the files are recordings; their channels are not listed otherwise.
+    """
+    if page is None:
+        return []
+    from sprung.results.page import Inputs, inspected, render
+
+    given = {purpose: str(name) for purpose, name in others.items() if name is not None}
+    inputs = Inputs(tuple(files), {}, given)
+    if has_recordings:
+        inputs = inspected(files, settings=reading, others=given)
+    page.write_text(render(report(inputs)), encoding="utf-8")
+    return [page]
+
+
+def write_figures(
+    folder: "Path | None", draw: "Callable[[Any], Mapping[str, Figure]]", file_format: str
+) -> "list[Path]":
+    """Write figures by name where a folder for them is given; `draw` receives `sprung.results.figures`."""
+    if folder is None:
+        return []
+    from sprung.results import figures
+
+    return figures.saving.save(draw(figures), folder, file_format=file_format)
+
+
+@contextmanager
+def progress_bar() -> Iterator[Callable[[str, float], None]]:
+    """Yield a callback that receives the current step and the share that is done (0 to 1; 0 if unknown)."""
+    if not sys.stderr.isatty():
+        yield lambda step, share: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=None)
+        yield lambda step, share: bar.update(
+            task, description=printable(step), completed=share, total=1.0 if share else None
+        )

@@ -7,8 +7,7 @@ import typer
 
 from sprung.cli.checks import check_file, check_folder
 from sprung.cli.options import OUTPUT, Json, option
-from sprung.cli.output import show, write_result, written
-from sprung.cli.progress import progress_bar
+from sprung.cli.output import progress_bar, show, write_result, written
 
 
 def reproduce(

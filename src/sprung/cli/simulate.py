@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from sprung.cli.checks import check_file
-from sprung.cli.completion import vehicles
-from sprung.cli.options import OUTPUT, Json, option
-from sprung.cli.output import show, write_json, write_result, written
-from sprung.cli.progress import progress_bar
+from sprung.cli.options import OUTPUT, Json, complete_vehicles, option
+from sprung.cli.output import progress_bar, show, write_json, write_result, written
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -32,7 +30,7 @@ Records = Annotated[
     int, option("N", "Number of records; several are numbered -01, -02 ..", panel=OUTPUT, min=1, max=1000)
 ]
 VehicleName = Annotated[
-    str, option("V.toml|NAME", "Vehicle file or name of a shipped vehicle.", autocompletion=vehicles)
+    str, option("V.toml|NAME", "Vehicle file or name of a shipped vehicle.", autocompletion=complete_vehicles)
 ]
 Minutes = Annotated[float, option("M", "Length of each record in minutes.")]
 SamplingRate = Annotated[float, option("HZ", "Sampling rate in Hz.")]

@@ -7,11 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from sprung.cli.checks import check_outputs, may_lack_sensors
-from sprung.cli.completion import recordings_or_documents, vehicles
-from sprung.cli.options import INPUT, AllowMissing, Figures, FileFormat, Json, Page, option
-from sprung.cli.output import show, write_result, written
-from sprung.cli.pages import write_figures, write_page
-from sprung.cli.progress import progress_bar
+from sprung.cli.options import (
+    INPUT,
+    AllowMissing,
+    Figures,
+    FileFormat,
+    Json,
+    Page,
+    complete_recordings_or_documents,
+    complete_vehicles,
+    option,
+)
+from sprung.cli.output import progress_bar, show, write_figures, write_page, write_result, written
 from sprung.cli.reading import reads_files
 from sprung.errors import IdentificationError, ParameterError
 
@@ -35,7 +42,7 @@ def track(
             metavar="FILE",
             help="Recordings in the order of time, or JSON files of sprung identify.",
             show_default=False,
-            autocompletion=recordings_or_documents,
+            autocompletion=complete_recordings_or_documents,
         ),
     ],
     *,
@@ -49,7 +56,7 @@ def track(
             "V.toml|NAME",
             "Vehicle file or name of a shipped vehicle: sensors, band and labels.",
             panel=INPUT,
-            autocompletion=vehicles,
+            autocompletion=complete_vehicles,
         ),
     ] = None,
     reading: "ReadSettings",

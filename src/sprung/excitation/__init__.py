@@ -1,7 +1,6 @@
 """Excitation of a vehicle: random forces, hammer blows, base motions, roads, tracks, roller rigs, harmonics."""
 
-from sprung.excitation.hammer import HammerBlows
-from sprung.excitation.noise import BAND_ORDER, Excitation, RandomInputs, noise
+from sprung.excitation.noise import BAND_ORDER, Excitation, HammerBlows, RandomInputs, noise
 from sprung.excitation.orders import Lines, Stack, Sum
 from sprung.excitation.rig import QUARTER_CASES, BaseMotion, RollerRig, pulse_indices
 from sprung.excitation.route import (
@@ -10,10 +9,13 @@ from sprung.excitation.route import (
     CrossSlope,
     Route,
     SmoothSteps,
+    SpeedChanges,
+    SpeedProfile,
+    constant_speed,
     random_cross_slope,
     random_curvature,
+    random_speed,
 )
-from sprung.excitation.speed import SpeedChanges, SpeedProfile, constant_speed, random_speed
 from sprung.excitation.surface import (
     ROAD_CLASSES,
     Joints,

@@ -8,7 +8,7 @@ from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.excitation.noise import Excitation
-from sprung.excitation.speed import SpeedProfile
+from sprung.excitation.route import SpeedProfile
 
 
 @dataclass(frozen=True, eq=False, slots=True)

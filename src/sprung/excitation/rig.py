@@ -9,7 +9,7 @@ from sprung._arrays import Indices, Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.excitation.noise import noise
-from sprung.excitation.speed import SpeedProfile
+from sprung.excitation.route import SpeedProfile
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from sprung._arrays import Real
 from sprung._checks import check_number, check_one_of
 from sprung.errors import ParameterError
-from sprung.excitation.speed import SpeedProfile
+from sprung.excitation.route import SpeedProfile
 
 #: Roughness G(n0) of the road classes at n0 = 0.1 cycles/m, geometric mean [m^3] (ISO 8608:2016, table C.1).
 ROAD_CLASSES: MappingProxyType[str, float] = MappingProxyType({name: 16e-6 * 4**k for k, name in enumerate("ABCDEFGH")})
@@ -23,7 +23,7 @@ REFERENCE, LOWEST, HIGHEST = 0.1, 0.01, 10.0
 #: Distance between the points of a profile [m], and its shortest length.
 SPACING, _SHORTEST = 0.02, 1000.0
 #: Largest number of points of a profile.
-_MOST_POINTS = 2e8
+_MAX_POINTS = 2e8
 #: Tracks in the order of their rows.
 _SIDES = ("left", "right")
 
@@ -354,7 +354,7 @@ def random_profile(
     """
     check_number("right_over_left", right_over_left, above=0)
     n_points = next_fast_len(math.ceil(max(last - first, _SHORTEST) / SPACING) + 2, real=True)
-    check_number("points of the profile", n_points, at_most=_MOST_POINTS, advice="simulate a shorter drive")
+    check_number("points of the profile", n_points, at_most=_MAX_POINTS, advice="simulate a shorter drive")
     n = np.arange(n_points // 2 + 1) / (n_points * SPACING)
     draws = generator.standard_normal((2, 2, n.size))
     densities = np.stack([surface.common(n), surface.differing(n)])

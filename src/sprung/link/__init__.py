@@ -4,7 +4,7 @@
 """
 
 from sprung.link.blocks import Block, FrameBlock, frame_block, joined
-from sprung.link.certificates import common_name, valid_until
+from sprung.link.credentials import LOCAL_USER, SecretError, common_name, find_secret, keep_secret, valid_until
 from sprung.link.frame import (
     CLIPPED,
     MISSING,
@@ -20,14 +20,24 @@ from sprung.link.frame import (
     encode,
     quantised,
 )
-from sprung.link.local_secret import LOCAL_USER, SecretError, find_secret, keep_secret
 from sprung.link.losses import MOST_LOSSES, Loss, losses_in, span_of
-from sprung.link.messages import VERSION, Header, Key, VersionError, check_vehicle, checked_map, message
+from sprung.link.messages import (
+    DOWNWARDS,
+    ROOT,
+    UPWARDS,
+    VERSION,
+    Header,
+    Key,
+    VersionError,
+    check_vehicle,
+    checked_map,
+    message,
+    parse_topic,
+    topic,
+)
 from sprung.link.mqtt import Address, Link, LinkError
-from sprung.link.sending import Sending
+from sprung.link.sending import Every, Sending
 from sprung.link.spool import Spool, SpoolError
-from sprung.link.timer import Every
-from sprung.link.topics import DOWNWARDS, ROOT, UPWARDS, parse_topic, topic
 
 __all__ = [
     "CLIPPED",

@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sprung._checks import check_number, frozen_array
 from sprung.errors import ParameterError, SprungError
-
-_NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+from sprung.link.messages import check_vehicle
 
 
 class ArchiveError(SprungError):
@@ -111,14 +109,22 @@ def write_archive(
     ...     path.relative_to(folder).as_posix(), read_archive(path).samples.tolist()
     ('bus-17/2023-11-14/4-600.parquet', [[0.0, 0.5, -1.0]])
     """
+    import pyarrow as pa
+
     values = frozen_array("samples", samples, ndim=2, dtype=np.float32)
-    _check_channels(channels, len(values))
+    if len(channels) != len(values) or len(set(channels)) < len(values) or "time" in channels:
+        raise ParameterError(
+            f"channels {', '.join(channels)} must be {len(values)} different names, one for each row of samples, "
+            "and none of them 'time'"
+        )
     check_number("sampling_rate", sampling_rate, above=0.0)
     path = archive_path(folder, vehicle, boot, first_seq, t0)
     facts = {"vehicle": vehicle, "boot": str(boot), "first_seq": str(first_seq), "t0": str(t0)}
     stated = {"gaps": json.dumps([[int(index), float(length)] for index, length in gaps])} if gaps else {}
     stated |= {"quantities": json.dumps(list(quantities))} if quantities else {}
-    _write(path, _table(values, channels, sampling_rate, facts | stated), t0)
+    facts |= stated | {"sampling_rate": repr(float(sampling_rate))}
+    columns = {"time": np.arange(values.shape[1]) / sampling_rate, **dict(zip(channels, values, strict=True))}
+    _write(path, pa.table(columns).replace_schema_metadata(facts), t0)
     return path
 
 
@@ -135,9 +141,9 @@ def archive_path(folder: Path | str, vehicle: str, boot: int, first_seq: int, t0
     >>> archive_path("raw", "bus-17", boot=4, first_seq=600, t0=1_700_000_000 * 10**9).as_posix()
     'raw/bus-17/2023-11-14/4-600.parquet'
     """
-    name = f"{_checked_count('boot', boot)}-{_checked_count('first_seq', first_seq)}.parquet"
+    name = f"{_whole('boot', boot)}-{_whole('first_seq', first_seq)}.parquet"
     day = f"{datetime.fromtimestamp(t0 // 10**9, UTC):%Y-%m-%d}"
-    return Path(folder) / _checked_vehicle(vehicle) / day / name
+    return Path(folder) / check_vehicle(vehicle) / day / name
 
 
 def read_archive(path: Path | str) -> ArchivedSamples:
@@ -202,35 +208,11 @@ def is_archive(path: Path | str) -> bool:
         return False
 
 
-def _checked_count(name: str, value: int) -> int:
+def _whole(name: str, value: int) -> int:
     """Return a number if it is whole and fits into 63 bits."""
     if not isinstance(value, int) or not 0 <= value < 2**63:
         raise ParameterError(f"{name}={value!r} must be a whole number from 0 to 2^63 - 1")
     return value
-
-
-def _checked_vehicle(vehicle: str) -> str:
-    """Return the name of a vehicle if it can name a folder."""
-    if not _NAME.fullmatch(vehicle) or vehicle in {".", ".."}:
-        raise ParameterError(f"vehicle {vehicle!r} must be 1 to 64 letters, digits, dots, dashes or underscores")
-    return vehicle
-
-
-def _check_channels(channels: Sequence[str], n_rows: int) -> None:
-    """Refuse names that cannot head the columns."""
-    if len(channels) != n_rows or len(set(channels)) < n_rows or "time" in channels:
-        raise ParameterError(
-            f"channels {', '.join(channels)} must be {n_rows} different names, one for each row of samples, "
-            f"and none of them 'time'"
-        )
-
-
-def _table(samples: NDArray[np.float32], channels: Sequence[str], sampling_rate: float, facts: dict[str, str]) -> Any:
-    """Return a column of time since t0 [s] and one for each channel."""
-    import pyarrow as pa
-
-    columns = {"time": np.arange(samples.shape[1]) / sampling_rate, **dict(zip(channels, samples, strict=True))}
-    return pa.table(columns).replace_schema_metadata({**facts, "sampling_rate": repr(float(sampling_rate))})
 
 
 def _write(path: Path, table: Any, t0: int) -> None:
@@ -250,16 +232,11 @@ def _write(path: Path, table: Any, t0: int) -> None:
             part.replace(path)
         finally:
             part.unlink(missing_ok=True)
-        _sync(path.parent)
-
-
-def _sync(folder: Path) -> None:
-    """Sync a rename in a folder to disk."""
-    opened = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(opened)
-    finally:
-        os.close(opened)
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
 
 
 @contextmanager

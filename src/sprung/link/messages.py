@@ -1,4 +1,4 @@
-"""Messages: one CBOR map with named keys, followed by 4 bytes CRC-32 of it."""
+"""Messages: one CBOR map with named keys, followed by 4 bytes CRC-32 of it, on topics sprung/v1/{vehicle}/{what}."""
 
 import io
 import re
@@ -12,13 +12,17 @@ from sprung._checks import required
 from sprung.errors import FormatError, ParameterError
 
 VERSION = 1
+ROOT = "sprung/v1"
+#: Kinds of messages from a vehicle, and to it.
+UPWARDS = ("raw", "corr", "modes", "event", "health", "meta", "state")
+DOWNWARDS = ("ack", "cmd")
 #: Names of vehicles, which are parts of topics and of paths.
 VEHICLE = re.compile(r"(?!\.{1,2}$)[A-Za-z0-9_.-]{1,64}")
 #: Largest message [bytes], and largest number of entries of a list in it.
-LARGEST, MOST_CHANNELS = 1 << 20, 256
+LARGEST, MAX_CHANNELS = 1 << 20, 256
 #: Largest number of values of all maps and lists of a message, which bounds the time to read it; smaller messages than
 #: this many bytes cannot hold more.
-MOST_VALUES = 16_384
+MAX_VALUES = 16_384
 #: Kinds of messages with the results of on-board identification in place of samples.
 REPORTS = ("corr", "modes")
 #: Largest number of boots in a state; later ones follow when those are acknowledged.
@@ -164,8 +168,8 @@ def checked_map(payload: bytes) -> dict[Any, Any]:
     body, check = payload[:-4], payload[-4:]
     if zlib.crc32(body).to_bytes(4, "little") != check:
         raise FormatError("the checksum does not match: the message was damaged in transit")
-    if len(body) > MOST_VALUES and _n_values(body) > MOST_VALUES:
-        raise FormatError(f"a message of more than {MOST_VALUES} values: send fewer, and samples as bytes")
+    if len(body) > MAX_VALUES and _n_values(body) > MAX_VALUES:
+        raise FormatError(f"a message of more than {MAX_VALUES} values: send fewer, and samples as bytes")
     stream = io.BytesIO(body)
     try:
         decoder = cbor.CBORDecoder(
@@ -183,7 +187,7 @@ def _n_values(body: bytes) -> int:
     """Return the number of values in CBOR, counted up to the limit or to what is not well-formed (RFC 8949, 3)."""
     place, n_open, n_values = 0, 1, 0
     try:
-        while n_open and n_values <= MOST_VALUES:
+        while n_open and n_values <= MAX_VALUES:
             kind, length = body[place] >> 5, body[place] & 31
             place += 1
             n_open -= 1
@@ -271,7 +275,7 @@ def items(value: Any) -> list[Any]:
     FormatError
         If it is something else.
     """
-    if not isinstance(value, list) or len(value) > MOST_CHANNELS:
+    if not isinstance(value, list) or len(value) > MAX_CHANNELS:
         raise FormatError(f"{str(value)[:40]!r} found where a list is expected")
     return value
 
@@ -290,3 +294,33 @@ def previous_boot(value: Any) -> tuple[int, int] | None:
     if len(numbers) != 2 or min(numbers) < 0:
         raise FormatError(f"{str(value)[:40]!r} found where boot and count of messages before are expected")
     return numbers[0], numbers[1]
+
+
+def topic(vehicle: str, what: str) -> str:
+    """Return the topic of a vehicle's messages.
+
+    Examples
+    --------
+    >>> topic("bus-17", "raw")
+    'sprung/v1/bus-17/raw'
+    """
+    return f"{ROOT}/{vehicle}/{what}"
+
+
+def parse_topic(name: str) -> tuple[str, str]:
+    """Return vehicle and kind of message of a topic.
+
+    Raises
+    ------
+    FormatError
+        If it is not a topic of this version.
+
+    Examples
+    --------
+    >>> parse_topic("sprung/v1/bus-17/raw")
+    ('bus-17', 'raw')
+    """
+    parts = name.split("/")
+    if len(parts) != 4 or "/".join(parts[:2]) != ROOT or not VEHICLE.fullmatch(parts[2]):
+        raise FormatError(f"{name[:120]!r} is not a topic of this version: it must be {ROOT}/VEHICLE/WHAT")
+    return parts[2], parts[3]

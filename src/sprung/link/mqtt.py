@@ -12,12 +12,12 @@ from urllib.parse import parse_qs, unquote, urlsplit
 
 from sprung._checks import required
 from sprung.errors import ParameterError, SprungError
-from sprung.link.local_secret import LOCAL_USER, find_secret
+from sprung.link.credentials import LOCAL_USER, find_secret
 
 #: Seconds between attempts to connect: at first, and at most.
 _RETRY = (1, 30)
 #: Messages that wait in memory for the broker; more are refused.
-_MOST_QUEUED = 5000
+_MAX_QUEUED = 5000
 
 
 class LinkError(SprungError):
@@ -198,7 +198,7 @@ class Link:
         client = self._mqtt.Client(self._mqtt.CallbackAPIVersion.VERSION2, client_id=self._name, protocol=protocol)
         client.reconnect_delay_set(*_RETRY)
         client.max_inflight_messages_set(1000)
-        client.max_queued_messages_set(_MOST_QUEUED)
+        client.max_queued_messages_set(_MAX_QUEUED)
         client.on_pre_connect = lambda client, _data: self._identify(client, protocol)
         if self._address.is_encrypted:
             client.tls_set_context(_context(self._address))

@@ -9,9 +9,9 @@ import numpy as np
 from sprung.link import Block, FrameBlock
 
 #: Largest number of runs that are remembered, the last ones.
-_MOST_RUNS = 2000
+_MAX_RUNS = 2000
 #: Fewest changes from sample to sample in a block that distinguishes measured noise from anything else.
-_FEWEST_CHANGES = 32
+_MIN_CHANGES = 32
 #: Longest time between blocks of one run, in samples, and tolerance of a place in a run [s].
 _TOLERANCE, _EPSILON = 2.5, 1e-3
 
@@ -55,7 +55,7 @@ class Repeats:
         reached = 0.0 if self._run is None else self._reached.pop(self._run, 0.0)
         if self._run is not None:
             self._reached[self._run] = max(reached, self._place)
-        if len(self._reached) > _MOST_RUNS:
+        if len(self._reached) > _MAX_RUNS:
             del self._reached[next(iter(self._reached))]
         is_repeated = self._place <= reached + _EPSILON
         self._repeated = self._repeated + duration if is_repeated else 0.0
@@ -94,7 +94,7 @@ class Repeats:
 def _identity(block: Block) -> int | None:
     """Return a number that identifies the first block of a run; None if it has too little noise."""
     samples = block.samples
-    if np.count_nonzero(np.nan_to_num(np.diff(samples, axis=1))) < _FEWEST_CHANGES:
+    if np.count_nonzero(np.nan_to_num(np.diff(samples, axis=1))) < _MIN_CHANGES:
         return None
     is_known = block.frame.is_time_known if isinstance(block, FrameBlock) else block.start is not None
     names = tuple(channel.name for channel in block.channels)

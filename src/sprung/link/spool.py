@@ -1,5 +1,8 @@
 """The spool of a box: frames on disk until the monitor has them, in bounded space."""
 
+import fcntl
+import os
+import shutil
 import struct
 import zlib
 from bisect import bisect_left
@@ -12,7 +15,6 @@ from pathlib import Path
 
 from sprung._checks import check_number
 from sprung.errors import SprungError
-from sprung.link.disk import Disk
 from sprung.link.losses import Loss, loss_of
 
 _HEADER = struct.Struct("<2sQQI")
@@ -23,7 +25,73 @@ _TEXT = "remembered"
 #: Smallest number of files of a full spool, of which the oldest is dropped for new ones; largest file [bytes].
 _FILES, _LARGEST = 16, 1 << 20
 #: Number of earlier boots whose ends are declared although nothing of them may be left.
-_MOST_ENDS = 16
+_MAX_ENDS = 16
+
+
+class Disk:
+    """System calls of a spool, one in each method, which tests replace; every method raises OSError where it fails."""
+
+    def make_folder(self, folder: Path) -> None:
+        """Create a folder for this user alone where it is missing, with its parents."""
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+
+    def lock(self, path: Path) -> int | None:
+        """Return a file that is locked by this process until it closes it or ends; None if another one holds it."""
+        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(handle)
+            return None
+        return handle
+
+    def names(self, folder: Path) -> list[str]:
+        """Return the names of the files in a folder, sorted."""
+        return sorted(os.listdir(folder))
+
+    def read(self, path: Path) -> bytes:
+        """Return the content of a file."""
+        return path.read_bytes()
+
+    def open(self, path: Path) -> int:
+        """Return a file to append to, created if it is missing."""
+        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+
+    def write(self, handle: int, data: bytes) -> int:
+        """Append data to an open file, and return how many bytes of it were taken."""
+        return os.write(handle, data)
+
+    def sync(self, handle: int) -> None:
+        """Wait until the data of an open file are on the disk."""
+        os.fdatasync(handle)
+
+    def sync_folder(self, folder: Path) -> None:
+        """Wait until the names of the files in a folder are on the disk."""
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+    def truncate(self, file: int | Path, size: int) -> None:
+        """Cut a file to a size [bytes]."""
+        os.truncate(file, size)
+
+    def close(self, handle: int) -> None:
+        """Close a file."""
+        os.close(handle)
+
+    def rename(self, old: Path, new: Path) -> None:
+        """Give a file another name, which replaces the file that had it."""
+        old.rename(new)
+
+    def remove(self, path: Path) -> None:
+        """Remove a file, if it is there."""
+        path.unlink(missing_ok=True)
+
+    def free(self, folder: Path) -> int:
+        """Return the free space on the disk of a folder [bytes]."""
+        return shutil.disk_usage(folder).free
 
 
 class SpoolError(SprungError):
@@ -393,7 +461,7 @@ def _last_ends(ends: Mapping[int, int], oldest: int) -> dict[int, int]:
     them are gone, however many boots ago that was.
     """
     boots = sorted(ends)
-    first = min(bisect_left(boots, oldest) - 1, len(boots) - _MOST_ENDS)
+    first = min(bisect_left(boots, oldest) - 1, len(boots) - _MAX_ENDS)
     return {boot: ends[boot] for boot in boots[max(first, 0) :]}
 
 

@@ -12,58 +12,33 @@ from sprung.recording import Recording
 from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.thesis import (
     THRESHOLDS,
+    column_table,
+    in_runs,
     matched,
-    number,
-    numbers_table,
-    of_runs,
-    share,
+    mode_pictures,
+    numbers,
+    published,
+    shares,
+    simulated,
     theoretical,
     theory_table,
     thesis_settings,
     worst_error,
 )
-from sprung.results.figures import (
-    Spread,
-    densities_figure,
-    histories_figure,
-    levels_figure,
-    reference_mac_figure,
-    runs_figure,
-    stabilisation_figure,
-    stable_rates_figure,
-)
+from sprung.results import figures
 from sprung.results.page.page import Block, Section, picture
 from sprung.results.tables import Table
 from sprung.signals.harmonics import Harmonic
-from sprung.simulation import simulate, usual_excitation, with_noise
+from sprung.simulation import usual_excitation, with_noise
 from sprung.vehicles import Structure, read_description, structure
 
-RATE, DURATION, N_RECORDS = 500.0, 60.0, 20
+RATE = 500.0
+DURATION = 60.0
+N_RECORDS = 20
 RATIOS = (10.0, 0.5)
 #: Bands of the noise [Hz]; the thesis states only "band-pass white noise".
 BANDS: dict[str, tuple[float, float] | None] = {"white": None, "0.5 to 50 Hz": (0.5, 50.0)}
-#: Frequencies [Hz] and damping [%] of tables 4-2 and 4-3 by method and SNR, NaN where the thesis found none.
-NONE = (np.nan, np.nan, np.nan)
-PUBLISHED = {
-    ("cov", 10.0): ((7.03, 19.67, 28.44), (1.25, 3.11, 4.30)),
-    ("cov", 0.5): (NONE, NONE),
-    ("acs", 10.0): ((7.01, 19.69, 28.32), (1.08, 3.29, 4.81)),
-    ("acs", 0.5): ((7.01, 19.68, np.nan), (1.19, 3.41, np.nan)),
-}
-#: Table 4-4: the three subsets of CoSS-SSI.
-SUBSETS = {
-    10.0: (
-        ((7.03, 19.33, 28.52), (2.17, 4.45, 6.53)),
-        ((7.01, 19.34, 28.58), (1.97, 5.91, 6.71)),
-        ((7.04, 19.33, 28.51), (5.17, 3.92, 5.83)),
-    ),
-    0.5: (
-        ((7.02, 19.59, 28.43), (3.47, 5.14, 6.53)),
-        ((7.02, 19.59, 28.51), (2.58, 3.74, 3.50)),
-        ((7.02, 19.59, 28.47), (4.45, 3.51, 5.53)),
-    ),
-}
-PUBLISHED_THEORY = ((7.01, 19.65, 28.39), (1.12, 3.15, 4.55))
+PRINTED = published("4")
 
 
 class Example(NamedTuple):
@@ -95,11 +70,8 @@ def contents(example: Example, results: list[Real]) -> tuple[str, tuple[Section,
 
 def records(vehicle: Structure, *, seed: int) -> list[Recording]:
     """Return one set of records without noise."""
-    excitation = usual_excitation(vehicle)
-    generators = [np.random.default_rng([seed, k]) for k in range(N_RECORDS)]
-    return [
-        simulate(vehicle, excitation, duration=DURATION, sampling_rate=RATE, seed=generator) for generator in generators
-    ]
+    seeds = [(seed, k) for k in range(N_RECORDS)]
+    return simulated(vehicle, usual_excitation(vehicle), seeds, duration=DURATION, sampling_rate=RATE)
 
 
 def noisy(clean: list[Recording], snr: float, band: tuple[float, float] | None, *, seed: int) -> list[Recording]:
@@ -138,9 +110,7 @@ def experiment(seed: int) -> Real:
                 for m, method in enumerate(SUBSPACE_METHODS):
                     identification = identified(method, runs, is_default=is_default, harmonics=harmonics)
                     harmonics = identification.harmonics if method == "acs" else None
-                    match = matched(identification.modes, truth)
-                    results[i, j, k, m, :3] = match.natural_frequency, match.damping_ratio, match.mac
-                    results[i, j, k, m, 3] = match.n_others
+                    results[i, j, k, m] = matched(identification.modes, truth).rows
     return results
 
 
@@ -149,8 +119,8 @@ def _theory(truth: Modes) -> Table:
     return theory_table(
         "Table 4-1: theoretical modal parameters",
         [f"Mode {k + 1}" for k in range(len(truth))],
-        (PUBLISHED_THEORY[0], truth.natural_frequency),
-        (PUBLISHED_THEORY[1], 100 * truth.damping_ratio),
+        (PRINTED["theory"]["frequency"], truth.natural_frequency),
+        (PRINTED["theory"]["damping"], 100 * truth.damping_ratio),
         remark="m = 1 kg, k = 9800 N/m, c = 5 N s/m, recovered from the modes: figure 4-3 with the parameters is lost.",
     )
 
@@ -158,12 +128,18 @@ def _theory(truth: Modes) -> Table:
 def _signals(shown: dict[float, list[Recording]]) -> tuple[Block, ...]:
     """Figures 4-4 to 4-6."""
     curves = [(f"SNR {snr:g}", shown[snr][0]) for snr in sorted(RATIOS)]
-    marked = [(f"{f:.2f} Hz", f) for f in PUBLISHED_THEORY[0]]
+    marked = [(f"{f:.2f} Hz", f) for f in PRINTED["theory"]["frequency"]]
     return (
-        picture(histories_figure(curves, title="Accelerations of the masses"), "Figure 4-4: accelerations over time."),
-        picture(levels_figure(curves, title="RMS in intervals of two seconds"), "Figure 4-5: level every two seconds."),
         picture(
-            densities_figure(curves, title="Power spectral densities", highest=50.0, marked=marked),
+            figures.histories_figure(curves, title="Accelerations of the masses"),
+            "Figure 4-4: accelerations over time.",
+        ),
+        picture(
+            figures.levels_figure(curves, title="RMS in intervals of two seconds"),
+            "Figure 4-5: level every two seconds.",
+        ),
+        picture(
+            figures.densities_figure(curves, title="Power spectral densities", highest=50.0, marked=marked),
             "Figure 4-6: power spectral densities. Dotted: theoretical natural frequencies.",
         ),
     )
@@ -172,65 +148,56 @@ def _signals(shown: dict[float, list[Recording]]) -> tuple[Block, ...]:
 def _diagrams(identifications: dict[tuple[str, float], Identification]) -> tuple[Block, ...]:
     """Figures 4-7 to 4-11."""
     blocks: list[Block] = []
-    for figure, method in (("4-7", "cov"), ("4-8", "acs"), ("4-9", "coss")):
-        for letter, snr in zip("ab", RATIOS, strict=True):
-            source = f"SNR {snr:g}"
-            caption = f"Figure {figure}({letter}): stabilisation diagram of {METHOD_NAMES[method]} at SNR {snr:g}."
-            blocks.append(picture(stabilisation_figure(identifications[method, snr], source=source), caption))
+    diagrams = [
+        (f"{n}({x})", m, snr)
+        for n, m in zip(("4-7", "4-8", "4-9"), SUBSPACE_METHODS, strict=True)
+        for x, snr in zip("ab", RATIOS, strict=True)
+    ]
+    for figure, method, snr in diagrams:
+        caption = f"Figure {figure}: stabilisation diagram of {METHOD_NAMES[method]} at SNR {snr:g}."
+        blocks += mode_pictures(identifications[method, snr], {"diagram": caption}, source=f"SNR {snr:g}")
     for figure, method, snr in (("4-10(a)", "cov", 10.0), ("4-10(b)", "acs", 10.0), ("4-11", "coss", 0.5)):
         caption = f"Figure {figure}: rate of stable points of {METHOD_NAMES[method]} at SNR {snr:g}; dashed: threshold."
-        blocks.append(picture(stable_rates_figure(identifications[method, snr], source=f"SNR {snr:g}"), caption))
+        blocks += mode_pictures(identifications[method, snr], {"rates": caption}, source=f"SNR {snr:g}")
     return tuple(blocks)
 
 
 def _tables(identifications: dict[tuple[str, float], Identification], runs: Real, truth: Modes) -> tuple[Block, ...]:
     """Tables 4-2 to 4-4."""
     blocks: list[Block] = []
-    columns = ("", "f published [Hz]", "f ours [Hz]", "ξ published [%]", "ξ ours [%]")
-    spreads = ("f, white noise: found in, median (5 to 95 %)", "f, noise in 0.5 to 50 Hz")
-    for table, method in (("4-2", "cov"), ("4-3", "acs")):
-        rows = []
-        for i, snr in enumerate(RATIOS):
-            match = matched(identifications[method, snr].modes, truth)
-            for k in range(len(truth)):
-                frequency, damping = PUBLISHED[method, snr]
-                values = runs[:, i, :, 0, list(SUBSPACE_METHODS).index(method), 0, k]
-                rows.append(
-                    (
-                        f"SNR {snr:g}, mode {k + 1}",
-                        number(frequency[k]),
-                        number(match.natural_frequency[k]),
-                        number(damping[k]),
-                        number(100 * match.damping_ratio[k]),
-                        of_runs(values[:, 0]),
-                        of_runs(values[:, 1]),
-                    )
-                )
-        title = f"Table {table}: modes found by {METHOD_NAMES[method]}"
-        blocks.append(numbers_table(title, (*columns, *spreads), tuple(rows), "–: not found."))
-    lines = []
-    for snr in RATIOS:
-        subsets = identifications["coss", snr].subsets
-        for s, published in enumerate(SUBSETS[snr]):
-            subset = matched(subsets[s].modes, truth) if s < len(subsets) else None
-            for k in range(len(truth)):
-                ours = (np.nan, np.nan) if subset is None else (subset.natural_frequency[k], subset.damping_ratio[k])
-                lines.append(
-                    (
-                        f"SNR {snr:g}, S{s + 1}, mode {k + 1}",
-                        number(published[0][k]),
-                        number(ours[0]),
-                        number(published[1][k]),
-                        number(100 * ours[1]),
-                    )
-                )
+    for table, m, method in (("4-2", 0, "cov"), ("4-3", 1, "acs")):
+        ours = [matched(identifications[method, snr].modes, truth) for snr in RATIOS]
+        columns = (
+            ("", [f"SNR {snr:g}, mode {k + 1}" for snr in RATIOS for k in range(len(truth))]),
+            ("f published [Hz]", numbers(PRINTED[method]["frequency"])),
+            ("f ours [Hz]", numbers([match.natural_frequency for match in ours])),
+            ("ξ published [%]", numbers(PRINTED[method]["damping"])),
+            ("ξ ours [%]", numbers([100 * match.damping_ratio for match in ours])),
+            ("f, white noise: found in, median (5 to 95 %)", in_runs(runs[:, :, 0, 0, m, 0])),
+            ("f, noise in 0.5 to 50 Hz", in_runs(runs[:, :, 1, 0, m, 0])),
+        )
+        blocks.append(
+            column_table(f"Table {table}: modes found by {METHOD_NAMES[method]}", columns, remark="–: not found.")
+        )
+    found = np.full((2, *PRINTED["coss"]["frequency"].shape), np.nan)
+    for i, snr in enumerate(RATIOS):
+        for s, subset in enumerate(identifications["coss", snr].subsets[: found.shape[2]]):
+            match = matched(subset.modes, truth)
+            found[:, i, s] = match.natural_frequency, 100 * match.damping_ratio
+    columns_of_subsets = (
+        ("", [f"SNR {snr:g}, S{s + 1}, mode {k + 1}" for snr in RATIOS for s in range(3) for k in range(len(truth))]),
+        ("f published [Hz]", numbers(PRINTED["coss"]["frequency"])),
+        ("f ours [Hz]", numbers(found[0])),
+        ("ξ published [%]", numbers(PRINTED["coss"]["damping"])),
+        ("ξ ours [%]", numbers(found[1])),
+    )
     remark = (
         "Subsets with fewer than two segments are merged with a neighbour, so that there can be fewer than three. Segments "
         "are sorted by the level of the correlations that are averaged, as published: this biases damping, high at low level "
         "and low at high level, in a linear chain, too."
     )
-    blocks.append(numbers_table("Table 4-4: modes found by CoSS-SSI in each subset", columns, tuple(lines), remark))
-    return tuple(blocks)
+    title = "Table 4-4: modes found by CoSS-SSI in each subset"
+    return (*blocks, column_table(title, columns_of_subsets, remark=remark))
 
 
 def _shapes(identifications: dict[tuple[str, float], Identification], truth: Modes) -> tuple[Block, ...]:
@@ -244,7 +211,7 @@ def _shapes(identifications: dict[tuple[str, float], Identification], truth: Mod
                 parts.append((name, subset.modes))
         title = f"MAC of theory (rows) and {METHOD_NAMES[method]} (columns)"
         caption = f"Figure {figure}: MAC between theoretical and identified mode shapes, {METHOD_NAMES[method]}."
-        blocks.append(picture(reference_mac_figure(parts, truth, title=title), caption))
+        blocks.append(picture(figures.reference_mac_figure(parts, truth, title=title), caption))
     return tuple(blocks)
 
 
@@ -257,47 +224,41 @@ def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
         n_shown = len(settings_shown)
         for j, band in enumerate(BANDS):
             spreads = []
-            for quantity, name, factor in ((0, "frequency [Hz]", 1.0), (1, "damping [%]", 100.0)):
+            for quantity, name, unit in ((0, "frequency", "Hz"), (1, "damping", "%")):
                 for k in range(len(truth)):
-                    values = factor * runs[:, i, j, :n_shown, :, quantity, k].reshape(len(runs), -1).T
+                    shown = (1.0, 100.0)[quantity] * runs[:, i, j, :n_shown, :, quantity, k].reshape(len(runs), -1).T
                     true = (truth.natural_frequency, 100 * truth.damping_ratio)[quantity][k]
-                    published = tuple(
-                        PUBLISHED[m, snr][quantity][k] if m != "coss" else SUBSETS[snr][0][quantity][k]
-                        for m in SUBSPACE_METHODS
-                    )
-                    spreads.append(Spread(f"Mode {k + 1}: {name}", rows, values, true, published))
+                    printed = [PRINTED[m][name][i] for m in SUBSPACE_METHODS]
+                    of_mode = tuple(float(values[0, k] if values.ndim == 2 else values[k]) for values in printed)
+                    spreads.append(figures.Spread(f"Mode {k + 1}: {name} [{unit}]", rows, shown, true, of_mode))
             others = runs[:, i, j, :n_shown, :, 3, 0].mean(axis=0).ravel()
             caption = (
                 f"SNR {snr:g}, noise {band}. Other modes per set: "
                 + ", ".join(f"{name} {value:.2f}" for name, value in zip(rows, others, strict=True))
                 + ". Published for CoSS: its first subset."
             )
-            blocks.append(picture(runs_figure(spreads, title=f"SNR {snr:g}, noise {band}"), caption))
+            blocks.append(picture(figures.runs_figure(spreads, title=f"SNR {snr:g}, noise {band}"), caption))
     return tuple(blocks)
 
 
 def _verdict(runs: Real) -> str:
     """Return what reproduces and what does not."""
-    white = [[share(runs[:, i, 0, 0, m, 0, k]) for k in range(3)] for i in range(2) for m in range(3)]
-    low = {m: [share(runs[:, 1, 1, 0, n, 0, k]) for k in range(3)] for n, m in enumerate(SUBSPACE_METHODS)}
-    default = [share(runs[:, 1, 1, 1, 2, 0, k]) for k in range(3)]
+    white = np.isfinite(runs[:, :, 0, 0, :, 0]).mean(axis=0)
+    low = {method: shares(runs[:, 1, 1, 0, n, 0]) for n, method in enumerate(SUBSPACE_METHODS)}
+    default = shares(runs[:, 1, 1, 1, 2, 0])
     truth = theoretical(structure(read_description("chain3")))
     error = worst_error(runs[:, 1, 1, 1, 2, 0], truth.natural_frequency)
     damping = worst_error(runs[:, :, :, 0, 2, 1], truth.damping_ratio)
-
-    def shares(values: list[float]) -> str:
-        return ", ".join(f"{100 * value:.0f} %" for value in values)
-
     return (
         "The theoretical modes reproduce to every printed digit. Tables 4-2 and 4-3 depend on the band of the noise, which the "
         f"thesis does not state: with white noise up to half the sampling rate the thesis' settings find each mode in at least "
         f"{100 * np.min(white):.0f} % of the sets with all three methods, at both noise levels. With noise in the "
         f"modes' own band at SNR 0.5 modes are lost, as published, but not always the published ones: Cov-SSI finds modes 1, 2, 3 in "
-        f"{shares(low['cov'])} of the sets (published: none), ACS-Cov-SSI in {shares(low['acs'])} (published: the first two). What does not reproduce "
-        f"is CoSS-SSI's advantage there: with its published threshold of 0.7 it finds the modes in {shares(low['coss'])} of "
+        f"{low['cov']} of the sets (published: none), ACS-Cov-SSI in {low['acs']} (published: the first two). What does not reproduce "
+        f"is CoSS-SSI's advantage there: with its published threshold of 0.7 it finds the modes in {low['coss']} of "
         "the sets, since splitting the segments leaves fewer of them in each average. Its published damping errors "
         f"of up to 360 % do not reproduce either: where modes are found, the median damping of CoSS-SSI is within {100 * damping:.0f} %. Sprung's own defaults, "
-        f"which test whether a mode contributes significantly to the correlations between channels, find the modes in {shares(default)} of the sets "
+        f"which test whether a mode contributes significantly to the correlations between channels, find the modes in {default} of the sets "
         f"in this hardest case, the median frequency within {100 * error:.2f} %."
     )
 

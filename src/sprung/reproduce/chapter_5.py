@@ -1,5 +1,6 @@
 """Chapter 5: harmonics, pulses and cepstrum editing on a quarter vehicle."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,34 +13,37 @@ from sprung.recording import Recording
 from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.thesis import (
     THRESHOLDS,
+    at_channels,
+    cepstrum_picture,
+    column_table,
+    in_runs,
     matched,
-    number,
-    numbers_table,
-    of_runs,
+    mode_pictures,
+    numbers,
+    published,
     share,
+    simulated,
     theoretical,
     theory_table,
     thesis_settings,
     worst_error,
 )
-from sprung.results.figures import (
-    Spread,
-    cepstrum_figure,
-    densities_figure,
-    histories_figure,
-    response_figure,
-    runs_figure,
-    stabilisation_figure,
-)
+from sprung.results import figures
 from sprung.results.page.page import Block, Section, picture
 from sprung.results.tables import Table
 from sprung.signals.cepstrum import ShortPass, edit
 from sprung.signals.harmonics import Harmonic
-from sprung.simulation import simulate
 from sprung.vehicles import frequency_response, read_description, structure
 
-RATE, DURATION, N_RECORDS, QUEFRENCY = 1000.0, 60.0, 10, 0.25
-PULSES, TONE = 3.65, 17.0
+RATE = 1000.0
+DURATION = 60.0
+N_RECORDS = 10
+#: Length of the lifter [s].
+QUEFRENCY = 0.25
+#: Frequencies of the pulses and of the second sine [Hz].
+PULSES = 3.65
+TONE = 17.0
+PRINTED = published("5")
 #: Case, whether it is edited, figures of the signals and of the diagram.
 VARIANTS = (
     (1, False, "5-5", "5-6"),
@@ -48,17 +52,6 @@ VARIANTS = (
     (4, False, "5-11", "5-12"),
     (3, True, "5-14", "5-15"),
     (4, True, "", "5-16"),
-)
-#: Theoretical frequencies [Hz] and damping [%] of body and wheel (section 5.3).
-PUBLISHED_THEORY = ((13.21, 56.35), (13.10, 6.33))
-#: Published frequency [Hz] and damping [%] of both modes, and false modes [Hz].
-PUBLISHED = (
-    ((13.19, 56.42), (13.03, 6.66), ()),
-    ((13.20, 56.12), (12.11, 6.40), ()),
-    ((13.14, 56.37), (13.06, 6.43), (3.56,)),
-    ((np.nan, 56.39), (np.nan, np.nan), (3.56, 17.37)),
-    ((13.18, 56.02), (12.37, 5.76), ()),
-    ((13.15, 56.53), (13.01, 5.65), ()),
 )
 EXCITATIONS = {1: "random", 2: "random and pulses", 3: "random, pulses and a sine", 4: "random, pulses and two sines"}
 
@@ -81,13 +74,14 @@ def contents(example: list[Identification], results: list[Real]) -> tuple[str, t
 
 def records(case: int, *, seed: int) -> list[Recording]:
     """Return the body's acceleration in the records of a case, 1 to 4."""
-    vehicle = structure(read_description("quarter"))
-    generators = [np.random.default_rng([seed, case, k]) for k in range(N_RECORDS)]
-    excitation = QUARTER_CASES[case - 1]
-    return [
-        simulate(vehicle, excitation, duration=DURATION, sampling_rate=RATE, seed=generator).select(["acc_body"])
-        for generator in generators
-    ]
+    runs = simulated(
+        structure(read_description("quarter")),
+        QUARTER_CASES[case - 1],
+        [(seed, case, k) for k in range(N_RECORDS)],
+        duration=DURATION,
+        sampling_rate=RATE,
+    )
+    return [run.select(["acc_body"]) for run in runs]
 
 
 def identified(
@@ -117,9 +111,7 @@ def experiment(seed: int) -> Real:
     for row, (case, is_edited, _, _) in enumerate(VARIANTS):
         identification = identified(sets[case], is_edited, harmonics=harmonics.get(case))
         harmonics[case] = identification.harmonics
-        match = matched(identification.modes, truth)
-        results[row, :2] = match.natural_frequency, match.damping_ratio
-        results[row, 2] = match.n_others
+        results[row, :3] = matched(identification.modes, truth).rows[[0, 1, 3]]
         results[row, 3] = line_rate(identification, PULSES), line_rate(identification, TONE)
     return results
 
@@ -127,16 +119,7 @@ def experiment(seed: int) -> Real:
 def _truth() -> Modes:
     """Return the true modes in the acceleration of the body."""
     modes = theoretical(structure(read_description("quarter")))
-    column = modes.channels.index("acc_body")
-    return Modes(
-        modes.poles,
-        np.ones((len(modes), 1), dtype=complex),
-        (modes.channels[column],),
-        modes.natural_frequency_std,
-        modes.damping_ratio_std,
-        modes.stable_rate,
-        modes.labels,
-    )
+    return replace(at_channels(modes, ["acc_body"]), mode_shapes=np.ones((len(modes), 1), dtype=complex))
 
 
 def _response(truth: Modes) -> Block:
@@ -145,7 +128,7 @@ def _response(truth: Modes) -> Block:
     vehicle = structure(read_description("quarter"))
     response = frequency_response(vehicle, f)[:, vehicle.outputs.names.index("acc_body"), 0]
     marked = [(label or "", value) for label, value in zip(("body", "wheel"), truth.natural_frequency, strict=True)]
-    figure = response_figure(
+    figure = figures.response_figure(
         f,
         [("body", response)],
         title="Acceleration of the body over displacement of the base",
@@ -161,8 +144,8 @@ def _theory(truth: Modes) -> Table:
     return theory_table(
         "Theoretical modes (section 5.3)",
         ("Body", "Wheel"),
-        (PUBLISHED_THEORY[0], truth.natural_frequency),
-        (PUBLISHED_THEORY[1], 100 * truth.damping_ratio),
+        (PRINTED["theory"]["frequency"], truth.natural_frequency),
+        (PRINTED["theory"]["damping"], 100 * truth.damping_ratio),
         remark="Parameters per kilogram of body, recovered from the modes.",
     )
 
@@ -178,73 +161,63 @@ def _case(index: int, identification: Identification) -> tuple[Block, ...]:
     blocks: list[Block] = []
     if signals:
         caption = f"Figure {signals}: acceleration of the body, {what.lower()}"
-        blocks.append(picture(histories_figure(curves, title=what, window=5.0), f"{caption}, first five seconds."))
         blocks.append(
-            picture(densities_figure(curves, title=what, highest=100.0), f"{caption}, power spectral density.")
+            picture(figures.histories_figure(curves, title=what, window=5.0), f"{caption}, first five seconds.")
+        )
+        blocks.append(
+            picture(figures.densities_figure(curves, title=what, highest=100.0), f"{caption}, power spectral density.")
         )
     caption = f"Figure {diagram}: stabilisation diagram, {what.lower()}."
-    blocks.append(picture(stabilisation_figure(identification, source=what), caption))
-    return tuple(blocks)
+    return (*blocks, *mode_pictures(identification, {"diagram": caption}, source=what))
 
 
 def _cepstrum() -> Block:
     """Figure 5-13."""
-    samples = records(3, seed=0)[0].samples[0]
-    samples = samples - samples.mean()
-    spectrum = np.abs(np.fft.fft(samples))
-    cepstrum = np.fft.ifft(np.log(np.maximum(spectrum, 1e-12 * spectrum.max()))).real
-    quefrencies = np.arange(1500) / RATE
-    figure = cepstrum_figure(
-        quefrencies,
-        cepstrum[:1500],
-        (quefrencies < QUEFRENCY).astype(float),
+    return cepstrum_picture(
+        records(3, seed=0)[0],
+        QUEFRENCY,
+        "Figure 5-13: cepstrum, short-pass lifter and edited cepstrum.",
         title="Case 3: real cepstrum of the body's acceleration",
         pulse_period=1 / PULSES,
     )
-    return picture(figure, "Figure 5-13: cepstrum, short-pass lifter and edited cepstrum.")
 
 
 def _table(identifications: list[Identification], runs: Real, truth: Modes) -> Table:
-    """Published and identified modes of all variants."""
-    rows = []
-    for index, (case, is_edited, _, diagram) in enumerate(VARIANTS):
-        match = matched(identifications[index].modes, truth)
-        frequency, damping, false = PUBLISHED[index]
-        for k in range(2):
-            rows.append(
-                (
-                    f"Case {case}{', edited' if is_edited else ''} (fig. {diagram}), mode {k + 1}",
-                    number(frequency[k]),
-                    number(match.natural_frequency[k]),
-                    of_runs(runs[:, index, 0, k]),
-                    number(damping[k]),
-                    number(100 * match.damping_ratio[k]),
-                    of_runs(100 * runs[:, index, 1, k]),
-                )
-            )
-        lines = " and ".join(f"{100 * np.median(runs[:, index, 3, m]):.0f} %" for m in range(2))
-        others = f"{np.mean(runs[:, index, 2, 0]):.2f} per set"
-        rows.append(
-            (
-                "– false modes",
-                ", ".join(map(str, false)) or "none",
-                str(match.n_others),
-                others,
-                "rungs with poles at 3.65, 17 Hz:",
-                lines,
-                "",
-            )
-        )
+    """Published and identified modes of all variants; below each the false ones."""
+    ours = np.array([matched(identification.modes, truth).rows for identification in identifications])
+    with_false = [(case, is_edited, figure, k) for case, is_edited, _, figure in VARIANTS for k in range(3)]
+    lines = np.median(runs[:, :, 3], axis=0)
+
+    def column(cells: list[str], below: Sequence[str]) -> list[str]:
+        return [cell for v, text in enumerate(below) for cell in (*cells[2 * v : 2 * v + 2], text)]
+
     columns = (
-        "",
-        "f published [Hz]",
-        "f ours [Hz]",
-        "f in all sets: found in, median (5 to 95 %)",
-        "ξ published [%]",
-        "ξ ours [%]",
-        "ξ in all sets",
+        (
+            "",
+            [
+                f"Case {case}{', edited' if is_edited else ''} (fig. {figure}), mode {k + 1}"
+                if k < 2
+                else "– false modes"
+                for case, is_edited, figure, k in with_false
+            ],
+        ),
+        ("f published [Hz]", column(numbers(PRINTED["found"]["frequency"]), list(PRINTED["found"]["others"]))),
+        ("f ours [Hz]", column(numbers(ours[:, 0]), [f"{n:.0f}" for n in ours[:, 3, 0]])),
+        (
+            "f in all sets: found in, median (5 to 95 %)",
+            column(in_runs(runs[:, :, 0]), [f"{n:.2f} per set" for n in runs[:, :, 2, 0].mean(axis=0)]),
+        ),
+        (
+            "ξ published [%]",
+            column(numbers(PRINTED["found"]["damping"]), ["rungs with poles at 3.65, 17 Hz:"] * len(VARIANTS)),
+        ),
+        (
+            "ξ ours [%]",
+            column(numbers(100 * ours[:, 1]), [" and ".join(f"{100 * x:.0f} %" for x in two) for two in lines]),
+        ),
+        ("ξ in all sets", column(in_runs(100 * runs[:, :, 1]), [""] * len(VARIANTS))),
     )
-    return numbers_table("Modes in the four cases, raw and edited", columns, tuple(rows), "–: not found.")
+    return column_table("Modes in the four cases, raw and edited", columns, remark="–: not found.")
 
 
 def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
@@ -254,9 +227,10 @@ def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
     for quantity, name, factor in ((0, "frequency [Hz]", 1.0), (1, "damping [%]", 100.0)):
         for k in range(2):
             true = (truth.natural_frequency, 100 * truth.damping_ratio)[quantity][k]
-            published = tuple(variant[quantity][k] for variant in PUBLISHED)
-            spreads.append(Spread(f"Mode {k + 1}: {name}", rows, factor * runs[:, :, quantity, k].T, true, published))
-    figure = runs_figure(spreads, title="Both modes in all sets")
+            printed = tuple(PRINTED["found"][("frequency", "damping")[quantity]][:, k])
+            values = factor * runs[:, :, quantity, k].T
+            spreads.append(figures.Spread(f"Mode {k + 1}: {name}", rows, values, true, printed))
+    figure = figures.runs_figure(spreads, title="Both modes in all sets")
     return (picture(figure, f"Spread over {len(runs)} sets of records."),)
 
 

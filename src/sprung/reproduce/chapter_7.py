@@ -15,46 +15,43 @@ from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.thesis import (
     BODY_MODES,
     THRESHOLDS,
+    column_table,
+    frequency_spreads,
+    in_runs,
     matched,
-    number,
-    numbers_table,
-    of_runs,
-    share,
+    mode_pictures,
+    numbers,
+    published,
+    shares,
+    subset_parts,
     theoretical,
     theory_table,
     thesis_settings,
     worst_error,
 )
-from sprung.results.figures import (
-    Spread,
-    densities_figure,
-    histories_figure,
-    reference_mac_figure,
-    runs_figure,
-    shapes_figure,
-    stabilisation_figure,
-    stable_rates_figure,
-)
+from sprung.results import figures
 from sprung.results.page.page import Block, Paragraph, Section, picture
 from sprung.results.tables import Table
 from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate
 from sprung.vehicles import Structure, parse_fault, read_vehicle, structure, with_faults
 
-RATE, DURATION, N_RECORDS, SEGMENT, SNR = 1500.0, 40.0, 10, 4096 / 1500.0, 10.0
+RATE = 1500.0
+DURATION = 40.0
+N_RECORDS = 10
+SEGMENT = 4096 / RATE
+SNR = 10.0
 ROWS = (12, 82)
 #: Rate at which the runs of the spread are identified [Hz], and their block rows.
-FAST_RATE, FAST_ROWS = 750.0, (12, 44)
-PUBLISHED_TIME = 29.56
+FAST_RATE = 750.0
+FAST_ROWS = (12, 44)
 CONDITIONS = {
     "normal": (),
     "front left +50 %": ("front_left.spring=0.5",),
     "rear left -75 %": ("rear_left.spring=-0.75",),
 }
 FIGURES = {"normal": "7-15", "front left +50 %": "7-16", "rear left -75 %": "7-17"}
-PUBLISHED_THEORY = ((19.15, 20.1, 25.4), (6.99, 7.34, 9.27))
-#: Frequencies [Hz] in the normal condition; of CoSS the text names the modes but not their frequencies.
-PUBLISHED = {"cov": (19.97, 21.12, np.nan), "acs": (np.nan, 20.55, 25.59)}
+PRINTED = published("7")
 
 
 class Example(NamedTuple):
@@ -139,9 +136,7 @@ def experiment(seed: int) -> Real:
                 continue
             identification = identified(method, runs, is_fast=True, harmonics=harmonics)
             harmonics = identification.harmonics if method == "acs" else None
-            match = matched(identification.modes, truth)
-            results[row, column, :3] = match.natural_frequency, match.damping_ratio, match.mac
-            results[row, column, 3] = match.n_others
+            results[row, column] = matched(identification.modes, truth).rows
     return results
 
 
@@ -150,8 +145,8 @@ def _theory(truth: Modes) -> Table:
     return theory_table(
         "Figure 7-7: theoretical modes, from the geometry and table 7-1",
         [label.capitalize() for label in BODY_MODES],
-        (PUBLISHED_THEORY[0], truth.natural_frequency),
-        (PUBLISHED_THEORY[1], 100 * truth.damping_ratio),
+        (PRINTED["theory"]["frequency"], truth.natural_frequency),
+        (PRINTED["theory"]["damping"], 100 * truth.damping_ratio),
         digits=(2, 3, 2, 3),
         remark="The 24.03 Hz given for pitch in the text contradict the parameters of table 7-1.",
     )
@@ -159,20 +154,20 @@ def _theory(truth: Modes) -> Table:
 
 def _model_shapes(recording: Recording, truth: Modes) -> Block:
     """Figure 7-7."""
-    figure = shapes_figure(truth, recording.channels, source="theory")
+    figure = figures.shapes_figure(truth, recording.channels, source="theory")
     return picture(figure, "Figure 7-7: theoretical rigid modes of the bogie frame.")
 
 
 def _signals(runs: list[Recording]) -> tuple[Block, ...]:
     """Figure 7-9."""
-    marked = list(zip(BODY_MODES, PUBLISHED_THEORY[0], strict=True))
+    marked = list(zip(BODY_MODES, PRINTED["theory"]["frequency"], strict=True))
     return (
         picture(
-            histories_figure([("", runs[0])], title="Accelerations of the frame"),
+            figures.histories_figure([("", runs[0])], title="Accelerations of the frame"),
             "Figure 7-9: raw signals (simulated); the level follows the speed of the rollers.",
         ),
         picture(
-            densities_figure(
+            figures.densities_figure(
                 [("", runs[0])], title="Power spectral densities", highest=60.0, lowest=5.0, segment=2.0, marked=marked
             ),
             "Figure 7-9: power spectral densities (simulated). Dotted: theory.",
@@ -184,129 +179,87 @@ def _single(identifications: dict[str, Identification], truth: Modes) -> tuple[B
     """Figures 7-10 to 7-13."""
     blocks: list[Block] = []
     for method, first, second in (("cov", "7-10", "7-11"), ("acs", "7-12", "7-13")):
-        identification, name = identifications[method], METHOD_NAMES[method]
-        blocks += [
-            picture(stabilisation_figure(identification), f"Figure {first}(a): stabilisation diagram of {name}."),
-            picture(stable_rates_figure(identification), f"Figure {first}(b): rate of stable points of {name}."),
-            picture(
-                shapes_figure(identification.modes, identification.channels, source=name),
-                f"Figure {second}(a): modes identified by {name}.",
-            ),
-            picture(
-                reference_mac_figure(
-                    [(name, identification.modes)], truth, title="MAC of theory (rows) and identified shapes"
-                ),
-                f"Figure {second}(b): MAC of {name}.",
-            ),
-        ]
+        name = METHOD_NAMES[method]
+        captions = {
+            "diagram": f"Figure {first}(a): stabilisation diagram of {name}.",
+            "rates": f"Figure {first}(b): rate of stable points of {name}.",
+            "shapes": f"Figure {second}(a): modes identified by {name}.",
+            "mac": f"Figure {second}(b): MAC of {name}.",
+        }
+        blocks += mode_pictures(identifications[method], captions, name=name, truth=truth)
     return tuple(blocks)
 
 
 def _subsets(coss: dict[str, Identification], truths: dict[str, Modes]) -> tuple[Block, ...]:
     """Figures 7-14 to 7-17."""
-    normal = coss["normal"]
-    blocks: list[Block] = [
-        picture(stabilisation_figure(normal), "Figure 7-14(a): stabilisation diagrams of CoSS-SSI, normal suspension."),
-        picture(stable_rates_figure(normal), "Figure 7-14(b): rates of stable points."),
-    ]
+    captions = {
+        "diagram": "Figure 7-14(a): stabilisation diagrams of CoSS-SSI, normal suspension.",
+        "rates": "Figure 7-14(b): rates of stable points.",
+    }
+    blocks: list[Block] = [*mode_pictures(coss["normal"], captions)]
     for condition, identification in coss.items():
-        parts = [(f"subset {k + 1}", subset.modes) for k, subset in enumerate(identification.subsets)]
-        title = f"MAC of theory of the healthy bogie (rows) and subsets, {condition}"
-        blocks += [
-            picture(
-                shapes_figure(identification.modes, identification.channels, source=condition),
-                f"Figure {FIGURES[condition]}: modes identified by CoSS-SSI, {condition}.",
-            ),
-            picture(
-                reference_mac_figure(parts, truths["normal"], title=title),
-                f"Figure {FIGURES[condition]}: MAC against the healthy theory, {condition}.",
-            ),
-        ]
+        captions = {
+            "shapes": f"Figure {FIGURES[condition]}: modes identified by CoSS-SSI, {condition}.",
+            "mac": f"Figure {FIGURES[condition]}: MAC against the healthy theory, {condition}.",
+        }
+        blocks += mode_pictures(
+            identification,
+            captions,
+            source=condition,
+            parts=subset_parts(identification),
+            truth=truths["normal"],
+            title=f"MAC of theory of the healthy bogie (rows) and subsets, {condition}",
+        )
     return tuple(blocks)
 
 
 def _tables(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
     """Published and identified frequencies."""
     blocks: list[Block] = []
-    nothing = (np.nan, np.nan, np.nan)
-    for row, condition in enumerate(CONDITIONS):
-        rows = []
-        for column, method in enumerate(SUBSPACE_METHODS):
-            if condition != "normal" and method != "coss":
-                continue
-            published = PUBLISHED.get(method, nothing) if condition == "normal" else nothing
-            for k, label in enumerate(BODY_MODES):
-                values = runs[:, row, column]
-                rows.append(
-                    (
-                        f"{METHOD_NAMES[method]}, {label}",
-                        number(published[k]),
-                        number(truths[condition].natural_frequency[k]),
-                        of_runs(values[:, 0, k]),
-                        number(100 * truths[condition].damping_ratio[k]),
-                        of_runs(100 * values[:, 1, k]),
-                        of_runs(values[:, 2, k], digits=3),
-                    )
-                )
+    for row, (condition, truth) in enumerate(truths.items()):
+        methods = list(SUBSPACE_METHODS) if condition == "normal" else ["coss"]
+        shown = runs[:, row, [list(SUBSPACE_METHODS).index(method) for method in methods]]
+        nothing = np.full(len(BODY_MODES), np.nan)
+        printed = [PRINTED["found"].get(method, nothing) if condition == "normal" else nothing for method in methods]
         columns = (
-            "",
-            "f published [Hz]",
-            "f true [Hz]",
-            "f found in, median (5 to 95 %)",
-            "ξ true [%]",
-            "ξ found [%]",
-            "MAC against truth",
+            ("", [f"{METHOD_NAMES[method]}, {label}" for method in methods for label in BODY_MODES]),
+            ("f published [Hz]", numbers(printed)),
+            ("f true [Hz]", numbers(np.tile(truth.natural_frequency, len(methods)))),
+            ("f found in, median (5 to 95 %)", in_runs(shown[:, :, 0])),
+            ("ξ true [%]", numbers(np.tile(100 * truth.damping_ratio, len(methods)))),
+            ("ξ found [%]", in_runs(100 * shown[:, :, 1])),
+            ("MAC against truth", in_runs(shown[:, :, 2], digits=3)),
         )
-        blocks.append(numbers_table(f"Modes in {len(runs)} sets of records, {condition}", columns, tuple(rows)))
+        blocks.append(column_table(f"Modes in {len(runs)} sets of records, {condition}", columns))
     return tuple(blocks)
 
 
 def _time(seconds: float) -> Table:
     """Run time next to the published one."""
-    rows = (
-        (
-            "CoSS-SSI of 400 s in four channels, thesis' ladder",
-            f"{PUBLISHED_TIME:.2f}",
-            f"{seconds:.2f}",
-            f"{PUBLISHED_TIME / seconds:.0f}",
-        ),
+    columns = (
+        ("", ["CoSS-SSI of 400 s in four channels, thesis' ladder"]),
+        ("published [s]", numbers([PRINTED["found"]["seconds"]])),
+        ("ours, this run [s]", numbers([seconds])),
+        ("ratio", numbers([PRINTED["found"]["seconds"] / seconds], digits=0)),
     )
-    columns = ("", "published [s]", "ours, this run [s]", "ratio")
-    return numbers_table(
-        "Run time",
-        columns,
-        rows,
-        "Published: MATLAB on a desktop computer of the 2010s; ours: all steps on the machine that wrote this page.",
+    remark = (
+        "Published: MATLAB on a desktop computer of the 2010s; ours: all steps on the machine that wrote this page."
     )
+    return column_table("Run time", columns, remark=remark)
 
 
 def _faults(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
     """Changes of frequency with the faults, in theory and as identified."""
-    rows = []
-    healthy = truths["normal"]
-    coss = list(SUBSPACE_METHODS).index("coss")
-    for row, condition in enumerate(list(CONDITIONS)[1:], start=1):
-        for k, label in enumerate(BODY_MODES):
-            shift = truths[condition].natural_frequency[k] - healthy.natural_frequency[k]
-            shifts = runs[:, row, coss, 0, k] - runs[:, 0, coss, 0, k]
-            rows.append((f"{condition}, {label}", f"{shift:+.2f}", of_runs(shifts)))
-    table = numbers_table(
-        "Change of frequency with the fault [Hz]",
-        ("", "theory", "CoSS-SSI: both found in, median (5 to 95 %)"),
-        tuple(rows),
+    found = runs[:, :, list(SUBSPACE_METHODS).index("coss"), 0]
+    theory = np.array([truth.natural_frequency for truth in truths.values()])
+    columns = (
+        ("", [f"{condition}, {label}" for condition in list(CONDITIONS)[1:] for label in BODY_MODES]),
+        ("theory", [f"{shift:+.2f}" for shift in (theory[1:] - theory[0]).ravel()]),
+        ("CoSS-SSI: both found in, median (5 to 95 %)", in_runs(found[:, 1:] - found[:, :1])),
     )
-    spreads = []
-    for k, label in enumerate(BODY_MODES):
-        spreads.append(
-            Spread(
-                f"{label}: frequency [Hz]",
-                tuple(CONDITIONS),
-                runs[:, :, coss, 0, k].T,
-                np.nan,
-                tuple(truths[c].natural_frequency[k] for c in CONDITIONS),
-            )
-        )
-    figure = runs_figure(spreads, title="Frequencies in the three conditions (diamonds: theory)")
+    table = column_table("Change of frequency with the fault [Hz]", columns)
+    spreads = frequency_spreads(BODY_MODES, tuple(CONDITIONS), found, np.full(len(BODY_MODES), np.nan), theory)
+    figure = figures.runs_figure(spreads, title="Frequencies in the three conditions (diamonds: theory)")
     text = (
         "A change of one corner's spring shifts all three frequencies slightly and turns the shapes towards the softer corner; "
         "the frequencies alone do not show which corner it is."
@@ -316,18 +269,15 @@ def _faults(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
 
 def _verdict(runs: Real, truths: dict[str, Modes], seconds: float) -> str:
     """Return what reproduces and what does not."""
-    shares = {
-        m: ", ".join(f"{label} {100 * share(runs[:, 0, n, 0, k]):.0f} %" for k, label in enumerate(BODY_MODES))
-        for n, m in enumerate(SUBSPACE_METHODS)
-    }
+    found = {method: shares(runs[:, 0, n, 0], BODY_MODES) for n, method in enumerate(SUBSPACE_METHODS)}
     error = worst_error(runs[:, 0, :, 0], truths["normal"].natural_frequency)
     return (
         "The theoretical modes reproduce within 0.5 % from the geometry. The measured signals are not available; on a simulated rig of varying speed, "
-        f"Cov-SSI finds {shares['cov']} of the sets (published: bounce and pitch), ACS-Cov-SSI {shares['acs']} (published: pitch and roll), "
-        f"CoSS-SSI at its stricter threshold {shares['coss']} (published: all three), with median frequencies within {100 * error:.1f} % of the truth. "
+        f"Cov-SSI finds {found['cov']} of the sets (published: bounce and pitch), ACS-Cov-SSI {found['acs']} (published: pitch and roll), "
+        f"CoSS-SSI at its stricter threshold {found['coss']} (published: all three), with median frequencies within {100 * error:.1f} % of the truth. "
         "So the superiority of CoSS-SSI does not follow from varying speed alone: averaging correlations gives weight to strong stretches but does not "
         "distort them. The real rig's nonlinear mounts and unequal excitation are not in this simulation. Both faults appear as a change of "
-        f"frequencies and shapes. One identification with the thesis' ladder took {seconds:.1f} s here (published: {PUBLISHED_TIME} s)."
+        f"frequencies and shapes. One identification with the thesis' ladder took {seconds:.1f} s here (published: {PRINTED['found']['seconds']} s)."
     )
 
 

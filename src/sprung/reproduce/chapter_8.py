@@ -14,40 +14,40 @@ from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.thesis import (
     BODY_MODES,
     THRESHOLDS,
+    at_channels,
+    cepstrum_picture,
     column_table,
     deviations,
+    frequency_spreads,
+    in_runs,
     matched,
-    number,
+    mode_pictures,
     numbers,
-    numbers_table,
-    of_runs,
-    share,
+    published,
+    shares,
+    simulated,
     theoretical,
     thesis_settings,
 )
-from sprung.results.figures import (
-    Spread,
-    cepstrum_figure,
-    densities_figure,
-    histories_figure,
-    runs_figure,
-    shapes_figure,
-    stabilisation_figure,
-    stable_rates_figure,
-)
+from sprung.results import figures
 from sprung.results.page.page import Block, Section, picture
 from sprung.results.tables import Table
 from sprung.signals.cepstrum import ShortPass, edit
 from sprung.signals.harmonics import Harmonic
-from sprung.simulation import simulate
 from sprung.vehicles import read_vehicle, structure
 
-RATE, DURATION, N_RECORDS, SEGMENT, QUEFRENCY = 1000.0, 60.0, 6, 7.168, 0.25
-ROTATION, ROWS, BAND = 0.9125, (12, 45), (5.0, 21.0)
+RATE = 1000.0
+DURATION = 60.0
+N_RECORDS = 6
+SEGMENT = 7.168
+#: Length of the lifter [s].
+QUEFRENCY = 0.25
+#: Rotation of the drum [Hz].
+ROTATION = 0.9125
+ROWS = (12, 45)
+BAND = (5.0, 21.0)
 FRAME = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
-#: Theoretical and identified frequencies [Hz] of bounce, pitch and roll.
-PUBLISHED_THEORY = {"bounce": 11.42, "pitch": 14.77, "roll": 13.59}
-PUBLISHED = {"bounce": 11.06, "pitch": 15.00, "roll": 18.3}
+PRINTED = published("8")
 
 
 class Example(NamedTuple):
@@ -86,11 +86,8 @@ def records(*, seed: int) -> list[Recording]:
         joint=5e-4,
         harmonics=(2e-5, 1e-5, 1e-5, 5e-6, 5e-6, 3e-6, 3e-6, 3e-6),
     )
-    generators = [np.random.default_rng([seed, k]) for k in range(N_RECORDS)]
-    return [
-        simulate(vehicle, rig, duration=DURATION, sampling_rate=RATE, snr=50.0, seed=generator)
-        for generator in generators
-    ]
+    seeds = [(seed, k) for k in range(N_RECORDS)]
+    return simulated(vehicle, rig, seeds, duration=DURATION, sampling_rate=RATE, snr=50.0)
 
 
 def identified(
@@ -117,35 +114,23 @@ def experiment(seed: int) -> Real:
     for row, is_edited in enumerate((False, True)):
         identification = identified(runs, is_edited=is_edited, harmonics=harmonics)
         harmonics = identification.harmonics
-        match = matched(identification.modes, truth)
-        results[row, :3] = match.natural_frequency, match.damping_ratio, match.mac
-        results[row, 3] = match.n_others
+        results[row] = matched(identification.modes, truth).rows
     return results
 
 
 def _truth() -> Modes:
     """Return the rigid-body modes of the frame at its four sensors."""
-    modes = theoretical(structure(read_vehicle("y25")), labels=BODY_MODES)
-    columns = [modes.channels.index(name) for name in FRAME]
-    return Modes(
-        modes.poles,
-        modes.mode_shapes[:, columns],
-        FRAME,
-        modes.natural_frequency_std,
-        modes.damping_ratio_std,
-        modes.stable_rate,
-        modes.labels,
-    )
+    return at_channels(theoretical(structure(read_vehicle("y25")), labels=BODY_MODES), FRAME)
 
 
 def _theory(truth: Modes) -> Table:
     """Theoretical modes."""
-    published = [PUBLISHED_THEORY[label or ""] for label in truth.labels]
+    printed = [PRINTED["theory"][label] for label in truth.labels]
     columns = (
         ("", [str(label).capitalize() for label in truth.labels]),
-        ("f published [Hz]", numbers(published)),
+        ("f published [Hz]", numbers(printed)),
         ("f ours [Hz]", numbers(truth.natural_frequency)),
-        ("deviation", deviations(truth.natural_frequency, published)),
+        ("deviation", deviations(truth.natural_frequency, printed)),
         ("ξ ours [%]", numbers(100 * truth.damping_ratio, digits=1)),
     )
     remark = (
@@ -157,7 +142,7 @@ def _theory(truth: Modes) -> Table:
 
 def _model_shapes(recording: Recording, truth: Modes) -> Block:
     """Figure 8-3."""
-    figure = shapes_figure(truth, recording.select(FRAME).channels, source="theory")
+    figure = figures.shapes_figure(truth, recording.select(FRAME).channels, source="theory")
     return picture(figure, "Figure 8-3: rigid modes of the bogie frame.")
 
 
@@ -166,29 +151,25 @@ def _signals(run: Recording) -> tuple[Block, ...]:
     front = run.select(("acc_fl", "acc_rl", "acc_al"))
     edited = edit(front, ShortPass(QUEFRENCY))
     curves = [("raw", front), ("edited", edited)]
-    samples = front.samples[0] - front.samples[0].mean()
-    spectrum = np.abs(np.fft.fft(samples))
-    cepstrum = np.fft.ifft(np.log(np.maximum(spectrum, 1e-12 * spectrum.max()))).real
-    quefrencies = np.arange(1500) / RATE
-    lifter = (quefrencies < QUEFRENCY).astype(float)
-    cepstra = cepstrum_figure(
-        quefrencies, cepstrum[:1500], lifter, title="Real cepstrum, frame front left", pulse_period=1 / (4 * ROTATION)
-    )
+    caption = "Figure 8-10(a): cepstrum, lifter and edited cepstrum."
+    title = "Real cepstrum, frame front left"
+    cepstra = cepstrum_picture(front, QUEFRENCY, caption, title=title, pulse_period=1 / (4 * ROTATION))
     return (
         picture(
-            histories_figure(curves[:1], title="Frame front and rear, axle box", window=5.0),
+            figures.histories_figure(curves[:1], title="Frame front and rear, axle box", window=5.0),
             "Figure 8-8: signals over time (simulated).",
         ),
         picture(
-            densities_figure(curves[:1], title="Raw", highest=21.0, segment=20.0),
+            figures.densities_figure(curves[:1], title="Raw", highest=21.0, segment=20.0),
             "Figure 8-9: spectra (simulated): multiples of 3.65 Hz from the joints, of 0.91 Hz from the drum.",
         ),
-        picture(cepstra, "Figure 8-10(a): cepstrum, lifter and edited cepstrum."),
+        cepstra,
         picture(
-            histories_figure(curves, title="Raw and edited", window=5.0), "Figure 8-10(b): raw and edited signals."
+            figures.histories_figure(curves, title="Raw and edited", window=5.0),
+            "Figure 8-10(b): raw and edited signals.",
         ),
         picture(
-            densities_figure(curves, title="Raw and edited", highest=21.0, segment=20.0),
+            figures.densities_figure(curves, title="Raw and edited", highest=21.0, segment=20.0),
             "Figure 8-11: spectra of raw and edited signals.",
         ),
     )
@@ -196,67 +177,45 @@ def _signals(run: Recording) -> tuple[Block, ...]:
 
 def _diagrams(raw: Identification, edited: Identification) -> tuple[Block, ...]:
     """Figures 8-12 to 8-15."""
-    return (
-        picture(stabilisation_figure(raw, source="raw"), "Figure 8-12: stabilisation diagrams of the raw signals."),
-        picture(
-            stabilisation_figure(edited, source="edited"), "Figure 8-13: stabilisation diagrams of the edited signals."
-        ),
-        picture(stable_rates_figure(edited, source="edited"), "Figure 8-14: rates of stable points, edited."),
-        picture(
-            shapes_figure(edited.modes, edited.channels, source="edited"),
-            "Figure 8-15: modes identified by CoSS-SSI, edited.",
-        ),
-    )
+    captions = {
+        "diagram": "Figure 8-13: stabilisation diagrams of the edited signals.",
+        "rates": "Figure 8-14: rates of stable points, edited.",
+        "shapes": "Figure 8-15: modes identified by CoSS-SSI, edited.",
+    }
+    first = {"diagram": "Figure 8-12: stabilisation diagrams of the raw signals."}
+    return (*mode_pictures(raw, first, source="raw"), *mode_pictures(edited, captions, source="edited"))
 
 
 def _tables(edited: Identification, runs: Real, truth: Modes) -> tuple[Block, ...]:
     """Published and identified modes."""
-    match = matched(edited.modes, truth)
-    rows, spreads = [], []
-    for k, label in enumerate(truth.labels):
-        name, values = str(label), runs[:, :, 0, k]
-        rows.append(
-            (
-                name.capitalize(),
-                number(PUBLISHED[name]),
-                number(truth.natural_frequency[k]),
-                number(match.natural_frequency[k]),
-                of_runs(values[:, 0]),
-                of_runs(values[:, 1]),
-                of_runs(100 * runs[:, 1, 1, k], digits=1),
-            )
-        )
-        spreads.append(
-            Spread(f"{name}: frequency [Hz]", ("raw", "edited"), values.T, float(truth.natural_frequency[k]))
-        )
-    others = runs[:, :, 3, 0].mean(axis=0)
+    names = [str(label) for label in truth.labels]
     columns = (
-        "",
-        "f published [Hz]",
-        "f true here [Hz]",
-        "f ours [Hz]",
-        "f raw: found in, median (5 to 95 %)",
-        "f edited",
-        "ξ edited [%]",
+        ("", [name.capitalize() for name in names]),
+        ("f published [Hz]", numbers([PRINTED["found"][name] for name in names])),
+        ("f true here [Hz]", numbers(truth.natural_frequency)),
+        ("f ours [Hz]", numbers(matched(edited.modes, truth).natural_frequency)),
+        ("f raw: found in, median (5 to 95 %)", in_runs(runs[:, 0, 0])),
+        ("f edited", in_runs(runs[:, 1, 0])),
+        ("ξ edited [%]", in_runs(100 * runs[:, 1, 1], digits=1)),
     )
+    spreads = frequency_spreads(names, ("raw", "edited"), runs[:, :, 0], truth.natural_frequency)
+    others = runs[:, :, 3, 0].mean(axis=0)
     remark = f"Other modes per set: {others[0]:.2f} raw, {others[1]:.2f} edited. Published values are of the real bogie, true ones of the model."
-    table = numbers_table("Modes of the frame", columns, tuple(rows), remark)
     return (
-        table,
-        picture(runs_figure(spreads, title="Frequencies in all sets"), f"Spread over {len(runs)} sets of records."),
+        column_table("Modes of the frame", columns, remark=remark),
+        picture(
+            figures.runs_figure(spreads, title="Frequencies in all sets"), f"Spread over {len(runs)} sets of records."
+        ),
     )
 
 
 def _verdict(runs: Real, truth: Modes) -> str:
     """Return what reproduces and what does not."""
-    shares = [
-        ", ".join(f"{label} {100 * share(runs[:, row, 0, k]):.0f} %" for k, label in enumerate(truth.labels))
-        for row in range(2)
-    ]
+    found = [shares(runs[:, row, 0], truth.labels) for row in range(2)]
     return (
         f"The printed data of the Y25 do not determine its geometry: the model gives {', '.join(f'{label} {f:.2f} Hz' for label, f in zip(truth.labels, truth.natural_frequency, strict=True))} "
         "where 11.42 (bounce), 13.59 (roll) and 14.77 Hz (pitch) are published. The measured signals are not available. On the simulated rig the harmonics of "
-        f"joints and drum dominate as in the thesis. Found in the raw signals: {shares[0]} of the sets (published: none); after cepstrum editing: {shares[1]} "
+        f"joints and drum dominate as in the thesis. Found in the raw signals: {found[0]} of the sets (published: none); after cepstrum editing: {found[1]} "
         "(published: three modes at 11.06, 15.0 and 18.3 Hz). That editing removes the harmonics and reveals modes holds. Bounce, damped by the load's "
         f"damper ({100 * truth.damping_ratio[0]:.0f} %) and {truth.natural_frequency[1] - truth.natural_frequency[0]:.1f} Hz below roll, is hard to separate from it here. "
         f"The published frequencies lie within {100 * max(abs(f / (n * 4 * ROTATION) - 1) for n, f in zip((3, 4, 5), (11.06, 15.0, 18.3), strict=True)):.0f} % "

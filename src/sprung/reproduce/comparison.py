@@ -12,22 +12,28 @@ from sprung.recording import Recording
 from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.thesis import (
     THRESHOLDS,
+    Column,
+    column_table,
+    frequency_spreads,
     matched,
-    number,
-    numbers_table,
+    numbers,
     share,
     theoretical,
     thesis_settings,
     worst_error,
 )
-from sprung.results.figures import Spread, runs_figure
+from sprung.results import figures
 from sprung.results.page.page import Block, Paragraph, Section, picture
 from sprung.results.tables import Table
 from sprung.signals.harmonics import Harmonic
 from sprung.simulation import ForceLaw, simulate, simulate_nonlinear, with_noise
 from sprung.vehicles import Structure, read_description, structure
 
-RATE, DURATION, N_RECORDS, SEGMENT, RATIO = 125.0, 60.0, 8, 20.0, 1.0
+RATE = 125.0
+DURATION = 60.0
+N_RECORDS = 8
+SEGMENT = 20.0
+RATIO = 1.0
 #: Force of the records that differ in level: from 1 to 10 over the set.
 LEVELS = np.geomspace(1.0, 10.0, N_RECORDS)
 #: Rubber in parallel with each spring: 15 % stiffer at small amplitudes than at large ones.
@@ -113,9 +119,7 @@ def experiment(seed: int) -> Real:
                 chosen = settings(how) if name != "cov" or how == "thesis" else IdentificationSettings()
                 identification = method(runs, settings=replace(chosen, harmonics=harmonics))
                 harmonics = identification.harmonics
-                match = matched(identification.modes, truth)
-                results[i, j, k, :3] = match.natural_frequency, match.damping_ratio, match.mac
-                results[i, j, k, 3] = match.n_others
+                results[i, j, k, :4] = matched(identification.modes, truth).rows
                 if name == "coss":
                     for end in (0, -1):
                         subset = matched(identification.subsets[end].modes, truth)
@@ -125,40 +129,29 @@ def experiment(seed: int) -> Real:
 
 def _case(runs: Real, truth: Modes, is_nonlinear: bool) -> tuple[Block, ...]:
     """Table and figure of one case."""
-    rows = []
-    for j, how in enumerate(HOW):
-        for k, name in enumerate(SUBSPACE_METHODS):
-            values = runs[:, j, k]
-            cells = [f"{METHOD_NAMES[name]}, {how}"]
-            for m in range(len(truth)):
-                frequency = values[:, 0, m] / truth.natural_frequency[m] - 1
-                damping = values[:, 1, m] / truth.damping_ratio[m] - 1
-                cells += [
-                    f"{100 * share(frequency):.0f} %",
-                    _bias_and_spread(frequency),
-                    _bias_and_spread(damping, digits=1),
-                ]
-            rows.append((*cells, f"{values[:, 3, 0].mean():.2f}"))
-    columns: list[str] = [""]
+    names = tuple(f"{METHOD_NAMES[name]}, {how}" for how in HOW for name in SUBSPACE_METHODS)
+    flat = runs.reshape(len(runs), len(names), *runs.shape[3:])
+    columns: list[Column] = [("", names)]
     for m in range(len(truth)):
-        columns += [f"mode {m + 1} found", "f bias ± std [%]", "ξ bias ± std [%]"]
+        frequency = flat[:, :, 0, m] / truth.natural_frequency[m] - 1
+        damping = flat[:, :, 1, m] / truth.damping_ratio[m] - 1
+        columns += [
+            (f"mode {m + 1} found", [f"{100 * share(own):.0f} %" for own in frequency.T]),
+            ("f bias ± std [%]", [_bias_and_spread(own) for own in frequency.T]),
+            ("ξ bias ± std [%]", [_bias_and_spread(own, digits=1) for own in damping.T]),
+        ]
+    columns.append(("other modes per set", numbers(flat[:, :, 3, 0].mean(axis=0))))
     remark = (
         "Against the linear chain without rubber: the bias includes the effect of the rubber." if is_nonlinear else ""
     )
-    table = numbers_table(f"{len(runs)} sets", (*columns, "other modes per set"), tuple(rows), remark)
-    names = tuple(f"{METHOD_NAMES[name]}, {how}" for how in HOW for name in SUBSPACE_METHODS)
-    spreads = [
-        Spread(
-            f"Mode {m + 1}: frequency [Hz]",
-            names,
-            runs[:, :, :, 0, m].reshape(len(runs), -1).T,
-            float(truth.natural_frequency[m]),
-        )
-        for m in range(len(truth))
-    ]
+    table = column_table(f"{len(runs)} sets", columns, remark=remark)
+    modes = [f"Mode {m + 1}" for m in range(len(truth))]
+    spreads = frequency_spreads(modes, names, flat[:, :, 0], truth.natural_frequency)
     return (
         table,
-        picture(runs_figure(spreads, title="Natural frequencies in all sets"), "Natural frequencies in all sets."),
+        picture(
+            figures.runs_figure(spreads, title="Natural frequencies in all sets"), "Natural frequencies in all sets."
+        ),
     )
 
 
@@ -168,47 +161,48 @@ def _bias_and_spread(relative: Real, *, digits: int = 2) -> str:
     return f"{percent.mean():+.{digits}f} ± {percent.std():.{digits}f}" if percent.size else "–"
 
 
-def gain(runs: Real, truth: Real, *, row: int, how: int, quantity: int, mode: int) -> tuple[float, float]:
-    """Return by how much the error of CoSS is smaller than that of ACS in the same set, with its standard error [%]."""
-    errors = 100 * np.abs(runs[:, row, how, 1:, quantity, mode] / truth[mode] - 1)
-    difference = errors[:, 0] - errors[:, 1]
-    difference = difference[np.isfinite(difference)]
-    if difference.size < 2:
-        return np.nan, np.nan
-    return float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(difference.size))
+def gain(runs: Real, truth: Modes, *, quantity: int) -> Real:
+    """Return by how much the error of CoSS is smaller than that of ACS in the same set, and its standard error [%].
+
+    Shape (2, linear cases, settings, modes), of frequency (0) or damping (1); NaN where fewer than two sets have both.
+    """
+    values = (truth.natural_frequency, truth.damping_ratio)[quantity]
+    errors = 100 * np.abs(runs[:, : len(LINEAR), :, 1:, quantity] / values - 1)
+    difference = errors[:, :, :, 0] - errors[:, :, :, 1]
+    gains = np.full((2, *difference.shape[1:]), np.nan)
+    for place in np.ndindex(difference.shape[1:]):
+        own = difference[(slice(None), *place)]
+        own = own[np.isfinite(own)]
+        if own.size >= 2:
+            gains[(slice(None), *place)] = own.mean(), own.std(ddof=1) / np.sqrt(own.size)
+    return gains
 
 
 def _paired(runs: Real, truth: Modes) -> Table:
     """Error of ACS less that of CoSS in the same sets."""
-    rows = []
-    for i, case in enumerate(LINEAR):
-        for j, how in enumerate(HOW):
-            cells = [f"{case}, {how}"]
-            for quantity, values in ((0, truth.natural_frequency), (1, truth.damping_ratio)):
-                for m in range(len(truth)):
-                    mean, error = gain(runs, values, row=i, how=j, quantity=quantity, mode=m)
-                    cells.append(f"{number(mean, digits=3 - quantity)} ± {number(error, digits=3 - quantity)}")
-            rows.append(tuple(cells))
-    columns = ("", *(f"{name}, mode {m + 1} [%]" for name in ("f", "ξ") for m in range(len(truth))))
+    columns: list[Column] = [("", [f"{case}, {how}" for case in LINEAR for how in HOW])]
+    for name, quantity in (("f", 0), ("ξ", 1)):
+        gains = gain(runs, truth, quantity=quantity)
+        for m in range(len(truth)):
+            means, errors = (numbers(part, digits=3 - quantity) for part in gains[..., m])
+            cells = [f"{mean} ± {error}" for mean, error in zip(means, errors, strict=True)]
+            columns.append((f"{name}, mode {m + 1} [%]", cells))
     remark = (
         "Mean of |error of ACS| - |error of CoSS| with its standard error: positive where CoSS is nearer to the truth."
     )
-    return numbers_table("Error of ACS-Cov-SSI less that of CoSS-SSI", columns, tuple(rows), remark)
+    return column_table("Error of ACS-Cov-SSI less that of CoSS-SSI", columns, remark=remark)
 
 
 def _levels(runs: Real) -> Table:
     """Frequency in the highest over that in the lowest subset of CoSS-SSI."""
     change = 100 * (runs[:, :, :, 2, 5] / runs[:, :, :, 2, 4] - 1)
-    rows = tuple(
-        (f"{case}, {how}", *(_bias_and_spread(change[:, i, j, m] / 100) for m in range(change.shape[-1])))
-        for i, case in enumerate(CASES)
-        for j, how in enumerate(HOW)
-    )
-    columns = ("", *(f"mode {m + 1}: mean ± std [%]" for m in range(change.shape[-1])))
+    columns: list[Column] = [("", [f"{case}, {how}" for case in CASES for how in HOW])]
+    for m in range(change.shape[-1]):
+        own = change[:, :, :, m].reshape(len(runs), -1).T
+        columns.append((f"mode {m + 1}: mean ± std [%]", [_bias_and_spread(values / 100) for values in own]))
     remark = "Only with the rubber do frequencies truly change with the level: what the subsets of CoSS-SSI show and an average cannot."
-    return numbers_table(
-        "Frequency in the subset of the highest level over that of the lowest, less 1", columns, rows, remark
-    )
+    title = "Frequency in the subset of the highest level over that of the lowest, less 1"
+    return column_table(title, columns, remark=remark)
 
 
 def _verdict(runs: Real, truth: Modes) -> str:
@@ -216,14 +210,12 @@ def _verdict(runs: Real, truth: Modes) -> str:
     wins: list[str] = []
     losses: list[str] = []
     neither = 0
+    gains = np.stack([gain(runs, truth, quantity=quantity) for quantity in (0, 1)])
     for i, case in enumerate(LINEAR):
         for j, how in enumerate(HOW):
-            for quantity, name, values in (
-                (0, "frequency", truth.natural_frequency),
-                (1, "damping", truth.damping_ratio),
-            ):
+            for quantity, name in enumerate(("frequency", "damping")):
                 for m in range(len(truth)):
-                    mean, error = gain(runs, values, row=i, how=j, quantity=quantity, mode=m)
+                    mean, error = gains[quantity, :, i, j, m]
                     if np.isfinite(mean) and abs(mean) > 3 * error:
                         text = f"{name} of mode {m + 1} ({case}, {how}: {abs(mean):.2g} % of the value)"
                         (wins if mean > 0 else losses).append(text)

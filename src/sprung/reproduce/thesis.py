@@ -1,18 +1,63 @@
-"""Settings of the thesis, its modes matched with ours, and numbers and tables for its pages."""
+"""What the thesis prints, its settings, its modes matched with ours, and numbers, tables and pictures for its pages."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
 from sprung._arrays import Real
-from sprung.identification import IdentificationSettings, as_in_thesis
+from sprung.excitation import Excitation
+from sprung.identification import Identification, IdentificationSettings, as_in_thesis
 from sprung.modal import Modes, mac
+from sprung.recording import Recording
+from sprung.results import figures
+from sprung.results.page.page import Picture, picture
 from sprung.results.tables import Table
 from sprung.signals.cepstrum import Lifter
+from sprung.simulation import simulate
 from sprung.vehicles import Structure
+
+
+def published(chapter: str) -> dict[str, Any]:
+    """Return the numbers that a chapter prints, as arrays: frequencies [Hz], damping [%]; NaN where it found no mode."""
+    document = tomllib.loads(files("sprung.reproduce").joinpath("published.toml").read_text(encoding="utf-8"))
+    chapters: dict[str, Any] = _with_arrays(document[f"chapter_{chapter}"])
+    return chapters
+
+
+def _with_arrays(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _with_arrays(own) for name, own in value.items()}
+    return np.array(value) if isinstance(value, list) else value
+
+
+def simulated(
+    vehicle: Structure,
+    excitation: Excitation,
+    seeds: Iterable[Sequence[int]],
+    *,
+    duration: float,
+    sampling_rate: float,
+    snr: float | None = None,
+) -> list[Recording]:
+    """Return a record for each seed."""
+    return [
+        simulate(
+            vehicle,
+            excitation,
+            duration=duration,
+            sampling_rate=sampling_rate,
+            snr=snr,
+            seed=np.random.default_rng(list(seed)),
+        )
+        for seed in seeds
+    ]
+
 
 # Cost of an unmatched mode; a match costs 1 - MAC plus its relative distance over the reach.
 _UNMATCHED = 2.0
@@ -34,6 +79,11 @@ class Match:
     damping_ratio: Real
     mac: Real
     n_others: int
+
+    @property
+    def rows(self) -> Real:
+        """Frequency, damping ratio, MAC and the number of others, shape (4, true modes)."""
+        return np.array([self.natural_frequency, self.damping_ratio, self.mac, np.full(self.mac.shape, self.n_others)])
 
 
 def matched(modes: Modes, truth: Modes, *, reach: float = 0.12) -> Match:
@@ -82,6 +132,17 @@ def theoretical(structure: Structure, *, labels: tuple[str, ...] = ()) -> Modes:
         labels=exact.labels,
     )
     return modes.take(np.flatnonzero([not labels or label in labels for label in exact.labels]))
+
+
+def at_channels(modes: Modes, names: Sequence[str]) -> Modes:
+    """Return modes at some of their channels."""
+    columns = [modes.channels.index(name) for name in names]
+    return replace(
+        modes,
+        mode_shapes=modes.mode_shapes[:, columns],
+        mode_shape_std=modes.mode_shape_std[:, columns],
+        channels=tuple(names),
+    )
 
 
 BODY_MODES = ("bounce", "pitch", "roll")
@@ -202,42 +263,26 @@ def found_in(values: ArrayLike) -> str:
 Column = tuple[str, Sequence[str]]
 
 
-def numbers_table(title: str, columns: tuple[str, ...], rows: tuple[tuple[str, ...], ...], remark: str = "") -> Table:
-    """Return a table of formatted numbers whose first column holds words.
-
-    Parameters
-    ----------
-    title
-        Title, with the number of the thesis' table where there is one.
-    columns
-        Headings with units.
-    rows
-        Cells of each row, as many as there are columns.
-    remark
-        Sentence below the table.
-    """
-    return Table(title, columns, rows, ends_in_words=False, caption=remark)
-
-
 def column_table(title: str, columns: Sequence[Column], *, remark: str = "") -> Table:
-    """Return a table of columns with as many cells each.
-
-    Parameters
-    ----------
-    title
-        Title with the number of the thesis' table.
-    columns
-        Heading and cells of each column, the names of the rows first.
-    remark
-        Sentence below the table.
-    """
+    """Return a table of columns with as many formatted numbers each, the names of the rows first."""
     headings, cells = zip(*columns, strict=True)
-    return numbers_table(title, tuple(headings), tuple(zip(*cells, strict=True)), remark)
+    return Table(title, tuple(headings), tuple(zip(*cells, strict=True)), ends_in_words=False, caption=remark)
 
 
 def numbers(values: ArrayLike, *, digits: int = 2) -> list[str]:
-    """Return the cells of a column of numbers, a dash where there is none."""
-    return [number(value, digits=digits) for value in np.asarray(values, dtype=np.float64)]
+    """Return the cells of a column of numbers, in the order of an array, a dash where there is none."""
+    return [number(value, digits=digits) for value in np.asarray(values, dtype=np.float64).ravel()]
+
+
+def in_runs(values: Real, *, digits: int = 2) -> list[str]:
+    """Return the cells of a column of numbers of many runs, shape (runs, ...): found in, median and range."""
+    return [of_runs(own, digits=digits) for own in values.reshape(len(values), -1).T]
+
+
+def shares(values: Real, names: Sequence[object] = ()) -> str:
+    """Return the shares of the runs with a value, shape (runs, modes), each after its name, if any, in words."""
+    texts = [f"{100 * share(own):.0f} %" for own in values.T]
+    return ", ".join([f"{name} {text}" for name, text in zip(names, texts, strict=True)] if names else texts)
 
 
 def deviations(ours: ArrayLike, published: ArrayLike) -> list[str]:
@@ -280,3 +325,85 @@ def theory_table(
             ("deviation", deviations(ours, published)),
         ]
     return column_table(title, columns, remark=remark)
+
+
+def mode_pictures(
+    identification: Identification,
+    captions: Mapping[str, str],
+    *,
+    source: str = "",
+    name: str = "",
+    parts: Sequence[tuple[str, Modes]] = (),
+    truth: Modes | None = None,
+    title: str = "MAC of theory (rows) and identified shapes",
+) -> tuple[Picture, ...]:
+    """Return the pictures of an identification that have captions: `diagram`, `rates`, `shapes` and `mac`.
+
+    Parameters
+    ----------
+    source
+        Name of the records in diagram and rates.
+    name
+        Name of the method or the records with the shapes; default: `source`.
+    parts
+        Modes that are compared with the true ones; none: those identified.
+    truth, title
+        True modes, and the heading of that comparison.
+    """
+    modes, name = identification.modes, name or source
+    drawn = {
+        "diagram": lambda: figures.stabilisation_figure(identification, source=source),
+        "rates": lambda: figures.stable_rates_figure(identification, source=source),
+        "shapes": lambda: figures.shapes_figure(modes, identification.channels, source=name),
+        "mac": lambda: figures.reference_mac_figure(parts or [(name, modes)], truth or modes, title=title),
+    }
+    return tuple(picture(drawn[kind](), caption) for kind, caption in captions.items())
+
+
+def cepstrum_picture(
+    recording: Recording, quefrency: float, caption: str, *, title: str, pulse_period: float
+) -> Picture:
+    """Return the cepstrum of the first channel with a short-pass lifter up to a quefrency [s]."""
+    samples = recording.samples[0] - recording.samples[0].mean()
+    spectrum = np.abs(np.fft.fft(samples))
+    cepstrum = np.fft.ifft(np.log(np.maximum(spectrum, 1e-12 * spectrum.max()))).real
+    quefrencies = np.arange(1500) / recording.sampling_rate
+    lifter = (quefrencies < quefrency).astype(float)
+    figure = figures.cepstrum_figure(quefrencies, cepstrum[:1500], lifter, title=title, pulse_period=pulse_period)
+    return picture(figure, caption)
+
+
+def subset_parts(identification: Identification) -> list[tuple[str, Modes]]:
+    """Return the modes of the subsets of CoSS-SSI by name."""
+    return [(f"subset {k + 1}", subset.modes) for k, subset in enumerate(identification.subsets)]
+
+
+def frequency_spreads(
+    names: Sequence[str], methods: tuple[str, ...], values: Real, truth: ArrayLike, printed: Real | None = None
+) -> list[figures.Spread]:
+    """Return the frequencies of modes over the runs, shape (runs, methods, modes), with the true ones.
+
+    Parameters
+    ----------
+    names
+        Names of the modes.
+    methods
+        Names of the methods.
+    values
+        Frequencies [Hz].
+    truth
+        True ones, shape (modes,).
+    printed
+        Published ones, shape (methods, modes).
+    """
+    true = np.asarray(truth, dtype=np.float64)
+    return [
+        figures.Spread(
+            f"{name}: frequency [Hz]",
+            methods,
+            values[:, :, k].T,
+            float(true[k]),
+            *([] if printed is None else [tuple(printed[:, k])]),
+        )
+        for k, name in enumerate(names)
+    ]

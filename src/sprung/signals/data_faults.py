@@ -29,24 +29,35 @@ REST_DURATION, REST_RUN_SHARE = 2.0, 0.01
 #: Smallest number of spikes that is a fault.
 FEWEST_SPIKES = 3
 
-#: Smallest number of consecutive samples at the largest or smallest value that counts as a plateau of clipping.
-_PLATEAU = 3
-#: Shortest duration [s] and smallest number of samples of a run of equal values that counts as stuck.
-_STUCK_DURATION, _STUCK_RUN = 1.0, 10
-#: Largest magnitude of 0, over the standard deviation.
-_ZERO = 1e-6
-#: Robust standard deviations of the bend at a spike, and its jump in standard deviations of the samples that no body
-#: can perform: on a smooth road the edge of a pothole reaches 1.2.
-SPIKE, NO_BODY = 12.0, 6.0
-#: Samples around an isolated spike, and largest bend among them over that of the spike.
-_AROUND, _ISOLATED = 16, 0.15
-#: Samples within which a spike rings after resampling to regular time stamps.
-_ONE_SPIKE = 5
-#: Fewest samples with a filler, and its distance from all other values over their range.
-_FEWEST_FILLERS, _FAR = 3, 3.0
-#: Length of a repeated stretch [s] and in samples; least share of its samples that differ from the one before, and
-#: fewest different values in it; share of a record with repeats from which it is periodic.
-_REPEATED_DURATION, _REPEATED_SAMPLES, _CHANGING, _FEWEST_VALUES, _PERIODIC = 0.5, 32, 0.5, 12, 0.5
+
+@dataclass(frozen=True, slots=True)
+class FaultLimits:
+    """Limits of the faults."""
+
+    plateau: int = 3  # consecutive samples at the largest or smallest value that are a plateau of clipping
+    stuck_duration: float = 1.0  # duration of a run of equal values that counts as stuck [s]
+    stuck_run: int = 10  # samples of such a run
+    zero: float = 1e-6  # largest magnitude of 0, over the standard deviation
+    around: int = 16  # samples around an isolated spike
+    isolated: float = 0.15  # largest bend among them over that of the spike
+    one_spike: int = 5  # samples within which a spike rings after resampling to regular time stamps
+    min_fillers: int = 3  # samples with a filler
+    far: float = 3.0  # distance of a filler from all other values over their range
+    repeated_duration: float = 0.5  # length of a repeated stretch [s]
+    repeated_samples: int = 32  # and in samples
+    changing: float = 0.5  # share of its samples that differ from the one before
+    min_values: int = 12  # different values in it
+    periodic: float = 0.5  # share of a record with repeats from which it is periodic
+
+
+_LIMITS = FaultLimits()
+#: Robust standard deviations of the bend at a spike.
+SPIKE = 12.0
+#: Its jump in standard deviations of the samples that no body can perform: on a smooth road the edge of a pothole
+#: reaches 1.2.
+NO_BODY = 6.0
+
+
 _FACTOR = np.uint64(0x9E3779B97F4A7C15)
 
 
@@ -104,7 +115,7 @@ def stuck_runs(values: Real, sampling_rate: float, *, breaks: Sequence[int] = ()
         Sampling rate [Hz].
     """
     starts, lengths = equal_runs(values, breaks=breaks)
-    is_long = (lengths >= max(_STUCK_RUN, _STUCK_DURATION * sampling_rate)) & ~np.isnan(values[starts])
+    is_long = (lengths >= max(_LIMITS.stuck_run, _LIMITS.stuck_duration * sampling_rate)) & ~np.isnan(values[starts])
     return starts[is_long], lengths[is_long]
 
 
@@ -120,15 +131,14 @@ def has_runs(values: Real) -> bool:
     -----
     Without any of these it has no `stuck_runs` and no `plateaus` at all, for any breaks.
     """
-    if values.size < _PLATEAU or np.isnan(values).any():
+    if values.size < _LIMITS.plateau or np.isnan(values).any():
         return True
     is_same = values[1:] == values[:-1]
     heads = np.flatnonzero(is_same[1:] & is_same[:-1])
     if not heads.size:
         return False
-    is_stuck = (heads[_STUCK_RUN - _PLATEAU :] - heads[: max(heads.size - _STUCK_RUN + _PLATEAU, 0)]) == (
-        _STUCK_RUN - _PLATEAU
-    )
+    lag = _LIMITS.stuck_run - _LIMITS.plateau
+    is_stuck = heads[lag:] - heads[: max(heads.size - lag, 0)] == lag
     plateaus = values[heads]
     return bool(is_stuck.any() or (plateaus == values.min()).any() or (plateaus == values.max()).any())
 
@@ -162,7 +172,7 @@ class Rest:
 
     def is_at_zero(self, standard_deviation: float) -> bool:
         """Return whether the value is 0 to rounding, by the standard deviation of the channel."""
-        return abs(self.value) <= _ZERO * max(standard_deviation, 1e-12)
+        return abs(self.value) <= _LIMITS.zero * max(standard_deviation, 1e-12)
 
 
 def rest_of(
@@ -215,7 +225,7 @@ def plateaus(values: Real, minimum: float, maximum: float, *, breaks: Sequence[i
         Extreme values.
     """
     starts, lengths = equal_runs(values, breaks=breaks)
-    heads, is_plateau = values[starts], lengths >= _PLATEAU
+    heads, is_plateau = values[starts], lengths >= _LIMITS.plateau
     return int(lengths[is_plateau & (heads == minimum)].sum()), int(lengths[is_plateau & (heads == maximum)].sum())
 
 
@@ -283,7 +293,7 @@ def returns(sizes: Real) -> Booleans:
 
 def count_apart(places: Indices) -> int:
     """Return the number of spikes at sample indices, where those within a few samples are one."""
-    return int(places.size and 1 + np.count_nonzero(np.diff(places) > _ONE_SPIKE))
+    return int(places.size and 1 + np.count_nonzero(np.diff(places) > _LIMITS.one_spike))
 
 
 def count_spikes(values: Real) -> int:
@@ -306,8 +316,9 @@ def count_spikes(values: Real) -> int:
 
 def _is_isolated(sizes: Real, place: int) -> bool:
     """Return whether the bend at a place is far above all around it: what rings after an impact is not a spike."""
-    around = np.concatenate([sizes[max(0, place - _AROUND) : place - 1], sizes[place + 2 : place + _AROUND + 1]])
-    return bool(around.max(initial=0.0) < _ISOLATED * sizes[place])
+    reach = _LIMITS.around
+    around = np.concatenate([sizes[max(0, place - reach) : place - 1], sizes[place + 2 : place + reach + 1]])
+    return bool(around.max(initial=0.0) < _LIMITS.isolated * sizes[place])
 
 
 def filler(values: Real) -> tuple[float, int] | None:
@@ -324,10 +335,10 @@ def filler(values: Real) -> tuple[float, int] | None:
     for extreme in (float(finite.min()), float(finite.max())):
         rest = finite[finite != extreme]
         count = finite.size - rest.size
-        if count < _FEWEST_FILLERS or rest.size < finite.size / 2:
+        if count < _LIMITS.min_fillers or rest.size < finite.size / 2:
             continue
         distance = np.abs(rest - extreme).min()
-        if distance > _FAR * np.ptp(rest) and distance > 0:
+        if distance > _LIMITS.far * np.ptp(rest) and distance > 0:
             return extreme, count
     return None
 
@@ -352,7 +363,7 @@ def repeated_samples(values: Real, sampling_rate: float) -> int:
     R. M. Karp, M. O. Rabin (1987), Efficient randomized pattern-matching algorithms, IBM Journal of Research and
     Development 31, 249-260.
     """
-    n = max(_REPEATED_SAMPLES, round(_REPEATED_DURATION * sampling_rate))
+    n = max(_LIMITS.repeated_samples, round(_LIMITS.repeated_duration * sampling_rate))
     if values.size < 2 * n:
         return 0
     bits = np.ascontiguousarray(values + 0.0).view(np.uint64) * _FACTOR
@@ -360,25 +371,20 @@ def repeated_samples(values: Real, sampling_rate: float) -> int:
     powers = _powers(_FACTOR, values.size)
     sums = np.concatenate([np.zeros(1, dtype=np.uint64), np.cumsum(bits * powers, dtype=np.uint64)])
     hashes = (sums[n:] - sums[:-n]) * _powers(np.uint64(pow(int(_FACTOR), -1, 2**64)), sums.size - n)
-    if not _has_twins(hashes):
+    ordered = np.sort(hashes)  # whether any occurs twice, in a fraction of the time of finding which
+    if not np.any(ordered[1:] == ordered[:-1]):
         return 0
     _, first, inverse = np.unique(hashes, return_index=True, return_inverse=True)
     changes = np.concatenate([[0], np.cumsum(np.diff(values) != 0)])
-    is_lively = changes[n - 1 :] - changes[: changes.size - n + 1] >= _CHANGING * (n - 1)
+    is_lively = changes[n - 1 :] - changes[: changes.size - n + 1] >= _LIMITS.changing * (n - 1)
     copies = np.flatnonzero((first[inverse] + n <= np.arange(hashes.size)) & is_lively)
-    if not copies.size or np.unique(values[copies[0] : copies[0] + n]).size < _FEWEST_VALUES:
+    if not copies.size or np.unique(values[copies[0] : copies[0] + n]).size < _LIMITS.min_values:
         return 0
     edges = np.zeros(values.size + 1, dtype=np.intp)
     np.add.at(edges, copies, 1)
     np.add.at(edges, copies + n, -1)
     count = int(np.count_nonzero(np.cumsum(edges)[:-1]))
-    return count if count < _PERIODIC * values.size else 0
-
-
-def _has_twins(values: np.ndarray[tuple[int], np.dtype[np.uint64]]) -> bool:
-    """Return whether any value occurs twice, in a fraction of the time of finding which."""
-    ordered = np.sort(values)
-    return bool(np.any(ordered[1:] == ordered[:-1]))
+    return count if count < _LIMITS.periodic * values.size else 0
 
 
 def _powers(factor: np.uint64, count: int) -> np.ndarray[tuple[int], np.dtype[np.uint64]]:

@@ -15,47 +15,47 @@ from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 from sprung.signals.conditioning import moving_parts, over_distance, while_moving
 from sprung.signals.narrow_lines import (
-    DRIFTING,
-    MOST_SEGMENTS,
-    NOISE_BANDWIDTH,
+    SEARCH,
     Densities,
     Line,
     Searched,
     largest_family,
     merge_peaks,
     multiples,
-    narrow_lines,
     octaves,
     search_segments,
     searched,
     whole_lines,
 )
 
-#: Smallest distance of consecutive segments in time constants of the least damped mode: their powers are then
-#: independent to within a few per cent.
-INDEPENDENCE = 0.75
-#: Longest segment for lines of constant frequency [s].
-LONGEST_SEGMENT = 256.0
-#: Cycles of a speed-proportional line in a segment: a resolution of 1 to 0.5 %, the accuracy of the speed.
-CYCLES = 150.0
-#: Relative deviation of a speed-proportional line from a constant multiple of the measured speed.
-SLIP = 0.004
-#: Smallest height of a multiple of a speed-proportional line [dB].
-FAINTEST_MULTIPLE = 4.0
-#: Smallest spread of speed (middle half over median) that separates lines proportional to it from constant ones.
-LEAST_SPREAD = 0.03
-#: Largest distance of side lines, and of the pole of a residue, from a line that was subtracted, over its resolution.
-_RESIDUE = 5.0
-#: Parts of a line's frequency that are tried as fundamental, and number of lines tried that are not regular themselves.
-DIVISORS, MOST_BASES = (1, 2, 3, 4), 40
-#: Fewest further multiples that make a family of a line that is not regular: two light modes may be in any proportion.
-FEWEST_OF_DOUBTFUL = 3
-#: Fewest lines of a family of constant frequency whose other multiples are subtracted too, seen or not.
-LARGE_FAMILY = 4
-#: Damping of the narrowest mode in the comparison of a peak with its neighbourhood over the smallest damping ratio.
-NARROWEST = 0.6
-#: Largest damping ratio of the pole of a line; poles with more belong to modes, even near a line.
-MOST_DAMPED_LINE = 0.05
+
+@dataclass(frozen=True, slots=True)
+class HarmonicSearch:
+    """Settings of the search for harmonics."""
+
+    # distance of segments in time constants of the least damped mode, whose powers are then independent
+    independence: float = 0.75
+    max_segment: float = 256.0  # longest segment for lines of constant frequency [s]
+    cycles: float = 150.0  # cycles of a speed-proportional line in a segment: 1 to 0.5 %, the accuracy of the speed
+    # relative deviation of a speed-proportional line from a constant multiple of the measured speed
+    slip: float = 0.004
+    min_prominence: float = 4.0  # height of a multiple of a speed-proportional line [dB]
+    # spread of speed (middle half over median) that separates lines proportional to it from constant ones
+    min_spread: float = 0.03
+    # largest distance of side lines and residues from a line that was subtracted, over its resolution
+    residue: float = 5.0
+    divisors: tuple[int, ...] = (1, 2, 3, 4)  # parts of a line's frequency that are tried as fundamental
+    max_bases: int = 40  # lines tried as fundamental that are not regular themselves
+    # further multiples that make a family of a line that is not regular: two light modes may be in any proportion
+    min_doubtful: int = 3
+    # lines of a family of constant frequency whose other multiples are subtracted too, seen or not
+    large_family: int = 4
+    # damping of the narrowest mode that a peak is compared with, over the smallest damping ratio
+    narrowest: float = 0.6
+    max_damping: float = 0.05  # damping ratio of the pole of a line; poles with more belong to modes, even near a line
+
+
+_HARMONICS = HarmonicSearch()
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ def find_harmonics(
     speed: str | None = None,
     prominence: float = 6.0,
     false_alarm_rate: float = 1e-3,
-    least_damping: float = 0.005,
+    min_damping: float = 0.005,
     minimum_speed: float = 3.0,
 ) -> tuple[Harmonic, ...]:
     """Find lines that are too narrow and too regular for modes.
@@ -118,7 +118,7 @@ def find_harmonics(
         Smallest height over the higher of the two neighbourhoods [dB], above 0.
     false_alarm_rate
         Probability of reporting any harmonic in a recording of random vibration, above 0 and at most 0.5.
-    least_damping
+    min_damping
         Smallest damping ratio of a mode, above 0 and at most 1.
     minimum_speed
         Speed below which parts are not searched for lines proportional to speed [m/s], above 0.
@@ -146,7 +146,7 @@ def find_harmonics(
     recording stand for all. The probability of any line in a recording of random vibration is at most
     `false_alarm_rate` (Holm's method over all peaks).
     Segments of a narrow mode are independent only if they lie about a time constant 1 / (xi omega) of the mode apart:
-    so `least_damping` sets the lowest frequency at which a recording of T seconds separates a tone from a mode by its
+    so `min_damping` sets the lowest frequency at which a recording of T seconds separates a tone from a mode by its
     power alone, 0.84 / (xi T): 2.8 Hz for 60 s and 0.5 %; below it a line has to be steady, or wider than the
     resolution of longer segments, as that of an engine whose speed wanders: then it is regular though its own width
     makes the powers of random vibration independent. Narrow peaks that are not regular count if more of them lie at
@@ -181,22 +181,22 @@ def find_harmonics(
     """
     check_number("prominence", prominence, above=0)
     check_number("false_alarm_rate", false_alarm_rate, above=0, at_most=0.5)
-    check_number("least_damping", least_damping, above=0, at_most=1)
+    check_number("min_damping", min_damping, above=0, at_most=1)
     names = [channel.name for channel in recording.channels if channel.quantity != "speed" and channel.name != speed]
     if not names:
         raise DataError("the recording has no channel besides the speed: there is nothing to search")
-    lines = _constant_lines(recording.select(names), prominence, false_alarm_rate, least_damping)
-    finest = NOISE_BANDWIDTH / min(_longest_stretch(recording), LONGEST_SEGMENT)
+    lines = _constant_lines(recording.select(names), prominence, false_alarm_rate, min_damping)
+    finest = SEARCH.noise_bandwidth / min(_longest_stretch(recording), _HARMONICS.max_segment)
     constant = _as_harmonics(lines, names, "constant", (1.0, 1.0))
     constant = _drifting_together(
-        [replace(line, kind="drifting") if line.resolution > DRIFTING * finest else line for line in constant]
+        [replace(line, kind="drifting") if line.resolution > SEARCH.drifting * finest else line for line in constant]
     )
     if speed is None or not moving_parts(recording, speed, minimum_speed=minimum_speed):
         return constant
     moving = while_moving(recording, speed, minimum_speed=minimum_speed)
     v = moving.samples[moving.index(speed)]
     slow, low, middle, high, fast = (float(q) for q in np.quantile(v, (0.05, 0.25, 0.5, 0.75, 0.95)))
-    if high - low < LEAST_SPREAD * middle:
+    if high - low < _HARMONICS.min_spread * middle:
         return constant
     along = over_distance(
         moving, speed, interval=middle / recording.sampling_rate, minimum_speed=minimum_speed, channels=names
@@ -254,9 +254,9 @@ def near_harmonic(
         is_narrow = (harmonic.kind == "speed") | (2 * xi * f <= width)
         low, high = harmonic.band
         # Frequencies of the residue of a line scatter more than the line: where it starts and stops it has many.
-        reach = reach if is_left else _RESIDUE * reach
+        reach = reach if is_left else _HARMONICS.residue * reach
         is_near |= is_narrow & (low - reach <= f) & (f <= high + reach)
-    return is_near & (xi <= MOST_DAMPED_LINE)
+    return is_near & (xi <= _HARMONICS.max_damping)
 
 
 def missing_multiples(harmonics: Sequence[Harmonic]) -> tuple[Harmonic, ...]:
@@ -280,7 +280,7 @@ def missing_multiples(harmonics: Sequence[Harmonic]) -> tuple[Harmonic, ...]:
     missing = []
     for family in _families(harmonics):
         first = max(family, key=lambda line: line.resolution / line.order)
-        if first.fundamental is None or (first.kind == "constant" and len(family) < LARGE_FAMILY):
+        if first.fundamental is None or (first.kind == "constant" and len(family) < _HARMONICS.large_family):
             continue
         orders = {line.order for line in family}
         for order in set(range(1, max(orders))) - orders:
@@ -331,14 +331,14 @@ def without_side_lines(harmonics: Sequence[Harmonic]) -> tuple[Harmonic, ...]:
     Pulses that fall on the nearest sample come too early and too late in turn, which modulates the phase of their
     multiples: each has side lines, at the distance of the beat of pulses and samples, that grow with the order.
     """
-    large = [line for family in _families(harmonics) if len(family) >= LARGE_FAMILY for line in family]
+    large = [line for family in _families(harmonics) if len(family) >= _HARMONICS.large_family for line in family]
     carriers = [line for line in large if line.kind == "constant"]
 
     def is_side_line(line: Harmonic) -> bool:
         return line.kind == "constant" and any(
             line.fundamental != carrier.fundamental
             and line.prominence < carrier.prominence
-            and abs(line.frequency - carrier.frequency) <= _RESIDUE * carrier.resolution
+            and abs(line.frequency - carrier.frequency) <= _HARMONICS.residue * carrier.resolution
             for carrier in carriers
         )
 
@@ -347,8 +347,8 @@ def without_side_lines(harmonics: Sequence[Harmonic]) -> tuple[Harmonic, ...]:
 
 def _as_line(harmonic: Harmonic) -> Line:
     """Return a harmonic as a line, for its family."""
-    slip = SLIP * harmonic.frequency if harmonic.kind == "speed" else 0.0
-    tolerance = max(harmonic.resolution / (2 * NOISE_BANDWIDTH), slip)
+    slip = _HARMONICS.slip * harmonic.frequency if harmonic.kind == "speed" else 0.0
+    tolerance = max(harmonic.resolution / (2 * SEARCH.noise_bandwidth), slip)
     return Line(harmonic.frequency, tolerance, harmonic.resolution, harmonic.prominence, frozenset())
 
 
@@ -392,25 +392,23 @@ def _longest_stretch(recording: Recording) -> float:
     return float(max(stretch.stop - stretch.start for stretch in recording.stretches()) / recording.sampling_rate)
 
 
-def _constant_lines(
-    recording: Recording, prominence: float, false_alarm_rate: float, least_damping: float
-) -> list[Line]:
+def _constant_lines(recording: Recording, prominence: float, false_alarm_rate: float, min_damping: float) -> list[Line]:
     """Return regular lines, and narrow lines at their multiples."""
     longest = _longest_stretch(recording)
     peaks: list[Line] = []
-    whole = octaves(min(longest, LONGEST_SEGMENT), recording)[:1]
+    whole = octaves(min(longest, _HARMONICS.max_segment), recording)[:1]
     levels: list[Densities] = []
     samples = searched(recording)
-    for segment_length in whole + octaves(min(recording.duration / 3.5, longest, LONGEST_SEGMENT), recording):
+    for segment_length in whole + octaves(min(recording.duration / 3.5, longest, _HARMONICS.max_segment), recording):
         narrow, densities = search_segments(
             samples,
             segment_length,
             prominence=prominence,
             false_alarm_rate=false_alarm_rate,
-            least_damping=NARROWEST * least_damping,
-            lowest=INDEPENDENCE / (math.pi * least_damping * segment_length),
+            min_damping=_HARMONICS.narrowest * min_damping,
+            lowest=_HARMONICS.independence / (math.pi * min_damping * segment_length),
             finer=levels[-2] if len(levels) > 2 else None,
-            most_segments=MOST_SEGMENTS,
+            max_segments=SEARCH.max_segments,
         )
         levels.append(densities)
         peaks += narrow
@@ -429,15 +427,17 @@ def _with_multiples(regular: list[Line], doubtful: list[Line], false_alarm_rate:
     """Add doubtful lines at multiples of a line, or of a part of one, if there are more than chance explains."""
     lines, left = list(regular), list(doubtful)
     finest = min((line.resolution for line in [*regular, *doubtful]), default=0.0)
-    bases = [(base, divisor) for base in [*regular, *doubtful[:MOST_BASES]] for divisor in DIVISORS]
+    bases = [
+        (base, divisor) for base in [*regular, *doubtful[: _HARMONICS.max_bases]] for divisor in _HARMONICS.divisors
+    ]
     for base, divisor in bases:
         family = multiples(base.frequency / divisor, base.tolerance / divisor, left)
-        widest = max(base.resolution, DRIFTING * finest)
-        if base.resolution > DRIFTING * finest:
+        widest = max(base.resolution, SEARCH.drifting * finest)
+        if base.resolution > SEARCH.drifting * finest:
             widest *= max(order for _, order in family.members) if family.members else 1
         members = [(i, order) for i, order in family.members if left[i] is not base and left[i].resolution <= widest]
         is_known = divisor == 1 and base in regular
-        if len(members) < (1 if base in regular else FEWEST_OF_DOUBTFUL):
+        if len(members) < (1 if base in regular else _HARMONICS.min_doubtful):
             continue
         width = 2 * max(left[i].tolerance + order * family.tolerance for i, order in members)
         coincidence = special.bdtrc(len(members) - 1, len(left), min(1.0, width * divisor / base.frequency))
@@ -462,15 +462,15 @@ def _speed_lines(
     longest = _longest_stretch(along)
     samples, over_time = searched(along), searched(moving)
     for metres in octaves(min(along.duration / 3.5, longest), along):
-        narrow = narrow_lines(
+        narrow, _ = search_segments(
             samples,
             segment_length=metres,
-            prominence=min(prominence, FAINTEST_MULTIPLE),
+            prominence=min(prominence, _HARMONICS.min_prominence),
             false_alarm_rate=false_alarm_rate,
             is_geometric=True,
-            band=(CYCLES / metres, 2 * CYCLES / metres),
+            band=(_HARMONICS.cycles / metres, 2 * _HARMONICS.cycles / metres),
         )
-        in_range = [peak for peak in narrow if CYCLES <= peak.frequency * metres < 2 * CYCLES]
+        in_range = [peak for peak in narrow if _HARMONICS.cycles <= peak.frequency * metres < 2 * _HARMONICS.cycles]
         peaks += _unexplained(in_range, over_time, metres / speeds[1], speeds) if in_range else []
     lines = merge_peaks(peak for peak in peaks if peak.prominence >= prominence)
     faint = merge_peaks((peak for peak in peaks if peak.prominence < prominence), known=lines)
@@ -485,9 +485,9 @@ def _unexplained(
     """Return the peaks over distance that no line over time in the same channels explains."""
     longest = max(part.stop - part.start for part in over_time.stretches) / over_time.sampling_rate
     segment_length = min(segment_length, longest)
-    reach = (NOISE_BANDWIDTH + 1) / segment_length
+    reach = (SEARCH.noise_bandwidth + 1) / segment_length
     slow, fast = min(peak.frequency for peak in peaks) * speeds[0], max(peak.frequency for peak in peaks) * speeds[2]
-    rivals = narrow_lines(
+    rivals, _ = search_segments(
         over_time,
         segment_length=segment_length,
         prominence=min(peak.prominence for peak in peaks),
@@ -496,7 +496,7 @@ def _unexplained(
         band=(slow - reach, fast + reach),
     )
     return [
-        replace(peak, tolerance=max(peak.tolerance, SLIP * peak.frequency))
+        replace(peak, tolerance=max(peak.tolerance, _HARMONICS.slip * peak.frequency))
         for peak in peaks
         if not any(_explains(rival, peak, speeds) for rival in rivals)
     ]

@@ -12,29 +12,33 @@ from sprung._arrays import Complex, Indices, Real
 from sprung._checks import check_complete
 from sprung.recording import Recording
 
-#: Bins of the Hann window's main lobe on each side, and last bin of the neighbourhood that a line must exceed.
-MAIN_LOBE, NEIGHBOURHOOD = 2, 12
+
+@dataclass(frozen=True, slots=True)
+class LineSearch:
+    """Settings of the search for narrow lines."""
+
+    main_lobe: int = 2  # bins of the Hann window's main lobe on each side
+    neighbourhood: int = 12  # last bin of the neighbourhood that a line must exceed
+    noise_bandwidth: float = 1.5  # resolution of a Hann window [bins]
+    block: int = 6  # segments whose powers are compared at a time
+    min_segments: int = 5  # segments for any conclusion
+    max_segments: int = 192  # segments of a recording that are searched: runs of consecutive blocks, spread over it
+    min_length: int = 64  # samples of a segment
+    n_octaves: int = 8  # segment lengths, each half of the one before
+    # loss of energy at a finer resolution up to which the band of a line reaches no further [dB]
+    max_loss_of_band: float = 1.0
+    max_loss: float = 2.0  # loss of energy at a finer resolution up to which a line is steady [dB]
+    drifting: float = 5.0  # smallest resolution of a line that drifts over the finest one of the recording
+    bins_of_one: float = 1.944  # correlated bins that say as much as one independent bin, 1 + 2 (4/9 + 1/36)
+    window_points: int = 32  # points of a Hann window in the covariance of a mode's spectra
+    frequencies_in_bin: int = 4  # frequencies that are distinguished in a bin of the whole recording
+    min_steady: float = 0.7  # share of the energy of the segments in one steady phase that may be a line
+    max_steady: int = 30  # segments for that: longer segments show a steady line better
+
+
+SEARCH = LineSearch()
 #: Bins on either side of a band that are computed with it: a neighbourhood and a main lobe of a peak at its edge.
-_BESIDE = NEIGHBOURHOOD + 2 * MAIN_LOBE + 2
-#: Resolution of a Hann window (its noise bandwidth) in bins.
-NOISE_BANDWIDTH = 1.5
-#: Number of segments whose powers are compared at a time, and smallest number for any conclusion.
-BLOCK, FEWEST_SEGMENTS = 6, 5
-#: Largest number of segments of a recording that are searched: runs of consecutive ones, spread over the recording.
-MOST_SEGMENTS = 32 * BLOCK
-#: Smallest number of samples of a segment, and number of segment lengths.
-SHORTEST_SEGMENT, N_OCTAVES = 64, 8
-#: Loss of energy [dB] at a finer resolution up to which a line is steady, and up to which its band reaches no further.
-MOST, NEARLY_ALL = 2.0, 1.0
-#: Smallest resolution of a line that drifts over the finest resolution of the recording.
-DRIFTING = 5.0
-#: Number of correlated bins of a Hann window that say as much as one independent bin, 1 + 2 (4/9 + 1/36).
-_BINS_OF_ONE = 1.944
-#: Points of a Hann window in the covariance of a mode's spectra, and frequencies in a bin of the whole recording.
-_WINDOW_POINTS, _FREQUENCIES_IN_A_BIN = 32, 4
-#: Smallest share of the energy of the segments in one steady phase that may be a line, and most segments for that:
-#: longer segments show a steady line better.
-_LEAST_STEADY, _MOST_STEADY = 0.7, 30
+_BESIDE = SEARCH.neighbourhood + 2 * SEARCH.main_lobe + 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,55 +107,8 @@ class Family:
 
 def octaves(longest: float, recording: Recording) -> list[float]:
     """Return segment lengths up to `longest`, each half of the one before, rounded down to good FFT lengths."""
-    n_samples = [int(longest * recording.sampling_rate / 2**octave) for octave in range(N_OCTAVES)]
-    return [fft.prev_fast_len(n, real=True) / recording.sampling_rate for n in n_samples if n >= SHORTEST_SEGMENT]
-
-
-def narrow_lines(
-    samples: Searched,
-    *,
-    segment_length: float,
-    prominence: float,
-    false_alarm_rate: float,
-    is_geometric: bool = False,
-    least_damping: float | None = None,
-    band: tuple[float, float] = (0.0, math.inf),
-) -> list[Line]:
-    """Find the peaks of each channel's averaged periodogram that are as narrow as the window.
-
-    Parameters
-    ----------
-    samples
-        Samples of a recording, from `searched`.
-    segment_length
-        Length of the averaged segments [s].
-    prominence
-        Smallest height over the median of bins 3 to 12 on either side [dB].
-    false_alarm_rate
-        Probability of any peak in noise with a smooth spectrum, which raises the smallest height where few segments are
-        averaged.
-    is_geometric
-        Whether the logarithms of the powers are averaged, so that no single segment makes a line.
-    least_damping
-        Smallest damping ratio of a mode: a peak may also be a line because it is narrower than any mode
-        (`chance_of_narrowness`); None: only because it is regular (`chance_of_regularity`).
-    band
-        Lowest and highest frequency of interest, in the recording's unit; further lines need not be found.
-
-    Returns
-    -------
-    list of Line
-        Lines of each channel; a line in several channels occurs in each.
-    """
-    return search_segments(
-        samples,
-        segment_length,
-        prominence=prominence,
-        false_alarm_rate=false_alarm_rate,
-        is_geometric=is_geometric,
-        least_damping=least_damping,
-        band=band,
-    )[0]
+    n_samples = [int(longest * recording.sampling_rate / 2**octave) for octave in range(SEARCH.n_octaves)]
+    return [fft.prev_fast_len(n, real=True) / recording.sampling_rate for n in n_samples if n >= SEARCH.min_length]
 
 
 def searched(recording: Recording) -> Searched:
@@ -170,10 +127,10 @@ def search_segments(
     prominence: float,
     false_alarm_rate: float,
     is_geometric: bool = False,
-    least_damping: float | None = None,
+    min_damping: float | None = None,
     lowest: float = 0.0,
     finer: Densities | None = None,
-    most_segments: int | None = None,
+    max_segments: int | None = None,
     band: tuple[float, float] = (0.0, math.inf),
 ) -> tuple[list[Line], Densities]:
     """Find the peaks of the averaged periodograms of half-overlapping Hann-windowed segments.
@@ -184,12 +141,22 @@ def search_segments(
         Samples.
     segment_length
         Length of a segment [s].
-    prominence, false_alarm_rate, is_geometric, least_damping, band
-        As for `narrow_lines`.
+    prominence
+        Smallest height over the median of bins 3 to 12 on either side [dB].
+    false_alarm_rate
+        Probability of any peak in noise with a smooth spectrum, which raises the smallest height where few segments are
+        averaged.
+    is_geometric
+        Whether the logarithms of the powers are averaged, so that no single segment makes a line.
+    min_damping
+        Smallest damping ratio of a mode: a peak may also be a line because it is narrower than any mode
+        (`chance_of_narrowness`); None: only because it is regular (`chance_of_regularity`).
+    band
+        Lowest and highest frequency of interest, in the recording's unit; further lines need not be found.
     lowest, finer
         Frequency below which a peak may be regular or narrow only if it is wider than the resolution of these
         densities (`has_own_width`).
-    most_segments
+    max_segments
         Largest number of segments, a multiple of 6; None: all.
 
     Returns
@@ -198,12 +165,12 @@ def search_segments(
         Lines of each channel, and the averaged periodograms, 0 far from the band.
     """
     length = round(segment_length * searched.sampling_rate)
-    starts = _starts(searched.stretches, length, most_segments)
+    starts = _starts(searched.stretches, length, max_segments)
     window = (0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)).astype(np.float32)
     window *= np.sqrt(2 / (searched.sampling_rate * np.sum(window**2)))
     bin_width = searched.sampling_rate / length
     n_channels, n_bins = len(searched.samples), length // 2 + 1
-    may_be_line = starts.size >= (FEWEST_SEGMENTS if least_damping is None else 1)
+    may_be_line = starts.size >= (SEARCH.min_segments if min_damping is None else 1)
     random = _random_height(starts.size, false_alarm_rate / (n_channels * n_bins), is_geometric)
     lines: list[Line] = []
     densities = np.zeros((n_channels, n_bins))
@@ -225,19 +192,19 @@ def search_segments(
             line = Line(
                 frequency=(k + offset) * bin_width,
                 tolerance=bin_width / 2,
-                resolution=NOISE_BANDWIDTH * bin_width,
+                resolution=SEARCH.noise_bandwidth * bin_width,
                 prominence=height,
                 rows=frozenset([row]),
                 level=level,
             )
-            if least_damping is None:
+            if min_damping is None:
                 chance = chance_of_regularity(powers[:, k - first].astype(np.float64))
             else:
                 places = starts / length
-                decay = 2 * np.pi * least_damping * (k + offset)
+                decay = 2 * np.pi * min_damping * (k + offset)
                 chance = chance_of_steadiness(spectra[:, k] * np.exp(-2j * np.pi * k * places), places, decay)
                 if line.frequency >= lowest or (finer is not None and has_own_width(line, finer)):
-                    bandwidth = 2 * least_damping * (k + offset)
+                    bandwidth = 2 * min_damping * (k + offset)
                     narrowness = n_channels * n_bins * chance_of_narrowness(density, k, bandwidth, starts.size)
                     chance = min(chance, chance_of_regularity(powers[:, k - first].astype(np.float64)), narrowness)
             lines.append(replace(line, chance=chance))
@@ -250,8 +217,8 @@ def _starts(stretches: Sequence[slice], length: int, most: int | None) -> Indice
     starts = np.concatenate([np.arange(part.start, part.stop - length + 1, step) for part in stretches])
     if most is None or starts.size <= most:
         return starts
-    runs = np.linspace(0, starts.size - BLOCK, most // BLOCK).astype(np.intp)
-    return np.asarray(starts[np.add.outer(runs, np.arange(BLOCK)).ravel()])
+    runs = np.linspace(0, starts.size - SEARCH.block, most // SEARCH.block).astype(np.intp)
+    return np.asarray(starts[np.add.outer(runs, np.arange(SEARCH.block)).ravel()])
 
 
 def chance_of_regularity(powers: Real) -> float:
@@ -290,9 +257,9 @@ def chance_of_regularity(powers: Real) -> float:
     >>> chance_of_regularity(np.array([1.0, 1.1, 1.0, 0.9, 1.0, 1.0])) < 1e-4
     True
     """
-    if powers.size < FEWEST_SEGMENTS or not powers.all():
+    if powers.size < SEARCH.min_segments or not powers.all():
         return 1.0
-    n_blocks = max(1, powers.size // BLOCK)
+    n_blocks = max(1, powers.size // SEARCH.block)
     m = powers.size // n_blocks
     blocks = powers[: m * n_blocks].reshape(n_blocks, m)
     excess = m * np.sum(blocks**2, axis=1) / np.sum(blocks, axis=1) ** 2 - 1
@@ -340,13 +307,13 @@ def chance_of_steadiness(spectra: Complex, starts: Real, decay: float) -> float:
     True
     """
     n_segments, energy = spectra.size, float(np.sum(spectra.real**2 + spectra.imag**2))
-    if not FEWEST_SEGMENTS <= n_segments <= _MOST_STEADY or energy <= 0:
+    if not SEARCH.min_segments <= n_segments <= SEARCH.max_steady or energy <= 0:
         return 1.0
     span = float(starts[-1] - starts[0]) + 1
-    n_frequencies = 2 * math.ceil(_FREQUENCIES_IN_A_BIN * span) + 1
+    n_frequencies = 2 * math.ceil(SEARCH.frequencies_in_bin * span) + 1
     phases = np.exp(-2j * np.pi * np.outer(np.linspace(-1, 1, n_frequencies), starts - starts[0]))
     share = float(np.max(np.abs(phases @ spectra) ** 2)) / (n_segments * energy)
-    if share < _LEAST_STEADY:
+    if share < SEARCH.min_steady:
         return 1.0
     rest = max(1 - share, 1e-9)
     u = np.full(n_segments, 1 / math.sqrt(n_segments))
@@ -360,10 +327,10 @@ def chance_of_steadiness(spectra: Complex, starts: Real, decay: float) -> float:
 
 def _covariance_of_mode(starts: Real, decay: float) -> Real:
     """Return the covariance of the spectra of segments of a mode, over that of one segment."""
-    points = (np.arange(_WINDOW_POINTS) + 0.5) / _WINDOW_POINTS
+    points = (np.arange(SEARCH.window_points) + 0.5) / SEARCH.window_points
     window = np.sin(np.pi * points) ** 2
     weights = np.convolve(window, window)
-    shifts = np.arange(1 - _WINDOW_POINTS, _WINDOW_POINTS) / _WINDOW_POINTS
+    shifts = np.arange(1 - SEARCH.window_points, SEARCH.window_points) / SEARCH.window_points
     lags, places = np.unique(np.round(np.abs(np.subtract.outer(starts, starts)), 6), return_inverse=True)
     values = np.exp(-decay * np.abs(np.add.outer(lags, shifts))) @ weights
     covariance = (values / values[0])[places].reshape(starts.size, starts.size)
@@ -402,13 +369,13 @@ def chance_of_narrowness(density: Real, peak: int, bandwidth: float, n_segments:
     D. J. Thomson (1982), Spectrum estimation and harmonic analysis, Proceedings of the IEEE 70, 1055-1096 (F test of
     lines, section XIII).
     """
-    distance = np.arange(MAIN_LOBE + 1, NEIGHBOURHOOD + 1)
+    distance = np.arange(SEARCH.main_lobe + 1, SEARCH.neighbourhood + 1)
     bins = np.concatenate([peak - distance[distance < peak], peak + distance[peak + distance < density.size - 1]])
     weights = 1 + (2 * (bins - peak) / max(bandwidth, 1e-9)) ** 2
     floor = max(float(np.mean(weights * density[bins])), float(np.finfo(np.float64).tiny))
     n_independent = n_segments / (1 + (n_segments - 1) / n_segments / 18)
     freedom = 2 * n_independent
-    return float(special.fdtrc(freedom, freedom * bins.size / _BINS_OF_ONE, density[peak] / floor))
+    return float(special.fdtrc(freedom, freedom * bins.size / SEARCH.bins_of_one, density[peak] / floor))
 
 
 def merge_peaks(peaks: Iterable[Line], *, known: Sequence[Line] = ()) -> list[Line]:
@@ -455,12 +422,12 @@ def whole_lines(regular: Iterable[Line], peaks: Sequence[Line]) -> list[Line]:
     lines: list[Line] = []
     drifting: list[Line] = []
     for line in sorted(regular, key=lambda line: -line.resolution):
-        if any(_is_same(line, other) and _is_part(line, other, MOST) for other in drifting):
+        if any(_is_same(line, other) and _is_part(line, other, SEARCH.max_loss) for other in drifting):
             continue
-        sharp = _sharpest(line, peaks, MOST)
-        if sharp.resolution > finest * DRIFTING:
+        sharp = _sharpest(line, peaks, SEARCH.max_loss)
+        if sharp.resolution > finest * SEARCH.drifting:
             drifting.append(line)
-            sharp = _sharpest(line, peaks, NEARLY_ALL)
+            sharp = _sharpest(line, peaks, SEARCH.max_loss_of_band)
         lines.append(sharp)
     return lines
 
@@ -484,10 +451,10 @@ def _sharpest(line: Line, peaks: Iterable[Line], loss: float) -> Line:
 def has_own_width(line: Line, finer: Densities) -> bool:
     """Return whether a peak is wider than a finer resolution: its density then does not grow as that of a sine."""
     (row,) = line.rows
-    reach = round(line.resolution / NOISE_BANDWIDTH * MAIN_LOBE / finer.bin_width)
+    reach = round(line.resolution / SEARCH.noise_bandwidth * SEARCH.main_lobe / finer.bin_width)
     k = round(line.frequency / finer.bin_width)
     peak = finer.densities[row, max(k - reach, 0) : k + reach + 1].max(initial=0.0)
-    gain = line.resolution / (NOISE_BANDWIDTH * finer.bin_width)
+    gain = line.resolution / (SEARCH.noise_bandwidth * finer.bin_width)
     return bool(peak < math.sqrt(gain) * 10 ** (line.level / 10))
 
 
@@ -525,7 +492,7 @@ def multiples(fundamental: float, tolerance: float, lines: Sequence[Line]) -> Fa
 def largest_family(lines: Sequence[Line]) -> Family | None:
     """Return the largest family: multiples of a line, or of its half or third if most of those exist."""
     best: Family | None = None
-    for most, line, divisor in _most_multiples(lines):
+    for most, line, divisor in _max_multiples(lines):
         if best is not None and most <= len(best.members):
             break
         family = multiples(line.frequency / divisor, line.tolerance / divisor, lines)
@@ -542,7 +509,7 @@ def _has_parts(orders: list[int], divisor: int) -> bool:
     return len(orders) > max(2, orders[-1] / 2) and 2 * sum(order % divisor > 0 for order in orders) >= n_parts
 
 
-def _most_multiples(lines: Sequence[Line]) -> list[tuple[int, Line, int]]:
+def _max_multiples(lines: Sequence[Line]) -> list[tuple[int, Line, int]]:
     """Return the largest possible number of multiples for each line and divisor, largest first."""
     frequencies = np.array([line.frequency for line in lines])
     tolerances = np.array([line.tolerance for line in lines])
@@ -571,20 +538,20 @@ def _geometric_mean(powers: Real) -> Real:
 
 def _peaks(density: Real, least: float) -> tuple[Indices, Real]:
     """Return the highest bins of main lobes, and their height over the median of the higher neighbourhood [dB]."""
-    margin = 2 * MAIN_LOBE + 1
+    margin = 2 * SEARCH.main_lobe + 1
     if density.size <= 2 * margin:
         return np.zeros(0, dtype=np.intp), np.zeros(0)
     at = density[margin:-margin]
     is_highest = at > 0
-    for shift in range(1, MAIN_LOBE + 1):
+    for shift in range(1, SEARCH.main_lobe + 1):
         is_highest &= at >= density[margin - shift : density.size - margin - shift]
         is_highest &= at >= density[margin + shift : density.size - margin + shift]
     bins = np.flatnonzero(is_highest) + margin
     factor = 10 ** (least / 10)
-    sides = np.arange(MAIN_LOBE + 1, NEIGHBOURHOOD + 1)
+    sides = np.arange(SEARCH.main_lobe + 1, SEARCH.neighbourhood + 1)
     floor = np.full(bins.size, np.finfo(np.float64).tiny)
     for sign in (1, -1):
-        neighbours = density[np.clip(bins[:, None] + sign * sides, MAIN_LOBE, density.size - 2)]
+        neighbours = density[np.clip(bins[:, None] + sign * sides, SEARCH.main_lobe, density.size - 2)]
         neighbours.partition((sides.size // 2 - 1, sides.size // 2), axis=1)
         floor = np.maximum(floor, neighbours[:, sides.size // 2 - 1 : sides.size // 2 + 1].mean(axis=1))
         is_high = density[bins] >= factor * floor
@@ -601,5 +568,5 @@ def _vertex(three: Real) -> tuple[float, float]:
 
 def _is_same(first: Line, second: Line) -> bool:
     """Return whether two peaks lie within a main lobe."""
-    lobe = MAIN_LOBE / NOISE_BANDWIDTH * max(first.resolution, second.resolution)
+    lobe = SEARCH.main_lobe / SEARCH.noise_bandwidth * max(first.resolution, second.resolution)
     return abs(first.frequency - second.frequency) <= lobe

@@ -2,12 +2,16 @@
 
 from sprung.simulation.conditions import (
     FEW_POTHOLES,
+    REALISTIC_FORCE_LAWS,
     REALISTIC_SUSPENSION,
     Driving,
+    ForceLaw,
     Payload,
     RoadConditions,
     SuspensionConditions,
     WheelOrders,
+    damping_factor,
+    tyre_factor,
 )
 from sprung.simulation.deviations import Deviations, PartScatter, SensorErrors, Wear, true_vehicle
 from sprung.simulation.drives import (
@@ -17,9 +21,10 @@ from sprung.simulation.drives import (
     RoadDrive,
     SimulatedDrive,
     simulate_drive,
+    with_body_accelerations,
+    with_driving_readings,
+    with_gravity,
 )
-from sprung.simulation.driving import with_body_accelerations, with_driving_readings, with_gravity
-from sprung.simulation.force_laws import REALISTIC_FORCE_LAWS, ForceLaw, damping_factor, tyre_factor
 from sprung.simulation.linear import response, settling_time, simulate, usual_excitation, with_linear_inputs, with_rises
 from sprung.simulation.nonlinear import integrate, simulate_nonlinear
 from sprung.simulation.sensors import (

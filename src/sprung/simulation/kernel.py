@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-# Columns of the table of force laws; in the order of the fields of `sprung.simulation.force_laws.ForceLaw`.
+# Columns of the table of force laws; in the order of the fields of `sprung.simulation.conditions.ForceLaw`.
 ASYMMETRY, ASYMMETRY_VELOCITY, KNEE, KNEE_SLOPE, FRICTION, FRICTION_VELOCITY = 0, 1, 2, 3, 4, 5
 CUBIC, GAP, STOP_STIFFNESS, RUBBER_STIFFNESS, RUBBER_FORCE = 6, 7, 8, 9, 10
 

@@ -13,7 +13,7 @@ from sprung.errors import ParameterError
 from sprung.excitation import Excitation
 from sprung.recording import Recording
 from sprung.signals.conditioning import decimate
-from sprung.simulation.force_laws import ForceLaw
+from sprung.simulation.conditions import ForceLaw
 from sprung.simulation.linear import SMOOTH_RATE, check_fits, settling_time
 from sprung.simulation.sensors import with_noise
 from sprung.vehicles import Component, Structure

@@ -4,6 +4,7 @@ import json
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 
 import numpy as np
 import pyarrow as pa
@@ -11,10 +12,9 @@ import pytest
 
 from sprung.diagnosis import observe_window
 from sprung.diagnosis.observation import fit_drive
-from sprung.fleet.jobs.analysis import WindowSettings, Work, analyse, failed
-from sprung.fleet.jobs.files import filesystem
+from sprung.fleet.jobs.analysis import Analyst, Task, WindowSettings, Work, analyse, failed, rows_of
 from sprung.fleet.jobs.results import OF_STEP, SCHEMAS, Results
-from sprung.fleet.jobs.tasks import Task, apart, rows_of
+from sprung.fleet.jobs.spark import filesystem
 from sprung.fleet.lake import Lake, recording_of
 from sprung.identification import cov_ssi
 from sprung.results.documents import (
@@ -131,14 +131,14 @@ class TestTasks:
 
     def test_a_window_that_takes_too_long_is_a_row_with_its_reason(self, window, car_text):
         work = {"vehicle_text": car_text, "vehicle_file": "", "reason": "", "steps": ["observe"], "has_segments": False}
-        with apart(is_apart=False) as analyst:
+        with closing(Analyst(is_apart=False)) as analyst:
             rows, _ = analyst({**work}, window("car1", 0).row, WindowSettings(seconds=0.02))
         assert "took longer than" in rows["windows"]["reason"]
 
     @pytest.mark.slow
     def test_a_window_that_ends_its_process_is_a_row_with_its_reason(self, window, car_text):
         work = {"vehicle_text": car_text, "vehicle_file": "", "reason": "", "steps": ["observe"], "has_segments": False}
-        with apart(is_apart=True) as analyst, ThreadPoolExecutor(1) as pool:
+        with closing(Analyst(is_apart=True)) as analyst, ThreadPoolExecutor(1) as pool:
             pool.submit(kill_processes_of, analyst)
             rows, _ = analyst(work, window("car1", 0).row, WindowSettings())
             assert "the process that analysed the window ended unexpectedly" in rows["windows"]["reason"]

@@ -2,7 +2,7 @@
 
 import json
 import random
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pyarrow as pa
@@ -12,9 +12,18 @@ from hypothesis import strategies as st
 
 from sprung.diagnosis import diagnose, false_discoveries, learn
 from sprung.fleet.jobs.analysis import WindowSettings, Work, analyse
-from sprung.fleet.jobs.assessing import COMPARED
-from sprung.fleet.jobs.assessment import AssessmentSettings, Windows, assess, assessments, discoveries, learnt, outline
-from sprung.fleet.jobs.results import SCHEMAS
+from sprung.fleet.jobs.assessment import (
+    COMPARED,
+    SCHEMA,
+    AssessmentSettings,
+    Compared,
+    WindowRow,
+    assess,
+    discoveries,
+    learnt,
+    outline,
+    without_overlaps,
+)
 from sprung.results.documents import (
     baseline_document,
     diagnosis_document,
@@ -45,24 +54,25 @@ def vehicle(car_text):
     return names | {"vehicle_text": car_text}
 
 
-def keys(rows):
-    return [row | {"has_result": bool(row["document"]), "document": None, "residuals": None} for row in rows]
+def typed(rows):
+    return [WindowRow.of(row | {"has_result": bool(row["document"])}) for row in rows]
 
 
 def outlined(vehicle, rows, settings=SETTINGS):
     """The outline of a vehicle and its baseline, and what its assessment takes."""
-    found = outline(vehicle, keys(rows), settings)
-    first = [row for row in rows if found["learning"] and row["start"] <= found["learn_until"]]
+    windows = typed(rows)
+    found = outline(vehicle, [replace(row, document="", residuals=None) for row in windows], settings)
+    first = [row for row in windows if found.learning and row.start <= found.learn_until]
     own = learnt(found, first, settings) if first else {"document": "", "reason": ""}
-    since = found["since"] if own["document"] else found["since_alone"]
-    compared = {"baseline": own["document"], "no_baseline": own["reason"], "since": since}
-    return own, found | compared | {"type_baseline": "", "type_state": ""}
+    compared = {"baseline": own["document"], "no_baseline": own["reason"], "type_baseline": "", "type_state": ""}
+    since = found.since if own["document"] else found.since_alone
+    return own, Compared(**asdict(found) | compared | {"since": since})
 
 
 def assessed(vehicle, rows, settings=SETTINGS):
     """The assessment of a vehicle, of no more windows than it takes."""
     _, compared = outlined(vehicle, rows, settings)
-    last = [row for row in rows if compared["since"] is not None and row["start"] >= compared["since"]]
+    last = [row for row in typed(rows) if compared.since is not None and row.start >= compared.since]
     return assess(compared, last, settings)
 
 
@@ -164,41 +174,39 @@ class TestAssessment:
         damaged = [row | {"document": "{"} if k == 1 else row for k, row in enumerate(rows[:5])]
         own, compared = outlined(vehicle, damaged)
         assert own["reason"].startswith("no baseline: JSONDecodeError")
-        assert compared["since"] == rows[0]["start"]
+        assert compared.since == rows[0]["start"]
 
     def test_an_assessment_is_a_row_of_a_table(self, vehicle, rows):
         _, compared = outlined(vehicle, rows)
-        windows = pa.Table.from_pylist(rows[LEARN:], schema=SCHEMAS["windows"])
-        table = assessments(pa.Table.from_pylist([compared], schema=COMPARED), windows, settings=SETTINGS)
+        (plain,) = pa.Table.from_pylist([asdict(compared)], schema=COMPARED).to_pylist()
+        assert Compared(**plain) == compared
+        table = pa.Table.from_pylist([assess(compared, typed(rows[LEARN:]), SETTINGS)], schema=SCHEMA)
         assert table["verdict"].to_pylist() == ["change"]
 
     def test_a_baseline_stays_the_same_while_its_windows_do(self, vehicle, rows):
-        whole = outline(vehicle, keys(rows), SETTINGS)
-        assert outline(vehicle, keys(rows[:LEARN]), SETTINGS)["learning"] == whole["learning"] != ""
+        whole = outline(vehicle, typed(rows), SETTINGS)
+        assert outline(vehicle, typed(rows[:LEARN]), SETTINGS).learning == whole.learning != ""
         earlier = rows[0] | {"start": rows[0]["start"] - 1800 * 10**9, "digest": "earlier"}
-        assert outline(vehicle, keys([earlier, *rows]), SETTINGS)["learning"] != whole["learning"]
-        assert outline(vehicle | {"vehicle_file": "g"}, keys(rows), SETTINGS)["learning"] != whole["learning"]
+        assert outline(vehicle, typed([earlier, *rows]), SETTINGS).learning != whole.learning
+        assert outline(vehicle | {"vehicle_file": "g"}, typed(rows), SETTINGS).learning != whole.learning
 
     def test_no_more_windows_are_needed_than_are_compared(self, vehicle, rows):
-        settings = replace(SETTINGS, most_windows=2)
-        found = outline(vehicle, keys(rows), settings)
-        assert (found["learn_until"], found["since"]) == (rows[LEARN - 1]["start"], rows[-2]["start"])
-        assert found["since_alone"] == rows[-2]["start"]
+        found = outline(vehicle, typed(rows), replace(SETTINGS, max_windows=2))
+        assert (found.learn_until, found.since) == (rows[LEARN - 1]["start"], rows[-2]["start"])
+        assert found.since_alone == rows[-2]["start"]
+
+
+def row_of(start, duration, digest=""):
+    return WindowRow("car0", start * 10**9, digest, duration, is_sound=True)
 
 
 class TestWindows:
     def test_windows_that_touch_do_not_overlap(self):
-        rows = [{"start": k * 600 * 10**9, "duration": 600.2, "digest": ""} for k in range(5)]
-        assert Windows.of(rows).n_left_out == 0
+        assert len(without_overlaps([row_of(k * 600, 600.2) for k in range(5)])) == 5
 
     def test_the_earlier_and_longer_window_counts(self):
-        rows = [
-            {"start": 0, "duration": 100.0, "digest": "a"},
-            {"start": 0, "duration": 600.0, "digest": "b"},
-            {"start": 300 * 10**9, "duration": 600.0, "digest": "c"},
-            {"start": 600 * 10**9, "duration": 600.0, "digest": "d"},
-        ]
-        assert [row["digest"] for row in Windows.of(rows).rows] == ["b", "d"]
+        rows = [row_of(0, 100.0, "a"), row_of(0, 600.0, "b"), row_of(300, 600.0, "c"), row_of(600, 600.0, "d")]
+        assert [row.digest for row in without_overlaps(rows)] == ["b", "d"]
 
 
 @given(

@@ -4,8 +4,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from sprung.fleet.jobs import Results
-from sprung.fleet.jobs.files import write_rows
 from sprung.fleet.jobs.results import SCHEMAS
+from sprung.fleet.jobs.spark import write_rows
 
 DATE = {"date": "2026-11-21"}
 

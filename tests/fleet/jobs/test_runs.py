@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from sprung.errors import DataError, ParameterError
-from sprung.fleet.jobs import FleetSettings, Results, assessment, explain, run, summarise
+from sprung.fleet.jobs import FleetSettings, Results, assessing, explain, run, summarise
 from sprung.fleet.jobs.analysis import WindowSettings, Work, analyse
 from sprung.fleet.jobs.assessment import AssessmentSettings
 from sprung.fleet.jobs.results import SCHEMAS
@@ -121,8 +121,8 @@ def test_what_is_learnt_stays_while_its_windows_do(spark, whole, fleet, monkeypa
     lake.write(made for made in fleet.windows if made is not last)
     run(spark, lake, fleet.vehicles, results, settings=SETTINGS)
     lake.write([last])
-    monkeypatch.setattr(assessment, "baselines", refuse)
-    monkeypatch.setattr(assessment, "types", refuse)
+    monkeypatch.setattr(assessing, "learnt", refuse)
+    monkeypatch.setattr(assessing, "type_of", refuse)
     done = run(spark, lake, fleet.vehicles, results, settings=SETTINGS)
     assert (done.n_windows, done.n_vehicles) == ({"windows": 1}, 1)
     assert tables(results) == tables(whole.results)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sprung.link import Address, Spool, checked_map, message, topic
-from sprung.link.disk import Disk
+from sprung.link.spool import Disk
 from sprung.online.box import Box, BoxSettings
 from sprung.recording import Channel, Recording
 from sprung.vehicles import read_vehicle, vehicle_text

@@ -2,9 +2,16 @@
 
 import typer
 
-from sprung.fleet.commands import fleet
+from sprung.fleet.commands import lake, runs
 
 
 def register(application: typer.Typer) -> None:
     """Add the command to the application."""
-    application.add_typer(fleet.application, name="fleet")
+    fleet = typer.Typer(
+        no_args_is_help=True,
+        help="Keep and analyse the archive of a fleet, analyse its streams, and compare its vehicles.",
+    )
+    fleet.command("import")(lake.import_files)
+    for command in (lake.archive, runs.run, runs.explain, runs.stream, lake.rank):
+        fleet.command()(command)
+    application.add_typer(fleet, name="fleet")

@@ -1,6 +1,8 @@
-"""The commands `sprung fleet import` and `sprung fleet archive`."""
+"""The commands `sprung fleet import`, `archive` and `rank`."""
 
-from collections.abc import Sequence
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,13 +10,13 @@ import typer
 
 from sprung.cli.checks import check_file, check_folder
 from sprung.cli.options import INPUT, OUTPUT, Files, Json, Minutes, Since, Until, option
-from sprung.cli.output import show, write_result, written
-from sprung.cli.progress import progress_bar
+from sprung.cli.output import progress_bar, show, write_result, written
 from sprung.cli.reading import reads_files
-from sprung.errors import ParameterError
+from sprung.errors import DataError, ParameterError
 
 if TYPE_CHECKING:
-    from sprung.fleet.jobs.importing import ImportedFile
+    from sprung.diagnosis import Observation
+    from sprung.fleet.jobs.recordings import ImportedFile
     from sprung.fleet.lake import Lake
     from sprung.formats import ReadSettings
 
@@ -52,7 +54,7 @@ def import_files(
     imported; the exit code is 2 if no file could be imported.
     """
     from sprung._checks import check_number
-    from sprung.fleet.jobs.importing import Importer
+    from sprung.fleet.jobs.recordings import Importer
     from sprung.fleet.lake import Lake
     from sprung.results import tables
     from sprung.results.documents import lake_import_document
@@ -104,7 +106,9 @@ def archive(
     opened = Lake(lake)
     opened.table.open()  # raises if there is none
     paths = [] if export is None else _exported(opened, export, vehicle=vehicle_id, since=since, until=until)
-    removed = None if keep_days is None else _pruned(opened, keep_days)
+    before = opened.facts.n_windows
+    if keep_days is not None:
+        opened.prune(before=time.time_ns() - round(keep_days * 86400e9))
     with progress_bar() as report:
         report("compacting", 0.0)
         compacted = opened.compact() if compact else None
@@ -118,13 +122,61 @@ def archive(
         last=facts.last,
         vehicles=[(own.vehicle, own.n_windows, own.first, own.last) for own in opened.vehicles()],
         compacted=compacted,
-        removed=removed,
+        removed=None if keep_days is None else before - facts.n_windows,
         exported=paths,
     )
     if write_result(document, json):
         plain = document.as_json()
         outputs = [] if export is None else [f"wrote {len(paths)} recordings to {export}"]
         show(tables.lake_in_words(plain), tables.lake_table(plain), [*outputs, *written([], json)])
+
+
+def rank(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="CAR.json",
+            help=(
+                "Results of sprung diagnose --json, one for each vehicle, made with one vehicle file. Each is named "
+                "after its vehicle; files of the same name in several folders belong to one vehicle."
+            ),
+            show_default=False,
+        ),
+    ],
+    *,
+    out: Annotated[
+        Path | None,
+        option("T.json", "Write the baseline of the type, for --type of sprung baseline and diagnose.", panel=OUTPUT),
+    ] = None,
+    rate: Annotated[float, option("SHARE", "Expected share of sound vehicles among those reported to deviate.")] = 0.05,
+    json: Json = None,
+) -> None:
+    """Compare the vehicles of a type with each other, and learn what is normal for the type."""
+    from sprung.diagnosis import learn_type, rank_fleet
+    from sprung.results import tables
+    from sprung.results.documents import fleet_document, write_type_baseline
+
+    check_file("--out", out, inputs=files)
+    check_file("--json", json, inputs=files)
+    windows = _windows_by_vehicle(files)
+    of_type = learn_type(windows)
+    notes = [
+        f"{vehicle} has no usable window"
+        for vehicle, own in windows.items()
+        if not any(window.is_conclusive and not window.sensor_faults for window in own)
+    ]
+    try:
+        rankings = [(of_type.name, rank_fleet(windows, rate=rate))]
+    except DataError as error:
+        if out is None:
+            raise
+        rankings, notes = [], [*notes, f"not ranked: {error}"]
+    if out is not None:
+        write_type_baseline(of_type, out)
+    document = fleet_document(rankings, rate=rate, notes=notes)
+    if write_result(document, json):
+        outputs = written([] if out is None else [out], json)
+        show(*tables.fleet_tables(document.as_json()), [tables.type_in_words(of_type), *notes, *outputs])
 
 
 def _by_vehicle(files: "Sequence[ImportedFile]") -> list[tuple[str, int, int, int]]:
@@ -147,7 +199,7 @@ def _problem(path: Path, reason: str) -> str:
 
 def _exported(lake: "Lake", folder: Path, *, vehicle: str | None, since: str | None, until: str | None) -> list[Path]:
     """Write the windows of a vehicle and period as recordings, and return the paths."""
-    from sprung.fleet.jobs.exporting import export_windows
+    from sprung.fleet.jobs.recordings import export_windows
     from sprung.results.periods import parse_period
 
     period = parse_period(since, until)
@@ -160,10 +212,19 @@ def _exported(lake: "Lake", folder: Path, *, vehicle: str | None, since: str | N
     return paths
 
 
-def _pruned(lake: "Lake", days: float) -> int:
-    """Delete dates that ended before a number of days, and return the number of windows deleted."""
-    import time
+def _windows_by_vehicle(files: list[Path]) -> "Mapping[str, list[Observation]]":
+    """Return the windows of each vehicle, all of one type."""
+    from sprung.results.documents import read_diagnosis
 
-    before = lake.facts.n_windows
-    lake.prune(before=time.time_ns() - round(days * 86400e9))
-    return before - lake.facts.n_windows
+    windows: dict[str, list[Observation]] = {}
+    types: dict[str, Path] = {}
+    for path in files:
+        document = read_diagnosis(path)
+        if document.vehicle is not None:
+            types.setdefault(document.vehicle, path)
+        own = windows.setdefault(path.stem, [])
+        own += [replace(window, vehicle=document.vehicle or "") for window in document.windows]
+    if len(types) > 1:
+        cases = ", ".join(f"{name!r} ({path})" for name, path in types.items())
+        raise ParameterError(f"the files belong to the types {cases}: give those of one type")
+    return windows

@@ -1,18 +1,23 @@
-"""The commands `sprung fleet run` and `sprung fleet explain`."""
+"""The commands `sprung fleet run`, `explain` and `stream`."""
 
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from sprung.cli.checks import check_file, names
+from sprung.cli.logs import LogFormat, log_to
 from sprung.cli.options import INPUT, AllowMissing, Json, Since, Until, option
-from sprung.cli.output import show, write_result, written
-from sprung.cli.progress import progress_bar
+from sprung.cli.output import progress_bar, show, write_result, written
+from sprung.cli.stopping import stop_on_signals
+from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
     from sprung.fleet.jobs import FleetSettings
+    from sprung.fleet.streams import StreamBatch
 
+LOG = logging.getLogger("sprung")
 SPARK = "Spark"
 LakePlace = Annotated[
     str, typer.Argument(metavar="LAKE", help="Lake, from sprung fleet import or a monitor.", show_default=False)
@@ -46,6 +51,12 @@ Master = Annotated[
 Learn = Annotated[
     int, option("N", "Number of sound windows from which a baseline is learnt.", "--learn", min=2, panel=INPUT)
 ]
+Method = Annotated[
+    Literal["cov", "acs", "coss", "plscf", "fdd"],
+    typer.Option(help="Method of identification.", rich_help_panel=INPUT),
+]
+FalseAlarms = Annotated[float, option("RATE", "False alarms per vehicle and day of driving.", panel=INPUT)]
+HoursPerDay = Annotated[float, option("H", "Hours of driving per day.", panel=INPUT)]
 _ALL = "identify,corners,baseline,diagnose"
 
 
@@ -58,16 +69,13 @@ def run(
     since: Since = None,
     until: Until = None,
     learn: Learn = 12,
-    method: Annotated[
-        Literal["cov", "acs", "coss", "plscf", "fdd"],
-        typer.Option(help="Method of identification.", rich_help_panel=INPUT),
-    ] = "cov",
+    method: Method = "cov",
     allow_missing: AllowMissing = False,
-    false_alarms: Annotated[float, option("RATE", "False alarms per vehicle and day of driving.", panel=INPUT)] = 1e-3,
+    false_alarms: FalseAlarms = 1e-3,
     false_discoveries: Annotated[
         float, option("SHARE", "Expected share of sound vehicles among those reported as changed.", panel=INPUT)
     ] = 0.05,
-    hours_per_day: Annotated[float, option("H", "Hours of driving per day.", panel=INPUT)] = 8.0,
+    hours_per_day: HoursPerDay = 8.0,
     minutes: Annotated[float, option("MINUTES", "Length of the windows in the lake.", "--window", panel=INPUT)] = 10.0,
     master: Master = "local[*]",
     json: Json = None,
@@ -79,7 +87,7 @@ def run(
     from sprung.results.documents import fleet_run_document
 
     check_file("--json", json)
-    chosen = run_settings(
+    chosen = _settings(
         steps=steps,
         since=since,
         until=until,
@@ -106,7 +114,7 @@ def run(
             "steps": chosen.steps,
             "analysed": done.n_windows,
             "vehicles_assessed": done.n_vehicles,
-            "seconds": done.elapsed,
+            "analysis_time": done.elapsed,
             "windows": summary.windows,
             "without_result": summary.failed,
             "verdicts": summary.verdicts,
@@ -140,7 +148,7 @@ def explain(
     from sprung.results.documents import fleet_plan_document
 
     check_file("--json", json)
-    chosen = run_settings(steps=steps, since=since, until=until, learn=learn, allow_missing=allow_missing)
+    chosen = _settings(steps=steps, since=since, until=until, learn=learn, allow_missing=allow_missing)
     with progress_bar() as report:
         report("starting Spark", 0.0)
         session = jobs.spark_session(master)
@@ -167,7 +175,110 @@ def explain(
         show(tables.fleet_plan_table(plain), [*tables.fleet_plan_in_words(plain), *written([], json)])
 
 
-def run_settings(
+def stream(
+    lake: Annotated[
+        str | None,
+        typer.Argument(metavar="LAKE", help="Lake whose windows are analysed as they arrive.", show_default=False),
+    ] = None,
+    *,
+    vehicles: Vehicles,
+    out: Out,
+    checkpoint: Annotated[
+        str, option("DIR", "Folder or URL for the progress of the stream, from which it continues.", "--checkpoint")
+    ],
+    kafka: Annotated[
+        str | None, option("SERVERS", "Analyse frames from Kafka at HOST:PORT,.. instead.", "--kafka", panel=INPUT)
+    ] = None,
+    topic: Annotated[str, option("TOPIC", "Topic of the frames in Kafka; keys are vehicles.", panel=INPUT)] = "frames",
+    frames: Annotated[
+        str | None,
+        option("FOLDER", "Analyse frames in Parquet files with the columns key and value instead.", panel=INPUT),
+    ] = None,
+    once: Annotated[bool, typer.Option("--once", help="End once the present data are analysed.")] = False,
+    every: Annotated[float, option("SECONDS", "Time between the starts of two batches.", min=1)] = 60.0,
+    steps: Steps = _ALL,
+    learn: Learn = 12,
+    method: Method = "cov",
+    allow_missing: AllowMissing = False,
+    false_alarms: FalseAlarms = 1e-3,
+    hours_per_day: HoursPerDay = 8.0,
+    minutes: Annotated[
+        float,
+        option(
+            "MINUTES",
+            "Length of the windows in the lake, or of those into which frames are joined.",
+            "--window",
+            panel=INPUT,
+            min=1,
+            max=120,
+        ),
+    ] = 10.0,
+    packages: Annotated[
+        str | None, option("NAMES", "Packages of Spark to load, such as the one for Kafka.", "--packages", panel=SPARK)
+    ] = None,
+    master: Master = "local[*]",
+    log_format: LogFormat = "text",
+) -> None:
+    """Analyse windows of a fleet as they arrive in a lake, or frames as they arrive from Kafka, each window once.
+
+    Runs until it is stopped, then finishes the current batch. After a restart it continues where it stopped.
+    """
+    from sprung.fleet import jobs, streams
+    from sprung.fleet.lake import Lake
+
+    if sum(source is not None for source in (lake, kafka, frames)) != 1:
+        raise ParameterError("a stream needs one source: give a LAKE, --kafka or --frames")
+    log_to(log_format)
+    logging.getLogger("py4j").setLevel(logging.CRITICAL)  # an error is reported once, in one sentence
+    settings = streams.StreamSettings(
+        _settings(
+            steps=steps,
+            since=None,
+            until=None,
+            learn=learn,
+            method=method,
+            allow_missing=allow_missing,
+            false_alarms=false_alarms,
+            windows_per_day=hours_per_day * 60 / minutes,
+        ),
+        every=every,
+        is_once=once,
+    )
+    more = {} if packages is None else {"spark.jars.packages": packages}
+    session = jobs.spark_session(master, settings={**streams.STREAM_SETTINGS, **more})
+    stopping = stop_on_signals()  # after the session, which listens to signals itself
+    LOG.info("Spark is ready")
+    try:
+        if lake is not None:
+            source = streams.windows_of_lake(session, Lake(lake))
+        else:
+            messages = (
+                streams.messages_in_folder(session, str(frames))
+                if kafka is None
+                else streams.messages_in_kafka(session, kafka, topic)
+            )
+            source = streams.windows_of_messages(messages, duration=60 * minutes)
+        results = jobs.Results(out)
+        streams.stream(
+            session, source, vehicles, results, checkpoint, settings=settings, stopping=stopping, report=_log_batch
+        )
+    finally:
+        session.stop()
+    LOG.info("the stream has ended; its progress is saved")
+
+
+def _log_batch(batch: "StreamBatch") -> None:
+    """Log the result of a batch."""
+    windows = max(batch.n_windows.values(), default=0)
+    LOG.info(
+        f"batch {batch.number}: {windows} windows, {batch.n_vehicles} vehicles assessed",
+        extra={"seconds": round(batch.elapsed, 1)},
+    )
+    if batch.n_refused:
+        LOG.warning(f"{batch.n_refused} messages were refused, such as: {batch.refusal}")
+
+
+def _settings(
     *,
     steps: str,
     since: str | None,

@@ -3,19 +3,32 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from functools import partial
 from hashlib import blake2b
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 import numpy as np
 import pyarrow as pa
 
 from sprung.diagnosis.type_baselines import MIN_VEHICLES
-from sprung.fleet.jobs import assessment
-from sprung.fleet.jobs.assessment import LEARNT, OUTLINE, SCHEMA, AssessmentSettings, discoveries, findings_of
-from sprung.fleet.jobs.files import filesystem, read, read_files, spark_schema, write, write_files
+from sprung.fleet.jobs.assessment import (
+    COMPARED,
+    LEARNT,
+    OUTLINE,
+    SCHEMA,
+    AssessmentSettings,
+    Compared,
+    Outline,
+    WindowRow,
+    assess,
+    discoveries,
+    findings_of,
+    learnt,
+    outline,
+    type_of,
+)
 from sprung.fleet.jobs.results import KEY, SCHEMAS, Results
+from sprung.fleet.jobs.spark import filesystem, read, read_files, spark_schema, write, write_files
 
 if TYPE_CHECKING:
     from pyspark.sql import Column, DataFrame, SparkSession
@@ -23,10 +36,6 @@ if TYPE_CHECKING:
 #: Largest number of vehicles that the baseline of a type is learnt from.
 _MOST_OF_TYPE = 50
 _TEXT = pa.string()
-#: Outlines of vehicles with what they are compared with.
-COMPARED = pa.schema(
-    [*OUTLINE, *((name, _TEXT) for name in ("baseline", "type_baseline", "type_state", "no_baseline"))]
-)
 #: Vehicles, and the start of the first or last of their windows that is needed, UTC ns.
 _BOUNDS = pa.schema([("vehicle", _TEXT), ("vehicle_file", _TEXT), ("type", _TEXT), ("bound", pa.int64())])
 _FOUND = pa.schema([("vehicle", _TEXT)])
@@ -50,7 +59,7 @@ def assess_vehicles(
     session
         Session of Spark.
     fleet
-        Vehicles of the fleet, from `sprung.fleet.jobs.vehicles.vehicles_of`.
+        Vehicles of the fleet, from `sprung.fleet.jobs.plan.vehicles_of`.
     results
         Tables of results.
     settings
@@ -153,7 +162,7 @@ class _Assessor:
         texts = ("type", "type_name", "vehicle_file", "vehicle_text")
         named = open_ones.join(self.fleet, "vehicle", "left")
         vehicles = named.select("vehicle", "state", *(f.coalesce(name, f.lit("")).alias(name) for name in texts))
-        return self._per("vehicle", vehicles, self.keys().drop("vehicle_file"), assessment.outlines, OUTLINE)
+        return self._per("vehicle", vehicles, self.keys().drop("vehicle_file"), OUTLINE, of=dict, function=outline)
 
     def learnt(self, outlines: "DataFrame") -> "DataFrame":
         """Return the baselines of vehicles whose first sound windows are new, or others than before."""
@@ -162,7 +171,7 @@ class _Assessor:
         before = self.known("baselines", "vehicle", f.col("state").alias("learning"))
         fresh = outlines.where("learning != ''").join(before, ["vehicle", "learning"], "left_anti")
         rows = self._rows(fresh, until="learn_until")
-        return self._per("vehicle", fresh, rows, assessment.baselines, LEARNT)
+        return self._per("vehicle", fresh, rows, LEARNT, of=Outline, function=learnt)
 
     def baselines(self, states: "DataFrame", outlines: "DataFrame", learnt: "DataFrame") -> "DataFrame":
         """Return the baselines of all vehicles: those just learnt, and those whose windows are as before."""
@@ -195,7 +204,7 @@ class _Assessor:
         enough = kinds.where(f.col("count") >= MIN_VEHICLES)
         fresh = enough.join(before.select("type", "state"), ["type", "state"], "left_anti")
         rows = self._rows(sample.join(fresh.select("type"), "type"), until="until")
-        learnt = self._per("type", fresh, rows, assessment.types, schema)
+        learnt = self._per("type", fresh, rows, schema, of=dict, function=type_of)
         return before.join(kinds.select("type", "state"), ["type", "state"], "left_semi").unionByName(learnt)
 
     def compared(
@@ -239,7 +248,7 @@ class _Assessor:
 
     def assessed(self, compared: "DataFrame") -> "DataFrame":
         """Return the assessments of vehicles."""
-        return self._per("vehicle", compared, self._rows(compared, since="since"), assessment.assessments, SCHEMA)
+        return self._per("vehicle", compared, self._rows(compared, since="since"), SCHEMA, of=Compared, function=assess)
 
     def kept(self, states: "DataFrame", compared: "DataFrame") -> "DataFrame":
         """Return the assessments of all other vehicles."""
@@ -263,12 +272,21 @@ class _Assessor:
         key: str,
         vehicles: "DataFrame",
         rows: "DataFrame",
-        function: Callable[..., pa.Table],
         schema: pa.Schema,
+        *,
+        of: Callable[..., Any],
+        function: Callable[..., Any],
     ) -> "DataFrame":
-        """Return what a function makes of each vehicle, or type, and its windows."""
-        together = vehicles.groupBy(key).cogroup(rows.groupBy(key))
-        return together.applyInArrow(_of_two(partial(function, settings=self.settings)), spark_schema(schema))
+        """Return what a function makes of each vehicle, or type, and its windows; `of` makes its first argument."""
+        settings = self.settings
+
+        def of_groups(one: pa.Table, other: pa.Table) -> pa.Table:
+            windows = [WindowRow.of(row) for row in other.to_pylist()]
+            found = [function(of(**vehicle), windows, settings) for vehicle in one.to_pylist()]
+            plain = [asdict(row) if isinstance(row, Outline) else row for row in found if row is not None]
+            return pa.Table.from_pylist(plain, schema=schema)
+
+        return vehicles.groupBy(key).cogroup(rows.groupBy(key)).applyInArrow(of_groups, spark_schema(schema))
 
 
 def _discoveries(every: "DataFrame", rate: float) -> "DataFrame":
@@ -277,9 +295,12 @@ def _discoveries(every: "DataFrame", rate: float) -> "DataFrame":
 
     n_vehicles = every.where("e_value IS NOT NULL").count()
     candidates = every.where(f.col("e_value") >= -float(np.log(rate))).select("vehicle", "e_value")
-    find = partial(discoveries, rate=rate, n_vehicles=n_vehicles)
+
+    def find(group: pa.Table) -> pa.Table:
+        return discoveries(group, rate=rate, n_vehicles=n_vehicles)
+
     # The tail of the fleet alone: vehicles whose e-value could be among the discoveries at all.
-    return candidates.withColumn("all", f.lit("")).groupBy("all").applyInArrow(_of_one(find), "vehicle string")
+    return candidates.withColumn("all", f.lit("")).groupBy("all").applyInArrow(find, "vehicle string")
 
 
 def _replace(
@@ -314,21 +335,3 @@ def _kept_files(session: "SparkSession", results: Results) -> Iterator[Keep]:
         system, folder = filesystem(place)
         if system.get_file_info(folder).type.name == "Directory":
             system.delete_dir(folder)
-
-
-def _of_one(function: Callable[..., pa.Table]) -> Callable[[pa.Table], pa.Table]:
-    """Return a function of one argument without defaults, by which Spark knows what it takes."""
-
-    def of_group(group: pa.Table) -> pa.Table:
-        return function(group)
-
-    return of_group
-
-
-def _of_two(function: Callable[..., pa.Table]) -> Callable[[pa.Table, pa.Table], pa.Table]:
-    """Return a function of two arguments without defaults, by which Spark knows what it takes."""
-
-    def of_groups(one: pa.Table, other: pa.Table) -> pa.Table:
-        return function(one, other)
-
-    return of_groups

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from hashlib import blake2b
 from typing import Any
 
@@ -32,29 +32,69 @@ from sprung.vehicles import vehicle_from_text
 
 #: Overlap of windows that does not count [ns]: clocks of loggers jitter.
 _OVERLAP = 10**9
-_TEXT, _COUNT = pa.string(), pa.int64()
-#: What is known of a vehicle without the results of its windows: which of them an assessment needs.
-OUTLINE = pa.schema(
-    [
-        ("vehicle", _TEXT),
-        ("type", _TEXT),
-        ("type_name", _TEXT),
-        ("vehicle_file", _TEXT),
-        ("vehicle_text", _TEXT),
-        ("state", _TEXT),
-        ("n_windows", _COUNT),
-        ("n_sound", _COUNT),
-        ("n_left_out", _COUNT),  # windows that overlap earlier ones
-        ("learning", _TEXT),  # digest of the windows of the baseline; empty where they are too few
-        ("learn_until", _COUNT),  # start of the last of them, UTC ns
-        ("since", _COUNT),  # start of the first window to compare with the baseline, UTC ns; null where there is none
-        ("since_alone", _COUNT),  # the same for a vehicle without a baseline
-        ("lack", _TEXT),  # why there is no baseline
-        ("failure", _TEXT),  # why a window has no result
-    ]
-)
+_ARROW = {str: pa.string(), int: pa.int64(), int | None: pa.int64()}
+
+
+@dataclass(frozen=True, slots=True)
+class WindowRow:
+    """What an assessment takes of a row of the table of windows; the keys alone have no document and residuals."""
+
+    vehicle: str
+    start: int
+    digest: str
+    duration: float
+    is_sound: bool
+    reason: str = ""
+    has_result: bool = True
+    document: str = ""
+    residuals: Mapping[str, Any] | None = None
+
+    @classmethod
+    def of(cls, row: Mapping[str, Any]) -> "WindowRow":
+        """Return a row with further columns as such a row."""
+        return cls(**{field.name: row[field.name] for field in fields(cls) if field.name in row})
+
+    def observation(self, name: str) -> Observation:
+        """Return the observation of the window, under the name of its vehicle file."""
+        observation = observation_from_document(json.loads(self.document))
+        return replace(observation, vehicle=name, residuals=restored_statistics(self.residuals))
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """What is known of a vehicle without the results of its windows: which of them an assessment needs."""
+
+    vehicle: str
+    type: str
+    type_name: str
+    vehicle_file: str
+    vehicle_text: str
+    state: str  # digest of its windows and the settings
+    n_windows: int
+    n_sound: int
+    n_left_out: int  # windows that overlap earlier ones
+    learning: str  # digest of the windows of the baseline; empty where they are too few
+    learn_until: int | None  # start of the last of them, UTC ns
+    since: int | None  # start of the first window to compare with the baseline, UTC ns; None where there is none
+    since_alone: int | None  # the same for a vehicle without a baseline
+    lack: str  # why there is no baseline
+    failure: str  # why a window has no result
+
+
+@dataclass(frozen=True, slots=True)
+class Compared(Outline):
+    """A vehicle with what it is compared with, each empty where there is none; `since` is that of the comparison."""
+
+    baseline: str  # sprung.baseline/1 of the vehicle
+    type_baseline: str  # sprung.type_baseline/1 of its type
+    type_state: str
+    no_baseline: str  # why it could not be learnt
+
+
+OUTLINE = pa.schema([(field.name, _ARROW[field.type]) for field in fields(Outline)])  # type: ignore[index]
+COMPARED = pa.schema([(field.name, _ARROW[field.type]) for field in fields(Compared)])  # type: ignore[index]
 #: Baselines as they are learnt; one without a document could not be, and `reason` states why.
-LEARNT = pa.schema([*SCHEMAS["baselines"], ("reason", _TEXT)])
+LEARNT = pa.schema([*SCHEMAS["baselines"], ("reason", pa.string())])
 #: Assessments: diagnoses without what only all vehicles together state.
 SCHEMA = pa.schema([field for field in SCHEMAS["diagnoses"] if field.name != "is_discovery"])
 
@@ -67,62 +107,44 @@ class AssessmentSettings:
     ----------
     learning_windows
         Number of sound windows that a baseline is learnt from, at least 2: the first ones of a vehicle.
-    most_windows
+    max_windows
         Number of last windows that a diagnosis is made of.
     false_alarms, windows_per_day
         Rate of false alarms of a sound vehicle per day of driving, and windows in such a day.
     """
 
     learning_windows: int = LEARNING_WINDOWS
-    most_windows: int = 96
+    max_windows: int = 96
     false_alarms: float = 1e-3
     windows_per_day: float = 48.0
 
 
-@dataclass(frozen=True, slots=True)
-class Windows:
-    """Windows of a vehicle in the order of time, without those that overlap earlier ones.
-
-    Parameters
-    ----------
-    rows
-        Rows of the table of windows.
-    n_left_out
-        Number of windows that overlap earlier ones.
-    """
-
-    rows: tuple[Mapping[str, Any], ...]
-    n_left_out: int
-
-    @classmethod
-    def of(cls, rows: Sequence[Mapping[str, Any]]) -> "Windows":
-        """Return the windows of rows in any order; the result does not depend on it."""
-        kept: list[Mapping[str, Any]] = []
-        end = None
-        for row in sorted(rows, key=lambda row: (row["start"], -row["duration"], row["digest"])):
-            if end is None or row["start"] >= end - _OVERLAP:
-                kept.append(row)
-                end = row["start"] + round(row["duration"] * 1e9)
-        return cls(tuple(kept), len(rows) - len(kept))
-
-    def learning(self, count: int) -> list[Mapping[str, Any]]:
-        """Return the first sound windows, if there are enough of them."""
-        sound = [row for row in self.rows if row["is_sound"]]
-        return sound[:count] if len(sound) >= count else []
+def without_overlaps(rows: Sequence[WindowRow]) -> list[WindowRow]:
+    """Return windows in the order of time, without those that overlap earlier ones, whatever their order was."""
+    kept: list[WindowRow] = []
+    end = None
+    for row in sorted(rows, key=lambda row: (row.start, -row.duration, row.digest)):
+        if end is None or row.start >= end - _OVERLAP:
+            kept.append(row)
+            end = row.start + round(row.duration * 1e9)
+    return kept
 
 
-def outline(
-    vehicle: Mapping[str, Any], keys: Sequence[Mapping[str, Any]], settings: AssessmentSettings
-) -> dict[str, Any]:
-    """Return which windows of a vehicle its assessment needs, as a row of `OUTLINE`.
+def _learning(windows: Sequence[WindowRow], count: int) -> list[WindowRow]:
+    """Return the first sound windows, if there are enough of them."""
+    sound = [row for row in windows if row.is_sound]
+    return sound[:count] if len(sound) >= count else []
+
+
+def outline(vehicle: Mapping[str, str], keys: Sequence[WindowRow], settings: AssessmentSettings) -> Outline:
+    """Return which windows of a vehicle its assessment needs.
 
     Parameters
     ----------
     vehicle
-        Row of the vehicle: `vehicle`, `type`, `type_name`, `vehicle_file`, `vehicle_text` and `state`.
+        The first fields of an `Outline`, `vehicle` to `state`.
     keys
-        All windows of the vehicle, in any order, with the columns `start`, `duration`, `digest`, `is_sound`,
-        `has_result` and `reason`.
+        All windows of the vehicle, in any order.
     settings
         Settings of baseline and diagnosis.
 
@@ -131,112 +153,101 @@ def outline(
     The baseline is learnt from the first sound windows, and the last ones after these are compared with it. A vehicle
     with too few is compared with its type, where that is known, or left with right.
     """
-    windows = Windows.of(keys)
-    learning = windows.learning(settings.learning_windows) if vehicle["vehicle_file"] else []
-    until = learning[-1]["start"] if learning else None
-    results = [row for row in windows.rows if row["has_result"]] if vehicle["vehicle_file"] else []
-    alone = results[-settings.most_windows :]
-    compared = [row for row in results if until is not None and row["start"] > until][-settings.most_windows :]
-    n_sound = sum(bool(row["is_sound"]) for row in windows.rows)
-    lack = "" if learning else f"{n_sound} of the {settings.learning_windows} sound windows that a baseline needs"
-    failures = [row["reason"] for row in windows.rows if not row["has_result"]]
-    return {
-        **{name: vehicle[name] for name in ("vehicle", "type", "type_name", "vehicle_file", "vehicle_text", "state")},
-        "n_windows": len(keys),
-        "n_sound": sum(bool(row["is_sound"]) for row in keys),
-        "n_left_out": windows.n_left_out,
-        "learning": _digest(vehicle["vehicle_file"], learning) if learning else "",
-        "learn_until": until,
-        "since": compared[0]["start"] if compared else None,
-        "since_alone": alone[0]["start"] if alone else None,
-        "lack": lack if vehicle["vehicle_file"] else "",
-        "failure": _commonest(failures),
-    }
+    windows = without_overlaps(keys)
+    has_file = bool(vehicle["vehicle_file"])
+    learning = _learning(windows, settings.learning_windows) if has_file else []
+    until = learning[-1].start if learning else None
+    results = [row for row in windows if row.has_result] if has_file else []
+    alone = results[-settings.max_windows :]
+    compared = [row for row in results if until is not None and row.start > until][-settings.max_windows :]
+    n_sound = sum(row.is_sound for row in windows)
+    lack = f"{n_sound} of the {settings.learning_windows} sound windows that a baseline needs"
+    failures = [row.reason for row in windows if not row.has_result]
+    return Outline(
+        **vehicle,
+        n_windows=len(keys),
+        n_sound=sum(row.is_sound for row in keys),
+        n_left_out=len(keys) - len(windows),
+        learning=_digest(vehicle["vehicle_file"], learning) if learning else "",
+        learn_until=until,
+        since=compared[0].start if compared else None,
+        since_alone=alone[0].start if alone else None,
+        lack=lack if has_file and not learning else "",
+        failure=max(sorted(set(failures)), key=failures.count, default=""),
+    )
 
 
-def learnt(
-    vehicle: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], settings: AssessmentSettings
-) -> dict[str, Any]:
+def learnt(vehicle: Outline, rows: Sequence[WindowRow], settings: AssessmentSettings) -> dict[str, Any]:
     """Return the baseline of a vehicle, as a row of `LEARNT`.
 
     Parameters
     ----------
     vehicle
-        Row of `OUTLINE`.
+        The vehicle.
     rows
-        Rows of the table of windows, in any order: all of the vehicle up to `learn_until`.
+        Windows with results, in any order: all of the vehicle up to `learn_until`.
     settings
         Settings of the baseline.
     """
     outcome = {
-        **{name: vehicle[name] for name in ("vehicle", "type", "vehicle_file")},
-        "until": vehicle["learn_until"],
-        "state": vehicle["learning"],
+        "vehicle": vehicle.vehicle,
+        "type": vehicle.type,
+        "vehicle_file": vehicle.vehicle_file,
+        "until": vehicle.learn_until,
+        "state": vehicle.learning,
         "document": "",
         "reason": "",
     }
-    learning = Windows.of(rows).learning(settings.learning_windows)
+    learning = _learning(without_overlaps(rows), settings.learning_windows)
     least = max(2, settings.learning_windows // 2)
     try:
-        baseline = learn([_observation(row, vehicle["type_name"]) for row in learning], min_windows=least)
-    except SprungError as error:
-        return outcome | {"reason": f"no baseline: {error}"}
+        baseline = learn([row.observation(vehicle.type_name) for row in learning], min_windows=least)
     except Exception as error:  # whatever a vehicle makes of it, the others go on
-        return outcome | {"reason": f"no baseline: {type(error).__name__}: {error}"}
+        return outcome | {"reason": f"no baseline: {_sentence(error)}"}
     document = json.dumps(baseline_document(baseline).as_json())
     return outcome | {"n_windows": baseline.n_windows, "document": document}
 
 
-def assess(
-    vehicle: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], settings: AssessmentSettings
-) -> dict[str, Any]:
+def assess(vehicle: Compared, rows: Sequence[WindowRow], settings: AssessmentSettings) -> dict[str, Any]:
     """Return the assessment of a vehicle, as a row of `SCHEMA`.
 
     Parameters
     ----------
     vehicle
-        Row of `OUTLINE`, with the documents `baseline` of the vehicle and `type_baseline` of its type, each empty where
-        there is none, the reason `no_baseline`, and `type_state`; `since` is `since_alone` where there is no baseline.
+        The vehicle, with `since` of the comparison that is made.
     rows
-        Rows of the table of windows, in any order: all of the vehicle from `since` on.
+        Windows with results, in any order: all of the vehicle from `since` on.
     settings
         Settings of the diagnosis.
     """
     names = ("vehicle", "type", "vehicle_file", "n_windows", "n_sound", "n_left_out", "state", "type_state")
-    reason = vehicle["no_baseline"] or vehicle["lack"]
-    outcome = {name: vehicle[name] for name in names} | {"verdict": "inconclusive", "reason": reason}
-    if vehicle["since"] is None:
-        none = "no window after those of the baseline" if vehicle["baseline"] else vehicle["failure"]
+    reason = vehicle.no_baseline or vehicle.lack
+    outcome = {name: getattr(vehicle, name) for name in names} | {"verdict": "inconclusive", "reason": reason}
+    if vehicle.since is None:
+        none = "no window after those of the baseline" if vehicle.baseline else vehicle.failure
         return outcome | {"reason": none}
     try:
-        return outcome | _assessed(vehicle, reason, Windows.of(rows), settings)
-    except SprungError as error:
-        return outcome | {"reason": str(error)}
+        return outcome | _assessed(vehicle, reason, without_overlaps(rows), settings)
     except Exception as error:  # whatever a vehicle makes of it, the others go on
-        return outcome | {"reason": f"{type(error).__name__}: {error}"}
+        return outcome | {"reason": _sentence(error)}
 
 
-def type_of(
-    kind: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], settings: AssessmentSettings
-) -> dict[str, Any] | None:
+def type_of(kind: Mapping[str, str], rows: Sequence[WindowRow], settings: AssessmentSettings) -> dict[str, Any] | None:
     """Return the baseline of a type as a row of the table of types; None where it cannot be learnt.
 
     Parameters
     ----------
     kind
-        Row of the type: `type`, `name` and `state`.
+        `type`, `name` and `state` of the type.
     rows
-        Rows of the table of windows of several vehicles of the type, in any order.
+        Windows with results of several vehicles of the type, in any order.
     settings
         Settings of baselines: each vehicle takes part with the windows of its own baseline.
     """
-    by_vehicle: dict[str, list[Mapping[str, Any]]] = {}
-    for row in rows:
-        by_vehicle.setdefault(row["vehicle"], []).append(row)
-    learning = {
-        vehicle: [_observation(row, "") for row in Windows.of(own).learning(settings.learning_windows)]
-        for vehicle, own in sorted(by_vehicle.items())
-    }
+    learning = {}
+    for vehicle in sorted({row.vehicle for row in rows}):
+        own = without_overlaps([row for row in rows if row.vehicle == vehicle])
+        learning[vehicle] = [row.observation("") for row in _learning(own, settings.learning_windows)]
     try:
         of_type = learn_type({vehicle: own for vehicle, own in learning.items() if own}, name=kind["name"])
     except SprungError:
@@ -249,30 +260,6 @@ def type_of(
         "document": json.dumps(type_baseline_document(of_type).as_json()),
         "state": kind["state"],
     }
-
-
-def outlines(vehicles: pa.Table, keys: pa.Table, *, settings: AssessmentSettings) -> pa.Table:
-    """Return the outline of the vehicle of a table of one row, as such a table; parameters as for `outline`."""
-    rows = [outline(vehicle, keys.to_pylist(), settings) for vehicle in vehicles.to_pylist()]
-    return pa.Table.from_pylist(rows, schema=OUTLINE)
-
-
-def baselines(vehicles: pa.Table, rows: pa.Table, *, settings: AssessmentSettings) -> pa.Table:
-    """Return the baseline of the vehicle of a table of one row, as such a table; parameters as for `learnt`."""
-    found = [learnt(vehicle, rows.to_pylist(), settings) for vehicle in vehicles.to_pylist()]
-    return pa.Table.from_pylist(found, schema=LEARNT)
-
-
-def assessments(vehicles: pa.Table, rows: pa.Table, *, settings: AssessmentSettings) -> pa.Table:
-    """Return the assessment of the vehicle of a table of one row, as such a table; parameters as for `assess`."""
-    found = [assess(vehicle, rows.to_pylist(), settings) for vehicle in vehicles.to_pylist()]
-    return pa.Table.from_pylist(found, schema=SCHEMA)
-
-
-def types(kinds: pa.Table, rows: pa.Table, *, settings: AssessmentSettings) -> pa.Table:
-    """Return the baseline of the type of a table of one row, as such a table or none; parameters as for `type_of`."""
-    found = [type_of(kind, rows.to_pylist(), settings) for kind in kinds.to_pylist()]
-    return pa.Table.from_pylist([row for row in found if row], schema=SCHEMAS["types"])
 
 
 def discoveries(table: pa.Table, *, rate: float, n_vehicles: int) -> pa.Table:
@@ -318,14 +305,14 @@ def findings_of(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
 
 
 def _assessed(
-    vehicle: Mapping[str, Any], reason: str, windows: Windows, settings: AssessmentSettings
+    vehicle: Compared, reason: str, windows: Sequence[WindowRow], settings: AssessmentSettings
 ) -> dict[str, Any]:
     """Return verdict, diagnosis and what led to it."""
-    own, of_type = vehicle["baseline"], vehicle["type_baseline"]
+    own, of_type = vehicle.baseline, vehicle.type_baseline
     baseline = baseline_from_document(json.loads(own)) if own else None
     known = type_baseline_from_document(json.loads(of_type)) if of_type and baseline is None else None
-    compared = [row for row in windows.rows if row["document"]][-settings.most_windows :]
-    observations = [_observation(row, vehicle["type_name"]) for row in compared]
+    compared = [row for row in windows if row.document][-settings.max_windows :]
+    observations = [row.observation(vehicle.type_name) for row in compared]
     if known is not None and not any(window.components == known.components for window in observations):
         known = None
     diagnosis = diagnose(
@@ -335,7 +322,7 @@ def _assessed(
         false_alarms=settings.false_alarms,
         windows_per_day=settings.windows_per_day,
     )
-    description = vehicle_from_text(vehicle["vehicle_text"], source="the vehicle file")
+    description = vehicle_from_text(vehicle.vehicle_text, source="the vehicle file")
     changes = [
         change
         for finding in diagnosis.findings
@@ -344,8 +331,8 @@ def _assessed(
     worst = max(diagnosis.findings, key=lambda finding: finding.severity_number, default=None)
     verdict = diagnosis.verdict
     return {
-        "since": compared[0]["start"],
-        "until": compared[-1]["start"],
+        "since": compared[0].start,
+        "until": compared[-1].start,
         "verdict": verdict,
         "healthy": diagnosis.is_healthy,
         "severity": None if worst is None else worst.severity,
@@ -355,18 +342,11 @@ def _assessed(
     }
 
 
-def _observation(row: Mapping[str, Any], name: str) -> Observation:
-    """Return the observation of a row, under the name of its vehicle file."""
-    observation = observation_from_document(json.loads(row["document"]))
-    return replace(observation, vehicle=name, residuals=restored_statistics(row["residuals"]))
-
-
-def _digest(vehicle_file: str, rows: Sequence[Mapping[str, Any]]) -> str:
+def _digest(vehicle_file: str, rows: Sequence[WindowRow]) -> str:
     """Return a digest of windows."""
-    text = repr((vehicle_file, [(row["start"], row["digest"]) for row in rows]))
+    text = repr((vehicle_file, [(row.start, row.digest) for row in rows]))
     return blake2b(text.encode(), digest_size=8).hexdigest()
 
 
-def _commonest(reasons: Sequence[str]) -> str:
-    """Return the commonest reason."""
-    return max(sorted(set(reasons)), key=list(reasons).count, default="")
+def _sentence(error: Exception) -> str:
+    return str(error) if isinstance(error, SprungError) else f"{type(error).__name__}: {error}"

@@ -4,84 +4,29 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 import pyarrow as pa
 
-from sprung._checks import check_number
-from sprung.errors import ParameterError
-from sprung.fleet.jobs.analysis import WindowSettings
+from sprung.fleet.jobs.analysis import REPORT_COLUMNS, Task
 from sprung.fleet.jobs.assessing import assess_vehicles
-from sprung.fleet.jobs.assessment import AssessmentSettings
-from sprung.fleet.jobs.plan import CHUNK, Plan, Planner
+from sprung.fleet.jobs.plan import Cost, FleetSettings, Plan, Planner, vehicles_of
 from sprung.fleet.jobs.results import OF_STEP, SCHEMAS, Results
-from sprung.fleet.jobs.summaries import Cost, measured_cost
-from sprung.fleet.jobs.tasks import REPORT_COLUMNS, Task
-from sprung.fleet.jobs.vehicles import vehicles_of
+from sprung.fleet.jobs.spark import read, spark_schema
 from sprung.fleet.lake import AddedFile, Lake
 
 if TYPE_CHECKING:
     from pyspark.sql import DataFrame, SparkSession
 
-#: Steps of a run, in their order.
-STEPS = ("identify", "corners", "baseline", "diagnose")
-#: Number of windows in a task: a few dozen seconds of work, which is what a lost worker costs.
-WINDOWS_IN_TASK = 16
+#: Largest number of reasons in a summary.
+_MAX_REASONS = 8
+#: Largest number of vehicles in a summary.
+_MAX_VEHICLES = 20
 #: Receives the step and the share of it that is done (0 to 1).
 Report = Callable[[str, float], None]
-
-
-@dataclass(frozen=True, slots=True)
-class FleetSettings:
-    """Settings of a run.
-
-    Parameters
-    ----------
-    steps
-        Steps to take, of `STEPS`.
-    windows, assessment
-        Settings of the analysis of windows, and of baselines and diagnoses.
-    false_discoveries
-        Expected share of sound vehicles among those said to have changed, above 0 and up to 1.
-    since, until
-        Period of the windows to analyse, UTC ns, its ends included; None: open. Diagnoses are of all windows with
-        results.
-    windows_in_task, windows_in_commit
-        Number of windows that a task analyses, and that are committed together.
-
-    Raises
-    ------
-    ParameterError
-        If a step is unknown, or a number is out of range.
-    """
-
-    steps: tuple[str, ...] = STEPS
-    windows: WindowSettings = field(default_factory=WindowSettings)
-    assessment: AssessmentSettings = field(default_factory=AssessmentSettings)
-    false_discoveries: float = 0.05
-    since: int | None = None
-    until: int | None = None
-    windows_in_task: int = WINDOWS_IN_TASK
-    windows_in_commit: int = CHUNK
-
-    def __post_init__(self) -> None:
-        unknown = [step for step in self.steps if step not in STEPS]
-        if unknown or not self.steps:
-            raise ParameterError(f"step {', '.join(unknown) or 'none'!r} must be of {', '.join(STEPS)}")
-        check_number("false_discoveries", self.false_discoveries, above=0, at_most=1)
-        check_number("learning_windows", self.assessment.learning_windows, at_least=2)
-        check_number("windows_in_task", self.windows_in_task, at_least=1)
-        check_number("windows_in_commit", self.windows_in_commit, at_least=1)
-
-    @property
-    def of_windows(self) -> tuple[str, ...]:
-        """Steps that each window goes through, keys of `OF_STEP`."""
-        steps = [step for step in ("identify", "corners") if step in self.steps]
-        return (*steps, *(["observe"] if {"baseline", "diagnose"} & set(self.steps) else []))
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +41,8 @@ class FleetRun:
         Number of windows that were analysed, by table of results.
     n_vehicles
         Number of vehicles that were assessed again.
-    seconds
-        Time of the analysis of all windows together, by table of results [s].
+    analysis_time
+        Processor time of the analysis of all windows together, by table of results [s].
     elapsed
         Time from start to end [s].
     """
@@ -105,7 +50,7 @@ class FleetRun:
     run: str
     n_windows: dict[str, int]
     n_vehicles: int
-    seconds: dict[str, float]
+    analysis_time: dict[str, float]
     elapsed: float
 
 
@@ -127,7 +72,7 @@ def run(
     lake
         Windows of samples.
     vehicles
-        Vehicle files, as for `sprung.fleet.jobs.vehicles.vehicles_of`.
+        Vehicle files, as for `sprung.fleet.jobs.plan.vehicles_of`.
     results
         Tables of results.
     settings
@@ -171,13 +116,14 @@ def run(
     lake.table.open()
     fleet = vehicles_of(session, vehicles).cache()
     try:
-        planner = _planner(session, lake, results, fleet, chosen)
+        planner = Planner(session, lake, results, fleet, chosen)
         n_windows: dict[str, int] = {}
         seconds: dict[str, float] = {}
-        chunks = list(planner.chunks(chosen.windows_in_commit))
+        chunks = list(planner.chunks())
         for number, files in enumerate(chunks):
-            share = partial(_part_of, report, f"analysing part {number + 1} of {len(chunks)}")
-            for table, (rows, spent) in analyse_windows(session, planner.work(files), results, chosen, share).items():
+            step = f"analysing part {number + 1} of {len(chunks)}"
+            done = analyse_windows(session, planner.work(files), results, chosen, report, step=step)
+            for table, (rows, spent) in done.items():
                 n_windows[table] = n_windows.get(table, 0) + rows
                 seconds[table] = seconds.get(table, 0.0) + spent
         assessed = 0
@@ -190,7 +136,15 @@ def run(
     outcome = FleetRun(uuid4().hex[:12], n_windows, assessed, seconds, time.monotonic() - begin)
     if sum(n_windows.values()) or assessed:
         report("compacting the results", 0.0)
-        results["runs"].append(_row_of(outcome))
+        row = {
+            "run": outcome.run,
+            "finished": time.time_ns(),
+            "n_windows": max(n_windows.values(), default=0),
+            "n_vehicles": assessed,
+            "seconds": outcome.elapsed,
+            **{f"{table}_seconds": seconds.get(table, 0.0) for table in OF_STEP.values()},
+        }
+        results["runs"].append(pa.Table.from_pylist([row], schema=SCHEMAS["runs"]))
         results.compact()
     return outcome
 
@@ -219,27 +173,11 @@ def explain(
     lake.table.open()
     fleet = vehicles_of(session, vehicles).cache()
     try:
-        planner = _planner(session, lake, results, fleet, chosen)
+        planner = Planner(session, lake, results, fleet, chosen)
         plan = planner.plan()
-        return plan, measured_cost(planner, results, chosen.of_windows, chosen.windows)
+        return plan, planner.cost()
     finally:
         fleet.unpersist()
-
-
-def _planner(
-    session: "SparkSession", lake: Lake, results: Results, fleet: "DataFrame", settings: FleetSettings
-) -> Planner:
-    """Return what finds the windows without results."""
-    return Planner(
-        session,
-        lake,
-        results,
-        fleet,
-        steps=settings.of_windows,
-        learning_windows=settings.assessment.learning_windows,
-        since=settings.since,
-        until=settings.until,
-    )
 
 
 def analyse_windows(
@@ -249,6 +187,7 @@ def analyse_windows(
     settings: FleetSettings,
     report: Report,
     *,
+    step: str = "",
     application: tuple[str, int] | None = None,
 ) -> dict[str, tuple[int, float]]:
     """Analyse windows and commit their results; return numbers of rows and seconds by table.
@@ -264,7 +203,9 @@ def analyse_windows(
     settings
         Settings of the run.
     report
-        Callback that receives the share of the windows that is done.
+        Callback that receives the step and the share of the windows that is done.
+    step
+        What the callback calls this.
     application
         Name of a stream and number of its batch, which counts once; None: a run.
     """
@@ -277,8 +218,8 @@ def analyse_windows(
         # Windows of one file next to each other, in tasks of equal size whatever the vehicle; frames have no file.
         spread = work.repartitionByRange(n_tasks, "path", "row", "vehicle", "start")
         task = Task({name: results[name].location for name in OF_STEP.values()}, settings.windows)
-        with _watched(session, n_tasks, report):
-            reports = spread.mapInArrow(task.analysed, REPORT_COLUMNS).collect()
+        with _watched(session, n_tasks, lambda share: report(step, share)):
+            reports = spread.mapInArrow(task.analysed, spark_schema(REPORT_COLUMNS)).collect()
     finally:
         work.unpersist()
     done: dict[str, tuple[int, float]] = {}
@@ -291,7 +232,7 @@ def analyse_windows(
 
 
 @contextmanager
-def _watched(session: "SparkSession", n_tasks: int, report: Report) -> Iterator[None]:
+def _watched(session: "SparkSession", n_tasks: int, report: Callable[[float], None]) -> Iterator[None]:
     """Report the share of tasks that are done."""
     group = uuid4().hex
     context = session.sparkContext
@@ -307,7 +248,7 @@ def _watched(session: "SparkSession", n_tasks: int, report: Report) -> Iterator[
                 for stage in information.stageIds if information else ():
                     facts = tracker.getStageInfo(stage)
                     done = max(done, facts.numCompletedTasks if facts and facts.numTasks == n_tasks else 0)
-            report("", done / n_tasks)
+            report(done / n_tasks)
 
     watcher = threading.Thread(target=watch, daemon=True)
     watcher.start()
@@ -318,20 +259,58 @@ def _watched(session: "SparkSession", n_tasks: int, report: Report) -> Iterator[
         watcher.join()
 
 
-def _part_of(report: Report, step: str, _: str, share: float) -> None:
-    """Report the share of a part."""
-    report(step, share)
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Numbers of windows and vehicles by result.
+
+    Parameters
+    ----------
+    windows, failed
+        Number of windows with a row, and of those that state a reason in place of a result, by table.
+    reasons
+        Commonest reasons with their numbers of windows.
+    verdicts
+        Number of vehicles by verdict.
+    n_discoveries
+        Number of vehicles that have changed, at the rate of false discoveries.
+    findings
+        Findings of these vehicles, those with the greatest evidence first.
+    """
+
+    windows: dict[str, int]
+    failed: dict[str, int]
+    reasons: list[tuple[str, int]]
+    verdicts: dict[str, int]
+    n_discoveries: int
+    findings: list[dict[str, Any]]
 
 
-def _row_of(outcome: FleetRun) -> pa.Table:
-    """Return a run as a row of the table of runs."""
-    seconds = {f"{table}_seconds": outcome.seconds.get(table, 0.0) for table in OF_STEP.values()}
-    row = {
-        "run": outcome.run,
-        "finished": time.time_ns(),
-        "n_windows": max(outcome.n_windows.values(), default=0),
-        "n_vehicles": outcome.n_vehicles,
-        "seconds": outcome.elapsed,
-        **seconds,
-    }
-    return pa.Table.from_pylist([row], schema=SCHEMAS["runs"])
+def summarise(session: "SparkSession", results: Results) -> Summary:
+    """Return numbers of windows and vehicles by result, and the vehicles that have changed.
+
+    Examples
+    --------
+    >>> from sprung.fleet.jobs import Results, spark_session
+    >>> summary = summarise(spark_session("local[2]"), Results("results"))  # doctest: +SKIP
+    >>> summary.verdicts, summary.n_discoveries  # doctest: +SKIP
+    ({'no_change_detected': 11, 'change': 1}, 1)
+    """
+    from pyspark.sql import functions as f
+
+    windows, failed = {}, {}
+    reasons: dict[str, int] = {}
+    for name in OF_STEP.values():
+        windows[name] = sum(file.n_rows for file in results[name].files())
+        rows = read(session, results[name]).where(f.col("reason") != "")
+        counts = rows.groupBy("reason").count().orderBy(f.desc("count"), "reason").limit(_MAX_REASONS).collect()
+        failed[name] = rows.count() if counts else 0
+        for row in counts:
+            reasons[row["reason"]] = max(row["count"], reasons.get(row["reason"], 0))
+    diagnoses = read(session, results["diagnoses"])
+    verdicts = {row["verdict"]: row["count"] for row in diagnoses.groupBy("verdict").count().collect()}
+    found = diagnoses.where("is_discovery")
+    worst = found.select("vehicle", "e_value").orderBy(f.desc("e_value"), "vehicle").limit(_MAX_VEHICLES)
+    findings = read(session, results["findings"]).join(worst, "vehicle").orderBy(f.desc("e_value"), "vehicle", "corner")
+    common = sorted(reasons.items(), key=lambda item: (-item[1], item[0]))[:_MAX_REASONS]
+    rows_found = [row.asDict() for row in findings.collect()]
+    return Summary(windows, failed, common, verdicts, found.count(), rows_found)

@@ -5,17 +5,16 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sprung._checks import check_number
-from sprung.errors import DataError, SprungError
+from sprung.errors import DataError, ParameterError, SprungError
 from sprung.fleet.jobs.assessing import assess_vehicles
-from sprung.fleet.jobs.files import read
-from sprung.fleet.jobs.plan import CANDIDATES, lacking
+from sprung.fleet.jobs.plan import CANDIDATES, FleetSettings, lacking, vehicles_of
 from sprung.fleet.jobs.results import Results
-from sprung.fleet.jobs.runs import FleetSettings, analyse_windows
-from sprung.fleet.jobs.vehicles import vehicles_of
-from sprung.fleet.lake import absolute_location
+from sprung.fleet.jobs.runs import analyse_windows
+from sprung.fleet.jobs.spark import read, spark_schema
+from sprung.fleet.lake import SCHEMA, Lake, absolute_location
 
 if TYPE_CHECKING:
     from pyspark.sql import DataFrame, SparkSession
@@ -31,8 +30,156 @@ STREAM_SETTINGS = {
 _COMPACTED_EVERY = 64
 #: Time between looks at whether a stream shall end [s].
 _LOOK_EVERY = 1
+#: Largest size of the files in a batch [bytes].
+_MAX_BYTES = 1 << 30
+#: Largest number of the messages of Kafka in a batch.
+_MAX_MESSAGES = 1_000_000
+#: Columns of messages: the vehicle, and a frame v1, report or state of its box.
+_MESSAGES = "key string, value binary"
 #: Property by which Spark names the stream that a batch is of, whatever its restarts.
 _QUERY = "sql.streaming.queryId"
+
+
+def windows_of_lake(session: "SparkSession", lake: Lake) -> "DataFrame":
+    """Return the stream of the windows that a lake holds and receives: where they are, without samples.
+
+    Parameters
+    ----------
+    session
+        Session of Spark.
+    lake
+        Windows of samples.
+
+    Raises
+    ------
+    DataError
+        If there is no lake.
+
+    Notes
+    -----
+    Spark lists the files of the lake, also those of interrupted commits and rewritten ones; a window counts once, by
+    its key.
+
+    Examples
+    --------
+    >>> from sprung.fleet.jobs import spark_session
+    >>> from sprung.fleet.lake import Lake
+    >>> windows = windows_of_lake(spark_session("local[2]"), Lake("lake"))  # doctest: +SKIP
+    >>> windows.isStreaming, windows.columns[:3]  # doctest: +SKIP
+    (True, ['vehicle', 'start', 'digest'])
+    """
+    lake.table.open()
+    files = session.readStream.schema(spark_schema(SCHEMA)).option("pathGlobFilter", "*.parquet")
+    files = files.option("ignoreMissingFiles", True).option("maxBytesPerTrigger", _MAX_BYTES)
+    keys = (
+        "vehicle",
+        "start",
+        "digest",
+        "duration",
+        "date",
+        "_metadata.file_path AS path",
+        "_metadata.row_index AS row",
+    )
+    return files.parquet(lake.location).selectExpr(*keys, "0L AS n_refused", "'' AS refusal")
+
+
+def messages_in_folder(session: "SparkSession", folder: str | Path) -> "DataFrame":
+    """Return the stream of messages in Parquet files with the columns `key` (vehicle) and `value` in a folder.
+
+    Parameters
+    ----------
+    session
+        Session of Spark.
+    folder
+        Folder, or URL of an object store; files must appear in it whole.
+
+    Examples
+    --------
+    >>> from sprung.fleet.jobs import spark_session
+    >>> messages = messages_in_folder(spark_session("local[2]"), "messages")  # doctest: +SKIP
+    >>> messages.isStreaming, messages.columns  # doctest: +SKIP
+    (True, ['key', 'value'])
+    """
+    files = session.readStream.schema(_MESSAGES).option("pathGlobFilter", "*.parquet")
+    return files.option("maxBytesPerTrigger", _MAX_BYTES).parquet(absolute_location(folder))
+
+
+def messages_in_kafka(session: "SparkSession", servers: str, topic: str) -> "DataFrame":
+    """Return the stream of messages of a topic of Kafka from its beginning, whose keys are vehicles.
+
+    Parameters
+    ----------
+    session
+        Session of Spark, with the connector for Kafka among its packages.
+    servers
+        Addresses of the brokers, such as "kafka-1:9092,kafka-2:9092".
+    topic
+        Name of the topic.
+
+    Raises
+    ------
+    ParameterError
+        If Spark has no connector for Kafka.
+
+    Examples
+    --------
+    >>> from sprung.fleet.jobs import spark_session
+    >>> settings = {"spark.jars.packages": "org.apache.spark:spark-sql-kafka-0-10_2.13:4.3.0"}
+    >>> session = spark_session("local[2]", settings=settings)  # doctest: +SKIP
+    >>> messages = messages_in_kafka(session, "kafka-1:9092,kafka-2:9092", "sprung")  # doctest: +SKIP
+    >>> messages.isStreaming, messages.columns  # doctest: +SKIP
+    (True, ['key', 'value'])
+    """
+    reader = session.readStream.format("kafka").option("kafka.bootstrap.servers", servers).option("subscribe", topic)
+    reader = reader.option("startingOffsets", "earliest").option("maxOffsetsPerTrigger", _MAX_MESSAGES)
+    try:
+        return reader.load().selectExpr("CAST(key AS STRING) AS key", "value")
+    except Exception as error:  # whatever Java makes of an absent connector
+        first = str(error).strip().splitlines()[0]
+        raise ParameterError(
+            f"no stream from Kafka at {servers}: {first[:200]}: start Spark with the package "
+            f"org.apache.spark:spark-sql-kafka-0-10_2.13:{session.version}"
+        ) from None
+
+
+def windows_of_messages(messages: "DataFrame", *, duration: float = 600.0) -> "DataFrame":
+    """Return the stream of the windows that frames of vehicles complete, with their samples.
+
+    Parameters
+    ----------
+    messages
+        Messages from `messages_in_folder` or `messages_in_kafka`, in any order.
+    duration
+        Length of a window without its gaps [s].
+
+    Raises
+    ------
+    ParameterError
+        If the duration is out of range.
+
+    Notes
+    -----
+    The state of a vehicle has the frames of its incomplete window and those that wait for earlier ones
+    (`sprung.link.windows.WindowAssembly`).
+
+    Examples
+    --------
+    >>> from sprung.fleet.jobs import spark_session
+    >>> from sprung.fleet.streams import STREAM_SETTINGS
+    >>> session = spark_session("local[2]", settings=STREAM_SETTINGS)  # doctest: +SKIP
+    >>> windows = windows_of_messages(messages_in_folder(session, "messages"), duration=300.0)  # doctest: +SKIP
+    >>> windows.isStreaming, windows.columns[:3]  # doctest: +SKIP
+    (True, ['date', 'vehicle', 'start'])
+    """
+    from pyspark.sql.types import LongType, StringType
+
+    from sprung.fleet.streams.frame_state import FrameState
+
+    check_number("duration", duration, at_least=60, at_most=7200)
+    columns = spark_schema(SCHEMA).add("n_refused", LongType()).add("refusal", StringType())
+    by_vehicle = messages.where("key IS NOT NULL").groupBy("key")
+    windows = by_vehicle.transformWithState(FrameState(duration), columns, "Append", "None")
+    return windows.selectExpr("*", "CAST(NULL AS string) AS path", "0L AS row")
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +253,9 @@ def stream(
     session
         Session of Spark, from `spark_session` with `STREAM_SETTINGS`.
     windows
-        Stream of windows, from `sprung.fleet.streams.sources`.
+        Stream of windows, from `sprung.fleet.streams`.
     vehicles
-        Vehicle files, as for `sprung.fleet.jobs.vehicles.vehicles_of`; read again for every batch.
+        Vehicle files, as for `sprung.fleet.jobs.plan.vehicles_of`; read again for every batch.
     results
         Tables of results; a run over an archive may have begun them.
     checkpoint
@@ -214,31 +361,10 @@ class _Batches:
 
     def _commit(self, batch: "DataFrame", number: int, fleet: "DataFrame", dates: set[str]) -> dict[str, int]:
         """Analyse the windows of a batch that lack results, and return the number of rows by table."""
-        name = str(self._session.sparkContext.getLocalProperty(_QUERY))
-        work = self._work(batch, fleet, dates)
-        done = analyse_windows(
-            *(self._session, work, self._results, self._settings, _unreported), application=(name, number)
-        )
-        return {table: n_rows for table, (n_rows, _) in done.items()}
-
-    def _assess(self, fleet: "DataFrame") -> int:
-        """Assess the vehicles whose windows have changed, and return their number."""
-        if "observe" not in self._settings.of_windows or not self._results["windows"].exists:
-            return 0
-        return assess_vehicles(
-            self._session,
-            fleet,
-            self._results,
-            settings=self._settings.assessment,
-            rate=self._settings.false_discoveries,
-        )
-
-    def _work(self, batch: "DataFrame", fleet: "DataFrame", dates: set[str]) -> "DataFrame":
-        """Return the windows of a batch that lack results."""
         from pyspark.sql import functions as f
 
         windows = batch.where(f.col("digest").isNotNull()).drop("n_refused", "refusal")
-        return lacking(
+        work = lacking(
             self._session,
             windows.dropDuplicates(["vehicle", "start", "digest"]),
             fleet,
@@ -246,6 +372,20 @@ class _Batches:
             self._results,
             steps=self._settings.of_windows,
             dates=dates,
+        )
+        stream = str(self._session.sparkContext.getLocalProperty(_QUERY))
+        done = analyse_windows(
+            self._session, work, self._results, self._settings, lambda step, share: None, application=(stream, number)
+        )
+        return {table: n_rows for table, (n_rows, _) in done.items()}
+
+    def _assess(self, fleet: "DataFrame") -> int:
+        """Assess the vehicles whose windows have changed, and return their number."""
+        if "observe" not in self._settings.of_windows or not self._results["windows"].exists:
+            return 0
+        settings = self._settings
+        return assess_vehicles(
+            self._session, fleet, self._results, settings=settings.assessment, rate=settings.false_discoveries
         )
 
     def _learning_limits(self, windows: "DataFrame") -> "DataFrame":
@@ -271,10 +411,6 @@ class _Batches:
         return early.join(learnt, "vehicle", "left").select("vehicle", f.greatest("last", "until").alias("limit"))
 
 
-def _unreported(step: str, share: float) -> None:
-    """Leave the share of a batch that is done aside: batches are short."""
-
-
 def _wait(query: "StreamingQuery", batches: _Batches, checkpoint: str) -> None:
     """Wait until a stream ends, or end it after the present batch."""
     try:
@@ -286,13 +422,7 @@ def _wait(query: "StreamingQuery", batches: _Batches, checkpoint: str) -> None:
             return
         if isinstance(batches.error, SprungError):
             raise batches.error from None
+        reason = (str(batches.error or error).strip().splitlines() or [type(error).__name__])[0][:300].rstrip(".")
         raise DataError(
-            f"the stream has ended: {_first_line(batches.error or error)}: remove the cause and start it again, "
-            f"with the checkpoint {checkpoint}"
+            f"the stream has ended: {reason}: remove the cause and start it again, with the checkpoint {checkpoint}"
         ) from error
-
-
-def _first_line(error: Any) -> str:
-    """Return the first line of an error."""
-    lines = str(error).strip().splitlines() or [type(error).__name__]
-    return lines[0][:300].rstrip(".")

@@ -12,8 +12,7 @@ import typer
 from sprung.cli.checks import may_lack_sensors, names
 from sprung.cli.logs import LogFormat, log_to
 from sprung.cli.options import AllowMissing, Files, SamplingRate, VehicleFile, option
-from sprung.cli.output import show
-from sprung.cli.progress import progress_bar
+from sprung.cli.output import progress_bar, show
 from sprung.cli.reading import reads_files
 from sprung.cli.stopping import stop_on_signals
 

@@ -8,8 +8,7 @@ import typer
 
 from sprung.cli.checks import check_file
 from sprung.cli.options import OUTPUT, Json, Since, Until, option
-from sprung.cli.output import show, write_pieces, write_result, written
-from sprung.cli.progress import progress_bar
+from sprung.cli.output import progress_bar, show, write_pieces, write_result, written
 from sprung.errors import ParameterError
 from sprung.online.commands.stores import DEFAULT_STORE, StoreUrl, Who, existing_store, group
 

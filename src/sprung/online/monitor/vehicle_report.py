@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sprung import __version__
+from sprung.diagnosis.baseline import typical_std
 from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.errors import SprungError
 from sprung.online.monitor.exports import grouped, report_document

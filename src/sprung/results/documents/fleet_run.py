@@ -36,7 +36,7 @@ class FleetRunDocument(Document):
     steps: tuple[str, ...]
     analysed: dict[str, int]
     vehicles_assessed: int
-    seconds: float
+    analysis_time: float
     windows: dict[str, int]
     without_result: dict[str, int]
     reasons: tuple[ReasonEntry, ...]
@@ -76,7 +76,7 @@ def fleet_run_document(
     Examples
     --------
     >>> counts = {"results": "results", "steps": ["windows"], "analysed": {"windows": 12}, "vehicles_assessed": 4}
-    >>> counts |= {"seconds": 61.0, "windows": {"windows": 48}, "without_result": {"windows": 3}}
+    >>> counts |= {"analysis_time": 61.0, "windows": {"windows": 48}, "without_result": {"windows": 3}}
     >>> counts |= {"verdicts": {"no_change_detected": 4}, "discoveries": 0}
     >>> document = fleet_run_document(counts=counts, reasons=[("the vehicle stood still", 3)], findings=[])
     >>> document.schema_name, document.reasons[0].windows

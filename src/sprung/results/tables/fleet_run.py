@@ -62,13 +62,13 @@ def fleet_run_in_words(document: Mapping[str, Any]) -> list[str]:
     Examples
     --------
     >>> reasons = [{"reason": "the vehicle stood still", "windows": 3}]
-    >>> run = {"analysed": {"windows": 12}, "vehicles_assessed": 4, "seconds": 61.0, "reasons": reasons}
+    >>> run = {"analysed": {"windows": 12}, "vehicles_assessed": 4, "analysis_time": 61.0, "reasons": reasons}
     >>> fleet_run_in_words(run)
     ['12 windows analysed and 4 vehicles assessed in 61 s', '3 windows: the vehicle stood still']
     """
     new = max(document["analysed"].values(), default=0)
     assessed = counted(document["vehicles_assessed"], "vehicle")
-    words = [f"{counted(new, 'window')} analysed and {assessed} assessed in {document['seconds']:.0f} s"]
+    words = [f"{counted(new, 'window')} analysed and {assessed} assessed in {document['analysis_time']:.0f} s"]
     if not new and not document["vehicles_assessed"]:
         words = ["all windows have results: the lake has no new ones"]
     reasons: Sequence[Mapping[str, Any]] = document["reasons"]

@@ -1,14 +1,16 @@
-"""Files of any format into a lake, as the windows that `sprung diagnose` makes of them."""
+"""Files of any format into a lake, as the windows that `sprung diagnose` makes of them, and back as recordings."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
+from urllib.parse import quote
 
 from sprung._checks import check_number
 from sprung.diagnosis import windows
 from sprung.errors import DataError, ParameterError, SprungError
-from sprung.fleet.lake import Lake, LakeWindow, window_of_recording
-from sprung.formats import ReadSettings, read_records
+from sprung.fleet.lake import Lake, LakeWindow, recording_of, window_of_recording
+from sprung.formats import ReadSettings, read_records, write
 from sprung.link.archive import is_archive, read_archive
 from sprung.recording import Channel, Gap, Recording
 
@@ -153,3 +155,49 @@ def _archived(path: Path, settings: ReadSettings) -> Recording:
     gaps = tuple(Gap(index, length) for index, length in kept.gaps)
     recording = Recording(kept.samples, kept.sampling_rate, channels, kept.t0 or None, gaps)
     return recording if settings.channels is None else recording.select(settings.channels)
+
+
+def export_windows(windows: Iterable[LakeWindow], folder: Path) -> list[Path]:
+    """Write each window to ``folder/vehicle/start-digest.parquet``, and return the paths.
+
+    Parameters
+    ----------
+    windows
+        Windows of a lake, such as those of `Lake.windows`.
+    folder
+        Folder, created if missing; files of the same windows are replaced.
+
+    Raises
+    ------
+    ParameterError
+        If a file cannot be written.
+    FormatError
+        If a window is damaged.
+
+    Notes
+    -----
+    Samples, sampling rate, gaps and start are those of the lake; positions and directions of sensors are not kept in
+    these files. Names of files are in the order of time.
+    """
+    paths = []
+    for window in windows:
+        path = folder / _folder_name(window.vehicle) / _file_name(window)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write(recording_of(window.row), path)
+        except OSError as error:
+            raise ParameterError(f"{path} cannot be written: {error.strerror or error}: give another folder") from None
+        paths.append(path)
+    return paths
+
+
+def _folder_name(vehicle: str) -> str:
+    """Return the name of a vehicle without what a path would take for a folder."""
+    name = quote(vehicle, safe=" ()+,;=@äöüÄÖÜß")
+    return name if name.strip(".") else name.replace(".", "%2E")
+
+
+def _file_name(window: LakeWindow) -> str:
+    """Return the name of a file: start to the millisecond, UTC, and the beginning of the digest."""
+    start = datetime.fromtimestamp(window.row["start"] / 1e9, UTC)
+    return f"{start:%Y%m%dT%H%M%S}{start.microsecond // 1000:03d}Z-{window.row['digest'][:6]}.parquet"

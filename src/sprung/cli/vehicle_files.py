@@ -1,0 +1,128 @@
+"""The commands `sprung describe` and `sprung calibrate`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from sprung.cli.checks import check_file, check_outputs, may_lack_sensors
+from sprung.cli.options import INPUT, AllowMissing, Figures, FileFormat, Files, Json, Minutes, VehicleFile, option
+from sprung.cli.output import progress_bar, show, write_figures, write_result, written
+from sprung.cli.reading import reads_files
+
+if TYPE_CHECKING:
+    from sprung.formats import ReadSettings
+
+
+def describe(
+    *,
+    mass: Annotated[float, option("KG", "Mass of the car as driven.")],
+    wheelbase: Annotated[float, option("M", "Distance between the axles.")],
+    track: Annotated[float, option("M", "Mean distance between the wheels of an axle.")],
+    tyre: Annotated[str, option("SIZE", "Size of the tyres, such as 205/55R16.")],
+    out: Annotated[Path, option("V.toml", "Vehicle file to write.")],
+    name: Annotated[str, option("NAME", "Name of the vehicle.", panel=INPUT)] = "car",
+    front_share: Annotated[float, option("S", "Share of the mass on the front axle.", panel=INPUT)] = 0.58,
+    ride_frequency: Annotated[
+        tuple[float, float], option("FRONT REAR", "Natural frequency of the body above each axle, in Hz.", panel=INPUT)
+    ] = (1.2, 1.4),
+    damping_ratio: Annotated[float, option("Z", "Damping ratio of the body above each axle.", panel=INPUT)] = 0.28,
+    unsprung: Annotated[
+        tuple[float, float] | None,
+        option("FRONT REAR", "Unsprung mass of a wheel, in kg. Default: 2.8 % of the mass.", panel=INPUT),
+    ] = None,
+    pressure: Annotated[float, option("BAR", "Pressure of the tyres.", panel=INPUT)] = 2.3,
+    sensors: Annotated[
+        Literal["corners", "imu", "travel"],
+        typer.Option(
+            help="Accelerometers above the wheels (acc_fl ..), an IMU at the centre of gravity (acc_z, gyro_x, gyro_y),"
+            " or spring deflections (travel_fl ..).",
+            rich_help_panel=INPUT,
+        ),
+    ] = "corners",
+) -> None:
+    """Write a vehicle file from a data sheet, with guesses for what it does not state; complete it with calibrate."""
+    from sprung.calibration import DataSheet, described
+    from sprung.vehicles import structure, write_vehicle
+    from sprung.vehicles.labels import plausibility_notes
+
+    check_file("--out", out)
+    sheet = DataSheet(
+        mass=mass,
+        wheelbase=wheelbase,
+        track=track,
+        tyre=tyre,
+        front_share=front_share,
+        ride_frequencies=ride_frequency,
+        damping_ratio=damping_ratio,
+        unsprung_masses=unsprung,
+        pressure=1e5 * pressure,
+        sensors=sensors,
+        name=name,
+    )
+    vehicle = described(sheet)
+    write_vehicle(vehicle, out)
+    modes = structure(vehicle).modes()
+    body = [
+        f"{label} {frequency:.2f} Hz"
+        for label, frequency in zip(modes.labels, modes.natural_frequency, strict=True)
+        if label in {"bounce", "pitch", "roll"}
+    ]
+    show(
+        [
+            f"guessed vehicle: {', '.join(body)}",
+            *plausibility_notes(vehicle),
+            f"wrote {out}: state where the sensors are, then complete it with `sprung calibrate` on healthy drives",
+        ]
+    )
+
+
+@reads_files
+def calibrate(
+    files: Files,
+    *,
+    vehicle: VehicleFile,
+    out: Annotated[Path, option("V2.toml", "Completed vehicle file to write.")],
+    reading: "ReadSettings",
+    allow_missing: AllowMissing = False,
+    window: Minutes = 10.0,
+    mounts: Annotated[int, option("N", "Largest number of masses on mounts to add.", min=0, panel=INPUT)] = 3,
+    modes: Annotated[
+        bool, option(None, "Add torsion and bending where the drives show them.", "--modes/--no-modes", panel=INPUT)
+    ] = True,
+    figures: Figures = None,
+    file_format: FileFormat = "png",
+    json: Json = None,
+) -> None:
+    """Complete a vehicle file from healthy drives: sensors, wheels, masses on mounts, modes of the body."""
+    from sprung.calibration import CalibrationSettings
+    from sprung.calibration import calibrate as calibrated
+    from sprung.diagnosis import windows
+    from sprung.formats import read_records
+    from sprung.results import tables
+    from sprung.results.documents import calibration_document
+    from sprung.vehicles import read_vehicle, write_vehicle
+
+    check_file("--out", out, inputs=files)
+    check_outputs(json=json, page=None, figures=figures, inputs=[*files, vehicle])
+    description = read_vehicle(vehicle)
+    may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
+    settings = CalibrationSettings(most_mounts=mounts, has_modes=modes)
+    with progress_bar() as report:
+        recordings = read_records(files, settings=reading, on_progress=report)
+        parts = [part for _, part in windows(recordings, length=60 * window)]
+        report(f"calibrating on {len(parts)} windows", 0.5)
+        result = calibrated(parts, description, settings=settings, allow_missing=may_lack)
+        source = ", ".join(path.name for path in files)
+        paths = write_figures(
+            figures,
+            lambda drawn: {
+                "misfit": drawn.misfit_figure(result, source=source),
+                "learnt": drawn.learnt_figure(result, source=source),
+            },
+            file_format,
+        )
+    write_vehicle(result.vehicle, out)
+    if write_result(calibration_document(result), json):
+        sentences = tables.calibration_in_words(result)
+        show(tables.calibration_table(result), [*sentences, *written([out, *paths], json)])
