@@ -425,7 +425,7 @@ class LevelTrends:
         Its standard deviation, shape (modes,).
     p_value
         Probability of changes at least as large in a linear system, for frequency and damping together, shape (modes,).
-    contrast
+    level_ratio
         Level in the highest subset over that in the lowest, during the ring-down of each mode, shape (modes,).
     """
 
@@ -434,11 +434,11 @@ class LevelTrends:
     damping_ratio: Real
     damping_ratio_std: Real
     p_value: Real
-    contrast: Real
+    level_ratio: Real
 
     def __post_init__(self) -> None:
         freeze(self, natural_frequency=1, natural_frequency_std=1, damping_ratio=1, damping_ratio_std=1)
-        freeze(self, p_value=1, contrast=1)
+        freeze(self, p_value=1, level_ratio=1)
 
     def of(self, modes: Indices) -> "LevelTrends":
         """Return the dependence of the modes with these indices, unknown for -1."""
@@ -509,7 +509,7 @@ def _nearest(poles: Poles, mode: Modes) -> int | None:
 
 
 def _trend(weights: tuple[Complex, Complex], modulus: float, sets: Sequence[LevelSet]) -> Real:
-    """Return slopes with standard deviations, p and contrast of one mode; NaN where a subset hardly has the mode."""
+    """Return slopes with standard deviations, p and ratio of levels; NaN where a subset hardly has the mode."""
     values, changes, levels = [], [], []
     for part in sets:
         value, change = _pole(weights, part.correlations)
@@ -593,5 +593,5 @@ def trends_in_words(modes: Modes, trends: LevelTrends) -> list[str]:
         return sentences
     if not np.isfinite(trends.p_value).any():
         return []
-    contrast = np.nanmedian(trends.contrast)
-    return [f"no dependence on the level detected (highest subset over lowest: {contrast:.2f})"]
+    ratio = np.nanmedian(trends.level_ratio)
+    return [f"no dependence on the level detected (highest subset over lowest: {ratio:.2f})"]

@@ -35,12 +35,12 @@ class TrackingSettings:
         its estimates, 0 to 0.1.
     reach
         Largest relative change of a natural frequency at once that is followed as a jump of the same mode, 0 to 0.5.
-    least_mac
+    min_mac
         Smallest MAC of a mode with the recent shape of its track, 0 to 1.
     gap
         Longest time for which a mode may be absent, in the unit of the times; None: 48 median distances of the windows.
-    least_count, out_of
-        A track is confirmed where it has `least_count` modes in `out_of` windows that follow each other; fewer where
+    min_count, out_of
+        A track is confirmed where it has `min_count` modes in `out_of` windows that follow each other; fewer where
         there are fewer windows.
 
     Raises
@@ -51,17 +51,17 @@ class TrackingSettings:
 
     drift: float = 0.003
     reach: float = 0.1
-    least_mac: float = 0.5
+    min_mac: float = 0.5
     gap: float | None = None
-    least_count: int = 3
+    min_count: int = 3
     out_of: int = 10
 
     def __post_init__(self) -> None:
         check_number("drift", self.drift, above=0, at_most=0.1)
         check_number("reach", self.reach, above=0, at_most=0.5)
-        check_number("least_mac", self.least_mac, at_least=0, at_most=1)
-        check_number("least_count", self.least_count, at_least=1)
-        check_number("out_of", self.out_of, at_least=self.least_count)
+        check_number("min_mac", self.min_mac, at_least=0, at_most=1)
+        check_number("min_count", self.min_count, at_least=1)
+        check_number("out_of", self.out_of, at_least=self.min_count)
         if self.gap is not None:
             check_number("gap", self.gap, above=0)
 
@@ -210,7 +210,7 @@ class TrackedModes(Tabular, Savable, Drawable):
         Names of the channels of the mode shapes.
     tracks
         Confirmed tracks by rising natural frequency.
-    strays
+    untracked_modes
         Tracks of too few modes, and second estimates of the modes of other tracks.
     settings
         Settings, with the longest absence filled in.
@@ -220,7 +220,7 @@ class TrackedModes(Tabular, Savable, Drawable):
     has_result: Booleans
     channels: tuple[str, ...]
     tracks: tuple[Track, ...]
-    strays: tuple[Track, ...]
+    untracked_modes: tuple[Track, ...]
     settings: TrackingSettings
 
     def __post_init__(self) -> None:
@@ -419,8 +419,8 @@ def _costs(trackers: Sequence[Tracker], part: Estimates, predicted: Real, settin
         return np.zeros((0, len(part)))
     positions = np.array([tracker.position for tracker in trackers])
     likeness = np.abs(np.conj(np.array([tracker.shape for tracker in trackers])) @ part.shapes.T) ** 2
-    unlike = np.where(likeness >= settings.least_mac, (1 - likeness) / _SHAPE, np.inf)
-    is_established = np.array([len(tracker.members) >= settings.least_count for tracker in trackers])
+    unlike = np.where(likeness >= settings.min_mac, (1 - likeness) / _SHAPE, np.inf)
+    is_established = np.array([len(tracker.members) >= settings.min_count for tracker in trackers])
     dampings = np.array([tracker.damping for tracker in trackers])
     is_close = np.abs(positions[:, None] - positions) <= _CLOSE + dampings[:, None] + dampings
     is_close &= is_established & is_established[:, None]
@@ -544,7 +544,7 @@ def continued(
 def is_confirmed(members: Members, has_result: Booleans, settings: TrackingSettings) -> bool:
     """Whether a track has enough modes in windows that follow each other, of those with results."""
     counts = np.cumsum(has_result)
-    least = min(settings.least_count, int(counts[-1]))
+    least = min(settings.min_count, int(counts[-1]))
     places = [int(counts[window]) for window, _ in members]
     return any(last - first < settings.out_of for first, last in zip(places, places[least - 1 :], strict=False))
 
@@ -589,12 +589,12 @@ def track_modes(
 
         d^2 / S + ln(1 + S / drift^2) + (1 - MAC) / 0.05,     S = variance of the track + variance of the mode,
 
-    where d is the difference of ln f; a pair above 16 or below `least_mac` is not one. Crossing modes are distinguished
+    where d is the difference of ln f; a pair above 16 or below `min_mac` is not one. Crossing modes are distinguished
     by their shapes; in a veering, where shapes turn over many windows, each track stays on its branch. The shapes of
     two modes whose half-power bands overlap may turn within their common plane from window to window: such a shape is
     accepted at a cost of 8. Variances are those that the identifications state, scaled as modes of one shape scatter
     from window to window (robustly, over all modes), and at most that of a quarter of `reach`. A mode that fits no
-    track starts one, which is confirmed by `least_count` of `out_of`.
+    track starts one, which is confirmed by `min_count` of `out_of`.
 
     Tracks whose frequencies agree (within two standard deviations of their scatter, or half a half-power
     half-bandwidth) and whose mean shapes have a MAC of 0.9 are united: they are one mode.
@@ -642,7 +642,7 @@ def track_modes(
         has_result=has_result,
         channels=channels,
         tracks=_by_frequency([track for track, yes in zip(tracks, is_mode, strict=True) if yes]),
-        strays=_by_frequency([track for track, yes in zip(tracks, is_mode, strict=True) if not yes]),
+        untracked_modes=_by_frequency([track for track, yes in zip(tracks, is_mode, strict=True) if not yes]),
         settings=replace(settings, gap=gap),
     )
 
