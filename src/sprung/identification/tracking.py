@@ -686,9 +686,9 @@ def _track(chain: Sequence[Members], windows: Sequence[Modes | None], times: Rea
     between, frequency = has_result[numbers[0] : numbers[-1] + 1], modes.natural_frequency
     limits = np.cumsum([len(part) for part in chain])[:-1].tolist()
     jumps = []
-    for limit, part in zip(limits, chain[1:], strict=True):
+    for limit, after in zip(limits, chain[1:], strict=True):
         before = np.median(frequency[max(limit - _RULES.recent, 0) : limit])
-        jumps.append(Jump(part[0][0], float(before), float(np.median(frequency[limit : limit + _RULES.recent]))))
+        jumps.append(Jump(after[0][0], float(before), float(np.median(frequency[limit : limit + _RULES.recent]))))
     return Track(
         windows=numbers,
         members=np.array([member for _, member in members]),
