@@ -94,8 +94,8 @@ def test_steady_modes_among_false_ones(seed) -> None:
     windows, truth = sequence(seed, steady(2.0, 3.0, 5.0, 7.0), n_false=2)
     result = track_modes(windows)
     check_identities(result, truth, 4, purity=0.97)
-    n_strays = sum(map(len, result.strays))
-    assert n_strays + sum(map(len, result.tracks)) == sum(len(modes) for modes in windows if modes is not None)
+    n_untracked = sum(map(len, result.untracked_modes))
+    assert n_untracked + sum(map(len, result.tracks)) == sum(len(modes) for modes in windows if modes is not None)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -243,7 +243,7 @@ def test_few_windows() -> None:
     further = window([2.0, 4.0], SHAPES[:2], std=0.01)
     result = track_modes([alone, further])
     assert [len(track) for track in result.tracks] == [2]
-    assert [len(track) for track in result.strays] == [1, 1]
+    assert [len(track) for track in result.untracked_modes] == [1, 1]
     assert np.isnan(result.tracks[0].natural_frequency.scatter)
     assert result.tracks[0].natural_frequency.trend is None
 

@@ -64,7 +64,7 @@ def test_a_linear_record_of_varying_level_has_no_trend() -> None:
     assert len(found.modes) == 1
     assert found.level_trends is not None
     assert not found.level_trends.is_detected.any()
-    assert found.level_trends.contrast[0] > 1.2
+    assert found.level_trends.level_ratio[0] > 1.2
     sentence = "no dependence on the level detected (highest subset over lowest: 1."
     assert any(note.startswith(sentence) for note in found.notes)
     average = cov_ssi(oscillator(1), settings=QUIET).modes
@@ -109,7 +109,7 @@ def test_trends_in_words() -> None:
         damping_ratio=np.array([0.0, -0.012]),
         damping_ratio_std=np.array([0.001, 0.002]),
         p_value=np.array([1e-6, 1e-5]),
-        contrast=np.array([2.0, 1.5]),
+        level_ratio=np.array([2.0, 1.5]),
     )
     assert trends_in_words(modes_at(13.2, 20.0), trends) == [
         "the frequency of the mode at 13.2 Hz falls by 3.1 % ± 0.4 % for twice the level: a nonlinearity",

@@ -73,7 +73,7 @@ def track(
         float | None,
         option(
             "SECONDS",
-            "Longest absence after which a mode is still followed. Default: 48 windows.",
+            "Longest gap over which a mode is still tracked. Default: 48 windows.",
             panel=_TRACKING,
         ),
     ] = None,

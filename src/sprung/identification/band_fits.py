@@ -16,12 +16,63 @@ from sprung.likelihood.search import scored
 from sprung.modal import Modes, unit_shapes
 from sprung.recording import Channel, Recording
 
-#: Spectra reach from this share of the lowest mode that is resolved to this share of the sampling rate.
-_LOWEST, _HIGHEST = 0.5, 0.4
-#: The record's duration over the length of the segments of its Welch spectra; bins of blocks over their frequency.
-_SPECTRUM_SEGMENTS, _BLOCK_WIDTH = 24.0, 0.004
-#: Numbers of blocks, and of the entries of all their matrices.
-_MOST_BLOCKS, _FEWEST_BLOCKS, _MOST_ENTRIES = 48, 8, 3e6
+
+@dataclass(frozen=True, slots=True)
+class BandRules:
+    """Rules of the spectra of records, and of the fits of modes in bands of them."""
+
+    #: Spectra begin at this share of the lowest mode that is resolved, as peaks reach below it.
+    lowest: float = 0.5
+    #: Spectra end at this share of the sampling rate, where decimation passes everything.
+    highest: float = 0.4
+    #: Duration of a stretch over the segments of its Welch spectra: one line of the stretch for each bin.
+    spectrum_segments: float = 24.0
+    #: Width of the bins of blocks over their frequency: scores need no finer ones.
+    block_width: float = 0.004
+    #: Most blocks of a record, of which a scatter is well known.
+    max_blocks: int = 48
+    #: Fewest blocks, if they are large, and fewest whose scatter counts.
+    min_blocks: int = 8
+    #: Most entries of the matrices of all blocks, about 50 MB.
+    max_entries: float = 3e6
+    #: Bands around the modes in half-power half-widths, widest first: the widest in which the model fits is used.
+    reaches: tuple[float, ...] = (np.inf, 30.0, 12.0)
+    #: Lowest frequency of a band over that of its lowest mode. Far below it accelerations fall with the square of the
+    #: frequency, because restoring forces cancel the forces. A delay between the two falls with the frequency alone:
+    #: forces held over samples act half a sample later on the motion than in the accelerations: not in the model.
+    lowest_of_mode: float = 0.6
+    #: Most modes that are fitted together: the time rises with the fourth power.
+    max_together: int = 5
+    #: Width of the bins over the half-width of the nearest mode: its curve is smooth over a fifth.
+    bin_of_width: float = 1 / 5
+    #: Width of the bins over the distance from the nearest mode.
+    bin_of_distance: float = 1 / 8
+    #: Bins on which the fit is judged together.
+    judged_bins: int = 4
+    #: A model fits below this deviation, in standard deviations of chance (true models: -0.6, scattering by 0.8).
+    beyond_chance: float = 1.0
+    #: Largest damping ratio of a pole that oscillates.
+    max_damping: float = 0.99
+    #: Up to this number of channels modes are fitted to all of them ...
+    few_channels: int = 6
+    #: ... with more, in the space of their shapes and of this many further coordinates.
+    more_coordinates: int = 2
+    #: Smallest density of noise at the start over the largest of the spectra, so that matrices stay positive definite.
+    min_noise: float = 1e-9
+    #: Most steps by least squares to the first spectra of forces and noise.
+    max_linear_steps: int = 8
+    #: Change of ln noise that ends them.
+    small_step: float = 0.3
+    #: Fewest lines of a block in a mode's half-width whose scatter counts.
+    min_lines: float = 2.0
+    #: Standard deviations beyond chance from which the scatter counts.
+    scatter_beyond_chance: float = 1.0
+
+
+_RULES = BandRules()
+#: Power of frequency from displacement to each quantity; quantities that are not stated are mostly accelerations.
+_EXPONENTS = {"displacement": 0.0, "angle": 0.0, "strain": 0.0, "velocity": 1.0, "angular_velocity": 1.0}
+_USUAL_EXPONENT = 2.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -65,7 +116,7 @@ class RecordSpectra:
         blocks, records = list(self.blocks), self.records
         if not blocks:
             return self
-        most = int(np.clip(_MOST_ENTRIES / blocks[0].matrices.size, _FEWEST_BLOCKS, _MOST_BLOCKS))
+        most = int(np.clip(_RULES.max_entries / blocks[0].matrices.size, _RULES.min_blocks, _RULES.max_blocks))
         while len(blocks) > most:
             pairs = [blocks[k : k + 2] for k in range(0, len(blocks), 2)]
             blocks = [pair[0] + pair[1] if len(pair) == 2 else pair[0] for pair in pairs]
@@ -83,43 +134,15 @@ def record_spectra(motion: Recording, plan: Plan) -> RecordSpectra:
     plan
         Decisions of the identification; all records of one plan have the same bins.
     """
-    low = _LOWEST * plan.mode_band[0]
-    high = max(_HIGHEST * plan.preparation.decimate_to, 2 * low)
-    duration = _SPECTRUM_SEGMENTS * plan.preparation.spectrum_segment
+    low = _RULES.lowest * plan.mode_band[0]
+    high = max(_RULES.highest * plan.preparation.decimate_to, 2 * low)
+    duration = _RULES.spectrum_segments * plan.preparation.spectrum_segment
     block = max(2 * plan.segment, plan.preparation.spectrum_segment)
-    blocks = block_sums(motion, line_edges(low, high, duration=block, relative_width=_BLOCK_WIDTH), duration=block)
+    edges = line_edges(low, high, duration=block, relative_width=_RULES.block_width)
+    blocks = block_sums(motion, edges, duration=block)
     lines = line_sums(motion, line_edges(low, high, duration=duration))
     numbers = np.zeros(len(blocks), dtype=np.intp)
     return RecordSpectra(lines, tuple(blocks), numbers, plan.preparation.sampling_rate).with_fewer_blocks()
-
-
-#: Power of frequency from displacement to each quantity; quantities that are not stated are mostly accelerations.
-_EXPONENTS = {"displacement": 0.0, "angle": 0.0, "strain": 0.0, "velocity": 1.0, "angular_velocity": 1.0}
-_USUAL_EXPONENT = 2.0
-#: Bands around the modes in half-power half-widths, widest first: the widest in which the model fits is used.
-_REACHES = (np.inf, 30.0, 12.0)
-#: Lowest frequency of a band over that of its lowest mode. Far below it accelerations fall with the square of the
-#: frequency, because restoring forces cancel the forces. A delay between the two falls with the frequency alone: forces
-#: held over samples act half a sample later on the motion than in the accelerations, which the model does not hold.
-_LOWEST_OF_MODE = 0.6
-#: Most modes that are fitted together.
-_MOST_TOGETHER = 5
-#: Width of the bins over the half-width of the nearest mode, and over the distance from it.
-_BIN_OF_WIDTH, _BIN_OF_DISTANCE = 1 / 5, 1 / 8
-#: The fit of a band is judged on this many bins together. A model fits if the deviation is below this many standard
-#: deviations of chance (for true models it is -0.6 on average, and scatters by 0.8).
-_BINS_JUDGED, _BEYOND_CHANCE = 4, 1.0
-#: Largest damping ratio of a pole that oscillates.
-_LARGEST_DAMPING = 0.99
-#: With more channels than these, modes are fitted in the space of their shapes and this many further coordinates.
-_FEW_CHANNELS, _MORE_COORDINATES = 6, 2
-#: Smallest density of noise at the start over the largest of the spectra, so that matrices stay positive definite.
-_LEAST_NOISE = 1e-9
-#: Most steps by least squares to the first spectra of forces and noise, and the change of ln noise that ends them.
-_MOST_LINEAR_STEPS, _SMALL_STEP = 8, 0.3
-#: Fewest blocks whose scatter counts, fewest of their lines in a mode's half-width, and how far beyond chance it has to
-#: be, in standard deviations.
-_BLOCKS_THAT_COUNT, _LINES_THAT_COUNT, _SCATTER_BEYOND_CHANCE = 8, 2.0, 1.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -151,7 +174,7 @@ class BandFit:
     @property
     def fits(self) -> bool:
         """Whether the deviation of the spectra from the model is within chance."""
-        return self.misfit_excess < _BEYOND_CHANCE
+        return self.misfit_excess < _RULES.beyond_chance
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -216,14 +239,14 @@ def fits_of_bands(modes: Modes, observed: Observed, *, is_refinable: Booleans) -
     """
     half_widths = modes.damping_ratio * modes.natural_frequency
     pending, fits = np.arange(len(modes)), []
-    for reach in _REACHES:
+    for reach in _RULES.reaches:
         left = []
         for group in _overlapping(modes.natural_frequency, reach * half_widths, pending):
-            is_last = reach == _REACHES[-1]
+            is_last = reach == _RULES.reaches[-1]
             if not is_refinable[group].any():
                 continue
-            for part in np.array_split(group, -(-len(group) // _MOST_TOGETHER)) if is_last else [group]:
-                fit = None if len(part) > _MOST_TOGETHER else _fit(modes, part, reach, observed)
+            for part in np.array_split(group, -(-len(group) // _RULES.max_together)) if is_last else [group]:
+                fit = None if len(part) > _RULES.max_together else _fit(modes, part, reach, observed)
                 if fit is not None and (is_last or fit.band.fits):
                     fits.append(fit)
                 else:
@@ -234,15 +257,8 @@ def fits_of_bands(modes: Modes, observed: Observed, *, is_refinable: Booleans) -
 
 def _overlapping(frequencies: Real, reaches: Real, chosen: Indices) -> list[Indices]:
     """Return the chosen modes in groups whose bands overlap."""
-    groups: list[list[int]] = []
-    end = -np.inf
-    for k in chosen:
-        if groups and frequencies[k] - reaches[k] <= end:
-            groups[-1].append(int(k))
-        else:
-            groups.append([int(k)])
-        end = max(end, frequencies[k] + reaches[k])
-    return [np.array(group, dtype=np.intp) for group in groups]
+    ends = np.maximum.accumulate((frequencies + reaches)[chosen])
+    return np.split(chosen, 1 + np.flatnonzero((frequencies - reaches)[chosen[1:]] > ends[:-1]))
 
 
 def _fit(modes: Modes, chosen: Indices, reach: float, observed: Observed) -> FittedBand | None:
@@ -250,7 +266,7 @@ def _fit(modes: Modes, chosen: Indices, reach: float, observed: Observed) -> Fit
     frequencies, half_widths = modes.natural_frequency, modes.damping_ratio * modes.natural_frequency
     low = np.min(frequencies[chosen] - reach * half_widths[chosen])
     high = np.max(frequencies[chosen] + reach * half_widths[chosen])
-    low = max(low, _LOWEST_OF_MODE * frequencies[chosen[0]])
+    low = max(low, _RULES.lowest_of_mode * frequencies[chosen[0]])
     data, channels = observed.spectra, observed.channels
     inside = data.take((low <= data.frequencies) & (data.frequencies <= high))
     if not inside.frequencies.size:
@@ -290,8 +306,8 @@ def _coordinates(modes: Modes, spectra: LineSpectra, channels: Sequence[Channel]
     """
     exponents = _exponents(channels) - _exponents(channels).mean()
     tilted = spectra.tilted(-exponents)
-    n_channels, n_kept = len(channels), len(modes) + _MORE_COORDINATES
-    if n_channels <= max(n_kept, _FEW_CHANNELS):
+    n_channels, n_kept = len(channels), len(modes) + _RULES.more_coordinates
+    if n_channels <= max(n_kept, _RULES.few_channels):
         nothing = np.zeros((0, n_channels), dtype=np.complex128)
         unit = np.eye(n_channels, dtype=np.complex128)
         return tilted, _Coordinates(unit, unit, (nothing, nothing.T), exponents)
@@ -318,7 +334,7 @@ def _coordinates(modes: Modes, spectra: LineSpectra, channels: Sequence[Channel]
 def _least_densities(spectra: LineSpectra) -> Real:
     """Return a low quantile of the densities of each channel, at least a trace of the largest one."""
     densities = np.einsum("bii->bi", spectra.matrices).real
-    return np.asarray(np.maximum(np.quantile(densities, 0.1, axis=0), _LEAST_NOISE * densities.max(axis=0)))
+    return np.asarray(np.maximum(np.quantile(densities, 0.1, axis=0), _RULES.min_noise * densities.max(axis=0)))
 
 
 def _tilted_shapes(modes: Modes, middle: float, exponents: Real) -> Complex:
@@ -329,7 +345,7 @@ def _tilted_shapes(modes: Modes, middle: float, exponents: Real) -> Complex:
 def _bins(frequencies: Real, peaks: Real, half_widths: Real) -> Indices:
     """Return the number of the wider bin of each bin: narrow against the peaks, wider away from them."""
     distances = np.abs(frequencies[:, None] - peaks)
-    widths = np.min(np.maximum(_BIN_OF_WIDTH * half_widths, _BIN_OF_DISTANCE * distances), axis=1)
+    widths = np.min(np.maximum(_RULES.bin_of_width * half_widths, _RULES.bin_of_distance * distances), axis=1)
     steps = np.diff(frequencies, prepend=frequencies[0]) / np.minimum(widths, frequencies / 4)
     return np.unique(np.floor(np.cumsum(steps)), return_inverse=True)[1]
 
@@ -363,10 +379,10 @@ def _started(modes: Modes, tilted: LineSpectra, coordinates: _Coordinates, chann
         noise_exponents=-2 * coordinates.exponents if is_whole else np.zeros(spectra.matrices.shape[-1]),
     )
     model = ModalModel(spectra, begin, exponent)
-    for _ in range(_MOST_LINEAR_STEPS):
+    for _ in range(_RULES.max_linear_steps):
         before = model.begin.noise
         model = replace(model, begin=_with_linear_step(model))
-        if np.max(np.abs(np.log(model.begin.noise / before))) < _SMALL_STEP:
+        if np.max(np.abs(np.log(model.begin.noise / before))) < _RULES.small_step:
             break
     return model
 
@@ -374,7 +390,7 @@ def _started(modes: Modes, tilted: LineSpectra, coordinates: _Coordinates, chann
 def _with_linear_step(model: ModalModel) -> ModalParameters:
     """Return the parameters of a model with force and noise spectra by weighted least squares."""
     start = model.start
-    rows = np.concatenate([model.rows("forces"), model.rows("noise")])
+    rows = np.concatenate([model.rows["forces"], model.rows["noise"]])
     slopes = model.whitened_densities(start).reshape(-1, len(rows))
     residuals = real_form(model.residuals(start)) * np.sqrt(model.spectra.counts)
     step = np.linalg.lstsq(slopes.T @ slopes, residuals.ravel() @ slopes, rcond=1e-12)[0]
@@ -391,18 +407,13 @@ def _with_linear_step(model: ModalModel) -> ModalParameters:
 def _misfit(model: ModalModel, parameters: Real) -> tuple[float, float]:
     """Return the mean square of the deviation of the spectra over that by chance, and its excess in deviations."""
     counts, size = model.spectra.counts, model.n_channels**2
-    starts = np.arange(0, counts.size, _BINS_JUDGED)
+    starts = np.arange(0, counts.size, _RULES.judged_bins)
     n = np.add.reduceat(counts, starts)
     deviations = np.add.reduceat(counts[:, None, None] * model.residuals(parameters), starts) / n[:, None, None]
     total = float(np.sum(n * np.sum(np.abs(deviations) ** 2, axis=(1, 2))))
     degrees = max(n.size * size - parameters.size, n.size * size / 2)
     variance = float(np.sum(2 * size * (1 + 3 * model.n_channels / n)))
     return total / degrees, (total - degrees) / np.sqrt(variance)
-
-
-def _posterior(model: ModalModel, parameters: Real) -> Real:
-    """Return the information about the parameters, the prior included."""
-    return model.information(parameters) + np.diag(1 / model.prior_std**2)
 
 
 def refined_modes(fit: FittedBand, modes: Modes, spectra: RecordSpectra) -> Modes:
@@ -429,7 +440,8 @@ def refined_modes(fit: FittedBand, modes: Modes, spectra: RecordSpectra) -> Mode
     """
     model, n = fit.model, len(fit.modes)
     values = model.unpacked(fit.parameters)
-    covariance: Real = np.asarray(np.linalg.inv(_posterior(model, fit.parameters)), dtype=np.float64)
+    information = model.information(fit.parameters) + np.diag(1 / model.prior_std**2)
+    covariance: Real = np.asarray(np.linalg.inv(information), dtype=np.float64)
     scatter = _scatter(fit, covariance, spectra)
     dispersion = max(fit.band.misfit, 1.0)
     deviations = np.sqrt(np.diag(covariance) * np.maximum(scatter, dispersion))
@@ -437,7 +449,7 @@ def refined_modes(fit: FittedBand, modes: Modes, spectra: RecordSpectra) -> Mode
     rest, variances = _rest_of_shapes(fit)
     coordinates = fit.coordinates
     shapes, shape_stds = [], []
-    f, xi = values.natural_frequency[:n], np.minimum(values.damping_ratio[:n], _LARGEST_DAMPING)
+    f, xi = values.natural_frequency[:n], np.minimum(values.damping_ratio[:n], _RULES.max_damping)
     for k in range(n):
         tilt = (f[k] / fit.spectra.middle) ** coordinates.exponents
         shape = tilt * (coordinates.back @ values.mode_shapes[k] + coordinates.rest[1] @ rest[k])
@@ -454,8 +466,8 @@ def refined_modes(fit: FittedBand, modes: Modes, spectra: RecordSpectra) -> Mode
         modes.take(fit.modes),
         poles=2 * np.pi * f * (1j * np.sqrt(1 - xi**2) - xi),
         mode_shapes=unit_shapes(np.array(shapes)),
-        natural_frequency_std=f * deviations[model.rows("natural_frequency")[:n]],
-        damping_ratio_std=xi * deviations[model.rows("damping_ratio")[:n]],
+        natural_frequency_std=f * deviations[model.rows["natural_frequency"][:n]],
+        damping_ratio_std=xi * deviations[model.rows["damping_ratio"][:n]],
         mode_shape_std=np.array(shape_stds),
     )
 
@@ -490,11 +502,8 @@ def _normalising(shape: Complex) -> Complex:
 
 def _as_real(matrix: Complex) -> Real:
     """Return the matrix that acts on real and imaginary parts in turn as a complex one does."""
-    rows, columns = matrix.shape
-    real = np.empty((rows, 2, columns, 2))
-    real[:, 0, :, 0] = real[:, 1, :, 1] = matrix.real
-    real[:, 1, :, 0], real[:, 0, :, 1] = matrix.imag, -matrix.imag
-    return real.reshape(2 * rows, 2 * columns)
+    real = np.kron(matrix.real, np.eye(2)) + np.kron(matrix.imag, np.array([[0.0, -1.0], [1.0, 0.0]]))
+    return np.asarray(real, dtype=np.float64)
 
 
 def _scatter(fit: FittedBand, covariance: Real, spectra: RecordSpectra) -> Real:
@@ -509,7 +518,7 @@ def _scatter(fit: FittedBand, covariance: Real, spectra: RecordSpectra) -> Real:
     ones = np.ones(len(covariance))
     values = fit.model.unpacked(fit.parameters)
     half_widths = values.natural_frequency * values.damping_ratio
-    if n_blocks < _BLOCKS_THAT_COUNT or spectra.blocks[0].longest * half_widths.max() < _LINES_THAT_COUNT:
+    if n_blocks < _RULES.min_blocks or spectra.blocks[0].longest * half_widths.max() < _RULES.min_lines:
         return ones
     n_lines = np.array([block.moments[0] for block in spectra.blocks])
     total = np.sum(n_lines, axis=0)
@@ -544,7 +553,7 @@ def _scatter(fit: FittedBand, covariance: Real, spectra: RecordSpectra) -> Real:
     centred = (influences - influences.mean(axis=0)) * np.sqrt(n_blocks / (n_blocks - 1))
     variances = deviation_of_mean(centred, spectra.records) ** 2
     ratios = variances / np.diag(covariance)
-    counts_for_it = ratios > 1 + _SCATTER_BEYOND_CHANCE * np.sqrt(2 / n_blocks)
+    counts_for_it = ratios > 1 + _RULES.scatter_beyond_chance * np.sqrt(2 / n_blocks)
     for name in ("natural_frequency", "damping_ratio"):
-        counts_for_it[model.rows(name)] &= spectra.blocks[0].longest * half_widths >= _LINES_THAT_COUNT
+        counts_for_it[model.rows[name]] &= spectra.blocks[0].longest * half_widths >= _RULES.min_lines
     return np.where(counts_for_it, ratios, 1.0)

@@ -14,6 +14,45 @@ from sprung.modal import Modes, Poles, mac
 from sprung.recording import Recording
 
 
+@dataclass(frozen=True, slots=True)
+class _Rules:
+    """Rules of sorting by level, and of the test whether modes depend on it."""
+
+    #: Windows of the past over the number of lags: free motion that goes on, and slow variation of the excitation.
+    windows: tuple[float, ...] = (0.125, 0.5, 2.0, 8.0)
+    #: Future whose level is expected, over the number of lags.
+    ahead: float = 0.25
+    #: Samples between the past and the sample: filters without phase spread each sample over its neighbours.
+    guard: int = 4
+    #: A level counts at most like this multiple of the median power: one pothole does not decide.
+    max_power: float = 4.0
+    #: Number of ranges of level between which the test compares.
+    n_levels: int = 6
+    #: Probability of calling a trend in any mode of a record without one.
+    false_trends: float = 0.01
+    #: Largest order that is searched for a mode.
+    max_order: int = 40
+    #: Least MAC of shapes that are the same.
+    same_shape: float = 0.8
+    #: Most rows of the block matrix.
+    max_matrix: int = 400
+    #: Fewest block rows, where many channels would need more.
+    min_rows: int = 20
+    #: Fewest blocks of all levels.
+    min_blocks: int = 8
+    #: Fewest blocks, effectively, of one level.
+    min_of_level: float = 4.0
+    #: Least share of a mode in a range of levels over its standard deviation.
+    min_share: float = 2.0
+    #: Change over its standard deviation from which frequency or damping is named.
+    clear: float = 2.5
+
+
+RULES = _Rules()
+#: Bounds between the classes of level, 5 % wide.
+_EDGES = np.geomspace(0.05, 20.0, 124)
+
+
 def segment_levels(segments: SegmentCorrelations) -> Real:
     """Return the level of each segment, the smallest RMS among its correlation functions.
 
@@ -122,16 +161,6 @@ def _counts(levels: Real, edges: Real) -> Indices:
     return np.bincount(np.digitize(levels, edges[1:-1]), minlength=len(edges) - 1)
 
 
-#: Windows of the past and of the future over the number of lags.
-_WINDOWS, _AHEAD = (0.125, 0.5, 2.0, 8.0), 0.25
-#: Samples between the windows of the past and the sample: filters without phase spread each sample over its neighbours.
-_GUARD = 4
-#: Bounds between the classes of level, 5 % wide.
-_EDGES = np.geomspace(0.05, 20.0, 124)
-#: A level counts at most like this multiple of the median power: one pothole does not decide.
-_MOST_POWER = 4.0
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class LevelCorrelations:
     """Sums of lagged products by segment and by the level expected after the earlier factor.
@@ -208,13 +237,13 @@ def expected_levels(recording: Recording, n_lags: int) -> Real:
     174-196 (prediction from several windows).
     """
     pasts, futures = [], []
-    ahead = max(1, round(_AHEAD * n_lags))
+    ahead = max(1, round(RULES.ahead * n_lags))
     for stretch in recording.stretches():
         total = np.concatenate([[0.0], np.cumsum(np.mean(recording.samples[:, stretch] ** 2, axis=0))])
         n_samples = len(total) - 1
         now = np.arange(n_samples)
-        late = np.maximum(now - _GUARD, 0)
-        early = [np.maximum(late - max(1, round(window * n_lags)), 0) for window in _WINDOWS]
+        late = np.maximum(now - RULES.guard, 0)
+        early = [np.maximum(late - max(1, round(window * n_lags)), 0) for window in RULES.windows]
         pasts.append([_log_power(total, first, np.where(late < n_lags / 8, first, late)) for first in early])
         end = now + ahead
         futures.append(_log_power(total, now, np.where(end <= n_samples, end, now)))
@@ -366,7 +395,7 @@ def _weights(counts: Real) -> Real:
     """Return the weight of each class, less than 1 for levels far above the median."""
     inner = np.concatenate([_EDGES[:1], _EDGES])
     median = inner[np.searchsorted(np.cumsum(counts), counts.sum() / 2)]
-    return np.minimum(1.0, _MOST_POWER * (median / inner) ** 2)
+    return np.minimum(1.0, RULES.max_power * (median / inner) ** 2)
 
 
 def _level_set(levels: LevelCorrelations, chosen: Indices, weights: Real) -> LevelSet:
@@ -394,21 +423,6 @@ def _level_set(levels: LevelCorrelations, chosen: Indices, weights: Real) -> Lev
     )
 
 
-#: Probability of calling a trend in any mode of a record without one.
-FALSE_TRENDS = 0.01
-#: Number of ranges of level between which the test compares.
-N_LEVELS = 6
-#: Orders up to this one are searched for a mode, and shapes with at least this MAC are the same.
-_MAX_ORDER, _SAME_SHAPE = 40, 0.8
-#: Size of the largest block matrix, and fewest block rows where many channels would need more.
-_LARGEST_MATRIX, _FEWEST_ROWS = 400, 20
-#: Smallest number of blocks, of all levels and (effectively) of one, and smallest ratio of a mode's share in a range of
-#: levels to its standard deviation.
-_FEWEST_BLOCKS, _FEWEST_OF_LEVEL, _LEAST_SHARE = 8, 4.0, 2.0
-#: Change over its standard deviation from which frequency or damping is named.
-_CLEAR = 2.5
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class LevelTrends:
     """Change of frequency and damping of each mode with the level of the motion, NaN where unknown.
@@ -425,7 +439,7 @@ class LevelTrends:
         Its standard deviation, shape (modes,).
     p_value
         Probability of changes at least as large in a linear system, for frequency and damping together, shape (modes,).
-    contrast
+    level_ratio
         Level in the highest subset over that in the lowest, during the ring-down of each mode, shape (modes,).
     """
 
@@ -434,11 +448,11 @@ class LevelTrends:
     damping_ratio: Real
     damping_ratio_std: Real
     p_value: Real
-    contrast: Real
+    level_ratio: Real
 
     def __post_init__(self) -> None:
         freeze(self, natural_frequency=1, natural_frequency_std=1, damping_ratio=1, damping_ratio_std=1)
-        freeze(self, p_value=1, contrast=1)
+        freeze(self, p_value=1, level_ratio=1)
 
     def of(self, modes: Indices) -> "LevelTrends":
         """Return the dependence of the modes with these indices, unknown for -1."""
@@ -448,7 +462,7 @@ class LevelTrends:
     @property
     def is_detected(self) -> Booleans:
         """Whether each mode depends on the level beyond chance (1 % for any mode of a linear system)."""
-        return np.asarray(self.p_value * max(len(self.p_value), 1) < FALSE_TRENDS, dtype=np.bool_)
+        return np.asarray(self.p_value * max(len(self.p_value), 1) < RULES.false_trends, dtype=np.bool_)
 
 
 def level_trends(modes: Modes, average: Correlations, sets: Sequence[LevelSet]) -> LevelTrends:
@@ -481,9 +495,9 @@ def level_trends(modes: Modes, average: Correlations, sets: Sequence[LevelSet]) 
     H. Hotelling (1931), The generalization of Student's ratio, Annals of Mathematical Statistics 2, 360-378.
     """
     rows = np.full((6, len(modes)), np.nan)
-    if len(modes) and len(sets) > 1 and len(average.blocks) >= _FEWEST_BLOCKS:
-        block_rows = min(average.n_lags // 2, max(_LARGEST_MATRIX // len(average.channels), _FEWEST_ROWS))
-        largest = min((block_rows - 1) * len(average.channels), block_rows * len(average.references), _MAX_ORDER)
+    if len(modes) and len(sets) > 1 and len(average.blocks) >= RULES.min_blocks:
+        block_rows = min(average.n_lags // 2, max(RULES.max_matrix // len(average.channels), RULES.min_rows))
+        largest = min((block_rows - 1) * len(average.channels), block_rows * len(average.references), RULES.max_order)
         realisation = realise(average, block_rows=block_rows, max_order=largest - largest % 2)
         poles = poles_of_orders(realisation, range(2, largest + 1, 2))
         for k in range(len(modes)):
@@ -499,7 +513,7 @@ def _nearest(poles: Poles, mode: Modes) -> int | None:
     """Return the most certain pole of the mode's shape near its frequency; None without one."""
     half_width = np.abs(mode.poles.real[0]) + 0.01 * np.abs(mode.poles[0])
     distance = np.abs(np.abs(poles.poles) - np.abs(mode.poles[0]))
-    is_near = (distance <= half_width) & (mac(poles.mode_shapes, mode.mode_shapes)[:, 0] >= _SAME_SHAPE)
+    is_near = (distance <= half_width) & (mac(poles.mode_shapes, mode.mode_shapes)[:, 0] >= RULES.same_shape)
     is_near &= poles.poles.real < 0
     if not is_near.any():
         return None
@@ -509,7 +523,7 @@ def _nearest(poles: Poles, mode: Modes) -> int | None:
 
 
 def _trend(weights: tuple[Complex, Complex], modulus: float, sets: Sequence[LevelSet]) -> Real:
-    """Return slopes with standard deviations, p and contrast of one mode; NaN where a subset hardly has the mode."""
+    """Return slopes with standard deviations, p and ratio of levels; NaN where a subset hardly has the mode."""
     values, changes, levels = [], [], []
     for part in sets:
         value, change = _pole(weights, part.correlations)
@@ -557,7 +571,7 @@ def _pole(weights: tuple[Complex, Complex], correlations: Correlations) -> tuple
     scale = np.sqrt(n_effective / max(n_effective - 1, 0.1))
     eigenvalue = numerator / denominator
     share = np.sqrt(np.sum(np.abs(terms[1] - correlations.weights * denominator) ** 2))
-    if n_effective < _FEWEST_OF_LEVEL or abs(denominator) < _LEAST_SHARE * scale * share:
+    if n_effective < RULES.min_of_level or abs(denominator) < RULES.min_share * scale * share:
         return np.full(2, np.nan), np.full((2, len(terms[0])), np.nan)
     pole = np.log(eigenvalue) * correlations.sampling_rate
     change = scale * (terms[0] - eigenvalue * terms[1]) / numerator * correlations.sampling_rate
@@ -576,7 +590,7 @@ def trends_in_words(modes: Modes, trends: LevelTrends) -> list[str]:
         name = f"of the mode at {modes.natural_frequency[k]:.3g} Hz"
         change, std = 100 * trends.natural_frequency[k], 100 * trends.natural_frequency_std[k]
         damping, damping_std = 100 * trends.damping_ratio[k], 100 * trends.damping_ratio_std[k]
-        is_clear = [abs(change) > _CLEAR * std, abs(damping) > _CLEAR * damping_std]
+        is_clear = [abs(change) > RULES.clear * std, abs(damping) > RULES.clear * damping_std]
         is_clear = is_clear if any(is_clear) else [True, True]
         if is_clear[0]:
             way = "rises" if change > 0 else "falls"
@@ -593,5 +607,5 @@ def trends_in_words(modes: Modes, trends: LevelTrends) -> list[str]:
         return sentences
     if not np.isfinite(trends.p_value).any():
         return []
-    contrast = np.nanmedian(trends.contrast)
-    return [f"no dependence on the level detected (highest subset over lowest: {contrast:.2f})"]
+    ratio = np.nanmedian(trends.level_ratio)
+    return [f"no dependence on the level detected (highest subset over lowest: {ratio:.2f})"]

@@ -26,12 +26,100 @@ from sprung.vehicles import structure
 from sprung.vehicles.labels import body_range
 from sprung.vehicles.usable import AnyVehicle, speed_channel
 
-#: Largest relative difference of sampling rates that count as one: loggers of one kind differ by their clocks.
-_SAME_RATE = 5e-4
-#: Probability of calling anything a harmonic in a record without any.
-_FALSE_LINES = 1e-4
-#: Lines of wheels and engines are searched for below half of this rate [Hz], even where modes lie far lower.
-_RATE_FOR_LINES = 200.0
+
+@dataclass(frozen=True, slots=True)
+class PlanningRules:
+    """Rules by which band, sampling rate, ladder and segments follow from the data."""
+
+    #: Largest relative difference of sampling rates that count as one: loggers of one kind differ by their clocks.
+    same_rate: float = 5e-4
+    #: Probability of calling anything a harmonic in a record without any.
+    false_lines: float = 1e-4
+    #: Lines are searched for below half of this rate [Hz], where wheels and engines turn, even if modes lie far lower.
+    rate_for_lines: float = 200.0
+    #: The band begins above this share of the coherent power, per octave.
+    power_above: float = 0.01
+    #: The band ends above this share of it ...
+    power_below: float = 0.99
+    #: ... times this margin, as a peak at the edge has an upper half.
+    margin: float = 1.25
+    #: Probability that the coherence of independent channels counts as significant in a bin.
+    chance_of_coherence: float = 1e-3
+    #: The band around a vehicle's modes begins at this share of the lowest, for loads and soft springs ...
+    below_lowest: float = 0.3
+    #: ... and ends at this multiple of the highest.
+    above_highest: float = 1.5
+    #: Least sampling rate over the band's upper edge: decimation passes 0.8 of the new Nyquist frequency.
+    rate_over_band: float = 3.0
+    #: The same for a given band, which may end just above its modes: heavily damped ones then need more margin.
+    rate_over_given_band: float = 5.0
+    #: The same for the highest plausible frequency of a mode of the body, where those modes alone are of interest.
+    rate_over_body: float = 11.0
+    #: The lags span this many periods of the slowest motion ...
+    periods_of_lags: float = 4.0
+    #: ... but at most this multiple of the memory, as heavily damped motion decays before many periods ...
+    memories_of_lags: float = 4.0
+    #: ... which is the lag up to which this share of the power of the cross-correlations lies.
+    power_remembered: float = 0.8
+    #: Fewest block rows: fewer do not separate modes from noise.
+    min_rows: int = 20
+    #: Most block rows ...
+    max_rows: int = 100
+    #: ... and most rows of the block matrix, as the time rises with the third power.
+    max_matrix: int = 400
+    #: Fewest periods of a mode within the lags.
+    min_periods: float = 1.2
+    #: Highest mode over the sampling rate, where decimation passes everything.
+    highest_mode: float = 0.4
+    #: Bounds of half the largest model order.
+    half_orders: tuple[int, int] = (20, 30)
+    #: Lags from one block row to the next grow by this factor from realisation to realisation ...
+    stride: int = 3
+    #: ... of which there are at most this many ...
+    max_strides: int = 3
+    #: ... where the block rows would otherwise span less than this share of the time that the lags are to span.
+    spanned: float = 0.67
+    #: Least ratio of the whole record to the span of the lags.
+    record_over_lags: float = 11.0
+    #: Least ratio of a stretch to it.
+    stretch_over_lags: float = 4.0
+    #: The high-pass over the lowest natural frequency that the lags resolve.
+    high_pass: float = 0.6
+    #: Least share of a channel's power below it for which there is one: it costs accuracy of heavily damped modes.
+    slow_share: float = 0.2
+    #: Fewest samples of the longest stretch.
+    min_samples: int = 200
+    #: Segments of all records (Cov-SSI): blocks for the standard deviations.
+    blocks_of_a_record: int = 48
+    #: Shortest of them over the span of the lags.
+    lag_spans_of_a_block: float = 1.2
+    #: Segments of a subset.
+    segments_of_a_subset: int = 12
+    #: Shortest of them over the span of the lags.
+    lag_spans_of_a_segment: float = 3.0
+    #: Segments of the spectra.
+    averages: int = 24
+    #: Segments of those for the lowest frequencies, from their second line.
+    min_averages: int = 6
+    #: Longest segment of the spectra from which the band is chosen [samples].
+    max_spectrum: int = 8192
+    #: Slow motion ends, and resonance begins, where the power common to the channels rises by this factor.
+    rise: float = 4.0
+    #: Probability that the channels of a record without common motion show a peak of coherence at any frequency.
+    chance_of_peak: float = 1e-3
+    #: Overlapping segments of the spectra that are worth one independent segment.
+    segments_of_one: float = 1.06
+    #: Fewest periods of a segment of the spectra in a peak: slower motion is drift.
+    periods_of_peak: int = 4
+    #: Share of its frequency up to which a line of an engine or a machine wanders.
+    wandering: float = 0.03
+    #: A fundamental with this many multiples is a pulse train ...
+    lines_of_a_pulse_train: int = 5
+    #: ... whose pulses act like any random excitation at lags up to this share of its period.
+    of_pulse_period: float = 0.9
+
+
+_RULES = PlanningRules()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -111,7 +199,7 @@ def search_harmonics(recording: Recording, plan: PreparationPlan, *, speed: str 
         If a channel has missing values, or there is no channel to search.
     """
     searched = _decimate_to(_at_common_rate(recording, plan), _rate_for_lines(plan))
-    return find_harmonics(searched, speed=speed, false_alarm_rate=_FALSE_LINES)
+    return find_harmonics(searched, speed=speed, false_alarm_rate=_RULES.false_lines)
 
 
 def highest_line(plan: PreparationPlan) -> float:
@@ -122,7 +210,7 @@ def highest_line(plan: PreparationPlan) -> float:
 
 def _rate_for_lines(plan: PreparationPlan) -> float:
     """Return the sampling rate at which lines are searched for [Hz]."""
-    return max(plan.decimate_to, _RATE_FOR_LINES)
+    return max(plan.decimate_to, _RULES.rate_for_lines)
 
 
 def as_measured(modes: Modes, plan: PreparationPlan, lifter: Lifter | None) -> Modes:
@@ -149,7 +237,7 @@ def without_lifter(poles: Complex, lifter: Lifter | None) -> Complex:
 
 def _at_common_rate(recording: Recording, plan: PreparationPlan) -> Recording:
     """Return the recording at the rate of the first record, where the two differ only by their clocks."""
-    if abs(recording.sampling_rate / plan.sampling_rate - 1) > _SAME_RATE:
+    if abs(recording.sampling_rate / plan.sampling_rate - 1) > _RULES.same_rate:
         return recording
     return replace(recording, sampling_rate=plan.sampling_rate)
 
@@ -157,59 +245,6 @@ def _at_common_rate(recording: Recording, plan: PreparationPlan) -> Recording:
 def _decimate_to(recording: Recording, rate: float) -> Recording:
     """Return the recording at `rate`, or as it is where its own rate is not higher."""
     return recording if rate >= recording.sampling_rate else decimate(recording, rate)
-
-
-#: The band ends at this multiple of the frequency below which this share of the coherent power (per octave) lies.
-_MARGIN, _POWER_BELOW, _POWER_ABOVE = 1.25, 0.99, 0.01
-#: Probability that the coherence of independent channels counts as significant in a bin.
-_CHANCE_OF_COHERENCE = 1e-3
-#: The band around a vehicle's modes reaches from this share of the lowest to this multiple of the highest.
-_BELOW_LOWEST, _ABOVE_HIGHEST = 0.3, 1.5
-#: Smallest ratio of the sampling rate to the band's upper edge: decimation passes 0.8 of the new Nyquist frequency.
-#: A given band may end just above its modes: heavily damped ones then need more margin.
-_RATE_OVER_BAND, _RATE_OVER_GIVEN_BAND = 3.0, 5.0
-#: Sampling rate over the highest plausible frequency of a mode of the body, where those modes alone are of interest.
-_RATE_OVER_BODY = 11.0
-#: The lags span this many periods of the slowest motion, but no more than a multiple of the lag up to which most of the
-#: power of the cross-correlations lies (heavily damped motion decays before it has completed many periods), within
-#: these numbers of block rows and this size of matrix.
-_POWER_REMEMBERED, _MEMORIES_OF_LAGS = 0.8, 4.0
-_PERIODS_OF_LAGS, _FEWEST_ROWS, _MOST_ROWS, _LARGEST_MATRIX = 4.0, 20, 100, 400
-#: A mode has at least this many periods within the lags, and lies below this share of the sampling rate, where
-#: decimation passes everything.
-_LEAST_PERIODS, _HIGHEST_MODE = 1.2, 0.4
-#: Bounds of half the largest model order.
-_LARGEST_ORDERS = (20, 30)
-#: Lags from one block row to the next grow by this factor from realisation to realisation, of which there are at most
-#: as many, where the block rows would otherwise span less than this share of the time that the lags are to span.
-_STRIDE, _MOST_STRIDES, _SPANNED = 3, 3, 0.67
-#: Smallest ratios of the whole record, and of a stretch, to the span of the lags.
-_RECORD_OVER_LAGS, _STRETCH_OVER_LAGS = 11.0, 4.0
-#: The high-pass over the lowest natural frequency that the lags resolve, and the smallest share of a channel's power
-#: below it for which there is one: a filter without need costs accuracy of heavily damped modes.
-_HIGH_PASS, _SLOW_SHARE = 0.6, 0.2
-#: Smallest number of samples of the longest stretch.
-_FEWEST_SAMPLES = 200
-#: Numbers of segments of all records (Cov-SSI) and of a subset, and shortest segment over the span of the lags.
-_BLOCKS_OF_A_RECORD, _SEGMENTS_OF_A_SUBSET, _LAG_SPANS_OF_A_SEGMENT = 48, 12, 3.0
-#: Shortest block of Cov-SSI over the span of the lags.
-_LAG_SPANS_OF_A_BLOCK = 1.2
-#: Number of segments of the spectra, and of those for the lowest frequencies, from their second line.
-_SPECTRUM_AVERAGES, _FEWEST_AVERAGES = 24, 6
-#: Longest segment of the spectra from which the band is chosen [samples].
-_LONGEST_SPECTRUM = 8192
-#: Slow motion ends, and resonance begins, where the power common to the channels rises by this factor.
-_RISE = 4.0
-#: Probability that the channels of a record without common motion show a peak of coherence at any frequency.
-_CHANCE_OF_PEAK = 1e-3
-#: Overlapping segments of the spectra that are worth one independent segment.
-_SEGMENTS_OF_ONE = 1.06
-#: Fewest periods of a segment of the spectra in a peak: slower motion is drift.
-_PERIODS_OF_PEAK = 4
-#: Share of its frequency up to which a line of an engine or a machine wanders.
-_WANDERING = 0.03
-#: A fundamental with this many multiples is a pulse train; the lags reach up to this share of its period.
-_LINES_OF_A_PULSE_TRAIN, _OF_PULSE_PERIOD = 5, 0.9
 
 
 def plan_preparation(
@@ -262,16 +297,16 @@ def plan_preparation(
     _check_length(_longest(recording), fastest)
     trend = 1 if settings.ladder is None else 0
     motion = detrend(recording.select(outputs), degree=trend)
-    rate_over_band = _RATE_OVER_BAND
+    rate_over_band = _RULES.rate_over_band
     if settings.band is not None:
-        band, source, rate_over_band = settings.band, "given", _RATE_OVER_GIVEN_BAND
+        band, source, rate_over_band = settings.band, "given", _RULES.rate_over_given_band
     elif vehicle is not None:
         band, source = _band_of_vehicle(vehicle, fastest), "around the modes of the vehicle file"
     else:
         band = _band_of_content(motion, harmonics, searched, settings)
         source = "where the channels are coherent" if len(outputs) > 1 else "where most of the power is"
     check_number("the band's lower edge", band[0], at_most=fastest / 2, advice="it is above half the sampling rate")
-    least = max(rate_over_band * band[1], _FEWEST_SAMPLES * fastest / _longest(recording))
+    least = max(rate_over_band * band[1], _RULES.min_samples * fastest / _longest(recording))
     rate = settings.decimate_to or _lowest_rate(fastest, least)
     check_number("decimate_to", rate, at_most=fastest * (1 + 1e-9), advice="decimation only lowers the sampling rate")
     notes = [f"band {band[0]:.3g} to {min(band[1], rate / 2):.3g} Hz ({source}), sampled at {rate:.5g} Hz"]
@@ -312,8 +347,8 @@ def rate_for_body(vehicle: AnyVehicle, sampling_rate: float) -> float:
     >>> rate_for_body(read_vehicle("zafira"), 1000.0)
     40.0
     """
-    body = _RATE_OVER_BODY * body_range(structure(vehicle).modes())[1]
-    return _lowest_rate(sampling_rate, min(body, _RATE_OVER_BAND * _band_of_vehicle(vehicle, sampling_rate)[1]))
+    body = _RULES.rate_over_body * body_range(structure(vehicle).modes())[1]
+    return _lowest_rate(sampling_rate, min(body, _RULES.rate_over_band * _band_of_vehicle(vehicle, sampling_rate)[1]))
 
 
 def make_plan(
@@ -365,38 +400,23 @@ def make_plan(
     motion = prepared.motion
     rate, band, stretch = motion.sampling_rate, preparation.band, _usual_stretch(motion)
     spectra = prepared.edited_spectra or prepared.spectra
-    lag_span = min(_PERIODS_OF_LAGS / max(band[0], 1e-9), _MEMORIES_OF_LAGS * _memory(spectra, band))
+    lag_span = min(_RULES.periods_of_lags / max(band[0], 1e-9), _RULES.memories_of_lags * _memory(spectra, band))
     if prepared.edited_spectra is None:
-        lag_span = min([lag_span, *(_OF_PULSE_PERIOD / line for line in _pulse_trains(harmonics))])
-    lag_span = min(lag_span, total_duration / _RECORD_OVER_LAGS, stretch / rate / _STRETCH_OVER_LAGS)
+        lag_span = min([lag_span, *(_RULES.of_pulse_period / line for line in _pulse_trains(harmonics))])
+    lag_span = min(lag_span, total_duration / _RULES.record_over_lags, stretch / rate / _RULES.stretch_over_lags)
     ladder = _ladder(settings, len(preparation.channels), rate, lag_span, _longest(motion))
     if method.has_polynomials and isinstance(ladder, OrderLadder):
         n_references = len(settings.references or preparation.channels)
         given = {"block_rows": settings.block_rows, "max_order": settings.max_order}
         ladder = suitable_ladder(ladder.block_rows, n_references, **given)
     low, high = settings.band or (0.0, np.inf)
-    slowest = _LEAST_PERIODS * rate / ladder.span
-    high_pass = preparation.high_pass
-    has_own_ladder = settings.ladder is not None
-    if (
-        settings.band is None
-        and not has_own_ladder
-        and _slow_share(motion, spectra, preparation.factors, slowest) > _SLOW_SHARE
-    ):
-        high_pass = _HIGH_PASS * slowest
-    return Plan(
-        preparation=replace(preparation, high_pass=high_pass),
-        segment=settings.segment
-        or min(
-            _segment(method, settings, total_duration, ladder.n_lags / rate),
-            _longest(motion) / rate,
-        ),
-        ladder=ladder,
-        mode_band=(
-            max(low, slowest),
-            min(high, _HIGHEST_MODE * preparation.decimate_to),
-        ),
-    )
+    slowest = _RULES.min_periods * rate / ladder.span
+    share = _slow_share(motion, spectra, preparation.factors, slowest)
+    if settings.band is None and settings.ladder is None and share > _RULES.slow_share:
+        preparation = replace(preparation, high_pass=_RULES.high_pass * slowest)
+    segment = min(_segment(method, settings, total_duration, ladder.n_lags / rate), _longest(motion) / rate)
+    mode_band = (max(low, slowest), min(high, _RULES.highest_mode * preparation.decimate_to))
+    return Plan(preparation, settings.segment or segment, ladder, mode_band)
 
 
 def _longest(recording: Recording) -> int:
@@ -413,29 +433,29 @@ def _usual_stretch(recording: Recording) -> int:
 def _spectrum_segment(recording: Recording, band: tuple[float, float], rate: float) -> float:
     """Return the length of the segments of spectra, which resolve the band's lower edge if the record does [s]."""
     duration, stretch = recording.duration, _usual_stretch(recording) / recording.sampling_rate
-    slow = min(_PERIODS_OF_LAGS / max(band[0], 1e-9), duration / _FEWEST_AVERAGES)
-    return max(min(max(duration / _SPECTRUM_AVERAGES, slow), stretch), 8 / rate)
+    slow = min(_RULES.periods_of_lags / max(band[0], 1e-9), duration / _RULES.min_averages)
+    return max(min(max(duration / _RULES.averages, slow), stretch), 8 / rate)
 
 
 def _check_length(n_samples: int, rate: float) -> None:
     """Check that a stretch is long enough for any identification."""
-    if n_samples < _FEWEST_SAMPLES:
+    if n_samples < _RULES.min_samples:
         raise DataError(
             f"the longest stretch without a gap has {n_samples} samples at {rate:.4g} Hz, but identification needs"
-            f" {_FEWEST_SAMPLES} or more: record longer, or decimate less"
+            f" {_RULES.min_samples} or more: record longer, or decimate less"
         )
 
 
 def _pulse_trains(harmonics: Sequence[Harmonic]) -> list[float]:
     """Return the fundamental frequencies of constant lines with many multiples."""
     fundamentals = [line.fundamental for line in harmonics if line.kind == "constant" and line.fundamental]
-    return [line for line in set(fundamentals) if fundamentals.count(line) >= _LINES_OF_A_PULSE_TRAIN]
+    return [line for line in set(fundamentals) if fundamentals.count(line) >= _RULES.lines_of_a_pulse_train]
 
 
 def _band_of_vehicle(vehicle: AnyVehicle, sampling_rate: float) -> tuple[float, float]:
     """Return a band around all modes of the vehicle [Hz]."""
     frequencies = structure(vehicle).modes().natural_frequency
-    return _BELOW_LOWEST * frequencies.min(), min(_ABOVE_HIGHEST * frequencies.max(), sampling_rate / 2)
+    return _RULES.below_lowest * frequencies.min(), min(_RULES.above_highest * frequencies.max(), sampling_rate / 2)
 
 
 def _band_of_content(
@@ -448,15 +468,15 @@ def _band_of_content(
     is_used = (np.arange(frequencies.size) >= n_slow) & (frequencies <= searched)
     for line in harmonics:
         if line.kind != "constant":
-            margin = np.maximum(2 * widths, _WANDERING * line.band[1])
+            margin = np.maximum(2 * widths, _RULES.wandering * line.band[1])
             is_used &= (frequencies < line.band[0] - margin) | (frequencies > line.band[1] + margin)
     share = np.cumsum(np.where(is_used, content.power * widths / frequencies, 0))
     if share[-1] <= 0:
         return 0.0, motion.sampling_rate / 2
-    low, high = np.searchsorted(share / share[-1], [_POWER_ABOVE, _POWER_BELOW])
+    low, high = np.searchsorted(share / share[-1], [_RULES.power_above, _RULES.power_below])
     if settings.ladder is None:
         low = min([int(low), *_weak_peaks(content, is_used, n_slow, int(low))])
-    return float(frequencies[low]), float(min(_MARGIN * frequencies[high], motion.sampling_rate / 2))
+    return float(frequencies[low]), float(min(_RULES.margin * frequencies[high], motion.sampling_rate / 2))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -476,8 +496,8 @@ def _content(motion: Recording) -> _Content:
     stretch = _usual_stretch(motion)
     parts: list[Real] = []
     start = 0.0
-    for averages in (_SPECTRUM_AVERAGES, _FEWEST_AVERAGES):
-        length = max(min(motion.n_samples // averages, stretch, _LONGEST_SPECTRUM), 16)
+    for averages in (_RULES.averages, _RULES.min_averages):
+        length = max(min(motion.n_samples // averages, stretch, _RULES.max_spectrum), 16)
         spectra = spectral_matrix(motion, segment_length=length / motion.sampling_rate)
         power, common = _coherent_power(spectra)
         width = motion.sampling_rate / length
@@ -500,7 +520,7 @@ def _chance_of_coherence(spectra: SpectralMatrix) -> Real:
     if not first.size:
         return np.ones(densities.shape[1])
     coherence = np.abs(spectra.matrix[first, second]) ** 2 / (densities[first] * densities[second])
-    freedom = max(spectra.n_segments / _SEGMENTS_OF_ONE - 1, 1.0)
+    freedom = max(spectra.n_segments / _RULES.segments_of_one - 1, 1.0)
     surprise = -freedom * np.log(np.maximum(1 - coherence, np.finfo(float).eps))
     return np.asarray(special.gammaincc(first.size, surprise.sum(axis=0)))
 
@@ -515,16 +535,18 @@ def _weak_peaks(content: _Content, is_used: Booleans, start: int, end: int) -> l
         return []
     below = np.minimum.accumulate(common)
     above = np.minimum.accumulate(common[::-1])[::-1]
-    is_peak = common > _RISE * np.maximum(below, above)
-    is_peak &= is_used[start : end + 1] & (content.chance[start : end + 1] < _CHANCE_OF_PEAK / content.chance.size)
-    is_peak &= content.periods[start : end + 1] >= _PERIODS_OF_PEAK
+    is_peak = common > _RULES.rise * np.maximum(below, above)
+    is_peak &= is_used[start : end + 1] & (
+        content.chance[start : end + 1] < _RULES.chance_of_peak / content.chance.size
+    )
+    is_peak &= content.periods[start : end + 1] >= _RULES.periods_of_peak
     return [int(k) + start for k in np.flatnonzero(is_peak)]
 
 
 def _end_of_slow_motion(common: Real) -> int:
     """Return the index of the least power before its first rise; 0 where it never rises."""
     least = np.minimum.accumulate(common)
-    rises = np.flatnonzero(common > _RISE * least)
+    rises = np.flatnonzero(common > _RULES.rise * least)
     return int(np.argmin(common[: rises[0]])) if rises.size else 0
 
 
@@ -539,7 +561,7 @@ def _memory(spectra: SpectralMatrix, band: tuple[float, float]) -> float:
     power = np.sum(correlations[:, : correlations.shape[1] // 2] ** 2, axis=0)
     power = np.maximum(power - np.median(power[power.size // 2 :]), 0)
     share = np.cumsum(power)
-    return float(np.searchsorted(share, _POWER_REMEMBERED * share[-1]) / (2 * frequencies[-1]))
+    return float(np.searchsorted(share, _RULES.power_remembered * share[-1]) / (2 * frequencies[-1]))
 
 
 def _slow_share(motion: Recording, spectra: SpectralMatrix, factors: Mapping[str, float], frequency: float) -> float:
@@ -557,7 +579,7 @@ def _coherent_power(spectra: SpectralMatrix) -> tuple[Real, Real]:
     scale = densities.sum(axis=1, keepdims=True) * spectra.frequencies[1]
     if len(densities) == 1:
         return densities[0] / scale[0], densities[0] / scale[0]
-    chance = 1 - _CHANCE_OF_COHERENCE ** (1 / max(spectra.n_segments - 1, 1))
+    chance = 1 - _RULES.chance_of_coherence ** (1 / max(spectra.n_segments - 1, 1))
     power, common = np.zeros(densities.shape[1]), np.zeros(densities.shape[1])
     for i, j in combinations(range(len(densities)), 2):
         coherence = np.abs(spectra.matrix[i, j]) ** 2 / (densities[i] * densities[j])
@@ -579,14 +601,14 @@ def _ladder(settings: IdentificationSettings, n_outputs: int, rate: float, lag_s
         _check_block_rows(settings.ladder.last, settings.ladder.lags_per_row, n_samples, rate)
         return settings.ladder
     lags_per_row = OrderLadder.lags_per_row
-    most = min(_MOST_ROWS, max(_FEWEST_ROWS, _LARGEST_MATRIX // n_outputs), n_samples // (4 * lags_per_row))
+    most = min(_RULES.max_rows, max(_RULES.min_rows, _RULES.max_matrix // n_outputs), n_samples // (4 * lags_per_row))
     wanted = int(np.ceil(lag_span * rate / lags_per_row))
-    rows = settings.block_rows or min(max(wanted, _FEWEST_ROWS), most)
+    rows = settings.block_rows or min(max(wanted, _RULES.min_rows), most)
     _check_block_rows(rows, lags_per_row, n_samples, rate)
     strides = [1]
     if settings.block_rows is None and settings.references is None:
-        while len(strides) < _MOST_STRIDES and rows * strides[-1] < _SPANNED * wanted:
-            strides.append(strides[-1] * _STRIDE)
+        while len(strides) < _RULES.max_strides and rows * strides[-1] < _RULES.spanned * wanted:
+            strides.append(strides[-1] * _RULES.stride)
     return OrderLadder(rows, settings.max_order or _largest_order(settings, n_outputs, rows), tuple(strides))
 
 
@@ -605,7 +627,7 @@ def _largest_order(settings: IdentificationSettings, n_outputs: int, rows: int) 
     if settings.has_disjoint_references:
         sizes = [min(len(outputs), len(references)) for outputs, references in disjoint_splits(range(n_outputs))]
     carried = (rows - 1) * min(sizes)
-    suitable = 2 * int(np.clip(max(0.3 * rows, 3 * n_outputs), *_LARGEST_ORDERS))
+    suitable = 2 * int(np.clip(max(0.3 * rows, 3 * n_outputs), *_RULES.half_orders))
     return min(suitable, carried - carried % 2)
 
 
@@ -649,7 +671,7 @@ def disjoint_splits(channels: Iterable[Name]) -> tuple[tuple[tuple[Name, ...], t
 def _segment(method: Method, settings: IdentificationSettings, duration: float, lag_span: float) -> float:
     """Return a length of segments that gives enough of them to each subset and is long against the lags [s]."""
     if not method.has_own_segments:
-        lag_spans = _LAG_SPANS_OF_A_BLOCK if settings.ladder is None else 1.0
-        return max(duration / _BLOCKS_OF_A_RECORD, lag_spans * lag_span)
-    n_segments = _SEGMENTS_OF_A_SUBSET * (settings.n_subsets if method.is_sorted else 1)
-    return max(duration / n_segments, _LAG_SPANS_OF_A_SEGMENT * lag_span)
+        lag_spans = _RULES.lag_spans_of_a_block if settings.ladder is None else 1.0
+        return max(duration / _RULES.blocks_of_a_record, lag_spans * lag_span)
+    n_segments = _RULES.segments_of_a_subset * (settings.n_subsets if method.is_sorted else 1)
+    return max(duration / n_segments, _RULES.lag_spans_of_a_segment * lag_span)

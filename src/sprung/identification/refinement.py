@@ -2,12 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sprung._arrays import Booleans, Indices, Real
+from sprung._arrays import Indices, Real
 from sprung._checks import freeze
 from sprung.identification.band_fits import BandFit, Observed, RecordSpectra, fits_of_bands, refined_modes
 from sprung.likelihood.modal_spectra import LineSpectra
@@ -15,15 +13,28 @@ from sprung.modal import Modes, join_modes
 from sprung.recording import Channel
 from sprung.signals.harmonics import Harmonic
 
-#: Modes that are not refined: more damped, or with fewer lines of the longest stretch in their half-power half-width.
-_MOST_DAMPED, _FEWEST_LINES = 0.15, 1.5
-#: Largest distance from the start, in standard deviations of the change, and in half-widths where that of the start is
-#: unknown; largest change of damping by a factor.
-_FARTHEST, _FARTHEST_IN_WIDTHS, _MOST_RATIO = 3.0, 0.5, 2.0
+
+@dataclass(frozen=True, slots=True)
+class RefinementRules:
+    """Which modes are refined, and which refined values are used."""
+
+    #: Largest damping ratio: broader peaks are not those of one mode.
+    max_damping: float = 0.15
+    #: Fewest lines of the longest stretch in the half-power half-width: fewer do not resolve the peak.
+    min_lines: float = 1.5
+    #: Largest distance from the start, in standard deviations of the change.
+    max_distance: float = 3.0
+    #: Largest change of the frequency in half-widths, where the standard deviation of the start is unknown.
+    max_widths: float = 0.5
+    #: Largest change of damping by a factor.
+    max_ratio: float = 2.0
+
+
+_RULES = RefinementRules()
 #: Why a mode is in no fit.
 _TOO_LITTLE = "spectra do not determine them"
 #: Most frequencies listed for one reason.
-_MOST_LISTED = 4
+_MAX_LISTED = 4
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -74,11 +85,6 @@ class Refinement:
         )
 
     @property
-    def is_refined(self) -> Booleans:
-        """Whether each mode has refined values, shape (modes,)."""
-        return np.array([not reason for reason in self.reasons], dtype=np.bool_)
-
-    @property
     def notes(self) -> tuple[str, ...]:
         """One note on the modes that keep the values of the start, by reason; none if all are refined."""
         by_reason: dict[str, list[str]] = {}
@@ -91,8 +97,8 @@ class Refinement:
 
 def _listed(frequencies: Sequence[str]) -> str:
     """Return the first frequencies, and how many more there are."""
-    more = len(frequencies) - _MOST_LISTED
-    return ", ".join(frequencies[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
+    more = len(frequencies) - _MAX_LISTED
+    return ", ".join(frequencies[:_MAX_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def refined_by_spectra(
@@ -136,7 +142,8 @@ def refined_by_spectra(
         observed = Observed(data, tuple(channels), spectra.sampling_rate)
         for fit in fits_of_bands(modes, observed, is_refinable=np.array([not reason for reason in reasons])):
             bands.append(fit.band)
-            bad = _why_bad(fit.band)
+            bad = "" if fit.band.fits else "spectra deviate from the model beyond chance"
+            bad = bad if fit.band.is_converged else "search did not converge"
             if bad:
                 reasons = [reason or (bad if k in fit.modes else "") for k, reason in enumerate(reasons)]
                 continue
@@ -145,7 +152,8 @@ def refined_by_spectra(
                 distances[k], far = _distance(modes.take(fit.modes), refined, place)
                 reasons[k] = reasons[k] or far
                 if not reasons[k]:
-                    values = _with_mode(values, int(k), refined, place)
+                    order = np.where(np.arange(n_modes) == k, n_modes + place, np.arange(n_modes))
+                    values = join_modes([values, refined]).take(order)
     fitted = {k for band in bands for k in band.modes}
     reasons = [reason or ("" if k in fitted else _TOO_LITTLE) for k, reason in enumerate(reasons)]
     return values, Refinement(modes, tuple(bands), distances, tuple(reasons))
@@ -154,18 +162,11 @@ def refined_by_spectra(
 def _why_not(modes: Modes, k: int, longest: float) -> str:
     """Return why a mode cannot be refined, before any fit; empty if it can."""
     damping, half_width = modes.damping_ratio[k], modes.damping_ratio[k] * modes.natural_frequency[k]
-    if damping > _MOST_DAMPED:
-        return f"damped by more than {100 * _MOST_DAMPED:.0f} %"
-    if half_width * longest < _FEWEST_LINES:
+    if damping > _RULES.max_damping:
+        return f"damped by more than {100 * _RULES.max_damping:.0f} %"
+    if half_width * longest < _RULES.min_lines:
         return f"peak too narrow for stretches of {longest:.3g} s: record longer"
     return ""
-
-
-def _why_bad(band: BandFit) -> str:
-    """Return why the fit of a band is not used; empty if it is."""
-    if not band.is_converged:
-        return "search did not converge"
-    return "" if band.fits else "spectra deviate from the model beyond chance"
 
 
 def _without_lines(data: LineSpectra, harmonics: Sequence[Harmonic]) -> LineSpectra:
@@ -199,29 +200,13 @@ def _distance(start: Modes, refined: Modes, place: int) -> tuple[float, str]:
         )
     )
     is_known = bool(np.isfinite(distance))
-    is_far = distance > _FARTHEST if is_known else change > _FARTHEST_IN_WIDTHS * width
-    is_other = not 1 / _MOST_RATIO < ratio < _MOST_RATIO and not (is_known and distance < _FARTHEST / 2)
+    is_far = distance > _RULES.max_distance if is_known else change > _RULES.max_widths * width
+    is_other = not 1 / _RULES.max_ratio < ratio < _RULES.max_ratio and not (
+        is_known and distance < _RULES.max_distance / 2
+    )
     return distance, "refined values too far from those of the subspace" if is_far or is_other else ""
 
 
 def _of_change(before: float, after: float) -> float:
     """Return the standard deviation of the change of an estimate by an efficient one, at least half that of both."""
     return float(np.sqrt(np.maximum(before**2 - after**2, (before**2 + after**2) / 4)))
-
-
-def _with_mode(modes: Modes, k: int, refined: Modes, place: int) -> Modes:
-    """Return the modes with the values of one refined mode."""
-
-    def put(values: NDArray[Any], new: NDArray[Any]) -> NDArray[Any]:
-        changed = values.copy()
-        changed[k] = new[place]
-        return changed
-
-    return replace(
-        modes,
-        poles=put(modes.poles, refined.poles),
-        mode_shapes=put(modes.mode_shapes, refined.mode_shapes),
-        natural_frequency_std=put(modes.natural_frequency_std, refined.natural_frequency_std),
-        damping_ratio_std=put(modes.damping_ratio_std, refined.damping_ratio_std),
-        mode_shape_std=put(modes.mode_shape_std, refined.mode_shape_std),
-    )

@@ -13,14 +13,28 @@ from sprung.modal import mac
 from sprung.recording import Channel, Recording
 from sprung.vehicles.usable import AnyVehicle, output_channels, speed_channel
 
-#: Positions [m] and directions are the same up to this difference.
-_SAME_PLACE = 1e-6
-#: Shapes are compared at up to this many peaks of a spectrum of this many lines per lag, and at no fewer than two ...
-_MOST_RESONANCES, _PADDING, _LEAST_RESONANCES = 4, 4, 2
-#: ... where the halves of the records have this MAC; sensors have moved where that between records is lower by this.
-_CLEAR, _MOVED = 0.8, 0.2
-#: MAC of two channels that have stayed in place.
-_STEADY = 0.97
+
+@dataclass(frozen=True, slots=True)
+class _Rules:
+    """Rules by which places and shapes of sensors are the same."""
+
+    #: Positions [m] and directions are the same up to this difference.
+    same_place: float = 1e-6
+    #: Most peaks of a spectrum at which shapes are compared: the highest stand out of noise.
+    max_resonances: int = 4
+    #: Fewest of them: one may be an accident.
+    min_resonances: int = 2
+    #: Lines of that spectrum for each lag.
+    padding: int = 4
+    #: MAC of the halves of a record from which its shape is known.
+    clear: float = 0.8
+    #: Sensors have moved where the MAC between records is lower than within them by this.
+    moved: float = 0.2
+    #: MAC of two channels that have stayed in place.
+    steady: float = 0.97
+
+
+_RULES = _Rules()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -81,7 +95,7 @@ def _is_same_place(channel: Channel, other: Channel) -> bool:
     """Whether two channels may measure the same point: no known position or direction differs."""
     pairs = ((channel.position, other.position), (channel.direction, other.direction))
     return all(
-        one is None or two is None or all(abs(a - b) <= _SAME_PLACE for a, b in zip(one, two, strict=True))
+        one is None or two is None or all(abs(a - b) <= _RULES.same_place for a, b in zip(one, two, strict=True))
         for one, two in pairs
     )
 
@@ -262,12 +276,12 @@ def change_of_shapes(segments: SegmentCorrelations, counts: Sequence[int]) -> Ch
     pairs = zip((_first_vectors(s[lines]) for s in early), (_first_vectors(s[lines]) for s in late), strict=True)
     within = np.mean([np.diag(mac(one, two)) for one, two in pairs], axis=0)
     between = np.mean([np.diag(mac(one, two)) for one, two in combinations(shapes, 2)], axis=0)
-    is_clear = within >= _CLEAR
-    if np.count_nonzero(is_clear) < _LEAST_RESONANCES:
+    is_clear = within >= _RULES.clear
+    if np.count_nonzero(is_clear) < _RULES.min_resonances:
         return None
-    if np.median((within - between)[is_clear]) < _MOVED:
+    if np.median((within - between)[is_clear]) < _RULES.moved:
         return None
-    spacing = segments.sampling_rate / (_PADDING * segments.n_lags)
+    spacing = segments.sampling_rate / (_RULES.padding * segments.n_lags)
     return ChangeOfShapes(
         frequencies=tuple(sorted(float(line * spacing) for line in lines[is_clear])),
         between=float(np.median(between[is_clear])),
@@ -282,17 +296,19 @@ def _half_spectrum(segments: SegmentCorrelations, chosen: Indices) -> Complex:
     sums, n_products = segments.sums[chosen].sum(axis=0), segments.n_products[chosen].sum(axis=0)
     values = sums[..., 1:] / np.maximum(n_products[1:], 1.0)
     taper = 0.5 + 0.5 * np.cos(np.pi * lags / segments.n_lags)
-    return np.fft.rfft(values * taper, _PADDING * segments.n_lags).transpose(2, 0, 1)
+    return np.fft.rfft(values * taper, _RULES.padding * segments.n_lags).transpose(2, 0, 1)
 
 
 def _highest_peaks(spectra: Sequence[Complex]) -> Indices:
     """Return the lines of the highest peaks of the first singular value, on average over the records."""
     level = np.mean([np.log(np.linalg.norm(s, ord=2, axis=(1, 2)) + np.finfo(float).tiny) for s in spectra], axis=0)
-    reach = 2 * _PADDING
+    reach = 2 * _RULES.padding
     inner = np.arange(reach, len(level) - reach)
-    is_peak = np.array([level[k] == level[k - _PADDING : k + _PADDING + 1].max() for k in inner], dtype=np.bool_)
+    is_peak = np.array(
+        [level[k] == level[k - _RULES.padding : k + _RULES.padding + 1].max() for k in inner], dtype=np.bool_
+    )
     peaks = inner[is_peak]
-    return peaks[np.argsort(-level[peaks], kind="stable")][:_MOST_RESONANCES]
+    return peaks[np.argsort(-level[peaks], kind="stable")][: _RULES.max_resonances]
 
 
 def _first_vectors(matrices: Complex) -> Complex:
@@ -308,10 +324,10 @@ def _steady_channels(names: Sequence[str], shapes: Sequence[Complex]) -> tuple[s
         own = [shape[:, [i, j]] for shape in shapes]
         likeness[i, j] = likeness[j, i] = np.mean([np.diag(mac(a, b)).mean() for a, b in combinations(own, 2)])
     best = np.unravel_index(np.argmax(likeness), likeness.shape)
-    if likeness[best] < _STEADY:
+    if likeness[best] < _RULES.steady:
         return ()
     chosen = sorted(int(k) for k in best)
     for k in np.argsort(-likeness[chosen].min(axis=0)):
-        if k not in chosen and likeness[k, chosen].min() >= _STEADY:
+        if k not in chosen and likeness[k, chosen].min() >= _RULES.steady:
             chosen.append(int(k))
     return tuple(names[k] for k in sorted(chosen))

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
-from typing import Protocol, TypeGuard
+from typing import Protocol
 
 import numpy as np
 from scipy import fft
@@ -17,6 +17,7 @@ from sprung.identification.correlation import Correlations, exact_correlations
 from sprung.identification.results import Identification, RovingSetups, SetUp
 from sprung.identification.roving import Points, common_points
 from sprung.identification.settings import IdentificationSettings
+from sprung.identification.steps import no_report
 from sprung.modal import Modes, mac, unit_shapes
 from sprung.recording import Recording, each_recording
 from sprung.signals.harmonics import Harmonic
@@ -25,15 +26,28 @@ from sprung.vehicles.labels import labelled
 from sprung.vehicles.sensor_layout import check_present
 from sprung.vehicles.usable import AnyVehicle, output_channels
 
-#: Frequencies of one mode differ between set-ups by this share (temperature, the mass of the sensors) ...
-_DRIFT = 0.005
-#: ... and, in standard deviations of their difference, by up to this.
-_DEVIATIONS = 3.0
-#: 1 - MAC on the shared points at which modes of equal frequency are two.
-_OTHER_SHAPE = 0.3
-#: Least share of the set-ups that show a mode.
-_LEAST_SHARE = 0.5
-_SWEEPS, _CONVERGED = 500, 1e-12
+
+@dataclass(frozen=True, slots=True)
+class _Rules:
+    """Rules of matching modes over set-ups and of gluing their shapes."""
+
+    #: Frequencies of one mode differ between set-ups by this share: temperature, the mass of the sensors.
+    drift: float = 0.005
+    #: They differ by up to this many standard deviations of their difference.
+    deviations: float = 3.0
+    #: 1 - MAC on the shared points at which modes of equal frequency are two.
+    other_shape: float = 0.3
+    #: Least share of the set-ups that show a mode.
+    min_share: float = 0.5
+    #: Most sweeps of least squares over scales and shape.
+    max_sweeps: int = 500
+    #: Change of the scales that ends them.
+    converged: float = 1e-12
+    #: Share of a spectral segment up to which its correlations are used: the window leaves more than half of them.
+    used_share: float = 0.25
+
+
+_RULES = _Rules()
 
 
 def match_modes(parts: Sequence[Modes], rows: Sequence[Sequence[int]]) -> Indices:
@@ -76,7 +90,7 @@ def match_modes(parts: Sequence[Modes], rows: Sequence[Sequence[int]]) -> Indice
     members = np.full((len(groups), len(parts)), -1, dtype=np.intp)
     for row, group in enumerate(groups):
         members[row, owners[group]] = places[group]
-    return members[np.count_nonzero(members >= 0, axis=1) >= _LEAST_SHARE * len(parts)]
+    return members[np.count_nonzero(members >= 0, axis=1) >= _RULES.min_share * len(parts)]
 
 
 def _distances(parts: Sequence[Modes], rows: Sequence[Sequence[int]]) -> Real:
@@ -90,11 +104,11 @@ def _distances(parts: Sequence[Modes], rows: Sequence[Sequence[int]]) -> Real:
             own, others = ([list(rows[k]).index(point) for point in shared] for k in (i, j))
             frequency, same = part.natural_frequency[:, None], other.natural_frequency
             variance = np.nan_to_num(part.natural_frequency_std[:, None]) ** 2
-            variance = variance + np.nan_to_num(other.natural_frequency_std) ** 2 + (_DRIFT * frequency) ** 2
-            squared = (frequency - same) ** 2 / (_DEVIATIONS**2 * variance)
+            variance = variance + np.nan_to_num(other.natural_frequency_std) ** 2 + (_RULES.drift * frequency) ** 2
+            squared = (frequency - same) ** 2 / (_RULES.deviations**2 * variance)
             if shared:
                 likeness = mac(part.mode_shapes[:, own], other.mode_shapes[:, others])
-                squared = squared + ((1 - likeness) / _OTHER_SHAPE) ** 2
+                squared = squared + ((1 - likeness) / _RULES.other_shape) ** 2
             block = slice(edges[i], edges[i + 1]), slice(edges[j], edges[j + 1])
             distance[block], distance[block[::-1]] = squared, squared.T
     return distance
@@ -203,12 +217,12 @@ def glue(
     )
     scales = _first_scales(readings, len(shapes))
     shape = np.zeros(n_points, dtype=complex)
-    for _ in range(_SWEEPS):
+    for _ in range(_RULES.max_sweeps):
         before = scales
         shape = _ratios(readings, scales[readings.owners], readings.points, n_points)
         shape = shape / np.abs(shape).max()
         scales = _ratios(readings, shape[readings.points], readings.owners, len(shapes))
-        if np.abs(scales - before).max() < _CONVERGED:
+        if np.abs(scales - before).max() < _RULES.converged:
             break
     largest = int(np.argmax(np.abs(shape)))
     shape, scales = shape / shape[largest], scales * shape[largest]
@@ -272,10 +286,6 @@ def _variance(readings: _Readings, shape: Complex, scales: Complex, *, is_known:
     is_point = free < n_points
     variance[free[is_point]] = (np.fmax(scatter, 1.0) if is_known else scatter) * np.diag(inverse).real[is_point]
     return variance
-
-
-#: Share of a spectral segment up to which its correlations are used: the window leaves more than half of them.
-_USED_SHARE = 0.25
 
 
 class Identify(Protocol):
@@ -362,7 +372,7 @@ def identify_setups(
     >>> np.allclose(merged.modes.natural_frequency, masses.modes().natural_frequency, rtol=0.01)
     True
     """
-    report, settings = on_progress or _no_report, settings or IdentificationSettings()
+    report, settings = on_progress or no_report, settings or IdentificationSettings()
     if not callable(identify):
         raise ParameterError("identify must be the method for each set-up: pass sprung.cov_ssi, then the set-ups")
     if isinstance(setups, Recording | str) or not isinstance(setups, Iterable):
@@ -412,23 +422,15 @@ def _noting(records: Iterable[Recording], measured: dict[str, None]) -> Iterator
         yield record
 
 
-def _no_report(doing: str, share: float) -> None:
-    """Report nothing."""
-
-
 def _check_channels(
     setups: Sequence[Recording | Iterable[Recording]], references: Sequence[str] | None, vehicle: AnyVehicle | None
 ) -> None:
     """Reject set-ups that cannot be merged before the first is identified, where that shows."""
-    firsts = [setup if isinstance(setup, Recording) else setup[0] for setup in setups if _is_read(setup)]
+    records = [[setup] if isinstance(setup, Recording) else setup for setup in setups]
+    firsts = [own[0] for own in records if isinstance(own, Sequence) and own]
     layouts = [[record.channels[record.index(name)] for name in output_channels(record, vehicle)] for record in firsts]
     if len(layouts) == len(setups) > 1:
         common_points(layouts, references=references)
-
-
-def _is_read(setup: Recording | Iterable[Recording]) -> TypeGuard[Recording | Sequence[Recording]]:
-    """Whether the records of a set-up can be looked at without reading them."""
-    return isinstance(setup, Recording) or (isinstance(setup, Sequence) and len(setup) > 0)
 
 
 def _merged(
@@ -443,14 +445,18 @@ def _merged(
     first = identifications[0]
     parts = [identification.modes for identification in identifications]
     members = match_modes(parts, points.rows)
-    glued = [_glued_mode(parts, points, row) for row in members]
+    glued = []
+    for row in members:
+        showing = np.flatnonzero(row >= 0).tolist()
+        shapes = [parts[k].mode_shapes[row[k]] for k in showing]
+        glued.append(glue(shapes, [points.rows[k] for k in showing], n_points=len(points.channels)))
     modes = _modes(parts, members, glued, points)
     order = np.argsort(modes.natural_frequency)
     modes, members, glued = modes.take(order), members[order], [glued[k] for k in order]
     if np.any(members < 0):
         modes, glued = _completed(identifications, points, members, modes)
-    deviations = np.array([_deviations(shape) for shape in glued], dtype=complex).reshape(modes.mode_shapes.shape)
-    modes = replace(modes, mode_shape_std=deviations)
+    deviations = np.array([(1 + 1j) * np.sqrt(shape.variance / 2) for shape in glued], dtype=complex)
+    modes = replace(modes, mode_shape_std=deviations.reshape(modes.mode_shapes.shape))
     parts_of_result = tuple(
         SetUp(
             number=number,
@@ -476,13 +482,6 @@ def _merged(
         notes=(*notes, *_notes(identifications, points, members, numbers)),
         setups=RovingSetups(references=points.references, parts=parts_of_result),
     )
-
-
-def _glued_mode(parts: Sequence[Modes], points: Points, members: Indices) -> GluedShape:
-    """Return the shape of one mode, glued from the set-ups that show it."""
-    showing = np.flatnonzero(members >= 0).tolist()
-    shapes = [parts[k].mode_shapes[members[k]] for k in showing]
-    return glue(shapes, [points.rows[k] for k in showing], n_points=len(points.channels))
 
 
 def _modes(parts: Sequence[Modes], members: Indices, glued: Sequence[GluedShape], points: Points) -> Modes:
@@ -558,17 +557,11 @@ def correlations_of(spectra: SpectralMatrix) -> Correlations:
     matrix[..., 1:-1] /= 2
     lagged = fft.irfft(matrix, n_samples, axis=-1) * rate
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_samples) / n_samples)
-    n_lags = int(_USED_SHARE * n_samples)
+    n_lags = int(_RULES.used_share * n_samples)
     own = fft.irfft(np.abs(fft.rfft(window, 2 * n_samples)) ** 2)[:n_lags] / np.sum(window**2)
     return exact_correlations(
         lagged[..., :n_lags] / own, sampling_rate=rate, channels=spectra.names, references=spectra.names
     )
-
-
-def _deviations(glued: GluedShape) -> Complex:
-    """Return the standard deviations of real and imaginary part, as those of one complex array."""
-    share = np.sqrt(glued.variance / 2)
-    return np.asarray(share + 1j * share)
 
 
 def _likeness(own: Modes, members: Indices, merged: Complex) -> Real:

@@ -11,7 +11,7 @@ from sprung.identification.contribution import complete_shapes, significant
 from sprung.identification.correlation import Correlations, average
 from sprung.identification.fdd import find_bells, modes_of_bells
 from sprung.identification.levels import (
-    N_LEVELS,
+    RULES,
     LevelTrends,
     level_sets,
     level_trends,
@@ -328,7 +328,7 @@ def compare_levels(draft: Draft) -> Draft:
     levels = draft.measured.levels
     if levels is None or draft.settings.n_subsets < 2:
         return draft
-    sets = level_sets(levels, N_LEVELS)
+    sets = level_sets(levels, RULES.n_levels)
     if len(sets) < 2:
         return draft
     scaled = replace(draft.modes, mode_shapes=draft.modes.mode_shapes * draft.summary.plan.preparation.scales)

@@ -3,8 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.optimize import linear_sum_assignment
 
@@ -14,14 +16,57 @@ from sprung._display import Drawable, Savable, Tabular, counted, in_short, liste
 from sprung.errors import DataError, ParameterError
 from sprung.modal import Modes, join_modes, mac, unit_shapes
 
-#: Fewest windows for a scatter, and for a trend.
-FEWEST_FOR_SCATTER, _FOR_TREND = 3, 4
-#: Standard deviations from the running median of this many values beyond which a value is an outlier.
-_OUTLIER, _NEIGHBOURS = 4.0, 7
-#: Largest correlation of neighbouring residuals that the deviation of a trend allows for.
-_MOST_CORRELATED = 0.9
+
+@dataclass(frozen=True, slots=True)
+class _Rules:
+    """Rules of tracking beside the settings."""
+
+    #: Fewest windows for a scatter: two differences.
+    min_for_scatter: int = 3
+    #: Fewest windows for a trend: two degrees of freedom.
+    min_for_trend: int = 4
+    #: Standard deviations from the running median beyond which a value is an outlier.
+    outlier: float = 4.0
+    #: Neighbouring values of the running median: three on either side.
+    neighbours: int = 7
+    #: Largest correlation of neighbouring residuals that the deviation of a trend allows for.
+    max_correlation: float = 0.9
+    #: Longest absence of a mode in median distances of the windows, unless it is given: a day of half hours.
+    gap: float = 48
+    #: Cost above which a mode is not that of a track: four standard deviations.
+    gate: float = 16.0
+    #: Difference 1 - MAC that costs as much as one standard deviation.
+    shape: float = 0.05
+    #: Further cost of a track that is not yet confirmed, as established tracks choose first, and of a shape in the
+    #: plane of those of two tracks whose half-power bands overlap, within which shapes turn: half the gate.
+    doubtful: float = 8.0
+    #: Relative distance at which bands overlap in any case.
+    close: float = 0.005
+    #: Modes whose shapes are the recent shape of a track, and windows on each side of a jump that are compared.
+    recent: int = 10
+    #: Largest standard deviation of an estimate over the reach.
+    max_std: float = 0.25
+    #: Share of the damping ratio in place of an unknown standard deviation.
+    unknown_std: float = 0.2
+    #: Fewest such pairs.
+    min_pairs: int = 10
+    #: Bounds of the scatter over the stated deviations.
+    scatter_bounds: tuple[float, float] = (0.2, 5.0)
+    #: Least MAC of shapes that are certainly of one mode, or in one plane.
+    same_mac: float = 0.9
+    #: How many times their scatter the frequencies of one mode may differ.
+    same: float = 2.0
+    #: Which share of the half-power half-bandwidth they may differ.
+    same_bandwidth: float = 0.5
+    #: Least MAC of the shapes on both sides of a jump.
+    jump_mac: float = 0.8
+
+
+_RULES = _Rules()
 #: Median of the absolute value of a standard normal number.
 MEDIAN_NORMAL = 0.6745
+#: Numbers of the windows of a track, and of its mode in each.
+Members = list[tuple[int, int]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,12 +80,12 @@ class TrackingSettings:
         its estimates, 0 to 0.1.
     reach
         Largest relative change of a natural frequency at once that is followed as a jump of the same mode, 0 to 0.5.
-    least_mac
+    min_mac
         Smallest MAC of a mode with the recent shape of its track, 0 to 1.
     gap
         Longest time for which a mode may be absent, in the unit of the times; None: 48 median distances of the windows.
-    least_count, out_of
-        A track is confirmed where it has `least_count` modes in `out_of` windows that follow each other; fewer where
+    min_count, out_of
+        A track is confirmed where it has `min_count` modes in `out_of` windows that follow each other; fewer where
         there are fewer windows.
 
     Raises
@@ -51,17 +96,17 @@ class TrackingSettings:
 
     drift: float = 0.003
     reach: float = 0.1
-    least_mac: float = 0.5
+    min_mac: float = 0.5
     gap: float | None = None
-    least_count: int = 3
+    min_count: int = 3
     out_of: int = 10
 
     def __post_init__(self) -> None:
         check_number("drift", self.drift, above=0, at_most=0.1)
         check_number("reach", self.reach, above=0, at_most=0.5)
-        check_number("least_mac", self.least_mac, at_least=0, at_most=1)
-        check_number("least_count", self.least_count, at_least=1)
-        check_number("out_of", self.out_of, at_least=self.least_count)
+        check_number("min_mac", self.min_mac, at_least=0, at_most=1)
+        check_number("min_count", self.min_count, at_least=1)
+        check_number("out_of", self.out_of, at_least=self.min_count)
         if self.gap is not None:
             check_number("gap", self.gap, above=0)
 
@@ -210,7 +255,7 @@ class TrackedModes(Tabular, Savable, Drawable):
         Names of the channels of the mode shapes.
     tracks
         Confirmed tracks by rising natural frequency.
-    strays
+    untracked_modes
         Tracks of too few modes, and second estimates of the modes of other tracks.
     settings
         Settings, with the longest absence filled in.
@@ -220,7 +265,7 @@ class TrackedModes(Tabular, Savable, Drawable):
     has_result: Booleans
     channels: tuple[str, ...]
     tracks: tuple[Track, ...]
-    strays: tuple[Track, ...]
+    untracked_modes: tuple[Track, ...]
     settings: TrackingSettings
 
     def __post_init__(self) -> None:
@@ -245,8 +290,7 @@ class TrackedModes(Tabular, Savable, Drawable):
 def mean_shape(mode_shapes: Complex) -> Complex:
     """Return the mean of mode shapes of any phase and scale, 1 at its largest channel: first right singular vector."""
     norms = np.linalg.norm(mode_shapes, axis=1, keepdims=True)
-    directions = np.linalg.svd(mode_shapes / np.maximum(norms, np.finfo(float).tiny), full_matrices=False)[2]
-    shape: Complex = unit_shapes(directions[:1])[0]
+    shape: Complex = unit_shapes(_main_directions(mode_shapes / np.maximum(norms, np.finfo(float).tiny), 1))[0]
     return shape
 
 
@@ -255,7 +299,7 @@ def scatter(values: Real) -> float:
 
     Median of their absolute values over 0.6745 sqrt(2): neither a trend nor a jump or a single outlier counts.
     """
-    if len(values) < FEWEST_FOR_SCATTER:
+    if len(values) < _RULES.min_for_scatter:
         return float("nan")
     return float(np.median(np.abs(np.diff(values)))) / (MEDIAN_NORMAL * np.sqrt(2))
 
@@ -266,16 +310,16 @@ def _tracked(times: Real, values: Real, deviations: Real) -> TrackedValue:
     low, high = np.percentile(values, [2.5, 97.5])
     own = scatter(values)
     is_usual = np.ones(len(values), dtype=np.bool_)
-    if len(values) >= FEWEST_FOR_SCATTER:
-        away = np.abs(values - median_filter(values, size=_NEIGHBOURS, mode="nearest"))
-        is_usual = away <= _OUTLIER * own
+    if len(values) >= _RULES.min_for_scatter:
+        away = np.abs(values - median_filter(values, size=_RULES.neighbours, mode="nearest"))
+        is_usual = away <= _RULES.outlier * own
     return TrackedValue(
         mean=float(np.mean(values[is_usual])),
         low=float(low),
         high=float(high),
         scatter=own,
         stated=float(np.median(known)) if len(known) else float("nan"),
-        trend=_trend(times[is_usual], values[is_usual]) if is_usual.sum() >= _FOR_TREND else None,
+        trend=_trend(times[is_usual], values[is_usual]) if is_usual.sum() >= _RULES.min_for_trend else None,
     )
 
 
@@ -287,30 +331,10 @@ def _trend(times: Real, values: Real) -> TrackTrend:
     residuals = values - values.mean() - slope * lever
     power = float(residuals @ residuals)
     alike = float(residuals[1:] @ residuals[:-1]) / power if power > 0 else 0.0
-    alike = min(max(alike, 0.0), _MOST_CORRELATED)
+    alike = min(max(alike, 0.0), _RULES.max_correlation)
     variance = power / (len(values) - 2) / squares * (1 + alike) / (1 - alike)
     span = float(np.ptp(times))
     return TrackTrend(slope, float(np.sqrt(variance)), slope * span, float(np.sqrt(variance)) * span)
-
-
-#: Cost above which a mode is not that of a track, and difference 1 - MAC that costs as much as one standard deviation.
-_GATE, _SHAPE = 16.0, 0.05
-#: Further cost of a track that is not yet confirmed: established tracks choose first.
-_TENTATIVE = 8.0
-#: Cost of a shape in the plane of those of two tracks whose half-power bands overlap (within which the shapes of close
-#: modes turn), least share of the shape in that plane, and relative distance at which bands overlap in any case.
-_IN_PLANE, _PLANE_MAC, _CLOSE = 8.0, 0.9, 0.005
-#: Modes whose shapes are the recent shape of a track.
-_RECENT = 10
-#: Largest standard deviation of an estimate over the reach, and share of its damping ratio in place of an unknown one.
-_LARGEST_STD, _UNKNOWN_STD = 0.25, 0.2
-#: Least MAC of modes of neighbouring windows whose difference shows how modes scatter, pairs needed for that, and
-#: bounds of the scatter over the stated deviations.
-_PAIR_MAC, _FEWEST_PAIRS, _SCATTER_BOUNDS = 0.9, 10, (0.2, 5.0)
-
-
-#: Numbers of the windows of a track, and of its mode in each.
-Members = list[tuple[int, int]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -348,8 +372,8 @@ class Tracker:
         self.position += gain * float(estimates.position[member] - self.position)
         self.variance = (1 - gain) * predicted
         self.members.append((window, member))
-        self.dampings = [*self.dampings[1 - _RECENT :], float(estimates.damping[member])]
-        self.recent = [*self.recent[1 - _RECENT :], estimates.shapes[member]]
+        self.dampings = [*self.dampings[1 - _RULES.recent :], float(estimates.damping[member])]
+        self.recent = [*self.recent[1 - _RULES.recent :], estimates.shapes[member]]
         self.damping = float(np.median(self.dampings))
         self.shape = _main_directions(self.recent, 1)[0]
 
@@ -358,10 +382,12 @@ def estimates_of(modes: Modes, settings: TrackingSettings) -> Estimates:
     """Return the modes of a window for comparisons."""
     frequency = modes.natural_frequency
     relative = modes.natural_frequency_std / frequency
-    relative = np.where(np.isfinite(relative) & (relative > 0), relative, _UNKNOWN_STD * np.abs(modes.damping_ratio))
+    relative = np.where(
+        np.isfinite(relative) & (relative > 0), relative, _RULES.unknown_std * np.abs(modes.damping_ratio)
+    )
     norms = np.linalg.norm(modes.mode_shapes, axis=1, keepdims=True)
     shapes = modes.mode_shapes / np.maximum(norms, np.finfo(float).tiny)
-    variance = np.minimum(relative, _LARGEST_STD * settings.reach) ** 2
+    variance = np.minimum(relative, _RULES.max_std * settings.reach) ** 2
     return Estimates(np.log(frequency), variance, modes.damping_ratio, shapes)
 
 
@@ -369,10 +395,10 @@ def with_scatter(estimates: Sequence[Estimates | None], settings: TrackingSettin
     """Return the estimates with variances as modes of one shape scatter between neighbouring windows."""
     present = [part for part in estimates if part is not None]
     deviations = [z for before, after in pairwise(present) for z in _differences(before, after, settings)]
-    if len(deviations) < _FEWEST_PAIRS:
+    if len(deviations) < _RULES.min_pairs:
         return list(estimates)
-    scale = float(np.clip(np.median(deviations) / MEDIAN_NORMAL, *_SCATTER_BOUNDS))
-    largest = (_LARGEST_STD * settings.reach) ** 2
+    scale = float(np.clip(np.median(deviations) / MEDIAN_NORMAL, *_RULES.scatter_bounds))
+    largest = (_RULES.max_std * settings.reach) ** 2
     return [
         None if part is None else replace(part, variance=np.minimum(scale**2 * part.variance, largest))
         for part in estimates
@@ -383,7 +409,7 @@ def _differences(before: Estimates, after: Estimates, settings: TrackingSettings
     """Return the differences of modes that are nearest to each other and of one shape, in standard deviations."""
     distance = np.abs(before.position[:, None] - after.position)
     likeness = np.abs(np.conj(before.shapes) @ after.shapes.T) ** 2
-    cost = np.where(likeness >= _PAIR_MAC, distance, np.inf)
+    cost = np.where(likeness >= _RULES.same_mac, distance, np.inf)
     rows, columns = np.arange(len(before)), np.argmin(cost, axis=1)
     is_mutual = (np.argmin(cost, axis=0)[columns] == rows) & (cost[rows, columns] <= settings.reach)
     rows, columns = rows[is_mutual], columns[is_mutual]
@@ -400,11 +426,10 @@ def follow(estimates: Sequence[Estimates | None], times: Real, gap: float, setti
     for window, part in enumerate(estimates):
         if part is None:
             continue
-        is_alive = [times[window] - times[tracker.last] <= gap for tracker in alive]
-        ended += [tracker for tracker, yes in zip(alive, is_alive, strict=True) if not yes]
-        alive = [tracker for tracker, yes in zip(alive, is_alive, strict=True) if yes]
+        ended += [tracker for tracker in alive if times[window] - times[tracker.last] > gap]
+        alive = [tracker for tracker in alive if times[window] - times[tracker.last] <= gap]
         predicted = np.array([t.variance + settings.drift**2 * (times[window] - times[t.last]) for t in alive])
-        predicted = np.minimum(predicted, (settings.reach / np.sqrt(_GATE)) ** 2)
+        predicted = np.minimum(predicted, (settings.reach / np.sqrt(_RULES.gate)) ** 2)
         taken = assigned(_costs(alive, part, predicted, settings))
         for row, member in taken:
             alive[row].update(part, member, window, float(predicted[row]))
@@ -419,23 +444,23 @@ def _costs(trackers: Sequence[Tracker], part: Estimates, predicted: Real, settin
         return np.zeros((0, len(part)))
     positions = np.array([tracker.position for tracker in trackers])
     likeness = np.abs(np.conj(np.array([tracker.shape for tracker in trackers])) @ part.shapes.T) ** 2
-    unlike = np.where(likeness >= settings.least_mac, (1 - likeness) / _SHAPE, np.inf)
-    is_established = np.array([len(tracker.members) >= settings.least_count for tracker in trackers])
+    unlike = np.where(likeness >= settings.min_mac, (1 - likeness) / _RULES.shape, np.inf)
+    is_established = np.array([len(tracker.members) >= settings.min_count for tracker in trackers])
     dampings = np.array([tracker.damping for tracker in trackers])
-    is_close = np.abs(positions[:, None] - positions) <= _CLOSE + dampings[:, None] + dampings
+    is_close = np.abs(positions[:, None] - positions) <= _RULES.close + dampings[:, None] + dampings
     is_close &= is_established & is_established[:, None]
     for row in np.flatnonzero(is_close.sum(axis=1) > 1).tolist():
         near = [shape for other in np.flatnonzero(is_close[row]).tolist() for shape in trackers[other].recent]
         in_plane = np.sum(np.abs(np.conj(_main_directions(near, 2)) @ part.shapes.T) ** 2, axis=0)
-        turned = np.where(in_plane >= _PLANE_MAC, _IN_PLANE + (1 - in_plane) / _SHAPE, np.inf)
+        turned = np.where(in_plane >= _RULES.same_mac, _RULES.doubtful + (1 - in_plane) / _RULES.shape, np.inf)
         unlike[row] = np.minimum(unlike[row], turned)
     variance = predicted[:, None] + part.variance
     cost = (positions[:, None] - part.position) ** 2 / variance + np.log1p(variance / settings.drift**2) + unlike
-    cost += np.where(is_established, 0.0, _TENTATIVE)[:, None]
-    return np.where(cost <= _GATE, cost, np.inf)
+    cost += np.where(is_established, 0.0, _RULES.doubtful)[:, None]
+    return np.where(cost <= _RULES.gate, cost, np.inf)
 
 
-def _main_directions(shapes: Sequence[Complex], rank: int) -> Complex:
+def _main_directions(shapes: Complex | Sequence[Complex], rank: int) -> Complex:
     """Return the orthonormal shapes that explain most of some shapes, shape (rank, channels) or fewer."""
     directions: Complex = np.linalg.svd(np.array(shapes), full_matrices=False)[2][:rank]
     return directions
@@ -443,15 +468,10 @@ def _main_directions(shapes: Sequence[Complex], rank: int) -> Complex:
 
 def assigned(costs: Real) -> list[tuple[int, int]]:
     """Return the pairs of least total cost, in which a track or mode without a partner costs half the gate."""
-    rows, columns = linear_sum_assignment(np.minimum(costs, _GATE))
-    return [(int(row), int(column)) for row, column in zip(rows, columns, strict=True) if costs[row, column] < _GATE]
-
-
-#: Least MAC of shapes that are certainly of one mode, how many times their scatter its frequencies may differ, and
-#: which share of the half-power half-bandwidth.
-_SAME_MAC, _SAME, _SAME_BANDWIDTH = 0.9, 2.0, 0.5
-#: Smallest MAC of the shapes on both sides of a jump, and windows on each side that are compared.
-_JUMP_MAC, JUMP_WINDOWS = 0.8, 10
+    rows, columns = linear_sum_assignment(np.minimum(costs, _RULES.gate))
+    return [
+        (int(row), int(column)) for row, column in zip(rows, columns, strict=True) if costs[row, column] < _RULES.gate
+    ]
 
 
 def united(
@@ -478,34 +498,28 @@ def united(
 
 def _is_same(members: Members, fewer: Members, estimates: Sequence[Estimates | None], times: Real, gap: float) -> bool:
     """Whether a track of fewer modes is the same mode as another: near it in time and frequency, and of one shape."""
-    positions, others = (_positions(part, estimates) for part in (members, fewer))
-    if len(positions) < FEWEST_FOR_SCATTER:
+    positions, others = (_values("position", part, estimates) for part in (members, fewer))
+    if len(positions) < _RULES.min_for_scatter:
         return False
     when, then = (times[[window for window, _ in part]] for part in (members, fewer))
     after = np.clip(np.searchsorted(when, then), 1, len(when) - 1)
     wait = np.min(np.minimum(np.abs(then - when[after]), np.abs(then - when[after - 1])))
     apart = abs(float(np.median(others - np.interp(then, when, positions))))
-    if wait > gap or apart > max(_SAME * scatter(positions), _SAME_BANDWIDTH * _damping(fewer, estimates)):
+    bandwidth = _RULES.same_bandwidth * float(np.median(_values("damping", fewer, estimates)))
+    if wait > gap or apart > max(_RULES.same * scatter(positions), bandwidth):
         return False
-    return float(mac(_shape(members, estimates)[None], _shape(fewer, estimates)[None])[0, 0]) >= _SAME_MAC
+    return _likeness(members, fewer, estimates) >= _RULES.same_mac
 
 
-def _positions(members: Members, estimates: Sequence[Estimates | None]) -> Real:
-    """Return ln f of the modes of a track."""
-    return np.array([part.position[member] for window, member in members if (part := estimates[window]) is not None])
+def _likeness(members: Members, others: Members, estimates: Sequence[Estimates | None]) -> float:
+    """Return the MAC of the mean shapes of two tracks."""
+    one, other = (mean_shape(_values("shapes", part, estimates)) for part in (members, others))
+    return float(mac(one[None], other[None])[0, 0])
 
 
-def _damping(members: Members, estimates: Sequence[Estimates | None]) -> float:
-    """Return the median damping ratio of the modes of a track."""
-    return float(
-        np.median([part.damping[member] for window, member in members if (part := estimates[window]) is not None])
-    )
-
-
-def _shape(members: Members, estimates: Sequence[Estimates | None]) -> Complex:
-    """Return the mean shape of modes of a track."""
-    parts = [part.shapes[member] for window, member in members if (part := estimates[window]) is not None]
-    return mean_shape(np.array(parts))
+def _values(name: str, members: Members, estimates: Sequence[Estimates | None]) -> NDArray[Any]:
+    """Return a field of the estimates of the modes of a track."""
+    return np.array([getattr(estimates[window], name)[member] for window, member in members])
 
 
 def continued(
@@ -519,17 +533,20 @@ def continued(
 ) -> list[list[Members]]:
     """Return the parts of each track: confirmed ones that end are continued by confirmed ones that start later."""
     confirmed = [k for k, members in enumerate(tracks) if is_confirmed(members, has_result, settings)]
-    ends, starts = ([tracks[k][part] for k in confirmed] for part in (slice(-JUMP_WINDOWS, None), slice(JUMP_WINDOWS)))
+    ends, starts = (
+        [tracks[k][part] for k in confirmed] for part in (slice(-_RULES.recent, None), slice(_RULES.recent))
+    )
     costs = np.full((len(confirmed), len(confirmed)), np.inf)
     for row, end in enumerate(ends):
         for column, start in enumerate(starts):
             wait = times[start[0][0]] - times[end[-1][0]]
-            apart = abs(float(np.median(_positions(start, estimates)) - np.median(_positions(end, estimates))))
+            before, after = (float(np.median(_values("position", part, estimates))) for part in (end, start))
+            apart = abs(after - before)
             if not 0 < wait <= gap or apart > settings.reach:
                 continue
-            unlike = 1 - float(mac(_shape(start, estimates)[None], _shape(end, estimates)[None])[0, 0])
-            if unlike <= 1 - _JUMP_MAC:
-                costs[row, column] = apart / settings.reach + unlike / (1 - _JUMP_MAC) + wait / gap
+            unlike = 1 - _likeness(start, end, estimates)
+            if unlike <= 1 - _RULES.jump_mac:
+                costs[row, column] = apart / settings.reach + unlike / (1 - _RULES.jump_mac) + wait / gap
     successors = {confirmed[row]: confirmed[column] for row, column in assigned(costs)}
     chains = []
     for head in sorted(set(range(len(tracks))) - set(successors.values())):
@@ -544,13 +561,9 @@ def continued(
 def is_confirmed(members: Members, has_result: Booleans, settings: TrackingSettings) -> bool:
     """Whether a track has enough modes in windows that follow each other, of those with results."""
     counts = np.cumsum(has_result)
-    least = min(settings.least_count, int(counts[-1]))
+    least = min(settings.min_count, int(counts[-1]))
     places = [int(counts[window]) for window, _ in members]
     return any(last - first < settings.out_of for first, last in zip(places, places[least - 1 :], strict=False))
-
-
-#: Longest absence of a mode in median distances of the windows, unless it is given.
-_GAP = 48
 
 
 def track_modes(
@@ -589,12 +602,12 @@ def track_modes(
 
         d^2 / S + ln(1 + S / drift^2) + (1 - MAC) / 0.05,     S = variance of the track + variance of the mode,
 
-    where d is the difference of ln f; a pair above 16 or below `least_mac` is not one. Crossing modes are distinguished
+    where d is the difference of ln f; a pair above 16 or below `min_mac` is not one. Crossing modes are distinguished
     by their shapes; in a veering, where shapes turn over many windows, each track stays on its branch. The shapes of
     two modes whose half-power bands overlap may turn within their common plane from window to window: such a shape is
     accepted at a cost of 8. Variances are those that the identifications state, scaled as modes of one shape scatter
     from window to window (robustly, over all modes), and at most that of a quarter of `reach`. A mode that fits no
-    track starts one, which is confirmed by `least_count` of `out_of`.
+    track starts one, which is confirmed by `min_count` of `out_of`.
 
     Tracks whose frequencies agree (within two standard deviations of their scatter, or half a half-power
     half-bandwidth) and whose mean shapes have a MAC of 0.9 are united: they are one mode.
@@ -625,10 +638,13 @@ def track_modes(
     windows = list(check_each("windows", windows, Modes, type(None)))
     settings = settings or TrackingSettings()
     instants = np.arange(float(len(windows))) if times is None else np.asarray(times, dtype=np.float64)
-    _check_times(instants, len(windows))
+    if instants.shape != (len(windows),):
+        raise ParameterError(f"{instants.size} times are given for {len(windows)} windows: give one for each")
+    if not np.all(np.isfinite(instants)) or np.any(np.diff(instants) <= 0):
+        raise ParameterError("times must rise from window to window: sort the windows, and leave out repeated ones")
     channels = _common_channels(windows)
     distance = float(np.median(np.diff(instants))) if len(instants) > 1 else 1.0
-    gap = _GAP * distance if settings.gap is None else settings.gap
+    gap = _RULES.gap * distance if settings.gap is None else settings.gap
     estimates = [None if modes is None or not len(modes) else estimates_of(modes, settings) for modes in windows]
     estimates = with_scatter(estimates, settings)
     trackers = follow(estimates, instants / distance, gap / distance, settings)
@@ -642,33 +658,23 @@ def track_modes(
         has_result=has_result,
         channels=channels,
         tracks=_by_frequency([track for track, yes in zip(tracks, is_mode, strict=True) if yes]),
-        strays=_by_frequency([track for track, yes in zip(tracks, is_mode, strict=True) if not yes]),
+        untracked_modes=_by_frequency([track for track, yes in zip(tracks, is_mode, strict=True) if not yes]),
         settings=replace(settings, gap=gap),
     )
 
 
-def _check_times(times: Real, n_windows: int) -> None:
-    """Reject times that are not one for each window, or do not rise."""
-    if times.shape != (n_windows,):
-        raise ParameterError(f"{times.size} times are given for {n_windows} windows: give one for each")
-    if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
-        raise ParameterError("times must rise from window to window: sort the windows, and leave out repeated ones")
-
-
 def _common_channels(windows: Sequence[Modes | None]) -> tuple[str, ...]:
     """Return the channels of all windows with modes."""
-    channels: tuple[str, ...] | None = None
-    for number, modes in enumerate(windows, start=1):
-        if modes is None or not len(modes):
-            continue
-        if channels is not None and modes.channels != channels:
+    layouts = {number: modes.channels for number, modes in enumerate(windows, start=1) if modes}
+    if not layouts:
+        raise DataError("no window has a mode, so there is none to follow: use longer windows, or other settings")
+    channels = next(iter(layouts.values()))
+    for number, own in layouts.items():
+        if own != channels:
             raise ParameterError(
-                f"window {number} has the channels {', '.join(modes.channels)}, but earlier ones have "
+                f"window {number} has the channels {', '.join(own)}, but earlier ones have "
                 f"{', '.join(channels)}: modes are compared by shape, select the same channels for all"
             )
-        channels = modes.channels
-    if channels is None:
-        raise DataError("no window has a mode, so there is none to follow: use longer windows, or other settings")
     return channels
 
 
@@ -677,33 +683,21 @@ def _track(chain: Sequence[Members], windows: Sequence[Modes | None], times: Rea
     members = [pair for part in chain for pair in part]
     numbers = np.array([window for window, _ in members])
     modes = join_modes([part.take(np.array([member])) for window, member in members if (part := windows[window])])
-    between = has_result[numbers[0] : numbers[-1] + 1]
+    between, frequency = has_result[numbers[0] : numbers[-1] + 1], modes.natural_frequency
+    limits = np.cumsum([len(part) for part in chain])[:-1].tolist()
+    jumps = []
+    for limit, after in zip(limits, chain[1:], strict=True):
+        before = np.median(frequency[max(limit - _RULES.recent, 0) : limit])
+        jumps.append(Jump(after[0][0], float(before), float(np.median(frequency[limit : limit + _RULES.recent]))))
     return Track(
         windows=numbers,
         members=np.array([member for _, member in members]),
         times=times[numbers],
         modes=modes,
-        jumps=_jumps(chain, modes.natural_frequency),
+        jumps=tuple(jumps),
         presence=len(members) / int(between.sum()),
     )
 
 
-def _jumps(chain: Sequence[Members], frequency: Real) -> tuple[Jump, ...]:
-    """Return the changes of frequency at the limits of the parts of a track."""
-    limits = np.cumsum([len(part) for part in chain])[:-1]
-    return tuple(
-        Jump(
-            window=part[0][0],
-            before=float(np.median(frequency[max(limit - JUMP_WINDOWS, 0) : limit])),
-            after=float(np.median(frequency[limit : limit + JUMP_WINDOWS])),
-        )
-        for limit, part in zip(limits, chain[1:], strict=True)
-    )
-
-
 def _by_frequency(tracks: Sequence[Track]) -> tuple[Track, ...]:
-    return tuple(sorted(tracks, key=_median_frequency))
-
-
-def _median_frequency(track: Track) -> float:
-    return float(np.median(track.modes.natural_frequency))
+    return tuple(sorted(tracks, key=lambda track: float(np.median(track.modes.natural_frequency))))

@@ -1,27 +1,40 @@
 """Whittle likelihood of modes with free shapes, spectra of their forces and noise."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from sprung._arrays import Booleans, Complex, Indices, Real
-from sprung._checks import freeze
 from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.modal_spectra import LineSpectra
 from sprung.likelihood.whittle import TOO_FAR
 
-#: Bins are read at three frequencies: Gauss-Hermite nodes in standard deviations of the kernel, and their weights.
-_NODES, _WEIGHTS = np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]), np.array([1 / 6, 2 / 3, 1 / 6])
-#: Standard deviations of the priors of the exponent of all forces' amplitude over frequency, of that of single modes'
-#: forces relative to it, and of those of the noise densities.
-_COMMON_EXPONENT_STD, _SINGLE_EXPONENT_STD, _NOISE_EXPONENT_STD = 0.5, 0.05, 0.3
-#: Forces that are held from sample to sample, and aliases, bend the spectra of single modes by about this exponent,
-#: times the squared frequency over the sampling rate.
-_EXPONENT_OF_HOLD = 4.0
-#: That of the logarithm of the noise densities: noise far below the motion is not identifiable.
-_NOISE_STD = 3.0
-#: Those of the priors of neighbouring modes: of the frequency in half-widths, of ln xi, and of the shapes' parts.
-_HELD_FREQUENCY_STD, _HELD_DAMPING_STD, _HELD_SHAPE_STD = 0.5, 0.3, 0.1
+
+@dataclass(frozen=True, slots=True)
+class ModalPriors:
+    """Standard deviations of the parameters of a `ModalModel` around its start."""
+
+    #: Exponent of the amplitude of all forces over frequency: from white noise to half an integration.
+    common_exponent: float = 0.5
+    #: Exponents of single modes' forces relative to it: the forces of neighbouring modes have one source.
+    force_exponents: float = 0.05
+    #: Added to it, times the squared frequency over the sampling rate: held forces and aliases bend the spectra.
+    exponent_of_hold: float = 4.0
+    #: Logarithms of the noise densities: noise far below the motion is not identifiable.
+    noise: float = 3.0
+    #: Exponents of the noise densities: sensors are white, or nearly so.
+    noise_exponents: float = 0.3
+    #: Natural frequencies of neighbours of the band, in half-widths of their peaks.
+    held_frequency: float = 0.5
+    #: Logarithms of the damping ratios of neighbours.
+    held_damping: float = 0.3
+    #: Real and imaginary parts of the shapes of neighbours.
+    held_shape: float = 0.1
+
+
+_PRIORS = ModalPriors()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -58,7 +71,7 @@ class ModalParameters:
     noise_exponents: Real
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class ModalModel:
     """Modes with free complex shapes and force spectra, coloured noise of every channel, and the data.
 
@@ -72,7 +85,6 @@ class ModalModel:
         Power of frequency that turns displacement into the measured quantity: 0, 1 (velocity) or 2 (acceleration).
     n_held
         Number of modes, the last ones, whose poles and shapes have priors around their start: neighbours of the band.
-
     sampling_rate
         Rate at which the motion was sampled, or simulated with held forces [Hz].
 
@@ -104,30 +116,6 @@ class ModalModel:
     quantity_exponent: float
     n_held: int = 0
     sampling_rate: float = np.inf
-    start: Real = field(init=False)
-    prior_std: Real = field(init=False)
-    _largest: Indices = field(init=False, repr=False)
-    scale: Real = field(init=False, repr=False)
-    _reference: float = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        begin = self.begin
-        object.__setattr__(self, "_largest", np.argmax(np.abs(begin.mode_shapes), axis=1))
-        object.__setattr__(self, "scale", np.sqrt(np.maximum(np.diag(begin.forces).real, np.finfo(float).tiny)))
-        object.__setattr__(self, "_reference", self.spectra.middle)
-        object.__setattr__(self, "start", self.packed(begin))
-        stds = np.full(self.start.size, np.inf)
-        stds[self.rows("common_exponent")] = _COMMON_EXPONENT_STD
-        held = (begin.natural_frequency / self.sampling_rate) ** 2
-        stds[self.rows("force_exponents")] = _SINGLE_EXPONENT_STD + _EXPONENT_OF_HOLD * held
-        stds[self.rows("noise")] = _NOISE_STD
-        stds[self.rows("noise_exponents")] = _NOISE_EXPONENT_STD
-        for k in range(self.n_modes - self.n_held, self.n_modes):
-            stds[self.rows("natural_frequency")[k]] = _HELD_FREQUENCY_STD * begin.damping_ratio[k]
-            stds[self.rows("damping_ratio")[k]] = _HELD_DAMPING_STD
-            stds[self._rows_of_shape(k)] = _HELD_SHAPE_STD
-        object.__setattr__(self, "prior_std", stds)
-        freeze(self, start=1, prior_std=1)
 
     @property
     def n_modes(self) -> int:
@@ -139,26 +127,75 @@ class ModalModel:
         """Number of channels."""
         return self.spectra.matrices.shape[-1]
 
-    def rows(self, name: str) -> Indices:
-        """Return the numbers of the parameters of one field of `ModalParameters`."""
-        n, m = self.n_modes, self.n_channels
-        sizes = {
-            "natural_frequency": n,
-            "damping_ratio": n,
-            "common_exponent": 1,
-            "force_exponents": n,
-            "mode_shapes": 2 * n * (m - 1),
-            "forces": n * n,
-            "noise": m,
-            "noise_exponents": m,
-        }
-        first = sum(sizes[other] for other in list(sizes)[: list(sizes).index(name)])
-        return np.arange(first, first + sizes[name])
+    @cached_property
+    def scale(self) -> Real:
+        """Amplitudes of the forces at the start, to which their coordinates are relative, shape (modes,)."""
+        return np.sqrt(np.maximum(np.diag(self.begin.forces).real, np.finfo(float).tiny))
 
-    def _rows_of_shape(self, k: int) -> Indices:
-        """Return the numbers of the parameters of one shape: real and imaginary parts in turn."""
-        n_each = 2 * (self.n_channels - 1)
-        return self.rows("mode_shapes")[k * n_each : (k + 1) * n_each]
+    @cached_property
+    def is_free(self) -> Booleans:
+        """Whether an entry of the shapes is a parameter, as all but the largest of each are; (modes, channels)."""
+        return np.arange(self.n_channels) != np.argmax(np.abs(self.begin.mode_shapes), axis=1)[:, None]
+
+    def _blocks(self, values: ModalParameters) -> dict[str, Real]:
+        """Return the parameters of each field in their order."""
+        return {
+            "natural_frequency": np.log(values.natural_frequency),
+            "damping_ratio": np.log(values.damping_ratio),
+            "common_exponent": values.common_exponent,
+            "force_exponents": values.force_exponents,
+            "mode_shapes": values.mode_shapes[self.is_free].view(np.float64),
+            "forces": real_coordinates(values.forces / np.outer(self.scale, self.scale)),
+            "noise": np.log(values.noise),
+            "noise_exponents": values.noise_exponents,
+        }
+
+    @cached_property
+    def rows(self) -> dict[str, Indices]:
+        """Numbers of the parameters of each field of `ModalParameters`."""
+        blocks = self._blocks(self.begin)
+        edges = np.cumsum([0, *(block.size for block in blocks.values())])
+        return {name: np.arange(*ends) for name, ends in zip(blocks, pairwise(edges), strict=True)}
+
+    def packed(self, values: ModalParameters) -> Real:
+        """Return the vector of parameters."""
+        return np.concatenate(list(self._blocks(values).values()))
+
+    def unpacked(self, parameters: Real) -> ModalParameters:
+        """Return what the vector of parameters states."""
+        blocks = {name: parameters[rows] for name, rows in self.rows.items()}
+        shapes = np.ones((self.n_modes, self.n_channels), dtype=np.complex128)
+        shapes[self.is_free] = blocks["mode_shapes"].view(np.complex128)
+        return ModalParameters(
+            natural_frequency=np.exp(blocks["natural_frequency"]),
+            damping_ratio=np.exp(blocks["damping_ratio"]),
+            common_exponent=blocks["common_exponent"],
+            force_exponents=blocks["force_exponents"],
+            mode_shapes=shapes,
+            forces=_hermitian(blocks["forces"], self.n_modes) * np.outer(self.scale, self.scale),
+            noise=np.exp(blocks["noise"]),
+            noise_exponents=blocks["noise_exponents"],
+        )
+
+    @cached_property
+    def start(self) -> Real:
+        """Parameters at which the search starts, the centre of the prior."""
+        return self.packed(self.begin)
+
+    @cached_property
+    def prior_std(self) -> Real:
+        """Standard deviation of the prior of each parameter, infinite for a free one."""
+        stds, rows, begin = np.full(self.start.size, np.inf), self.rows, self.begin
+        hold = _PRIORS.exponent_of_hold * (begin.natural_frequency / self.sampling_rate) ** 2
+        stds[rows["common_exponent"]] = _PRIORS.common_exponent
+        stds[rows["force_exponents"]] = _PRIORS.force_exponents + hold
+        stds[rows["noise"]] = _PRIORS.noise
+        stds[rows["noise_exponents"]] = _PRIORS.noise_exponents
+        held = slice(self.n_modes - self.n_held, None)
+        stds[rows["natural_frequency"][held]] = _PRIORS.held_frequency * begin.damping_ratio[held]
+        stds[rows["damping_ratio"][held]] = _PRIORS.held_damping
+        stds[rows["mode_shapes"].reshape(self.n_modes, -1)[held]] = _PRIORS.held_shape
+        return stds
 
     def shape_covariance(self, k: int, covariance: Real) -> Real:
         """Return the covariance of one shape's real and imaginary parts in turn, from that of the parameters.
@@ -168,87 +205,48 @@ class ModalModel:
         ndarray
             Shape (2 channels, 2 channels), 0 at the channel where the shape is 1.
         """
-        rows = self._rows_of_shape(k)
-        places = np.flatnonzero(np.repeat(self._is_free()[k], 2))
+        rows = self.rows["mode_shapes"].reshape(self.n_modes, -1)[k]
+        places = np.flatnonzero(np.repeat(self.is_free[k], 2))
         full = np.zeros((2 * self.n_channels, 2 * self.n_channels))
         full[np.ix_(places, places)] = covariance[np.ix_(rows, rows)]
         return full
 
-    def packed(self, values: ModalParameters) -> Real:
-        """Return the vector of parameters."""
-        free = values.mode_shapes[self._is_free()].reshape(self.n_modes, self.n_channels - 1)
-        return np.concatenate(
-            [
-                np.log(values.natural_frequency),
-                np.log(values.damping_ratio),
-                values.common_exponent,
-                values.force_exponents,
-                np.stack([free.real, free.imag], axis=-1).ravel(),
-                real_coordinates(values.forces / np.outer(self.scale, self.scale)),
-                np.log(values.noise),
-                values.noise_exponents,
-            ]
-        )
+    @cached_property
+    def _nodes(self) -> tuple[Real, Real]:
+        """Frequencies at which bins are read, Gauss-Hermite nodes of their kernels, (nodes, bins), and weights."""
+        if not self.spectra.spreads.any():
+            return self.spectra.frequencies[None], np.ones(1)
+        nodes = np.sqrt(3.0) * np.array([-1, 0, 1])
+        return self.spectra.frequencies + nodes[:, None] * self.spectra.spreads, np.array([1, 4, 1]) / 6
 
-    def unpacked(self, parameters: Real) -> ModalParameters:
-        """Return what the vector of parameters states."""
-        n, m = self.n_modes, self.n_channels
-        shapes = np.ones((n, m), dtype=np.complex128)
-        parts = parameters[self.rows("mode_shapes")].reshape(n * (m - 1), 2)
-        shapes[self._is_free()] = parts[:, 0] + 1j * parts[:, 1]
-        return ModalParameters(
-            natural_frequency=np.exp(parameters[self.rows("natural_frequency")]),
-            damping_ratio=np.exp(parameters[self.rows("damping_ratio")]),
-            common_exponent=parameters[self.rows("common_exponent")],
-            force_exponents=parameters[self.rows("force_exponents")],
-            mode_shapes=shapes,
-            forces=_hermitian(parameters[self.rows("forces")], n) * np.outer(self.scale, self.scale),
-            noise=np.exp(parameters[self.rows("noise")]),
-            noise_exponents=parameters[self.rows("noise_exponents")],
-        )
-
-    def _is_free(self) -> Booleans:
-        """Return the mask of the shapes' entries that are parameters, shape (modes, channels)."""
-        is_free = np.ones((self.n_modes, self.n_channels), dtype=np.bool_)
-        is_free[np.arange(self.n_modes), self._largest] = False
-        return is_free
+    @cached_property
+    def _logarithms(self) -> Real:
+        """Logarithms of the frequencies over the reference, shape (bins, 1)."""
+        return np.log(self.spectra.frequencies / self.spectra.middle)[:, None]
 
     def matrix(self, parameters: Real) -> Complex:
         """Return the spectral matrix S of every bin, shape (bins, channels, channels)."""
-        values = self.unpacked(parameters)
-        return self._matrix(values, *self._moved(values))
-
-    def _grid(self) -> tuple[Real, Real]:
-        """Return the frequencies at which bins are read, shape (nodes, bins), and their weights, shape (nodes,)."""
-        if not self.spectra.spreads.any():
-            return self.spectra.frequencies[None], np.ones(1)
-        return self.spectra.frequencies + _NODES[:, None] * self.spectra.spreads, _WEIGHTS
-
-    def _moved(self, values: ModalParameters) -> tuple[Complex, Complex, Real]:
-        """Return responses (nodes, bins, modes), moved channels (nodes, bins, channels, modes) and weights."""
-        frequencies, weights = self._grid()
-        x = frequencies[..., None] / values.natural_frequency
-        power = self.quantity_exponent + values.common_exponent + values.force_exponents
-        responses = np.asarray(x**power / (1 - x**2 + 2j * values.damping_ratio * x), dtype=np.complex128)
-        return responses, values.mode_shapes.T * responses[..., None, :], weights
-
-    def _noise(self, values: ModalParameters) -> Real:
-        """Return the densities of the noise, shape (bins, channels)."""
-        logs = np.log(self.spectra.frequencies / self._reference)
-        return values.noise * np.exp(logs[:, None] * values.noise_exponents)
-
-    def _matrix(self, values: ModalParameters, responses: Complex, moved: Complex, weights: Real) -> Complex:
-        modal = np.tensordot(weights, moved @ values.forces @ moved.conj().swapaxes(-1, -2), axes=1)
-        diagonal = np.arange(self.n_channels)
-        modal[:, diagonal, diagonal] += self._noise(values)
-        return np.asarray(modal, dtype=np.complex128)
+        return self._state(parameters).matrix
 
     def forced(self, parameters: Real) -> Complex:
         """Return the cross spectra of the modal motions H u with the channels, shape (bins, modes, channels)."""
+        state = self._state(parameters)
+        cross = state.responses[..., None] * (state.values.forces @ state.moved.conj().swapaxes(-1, -2))
+        return np.asarray(np.tensordot(self._nodes[1], cross, axes=1), dtype=np.complex128)
+
+    def _state(self, parameters: Real) -> "_State":
+        """Return responses, spectra of the noise and the spectral matrix."""
         values = self.unpacked(parameters)
-        responses, moved, weights = self._moved(values)
-        cross = responses[..., None] * (values.forces @ moved.conj().swapaxes(-1, -2))
-        return np.asarray(np.tensordot(weights, cross, axes=1), dtype=np.complex128)
+        frequencies, weights = self._nodes
+        x = frequencies[..., None] / values.natural_frequency
+        power = self.quantity_exponent + values.common_exponent + values.force_exponents
+        responses = np.asarray(x**power / (1 - x**2 + 2j * values.damping_ratio * x), dtype=np.complex128)
+        moved = values.mode_shapes.T * responses[..., None, :]
+        noise = values.noise * np.exp(self._logarithms * values.noise_exponents)
+        matrix = np.tensordot(weights, moved @ values.forces @ moved.conj().swapaxes(-1, -2), axes=1)
+        diagonal = np.arange(self.n_channels)
+        matrix[:, diagonal, diagonal] += noise
+        return _State(values, x, responses, moved, noise, np.asarray(matrix, dtype=np.complex128))
 
     def objective(self, parameters: Real) -> tuple[float, Real]:
         """Return minus the log likelihood, the prior included, and its gradient; `TOO_FAR` and 0 if they do not exist.
@@ -256,100 +254,59 @@ class ModalModel:
         Notes
         -----
         sum n [ln det S + tr(S^-1 S^)] over bins, n their counts and S^ the data, + sum deviation^2 / (2 prior_std^2).
-        With W = n (S^-1 - S^-1 S^ S^-1), d objective = sum tr(W dS).
+        With W = n (S^-1 - S^-1 S^ S^-1), d objective = sum tr(W dS) = 2 Re sum v^H W u (`_factors`).
         """
-        try:
-            with np.errstate(all="ignore"):
-                value, gradient = self._objective(parameters)
-        except np.linalg.LinAlgError:
-            return TOO_FAR, np.zeros_like(parameters)
+        with np.errstate(all="ignore"):
+            state, counts = self._state(parameters), self.spectra.counts
+            try:
+                logdet = 2 * np.log(np.einsum("bii->bi", np.linalg.cholesky(state.matrix)).real).sum(axis=-1)
+                inverse = np.linalg.inv(state.matrix)
+            except np.linalg.LinAlgError:
+                return TOO_FAR, np.zeros_like(parameters)
+            ratio = inverse @ self.spectra.matrices
+            value = float(np.sum(counts * (logdet + np.einsum("bii->b", ratio).real)))
+            W = counts[:, None, None] * (inverse - ratio @ inverse)
+            left, right = self._factors(state)
+            products = self._with_common_exponent(2 * np.einsum("bip,bip->p", right.conj(), W @ left).real)
+        deviation = (parameters - self.start) / self.prior_std
+        value, gradient = value + float(deviation @ deviation) / 2, products + deviation / self.prior_std
         is_finite = np.isfinite(value) and np.all(np.isfinite(gradient))
         return (value, gradient) if is_finite else (TOO_FAR, np.zeros_like(parameters))
 
-    def _objective(self, parameters: Real) -> tuple[float, Real]:
-        values = self.unpacked(parameters)
-        responses, moved, weights = self._moved(values)
-        S = self._matrix(values, responses, moved, weights)
-        counts, data = self.spectra.counts, self.spectra.matrices
-        logdet = 2 * np.log(np.einsum("bii->bi", np.linalg.cholesky(S)).real).sum(axis=-1)
-        inverse = np.linalg.inv(S)
-        ratio = inverse @ data
-        value = float(np.sum(counts * (logdet + np.einsum("bii->b", ratio).real)))
-        W = counts[:, None, None] * (inverse - ratio @ inverse)
-        weighted = weights[:, None, None, None] * W
-        pulled = values.forces @ moved.conj().swapaxes(-1, -2) @ weighted  # (nodes, bins, modes, channels)
-        at_modes = np.einsum("sbkj,kj->sbk", pulled, values.mode_shapes)
-        in_frequency, in_damping, in_exponent = self._response_slopes(values, responses)
-        by_shape = 2 * np.einsum("sbkj,sbk->kj", pulled, responses)[self._is_free()]
-        by_force = np.einsum("sbjk,sbjl->kl", moved.conj(), weighted @ moved) * np.outer(self.scale, self.scale)
-        by_noise = np.einsum("bii->bi", W).real * self._noise(values)
-        logs = np.log(self.spectra.frequencies / self._reference)
-        by_exponent = 2 * np.einsum("sbk,sbk->k", at_modes, in_exponent).real
-        gradient = np.concatenate(
-            [
-                2 * np.einsum("sbk,sbk->k", at_modes, in_frequency).real,
-                2 * np.einsum("sbk,sbk->k", at_modes, in_damping).real,
-                by_exponent.sum(keepdims=True),
-                by_exponent,
-                np.stack([by_shape.real, -by_shape.imag], axis=-1).ravel(),
-                real_coordinates(by_force.conj().T),
-                by_noise.sum(axis=0),
-                logs @ by_noise,
-            ]
-        )
-        deviation = (parameters - self.start) / self.prior_std
-        return value + float(deviation @ deviation) / 2, gradient + deviation / self.prior_std
-
-    def _response_slopes(self, values: ModalParameters, responses: Complex) -> tuple[Complex, Complex, Complex]:
-        """Return the derivatives of the responses by ln f, ln xi and the exponent of the force."""
-        x = self._grid()[0][..., None] / values.natural_frequency
-        denominator = 1 - x**2 + 2j * values.damping_ratio * x
-        damping = 2j * values.damping_ratio * x / denominator
-        power = self.quantity_exponent + values.common_exponent + values.force_exponents
-        return (
-            responses * (damping - 2 * x**2 / denominator - power),
-            -responses * damping,
-            responses * np.log(x),
-        )
-
-    def _factors(self, parameters: Real) -> tuple[Complex, Complex]:
+    def _factors(self, state: "_State") -> tuple[Complex, Complex]:
         """Return u and v of dS/dp = u v^H + v u^H, shapes (channels, parameters) and (bins, channels, parameters).
 
         Notes
         -----
-        For all parameters but the common exponent, whose derivative is the sum of those by all others.
+        For all parameters but the common exponent, whose derivative is the sum of those by all others. Those of the
+        responses by ln f, ln xi and the exponents are g - 2 x^2 / d - power, -g and ln x times the responses, with the
+        denominator d = 1 - x^2 + 2 i xi x and g = 2 i xi x / d.
         """
-        values = self.unpacked(parameters)
-        responses, moved, weights = self._moved(values)
-        shapes, unit = values.mode_shapes.T, np.eye(self.n_channels, dtype=np.complex128)
-        pulled = weights[:, None, None, None] * (moved @ values.forces)
-        by_slope = [np.sum(pulled * s.conj()[:, :, None], axis=0) for s in self._response_slopes(values, responses)]
-        by_response = np.sum(pulled * responses.conj()[:, :, None], axis=0)
-        of_mode, of_channel = np.nonzero(self._is_free())
+        values, x, responses = state.values, state.x, state.responses
+        weights, unit = self._nodes[1], np.eye(self.n_channels, dtype=np.complex128)
+        denominator = 1 - x**2 + 2j * values.damping_ratio * x
+        damping = 2j * values.damping_ratio * x / denominator
+        power = self.quantity_exponent + values.common_exponent + values.force_exponents
+        pulled = weights[:, None, None, None] * (state.moved @ values.forces) * responses.conj()[:, :, None]
+        slopes = (damping - 2 * x**2 / denominator - power, -damping, np.log(x))
+        by_slope = [np.sum(pulled * slope.conj()[:, :, None], axis=0) for slope in slopes]
+        of_mode, of_channel = np.nonzero(self.is_free)
         first, second = np.triu_indices(self.n_modes, 1)
         powers = np.tensordot(weights, np.abs(responses) ** 2, axes=1)[:, None] / 2
         crossed = np.tensordot(weights, responses[..., first].conj() * responses[..., second], axes=1) / np.sqrt(2)
-        scaled = shapes * self.scale
+        shapes, scaled = values.mode_shapes.T, values.mode_shapes.T * self.scale
         halves = scaled[:, second] * crossed[:, None]
-        noise, logs = self._noise(values) / 2, np.log(self.spectra.frequencies / self._reference)
-        by_noise = noise[:, :, None] * unit
-        parts = np.tile([1, 1j], of_mode.size)
-        left = [shapes, shapes, shapes, np.repeat(unit[:, of_channel], 2, axis=1) * parts]
+        by_noise = (state.noise / 2)[:, :, None] * unit
+        left = [shapes, shapes, shapes, np.repeat(unit[:, of_channel], 2, axis=1) * np.tile([1, 1j], of_mode.size)]
         left += [scaled, scaled[:, first], 1j * scaled[:, first], unit, unit]
-        right = [*by_slope, np.repeat(by_response[..., of_mode], 2, axis=2)]
-        right += [scaled * powers, halves, halves, by_noise, logs[:, None, None] * by_noise]
+        right = [*by_slope, np.repeat(pulled.sum(axis=0)[..., of_mode], 2, axis=2)]
+        right += [scaled * powers, halves, halves, by_noise, self._logarithms[:, None] * by_noise]
         return np.concatenate(left, axis=1), np.concatenate(right, axis=2)
 
     def _with_common_exponent(self, derivatives: Real) -> Real:
         """Return derivatives, the last axis over all other parameters, with that by the common exponent."""
-        n = self.n_modes
-        by_common = derivatives[..., 2 * n : 3 * n].sum(axis=-1, keepdims=True)
-        return np.concatenate([derivatives[..., : 2 * n], by_common, derivatives[..., 2 * n :]], axis=-1)
-
-    def derivatives(self, parameters: Real) -> Real:
-        """Return dS/dp for each parameter p in real form, shape (channels, channels, bins, parameters)."""
-        left, right = self._factors(parameters)
-        return self._with_common_exponent(_real_products(left, right))
+        each = derivatives[..., 2 * self.n_modes : 3 * self.n_modes]
+        return np.insert(derivatives, 2 * self.n_modes, each.sum(axis=-1), axis=-1)
 
     def residuals(self, parameters: Real) -> Complex:
         """Return the whitened deviation L^-1 S^ L^-H - I of the data, S = L L^H, shape (bins, channels, channels)."""
@@ -363,20 +320,47 @@ class ModalModel:
 
     def whitened_densities(self, parameters: Real) -> Real:
         """Return the whitened derivatives by the forces' and noises' densities alone: rows `forces` and `noise`."""
-        rows = np.concatenate([self.rows("forces"), self.rows("noise")]) - 1
+        rows = np.concatenate([self.rows["forces"], self.rows["noise"]]) - 1
         left, right = self._whitened_factors(parameters)
         return _real_products(left[..., rows], right[..., rows])
 
     def _whitened_factors(self, parameters: Real) -> tuple[Complex, Complex]:
         """Return sqrt(n) L^-1 u and L^-1 v of `_factors`, shape (bins, channels, parameters) both."""
-        left, right = self._factors(parameters)
-        factors = np.linalg.inv(np.linalg.cholesky(self.matrix(parameters)))
+        state = self._state(parameters)
+        left, right = self._factors(state)
+        factors = np.linalg.inv(np.linalg.cholesky(state.matrix))
         return np.sqrt(self.spectra.counts)[:, None, None] * (factors @ left), factors @ right
 
     def information(self, parameters: Real) -> Real:
         """Return the Fisher information without the prior: I_pq = sum n tr(S^-1 dS/dp S^-1 dS/dq)."""
         whitened = self.whitened_derivatives(parameters).reshape(-1, parameters.size)
         return whitened.T @ whitened
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _State:
+    """A model at one vector of parameters, on the nodes of the bins.
+
+    Parameters
+    ----------
+    values
+        What the parameters state.
+    x
+        Frequencies over the natural ones, shape (nodes, bins, modes).
+    responses, moved
+        Responses h of the modes, shape (nodes, bins, modes), and Phi H, shape (nodes, bins, channels, modes).
+    noise
+        Densities of the noise, shape (bins, channels).
+    matrix
+        Spectral matrix S, shape (bins, channels, channels).
+    """
+
+    values: ModalParameters
+    x: Real
+    responses: Complex
+    moved: Complex
+    noise: Real
+    matrix: Complex
 
 
 def _real_products(left: Complex, right: Complex) -> Real:

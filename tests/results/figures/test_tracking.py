@@ -56,7 +56,7 @@ def test_axes_of_dates_and_of_numbers(tracked) -> None:
 
 
 def test_no_track_is_said() -> None:
-    nothing = track_modes([modes(2.0), modes(3.0)], settings=TrackingSettings(least_count=2, out_of=2))
+    nothing = track_modes([modes(2.0), modes(3.0)], settings=TrackingSettings(min_count=2, out_of=2))
     (axes,) = tracks_figure(nothing).axes
     assert axes.texts[0].get_text() == "No mode was found in enough windows."
 

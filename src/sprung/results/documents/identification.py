@@ -52,7 +52,7 @@ class LevelTrend(Document):
     damping_ratio: float
     damping_ratio_std: float
     p_value: float
-    contrast: float
+    level_ratio: float
     is_detected: bool
 
 

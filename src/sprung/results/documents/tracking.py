@@ -83,7 +83,7 @@ class TrackingDocument(Document):
     time_unit: Literal["s", "windows"]
     windows: tuple[TrackedWindow, ...]
     tracks: tuple[TrackDocument, ...]
-    strays: tuple[TrackPoint, ...]
+    untracked_modes: tuple[TrackPoint, ...]
     settings: dict[str, Any]
     notes: tuple[str, ...]
 
@@ -173,8 +173,8 @@ def tracking_document(
             if windows is not None
             else _windows(tracked),
             "tracks": [_track(track) for track in tracked.tracks],
-            "strays": sorted(
-                (point for track in tracked.strays for point in _points(track)),
+            "untracked_modes": sorted(
+                (point for track in tracked.untracked_modes for point in _points(track)),
                 key=lambda point: (point.window, point.natural_frequency),
             ),
             "settings": plain(tracked.settings),
@@ -258,7 +258,7 @@ def read_tracking(path: str | Path) -> TrackingDocument:
 def _windows(tracked: TrackedModes) -> list[TrackedWindow]:
     """Return the windows of tracks, with the number of modes of each."""
     counts = np.zeros(len(tracked.times), dtype=np.intp)
-    for track in (*tracked.tracks, *tracked.strays):
+    for track in (*tracked.tracks, *tracked.untracked_modes):
         counts[track.windows] += 1
     return [
         TrackedWindow(time=time, source="", n_modes=int(count), reason="" if known else "no mode found")

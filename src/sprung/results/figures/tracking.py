@@ -115,7 +115,7 @@ def _time_axis(times: Real, *, start: int | None, has_times: bool) -> tuple[Real
 def _draw_overview(axes: Axes, tracked: TrackedModes, axis: Real) -> None:
     """Draw the frequencies of all modes, those of tracks in their colours."""
     plain(axes)
-    for track in tracked.strays:
+    for track in tracked.untracked_modes:
         axes.plot(axis[track.windows], track.modes.natural_frequency, ".", color=_STRAY, markersize=4)
     for number, track in enumerate(tracked.tracks):
         colour = mode_colour(number)
@@ -199,7 +199,7 @@ def _legend(tracked: TrackedModes) -> list[Line2D]:
         handles.append(Line2D([], [], **grey, marker="<", markersize=5, label="last window"))
     if any(track.jumps for track in tracked.tracks):
         handles.append(Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (2, 2)), label="jump"))
-    if tracked.strays:
+    if tracked.untracked_modes:
         handles.append(Line2D([], [], color=_STRAY, linestyle="none", marker=".", label="identified, in no track"))
     if not tracked.has_result.all():
         handles.append(Line2D([], [], color=_EMPTY, linewidth=4, label="window without modes"))

@@ -114,13 +114,13 @@ def tracks_notes(tracked: TrackedModes, windows: Sequence[WindowModes]) -> list[
     notes += [f"window {number} ({window.source}): {window.reason}" for number, window in empty[:_MOST]]
     if len(empty) > _MOST:
         notes.append(f"{counted(len(empty) - _MOST, 'further window')} without modes")
-    n_strays = sum(len(track) for track in tracked.strays)
-    if n_strays:
+    n_untracked = sum(len(track) for track in tracked.untracked_modes)
+    if n_untracked:
         settings = tracked.settings
-        total = n_strays + sum(len(track) for track in tracked.tracks)
+        total = n_untracked + sum(len(track) for track in tracked.tracks)
         notes.append(
-            f"{n_strays} of {counted(total, 'identified mode')} belong to no track: not seen"
-            f" {settings.least_count} times in {settings.out_of} windows, or second estimates of one mode"
+            f"{n_untracked} of {counted(total, 'identified mode')} belong to no track: not seen"
+            f" {settings.min_count} times in {settings.out_of} windows, or second estimates of one mode"
         )
     return notes
 
