@@ -16,8 +16,7 @@ from sprung.results.documents import (
     type_baseline_from_document,
     write_type_baseline,
 )
-from sprung.results.documents.baseline import BY_CONDITION
-from sprung.results.documents.type_baseline import TypeBaselineDocument
+from sprung.results.documents.baseline import BY_CONDITION, TypeBaselineDocument
 
 
 @pytest.fixture(scope="module")

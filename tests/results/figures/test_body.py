@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from sprung.modal import Modes, unit_shapes
-from sprung.results.figures.body import BodyShapes, body_shapes, projected
+from sprung.results.figures.shapes import BodyShapes, body_shapes, projected
 from sprung.recording import Channel
 from sprung.vehicles import Sensor, Vehicle, read_vehicle, structure
 

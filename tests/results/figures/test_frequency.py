@@ -7,7 +7,7 @@ from matplotlib.text import Text
 
 from sprung.modal import Modes
 from sprung.results.figures import spectra_figure, stabilisation_figure
-from sprung.results.figures.frequency import curve_limits, frequency_range
+from sprung.results.figures.style import curve_limits, frequency_range
 from sprung.signals.harmonics import Harmonic
 
 

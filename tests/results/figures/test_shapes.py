@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from sprung._arrays import Real
 from sprung.modal import Modes, unit_shapes
 from sprung.results.figures import complexity_figure, shapes_figure
-from sprung.results.figures.body import body_shapes
+from sprung.results.figures.shapes import body_shapes
 from sprung.recording import Channel
 
 UP = (0.0, 0.0, 1.0)

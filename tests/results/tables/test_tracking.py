@@ -7,7 +7,7 @@ from sprung.identification.methods import WindowModes
 from sprung.identification.tracking import track_modes
 from sprung.modal import Modes
 from sprung.results.tables import tracks_in_words, tracks_notes, tracks_table
-from sprung.results.tables.tracking import moment_in_words
+from sprung.results.tables.identification import moment_in_words
 
 START = 1_795_266_000 * 10**9
 

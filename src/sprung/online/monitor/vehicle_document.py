@@ -8,7 +8,7 @@ import numpy as np
 from sprung.diagnosis import Observation
 from sprung.online.monitor.vehicle_history import AlertHistory, VehicleHistory
 from sprung.results.documents import ReportDocument
-from sprung.results.documents.vehicles import BodyModeEntry, ChangeEntry, FaultEntry, RangeEntry, ReportedAlert
+from sprung.results.documents.monitoring import BodyModeEntry, ChangeEntry, FaultEntry, RangeEntry, ReportedAlert
 from sprung.state import PartState
 
 

@@ -23,7 +23,7 @@ from sprung.online.monitor.vehicle_sections import (
 )
 from sprung.online.store import Store
 from sprung.results.documents import ReportDocument
-from sprung.results.documents.vehicles import ReportedAlert
+from sprung.results.documents.monitoring import ReportedAlert
 from sprung.results.page.page import Block, Paragraph, Picture, Report, Section, picture
 from sprung.results.periods import Period
 from sprung.results.tables import Table, counted, time_in_words

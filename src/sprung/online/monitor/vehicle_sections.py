@@ -6,7 +6,7 @@ from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.online.monitor.vehicle_history import VehicleHistory
 from sprung.online.store import Entry
 from sprung.results.documents import ReportDocument
-from sprung.results.documents.vehicles import RangeEntry
+from sprung.results.documents.monitoring import RangeEntry
 from sprung.results.page.page import Block, Paragraph, Section, Sentences
 from sprung.results.tables import Table, alert_history_table, counted, hypotheses_table, time_in_words, with_deviation
 from sprung.results.tables.table import in_words

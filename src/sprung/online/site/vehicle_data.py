@@ -35,7 +35,7 @@ from sprung.online.site.vehicle_trends import body_modes_in
 from sprung.online.store import Entry, Store, VehicleRow
 from sprung.recording import Channel
 from sprung.results.documents import baseline_from_document, observation_from_document
-from sprung.results.documents.modes import IdentifiedMode, modes_from_documents
+from sprung.results.documents.identification import IdentifiedMode, modes_from_documents
 from sprung.state import progress_in_words
 from sprung.vehicles import vehicle_from_text
 from sprung.vehicles.labels import MOTIONS
@@ -338,7 +338,7 @@ def _neighbours(store: Store, entry: Entry) -> tuple[str | None, str | None]:
 
 def _moving_body(row: VehicleRow, entry: Entry) -> BodyModes:
     """Return how the body moves in the modes of an entry."""
-    from sprung.results.figures.body import body_shapes
+    from sprung.results.figures.shapes import body_shapes
 
     try:
         modes, channels = _modes_on_sensors(row, entry)

@@ -1,5 +1,7 @@
-"""The document of an identification, `sprung.identification/1`."""
+"""Documents of modes and of an identification, `sprung.identification/1`."""
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -7,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from sprung._arrays import Complex, Real
 from sprung._checks import check_type
 from sprung._display import in_short
 from sprung.identification import Identification, RovingSetups, SubsetModes
@@ -23,19 +26,167 @@ from sprung.results.documents.document import (
     read_fields,
     write_document,
 )
-from sprung.results.documents.modes import (
-    IdentifiedMode,
-    ModeValues,
-    Participation,
-    identified_modes,
-    modes_from_documents,
-    participations,
-)
 from sprung.signals.harmonics import Harmonic
+from sprung.vehicles import ExactModes, Vehicle, structure
+from sprung.vehicles.labels import MOTIONS, rigid_body_participation
 from sprung.vehicles.usable import AnyVehicle
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+class ModeValues(Document):
+    """Natural frequency [Hz] and damping ratio of a mode, with standard deviations."""
+
+    natural_frequency: float
+    natural_frequency_std: Number
+    damping_ratio: float
+    damping_ratio_std: Number
+
+
+class FittedMode(ModeValues):
+    """A mode of a fitted vehicle."""
+
+    mode_shape: Complex
+    label: str | None
+
+
+class IdentifiedMode(ModeValues):
+    """A mode identified in recordings; its shape has standard deviations of real and imaginary parts."""
+
+    mode_shape: Complex
+    mode_shape_std: Complex | None = None
+    mpc: float
+    label: str | None
+    stable_rate: Number
+
+
+class ExactMode(Document):
+    """A mode of a vehicle whose parameters are known."""
+
+    natural_frequency: float
+    damping_ratio: float
+    mode_shape: Complex
+    label: str | None
+
+
+class Participation(Document):
+    """Shares of the rigid-body motions in a mode, and the share of its shape that they explain."""
+
+    bounce: float
+    pitch: float
+    roll: float
+    explained: float
+
+
+def mode_documents(modes: Modes) -> list[dict[str, Any]]:
+    """Return modes as in the document of an identification: one JSON object for each mode.
+
+    Parameters
+    ----------
+    modes
+        Identified modes.
+
+    Returns
+    -------
+    list of dict
+        Modes as in a subset of `sprung.identification/1`: without `participation` and `subsets`.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> first, *others = mode_documents(identification.modes)
+    >>> round(first["natural_frequency"]), len(others)
+    (7, 2)
+    """
+    return [mode.as_json() for mode in identified_modes(modes)]
+
+
+def identified_modes(modes: Modes) -> tuple[IdentifiedMode, ...]:
+    """Return the documents of identified modes."""
+    return tuple(
+        IdentifiedMode(
+            **_values(modes, k),
+            natural_frequency_std=modes.natural_frequency_std[k],
+            damping_ratio_std=modes.damping_ratio_std[k],
+            mode_shape_std=None if np.isnan(modes.mode_shape_std[k]).any() else modes.mode_shape_std[k],
+            mpc=modes.mpc[k],
+            stable_rate=modes.stable_rate[k],
+        )
+        for k in range(len(modes))
+    )
+
+
+def modes_from_documents(documents: Sequence[IdentifiedMode], channels: tuple[str, ...]) -> Modes:
+    """Return identified modes as arrays.
+
+    Parameters
+    ----------
+    documents
+        Documents of the modes.
+    channels
+        Names of the channels of their shapes.
+
+    Raises
+    ------
+    ValueError
+        If a shape has another number of channels.
+    """
+    frequency, ratio, frequency_std, ratio_std, stable_rate = (
+        np.array([getattr(mode, name) for mode in documents], dtype=np.float64)
+        for name in (
+            *("natural_frequency", "damping_ratio", "natural_frequency_std", "damping_ratio_std"),
+            "stable_rate",
+        )
+    )
+    size = len(documents), len(channels)
+    unknown = np.full(len(channels), complex(np.nan, np.nan))
+    stds = [unknown if mode.mode_shape_std is None else mode.mode_shape_std for mode in documents]
+    return Modes(
+        poles=2 * np.pi * frequency * (1j * np.sqrt(1 - ratio**2) - ratio),
+        mode_shapes=np.array([mode.mode_shape for mode in documents], dtype=np.complex128).reshape(size),
+        channels=channels,
+        natural_frequency_std=frequency_std,
+        damping_ratio_std=ratio_std,
+        stable_rate=stable_rate,
+        labels=tuple(mode.label for mode in documents),
+        mode_shape_std=np.array(stds, dtype=np.complex128).reshape(size),
+    )
+
+
+def fitted_modes(modes: ExactModes, deviations: tuple[Real, Real]) -> tuple[FittedMode, ...]:
+    """Return the documents of the modes of a fitted vehicle; deviations of frequencies [Hz] and damping ratios."""
+    frequency, damping = deviations
+    return tuple(
+        FittedMode(**_values(modes, k), natural_frequency_std=frequency[k], damping_ratio_std=damping[k])
+        for k in range(modes.poles.size)
+    )
+
+
+def participations(
+    modes: Modes, channels: tuple[Channel, ...], vehicle: AnyVehicle | None
+) -> tuple[Participation | None, ...]:
+    """Return the shares of the rigid-body motions in each mode; None if the sensors do not determine them."""
+    mass = structure(vehicle).mass[:3, :3] if isinstance(vehicle, Vehicle) else None
+    shares, explained = rigid_body_participation(modes, channels, mass=mass)
+    return tuple(
+        None if math.isnan(share[0]) else Participation(**dict(zip(MOTIONS, plain(share), strict=True)), explained=fit)
+        for share, fit in zip(shares, explained, strict=True)
+    )
+
+
+def _values(modes: Modes | ExactModes, k: int) -> dict[str, Any]:
+    return {
+        "natural_frequency": modes.natural_frequency[k],
+        "damping_ratio": modes.damping_ratio[k],
+        "mode_shape": modes.mode_shapes[k],
+        "label": modes.labels[k],
+    }
 
 
 class SubsetValues(ModeValues):

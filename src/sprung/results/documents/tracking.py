@@ -13,7 +13,7 @@ from sprung._display import in_short, listed
 from sprung.identification.methods import WindowModes
 from sprung.identification.tracking import Track, TrackedModes
 from sprung.results.documents.document import Document, Number, checked, plain, read_fields, write_document
-from sprung.results.documents.modes import ModeValues
+from sprung.results.documents.identification import ModeValues
 
 
 class TrackPoint(ModeValues):

@@ -21,7 +21,7 @@ from sprung._display import listed
 from sprung.errors import ParameterError
 from sprung.formats.nodes import nodes_of
 from sprung.modal import Modes
-from sprung.results.figures.body import body_shapes, projected
+from sprung.results.figures.shapes import body_shapes, projected
 from sprung.results.figures.style import (
     FAINT,
     INK,

@@ -15,7 +15,7 @@ from sprung.identification.fdd import find_bells
 from sprung.identification.plscf import PolynomialLadder
 from sprung.identification.stabilisation import StabilisationDiagram
 from sprung.modal import PoleStatus
-from sprung.results.figures.frequency import (
+from sprung.results.figures.style import (
     FrequencyRange,
     curve_limits,
     frequency_range,
