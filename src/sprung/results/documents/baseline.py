@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -13,7 +13,7 @@ from sprung._checks import check_type
 from sprung.diagnosis import Baseline, ResidualReference, TypeBaseline, detectable
 from sprung.diagnosis.baseline import CONDITIONS
 from sprung.errors import FormatError, ParameterError
-from sprung.results.documents.document import Document, Pair, checked, read_fields, write_document
+from sprung.results.documents.document import Document, Pair, checked, document_from, read_fields, write_document
 from sprung.vehicles import Component
 
 
@@ -52,8 +52,6 @@ class BaselineDocument(Document):
 
 #: Numbers of further windows for which a baseline states the smallest detectable losses.
 FURTHER_WINDOWS = (6, 12)
-#: Fields of a baseline that its document lists by condition.
-BY_CONDITION = ("slopes", "middle", "ranges")
 
 
 def baseline_document(baseline: Baseline) -> BaselineDocument:
@@ -78,17 +76,11 @@ def baseline_document(baseline: Baseline) -> BaselineDocument:
     ('sprung.baseline/1', 12, 12)
     """
     check_type("baseline", baseline, Baseline)
-    return BaselineDocument.model_validate(
-        {
-            "schema": "sprung.baseline/1",
-            **{name: getattr(baseline, name) for name in _alike()},
-            "conditions": conditions_document(baseline),
-            "detectable": {
-                str(count): {str(part): loss for part, loss in detectable(baseline, n_windows=count).items()}
-                for count in FURTHER_WINDOWS
-            },
-        }
-    )
+    losses = {
+        str(count): {str(part): loss for part, loss in detectable(baseline, n_windows=count).items()}
+        for count in FURTHER_WINDOWS
+    }
+    return document_from(BaselineDocument, baseline, conditions=conditions_document(baseline), detectable=losses)
 
 
 def baseline_from_document(document: BaselineDocument | Mapping[str, Any], *, source: str = "the baseline") -> Baseline:
@@ -123,17 +115,11 @@ def baseline_from_document(document: BaselineDocument | Mapping[str, Any], *, so
     """
     if not isinstance(document, BaselineDocument):
         document = checked(BaselineDocument, document, source=source)
-    try:
-        return Baseline(
-            **{name: getattr(document, name) for name in _alike()},
-            **conditions_from_document(document.conditions, source=source),
-        )
-    except (ParameterError, ValueError) as error:
-        raise FormatError(f"{source}: {error}") from None
+    return _restored(Baseline, document, source)
 
 
 def conditions_document(baseline: Baseline | TypeBaseline) -> dict[str, dict[str, Any]]:
-    """Return the dependence on each condition, of `BY_CONDITION`."""
+    """Return the dependence of a baseline on each condition."""
     conditions = {
         name: {
             "middle": baseline.middle.get(name),
@@ -151,7 +137,7 @@ def conditions_document(baseline: Baseline | TypeBaseline) -> dict[str, dict[str
 
 
 def conditions_from_document(conditions: Mapping[str, ConditionDocument], *, source: str) -> dict[str, Any]:
-    """Return the fields of `BY_CONDITION` from the dependence on each condition.
+    """Return slopes, middle and ranges of a baseline from its dependence on each condition.
 
     Raises
     ------
@@ -235,9 +221,19 @@ def read_baseline(path: str | Path) -> Baseline:
     return baseline_from_document(read_fields(path), source=str(path))
 
 
-def _alike() -> list[str]:
-    """Return the fields of a baseline that its document holds unchanged."""
-    return [field.name for field in fields(Baseline) if field.name not in BY_CONDITION]
+_AnyBaseline = TypeVar("_AnyBaseline", Baseline, TypeBaseline)
+
+
+def _restored(
+    kind: type[_AnyBaseline], document: "BaselineDocument | TypeBaselineDocument", source: str
+) -> _AnyBaseline:
+    """Return the baseline of a checked document, whose conditions are columns again."""
+    by_condition = conditions_from_document(document.conditions, source=source)
+    alike = {field.name: getattr(document, field.name) for field in fields(kind) if field.name not in by_condition}
+    try:
+        return kind(**alike, **by_condition)
+    except (ParameterError, ValueError) as error:
+        raise FormatError(f"{source}: {error}") from None
 
 
 class TypeBaselineDocument(Document):
@@ -283,13 +279,7 @@ def type_baseline_document(type_baseline: TypeBaseline) -> TypeBaselineDocument:
     ('sprung.type_baseline/1', 8, 24)
     """
     check_type("type_baseline", type_baseline, TypeBaseline)
-    return TypeBaselineDocument.model_validate(
-        {
-            "schema": "sprung.type_baseline/1",
-            **{name: getattr(type_baseline, name) for name in _alike_of_type()},
-            "conditions": conditions_document(type_baseline),
-        }
-    )
+    return document_from(TypeBaselineDocument, type_baseline, conditions=conditions_document(type_baseline))
 
 
 def type_baseline_from_document(
@@ -329,13 +319,7 @@ def type_baseline_from_document(
     """
     if not isinstance(document, TypeBaselineDocument):
         document = checked(TypeBaselineDocument, document, source=source)
-    try:
-        return TypeBaseline(
-            **{name: getattr(document, name) for name in _alike_of_type()},
-            **conditions_from_document(document.conditions, source=source),
-        )
-    except (ParameterError, ValueError) as error:
-        raise FormatError(f"{source}: {error}") from None
+    return _restored(TypeBaseline, document, source)
 
 
 def write_type_baseline(type_baseline: TypeBaseline, path: str | Path) -> None:
@@ -409,8 +393,3 @@ def read_type_baseline(path: str | Path) -> TypeBaseline:
     (8, 24)
     """
     return type_baseline_from_document(read_fields(path), source=str(path))
-
-
-def _alike_of_type() -> list[str]:
-    """Return the fields of the baseline of a type that its document holds unchanged."""
-    return [field.name for field in fields(TypeBaseline) if field.name not in BY_CONDITION]

@@ -11,7 +11,16 @@ from sprung._checks import check_type, data_frame_of
 from sprung._display import in_short, listed
 from sprung.calibration import CalibratedNumber, Calibration
 from sprung.likelihood import CornerFit
-from sprung.results.documents.document import Document, Estimate, Number, Pair, checked, read_fields, write_document
+from sprung.results.documents.document import (
+    Document,
+    Estimate,
+    Number,
+    Pair,
+    checked,
+    document_from,
+    read_fields,
+    write_document,
+)
 from sprung.results.documents.identification import FittedMode, fitted_modes
 
 #: Decimals of the correlation of estimates.
@@ -263,11 +272,7 @@ def calibration_document(calibration: Calibration) -> CalibrationDocument:
     >>> document.schema_name, document.evidence_gain, [(number.name, number.value) for number in document.learnt]
     ('sprung.calibration/1', 120.0, [('acc_fl.x', 1.3)])
     """
-    names = [name for name in CalibrationDocument.model_fields if name not in {"schema_name", "vehicle"}]
-    fields = {name: getattr(calibration, name) for name in names}
-    return CalibrationDocument.model_validate(
-        {"schema": "sprung.calibration/1", "vehicle": calibration.vehicle.name, **fields}
-    )
+    return document_from(CalibrationDocument, calibration, vehicle=calibration.vehicle.name)
 
 
 def write_calibration(calibration: Calibration, path: str | Path) -> None:

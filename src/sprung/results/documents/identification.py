@@ -12,7 +12,7 @@ from pydantic import Field
 from sprung._arrays import Complex, Real
 from sprung._checks import check_type
 from sprung._display import in_short
-from sprung.identification import Identification, RovingSetups, SubsetModes
+from sprung.identification import Identification, RovingSetups
 from sprung.identification.refinement import Refinement
 from sprung.modal import Modes
 from sprung.recording import Channel
@@ -22,6 +22,7 @@ from sprung.results.documents.document import (
     Number,
     Pair,
     checked,
+    document_from,
     plain,
     read_fields,
     write_document,
@@ -111,11 +112,11 @@ def identified_modes(modes: Modes) -> tuple[IdentifiedMode, ...]:
     """Return the documents of identified modes."""
     return tuple(
         IdentifiedMode(
-            **_values(modes, k),
-            natural_frequency_std=modes.natural_frequency_std[k],
-            damping_ratio_std=modes.damping_ratio_std[k],
+            **_row(modes, ModeValues, k),
+            mode_shape=modes.mode_shapes[k],
             mode_shape_std=None if np.isnan(modes.mode_shape_std[k]).any() else modes.mode_shape_std[k],
             mpc=modes.mpc[k],
+            label=modes.labels[k],
             stable_rate=modes.stable_rate[k],
         )
         for k in range(len(modes))
@@ -163,7 +164,14 @@ def fitted_modes(modes: ExactModes, deviations: tuple[Real, Real]) -> tuple[Fitt
     """Return the documents of the modes of a fitted vehicle; deviations of frequencies [Hz] and damping ratios."""
     frequency, damping = deviations
     return tuple(
-        FittedMode(**_values(modes, k), natural_frequency_std=frequency[k], damping_ratio_std=damping[k])
+        FittedMode(
+            natural_frequency=modes.natural_frequency[k],
+            natural_frequency_std=frequency[k],
+            damping_ratio=modes.damping_ratio[k],
+            damping_ratio_std=damping[k],
+            mode_shape=modes.mode_shapes[k],
+            label=modes.labels[k],
+        )
         for k in range(modes.poles.size)
     )
 
@@ -180,13 +188,9 @@ def participations(
     )
 
 
-def _values(modes: Modes | ExactModes, k: int) -> dict[str, Any]:
-    return {
-        "natural_frequency": modes.natural_frequency[k],
-        "damping_ratio": modes.damping_ratio[k],
-        "mode_shape": modes.mode_shapes[k],
-        "label": modes.labels[k],
-    }
+def _row(values: object, model: type[Document], k: int) -> dict[str, Any]:
+    """Return the fields of a model at one index of the arrays of the same names."""
+    return {name: getattr(values, name)[k] for name in model.model_fields}
 
 
 class SubsetValues(ModeValues):
@@ -341,45 +345,30 @@ def identification_document(
     check_type("identification", identification, Identification)
     settings = identification.effective_settings
     lifter = None if settings.lifter is None else {"kind": type(settings.lifter).__name__, **plain(settings.lifter)}
-    return IdentificationDocument.model_validate(
-        {
-            "schema": "sprung.identification/1",
-            "method": identification.method,
-            "channels": [channel.name for channel in identification.channels],
-            "sensors": identification.channels,
-            "sampling_rate": identification.sampling_rate,
-            "band": identification.band,
-            "modes": _merged_modes(identification, vehicle),
-            "subsets": [
-                SubsetDocument(n_segments=subset.n_segments, level=subset.level, modes=identified_modes(subset.modes))
-                for subset in identification.subsets
-            ],
-            "harmonics": identification.harmonics,
-            "refinement": None if identification.refinement is None else _refinement(identification.refinement),
-            "settings": {**plain(settings), "lifter": lifter},
-            "notes": identification.notes,
-            **({} if identification.setups is None else {"setups": _setups(identification.setups)}),
-        }
+    setups = identification.setups
+    return document_from(
+        IdentificationDocument,
+        identification,
+        channels=[channel.name for channel in identification.channels],
+        sensors=identification.channels,
+        modes=_merged_modes(identification, vehicle),
+        subsets=[
+            document_from(SubsetDocument, subset, modes=identified_modes(subset.modes))
+            for subset in identification.subsets
+        ],
+        refinement=None if identification.refinement is None else _refinement(identification.refinement),
+        settings={**plain(settings), "lifter": lifter},
+        **({} if setups is None else {"setups": _setups(setups)}),
     )
 
 
 def _refinement(refinement: Refinement) -> RefinementDocument:
     """Return the document of a refinement."""
-    start = refinement.start
-    return RefinementDocument(
-        modes=tuple(
-            RefinedDocument(
-                natural_frequency=start.natural_frequency[k],
-                natural_frequency_std=start.natural_frequency_std[k],
-                damping_ratio=start.damping_ratio[k],
-                damping_ratio_std=start.damping_ratio_std[k],
-                distance=refinement.distances[k],
-                reason=refinement.reasons[k] or None,
-            )
-            for k in range(len(start))
-        ),
-        bands=tuple(BandDocument.model_validate(band) for band in refinement.bands),
+    modes = tuple(
+        RefinedDocument(**_row(refinement.start, ModeValues, k), distance=distance, reason=reason or None)
+        for k, (distance, reason) in enumerate(zip(refinement.distances, refinement.reasons, strict=True))
     )
+    return document_from(RefinementDocument, refinement, modes=modes)
 
 
 def write_identification(
@@ -460,19 +449,17 @@ def read_identification(path: str | Path) -> IdentificationDocument:
 
 
 def _setups(setups: RovingSetups) -> SetUpsDocument:
-    return SetUpsDocument(
-        references=setups.references,
-        parts=tuple(
-            SetUpDocument(
-                number=part.number,
-                channels=part.channels,
-                modes=identified_modes(part.identification.modes),
-                members=tuple(None if member < 0 else int(member) for member in part.members),
-                mac=tuple(part.mac.tolist()),
-            )
-            for part in setups.parts
-        ),
+    parts = tuple(
+        document_from(
+            SetUpDocument,
+            part,
+            modes=identified_modes(part.identification.modes),
+            members=tuple(None if member < 0 else int(member) for member in part.members),
+            mac=tuple(part.mac.tolist()),
+        )
+        for part in setups.parts
     )
+    return document_from(SetUpsDocument, setups, parts=parts)
 
 
 def _merged_modes(identification: Identification, vehicle: AnyVehicle | None) -> list[dict[str, Any]]:
@@ -482,7 +469,7 @@ def _merged_modes(identification: Identification, vehicle: AnyVehicle | None) ->
             "source": source,
             "participation": participation,
             "subsets": [
-                _subset_values(subset, int(member)) if member >= 0 else None
+                _row(subset.modes, SubsetValues, int(member)) if member >= 0 else None
                 for subset, member in zip(identification.subsets, members, strict=True)
             ],
             "level_trend": trend,
@@ -498,15 +485,11 @@ def _merged_modes(identification: Identification, vehicle: AnyVehicle | None) ->
     ]
 
 
-def _level_trends(identification: Identification) -> list[dict[str, float] | None]:
+def _level_trends(identification: Identification) -> list[dict[str, Any] | None]:
     trends = identification.level_trends
     if trends is None:
         return [None] * len(identification.modes)
     return [
-        {name: getattr(trends, name)[k] for name in LevelTrend.model_fields} if np.isfinite(trends.p_value[k]) else None
+        _row(trends, LevelTrend, k) if np.isfinite(trends.p_value[k]) else None
         for k in range(len(identification.modes))
     ]
-
-
-def _subset_values(subset: SubsetModes, member: int) -> dict[str, float]:
-    return {name: getattr(subset.modes, name)[member] for name in SubsetValues.model_fields}

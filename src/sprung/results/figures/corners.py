@@ -2,19 +2,28 @@
 
 from collections.abc import Sequence
 from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.markers import CARETDOWN, CARETUP
 from matplotlib.patches import Rectangle
+
 from sprung._arrays import Booleans, Real
-from sprung.likelihood import CornerFit
-from sprung.results.figures.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, ink_on, new_figure, plain
-from sprung.vehicles import Component
-import numpy as np
-from matplotlib.figure import Figure
 from sprung.calibration import Calibration
-from sprung.results.figures.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
+from sprung.likelihood import CornerFit
+from sprung.results.figures.style import (
+    FAINT,
+    HALF_WIDTH_95,
+    INK,
+    MODE_COLOURS,
+    NORMAL,
+    SMALL,
+    ink_on,
+    new_figure,
+    plain,
+)
+from sprung.vehicles import Component
 
 _UNITS = {"bounce": "(m/s²)²/Hz", "pitch": "(rad/s²)²/Hz", "roll": "(rad/s²)²/Hz"}
 _COMPONENTS = ("spring", "damper", "tyre")

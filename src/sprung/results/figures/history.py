@@ -3,30 +3,24 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
 import numpy as np
 from matplotlib import dates
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
-from numpy.typing import NDArray
-from sprung._arrays import Indices, Real
-from sprung.results.figures.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
-from sprung.vehicles import Component
-from typing import Any
-import numpy as np
-from matplotlib import dates
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
+from matplotlib.markers import CARETLEFT, CARETRIGHT
+from matplotlib.patches import FancyBboxPatch, Patch
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from numpy.typing import NDArray
+
 from sprung._arrays import Indices, Real
 from sprung.identification.tracking import Track, TrackedModes
 from sprung.results.figures.style import (
     FAINT,
     HALF_WIDTH_95,
     INK,
+    MODE_COLOURS,
     NORMAL,
     SMALL,
     in_hertz,
@@ -35,15 +29,6 @@ from sprung.results.figures.style import (
     plain,
     write_sentence,
 )
-from collections.abc import Mapping, Sequence
-from typing import Any
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.markers import CARETLEFT, CARETRIGHT
-from matplotlib.patches import FancyBboxPatch
-from sprung._arrays import Real
-from sprung.results.figures.style import FAINT, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
 from sprung.vehicles import Component
 
 _KINDS = ("spring", "damper", "tyre")
@@ -620,7 +605,9 @@ def _draw_changes(
     An interval that goes beyond the axis ends in an arrow.
     """
     plain(axes)
-    reach = max(_LEAST_REACH, _ROOM * float(np.abs(change).max(initial=0.0)), _ROOM * float(np.median(np.abs(interval))))
+    reach = max(
+        _LEAST_REACH, _ROOM * float(np.abs(change).max(initial=0.0)), _ROOM * float(np.median(np.abs(interval)))
+    )
     axes.axvline(0, color=INK, linewidth=1)
     for place, component in enumerate(components):
         limit = 100 * detectable.get(str(component), 0.0)

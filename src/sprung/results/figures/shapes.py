@@ -2,25 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.patheffects import withStroke
-from sprung._arrays import Complex, Real
-from sprung.modal import Modes
-from sprung.results.figures.style import FAINT, INK, SMALL, mode_colour
-from sprung.recording import Channel
-from sprung.vehicles import sensor_outputs
-from sprung.vehicles.labels import MOTIONS, rigid_body_participation
-from collections.abc import Sequence
 from typing import Any, cast
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 from matplotlib.projections.polar import PolarAxes
-from sprung._arrays import Complex, Indices
+
+from sprung._arrays import Complex, Indices, Real
 from sprung.modal import Modes
+from sprung.recording import Channel
 from sprung.results.figures.style import (
     FAINT,
     INK,
@@ -37,7 +31,8 @@ from sprung.results.figures.style import (
     spread,
     write_sentence,
 )
-from sprung.recording import Channel
+from sprung.vehicles import sensor_outputs
+from sprung.vehicles.labels import MOTIONS, rigid_body_participation
 
 #: Azimuth and elevation of the view: from the right and slightly ahead, above the body [degrees].
 _AZIMUTH, _ELEVATION = -62.0, 24.0

@@ -1,20 +1,25 @@
 """Recordings over time and frequency, and the spread of a quantity over many runs."""
 
 from collections.abc import Sequence
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from sprung._arrays import Real
-from sprung.results.figures.style import INK, MODE_COLOURS, NORMAL, SMALL, new_figure, panel_grid, plain, with_unit
-from sprung.recording import Recording
-from sprung.signals.spectrum import spectral_matrix
-from collections.abc import Sequence
 from dataclasses import dataclass
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
 from sprung._arrays import Real
-from sprung.results.figures.style import INK, MODE_COLOURS, NORMAL, SMALL, new_figure, panel_grid, plain
+from sprung.recording import Recording
+from sprung.results.figures.style import (
+    INK,
+    MODE_COLOURS,
+    NORMAL,
+    SMALL,
+    new_figure,
+    panel_grid,
+    plain,
+    with_unit,
+)
+from sprung.signals.spectrum import spectral_matrix
 
 _MOST_POINTS = 4000
 

@@ -1,14 +1,22 @@
 """Spectra of the channels before and after cepstrum editing, frequency responses and cepstra."""
 
+from collections.abc import Sequence
 from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from sprung._arrays import Real
+
+from sprung._arrays import Complex, Real
 from sprung.identification import Identification
 from sprung.results.figures.style import (
+    FAINT,
+    INK,
+    MODE_COLOURS,
+    NORMAL,
+    SMALL,
     FrequencyRange,
     curve_limits,
     frequency_range,
@@ -16,12 +24,6 @@ from sprung.results.figures.style import (
     head_room,
     mark_harmonics,
     mark_modes,
-)
-from sprung.results.figures.style import (
-    FAINT,
-    INK,
-    NORMAL,
-    SMALL,
     new_figure,
     origin,
     panel_grid,
@@ -29,11 +31,6 @@ from sprung.results.figures.style import (
     pretty_unit,
 )
 from sprung.signals.spectrum import SpectralMatrix
-from collections.abc import Sequence
-import numpy as np
-from matplotlib.figure import Figure
-from sprung._arrays import Complex, Real
-from sprung.results.figures.style import INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
 
 _WIDTH = 11.0
 #: More channels than this are not drawn.

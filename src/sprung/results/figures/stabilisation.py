@@ -16,6 +16,12 @@ from sprung.identification.plscf import PolynomialLadder
 from sprung.identification.stabilisation import StabilisationDiagram
 from sprung.modal import PoleStatus
 from sprung.results.figures.style import (
+    BACKGROUND_CURVE,
+    FAINT,
+    HARMONIC_COLOUR,
+    INK,
+    NORMAL,
+    SMALL,
     FrequencyRange,
     curve_limits,
     frequency_range,
@@ -23,14 +29,6 @@ from sprung.results.figures.style import (
     head_room,
     mark_harmonics,
     mark_modes,
-)
-from sprung.results.figures.style import (
-    BACKGROUND_CURVE,
-    FAINT,
-    HARMONIC_COLOUR,
-    INK,
-    NORMAL,
-    SMALL,
     mode_colour,
     new_figure,
     origin,

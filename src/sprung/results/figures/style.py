@@ -1,29 +1,25 @@
-"""Style common to all figures: colours, number formats, layout of panels, frequency axes, labels that do not overlap."""
+"""Style common to all figures: colours, number formats, panels, frequency axes, labels that do not overlap."""
 
 import math
 import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
 from io import BytesIO
-from typing import TypeVar
+from typing import Any, TypeVar
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.image import AxesImage
-from numpy.typing import ArrayLike
-from scipy.optimize import isotonic_regression
-from sprung._arrays import Real
-from sprung._display import listed
-from sprung.identification import METHOD_NAMES, Identification
-from sprung.modal import Modes
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from numpy.typing import ArrayLike
+from scipy.optimize import isotonic_regression
+
 from sprung._arrays import Booleans, Real
-from sprung.identification import Identification
+from sprung._display import listed
+from sprung.identification import METHOD_NAMES, Identification
 from sprung.modal import Modes
 from sprung.signals.harmonics import Harmonic
 

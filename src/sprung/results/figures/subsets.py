@@ -1,41 +1,29 @@
 """Modes of the subsets of an identification: values against the level, MAC of the shapes, rates of stable points."""
 
 from collections.abc import Sequence
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.image import AxesImage
-from sprung._arrays import Indices, Real
-from sprung.identification import Identification
-from sprung.modal import Modes, join_modes, mac
-from sprung.results.figures.style import (
-    INK,
-    NO_MODE,
-    NORMAL,
-    SMALL,
-    in_hertz,
-    ink_on,
-    mode_colour,
-    mode_name,
-    new_figure,
-    origin,
-    write_sentence,
-)
 from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
-from sprung._arrays import Real
-from sprung.identification import Identification
+
+from sprung._arrays import Indices, Real
+from sprung.identification import Identification, SubsetModes
+from sprung.modal import Modes, join_modes, mac
 from sprung.results.figures.style import (
     FAINT,
     HALF_WIDTH_95,
     INK,
+    MODE_COLOURS,
     NO_MODE,
     NORMAL,
     SMALL,
+    frequency_range,
+    in_hertz,
+    ink_on,
     mode_colour,
     mode_name,
     mode_values,
@@ -45,11 +33,6 @@ from sprung.results.figures.style import (
     plain,
     write_sentence,
 )
-import numpy as np
-from matplotlib.figure import Figure
-from sprung.identification import Identification, SubsetModes
-from sprung.results.figures.style import frequency_range
-from sprung.results.figures.style import FAINT, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, origin, plain
 
 #: Side of a cell [in], and up to how many modes the values are printed in them.
 _CELL, _MOST_PRINTED = 0.52, 24
