@@ -551,7 +551,7 @@ def plan_figure(
     figure = new_figure(*heading, width=9.5, height=max(1.3 + 1.5 * n_axles, 1.3 + 0.24 * len(components)))
     left, right = figure.subplots(1, 2, width_ratios=(5, 6))
     _draw_plan(left, components, corners, 100 * changes, steps)
-    _draw_changes(right, components, 100 * changes, 100 * intervals.T, steps, detectable)
+    _draw_changes(right, components, 100 * changes, 100 * intervals.T, steps=steps, detectable=detectable)
     return figure
 
 
@@ -597,6 +597,7 @@ def _draw_changes(
     components: Sequence[Component],
     change: Real,
     interval: Real,
+    *,
     steps: Mapping[str, int],
     detectable: Mapping[str, float],
 ) -> None:
