@@ -43,7 +43,7 @@ class Renderings:
 
 def _tabulated(name: str, *, document: str = "", picture: str = "") -> Renderings:
     """Return the renderings of a type that has columns and tables."""
-    return Renderings(document, f"tables.frames:{name}_columns", f"tables.notebook:{name}_parts", picture)
+    return Renderings(document, f"tables.frames:{name}_columns", f"tables.frames:{name}_parts", picture)
 
 
 #: Renderings by the name of the type.
@@ -52,8 +52,8 @@ RENDERINGS: Mapping[str, Renderings] = MappingProxyType(
         "Baseline": _tabulated("baseline", document="documents.baseline:baseline_document"),
         "Calibration": _tabulated(
             "calibration",
-            document="documents.calibration:calibration_document",
-            picture="figures.calibration:misfit_figure",
+            document="documents.corners:calibration_document",
+            picture="figures.corners:misfit_figure",
         ),
         "CornerFit": _tabulated(
             "corners", document="documents.corners:corners_document", picture="figures.corners:corners_figure"
@@ -80,9 +80,9 @@ RENDERINGS: Mapping[str, Renderings] = MappingProxyType(
         "TrackedModes": _tabulated(
             "tracks",
             document="documents.tracking:plain_tracking_document",
-            picture="figures.tracking:plain_tracks_figure",
+            picture="figures.history:plain_tracks_figure",
         ),
-        "TypeBaseline": Renderings(document="documents.type_baseline:type_baseline_document"),
+        "TypeBaseline": Renderings(document="documents.baseline:type_baseline_document"),
     }
 )
 
@@ -182,7 +182,7 @@ def as_html(value: object) -> str:
         If a value of this type has no tables.
     """
     parts = _rendered(value, "parts", "tables: pass a recording, modes or a result")
-    text: str = resolve_name("sprung.results.tables.notebook:as_html")(parts)
+    text: str = resolve_name("sprung.results.tables.frames:as_html")(parts)
     return text
 
 

@@ -1,10 +1,12 @@
-"""Documents of identifications and modes: what is written is read again."""
+"""Documents of modes and identifications."""
 
+import numpy as np
 import pytest
 
 import sprung
 from sprung.results.documents import (
     identification_document,
+    mode_documents,
 )
 
 
@@ -55,3 +57,18 @@ def test_set_ups_are_read_as_they_were_written(plain, tmp_path) -> None:
     assert document.setups.references == ("acc_1",)
     assert document.setups.parts[1].members == tuple(identification.setups.parts[1].members.tolist())
     assert document.as_modes().mode_shapes.shape == (len(identification.modes), 3)
+
+
+def test_modes_of_a_document_are_those_of_the_identification(identification, tmp_path) -> None:
+    sprung.write_identification(identification, tmp_path / "modes.json")
+    modes = sprung.read_identification(tmp_path / "modes.json").as_modes()
+    np.testing.assert_allclose(modes.poles, identification.modes.poles, rtol=1e-12)
+    np.testing.assert_array_equal(modes.mode_shapes, identification.modes.mode_shapes)
+    np.testing.assert_array_equal(modes.damping_ratio_std, identification.modes.damping_ratio_std)
+    assert (modes.labels, modes.channels) == (identification.modes.labels, identification.modes.channels)
+
+
+def test_modes_alone_are_those_of_a_subset(identification, plain) -> None:
+    subset = identification.subsets[0]
+    written = plain(identification_document(identification))
+    assert mode_documents(subset.modes) == written["subsets"][0]["modes"]

@@ -9,8 +9,8 @@ from PIL import Image, ImageSequence
 
 from sprung.errors import ParameterError
 from sprung.modal import Modes
-from sprung.results.figures.animation import N_FRAMES, animated_figure, animation_page, save_animation, scene_of
 from sprung.recording import Channel
+from sprung.results.figures.animation import N_FRAMES, animated_figure, animation_page, save_animation, scene_of
 
 Z = (0.0, 0.0, 1.0)
 CORNERS = ((1.2, 0.7, 0.0), (1.2, -0.7, 0.0), (-1.2, -0.7, 0.0), (-1.2, 0.7, 0.0))

@@ -2,18 +2,26 @@
 
 from sprung.results.documents.baseline import (
     BaselineDocument,
+    TypeBaselineDocument,
     baseline_document,
     baseline_from_document,
     read_baseline,
+    read_type_baseline,
+    type_baseline_document,
+    type_baseline_from_document,
     write_baseline,
+    write_type_baseline,
 )
-from sprung.results.documents.calibration import (
+from sprung.results.documents.corners import (
     CalibrationDocument,
+    CornersDocument,
     calibration_document,
+    corners_document,
     read_calibration,
+    read_corners,
     write_calibration,
+    write_corners,
 )
-from sprung.results.documents.corners import CornersDocument, corners_document, read_corners, write_corners
 from sprung.results.documents.diagnosis import (
     DiagnosisDocument,
     detectable_document,
@@ -28,26 +36,33 @@ from sprung.results.documents.diagnosis import (
     write_diagnosis,
 )
 from sprung.results.documents.document import Document, document_text, write_document
-from sprung.results.documents.fleet import FleetDocument, fleet_document
-from sprung.results.documents.fleet_run import (
+from sprung.results.documents.fleet import (
+    FleetDocument,
     FleetPlanDocument,
     FleetRunDocument,
+    LakeDocument,
+    LakeImportDocument,
+    fleet_document,
     fleet_plan_document,
     fleet_run_document,
+    lake_document,
+    lake_import_document,
 )
 from sprung.results.documents.identification import (
     IdentificationDocument,
     identification_document,
+    mode_documents,
     read_identification,
     write_identification,
 )
-from sprung.results.documents.lake import LakeDocument, LakeImportDocument, lake_document, lake_import_document
-from sprung.results.documents.modes import mode_documents
 from sprung.results.documents.monitoring import (
     AlertHistoryDocument,
     AlertsDocument,
+    ExportDocument,
+    ReportDocument,
     ReproductionDocument,
     VehiclesDocument,
+    WorkOrderDocument,
 )
 from sprung.results.documents.recordings import (
     InspectionDocument,
@@ -61,15 +76,6 @@ from sprung.results.documents.recordings import (
 )
 from sprung.results.documents.schemas import DOCUMENTS, json_schema, read_document, write_json_schemas
 from sprung.results.documents.tracking import TrackingDocument, read_tracking, tracking_document, write_tracking
-from sprung.results.documents.type_baseline import (
-    TypeBaselineDocument,
-    read_type_baseline,
-    type_baseline_document,
-    type_baseline_from_document,
-    write_type_baseline,
-)
-from sprung.results.documents.vehicles import ExportDocument, ReportDocument
-from sprung.results.documents.work_order import WorkOrderDocument
 from sprung.results.renderings import document_of, save
 
 __all__ = [

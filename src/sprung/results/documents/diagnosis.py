@@ -31,6 +31,7 @@ from sprung.results.documents.document import (
     Pair,
     Published,
     checked,
+    document_from,
     first_problem,
     plain,
     read_fields,
@@ -280,7 +281,7 @@ def detection_document(detection: Detection, *, most_windows: int, most_hypothes
     >>> document["times"], [hypothesis["name"] for hypothesis in document["hypotheses"]]
     ([7200.0, 7800.0], ['front_left.spring'])
     """
-    fields = DetectionDocument.model_validate(_detection(detection)).as_json()
+    fields = _detection(detection).as_json()
     kept = {name: fields[name][-most_windows:] for name in ("times", "evidence")}
     return {**fields, **kept, "hypotheses": fields["hypotheses"][:most_hypotheses]}
 
@@ -315,24 +316,16 @@ def diagnosis_document(
     """
     check_type("diagnosis", diagnosis, Diagnosis)
     baseline = diagnosis.baseline
-    return DiagnosisDocument.model_validate(
-        {
-            "schema": "sprung.diagnosis/1",
-            "vehicle": None if baseline is None else baseline.vehicle,
-            "baseline": None if baseline is None else baseline.version,
-            "false_alarms": diagnosis.false_alarms,
-            "verdict": diagnosis.verdict,
-            "detectable": detectable_document(diagnosis.detectable),
-            "findings": diagnosis.findings,
-            "sensor_faults": diagnosis.sensor_faults,
-            "windows": diagnosis.observations,
-            "detection": None if diagnosis.detection is None else _detection(diagnosis.detection),
-            "notes": diagnosis.notes,
-            "modes": tuple(modes),
-            "residual_test": [
-                {"time": time, "p_value": test.p_value} for time, test in diagnosis.residual_tests.items()
-            ],
-        }
+    return document_from(
+        DiagnosisDocument,
+        diagnosis,
+        vehicle=None if baseline is None else baseline.vehicle,
+        baseline=None if baseline is None else baseline.version,
+        detectable=detectable_document(diagnosis.detectable),
+        windows=diagnosis.observations,
+        detection=None if diagnosis.detection is None else _detection(diagnosis.detection),
+        modes=tuple(modes),
+        residual_test=[{"time": time, "p_value": test.p_value} for time, test in diagnosis.residual_tests.items()],
     )
 
 
@@ -413,23 +406,15 @@ def read_diagnosis(path: str | Path) -> DiagnosisDocument:
     return checked(DiagnosisDocument, read_fields(path), source=str(path))
 
 
-def _detection(detection: Detection) -> dict[str, Any]:
-    names = ("times", "evidence", "e_value", "threshold", "first_alert")
-    return {
-        **{name: getattr(detection, name) for name in names},
-        "hypotheses": [_hypothesis(candidate) for candidate in detection.candidates],
-    }
+def _detection(detection: Detection) -> DetectionDocument:
+    return document_from(DetectionDocument, detection, hypotheses=tuple(map(_hypothesis, detection.candidates)))
 
 
-def _hypothesis(candidate: Candidate) -> dict[str, Any]:
-    names = ("log_evidence", "explained", "change", "interval", "score", "onset", "onset_interval")
-    return {
-        "name": candidate.hypothesis.name,
-        "kind": candidate.hypothesis.scope,
-        **{name: getattr(candidate, name) for name in names},
-        "parts": [
-            {"name": change.name, "change": size.change, "interval": size.interval, "score": size.score}
-            for change, size in zip(candidate.hypothesis.changes, candidate.sizes, strict=True)
-            if len(candidate.sizes) > 1
-        ],
-    }
+def _hypothesis(candidate: Candidate) -> HypothesisDocument:
+    parts = [
+        document_from(PartDocument, size, name=change.name)
+        for change, size in zip(candidate.hypothesis.changes, candidate.sizes, strict=True)
+        if len(candidate.sizes) > 1
+    ]
+    name, kind = candidate.hypothesis.name, candidate.hypothesis.scope
+    return document_from(HypothesisDocument, candidate, name=name, kind=kind, parts=parts)

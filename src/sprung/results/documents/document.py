@@ -238,6 +238,25 @@ def checked(model: type[_Document], fields: Mapping[str, Any], *, source: str) -
         raise FormatError(f"{source}: {first_problem(error)}: write it again") from None
 
 
+def document_from(model: type[_Document], value: object, **exceptions: Any) -> _Document:
+    """Return the document of a value, or a part of one: its fields are the attributes of the same names.
+
+    Parameters
+    ----------
+    model
+        Kind of document.
+    value
+        Dataclass, or another value with attributes.
+    exceptions
+        Fields that are not attributes of the value, or are written differently.
+    """
+    names = model.model_fields.keys() - exceptions.keys()
+    fields = {name: getattr(value, name) for name in names - {"schema_name"}}
+    schema = {"schema": schema_of(model)} if "schema_name" in names else {}
+    ordered = {name: fields[name] for name in model.model_fields if name in fields}
+    return model.model_validate({**schema, **ordered, **exceptions})
+
+
 def schema_of(model: type[Document]) -> str:
     """Return the name of the schema of a kind of document, such as "sprung.baseline/1"."""
     return str(get_args(model.model_fields["schema_name"].annotation)[0])

@@ -1,5 +1,7 @@
-"""The document of an identification, `sprung.identification/1`."""
+"""Documents of modes and of an identification, `sprung.identification/1`."""
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -7,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from sprung._arrays import Complex, Real
 from sprung._checks import check_type
 from sprung._display import in_short
-from sprung.identification import Identification, RovingSetups, SubsetModes
+from sprung.identification import Identification, RovingSetups
 from sprung.identification.refinement import Refinement
 from sprung.modal import Modes
 from sprung.recording import Channel
@@ -19,23 +22,175 @@ from sprung.results.documents.document import (
     Number,
     Pair,
     checked,
+    document_from,
     plain,
     read_fields,
     write_document,
 )
-from sprung.results.documents.modes import (
-    IdentifiedMode,
-    ModeValues,
-    Participation,
-    identified_modes,
-    modes_from_documents,
-    participations,
-)
 from sprung.signals.harmonics import Harmonic
+from sprung.vehicles import ExactModes, Vehicle, structure
+from sprung.vehicles.labels import MOTIONS, rigid_body_participation
 from sprung.vehicles.usable import AnyVehicle
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+class ModeValues(Document):
+    """Natural frequency [Hz] and damping ratio of a mode, with standard deviations."""
+
+    natural_frequency: float
+    natural_frequency_std: Number
+    damping_ratio: float
+    damping_ratio_std: Number
+
+
+class FittedMode(ModeValues):
+    """A mode of a fitted vehicle."""
+
+    mode_shape: Complex
+    label: str | None
+
+
+class IdentifiedMode(ModeValues):
+    """A mode identified in recordings; its shape has standard deviations of real and imaginary parts."""
+
+    mode_shape: Complex
+    mode_shape_std: Complex | None = None
+    mpc: float
+    label: str | None
+    stable_rate: Number
+
+
+class ExactMode(Document):
+    """A mode of a vehicle whose parameters are known."""
+
+    natural_frequency: float
+    damping_ratio: float
+    mode_shape: Complex
+    label: str | None
+
+
+class Participation(Document):
+    """Shares of the rigid-body motions in a mode, and the share of its shape that they explain."""
+
+    bounce: float
+    pitch: float
+    roll: float
+    explained: float
+
+
+def mode_documents(modes: Modes) -> list[dict[str, Any]]:
+    """Return modes as in the document of an identification: one JSON object for each mode.
+
+    Parameters
+    ----------
+    modes
+        Identified modes.
+
+    Returns
+    -------
+    list of dict
+        Modes as in a subset of `sprung.identification/1`: without `participation` and `subsets`.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> first, *others = mode_documents(identification.modes)
+    >>> round(first["natural_frequency"]), len(others)
+    (7, 2)
+    """
+    return [mode.as_json() for mode in identified_modes(modes)]
+
+
+def identified_modes(modes: Modes) -> tuple[IdentifiedMode, ...]:
+    """Return the documents of identified modes."""
+    return tuple(
+        IdentifiedMode(
+            **_row(modes, ModeValues, k),
+            mode_shape=modes.mode_shapes[k],
+            mode_shape_std=None if np.isnan(modes.mode_shape_std[k]).any() else modes.mode_shape_std[k],
+            mpc=modes.mpc[k],
+            label=modes.labels[k],
+            stable_rate=modes.stable_rate[k],
+        )
+        for k in range(len(modes))
+    )
+
+
+def modes_from_documents(documents: Sequence[IdentifiedMode], channels: tuple[str, ...]) -> Modes:
+    """Return identified modes as arrays.
+
+    Parameters
+    ----------
+    documents
+        Documents of the modes.
+    channels
+        Names of the channels of their shapes.
+
+    Raises
+    ------
+    ValueError
+        If a shape has another number of channels.
+    """
+    frequency, ratio, frequency_std, ratio_std, stable_rate = (
+        np.array([getattr(mode, name) for mode in documents], dtype=np.float64)
+        for name in (
+            *("natural_frequency", "damping_ratio", "natural_frequency_std", "damping_ratio_std"),
+            "stable_rate",
+        )
+    )
+    size = len(documents), len(channels)
+    unknown = np.full(len(channels), complex(np.nan, np.nan))
+    stds = [unknown if mode.mode_shape_std is None else mode.mode_shape_std for mode in documents]
+    return Modes(
+        poles=2 * np.pi * frequency * (1j * np.sqrt(1 - ratio**2) - ratio),
+        mode_shapes=np.array([mode.mode_shape for mode in documents], dtype=np.complex128).reshape(size),
+        channels=channels,
+        natural_frequency_std=frequency_std,
+        damping_ratio_std=ratio_std,
+        stable_rate=stable_rate,
+        labels=tuple(mode.label for mode in documents),
+        mode_shape_std=np.array(stds, dtype=np.complex128).reshape(size),
+    )
+
+
+def fitted_modes(modes: ExactModes, deviations: tuple[Real, Real]) -> tuple[FittedMode, ...]:
+    """Return the documents of the modes of a fitted vehicle; deviations of frequencies [Hz] and damping ratios."""
+    frequency, damping = deviations
+    return tuple(
+        FittedMode(
+            natural_frequency=modes.natural_frequency[k],
+            natural_frequency_std=frequency[k],
+            damping_ratio=modes.damping_ratio[k],
+            damping_ratio_std=damping[k],
+            mode_shape=modes.mode_shapes[k],
+            label=modes.labels[k],
+        )
+        for k in range(modes.poles.size)
+    )
+
+
+def participations(
+    modes: Modes, channels: tuple[Channel, ...], vehicle: AnyVehicle | None
+) -> tuple[Participation | None, ...]:
+    """Return the shares of the rigid-body motions in each mode; None if the sensors do not determine them."""
+    mass = structure(vehicle).mass[:3, :3] if isinstance(vehicle, Vehicle) else None
+    shares, explained = rigid_body_participation(modes, channels, mass=mass)
+    return tuple(
+        None if math.isnan(share[0]) else Participation(**dict(zip(MOTIONS, plain(share), strict=True)), explained=fit)
+        for share, fit in zip(shares, explained, strict=True)
+    )
+
+
+def _row(values: object, model: type[Document], k: int) -> dict[str, Any]:
+    """Return the fields of a model at one index of the arrays of the same names."""
+    return {name: getattr(values, name)[k] for name in model.model_fields}
 
 
 class SubsetValues(ModeValues):
@@ -190,45 +345,30 @@ def identification_document(
     check_type("identification", identification, Identification)
     settings = identification.effective_settings
     lifter = None if settings.lifter is None else {"kind": type(settings.lifter).__name__, **plain(settings.lifter)}
-    return IdentificationDocument.model_validate(
-        {
-            "schema": "sprung.identification/1",
-            "method": identification.method,
-            "channels": [channel.name for channel in identification.channels],
-            "sensors": identification.channels,
-            "sampling_rate": identification.sampling_rate,
-            "band": identification.band,
-            "modes": _merged_modes(identification, vehicle),
-            "subsets": [
-                SubsetDocument(n_segments=subset.n_segments, level=subset.level, modes=identified_modes(subset.modes))
-                for subset in identification.subsets
-            ],
-            "harmonics": identification.harmonics,
-            "refinement": None if identification.refinement is None else _refinement(identification.refinement),
-            "settings": {**plain(settings), "lifter": lifter},
-            "notes": identification.notes,
-            **({} if identification.setups is None else {"setups": _setups(identification.setups)}),
-        }
+    setups = identification.setups
+    return document_from(
+        IdentificationDocument,
+        identification,
+        channels=[channel.name for channel in identification.channels],
+        sensors=identification.channels,
+        modes=_merged_modes(identification, vehicle),
+        subsets=[
+            document_from(SubsetDocument, subset, modes=identified_modes(subset.modes))
+            for subset in identification.subsets
+        ],
+        refinement=None if identification.refinement is None else _refinement(identification.refinement),
+        settings={**plain(settings), "lifter": lifter},
+        **({} if setups is None else {"setups": _setups(setups)}),
     )
 
 
 def _refinement(refinement: Refinement) -> RefinementDocument:
     """Return the document of a refinement."""
-    start = refinement.start
-    return RefinementDocument(
-        modes=tuple(
-            RefinedDocument(
-                natural_frequency=start.natural_frequency[k],
-                natural_frequency_std=start.natural_frequency_std[k],
-                damping_ratio=start.damping_ratio[k],
-                damping_ratio_std=start.damping_ratio_std[k],
-                distance=refinement.distances[k],
-                reason=refinement.reasons[k] or None,
-            )
-            for k in range(len(start))
-        ),
-        bands=tuple(BandDocument.model_validate(band) for band in refinement.bands),
+    modes = tuple(
+        RefinedDocument(**_row(refinement.start, ModeValues, k), distance=distance, reason=reason or None)
+        for k, (distance, reason) in enumerate(zip(refinement.distances, refinement.reasons, strict=True))
     )
+    return document_from(RefinementDocument, refinement, modes=modes)
 
 
 def write_identification(
@@ -309,19 +449,17 @@ def read_identification(path: str | Path) -> IdentificationDocument:
 
 
 def _setups(setups: RovingSetups) -> SetUpsDocument:
-    return SetUpsDocument(
-        references=setups.references,
-        parts=tuple(
-            SetUpDocument(
-                number=part.number,
-                channels=part.channels,
-                modes=identified_modes(part.identification.modes),
-                members=tuple(None if member < 0 else int(member) for member in part.members),
-                mac=tuple(part.mac.tolist()),
-            )
-            for part in setups.parts
-        ),
+    parts = tuple(
+        document_from(
+            SetUpDocument,
+            part,
+            modes=identified_modes(part.identification.modes),
+            members=tuple(None if member < 0 else int(member) for member in part.members),
+            mac=tuple(part.mac.tolist()),
+        )
+        for part in setups.parts
     )
+    return document_from(SetUpsDocument, setups, parts=parts)
 
 
 def _merged_modes(identification: Identification, vehicle: AnyVehicle | None) -> list[dict[str, Any]]:
@@ -331,7 +469,7 @@ def _merged_modes(identification: Identification, vehicle: AnyVehicle | None) ->
             "source": source,
             "participation": participation,
             "subsets": [
-                _subset_values(subset, int(member)) if member >= 0 else None
+                _row(subset.modes, SubsetValues, int(member)) if member >= 0 else None
                 for subset, member in zip(identification.subsets, members, strict=True)
             ],
             "level_trend": trend,
@@ -347,15 +485,11 @@ def _merged_modes(identification: Identification, vehicle: AnyVehicle | None) ->
     ]
 
 
-def _level_trends(identification: Identification) -> list[dict[str, float] | None]:
+def _level_trends(identification: Identification) -> list[dict[str, Any] | None]:
     trends = identification.level_trends
     if trends is None:
         return [None] * len(identification.modes)
     return [
-        {name: getattr(trends, name)[k] for name in LevelTrend.model_fields} if np.isfinite(trends.p_value[k]) else None
+        _row(trends, LevelTrend, k) if np.isfinite(trends.p_value[k]) else None
         for k in range(len(identification.modes))
     ]
-
-
-def _subset_values(subset: SubsetModes, member: int) -> dict[str, float]:
-    return {name: getattr(subset.modes, name)[member] for name in SubsetValues.model_fields}

@@ -8,7 +8,7 @@ from pydantic import ConfigDict, Field
 
 from sprung._checks import check_type
 from sprung.results.documents.document import Document, Pair, checked, read_fields, write_document
-from sprung.results.documents.modes import ExactMode
+from sprung.results.documents.identification import ExactMode
 from sprung.signals.inspection import ChannelFacts, Inspection
 
 

@@ -9,30 +9,33 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
 from sprung.errors import FormatError, ParameterError
-from sprung.results.documents.baseline import BaselineDocument
-from sprung.results.documents.calibration import CalibrationDocument
-from sprung.results.documents.corners import CornersDocument
+from sprung.results.documents.baseline import BaselineDocument, TypeBaselineDocument
+from sprung.results.documents.corners import CalibrationDocument, CornersDocument
 from sprung.results.documents.diagnosis import DiagnosisDocument
 from sprung.results.documents.document import Document, checked, read_fields, schema_of
-from sprung.results.documents.fleet import FleetDocument
-from sprung.results.documents.fleet_run import FleetPlanDocument, FleetRunDocument
+from sprung.results.documents.fleet import (
+    FleetDocument,
+    FleetPlanDocument,
+    FleetRunDocument,
+    LakeDocument,
+    LakeImportDocument,
+)
 from sprung.results.documents.identification import IdentificationDocument
-from sprung.results.documents.lake import LakeDocument, LakeImportDocument
 from sprung.results.documents.monitoring import (
     AccountsDocument,
     AlertHistoryDocument,
     AlertsDocument,
+    ExportDocument,
     NotificationDocument,
     QuarantineDocument,
+    ReportDocument,
     ReproductionDocument,
     TokensDocument,
     VehiclesDocument,
+    WorkOrderDocument,
 )
 from sprung.results.documents.recordings import InspectionDocument, TruthDocument
 from sprung.results.documents.tracking import TrackingDocument
-from sprung.results.documents.type_baseline import TypeBaselineDocument
-from sprung.results.documents.vehicles import ExportDocument, ReportDocument
-from sprung.results.documents.work_order import WorkOrderDocument
 
 _KINDS: tuple[type[Document], ...] = (
     AccountsDocument,

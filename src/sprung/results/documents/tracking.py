@@ -12,8 +12,16 @@ from sprung._checks import check_type, data_frame_of
 from sprung._display import in_short, listed
 from sprung.identification.methods import WindowModes
 from sprung.identification.tracking import Track, TrackedModes
-from sprung.results.documents.document import Document, Number, checked, plain, read_fields, write_document
-from sprung.results.documents.modes import ModeValues
+from sprung.results.documents.document import (
+    Document,
+    Number,
+    checked,
+    document_from,
+    plain,
+    read_fields,
+    write_document,
+)
+from sprung.results.documents.identification import ModeValues
 
 
 class TrackPoint(ModeValues):
@@ -155,31 +163,27 @@ def tracking_document(
     >>> document.schema_name, len(document.tracks), round(document.tracks[0].natural_frequency.mean)
     ('sprung.track/1', 2, 2)
     """
-    return TrackingDocument.model_validate(
-        {
-            "schema": "sprung.track/1",
-            "channels": tracked.channels,
-            "start": start,
-            "time_unit": "s" if has_times else "windows",
-            "windows": [
-                TrackedWindow(
-                    time=window.time,
-                    source=window.source,
-                    n_modes=0 if window.modes is None else len(window.modes),
-                    reason=window.reason,
-                )
-                for window in windows
-            ]
-            if windows is not None
-            else _windows(tracked),
-            "tracks": [_track(track) for track in tracked.tracks],
-            "untracked_modes": sorted(
-                (point for track in tracked.untracked_modes for point in _points(track)),
-                key=lambda point: (point.window, point.natural_frequency),
-            ),
-            "settings": plain(tracked.settings),
-            "notes": tuple(notes),
-        }
+    return document_from(
+        TrackingDocument,
+        tracked,
+        start=start,
+        time_unit="s" if has_times else "windows",
+        windows=_windows(tracked)
+        if windows is None
+        else [
+            document_from(TrackedWindow, window, n_modes=0 if window.modes is None else len(window.modes))
+            for window in windows
+        ],
+        tracks=[
+            document_from(TrackDocument, track, first=track.times[0], last=track.times[-1], points=_points(track))
+            for track in tracked.tracks
+        ],
+        untracked_modes=sorted(
+            (point for track in tracked.untracked_modes for point in _points(track)),
+            key=lambda point: (point.window, point.natural_frequency),
+        ),
+        settings=plain(tracked.settings),
+        notes=tuple(notes),
     )
 
 
@@ -266,30 +270,13 @@ def _windows(tracked: TrackedModes) -> list[TrackedWindow]:
     ]
 
 
-def _track(track: Track) -> TrackDocument:
-    return TrackDocument(
-        label=track.label,
-        first=track.times[0],
-        last=track.times[-1],
-        presence=track.presence,
-        natural_frequency=TrackedValues.model_validate(track.natural_frequency),
-        damping_ratio=TrackedValues.model_validate(track.damping_ratio),
-        mode_shape=track.mode_shape,
-        jumps=tuple(JumpValues.model_validate(jump) for jump in track.jumps),
-        points=_points(track),
-    )
-
-
 def _points(track: Track) -> tuple[TrackPoint, ...]:
-    modes, likeness = track.modes, track.likeness
+    likeness = track.likeness
     return tuple(
         TrackPoint(
             window=int(track.windows[k]),
             mac=likeness[k],
-            natural_frequency=modes.natural_frequency[k],
-            natural_frequency_std=modes.natural_frequency_std[k],
-            damping_ratio=modes.damping_ratio[k],
-            damping_ratio_std=modes.damping_ratio_std[k],
+            **{name: getattr(track.modes, name)[k] for name in ModeValues.model_fields},
         )
         for k in range(len(track))
     )

@@ -1,8 +1,13 @@
 """Figures: one function for each, from values to a matplotlib figure."""
 
 from sprung.results.figures.animation import save_animation
-from sprung.results.figures.calibration import learnt_figure, misfit_figure
-from sprung.results.figures.corners import corners_figure, correlation_figure, fitted_spectra_figure
+from sprung.results.figures.corners import (
+    corners_figure,
+    correlation_figure,
+    fitted_spectra_figure,
+    learnt_figure,
+    misfit_figure,
+)
 from sprung.results.figures.diagnosis import corner_changes_figure, evidence_figure, mode_changes_figure, trends_figure
 from sprung.results.figures.history import (
     Stretch,
@@ -10,19 +15,21 @@ from sprung.results.figures.history import (
     evidence_history_figure,
     findings_history_figure,
     modes_history_figure,
+    plan_figure,
+    tracks_figure,
 )
-from sprung.results.figures.mac import mac_figure, reference_mac_figure
-from sprung.results.figures.plan import plan_figure
-from sprung.results.figures.rates import alignment_rates, stable_rates_figure
-from sprung.results.figures.responses import cepstrum_figure, response_figure
-from sprung.results.figures.runs import Spread, runs_figure
 from sprung.results.figures.saving import figures, save_figures
 from sprung.results.figures.shapes import complexity_figure, shapes_figure
-from sprung.results.figures.signals import densities_figure, histories_figure, levels_figure
-from sprung.results.figures.spectra import spectra_figure
+from sprung.results.figures.signals import Spread, densities_figure, histories_figure, levels_figure, runs_figure
+from sprung.results.figures.spectra import cepstrum_figure, response_figure, spectra_figure
 from sprung.results.figures.stabilisation import stabilisation_figure
-from sprung.results.figures.subsets import subsets_figure
-from sprung.results.figures.tracking import tracks_figure
+from sprung.results.figures.subsets import (
+    alignment_rates,
+    mac_figure,
+    reference_mac_figure,
+    stable_rates_figure,
+    subsets_figure,
+)
 from sprung.results.renderings import picture_of
 
 __all__ = [

@@ -21,7 +21,8 @@ from sprung._display import listed
 from sprung.errors import ParameterError
 from sprung.formats.nodes import nodes_of
 from sprung.modal import Modes
-from sprung.results.figures.body import body_shapes, projected
+from sprung.recording import Channel
+from sprung.results.figures.shapes import body_shapes, projected
 from sprung.results.figures.style import (
     FAINT,
     INK,
@@ -34,7 +35,6 @@ from sprung.results.figures.style import (
     new_figure,
     panel_grid,
 )
-from sprung.recording import Channel
 
 ENDINGS = (".gif", ".html")
 #: Frames of one cycle, and frames per second of a GIF: a cycle of every mode takes two seconds.

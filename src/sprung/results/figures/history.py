@@ -1,4 +1,4 @@
-"""Months of a vehicle: components, body modes, sizes of findings and evidence over dates."""
+"""Values over dates: modes that are followed, months of a vehicle, and planned windows."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,11 +9,26 @@ from matplotlib import dates
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.markers import CARETLEFT, CARETRIGHT
+from matplotlib.patches import FancyBboxPatch, Patch
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from numpy.typing import NDArray
 
 from sprung._arrays import Indices, Real
-from sprung.results.figures.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
+from sprung.identification.tracking import Track, TrackedModes
+from sprung.results.figures.style import (
+    FAINT,
+    HALF_WIDTH_95,
+    INK,
+    MODE_COLOURS,
+    NORMAL,
+    SMALL,
+    in_hertz,
+    mode_colour,
+    new_figure,
+    plain,
+    write_sentence,
+)
 from sprung.vehicles import Component
 
 _KINDS = ("spring", "damper", "tyre")
@@ -299,3 +314,317 @@ def _draw_lines(axes: Axes, times: Sequence[int]) -> None:
 def _percent(log_ratio: Real) -> Real:
     """Return the relative change [%] of ln values."""
     return 100 * np.expm1(log_ratio)
+
+
+#: Height of the overview and of the panel of a track [in], and most panels.
+_OVERVIEW, _PANEL, _MOST_PANELS = 3.2, 1.35, 12
+#: Smallest ranges shown, relative to the mean: of frequencies and damping ratios.
+_LEAST_RANGE = (0.01, 0.3)
+#: Windows above which a stated deviation is drawn as a band, and distances of windows that are a gap.
+_MANY_INTERVALS, _GAP = 60, 1.5
+_UNITS = ((120.0, 1.0, "s"), (7200.0, 60.0, "min"), (np.inf, 3600.0, "h"))
+#: Colours of modes of no track, and of windows without modes.
+_STRAY, _EMPTY = "#8C8C8C", "#E4E4E4"
+
+#: Untyped part of matplotlib.
+
+
+def tracks_figure(
+    tracked: TrackedModes, *, start: int | None = None, has_times: bool = True, source: str = ""
+) -> Figure:
+    """Draw all modes over time, and frequency and damping of each track with its 95 % intervals.
+
+    Parameters
+    ----------
+    tracked
+        Result of `track_modes`.
+    start
+        Time of the first window, UTC in nanoseconds since 1970; None where unknown.
+    has_times
+        Whether times are seconds, not numbers of windows.
+    source
+        Names of the recordings, for the heading.
+
+    Notes
+    -----
+    Windows without a mode interrupt its line. Triangles mark the first and last window of a track that begins later,
+    or ends earlier, than the windows do. Identified modes of no track are grey dots.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.identification.tracking import track_modes
+    >>> from sprung.modal import Modes
+    >>> some = np.full(2, 0.01)
+    >>> poles = 2 * np.pi * np.array([2.0, 5.0]) * (1j - 0.01)
+    >>> modes = Modes(poles, np.eye(2, dtype=complex), ("a", "b"), some, some, np.ones(2), (None, None))
+    >>> figure = tracks_figure(track_modes([modes] * 6, times=3600.0 * np.arange(6)))
+    >>> [axes.get_title(loc="left") for axes in figure.axes if axes.get_ylabel() == "f [Hz]"]
+    ['1: 2.00 Hz', '2: 5.00 Hz']
+    """
+    what = f"Modes over time: {source}" if source else "Modes over time"
+    numbers = sorted(range(len(tracked.tracks)), key=lambda number: -len(tracked.tracks[number]))
+    tracks = [(number, tracked.tracks[number]) for number in sorted(numbers[:_MOST_PANELS])]
+    n_omitted = len(numbers) - len(tracks)
+    where = f"In separate panels: the {len(tracks)} modes found in the most windows" if n_omitted else ""
+    if not tracks:
+        return write_sentence(new_figure(what, "", width=9.5, height=3), "No mode was found in enough windows.")
+    axis, label, is_date = _time_axis(tracked.times, start=start, has_times=has_times)
+    height = 1.0 + _OVERVIEW + _PANEL * len(tracks)
+    figure = new_figure(what, where, width=9.5, height=height)
+    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[_OVERVIEW, _PANEL * len(tracks) + 0.6])[:, 0]
+    overview = above.subplots()
+    _draw_overview(overview, tracked, axis)
+    panels = below.subplots(len(tracks), 2, sharex=True, squeeze=False)
+    for row, (number, track) in zip(panels, tracks, strict=True):
+        _draw_track(row, tracked, track, number, axis)
+    for axes in (overview, *panels[-1]):
+        axes.set_xlabel(label, fontsize=SMALL)
+        if is_date:
+            locator = _DATES.AutoDateLocator(maxticks=9 if axes is overview else 6)
+            axes.xaxis.set_major_locator(locator)
+            axes.xaxis.set_major_formatter(_DATES.ConciseDateFormatter(locator))
+    room = 0.02 * float(np.ptp(axis)) or 0.5
+    for axes in (overview, panels[0, 0]):
+        axes.set_xlim(float(axis[0]) - room, float(axis[-1]) + room)
+    figure.legend(handles=_legend(tracked), loc="outside lower center", ncols=5, fontsize=SMALL, frameon=False)
+    return figure
+
+
+def _time_axis(times: Real, *, start: int | None, has_times: bool) -> tuple[Real, str, bool]:
+    """Return places of all windows, the label of the axis, and whether the places are dates."""
+    if not has_times:
+        return times + 1, "window", False
+    if start is not None:
+        instants: NDArray[Any] = np.datetime64(start, "ns") + np.round(1e9 * times).astype("timedelta64[ns]")
+        return np.asarray(_DATES.date2num(instants), dtype=np.float64), "time (UTC)", True
+    factor, unit = next((factor, unit) for limit, factor, unit in _UNITS if np.ptp(times) < limit)
+    return times / factor, f"time since the first window [{unit}]", False
+
+
+def _draw_overview(axes: Axes, tracked: TrackedModes, axis: Real) -> None:
+    """Draw the frequencies of all modes, those of tracks in their colours."""
+    plain(axes)
+    for track in tracked.untracked_modes:
+        axes.plot(axis[track.windows], track.modes.natural_frequency, ".", color=_STRAY, markersize=4)
+    for number, track in enumerate(tracked.tracks):
+        colour = mode_colour(number)
+        style: dict[str, Any] = {"color": colour, "markersize": 3, "linewidth": 0.6}
+        for part in _unbroken(axis[track.windows], _step(axis)):
+            places = axis[track.windows][part]
+            axes.plot(places, track.modes.natural_frequency[part], marker=".", alpha=0.8, **style)
+        place = (float(axis[track.windows[-1]]), float(track.modes.natural_frequency[-1]))
+        text: dict[str, Any] = {"textcoords": "offset points", "fontsize": SMALL, "color": colour, "va": "center"}
+        axes.annotate(str(number + 1), place, xytext=(5, 0), **text)
+    for empty in axis[~tracked.has_result]:
+        axes.axvline(float(empty), color=_EMPTY, linewidth=2.5, zorder=0)
+    top = max(float(np.percentile(track.modes.natural_frequency, 99)) for track in tracked.tracks)
+    axes.set_ylim(0, 1.12 * top)
+    axes.set_ylabel("Natural frequency [Hz]", fontsize=SMALL)
+
+
+def _draw_track(row: NDArray[Any], tracked: TrackedModes, track: Track, number: int, axis: Real) -> None:
+    """Draw frequency and damping of a track."""
+    modes, colour = track.modes, mode_colour(number)
+    for axes, factor, values, deviations, summary, least in (
+        (row[0], 1.0, modes.natural_frequency, modes.natural_frequency_std, track.natural_frequency, _LEAST_RANGE[0]),
+        (row[1], 100.0, modes.damping_ratio, modes.damping_ratio_std, track.damping_ratio, _LEAST_RANGE[1]),
+    ):
+        plain(axes)
+        places = axis[track.windows]
+        halves = factor * HALF_WIDTH_95 * np.nan_to_num(deviations)
+        _draw_values(axes, places, factor * values, halves, step=_step(axis), colour=colour)
+        _draw_ends(axes, tracked, track, axis, colour)
+        for jump in track.jumps:
+            axes.axvline(float(axis[jump.window]), color=INK, linewidth=0.9, linestyle=(0, (2, 2)))
+        low, high = (factor * end for end in (summary.low, summary.high))
+        room = max(0.25 * (high - low), factor * least * summary.mean / 2)
+        room = max(room, min(1.1 * float(np.median(halves)), high - low))
+        axes.set_ylim(max(low - room, 0.0), high + room)
+        axes.yaxis.set_major_locator(MaxNLocator(4))
+        axes.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
+    name = f"{number + 1} {track.label.replace('_', ' ')}" if track.label else f"{number + 1}"
+    row[0].set_title(f"{name}: {in_hertz(track.natural_frequency.mean)}", fontsize=NORMAL, color=colour, loc="left")
+    row[0].set_ylabel("f [Hz]", fontsize=SMALL)
+    row[1].set_ylabel("damping [%]", fontsize=SMALL)
+
+
+def _draw_values(axes: Axes, places: Real, values: Real, halves: Real, *, step: float, colour: str) -> None:
+    """Draw values with 95 % intervals, and a line where no window lies between."""
+    for part in _unbroken(places, step):
+        axes.plot(places[part], values[part], color=colour, linewidth=0.7, alpha=0.6)
+    is_many = len(places) > _MANY_INTERVALS
+    style: dict[str, Any] = {"linewidth": 0.5, "alpha": 0.35} if is_many else {"linewidth": 1.0, "capsize": 2}
+    axes.errorbar(places, values, halves, fmt="none", ecolor=colour, elinewidth=style.pop("linewidth"), **style)
+    axes.plot(places, values, "o", color=colour, markersize=2.2 if is_many else 3.5)
+
+
+def _unbroken(places: Real, step: float) -> list[Indices]:
+    """Return the indices of places between which no window lies."""
+    return np.split(np.arange(len(places)), np.flatnonzero(np.diff(places) > _GAP * step) + 1)
+
+
+def _draw_ends(axes: Axes, tracked: TrackedModes, track: Track, axis: Real, colour: str) -> None:
+    """Mark the begin and the end of a track within the windows that have modes."""
+    present = np.flatnonzero(tracked.has_result)
+    for end, limit, marker in ((track.windows[0], present[0], ">"), (track.windows[-1], present[-1], "<")):
+        if end != limit:
+            style: dict[str, Any] = {"color": colour, "markersize": 6, "clip_on": False}
+            axes.plot([axis[end]], [0], marker, transform=axes.get_xaxis_transform(), **style)
+
+
+def _step(axis: Real) -> float:
+    """Return the usual distance of windows."""
+    return float(np.median(np.diff(axis))) if len(axis) > 1 else 1.0
+
+
+def _legend(tracked: TrackedModes) -> list[Line2D]:
+    """Return legend entries for what the figure shows."""
+    grey: dict[str, Any] = {"color": FAINT, "linestyle": "none"}
+    present = np.flatnonzero(tracked.has_result)
+    ends = {int(present[0]), int(present[-1])}
+    handles = [Line2D([], [], color=FAINT, marker="o", markersize=4, linewidth=1, label="window, with 95 % interval")]
+    if any(not {int(track.windows[0]), int(track.windows[-1])} <= ends for track in tracked.tracks):
+        handles.append(Line2D([], [], **grey, marker=">", markersize=5, label="first window of a mode"))
+        handles.append(Line2D([], [], **grey, marker="<", markersize=5, label="last window"))
+    if any(track.jumps for track in tracked.tracks):
+        handles.append(Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (2, 2)), label="jump"))
+    if tracked.untracked_modes:
+        handles.append(Line2D([], [], color=_STRAY, linestyle="none", marker=".", label="identified, in no track"))
+    if not tracked.has_result.all():
+        handles.append(Line2D([], [], color=_EMPTY, linewidth=4, label="window without modes"))
+    return handles
+
+
+def plain_tracks_figure(tracked: TrackedModes) -> Figure:
+    """Return tracked modes over their own times."""
+    return tracks_figure(tracked, has_times=tracked.has_times)
+
+
+#: Sign and colour of each step of severity, from note to critical; light colours carry dark text.
+_STEPS = (("○", "#D9D9D9"), ("△", "#F0E442"), ("◇", "#E69F00"), ("■", "#D55E00"), ("✖", "#B2182B"))
+#: Steps from which on text on their colour is white.
+_DARK_FROM = 3
+#: Room beyond the largest change on the axis, and least end of the axis [%].
+_ROOM, _LEAST_REACH = 1.15, 10.0
+
+
+def plan_figure(
+    components: Sequence[Component],
+    changes: Real,
+    intervals: Real,
+    *,
+    steps: Mapping[str, int],
+    detectable: Mapping[str, float],
+    heading: tuple[str, str],
+) -> Figure:
+    """Draw the vehicle from above with the change of every component, and next to it the changes with intervals.
+
+    Parameters
+    ----------
+    components
+        Springs, dampers and tyres of the corners.
+    changes, intervals
+        Relative change of each component, shape (components,), and the ends of its interval, shape (components, 2).
+    steps
+        Step of severity, 0 (note) to 4 (critical), by the name of each component with an alert.
+    detectable
+        Smallest relative loss that would have been found, by the name of the component, where known.
+    heading
+        Heading of the figure, and the line below it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> changes = np.zeros(12)
+    >>> changes[0] = -0.3
+    >>> intervals = changes[:, None] + [-0.02, 0.02]
+    >>> found = {"steps": {"front_left.spring": 3}, "detectable": {"front_left.spring": 0.07}}
+    >>> figure = plan_figure(parts, changes, intervals, heading=("Today", "car-1"), **found)
+    >>> [text.get_text() for axes in figure.axes for text in axes.texts if "30" in text.get_text()]
+    ['■ −30.0 %']
+    """
+    corners = list(dict.fromkeys(component.corner for component in components))
+    n_axles = max(1, len(corners) // 2)
+    figure = new_figure(*heading, width=9.5, height=max(1.3 + 1.5 * n_axles, 1.3 + 0.24 * len(components)))
+    left, right = figure.subplots(1, 2, width_ratios=(5, 6))
+    _draw_plan(left, components, corners, 100 * changes, steps)
+    _draw_changes(right, components, 100 * changes, 100 * intervals.T, steps=steps, detectable=detectable)
+    return figure
+
+
+def _draw_plan(
+    axes: Axes, components: Sequence[Component], corners: Sequence[str], change: Real, steps: Mapping[str, int]
+) -> None:
+    """Draw the body, the direction of travel, and a box with three lines at every corner."""
+    n_axles = max(1, len(corners) // 2)
+    axes.set_axis_off()
+    axes.set_xlim(-2.1, 2.1)
+    axes.set_ylim(-n_axles - 0.1, 0.6)
+    style: dict[str, Any] = {"boxstyle": "round,pad=0,rounding_size=0.25", "facecolor": "#F4F4F4", "edgecolor": FAINT}
+    axes.add_patch(FancyBboxPatch((-0.55, -n_axles), 1.1, n_axles + 0.5, **style))
+    axes.annotate("", (0, 0.35), xytext=(0, -0.35), arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 1.5})
+    axes.text(0, -0.45, "forward", ha="center", va="top", fontsize=SMALL, color=INK)
+    for number, corner in enumerate(corners):
+        row, side = divmod(number, 2)
+        x = (-2.05, 0.65)[side]
+        y = 0.32 - row
+        axes.text(x, y, corner.replace("_", " "), fontsize=SMALL, color=INK, va="bottom", weight="bold")
+        of_corner = [k for k, component in enumerate(components) if component.corner == corner]
+        for line, k in enumerate(of_corner):
+            _draw_cell(axes, (x, y - 0.05 - 0.24 * line), components[k], float(change[k]), steps)
+
+
+def _draw_cell(
+    axes: Axes, place: tuple[float, float], component: Component, change: float, steps: Mapping[str, int]
+) -> None:
+    """Draw kind, sign and change of a component, on the colour of its step."""
+    x, y = place
+    step = steps.get(str(component))
+    sign, colour = ("", "#FFFFFF") if step is None else _STEPS[step]
+    ink = "white" if step is not None and step >= _DARK_FROM else INK
+    style: dict[str, Any] = {"boxstyle": "round,pad=0,rounding_size=0.04", "facecolor": colour, "edgecolor": "#BBBBBB"}
+    axes.add_patch(FancyBboxPatch((x, y - 0.21), 1.4, 0.2, linewidth=0.7, **style))
+    text: dict[str, Any] = {"fontsize": SMALL, "color": ink, "va": "center"}
+    axes.text(x + 0.06, y - 0.115, component.kind, **text)
+    axes.text(x + 1.34, y - 0.115, f"{sign} {change:+.1f} %".replace("-", "−").strip(), ha="right", **text)
+
+
+def _draw_changes(
+    axes: Axes,
+    components: Sequence[Component],
+    change: Real,
+    interval: Real,
+    *,
+    steps: Mapping[str, int],
+    detectable: Mapping[str, float],
+) -> None:
+    """Draw change and interval of every component [%], one below the other.
+
+    An interval that goes beyond the axis ends in an arrow.
+    """
+    plain(axes)
+    reach = max(
+        _LEAST_REACH, _ROOM * float(np.abs(change).max(initial=0.0)), _ROOM * float(np.median(np.abs(interval)))
+    )
+    axes.axvline(0, color=INK, linewidth=1)
+    for place, component in enumerate(components):
+        limit = 100 * detectable.get(str(component), 0.0)
+        if limit:
+            axes.plot([-limit, -limit], [place - 0.3, place + 0.3], color=FAINT, linewidth=1.5)
+        colour, marker = (MODE_COLOURS[1], "D") if str(component) in steps else (MODE_COLOURS[0], "o")
+        axes.hlines(place, *interval[:, place], color=colour, linewidth=3)
+        axes.plot(change[place], place, marker, color=colour, markersize=5)
+        for is_beyond, end, arrow in (
+            (interval[0, place] < -reach, -reach, CARETLEFT),
+            (interval[1, place] > reach, reach, CARETRIGHT),
+        ):
+            if is_beyond:
+                axes.plot(end, place, marker=arrow, color=colour, markersize=6, clip_on=False)
+    names = [f"{component.corner.replace('_', ' ')} {component.kind}" for component in components]
+    axes.set_yticks(range(len(components)), names, fontsize=SMALL)
+    axes.set_ylim(len(components) - 0.4, -0.6)
+    axes.set_xlim(-reach, reach)
+    axes.set_xlabel("change against the baseline [%]", fontsize=NORMAL)

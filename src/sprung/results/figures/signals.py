@@ -1,14 +1,25 @@
-"""Signals over time, and their spectra."""
+"""Recordings over time and frequency, and the spread of a quantity over many runs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sprung._arrays import Real
-from sprung.results.figures.style import INK, MODE_COLOURS, NORMAL, SMALL, new_figure, panel_grid, plain, with_unit
 from sprung.recording import Recording
+from sprung.results.figures.style import (
+    INK,
+    MODE_COLOURS,
+    NORMAL,
+    SMALL,
+    new_figure,
+    panel_grid,
+    plain,
+    with_unit,
+)
 from sprung.signals.spectrum import spectral_matrix
 
 _MOST_POINTS = 4000
@@ -36,23 +47,17 @@ def histories_figure(recordings: Sequence[tuple[str, Recording]], *, title: str,
     >>> axes.get_ylabel(), round(float(axes.lines[0].get_xdata()[-1]), 2)
     ('acceleration [m/s²]', 1.99)
     """
-    first = recordings[0][1]
-    figure, panels = _panels(title, len(first.channels))
-    for row, (axes, channel) in enumerate(zip(panels, first.channels, strict=True)):
-        plain(axes)
-        for number, (_, recording) in enumerate(recordings):
-            shown = (
-                recording.n_samples
-                if window is None
-                else min(recording.n_samples, round(window * recording.sampling_rate))
-            )
-            time, values = _envelope(np.arange(shown) / recording.sampling_rate, recording.samples[row, :shown])
-            axes.plot(time, values, color=_colour(number, len(recordings)), linewidth=0.7)
-        axes.set_title(channel.name, fontsize=NORMAL, color=INK, loc="left")
+
+    def draw(axes: Axes, row: int, recording: Recording, style: dict[str, Any]) -> None:
+        rate = recording.sampling_rate
+        shown = recording.n_samples if window is None else min(recording.n_samples, round(window * rate))
+        time, values = _envelope(np.arange(shown) / rate, recording.samples[row, :shown])
+        axes.plot(time, values, **style, linewidth=0.7)
+
+    figure = _channels_figure(recordings, draw, title=title, axis="Time [s]")
+    for axes, channel in zip(figure.axes, recordings[0][1].channels, strict=False):
         quantity = "value" if channel.quantity == "unknown" else channel.quantity.replace("_", " ")
         axes.set_ylabel(with_unit(quantity, channel.unit), fontsize=SMALL)
-    _name_axis(panels, "Time [s]")
-    _name_curves(figure, [name for name, _ in recordings])
     return figure
 
 
@@ -71,26 +76,17 @@ def levels_figure(recordings: Sequence[tuple[str, Recording]], *, title: str, in
     >>> len(levels), float(levels[0].round(6))
     (20, 3.0)
     """
-    first = recordings[0][1]
-    figure, panels = _panels(title, len(first.channels))
-    for row, (axes, channel) in enumerate(zip(panels, first.channels, strict=True)):
-        plain(axes)
-        for number, (_, recording) in enumerate(recordings):
-            per = round(interval * recording.sampling_rate)
-            blocks = recording.samples[row, : recording.n_samples // per * per].reshape(-1, per)
-            level = np.sqrt(np.mean(blocks**2, axis=1))
-            axes.plot(
-                (np.arange(len(level)) + 0.5) * interval,
-                level,
-                color=_colour(number, len(recordings)),
-                marker=".",
-                lw=1,
-            )
+
+    def draw(axes: Axes, row: int, recording: Recording, style: dict[str, Any]) -> None:
+        per = round(interval * recording.sampling_rate)
+        blocks = recording.samples[row, : recording.n_samples // per * per].reshape(-1, per)
+        times = (np.arange(len(blocks)) + 0.5) * interval
+        axes.plot(times, np.sqrt(np.mean(blocks**2, axis=1)), **style, marker=".", linewidth=1)
+
+    figure = _channels_figure(recordings, draw, title=title, axis="Time [s]")
+    for axes, channel in zip(figure.axes, recordings[0][1].channels, strict=False):
         axes.set_ylim(0, None)
-        axes.set_title(channel.name, fontsize=NORMAL, color=INK, loc="left")
         axes.set_ylabel(with_unit("RMS", channel.unit), fontsize=SMALL)
-    _name_axis(panels, "Time [s]")
-    _name_curves(figure, [name for name, _ in recordings])
     return figure
 
 
@@ -131,65 +127,61 @@ def densities_figure(
     >>> round(float(density.sum() * (frequency[1] - frequency[0])), 2)
     9.0
     """
-    first = recordings[0][1]
-    figure, panels = _panels(title, len(first.channels))
-    spectra = [spectral_matrix(recording, segment_length=segment) for _, recording in recordings]
-    for row, (axes, channel) in enumerate(zip(panels, first.channels, strict=True)):
-        plain(axes)
-        for number, one in enumerate(spectra):
-            shown = (one.frequencies >= max(lowest, 1 / segment)) & (one.frequencies <= highest)
-            axes.semilogy(
-                one.frequencies[shown], one.densities[row, shown], color=_colour(number, len(spectra)), linewidth=1
-            )
-        for name, frequency in marked:
-            axes.axvline(frequency, color="#888888", linewidth=0.8, linestyle=":")
-            if row == 0:
-                axes.annotate(
-                    name,
-                    (frequency, 1.0),
-                    xycoords=("data", "axes fraction"),
-                    fontsize=SMALL,
-                    rotation=90,
-                    ha="right",
-                    va="top",
-                    color="#555555",
-                )
+    spectra = {id(recording): spectral_matrix(recording, segment_length=segment) for _, recording in recordings}
+
+    def draw(axes: Axes, row: int, recording: Recording, style: dict[str, Any]) -> None:
+        one = spectra[id(recording)]
+        shown = (one.frequencies >= max(lowest, 1 / segment)) & (one.frequencies <= highest)
+        axes.semilogy(one.frequencies[shown], one.densities[row, shown], **style, linewidth=1)
+
+    figure = _channels_figure(recordings, draw, title=title, axis="Frequency [Hz]")
+    for axes, channel in zip(figure.axes, recordings[0][1].channels, strict=False):
+        _mark_frequencies(axes, marked, top=axes is figure.axes[0])
         axes.set_xlim(lowest, highest)
-        axes.set_title(channel.name, fontsize=NORMAL, color=INK, loc="left")
         axes.set_ylabel(with_unit("PSD", channel.unit and f"({channel.unit})^2/Hz"), fontsize=SMALL)
-    _name_axis(panels, "Frequency [Hz]")
-    _name_curves(figure, [name for name, _ in recordings])
     return figure
 
 
-def _panels(title: str, n_channels: int) -> tuple[Figure, list[Axes]]:
-    """Return a figure with a panel for each channel, one below another; two columns for many."""
-    n_rows, n_columns = panel_grid(n_channels, most_columns=1 if n_channels <= 3 else 2)
+def _mark_frequencies(axes: Axes, marked: Sequence[tuple[str, float]], *, top: bool) -> None:
+    """Draw dotted lines at frequencies, with their names where the axes are the top ones."""
+    for name, frequency in marked:
+        axes.axvline(frequency, color="#888888", linewidth=0.8, linestyle=":")
+        if top:
+            place: dict[str, Any] = {
+                "rotation": 90,
+                "ha": "right",
+                "va": "top",
+                "transform": axes.get_xaxis_transform(),
+            }
+            axes.text(frequency, 1.0, name, fontsize=SMALL, color="#555555", **place)
+
+
+def _channels_figure(
+    recordings: Sequence[tuple[str, Recording]],
+    draw: Callable[[Axes, int, Recording, dict[str, Any]], None],
+    *,
+    title: str,
+    axis: str,
+) -> Figure:
+    """Return a figure with a panel for each channel of the first recording, one below another; two columns for many."""
+    channels = recordings[0][1].channels
+    n_rows, n_columns = panel_grid(len(channels), most_columns=1 if len(channels) <= 3 else 2)
     figure = new_figure(title, "", width=9.5, height=1.1 + 1.75 * n_rows)
     panels = figure.subplots(n_rows, n_columns, sharex=True, squeeze=False).ravel()
-    for axes in panels[n_channels:]:
+    for axes in panels[len(channels) :]:
         axes.set_visible(False)
-    return figure, list(panels[:n_channels])
-
-
-def _name_axis(panels: Sequence[Axes], name: str) -> None:
-    """Write the name and the ticks of the common axis below the lowest panel of each column."""
-    for axes in panels[-1 if len(panels) <= 3 else -2 :]:
-        axes.tick_params(labelbottom=True)
-        axes.set_xlabel(name, fontsize=NORMAL)
-
-
-def _colour(number: int, count: int) -> str:
-    """Return the colour of a curve; a single one is blue."""
-    return MODE_COLOURS[number % len(MODE_COLOURS)] if count > 1 else MODE_COLOURS[0]
-
-
-def _name_curves(figure: Figure, names: Sequence[str]) -> None:
-    """Write the names of the curves below the panels, if there are several."""
-    if len(names) < 2:
-        return
-    handles = [figure.axes[0].lines[number] for number in range(len(names))]
-    figure.legend(handles, names, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
+    for row, (axes, channel) in enumerate(zip(panels, channels, strict=False)):
+        plain(axes)
+        for number, (_, recording) in enumerate(recordings):
+            draw(axes, row, recording, {"color": MODE_COLOURS[number % len(MODE_COLOURS)]})
+        axes.set_title(channel.name, fontsize=NORMAL, color=INK, loc="left")
+        if row >= len(channels) - n_columns:
+            axes.tick_params(labelbottom=True)
+            axes.set_xlabel(axis, fontsize=NORMAL)
+    if len(recordings) > 1:
+        handles, names = panels[0].lines[: len(recordings)], [name for name, _ in recordings]
+        figure.legend(handles, names, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
+    return figure
 
 
 def _envelope(time: Real, values: Real) -> tuple[Real, Real]:
@@ -205,3 +197,85 @@ def _envelope(time: Real, values: Real) -> tuple[Real, Real]:
 def recording_figure(recording: Recording) -> Figure:
     """Return the signals of a recording over time."""
     return histories_figure([("", recording)], title="Signals")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Spread:
+    """One quantity in many runs of several methods.
+
+    Parameters
+    ----------
+    name
+        Name of the quantity, with its unit.
+    rows
+        Names of the methods.
+    values
+        Values, shape (rows, runs); NaN where a run has none.
+    truth
+        True value; NaN if unknown.
+    published
+        Published value of each row; NaN without one.
+    """
+
+    name: str
+    rows: tuple[str, ...]
+    values: Real
+    truth: float
+    published: tuple[float, ...] = ()
+
+
+def runs_figure(spreads: Sequence[Spread], *, title: str) -> Figure:
+    """Draw every run as a point, a panel for each quantity, a row for each method.
+
+    Parameters
+    ----------
+    spreads
+        Quantities, at least one.
+    title
+        Heading of the figure.
+
+    Examples
+    --------
+    Three runs, of which one did not find the mode:
+
+    >>> import numpy as np
+    >>> from sprung.results.figures import Spread
+    >>> values = np.array([[1.48, 1.52, np.nan]])
+    >>> figure = runs_figure([Spread("f [Hz]", ("Cov-SSI",), values, 1.5, (1.5,))], title="Bounce")
+    >>> [text.get_text() for text in figure.axes[0].texts]
+    ['2 of 3']
+    """
+    n_rows, n_columns = panel_grid(len(spreads), most_columns=3)
+    longest = max(len(name) for spread in spreads for name in spread.rows)
+    height = 1.3 + n_rows * (0.9 + 0.33 * len(spreads[0].rows))
+    figure = new_figure(
+        title, "Points: runs. Bar: median. Line: true value. Diamond: published.", width=9.5, height=height
+    )
+    panels = figure.subplots(n_rows, n_columns, squeeze=False, sharey=longest > 0).ravel()
+    for axes in panels[len(spreads) :]:
+        axes.set_visible(False)
+    for axes, spread in zip(panels, spreads, strict=False):
+        plain(axes)
+        _draw(axes, spread)
+    return figure
+
+
+def _draw(axes: Axes, spread: Spread) -> None:
+    """Draw one quantity."""
+    for row, values in enumerate(spread.values):
+        finite = values[np.isfinite(values)]
+        offsets = 0.22 * np.sin(np.arange(finite.size) * 2.399)  # the golden angle spreads them evenly
+        axes.plot(finite, row + offsets, ".", color=MODE_COLOURS[0], markersize=3, alpha=0.5)
+        if finite.size:
+            axes.plot([np.median(finite)] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=1.5)
+        remark = f"{finite.size} of {values.size}"
+        axes.annotate(remark, (0.995, row), xycoords=("axes fraction", "data"), fontsize=SMALL, ha="right", va="center")
+        if row < len(spread.published) and np.isfinite(spread.published[row]):
+            axes.plot(spread.published[row], row, "D", color=MODE_COLOURS[1], markersize=5)
+    if np.isfinite(spread.truth):
+        axes.axvline(spread.truth, color=MODE_COLOURS[2], linewidth=1)
+    low, high = axes.get_xlim()
+    axes.set_xlim(low, high + 0.25 * (high - low))
+    axes.set_yticks(range(len(spread.rows)), spread.rows, fontsize=SMALL)
+    axes.set_ylim(len(spread.rows) - 0.5, -0.5)
+    axes.set_xlabel(spread.name, fontsize=NORMAL)

@@ -15,15 +15,6 @@ from sprung.identification.fdd import find_bells
 from sprung.identification.plscf import PolynomialLadder
 from sprung.identification.stabilisation import StabilisationDiagram
 from sprung.modal import PoleStatus
-from sprung.results.figures.frequency import (
-    FrequencyRange,
-    curve_limits,
-    frequency_range,
-    harmonic_handles,
-    head_room,
-    mark_harmonics,
-    mark_modes,
-)
 from sprung.results.figures.style import (
     BACKGROUND_CURVE,
     FAINT,
@@ -31,6 +22,13 @@ from sprung.results.figures.style import (
     INK,
     NORMAL,
     SMALL,
+    FrequencyRange,
+    curve_limits,
+    frequency_range,
+    harmonic_handles,
+    head_room,
+    mark_harmonics,
+    mark_modes,
     mode_colour,
     new_figure,
     origin,

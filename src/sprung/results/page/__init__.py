@@ -1,9 +1,14 @@
 """Reports: results as self-contained pages of sentences, tables and figures."""
 
-from sprung.results.page.inputs import Inputs, inspected
-from sprung.results.page.page import Report, render
-from sprung.results.page.pdf import pdf_of
-from sprung.results.page.results import corners_report, diagnosis_report, identification_report, tracking_report
+from sprung.results.page.page import Report, pdf_of, render
+from sprung.results.page.results import (
+    Inputs,
+    corners_report,
+    diagnosis_report,
+    identification_report,
+    inspected,
+    tracking_report,
+)
 
 __all__ = [
     "Inputs",

@@ -1,4 +1,4 @@
-"""A report as values: sections of paragraphs, lists, tables and pictures, and the page that shows them."""
+"""Self-contained pages of sentences, tables and pictures, as HTML and as PDF."""
 
 import base64
 import json
@@ -9,6 +9,7 @@ from importlib import resources
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
+from sprung._checks import required
 from sprung.results.tables import Table
 
 if TYPE_CHECKING:
@@ -139,3 +140,31 @@ def render(report: Report, *, others: Sequence[tuple[str, str]] = ()) -> str:
     kinds = {"Paragraph": Paragraph, "Sentences": Sentences, "Picture": Picture}
     environment.tests.update({name: lambda block, kind=kind: isinstance(block, kind) for name, kind in kinds.items()})
     return environment.from_string(template.read_text(encoding="utf-8")).render(report=report, others=others)
+
+
+def pdf_of(page: str) -> bytes:
+    """Return a report as a PDF file, paged for A4.
+
+    Parameters
+    ----------
+    page
+        HTML page of `render`; whatever it refers to outside of itself is left out.
+
+    Raises
+    ------
+    MissingPackageError
+        If weasyprint is not installed.
+
+    Examples
+    --------
+    The package weasyprint is an extra of sprung:
+
+    >>> page = pdf_of("<h1>Drive of 21 November</h1>")  # doctest: +SKIP
+    >>> page[:5]  # doctest: +SKIP
+    b'%PDF-'
+    """
+    weasyprint, urls = (
+        required(name, purpose="a report as PDF", extra="pdf") for name in ("weasyprint", "weasyprint.urls")
+    )
+    written: bytes = weasyprint.HTML(string=page, url_fetcher=urls.URLFetcher(allowed_protocols=("data",))).write_pdf()
+    return written

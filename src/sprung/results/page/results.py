@@ -1,17 +1,23 @@
-"""Reports of an identification, a fit of corners, a diagnosis, and modes over time."""
+"""Reports on results, and what they state about their files."""
 
+import platform
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sprung import __version__
 from sprung.diagnosis import Baseline, Diagnosis, ModeChange
+from sprung.formats import ReadSettings, read_records
 from sprung.identification import Identification
 from sprung.identification.ladders import BlockRowLadder
 from sprung.identification.tracking import TrackedModes
 from sprung.likelihood import CornerFit
 from sprung.results.documents import Document
-from sprung.results.page.inputs import Inputs, data_section, footer
 from sprung.results.page.page import Block, Paragraph, Picture, Report, Section, Sentences, picture
 from sprung.results.tables import (
     Table,
@@ -22,16 +28,130 @@ from sprung.results.tables import (
     fitted_modes_table,
     identification_in_words,
     identification_tables,
+    inspection_in_words,
+    inspection_table,
     payload_in_words,
     tracks_in_words,
     tracks_table,
     why_none,
 )
+from sprung.results.tables.identification import jumps_in_words
 from sprung.results.tables.table import in_words, with_deviation
-from sprung.results.tables.tracking import jumps_in_words
+from sprung.signals.inspection import Inspection, inspect_blocks
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+#: Most files whose channels are listed.
+_MOST_LISTED = 3
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Inputs:
+    """Files behind a result.
+
+    Parameters
+    ----------
+    files
+        Files that were analysed.
+    inspections
+        Facts about each recording, by the path of its file; empty where the files are not recordings.
+    others
+        Purpose and name of further files, such as the vehicle file.
+    """
+
+    files: tuple[Path, ...]
+    inspections: Mapping[str, Inspection]
+    others: Mapping[str, str]
+
+    @property
+    def title(self) -> str:
+        """Name of the file, or number of files."""
+        return self.files[0].name if len(self.files) == 1 else counted(len(self.files), "file")
+
+
+def inspected(
+    files: Sequence[Path],
+    *,
+    settings: ReadSettings | None = None,
+    others: Mapping[str, str] | None = None,
+) -> Inputs:
+    """Return the facts about recordings for a report.
+
+    Parameters
+    ----------
+    files
+        Recordings, which are read once more, one after the other.
+    settings
+        As for `sprung.read`.
+    others
+        Purpose and name of further files, such as the vehicle file.
+
+    Raises
+    ------
+    SprungError
+        As raised by `sprung.read`.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import sprung
+    >>> run = sprung.Recording(np.sin(np.arange(500.0))[None], 100.0, (sprung.Channel("acc_fl", "acceleration"),))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "run.csv")
+    ...     sprung.write(run, path)
+    ...     inputs = inspected([path], others={"vehicle file": "zafira.toml"})
+    >>> inputs.title, [inspection.n_samples for inspection in inputs.inspections.values()]
+    ('run.csv', [500])
+    """
+    inspections = {str(path): inspect_blocks(read_records([path], settings=settings)) for path in files}
+    return Inputs(tuple(files), inspections, others or {})
+
+
+def data_section(inputs: Inputs) -> Section:
+    """Return the section on the quality of the data."""
+    blocks: list[Block] = []
+    for number, (name, inspection) in enumerate(inputs.inspections.items()):
+        blocks.append(Paragraph(f"{name}: {inspection_in_words(inspection)}"))
+        if number < _MOST_LISTED:
+            blocks.append(inspection_table(inspection))
+        elif faults := _faults(inspection):
+            blocks.append(Sentences(faults))
+        if inspection.history and number < _MOST_LISTED:
+            blocks.append(Sentences(inspection.history))
+    healthy = [not _faults(inspection) for inspection in inputs.inspections.values()]
+    if healthy and all(healthy):
+        blocks.insert(0, Paragraph("No channel shows a fault, and no value is missing."))
+    elif healthy:
+        blocks.insert(0, Sentences(tuple(dict.fromkeys(_all_faults(inputs)))))
+    return Section("Data", tuple(blocks))
+
+
+def footer(inputs: Inputs) -> str:
+    """Return files, command, versions and time of a report in a line."""
+    parts = [f"{purpose}: {name}" for purpose, name in inputs.others.items()]
+    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy"))
+    parts.append(f"sprung {__version__} (Python {platform.python_version()}, {packages})")
+    return "; ".join([*parts, f"written {datetime.now(UTC):%Y-%m-%d %H:%M} UTC"])
+
+
+def _faults(inspection: Inspection) -> tuple[str, ...]:
+    """Return a sentence for each faulty channel."""
+    table = inspection_table(inspection)
+    return tuple(f"{row[0]}: {row[-1]}" for row in table.rows if row[-1])
+
+
+def _all_faults(inputs: Inputs) -> list[str]:
+    """Return a sentence for each faulty channel of all files."""
+    several = len(inputs.inspections) > 1
+    return [
+        f"{name}, {fault}" if several else fault
+        for name, inspection in inputs.inspections.items()
+        for fault in _faults(inspection)
+    ]
+
 
 #: Resolution of the figures [dots per inch], and largest JSON document that is embedded [characters].
 _RESOLUTION, _LARGEST = 130, 1_000_000
@@ -298,7 +418,7 @@ def tracking_report(
     >>> print(tracking_report(tracked, Inputs((Path("drives.csv"),), {}, {})).verdict)
     2 modes followed over 6 windows with modes, of 6: 2 Hz, 5 Hz. No frequency changed suddenly.
     """
-    from sprung.results.figures.tracking import tracks_figure
+    from sprung.results.figures.history import tracks_figure
 
     shown = ", ".join(f"{track.natural_frequency.mean:.4g} Hz" for track in tracked.tracks[:_MOST_MODES])
     more = f" and {len(tracked.tracks) - _MOST_MODES} more" if len(tracked.tracks) > _MOST_MODES else ""

@@ -1,8 +1,16 @@
 """Results as tables and sentences, for the command line, reports and pages."""
 
 from sprung._display import counted
-from sprung.results.tables.calibration import calibration_in_words, calibration_table
-from sprung.results.tables.corners import components_table, fitted_modes_table, payload_in_words
+from sprung.results.tables.corners import (
+    calibration_in_words,
+    calibration_table,
+    components_table,
+    fitted_modes_table,
+    inspection_in_words,
+    inspection_table,
+    payload_in_words,
+    true_modes_table,
+)
 from sprung.results.tables.diagnosis import (
     baseline_in_words,
     baseline_table,
@@ -16,8 +24,17 @@ from sprung.results.tables.diagnosis import (
     trend_in_words,
     why_unusable,
 )
-from sprung.results.tables.fleet import fleet_tables, type_in_words
-from sprung.results.tables.fleet_run import fleet_plan_in_words, fleet_plan_table, fleet_run_in_words, fleet_run_tables
+from sprung.results.tables.fleet import (
+    fleet_plan_in_words,
+    fleet_plan_table,
+    fleet_run_in_words,
+    fleet_run_tables,
+    fleet_tables,
+    lake_import_table,
+    lake_in_words,
+    lake_table,
+    type_in_words,
+)
 from sprung.results.tables.identification import (
     harmonics_table,
     identification_in_words,
@@ -26,10 +43,11 @@ from sprung.results.tables.identification import (
     orders_in_words,
     shapes_in_words,
     subsets_table,
+    tracks_in_words,
+    tracks_notes,
+    tracks_table,
     why_none,
 )
-from sprung.results.tables.inspection import inspection_in_words, inspection_table, true_modes_table
-from sprung.results.tables.lake import lake_import_table, lake_in_words, lake_table
 from sprung.results.tables.monitoring import (
     accounts_table,
     alert_history_table,
@@ -39,7 +57,6 @@ from sprung.results.tables.monitoring import (
     vehicles_table,
 )
 from sprung.results.tables.table import Table, age_in_words, span_in_words, time_in_words, with_deviation
-from sprung.results.tables.tracking import tracks_in_words, tracks_notes, tracks_table
 
 __all__ = [
     "Table",

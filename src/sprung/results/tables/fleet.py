@@ -1,11 +1,12 @@
-"""Tables of the vehicles of a fleet, and sentences about the baseline of a type."""
+"""Fleets, runs over an archive and lakes as tables and sentences."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from typing import Any
 
 from sprung._display import counted
 from sprung.diagnosis import TypeBaseline
-from sprung.results.tables.table import Table, in_words
+from sprung.results.tables.table import Table, in_words, time_in_words
 
 
 def fleet_tables(document: Mapping[str, Any]) -> list[Table]:
@@ -74,3 +75,196 @@ def _row(entry: Mapping[str, Any]) -> tuple[str, ...]:
         size = f"{100 * entry['change']:+.0f} ({100 * low:+.0f} to {100 * high:+.0f})"
     what = "several parts, or one that the model lacks" if entry["change"] is None else in_words(entry["part"])
     return (entry["vehicle"], str(entry["windows"]), f"{entry['p_value']:.2g}", size, f"deviates: {what}")
+
+
+_STEPS = {"identifications": "modes", "corners": "corners", "windows": "conditions and parts of windows"}
+_VERDICTS = {
+    "change": "change",
+    "no_change_detected": "no change detected",
+    "inconclusive": "inconclusive",
+}
+
+
+def fleet_run_tables(document: Mapping[str, Any]) -> list[Table]:
+    """Return the tables of a `sprung.fleet-run/1`: windows, vehicles by verdict, and changed vehicles.
+
+    Examples
+    --------
+    >>> counts = {"identifications": 0, "corners": 0, "windows": 48}
+    >>> run = {"analysed": {"windows": 12}, "windows": counts, "without_result": counts | {"windows": 3}}
+    >>> run |= {"verdicts": {"no_change_detected": 3, "inconclusive": 1}, "findings": []}
+    >>> for table in fleet_run_tables(run):
+    ...     print(table.title, table.rows)
+    windows (('conditions and parts of windows', '12', '48', '3'),)
+    vehicles (('no change detected', '3'), ('inconclusive', '1'))
+    """
+    windows = tuple(
+        (
+            _STEPS[name],
+            str(document["analysed"].get(name, 0)),
+            str(document["windows"][name]),
+            str(document["without_result"][name]),
+        )
+        for name in _STEPS
+        if document["windows"][name]
+    )
+    verdicts = tuple(
+        (words, str(document["verdicts"][verdict]))
+        for verdict, words in _VERDICTS.items()
+        if verdict in document["verdicts"]
+    )
+    tables = [
+        Table("windows", ("table", "new", "total", "without result"), windows, ends_in_words=False),
+        Table("vehicles", ("verdict", "vehicles"), verdicts, ends_in_words=False),
+        Table(
+            "changed vehicles, the greatest evidence first",
+            ("vehicle", "part", "change [%]", "since (UTC)", "severity"),
+            tuple(map(_finding, document["findings"])),
+            n_words=2,
+        ),
+    ]
+    return [table for table in tables if table.rows]
+
+
+def fleet_run_in_words(document: Mapping[str, Any]) -> list[str]:
+    """Return what a run has done, and why windows have no result, one sentence each.
+
+    Examples
+    --------
+    >>> reasons = [{"reason": "the vehicle stood still", "windows": 3}]
+    >>> run = {"analysed": {"windows": 12}, "vehicles_assessed": 4, "analysis_time": 61.0, "reasons": reasons}
+    >>> fleet_run_in_words(run)
+    ['12 windows analysed and 4 vehicles assessed in 61 s', '3 windows: the vehicle stood still']
+    """
+    new = max(document["analysed"].values(), default=0)
+    assessed = counted(document["vehicles_assessed"], "vehicle")
+    words = [f"{counted(new, 'window')} analysed and {assessed} assessed in {document['analysis_time']:.0f} s"]
+    if not new and not document["vehicles_assessed"]:
+        words = ["all windows have results: the lake has no new ones"]
+    reasons: Sequence[Mapping[str, Any]] = document["reasons"]
+    return [*words, *(f"{counted(entry['windows'], 'window')}: {entry['reason']}" for entry in reasons)]
+
+
+def fleet_plan_table(document: Mapping[str, Any]) -> Table:
+    """Return the table of a `sprung.fleet-plan/1`.
+
+    Examples
+    --------
+    >>> plan = {"windows": 5000, "new": {"corners": 1800}, "seconds_per_window": {"corners": 2.0}}
+    >>> table = fleet_plan_table(plan | {"measured_on": "3 windows of the lake"})
+    >>> table.title
+    '5000 windows in the lake'
+    >>> for row in (table.columns, *table.rows):
+    ...     print(" | ".join(row))
+    step | windows to analyse | CPU s/window | core hours
+    corners | 1800 | 2.00 | 1.00
+    """
+    rows = tuple(
+        (
+            step,
+            str(count),
+            f"{document['seconds_per_window'][step]:.2f}",
+            f"{count * document['seconds_per_window'][step] / 3600:.2f}",
+        )
+        for step, count in document["new"].items()
+    )
+    return Table(
+        f"{document['windows']} windows in the lake",
+        ("step", "windows to analyse", "CPU s/window", "core hours"),
+        rows,
+        ends_in_words=False,
+        caption=f"cost measured on {document['measured_on']}",
+    )
+
+
+def fleet_plan_in_words(document: Mapping[str, Any]) -> list[str]:
+    """Return the estimate of a plan, and what is missing, one sentence each.
+
+    Examples
+    --------
+    >>> plan = {"vehicles": 40, "core_hours": 16.0, "cores": 8, "without_vehicle_file": 12}
+    >>> for sentence in fleet_plan_in_words(plan):
+    ...     print(sentence)
+    40 vehicles, 16.00 core hours: about 2.0 h on 8 cores
+    12 windows of vehicles without a usable vehicle file: they are recorded with this reason
+    """
+    hours = document["core_hours"]
+    cores = counted(document["cores"], "core")
+    time = (
+        f"{hours / document['cores']:.1f} h"
+        if hours > document["cores"]
+        else f"{60 * hours / document['cores']:.0f} min"
+    )
+    words = [f"{counted(document['vehicles'], 'vehicle')}, {hours:.2f} core hours: about {time} on {cores}"]
+    if document["without_vehicle_file"]:
+        without = counted(document["without_vehicle_file"], "window")
+        words.append(f"{without} of vehicles without a usable vehicle file: they are recorded with this reason")
+    return words
+
+
+def _finding(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the cells of a finding."""
+    part = "several parts, or one that the model lacks"
+    size = ""
+    if row["change"] is not None:
+        part = in_words(f"{row['corner']}.{row['component']}")
+        size = f"{100 * row['change']:+.0f} ({100 * row['lower']:+.0f} to {100 * row['upper']:+.0f})"
+    since = f"{datetime.fromtimestamp(row['since'], UTC):%Y-%m-%d %H:%M}"
+    return (row["vehicle"], part, size, since, row["severity"])
+
+
+def lake_in_words(document: Mapping[str, Any]) -> list[str]:
+    """Return what a `sprung.lake/1` holds, and what was done to it, in sentences.
+
+    Examples
+    --------
+    >>> contents = {"windows": 144, "files": 3, "bytes": 21_000_000, "vehicles": [{"vehicle": "bus-17"}]}
+    >>> contents |= {"first": "2026-11-20", "last": "2026-11-21", "compacted": None, "removed": 12}
+    >>> lake_in_words(contents)
+    ['144 windows of 1 vehicle in 3 files, 21 MB, 2026-11-20 to 2026-11-21', 'deleted 12 windows']
+    """
+    size = f"{counted(document['windows'], 'window')} of {counted(len(document['vehicles']), 'vehicle')}"
+    period = "" if document["first"] is None else f", {document['first']} to {document['last']}"
+    sentences = [f"{size} in {counted(document['files'], 'file')}, {document['bytes'] / 1e6:.4g} MB{period}"]
+    if document["compacted"] is not None:
+        sentences.append(f"compacted {counted(document['compacted'], 'date')}")
+    if document["removed"] is not None:
+        sentences.append(f"deleted {counted(document['removed'], 'window')}")
+    return sentences
+
+
+def lake_table(document: Mapping[str, Any]) -> Table:
+    """Return the vehicles in a `sprung.lake/1`.
+
+    Examples
+    --------
+    >>> first = 1_790_000_000_000_000_000
+    >>> vehicle = {"vehicle": "bus-17", "windows": 144, "first": first, "last": first + 3_600_000_000_000}
+    >>> table = lake_table({"vehicles": [vehicle]})
+    >>> for row in (table.columns, *table.rows):
+    ...     print(" | ".join(row))
+    vehicle | windows | first (UTC) | last (UTC)
+    bus-17 | 144 | 2026-09-21 14:13 | 2026-09-21 15:13
+    """
+    rows = (
+        (own["vehicle"], str(own["windows"]), time_in_words(own["first"]), time_in_words(own["last"]))
+        for own in document["vehicles"]
+    )
+    return Table("", ("vehicle", "windows", "first (UTC)", "last (UTC)"), tuple(rows))
+
+
+def lake_import_table(document: Mapping[str, Any]) -> Table:
+    """Return what a `sprung.lake-import/1` states of each vehicle.
+
+    Examples
+    --------
+    >>> vehicle = {"vehicle": "bus-17", "files": 2, "added": 10, "known": 4}
+    >>> table = lake_import_table({"vehicles": [vehicle]})
+    >>> for row in (table.columns, *table.rows):
+    ...     print(" | ".join(row))
+    vehicle | files | windows added | already present
+    bus-17 | 2 | 10 | 4
+    """
+    names = ("files", "added", "known")
+    rows = ((own["vehicle"], *(str(own[name]) for name in names)) for own in document["vehicles"])
+    return Table("", ("vehicle", "files", "windows added", "already present"), tuple(rows), ends_in_words=False)

@@ -19,7 +19,7 @@ from sprung.online.site.vehicles.common import KnownVehicle, path_of
 from sprung.online.store import Entry, Store, VehicleRow
 from sprung.recording import Channel
 from sprung.results.documents.document import Pair
-from sprung.results.documents.modes import IdentifiedMode, modes_from_documents
+from sprung.results.documents.identification import IdentifiedMode, modes_from_documents
 from sprung.state import Reference, interval_95
 from sprung.vehicles import vehicle_from_text
 from sprung.vehicles.labels import MOTIONS
@@ -148,7 +148,7 @@ def trends(context: Shared, _: Viewer, row: KnownVehicle, *, since: Time = None,
 @api.get("/vehicles/{vehicle}/body-modes")
 def body_modes(context: Shared, _: Viewer, row: KnownVehicle) -> BodyModes:
     """Motion of the body in bounce, pitch and roll, as last identified."""
-    from sprung.results.figures.body import body_shapes
+    from sprung.results.figures.shapes import body_shapes
 
     entry = last_body_modes(context.store, row.vehicle)[0]
     if entry is None:
