@@ -150,7 +150,7 @@ class Monitor:
 
     def _post(self, running: Station) -> None:
         for sender in SENDERS:
-            running._heartbeats.beat(f"post {sender}")
+            running._heartbeats.on_heartbeat(f"post {sender}")
         with suppress(StoreError):  # as the thread that does this otherwise
             running._post.send()
 

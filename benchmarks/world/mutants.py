@@ -11,7 +11,7 @@ from sqlalchemy import delete
 
 from sprung.link import Key, Sending, Spool, checked_map, message, parse_topic, topic
 from sprung.link import spool as spool_module
-from sprung.online.monitor import strikes
+from sprung.online.monitor import failures
 from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.dispatch import Dispatch
 from sprung.online.monitor.intake import Intake
@@ -243,7 +243,7 @@ def conceals_losses_from_people() -> Patches:
 
 
 def quarantines_frames_at_the_first_failure() -> Patches:
-    yield patch.object(strikes, "_MOST", 1)
+    yield patch.object(failures, "_MAX_FAILURES", 1)
 
 
 def forgets_quarantined_frames() -> Patches:

@@ -109,8 +109,8 @@ def test_bounds_of_light_modes_are_those_of_the_likelihood_of_modes(certified: A
     information += np.diag(np.where(np.isfinite(model.prior_std), model.prior_std, np.inf) ** -2.0)
     deviations = np.sqrt(np.diag(np.linalg.inv(information)))
     stated = answer("light-damping")["modes"]
-    of_frequency = deviations[model.rows("natural_frequency")] * frequency
-    of_damping = deviations[model.rows("damping_ratio")] * damping
+    of_frequency = deviations[model.rows["natural_frequency"]] * frequency
+    of_damping = deviations[model.rows["damping_ratio"]] * damping
     np.testing.assert_allclose(of_frequency, [mode["natural_frequency_bound"] for mode in stated], rtol=0.01)
     np.testing.assert_allclose(of_damping, [mode["damping_ratio_bound"] for mode in stated], rtol=0.01)
 

@@ -64,6 +64,8 @@ def test_it_goes_on_from_its_windows_and_evidence(baseline, softening, n_windows
         stopped.update(observation)
         stopped = ChangeDetector.resumed(baseline, stopped.observations, stopped.evidence, n_windows=n_windows)
         assert stopped.evidence.tolist() == through.evidence.tolist()
+        assert stopped.detection is not None
+        assert through.detection is not None
         assert stopped.detection.candidates == through.detection.candidates
     without_evidence = ChangeDetector.resumed(baseline, through.observations, ())
     assert without_evidence.evidence[-1] == through.evidence[-1]

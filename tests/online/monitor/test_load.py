@@ -87,7 +87,7 @@ def test_a_description_is_confirmed_once_the_station_goes_by_it(bench, monkeypat
 def test_only_what_was_stored_shows_that_the_store_is_back(bench, drive, frames_of) -> None:
     one = bench(**WATCH)
     one.work()
-    one.station._gate.refuse(StoreError("the store does not answer"))
+    one.station._breaker.refuse(StoreError("the store does not answer"))
     one.seconds += 2.0
     one.link.on_message(topic("car-1", "health"), b"no message")
     one.station.step()

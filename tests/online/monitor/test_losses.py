@@ -94,8 +94,8 @@ def lost_alert(station, *, is_active=True):
 @pytest.mark.slow
 def test_a_full_store_and_a_small_spool_are_a_loss_that_both_sides_name(lossy) -> None:
     station, made, run = lossy
-    station.station._gate.set_shortage("the disk is full")
-    box = made(on_wait=lambda: station.station._gate.set_shortage(""))
+    station.station._breaker.set_shortage("the disk is full")
+    box = made(on_wait=lambda: station.station._breaker.set_shortage(""))
     with pytest.raises(
         DataError, match=r"frames, 2026-11-21 00:00 to 00:00 UTC, were dropped .*; all others are ack"
     ) as said:

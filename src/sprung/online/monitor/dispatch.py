@@ -9,15 +9,14 @@ from typing import Any
 
 from sprung.diagnosis import Baseline
 from sprung.errors import ParameterError
-from sprung.online.monitor.backoff import Backoff
 from sprung.online.monitor.engine import MonitorSettings, Observed
+from sprung.online.monitor.failures import Backoff, FailureCounts
 from sprung.online.monitor.fleets import VehicleTypes, type_of_others
 from sprung.online.monitor.histories import ROLL_BACK, history_of, restored_baseline
 from sprung.online.monitor.jobs import Failure, Opening, Outcome
 from sprung.online.monitor.ledger import Ledger
 from sprung.online.monitor.states import History
 from sprung.online.monitor.streams import Handover, Queue, Stream
-from sprung.online.monitor.strikes import Strikes
 from sprung.online.monitor.workers import Workers
 from sprung.online.store import (
     CommandRow,
@@ -90,7 +89,7 @@ class Dispatch:
         self._streams: dict[str, Stream] = {}
         self._jobs: dict[str, Sequence[StoredFrame]] = {}
         self._learning: dict[str, CommandRow] = {}
-        self._strikes = Strikes()
+        self._failure_counts = FailureCounts()
         self._backoff = Backoff(timer)
         self._learnt: dict[str, CommandRow | None] = {}
         self._statuses: dict[str, VehicleStatus] = {}
@@ -379,7 +378,7 @@ class Dispatch:
             stream.done[boot] = seq
             if command is not None:
                 self._learning.pop(vehicle, None)
-            self._strikes.forget(vehicle)  # not before: a window that fails begins with jobs that succeed
+            self._failure_counts.forget(vehicle)  # not before: a window that fails begins with jobs that succeed
             self._backoff.succeed(vehicle)
         self._statuses[vehicle] = outcome.status
         if taken:
@@ -407,16 +406,18 @@ class Dispatch:
         if outcome.failure is Failure.STATE and self._ledger.set_state_aside(vehicle, reason=reason):
             self._backoff.succeed(vehicle)
         elif outcome.failure is Failure.FRAME and frames:
-            self._strike(vehicle, frames[min(outcome.n_consumed, len(frames) - 1)], reason)
+            self._count_failure(vehicle, frames[min(outcome.n_consumed, len(frames) - 1)], reason)
         elif number > 1:
             self._ledger.warn(vehicle, "monitor:opening", f"frames wait, as the vehicle cannot be opened: {reason}")
 
-    def _strike(self, vehicle: str, frame: StoredFrame, reason: str) -> None:
+    def _count_failure(self, vehicle: str, frame: StoredFrame, reason: str) -> None:
         """Set a frame aside on which jobs failed repeatedly, or the window in which one was set aside before."""
-        first = self._strikes.add(vehicle, frame.boot, frame.seq, done=self._streams[vehicle].done.get(frame.boot, -1))
+        first = self._failure_counts.add(
+            vehicle, frame.boot, frame.seq, done=self._streams[vehicle].done.get(frame.boot, -1)
+        )
         if first is None:
             return
         self._ledger.set_frames_aside(vehicle, frame.boot, first, frame.seq, reason=reason)
-        self._strikes.leave_out(vehicle)  # not before: the store may have refused
+        self._failure_counts.leave_out(vehicle)  # not before: the store may have refused
         self._handover.forget(vehicle)
         self._backoff.succeed(vehicle)

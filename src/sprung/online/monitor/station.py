@@ -12,9 +12,8 @@ from sprung.link import UPWARDS, VERSION, Every, Key, Link, message, topic
 from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.dispatch import Dispatch
 from sprung.online.monitor.engine import Observed
+from sprung.online.monitor.failures import CircuitBreaker, Heartbeats, Loop
 from sprung.online.monitor.figures import labelled
-from sprung.online.monitor.gate import Gate
-from sprung.online.monitor.heartbeats import Heartbeats, Loop
 from sprung.online.monitor.inflow import Inflow, vehicle_of
 from sprung.online.monitor.intake import MONITOR, Intake
 from sprung.online.monitor.lakes import lake_writer
@@ -94,7 +93,7 @@ class Station:
         loops = loops_of(site.watch.seconds_per_job, [sender.name for sender in senders])
         self._heartbeats = Heartbeats(loops, timer)
         alerts = self._alerts = AlertBook(store, site.alerts.settings)
-        self._gate = Gate(timer)
+        self._breaker = CircuitBreaker(timer)
         self._intake = Intake(
             store,
             self._link.publish,
@@ -124,7 +123,7 @@ class Station:
             clock=clock,
             link=site.alert_url,
             picture=partial(alert_picture, store),
-            beat=self._heartbeats.beat,
+            beat=self._heartbeats.on_heartbeat,
         )
         self._upkeep = Upkeep(
             site,
@@ -132,7 +131,7 @@ class Station:
             alerts=alerts,
             intake=self._intake,
             link=self._link,
-            gate=self._gate,
+            breaker=self._breaker,
             post=self._post,
             relearn=self._dispatch.relearn,
             lake=self._lake,
@@ -189,7 +188,7 @@ class Station:
         if self._lake is not None:
             self._lake.open()
         self._link.open(timeout=timeout)
-        self._heartbeats.beat("station")
+        self._heartbeats.on_heartbeat("station")
         LOG.info("monitoring", extra={"vehicles": self.n_vehicles})
 
     def run(self, is_done: Callable[[], bool]) -> None:
@@ -205,7 +204,7 @@ class Station:
         ReservationLostError
             If the store is no longer reserved for this monitor, which must end: others may have taken over.
         """
-        self._heartbeats.beat("station")
+        self._heartbeats.on_heartbeat("station")
         if self._is_active:
             if self._checking.is_due:
                 self._checking.start()
@@ -214,7 +213,7 @@ class Station:
                 self._work()
             return
         for loop in self._heartbeats.ages:
-            self._heartbeats.beat(loop)  # none of them runs
+            self._heartbeats.on_heartbeat(loop)  # none of them runs
         if self._taking_over.is_due:
             try:
                 self.open()
@@ -225,26 +224,26 @@ class Station:
     def _work(self) -> None:
         """Do what is due as the monitor that works."""
         n_taken = n_given = 0
-        if self._gate.is_open:
+        if self._breaker.allows_work:
             if not self._is_followed:
-                self._gate.guard(self._follow)
+                self._breaker.call(self._follow)
             n_taken = self._take()
-            n_given = self._gate.guard(self._dispatch.give) or 0
+            n_given = self._breaker.call(self._dispatch.give) or 0
         outcomes = self._dispatch.collect(timeout=0.0 if n_taken else 0.05)
         for outcome in outcomes:
-            self._gate.guard(partial(self._dispatch.settle, outcome))
+            self._breaker.call(partial(self._dispatch.settle, outcome))
             if any(isinstance(event, Observed) for event in outcome.events):
                 self._last_window = self._timer()
         if outcomes or self._dispatch.is_idle:
-            self._heartbeats.beat("analysis")
+            self._heartbeats.on_heartbeat("analysis")
         self._upkeep.step()
         if self._examining.is_due:
             self._examining.start()
-            self._gate.guard(self._examine)
+            self._breaker.call(self._examine)
         self._is_resting = not (n_taken or n_given or outcomes)
         if self._is_resting or self._flushing.is_due:
             self._flushing.start()
-            self._gate.guard(self._dispatch.flush)
+            self._breaker.call(self._dispatch.flush)
         if self._is_resting:
             self._sleep(0.005)
 
@@ -257,7 +256,7 @@ class Station:
         if self._is_active:
             self._is_active = False
             with suppress(ReservationLostError), self._store.reservation.fenced():
-                self._gate.guard(self._dispatch.flush)
+                self._breaker.call(self._dispatch.flush)
                 self._upkeep.close()
             self._store.reservation.release()
             LOG.info("stopped")
@@ -286,7 +285,7 @@ class Station:
             "sprung_queue_bytes": self._inflow.n_bytes,
             "sprung_link_connected": float(self._link.is_connected),
             "sprung_active": float(self._is_active),
-            "sprung_store_writable": float(not self._gate.trouble),
+            "sprung_store_writable": float(not self._breaker.problem),
             **{labelled("sprung_heartbeat_age_seconds", loop=loop): age for loop, age in ages.items()},
             **{
                 labelled("sprung_refusals_total", vehicle=vehicle, reason=reason): n_messages
@@ -299,8 +298,8 @@ class Station:
         if not self._is_active and self._taking_over.started is not None:
             return []
         broker = "" if self._link.is_connected else self._link.problem or "the broker has not answered yet"
-        inner = (*self._heartbeats.troubles, *self._post.troubles)
-        return [sentence for sentence in (broker, self._gate.trouble, *inner) if sentence]
+        inner = (*self._heartbeats.problems, *self._post.troubles)
+        return [sentence for sentence in (broker, self._breaker.problem, *inner) if sentence]
 
     def _follow(self) -> None:
         """Find the frames in the store."""
@@ -311,20 +310,20 @@ class Station:
         """Store the messages received, and return their number."""
         if self._inflow.is_empty:
             return 0
-        taken = self._gate.guard(partial(self._intake.take, self._batch(), now=self._clock()))
+        taken = self._breaker.call(partial(self._intake.take, self._batch(), now=self._clock()))
         if taken is None:
             # The store may have frames all the same, if it failed after a commit, and a box may have no more of them.
             self._is_followed = False
             return 0
         if taken.arrived or taken.described:
-            self._gate.succeed()
+            self._breaker.succeed()
         self._dispatch.hold(taken.frames)
         for (vehicle, boot), contiguous in taken.arrived.items():
             self._dispatch.add(vehicle, boot, contiguous)
         for vehicle, held in taken.held.items():
             self._give_up(vehicle, held)
         for vehicle, checksum in taken.described.items():
-            self._gate.guard(partial(self._describe, vehicle, checksum))
+            self._breaker.call(partial(self._describe, vehicle, checksum))
         return taken.n_messages
 
     def _give_up(self, vehicle: str, held: Collection[int]) -> None:
@@ -332,7 +331,7 @@ class Station:
         awaited = self._dispatch.awaited(vehicle)
         ends = {boot: end for boot, end in awaited.items() if boot not in held and boot < max(held, default=-1)}
         if ends:
-            lost = self._gate.guard(partial(self._intake.declare_lost, vehicle, ends, now=self._clock())) or {}
+            lost = self._breaker.call(partial(self._intake.declare_lost, vehicle, ends, now=self._clock())) or {}
             for (_, boot), contiguous in lost.items():
                 self._dispatch.add(vehicle, boot, contiguous)
 

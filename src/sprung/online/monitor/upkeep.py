@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from sprung.link import VERSION, Every, Key, Link, message, topic
 from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.certificates import certificates_of
-from sprung.online.monitor.gate import Gate
+from sprung.online.monitor.failures import CircuitBreaker
 from sprung.online.monitor.histories import LEARN, ROLL_BACK
 from sprung.online.monitor.intake import MONITOR, Intake
 from sprung.online.monitor.lakes import LakeWriter
@@ -44,8 +44,8 @@ class Upkeep:
         Intake, for parked vehicles and the answers of boxes.
     link
         Connection to the broker.
-    gate
-        Gate that is closed while the store cannot write.
+    breaker
+        Circuit breaker that stops intake while the store cannot write.
     post
         Senders of notifications.
     relearn
@@ -66,7 +66,7 @@ class Upkeep:
         alerts: AlertBook,
         intake: Intake,
         link: Link,
-        gate: Gate,
+        breaker: CircuitBreaker,
         post: PostOffice,
         relearn: Callable[[CommandRow], None],
         lake: LakeWriter | None = None,
@@ -78,7 +78,7 @@ class Upkeep:
         self._alerts = alerts
         self._intake = intake
         self._link = link
-        self._gate = gate
+        self._breaker = breaker
         self._post = post
         self._relearn = relearn
         self._clock = clock
@@ -105,17 +105,17 @@ class Upkeep:
 
     def close(self) -> None:
         """Record the stop."""
-        self._gate.guard(lambda: self._store.requests.audit(MONITOR, "stopped", MONITOR, now=self._clock()))
+        self._breaker.call(lambda: self._store.requests.audit(MONITOR, "stopped", MONITOR, now=self._clock()))
 
     def step(self) -> None:
         """Do what is due."""
         if self._looking.is_due:
             self._looking.start()
             self._outage.step()
-            self._gate.guard(self._look)
+            self._breaker.call(self._look)
         if self._sweeping.is_due:
             self._sweeping.start()
-            self._gate.guard(self._sweep)
+            self._breaker.call(self._sweep)
 
     def _look(self) -> None:
         """Update shelved alerts and alerts of silent vehicles, and carry out commands."""
@@ -178,7 +178,7 @@ class Upkeep:
                 timer.start()
 
     def _sweep(self) -> None:
-        """Delete what is old, and close the gate while disk space is short."""
+        """Delete what is old, and stop intake while disk space is short."""
         now = self._clock()
         most = round(1e9 * self._site.keep.raw_gigabytes)
         for archive in self._archives:  # before anything else: a store on a full disk cannot even delete
@@ -189,12 +189,12 @@ class Upkeep:
         free = self._store.free()
         if free is not None and free < 1e6 * self._site.keep.free_megabytes:
             sentence = f"intake is stopped, as only {free / 1e6:.0f} MB are free on the disk of the store: free space"
-            self._gate.set_shortage(sentence)
+            self._breaker.set_shortage(sentence)
             self._alerts.report(MONITOR, "monitor:disk", sentence, now=now)
             return
         self._store.check()
-        self._gate.set_shortage("")
-        self._gate.succeed()
+        self._breaker.set_shortage("")
+        self._breaker.succeed()
         for cause in ("monitor:disk", "monitor"):
             self._alerts.clear(MONITOR, cause, now=now)
 

@@ -334,7 +334,8 @@ def learnt_figure(calibration: Calibration, *, source: str = "") -> Figure:
     >>> [label.get_text() for label in learnt_figure(calibration).axes[0].get_yticklabels()]
     ['acc_fl.x']
     """
-    numbers = [number for number in calibration.learnt if number.is_identifiable and number.nominal_value is not None][:_DRAWN]
+    known = (number for number in calibration.learnt if number.is_identifiable and number.nominal_value is not None)
+    numbers = list(known)[:_DRAWN]
     what = f"Learnt numbers against the vehicle file: {source}" if source else "Learnt numbers against the vehicle file"
     where = "in usual standard deviations, with 95 % intervals"
     figure = new_figure(what, where, width=7.5, height=1.5 + 0.22 * max(len(numbers), 4))
