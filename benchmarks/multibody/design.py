@@ -142,7 +142,18 @@ CAR = Design(
             bar=11e3,
             steers=True,
         ),
-        Axle("rear", "trailing", -1.50, 0.75, spring=52e3, damper=1.9e3, tyre=205e3, wheel_mass=34.0, cornering=65e3, bar=4e3),
+        Axle(
+            "rear",
+            "trailing",
+            -1.50,
+            0.75,
+            spring=52e3,
+            damper=1.9e3,
+            tyre=205e3,
+            wheel_mass=34.0,
+            cornering=65e3,
+            bar=4e3,
+        ),
     ),
 )
 VAN = Design(
@@ -166,7 +177,17 @@ VAN = Design(
             steers=True,
         ),
         Axle(
-            "rear", "rigid", -1.85, 0.85, spring=52e3, damper=3.4e3, tyre=290e3, wheel_mass=85.0, cornering=80e3, bar=6e3, radius=0.33
+            "rear",
+            "rigid",
+            -1.85,
+            0.85,
+            spring=52e3,
+            damper=3.4e3,
+            tyre=290e3,
+            wheel_mass=85.0,
+            cornering=80e3,
+            bar=6e3,
+            radius=0.33,
         ),
     ),
 )
@@ -190,8 +211,32 @@ BUS = Design(
             radius=0.48,
             steers=True,
         ),
-        Axle("drive", "rigid", -1.9, 0.93, spring=330e3, damper=26e3, tyre=1900e3, wheel_mass=600.0, cornering=480e3, bar=60e3, radius=0.48),
-        Axle("tag", "rigid", -3.3, 1.03, spring=170e3, damper=14e3, tyre=950e3, wheel_mass=310.0, cornering=260e3, bar=40e3, radius=0.48),
+        Axle(
+            "drive",
+            "rigid",
+            -1.9,
+            0.93,
+            spring=330e3,
+            damper=26e3,
+            tyre=1900e3,
+            wheel_mass=600.0,
+            cornering=480e3,
+            bar=60e3,
+            radius=0.48,
+        ),
+        Axle(
+            "tag",
+            "rigid",
+            -3.3,
+            1.03,
+            spring=170e3,
+            damper=14e3,
+            tyre=950e3,
+            wheel_mass=310.0,
+            cornering=260e3,
+            bar=40e3,
+            radius=0.48,
+        ),
     ),
     sensor_height=0.0,
 )
@@ -271,7 +316,9 @@ def model_text(
         ("pitch", "hinge", (0, 1, 0)),
         ("roll", "hinge", (1, 0, 0)),
     ):
-        held = {"x": 0.4, "y": 0.0 if effects.side_forces else 3.6, "yaw": 0.0 if effects.side_forces else 3.6}.get(name)
+        held = {"x": 0.4, "y": 0.0 if effects.side_forces else 3.6, "yaw": 0.0 if effects.side_forces else 3.6}.get(
+            name
+        )
         weight = design.inertia[2] if name == "yaw" else design.mass
         hold = {"stiffness": held * weight, "damping": 1.4 * held**0.5 * weight} if held else {}
         part(chassis, "joint", name=name, type=kind, axis=axis, **hold)
@@ -408,7 +455,9 @@ def rigid(tree: Tree, design: Design, pair: dict[str, Axle], frictions: dict[str
     body = part(tree.chassis, "body", name=f"{axle.name}.axle", pos=centre)
     mass = sum(each.wheel_mass for each in pair.values())
     part(body, "joint", name=f"{axle.name}.travel", type="slide", axis=(0, 0, 1))
-    part(body, "joint", name=f"{axle.name}.rod", type="slide", axis=(0, 1, 0), stiffness=3e4 * mass, damping=60.0 * mass)
+    part(
+        body, "joint", name=f"{axle.name}.rod", type="slide", axis=(0, 1, 0), stiffness=3e4 * mass, damping=60.0 * mass
+    )
     roll = 2 * axle.bar * axle.half_track**2 * 2
     part(body, "joint", name=f"{axle.name}.roll", axis=(1, 0, 0), stiffness=roll, damping=1.0)
     shift = axle.half_track * 0.8 * (pair["left"].wheel_mass - pair["right"].wheel_mass) / mass

@@ -152,9 +152,7 @@ def ratios_at_wheels(
     """
     data = data or mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    free = [
-        k for k in range(6, model.nv) if not model.joint(int(model.dof_jntid[k])).name.endswith((".mount", ".rod"))
-    ]
+    free = [k for k in range(6, model.nv) if not model.joint(int(model.dof_jntid[k])).name.endswith((".mount", ".rod"))]
     rows, jacobian = [], np.zeros((3, model.nv))
     for corner in corners:
         mujoco.mj_jacSite(model, data, jacobian, None, model.site(f"{corner}.hub").id)
@@ -228,12 +226,12 @@ def prepared(car: Car, drive: Drive, generator: np.random.Generator) -> Prepared
     share = np.where(car.places > 0, 0.6, 0.4)
     force = car.mass * (ramp * forward)[:, None] * share / share.sum()
     base = car.design.axles[0].x - car.design.axles[-1].x
-    return Prepared(
-        speed, road, force, sideways * base / speed**2, -np.stack([ramp * forward, sideways], axis=1)
-    )
+    return Prepared(speed, road, force, sideways * base / speed**2, -np.stack([ramp * forward, sideways], axis=1))
 
 
-def driven(design: Design, effects: Effects, drive: Drive, *, individual: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def driven(
+    design: Design, effects: Effects, drive: Drive, *, individual: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Drive; return the accelerations, shape (n, sensors), and the speed as recorded at 200 Hz.
 
     Tilt and offset of the sensors belong to the individual, everything else to the drive.

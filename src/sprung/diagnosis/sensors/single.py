@@ -4,6 +4,7 @@ A check takes channels and returns the size of the fault in words, by row of the
 """
 
 import numpy as np
+from scipy.fft import dct
 
 from sprung._arrays import Real
 from sprung.diagnosis.sensors.channels import Channels
@@ -145,15 +146,20 @@ def noisy(channels: Channels) -> dict[int, str]:
     return details
 
 
-#: Standard deviation of a channel's mean over blocks, relative to its peers and over its own standard deviation, and
-#: fewest peers for that; the same without peers (slopes of the road move it too); and ratio to that of the peers.
+#: Standard deviation of the slow part of a channel's mean over blocks, relative to its peers and over its own standard
+#: deviation, and fewest peers for that; the same without peers (slopes of the road move it too); ratio to that of the
+#: peers.
 _DRIFT, _PEERS, _DRIFT_ALONE, _FAR_WANDERED = 0.08, 2, 0.5, 2.5
 #: Least length of a block [s], most and fewest blocks.
 _BLOCK, _MOST_BLOCKS, _FEWEST_BLOCKS = 5.0, 60, 6
+#: Half periods of a window that count as slow, and least share of them in the variance of a drift: a random walk has
+#: 87 %
+#: there, what a tilted accelerometer reads in bends 5 to 30 %.
+_SLOW, _SLOW_SHARE = 4, 0.5
 
 
 def drifting(channels: Channels) -> dict[int, str]:
-    """Find channels whose mean moves away from that of the others of their quantity."""
+    """Find channels whose mean moves slowly away from that of the others of their quantity."""
     samples = channels.complete
     n_blocks = min(_MOST_BLOCKS, int(samples.shape[1] / (_BLOCK * channels.sampling_rate)))
     if n_blocks < _FEWEST_BLOCKS:
@@ -161,15 +167,15 @@ def drifting(channels: Channels) -> dict[int, str]:
     means = samples[:, : samples.shape[1] // n_blocks * n_blocks].reshape(len(samples), n_blocks, -1).mean(axis=2)
     peers = [channels.peers(row) for row in range(len(samples))]
     has_peers = [len(rows) >= _PEERS for rows in peers]
-    wander = np.array(
-        [
-            np.std(means[row] - (np.median(means[rows], axis=0) if has_peers[row] else 0.0))
-            for row, rows in enumerate(peers)
-        ]
-    )
+    deviations = [
+        means[row] - (np.median(means[rows], axis=0) if has_peers[row] else 0.0) for row, rows in enumerate(peers)
+    ]
+    power = dct(np.array(deviations), norm="ortho")[:, 1:] ** 2 / n_blocks
+    wander, slow = np.sqrt(power.sum(axis=1)), np.sqrt(power[:, :_SLOW].sum(axis=1))
     details = {}
     for row, rows in enumerate(peers):
         least = (_DRIFT if has_peers[row] else _DRIFT_ALONE) * samples[row].std()
-        if wander[row] > least and (not has_peers[row] or wander[row] > _FAR_WANDERED * np.median(wander[rows])):
+        is_far = wander[row] > least and (not has_peers[row] or wander[row] > _FAR_WANDERED * np.median(wander[rows]))
+        if is_far and slow[row] ** 2 > _SLOW_SHARE * wander[row] ** 2:
             details[row] = f"its mean wanders by {wander[row]:.2g} (std) in the window"
     return details
