@@ -230,7 +230,8 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
     times = [600.0 * number for number in range(12)]
     drives = [ordinary(design, number) for number in range(12)]
     learning = list(work.map(partial(observed, study, vehicle), drives, range(12), times))
-    yield f"| {design.name}: model error while learning | {np.median([each.conditions['model_error'] for each in learning]):.3f} |"
+    errors = [each.conditions["model_error"] for each in learning]
+    yield f"| {design.name}: model error while learning | {np.median(errors):.3f} |"
     groups = [
         [unmet(design, TOGETHER * number + k) for k in range(TOGETHER)]
         for number in range(arguments.healthy // TOGETHER)

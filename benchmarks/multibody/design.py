@@ -287,7 +287,8 @@ def tendon(tendons: Element, name: str, sites: tuple[str, str], **attributes: ob
 class Tree:
     """The parts of the engine's model while it is written."""
 
-    root: Element
+    design: Design
+    effects: Effects
     chassis: Element
     tendons: Element
     equalities: Element
@@ -323,17 +324,17 @@ def model_text(
         hold = {"stiffness": held * weight, "damping": 1.4 * held**0.5 * weight} if held else {}
         part(chassis, "joint", name=name, type=kind, axis=axis, **hold)
     inertial(chassis, design.mass, inertia=design.inertia)
-    tree = Tree(root, chassis, part(root, "tendon"), part(root, "equality"), part(root, "actuator"))
+    tree = Tree(design, effects, chassis, part(root, "tendon"), part(root, "equality"), part(root, "actuator"))
     linkages = {"macpherson": macpherson, "trailing": trailing, "wishbone": wishbone}
     corners = dict(with_faults(design, faults))
     for axle in design.axles:
         pair = {side: corners[f"{axle.name}_{side}"] for side in SIDES}
         frictions = {side: effects.friction * faults(f"{axle.name}_{side}.friction") for side in SIDES}
         if axle.linkage == "rigid":
-            rigid(tree, design, pair, frictions, effects)
+            rigid(tree, pair, frictions)
         else:
             for side, each in pair.items():
-                linkages[axle.linkage](tree, design, each, side, frictions[side], effects)
+                linkages[axle.linkage](tree, each, side, frictions[side])
             anti_roll_bar(tree, pair["left"])
         for side, each in pair.items():
             tyre(tree, f"{axle.name}_{side}", each)
@@ -347,22 +348,20 @@ def model_text(
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def spring_and_damper(
-    tree: Tree, corner: str, axle: Axle, friction: float, ends: dict[str, tuple[str, str]], effects: Effects
-) -> None:
+def spring_and_damper(tree: Tree, corner: str, axle: Axle, friction: float, ends: dict[str, tuple[str, str]]) -> None:
     """Add spring, damper and bump stop between sites; the damper of a MacPherson strut is its joint."""
     tendon(tree.tendons, f"{corner}.spring", ends["spring"], stiffness=axle.spring, damping=0.002 * axle.spring / 10)
-    if effects.bump_stops:
+    if tree.effects.bump_stops:
         tendon(tree.tendons, f"{corner}.stop", ends["spring"], stiffness=4 * axle.spring, springlength=(0, 1))
     if "damper" in ends:
         tendon(tree.tendons, f"{corner}.damper", ends["damper"], damping=axle.damper, frictionloss=friction)
         part(tree.actuators, "general", name=f"{corner}.valve", tendon=f"{corner}.damper")
 
 
-def macpherson(tree: Tree, design: Design, axle: Axle, side: str, friction: float, effects: Effects) -> None:
+def macpherson(tree: Tree, axle: Axle, side: str, friction: float) -> None:
     """Add lower arm, strut and knuckle: a closed loop."""
     corner, s = f"{axle.name}_{side}", SIDES[side]
-    wheel = np.array([axle.x, s * axle.half_track, axle.radius - design.height])
+    wheel = np.array([axle.x, s * axle.half_track, axle.radius - tree.design.height])
     top = wheel + np.array([-0.03, -0.17 * s, 0.52])
     ball = wheel + np.array([0.0, -0.07 * s, -0.09])
     inner = wheel + np.array([0.0, -0.40 * s, -0.06])
@@ -371,7 +370,7 @@ def macpherson(tree: Tree, design: Design, axle: Axle, side: str, friction: floa
     inertial(arm, 4.0, tuple(0.5 * (ball - inner)))
     part(arm, "site", name=f"{corner}.tip", pos=ball - inner)
     mount = part(tree.chassis, "body", name=f"{corner}.mount", pos=top)
-    if effects.top_mounts:
+    if tree.effects.top_mounts:
         stiffness = axle.mount
         part(mount, "joint", name=f"{corner}.mount", type="slide", axis=(0, 0, 1), stiffness=stiffness, damping=150.0)
     part(mount, "joint", name=f"{corner}.rod_x", axis=(1, 0, 0), damping=0.5)
@@ -395,14 +394,14 @@ def macpherson(tree: Tree, design: Design, axle: Axle, side: str, friction: floa
     part(knuckle, "site", name=f"{corner}.seat", pos=(top - wheel) * 0.35 + np.array([0, -0.03 * s, 0]))
     part(tree.chassis, "site", name=f"{corner}.top", pos=top)
     part(tree.equalities, "connect", site1=f"{corner}.tip", site2=f"{corner}.ball", solref=(0.004, 1))
-    spring_and_damper(tree, corner, axle, friction, {"spring": (f"{corner}.top", f"{corner}.seat")}, effects)
+    spring_and_damper(tree, corner, axle, friction, {"spring": (f"{corner}.top", f"{corner}.seat")})
     part(tree.actuators, "general", name=f"{corner}.valve", joint=f"{corner}.damper")
 
 
-def trailing(tree: Tree, design: Design, axle: Axle, side: str, friction: float, effects: Effects) -> None:
+def trailing(tree: Tree, axle: Axle, side: str, friction: float) -> None:
     """Add a trailing arm with its spring before the wheel and an inclined damper."""
     corner, s = f"{axle.name}_{side}", SIDES[side]
-    wheel = np.array([axle.x, s * axle.half_track, axle.radius - design.height])
+    wheel = np.array([axle.x, s * axle.half_track, axle.radius - tree.design.height])
     pivot = wheel + np.array([0.42, -0.08 * s, 0.03])
     arm = part(tree.chassis, "body", name=f"{corner}.arm", pos=pivot)
     part(arm, "joint", name=f"{corner}.arm", axis=(0, 1, 0), damping=1.0)
@@ -417,13 +416,13 @@ def trailing(tree: Tree, design: Design, axle: Axle, side: str, friction: float,
         part(arm, "site", name=f"{corner}.{name}", pos=below)
         part(tree.chassis, "site", name=f"{corner}.{name}_top", pos=pivot + below + above)
     ends = {"spring": (f"{corner}.seat", f"{corner}.seat_top"), "damper": (f"{corner}.eye", f"{corner}.eye_top")}
-    spring_and_damper(tree, corner, axle, friction, ends, effects)
+    spring_and_damper(tree, corner, axle, friction, ends)
 
 
-def wishbone(tree: Tree, design: Design, axle: Axle, side: str, friction: float, effects: Effects) -> None:
+def wishbone(tree: Tree, axle: Axle, side: str, friction: float) -> None:
     """Add two transverse arms and a knuckle; spring and damper stand on the lower arm."""
     corner, s = f"{axle.name}_{side}", SIDES[side]
-    wheel = np.array([axle.x, s * axle.half_track, axle.radius - design.height])
+    wheel = np.array([axle.x, s * axle.half_track, axle.radius - tree.design.height])
     low_ball, low_inner = wheel + np.array([0, -0.08 * s, -0.12]), wheel + np.array([0, -0.50 * s, -0.09])
     high_ball, high_inner = wheel + np.array([0, -0.12 * s, 0.20]), wheel + np.array([0, -0.42 * s, 0.17])
     arm = part(tree.chassis, "body", name=f"{corner}.arm", pos=low_inner)
@@ -445,13 +444,13 @@ def wishbone(tree: Tree, design: Design, axle: Axle, side: str, friction: float,
         part(arm, "site", name=f"{corner}.{name}", pos=below)
         part(tree.chassis, "site", name=f"{corner}.{name}_top", pos=low_inner + below + np.array(above) * (1, s, 1))
     ends = {"spring": (f"{corner}.seat", f"{corner}.seat_top"), "damper": (f"{corner}.eye", f"{corner}.eye_top")}
-    spring_and_damper(tree, corner, axle, friction, ends, effects)
+    spring_and_damper(tree, corner, axle, friction, ends)
 
 
-def rigid(tree: Tree, design: Design, pair: dict[str, Axle], frictions: dict[str, float], effects: Effects) -> None:
+def rigid(tree: Tree, pair: dict[str, Axle], frictions: dict[str, float]) -> None:
     """Add a rigid axle: up and down, rolling about the height of its Panhard rod, which gives a little sideways."""
     axle = pair["left"]
-    centre = np.array([axle.x, 0.0, axle.radius + 0.02 - design.height])
+    centre = np.array([axle.x, 0.0, axle.radius + 0.02 - tree.design.height])
     body = part(tree.chassis, "body", name=f"{axle.name}.axle", pos=centre)
     mass = sum(each.wheel_mass for each in pair.values())
     part(body, "joint", name=f"{axle.name}.travel", type="slide", axis=(0, 0, 1))
@@ -474,11 +473,11 @@ def rigid(tree: Tree, design: Design, pair: dict[str, Axle], frictions: dict[str
             part(body, "site", name=f"{corner}.{name}", pos=below)
             part(tree.chassis, "site", name=f"{corner}.{name}_top", pos=centre + below + above)
         ends = {"spring": (f"{corner}.seat", f"{corner}.seat_top"), "damper": (f"{corner}.eye", f"{corner}.eye_top")}
-        spring_and_damper(tree, corner, each, frictions[side], ends, effects)
+        spring_and_damper(tree, corner, each, frictions[side], ends)
 
 
 def anti_roll_bar(tree: Tree, axle: Axle) -> None:
-    """Couple the arms of an axle; the sum of both turns counts for transverse arms, the difference for trailing ones."""
+    """Couple the arms of an axle, by the sum of turns of transverse arms, by the difference of trailing ones."""
     if axle.bar:
         length, sign = {"macpherson": (0.33, 1), "trailing": (0.42, -1), "wishbone": (0.42, 1)}[axle.linkage]
         bar = part(tree.tendons, "fixed", name=f"{axle.name}.bar", stiffness=axle.bar * length**2, springlength=0)

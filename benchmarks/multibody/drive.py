@@ -4,10 +4,9 @@ from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
+from benchmarks.multibody.design import Design, Effects, Faults, Rider, model_text, with_faults
 from scipy.signal import resample_poly
 from scipy.special import k1
-
-from benchmarks.multibody.design import Design, Effects, Faults, Rider, model_text, with_faults
 
 STEP = 1e-3  # of the engine [s]
 RATE = 200.0  # of the recording [Hz]

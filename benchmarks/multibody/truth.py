@@ -1,10 +1,9 @@
-"""What is true of a multibody vehicle: its modes by the engine's own linearisation, its rates at the wheels by energy."""
+"""What is true of a multibody vehicle: modes by the engine's own linearisation, rates at the wheels by energy."""
 
 from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
-
 from benchmarks.multibody.design import Design, Effects, Faults, Rider
 from benchmarks.multibody.drive import STEP, Car, Prepared, ratios_at_wheels, tendon_jacobian
 
