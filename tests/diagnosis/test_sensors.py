@@ -96,6 +96,19 @@ def test_jumps_as_on_the_edge_of_a_pothole_are_no_spikes(car) -> None:
     assert sensor_faults(edges, car) == ()
 
 
+def test_a_tilted_sensor_in_bends_does_not_drift(car, run) -> None:
+    """A vertical accelerometer that leans by 3 degrees reads a twentieth of the lateral acceleration of every bend."""
+    generator = np.random.default_rng(3)
+    bends = np.fft.irfft(np.fft.rfft(generator.standard_normal(run.n_samples)) * _below(run, 0.06), run.n_samples)
+    samples = run.samples.copy()
+    samples[run.index("acc_fr")] += np.sin(np.radians(3.0)) * 2.5 * bends / bends.std()
+    assert sensor_faults(replace(run, samples=samples), car) == ()
+
+
+def _below(run, frequency):
+    return np.fft.rfftfreq(run.n_samples, 1 / run.sampling_rate) < frequency
+
+
 def test_noise_in_the_band_of_the_body_is_seen_in_the_residual(car, run) -> None:
     half = 0.5 * run.samples[1].std()
     generator = np.random.default_rng(1)

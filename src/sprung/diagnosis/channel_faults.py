@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.fft import dct
 
 from sprung._arrays import Booleans, Real
 from sprung.recording import Recording
@@ -62,6 +63,10 @@ class ChannelLimits:
     drift: float = 0.08
     drift_of_peers: float = 2.5
     drift_alone: float = 0.5
+    #: Cosines over a window that count as slow, and least share of them in the variance of a drift: a random walk has
+    #: 87 % there, what a tilted accelerometer reads in bends 5 to 30 %.
+    slow_terms: int = 4
+    slow_share: float = 0.5
     #: Least length of a block [s], most and fewest blocks.
     block: float = 5.0
     max_blocks: int = 60
@@ -250,7 +255,7 @@ def noisy(channels: Channels) -> dict[int, str]:
 
 
 def drifting(channels: Channels) -> dict[int, str]:
-    """Find channels whose mean moves away from that of the others of their quantity, at least two, or moves alone."""
+    """Find channels whose mean moves slowly away from that of two or more others of their quantity, or moves alone."""
     samples = channels.complete
     n_blocks = min(LIMITS.max_blocks, int(samples.shape[1] / (LIMITS.block * channels.recording.sampling_rate)))
     if n_blocks < LIMITS.min_blocks:
@@ -258,11 +263,13 @@ def drifting(channels: Channels) -> dict[int, str]:
     means = samples[:, : samples.shape[1] // n_blocks * n_blocks].reshape(len(samples), n_blocks, -1).mean(axis=2)
     peers = [rows if len(rows) >= 2 else [] for rows in map(channels.peers, range(len(samples)))]
     away = [own - (np.median(means[rows], axis=0) if rows else 0.0) for own, rows in zip(means, peers, strict=True)]
-    wander = np.std(away, axis=1)
+    power = dct(np.array(away), norm="ortho")[:, 1:] ** 2 / n_blocks
+    wander, slow = np.sqrt(power.sum(axis=1)), np.sqrt(power[:, : LIMITS.slow_terms].sum(axis=1))
     details = {}
     for row, rows in enumerate(peers):
         least = (LIMITS.drift if rows else LIMITS.drift_alone) * samples[row].std()
-        if wander[row] > least and (not rows or wander[row] > LIMITS.drift_of_peers * np.median(wander[rows])):
+        is_far = wander[row] > least and (not rows or wander[row] > LIMITS.drift_of_peers * np.median(wander[rows]))
+        if is_far and slow[row] ** 2 > LIMITS.slow_share * wander[row] ** 2:
             details[row] = f"its mean wanders by {wander[row]:.2g} (std) in the window"
     return details
 

@@ -1,0 +1,287 @@
+"""Diagnose vehicles of a general multibody engine, as an engineer would: data sheet, calibration, baseline, windows.
+
+    python -m benchmarks.multibody car                       all rows, a few windows of each
+    python -m benchmarks.multibody car van bus --healthy 40 --faulty 8 --jobs 2 --out results.md
+
+A vehicle file is written from the data sheet (`described`), completed on five drives and taught by twelve. Then it
+drives healthy under conditions it never met, and with faults. Shares have exact 95 % intervals (Clopper and Pearson).
+Drives and observations are kept in a folder, each by the code that made it.
+"""
+
+import argparse
+import gzip
+import hashlib
+import os
+import pickle
+from collections import Counter
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from benchmarks.conditions import CALIBRATIONS, OBSERVATIONS, code_version
+from benchmarks.detection import binomial_interval
+from benchmarks.multibody.design import DESIGNS, Design, Effects, Faults, Rider, sensor_places
+from benchmarks.multibody.drive import RATE, Drive, driven
+
+from sprung.calibration import DataSheet, calibrate, described
+from sprung.diagnosis import Diagnosis, Observation, diagnose, learn, observe_window
+from sprung.recording import Channel, Recording
+from sprung.vehicles import Sensor, Vehicle
+from sprung.vehicles.files import vehicle_from_text, vehicle_text
+
+HERE = Path(__file__).resolve().parent
+#: Windows that are diagnosed together: half an hour.
+TOGETHER = 3
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault that a workshop knows, the parts that may be named for it, and the true change where a size is asked."""
+
+    label: str
+    factors: dict[str, float]
+    names: frozenset[str]
+    size: float | None = None
+
+
+@dataclass(frozen=True)
+class Study:
+    """A vehicle whose windows are diagnosed, and where drives are kept."""
+
+    design: Design
+    folder: Path
+    effects: Effects = field(default_factory=Effects)
+
+
+def seat(mass: float, x: float, y: float) -> Rider:
+    """Return a person on a seat."""
+    return Rider(mass, x, y, 0.15, frequency=4.5, damping_ratio=0.3)
+
+
+def seats(design: Design) -> list[tuple[float, float]]:
+    """Return the places of seats, the driver's first."""
+    if design.name == "bus":
+        return [(5.6, 0.6)] + [(x, y) for x in np.arange(3.5, -4.5, -0.8) for y in (-0.75, 0.75)]
+    middle = 0.5 * (design.axles[0].x + design.axles[-1].x) + 0.32
+    return [(middle, 0.37), (middle, -0.37), (middle - 0.95, 0.38), (middle - 0.95, -0.38)]
+
+
+def people(design: Design, number: int, generator: np.random.Generator) -> tuple[Rider, ...]:
+    """Return the driver and others on the first free seats."""
+    return tuple(seat(float(generator.uniform(55, 95)), x, y) for x, y in seats(design)[: number + 1])
+
+
+def ordinary(design: Design, number: int) -> Drive:
+    """Return a drive as any: usual roads and speeds, the driver, sometimes others, luggage."""
+    generator = np.random.default_rng([number, 1])
+    most = 12 if design.name == "bus" else 2
+    luggage = Rider(float(generator.uniform(0, 50)), design.axles[-1].x + 0.2, 0.0)
+    return Drive(
+        road=str(generator.choice(["B", "C"])),
+        speed=(8.0, float(generator.uniform(18, 25))),
+        riders=(*people(design, int(generator.integers(0, most)), generator), luggage),
+    )
+
+
+def unmet(design: Design, number: int) -> Drive:
+    """Return a drive under conditions that the baseline has not met: load on one side, full seats, other roads."""
+    drive, generator = ordinary(design, 10_000 + number), np.random.default_rng([number, 2])
+    heavy = 10.0 if design.name == "bus" else 1.0
+    kind = number % 5
+    if kind == 0:
+        return replace(drive, riders=(*people(design, 1, generator), Rider(120.0 * heavy, -0.3, 0.45)))
+    if kind == 1:
+        return replace(drive, riders=people(design, len(seats(design)) - 1, generator))
+    if kind == 2:
+        return replace(drive, riders=(*drive.riders, Rider(180.0 * heavy, design.axles[-1].x, -0.2)))
+    if kind == 3:
+        return replace(drive, road="D", speed=(6.0, 14.0))
+    return replace(drive, road="A", speed=(15.0, 30.0))
+
+
+def faults(design: Design) -> list[Fault]:
+    """Return the faults of the table."""
+    first, last = design.axles[0].name, design.axles[-1].name
+    left, right = f"{first}_left", f"{last}_right"
+    rows = [
+        Fault(f"{left} spring -20 %", {f"{left}.spring": 0.8}, frozenset({f"{left}.spring"}), -0.2),
+        Fault(f"{right} damper -31 %", {f"{right}.damper": 0.69}, frozenset({f"{right}.damper"}), -0.31),
+        Fault(f"{first}_right tyre -25 %", {f"{first}_right.tyre": 0.75}, frozenset({f"{first}_right.tyre"}), -0.25),
+        Fault(f"{left} friction x 6", {f"{left}.friction": 6.0}, frozenset({f"{left}.damper", f"{left}.friction"})),
+        Fault(
+            f"{right} spare wheel",
+            {f"{right}.tyre": 1.3, f"{right}.wheel": 0.82},
+            frozenset({f"{right}.tyre", f"{right}.wheel"}),
+        ),
+        Fault(f"{first} bar link broken", {f"{first}.bar": 0.0}, frozenset({f"{first}.bar", f"{first}.anti_roll_bar"})),
+    ]
+    if design.axles[0].linkage == "macpherson":
+        rows.append(
+            Fault(f"{left} top mount 12 %", {f"{left}.mount": 0.12}, frozenset({f"{left}.damper", f"{left}.mount"}))
+        )
+    return rows
+
+
+def kept(folder: Path, asked: object, make: Callable[[], Result]) -> Result:
+    """Return what a function makes of something; kept on disk."""
+    path = folder / f"{hashlib.sha256(repr(asked).encode()).hexdigest()[:24]}.pickle.gz"
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        path.with_suffix(f".{os.getpid()}").write_bytes(gzip.compress(pickle.dumps(make()), compresslevel=1))
+        path.with_suffix(f".{os.getpid()}").rename(path)
+    return pickle.loads(gzip.decompress(path.read_bytes()))
+
+
+def recording(study: Study, drive: Drive, seed: int) -> Recording:
+    """Return a drive as a recording."""
+    code = hashlib.sha256(b"".join((HERE / name).read_bytes() for name in ("design.py", "drive.py"))).hexdigest()[:16]
+    samples, speed = kept(
+        study.folder / code,
+        [study.design, study.effects, drive, seed],
+        partial(driven, study.design, study.effects, drive, individual=0, seed=seed),
+    )
+    channels = [
+        *(Channel(name, "acceleration", place, (0.0, 0.0, 1.0)) for name, place in sensor_places(study.design).items()),
+        Channel("speed", "speed"),
+    ]
+    return Recording(np.vstack([samples.T, speed]), RATE, tuple(channels))
+
+
+def sheet_file(design: Design) -> Vehicle:
+    """Return the vehicle file from the data sheet, with the sensors where they are."""
+    first, last = design.axles[0], design.axles[-1]
+    unsprung = 2 * sum(axle.wheel_mass for axle in design.axles)
+    moment = 2 * sum(axle.wheel_mass * (axle.x - last.x) for axle in design.axles) - design.mass * last.x
+    base = first.x - last.x
+    share = moment / base / (design.mass + unsprung)
+    tyres = {"car": "205/55R16", "van": "225/65R16"}
+    sheet = DataSheet(
+        mass=design.mass + unsprung + 75.0,
+        wheelbase=base,
+        track=2 * first.half_track,
+        tyre=tyres[design.name],
+        front_share=round(share, 3),
+        pressure=230e3 if design.name == "car" else 350e3,
+        name=design.name,
+    )
+    vehicle = described(sheet)
+    upright = (0.0, 0.0, 1.0)
+    sensors = tuple(
+        Sensor(channel=name, quantity="acceleration", unit="m/s^2", position=place, direction=upright)
+        for name, place in sensor_places(design).items()
+    )
+    return (
+        vehicle.model_copy(update={"sensor": sensors})
+        if hasattr(vehicle, "model_copy")
+        else replace(vehicle, sensor=sensors)
+    )
+
+
+def calibrated_file(study: Study) -> Vehicle:
+    """Return the vehicle file completed on five ordinary drives."""
+
+    def make() -> str:
+        drives = [recording(study, ordinary(study.design, 100 + number), 100 + number) for number in range(5)]
+        return vehicle_text(calibrate(drives, sheet_file(study.design)).vehicle)
+
+    asked = ["calibrated", study.design, study.effects]
+    return vehicle_from_text(kept(study.folder / code_version(CALIBRATIONS), asked, make), source="the calibration")
+
+
+def observed(study: Study, vehicle: Vehicle, drive: Drive, seed: int, time: float) -> Observation:
+    """Return what a drive says."""
+    return kept(
+        study.folder / code_version(OBSERVATIONS),
+        [vehicle_text(vehicle), study.design, study.effects, drive, seed, time],
+        lambda: observe_window(recording(study, drive, seed), vehicle, time=time),
+    )
+
+
+def judged(study: Study, vehicle: Vehicle, learning: list[Observation], drives: list[Drive], first: int) -> Diagnosis:
+    """Return the diagnosis of drives together."""
+    seen = [
+        observed(study, vehicle, drive, first + number, 600.0 * (1000 + number)) for number, drive in enumerate(drives)
+    ]
+    return diagnose(seen, learn(learning))
+
+
+def share(count: int, of: int) -> str:
+    """Return a count with its exact interval."""
+    low, high = binomial_interval(count, of)
+    return f"{count} of {of} ({100 * low:.0f}..{100 * high:.0f} %)"
+
+
+def named(diagnosis: Diagnosis) -> list[str]:
+    """Return the names of what has changed."""
+    return [f"{finding.corner}.{finding.component}" for finding in diagnosis.findings]
+
+
+def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor) -> Iterable[str]:
+    """Yield the rows of the table of a vehicle."""
+    design = study.design
+    vehicle = calibrated_file(study)
+    times = [600.0 * number for number in range(12)]
+    drives = [ordinary(design, number) for number in range(12)]
+    learning = list(work.map(partial(observed, study, vehicle), drives, range(12), times))
+    errors = [each.conditions["model_error"] for each in learning]
+    yield f"| {design.name}: model error while learning | {np.median(errors):.3f} |"
+    groups = [
+        [unmet(design, TOGETHER * number + k) for k in range(TOGETHER)]
+        for number in range(arguments.healthy // TOGETHER)
+    ]
+    firsts = [20_000 + TOGETHER * number for number in range(len(groups))]
+    healthy = list(work.map(partial(judged, study, vehicle, learning), groups, firsts))
+    verdicts = Counter(str(diagnosis.verdict) for diagnosis in healthy)
+    yield f"| {design.name}: healthy half hours, verdicts | {dict(verdicts)} |"
+    yield f"| findings | {share(sum(bool(each.findings) for each in healthy), len(healthy))} |"
+    yield f"| sensor faults | {share(sum(bool(each.sensor_faults) for each in healthy), len(healthy))} |"
+    for row, fault in enumerate(faults(design)):
+        first = 30_000 + 1000 * row
+        groups = [
+            [
+                replace(ordinary(design, first + TOGETHER * number + k), faults=Faults(fault.factors))
+                for k in range(TOGETHER)
+            ]
+            for number in range(arguments.faulty)
+        ]
+        firsts = [first + TOGETHER * number for number in range(arguments.faulty)]
+        found = list(work.map(partial(judged, study, vehicle, learning), groups, firsts))
+        alone = sum(bool(names := set(named(each))) and names <= fault.names for each in found)
+        wrong = sum(bool(set(named(each)) - fault.names) for each in found)
+        text = f"| {fault.label} | named alone {share(alone, len(found))}, a healthy part named in {wrong}"
+        if fault.size is not None:
+            sizes = [f for each in found for f in each.findings if f"{f.corner}.{f.component}" in fault.names]
+            held = sum(f.interval is not None and f.interval[0] <= fault.size <= f.interval[1] for f in sizes)
+            text += f", size within {held} of {len(sizes)}"
+        yield text + f" | {Counter(name for each in found for name in named(each)).most_common(4)} |"
+
+
+def main() -> None:
+    """Print the table of each vehicle."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("vehicles", nargs="+", choices=sorted(DESIGNS))
+    parser.add_argument("--healthy", type=int, default=12, help="healthy windows")
+    parser.add_argument("--faulty", type=int, default=2, help="half hours of each fault")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--folder", type=Path, default=Path.home() / ".cache" / "sprung-multibody")
+    parser.add_argument("--out", type=Path)
+    arguments = parser.parse_args()
+    lines = []
+    with ProcessPoolExecutor(arguments.jobs) as work:
+        for name in arguments.vehicles:
+            for line in rows(Study(DESIGNS[name], arguments.folder), arguments, work):
+                print(line, flush=True)
+                lines.append(line)
+    if arguments.out:
+        arguments.out.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
