@@ -57,7 +57,7 @@ OF_ANALYSIS: tuple[Place, ...] = (
 )
 #: Parts of the station: the first one of which any place is on the stack.
 OF_STATION: tuple[Place, ...] = (
-    ("archive", ("store/archive.py",)),
+    ("archive", ("link/archive.py",)),
     ("alerts", ("monitor/alert_book.py",)),
     ("insert", ("store/inbox.py:add_frames",)),
     ("read back", ("store/inbox.py:pending",)),

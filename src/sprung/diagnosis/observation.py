@@ -173,9 +173,13 @@ def windows(
     >>> [(start, window.duration) for start, window in windows(run)]
     [(0.0, 600.0), (600.0, 300.0)]
     """
+    return _windows(each_recording(recordings), length)
+
+
+def _windows(recordings: Iterable[Recording], length: float) -> Iterator[tuple[float, Recording]]:
     clock = 0.0
     first: int | None = None
-    for recording in each_recording(recordings):
+    for recording in recordings:
         if recording.start is not None:
             first = recording.start if first is None else first
             clock = (recording.start - first) / 1e9

@@ -268,8 +268,8 @@ class ModalModel:
             W = counts[:, None, None] * (inverse - ratio @ inverse)
             left, right = self._factors(state)
             products = self._with_common_exponent(2 * np.einsum("bip,bip->p", right.conj(), W @ left).real)
-        deviation = (parameters - self.start) / self.prior_std
-        value, gradient = value + float(deviation @ deviation) / 2, products + deviation / self.prior_std
+            deviation = (parameters - self.start) / self.prior_std
+            value, gradient = value + float(deviation @ deviation) / 2, products + deviation / self.prior_std
         is_finite = np.isfinite(value) and np.all(np.isfinite(gradient))
         return (value, gradient) if is_finite else (TOO_FAR, np.zeros_like(parameters))
 

@@ -44,7 +44,7 @@ def test_a_residual_reference_is_read_as_it_was_written(baseline, plain, same) -
 
 def test_every_field_of_a_baseline_is_in_its_document(baseline) -> None:
     names = {field.name for field in fields(baseline)}
-    assert names - {"slopes", "middle", "ranges"} == set(BaselineDocument.model_fields) - {
+    assert names - {"slopes", "centre", "ranges"} == set(BaselineDocument.model_fields) - {
         "schema_name",
         "conditions",
         "detectable",
