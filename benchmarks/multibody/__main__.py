@@ -1,7 +1,7 @@
 """Diagnose vehicles of a general multibody engine, as an engineer would: data sheet, calibration, baseline, windows.
 
     python -m benchmarks.multibody car                       all rows, a few windows of each
-    python -m benchmarks.multibody car van bus --healthy 40 --faulty 8 --jobs 2 --out results.md
+    python -m benchmarks.multibody car van --healthy 40 --faulty 8 --jobs 2 --out results.md
 
 A vehicle file is written from the data sheet (`described`), completed on five drives and taught by twelve. Then it
 drives healthy under conditions it never met, and with faults. Shares have exact 95 % intervals (Clopper and Pearson).
@@ -36,6 +36,8 @@ from sprung.vehicles import Sensor, Vehicle
 from sprung.vehicles.files import vehicle_from_text, vehicle_text
 
 HERE = Path(__file__).resolve().parent
+#: Tyres in the data sheets of the vehicles with two axles; a data sheet of three axles cannot be described yet.
+TYRES = {"car": "205/55R16", "van": "225/65R16"}
 #: Windows that are diagnosed together: half an hour.
 TOGETHER = 3
 Result = TypeVar("Result")
@@ -161,12 +163,11 @@ def sheet_file(design: Design) -> Vehicle:
     moment = 2 * sum(axle.wheel_mass * (axle.x - last.x) for axle in design.axles) - design.mass * last.x
     base = first.x - last.x
     share = moment / base / (design.mass + unsprung)
-    tyres = {"car": "205/55R16", "van": "225/65R16"}
     sheet = DataSheet(
         mass=design.mass + unsprung + 75.0,
         wheelbase=base,
         track=2 * first.half_track,
-        tyre=tyres[design.name],
+        tyre=TYRES[design.name],
         front_share=round(share, 3),
         pressure=230e3 if design.name == "car" else 350e3,
         name=design.name,
@@ -266,7 +267,7 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
 def main() -> None:
     """Print the table of each vehicle."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("vehicles", nargs="+", choices=sorted(DESIGNS))
+    parser.add_argument("vehicles", nargs="+", choices=sorted(TYRES))
     parser.add_argument("--healthy", type=int, default=12, help="healthy windows")
     parser.add_argument("--faulty", type=int, default=2, help="half hours of each fault")
     parser.add_argument("--jobs", type=int, default=2)
