@@ -140,7 +140,7 @@ class Alert:
         return self.shelved_until is not None
 
     def as_state(self, number: int = 0) -> AlertState:
-        """Return what people and programs are told about it, with its number in the store.
+        """Return the alert as it is published, with its number in the store.
 
         Examples
         --------

@@ -129,7 +129,7 @@ def column_number(text: str) -> int:
     """
     number = int(text)
     if not 0 <= number < 2**63:
-        raise ValueError(f"{number} is no number of a column")
+        raise ValueError(f"{number} is not the number of a column")
     return number
 
 
