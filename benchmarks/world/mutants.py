@@ -25,6 +25,30 @@ from sprung.online.store.schema import FRAMES
 Patches = Iterator[AbstractContextManager[Any]]
 
 
+class Apart:
+    """A store in which what is written in one context is several transactions."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def together(self) -> AbstractContextManager[None]:
+        return nullcontext()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._store, name)
+
+
+def not_together() -> AbstractContextManager[Any]:
+    """Store a window, its alerts and its progress one by one, each of them as a whole."""
+    commit = Dispatch._commit
+
+    def mutant(self: Dispatch, *given: Any) -> None:
+        with patch.object(self, "_store", Apart(self._store)):
+            commit(self, *given)
+
+    return patch.object(Dispatch, "_commit", mutant)
+
+
 def acknowledges_before_it_stores() -> Patches:
     take = Intake.take
 
@@ -96,7 +120,7 @@ def stores_the_state_before_the_window() -> Patches:
         commit(self, replace(progress, snapshot=None), *before)
 
     yield patch.object(Results, "commit", mutant)
-    yield patch.object(Store, "together", lambda _self: nullcontext())
+    yield not_together()
 
 
 def removes_frames_before_it_stores_the_state() -> Patches:
@@ -107,11 +131,11 @@ def removes_frames_before_it_stores_the_state() -> Patches:
         commit(self, progress)
 
     yield patch.object(Results, "commit", mutant)
-    yield patch.object(Store, "together", lambda _self: nullcontext())
+    yield not_together()
 
 
 def stores_alerts_after_the_window() -> Patches:
-    yield patch.object(Store, "together", lambda _self: nullcontext())
+    yield not_together()
 
 
 def goes_on_with_a_worker_ahead_of_the_store() -> Patches:

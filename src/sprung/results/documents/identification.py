@@ -285,7 +285,7 @@ class IdentificationDocument(Document):
     refinement: RefinementDocument | None = None
     settings: dict[str, Any]
     notes: tuple[str, ...]
-    setups: SetUpsDocument | None = None
+    setups: SetUpsDocument | None = Field(default=None, exclude_if=lambda setups: setups is None)
 
     def __repr__(self) -> str:
         """Return method, channels and modes in words."""
@@ -358,7 +358,7 @@ def identification_document(
         ],
         refinement=None if identification.refinement is None else _refinement(identification.refinement),
         settings={**plain(settings), "lifter": lifter},
-        **({} if setups is None else {"setups": _setups(setups)}),
+        setups=None if setups is None else _setups(setups),
     )
 
 
