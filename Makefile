@@ -2,6 +2,8 @@
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+RUNS := $(VENV)/.runs
 READY := $(VENV)/.ready
 export OPENBLAS_NUM_THREADS ?= 1
 # Processes of the tests: one more than cores, as some tests wait for most of their time.
@@ -13,14 +15,23 @@ unexport PYTHONDONTWRITEBYTECODE
 
 setup: $(READY)
 
-$(READY): requirements.lock pyproject.toml scripts/system-packages
-	scripts/system-packages
+# What the demonstration runs: a third of the packages.
+$(RUNS): requirements-demo.lock pyproject.toml scripts/system-packages
+	@echo "setting up what sprung runs with, in $(VENV)"
+	scripts/system-packages python
 	@$$(command -v $(PYTHON) || command -v python3) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	$(PIP) --require-hashes -r requirements-demo.lock
+	$(PIP) --no-deps --no-build-isolation -e .
 	@touch $@
 
-demo: $(READY)
+# All extras and what checks, tests and the manual need, into the same environment.
+$(READY): $(RUNS) requirements.lock
+	@echo "adding the packages of all extras, checks and tests"
+	scripts/system-packages
+	$(PIP) --require-hashes -r requirements.lock
+	@touch $@
+
+demo: $(RUNS)
 	$(BIN)/sprung demo
 
 test: check

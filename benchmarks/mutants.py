@@ -6,8 +6,9 @@
 
 A mutant is a statement in a function of a room, and the operator, comparison, number or condition in it that is
 changed. It is known by the text of its statement, so that it is found again where the function has moved; one whose
-statement is gone is listed as `gone`. A mutant is `killed` when a test fails or does not end. Those that the fast tests
-of a room do not find meet its slow tests, too. The tests must pass without a change first.
+statement is gone is listed as `gone`. A mutant is `killed` when a test fails or does not end. It meets the files of
+tests of its room that call its function (all of them where none does in the process of the tests), the fast tests
+first, then the slow ones. The tests must pass without a change first.
 """
 
 import argparse
@@ -19,12 +20,17 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections import Counter
-from collections.abc import Callable, Iterator
+import threading
+from collections import Counter, defaultdict
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from types import FrameType
 
-ROOT = Path(__file__).resolve().parents[1]
+import pytest
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
 #: Folders of the source and of the tests by room, at present and in the layout before it.
 ROOMS = {
     "likelihood": (("likelihood",), ("likelihood",)),
@@ -166,12 +172,22 @@ def applied(mutant: Mutant, source: Path) -> str | None:
     return None
 
 
-def outcome_of(room: str, source: Path) -> str:
-    """Return by which tests of a room the source is found to be wrong, or that it is not."""
-    tests = [str(path) for folder in ROOMS[room][1] if (path := ROOT / "tests" / folder).is_dir()]
-    environment = {**os.environ, "PYTHONPATH": str(source), "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+def tests_of(room: str) -> list[str]:
+    """Return the files of tests of a room."""
+    folders = [ROOT / "tests" / folder for folder in ROOMS[room][1]]
+    return [str(path) for folder in folders for path in sorted(folder.rglob("test_*.py"))]
+
+
+def outcome_of(tests: list[str], source: Path, *plugins: str) -> str:
+    """Return by which tests the source is found to be wrong, or that it is not."""
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(source), str(HERE)]),
+        "OPENBLAS_NUM_THREADS": "1",
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
     for kind in ("not slow", "slow"):
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", kind, *tests]
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *plugins, "-m", kind, *tests]
         try:
             done = subprocess.run(
                 command, cwd=ROOT, env=environment, capture_output=True, timeout=PATIENCE, check=False
@@ -183,6 +199,52 @@ def outcome_of(room: str, source: Path) -> str:
     return "survived"
 
 
+class Calls:
+    """Plug-in of pytest that notes which functions of Sprung the tests of each file call in their own process."""
+
+    def __init__(self) -> None:
+        self.files: dict[str, set[str]] = defaultdict(set)
+        self._functions: set[str] = set()
+
+    def _note(self, frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and "/sprung/" in frame.f_code.co_filename:
+            self._functions.add(frame.f_code.co_name)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:
+        """Watch the calls of one test, with its fixtures."""
+        self._functions = self.files[str(item.path)]
+        threading.setprofile(self._note)
+        sys.setprofile(self._note)
+        try:
+            return (yield)
+        finally:
+            sys.setprofile(None)
+            threading.setprofile(None)
+
+    def pytest_sessionfinish(self) -> None:
+        """Add what was called to the file named in the environment."""
+        path = Path(os.environ["SPRUNG_CALLS"])
+        for name, functions in json.loads(path.read_text(encoding="utf-8")).items() if path.exists() else ():
+            self.files[name].update(functions)
+        path.write_text(json.dumps({name: sorted(each) for name, each in self.files.items()}), encoding="utf-8")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Register the plug-in where this module is given to pytest as one."""
+    config.pluginmanager.register(Calls())
+
+
+def callers(room: str) -> dict[str, set[str]]:
+    """Return the functions that each file of tests of a room calls; the tests must pass."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["SPRUNG_CALLS"] = str(Path(folder) / "calls.json")
+        if (outcome := outcome_of(tests_of(room), ROOT / "src", "-p", Path(__file__).stem)) != "survived":
+            raise SystemExit(f"the tests of {room} fail without a change: {outcome}")
+        read: dict[str, list[str]] = json.loads(Path(os.environ["SPRUNG_CALLS"]).read_text(encoding="utf-8"))
+    return {name: set(functions) for name, functions in read.items()}
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Try all mutants and write the list with the outcome of each after every one."""
     out, source = Path(arguments.out), ROOT / "src"
@@ -190,17 +252,15 @@ def run(arguments: argparse.Namespace) -> int:
         waiting = [Mutant(**each) for each in json.loads(Path(arguments.again).read_text(encoding="utf-8"))]
     else:
         waiting = drawn(arguments.mutants, arguments.seed, source)
-    for room in ROOMS:
-        if (outcome := outcome_of(room, source)) != "survived":
-            print(f"the tests of {room} fail without a change: {outcome}")
-            return 1
+    called = {room: callers(room) for room in ROOMS}
     done = [Mutant(**each) for each in json.loads(out.read_text(encoding="utf-8"))] if out.exists() else []
     for mutant in waiting[len(done) :]:
         with tempfile.TemporaryDirectory() as folder:
             copy = Path(folder) / "src"
             shutil.copytree(source, copy, ignore=shutil.ignore_patterns("__pycache__"))
             change = applied(mutant, copy)
-            outcome = "gone" if change is None else outcome_of(mutant.room, copy)
+            tests = [name for name, functions in called[mutant.room].items() if mutant.function in functions]
+            outcome = "gone" if change is None else outcome_of(tests or tests_of(mutant.room), copy)
         done.append(replace(mutant, change=change or mutant.change, outcome=outcome))
         out.write_text(json.dumps([asdict(each) for each in done], indent=1), encoding="utf-8")
         print(

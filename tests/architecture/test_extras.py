@@ -3,11 +3,13 @@
 import subprocess
 import sys
 from importlib.metadata import distribution, packages_distributions
+from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+ROOT = Path(__file__).resolve().parents[2]
 #: Parts of the package by the extra that they need; none need the extras of single formats.
 PARTS = {
     "": ["calibration", "diagnosis", "formats", "identification", "likelihood", "results", "vehicles", "cli"],
@@ -62,3 +64,23 @@ def test_an_extra_has_what_its_part_imports(extra: str) -> None:
     code = IMPORT.format(absent=absent - {"_virtualenv", "_distutils_hack"}, parts=PARTS[extra], others=OTHERS)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
+
+
+def pinned(lock: str) -> dict[str, set[str]]:
+    """Return the hashes of each pinned version of a lock file."""
+    hashes: dict[str, set[str]] = {}
+    for line in (ROOT / lock).read_text(encoding="utf-8").splitlines():
+        if "==" in line:
+            version = line.removesuffix("\\").strip()
+            hashes[version] = set()
+        elif "--hash=" in line:
+            hashes[version].add(line.removesuffix("\\").strip())
+    return hashes
+
+
+def test_the_lock_of_the_demonstration_is_part_of_the_whole_lock() -> None:
+    part, whole = pinned("requirements-demo.lock"), pinned("requirements.lock")
+    assert part
+    assert part.items() <= whole.items()
+    names = {canonicalize_name(version.partition("==")[0]) for version in part}
+    assert required("demo") - {"sprung"} <= names
