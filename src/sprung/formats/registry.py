@@ -18,6 +18,7 @@ from sprung.formats import (
     parquet,
     phone,
     seismic,
+    sst,
     tdms,
     universal,
     wav,
@@ -51,7 +52,7 @@ class Writer(Protocol):
 #: Formats that are read, the most specific first: any text may be a table.
 FORMATS = cast(
     tuple[Format, ...],
-    (parquet, mat, hdf5, npz, mdf, tdms, ide, dewesoft, universal, lvm, wav, seismic, phone, csv),
+    (parquet, mat, hdf5, npz, mdf, tdms, ide, dewesoft, universal, lvm, wav, sst, seismic, phone, csv),
 )
 
 #: Those whose readers a file may crash: they run in a process of their own.

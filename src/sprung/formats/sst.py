@@ -1,0 +1,78 @@
+"""Suspension telemetry (.SST): counts of two travel sensors, fork and shock, after a header of 16 bytes."""
+
+import struct
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sprung.errors import FormatError
+from sprung.formats.settings import ReadSettings
+from sprung.formats.stated import chosen_indices
+from sprung.formats.table import Block, Column, Group, Table, reported
+
+NAME, EXTRA = "SST", None
+ENDINGS = (".sst",)
+
+#: Signature, version, sampling rate [Hz], padding, time [s since 1970].
+_HEADER = struct.Struct("<3sBHHq")
+_NAMES = ("fork", "shock")
+_BYTES_PER_ROW = 4
+_BLOCK_ROWS = 1 << 18
+#: Times from 2001 to 2100: loggers without a clock write others.
+_PLAUSIBLE = (978_307_200, 4_102_444_800)
+
+
+def recognises(head: bytes) -> bool:
+    """Return whether a file has the signature of SST."""
+    return head[:3] == b"SST" and len(head) >= _HEADER.size and 1 <= head[3] <= 9
+
+
+def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
+    """Return the only group of an SST file, with the channels `fork` and `shock` in counts.
+
+    Travel in metres needs the geometry of the sensors, which the file does not state. Times before 2001 are those of
+    loggers without a clock: the start is then unknown. An incomplete last row is left out.
+
+    Raises
+    ------
+    FormatError
+        If the file does not begin as such a file, or states no sampling rate.
+    """
+    with reported(path, NAME), path.open("rb") as file:
+        head = file.read(_HEADER.size)
+        n_rows = (path.stat().st_size - _HEADER.size) // _BYTES_PER_ROW
+    if not recognises(head):
+        raise FormatError(f"{path} cannot be read as SST: it does not begin as such a file")
+    _, _, rate, _, seconds = _HEADER.unpack(head)
+    if rate == 0 or n_rows == 0:
+        raise FormatError(f"{path} cannot be read as SST: it states {rate} Hz and holds {n_rows} samples")
+    columns = tuple(Column(name, name, unit="counts") for name in _NAMES)
+
+    def open_table(channels: Sequence[str] | None) -> Table:
+        chosen = chosen_indices(columns, channels, path=path)
+
+        def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+            return _blocks(path, list(chosen), first, n_rows if last is None else min(last, n_rows))
+
+        return Table(
+            path,
+            tuple(columns[k] for k in chosen),
+            None,
+            blocks,
+            row_word="sample",
+            sampling_rate=float(rate),
+            start=seconds * 10**9 if _PLAUSIBLE[0] <= seconds <= _PLAUSIBLE[1] else None,
+        )
+
+    return (Group(path.name, _NAMES, path.name, open_table, float(rate), n_rows),)
+
+
+def _blocks(path: Path, chosen: list[int], first: int, end: int) -> Iterator[Block]:
+    """Yield the samples of some channels, counted from 1."""
+    with reported(path, NAME), path.open("rb") as file:
+        for begin in range(first, end, _BLOCK_ROWS):
+            file.seek(_HEADER.size + begin * _BYTES_PER_ROW)
+            raw = file.read((min(begin + _BLOCK_ROWS, end) - begin) * _BYTES_PER_ROW)
+            counts = np.frombuffer(raw, dtype="<u2").reshape(-1, len(_NAMES))
+            yield Block(begin + 1, None, counts.T[chosen].astype(np.float64))
