@@ -1,0 +1,403 @@
+"""Whittle likelihood of modes that move freely from unknown initial states, in noise and under random forces."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from sprung._arrays import Booleans, Complex, Indices, Real
+from sprung._checks import freeze
+from sprung.likelihood.modal import ModalModel, ModalParameters
+from sprung.likelihood.modal_spectra import LineSpectra
+from sprung.likelihood.whittle import TOO_FAR
+from sprung.recording import Recording
+
+#: Least noise over the motion, in power: below it, rounding decides.
+_LEAST_NOISE = 1e-26
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FreeLines:
+    """Fourier lines of records that are not tapered, scaled so that their mean squares are one-sided densities.
+
+    Parameters
+    ----------
+    frequencies
+        Frequency of each line [Hz], above 0, shape (lines,).
+    values
+        Lines of the channels, shape (lines, channels).
+    records
+        Number of the record of each line, from 0, shape (lines,).
+    gains
+        Factor from the sum over samples to each line, shape (lines,).
+    sampling_rate
+        Sampling rate [Hz].
+    """
+
+    frequencies: Real
+    values: Complex
+    records: Indices
+    gains: Real
+    sampling_rate: float
+
+    def __post_init__(self) -> None:
+        freeze(self, frequencies=1, gains=1)
+        freeze(self, values=2, dtype=np.complex128)
+        freeze(self, records=1, dtype=np.intp)
+
+    @property
+    def n_records(self) -> int:
+        """Number of records."""
+        return int(self.records[-1]) + 1
+
+    def scaled(self, factors: Real) -> "FreeLines":
+        """Return the lines of channels multiplied by factors, shape (channels,)."""
+        return replace(self, values=self.values * factors)
+
+
+def free_lines(recordings: Iterable[Recording], *, band: tuple[float, float]) -> FreeLines:
+    """Return the Fourier lines of records within a band [Hz], ends included; the line of the mean is left out.
+
+    Parameters
+    ----------
+    recordings
+        Records of the same channels and rate without missing values or gaps, each free from its first sample on.
+    band
+        Lowest and highest frequency [Hz].
+    """
+    frequencies, values, gains, rate = [], [], [], 1.0
+    for recording in recordings:
+        rate, n_samples = recording.sampling_rate, recording.n_samples
+        lines = np.arange(1, n_samples // 2 + 1) * rate / n_samples
+        used = np.flatnonzero((band[0] <= lines) & (lines <= band[1]) & (lines < 0.495 * rate))
+        gain = np.sqrt(2 / (rate * n_samples))
+        frequencies.append(lines[used])
+        values.append(np.fft.rfft(recording.samples, axis=1)[:, used + 1].T * gain)
+        gains.append(np.full(used.size, gain))
+    records = np.repeat(np.arange(len(gains)), [each.size for each in gains])
+    return FreeLines(np.concatenate(frequencies), np.concatenate(values), records, np.concatenate(gains), rate)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeResponse:
+    """Modes that decay from an unknown initial state in each record, with noise, and random forces if they are free.
+
+    Parameters
+    ----------
+    data
+        Lines of the records.
+    begin
+        Modes, forces and noise at which the search starts.
+    quantity_exponent
+        As in `ModalModel`.
+    has_forces
+        Whether random forces act during the decay; if not, those of `begin` must be 0.
+
+    Notes
+    -----
+    The lines Y of a record of N samples y(n) = sum x_k z_k^n + random motion are
+
+        Y(w) = sum over k of phi_k a_k B_k(w) + conj(phi_k a_k) B_k(-w)^* + E(w),  B_k(w) = 1 / (1 - z_k e^(-iw)),
+
+    exactly, with z_k = exp(pole / sampling rate): a_k = x_k - z_k^N x_k for a free decay, and the initial less the
+    final state where random forces act as well, whose lines E are then independent, without leakage. E has the
+    spectral matrix S of `ModalModel`. The real and imaginary parts of a are estimated by generalised least squares for
+    every value of the other parameters, so that they are not parameters themselves.
+
+    References
+    ----------
+    R. Pintelon, J. Schoukens and G. Vandersteen, Frequency domain system identification using arbitrary signals, IEEE
+    Transactions on Automatic Control 42 (1997), 1717-1720 (the term of the states).
+    G. H. Golub and V. Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
+    variables separate, SIAM Journal on Numerical Analysis 10 (1973), 413-432.
+    """
+
+    data: FreeLines
+    begin: ModalParameters
+    quantity_exponent: float = 2.0
+    has_forces: bool = False
+
+    @cached_property
+    def modal(self) -> ModalModel:
+        """Model of the random part."""
+        n_lines, size = self.data.values.shape
+        empty = np.zeros((n_lines, size, size), dtype=np.complex128)
+        spectra = LineSpectra(self.data.frequencies, np.zeros(n_lines), np.ones(n_lines), empty)
+        rate = self.data.sampling_rate
+        return ModalModel(spectra, self.begin, self.quantity_exponent, sampling_rate=rate)
+
+    @cached_property
+    def is_free(self) -> Booleans:
+        """Which parameters of `modal` are those of this model: all, or all but those of the forces."""
+        free = np.ones(self.modal.start.size, dtype=np.bool_)
+        for name in ("common_exponent", "force_exponents", "forces"):
+            free[self.modal.rows[name]] = self.has_forces
+        return free
+
+    @property
+    def start(self) -> Real:
+        """Parameters at which the search starts."""
+        return self.modal.start[self.is_free]
+
+    @property
+    def prior_std(self) -> Real:
+        """Standard deviation of the prior of each parameter, infinite for a free one."""
+        return self.modal.prior_std[self.is_free]
+
+    def rows(self, name: str) -> Indices:
+        """Return the numbers of the parameters of a field of `ModalParameters`."""
+        return np.searchsorted(np.flatnonzero(self.is_free), self.modal.rows[name])
+
+    def complete(self, parameters: Real) -> Real:
+        """Return the parameters of `modal`."""
+        full = self.modal.start.copy()
+        full[self.is_free] = parameters
+        return full
+
+    def values(self, parameters: Real) -> ModalParameters:
+        """Return what the parameters state."""
+        return self.modal.unpacked(self.complete(parameters))
+
+    def objective(self, parameters: Real) -> tuple[float, Real]:
+        """Return minus the log likelihood, the prior included, and its gradient; `TOO_FAR` and 0 if they do not exist.
+
+        Notes
+        -----
+        sum over lines of ln det S + |L^-1 (Y - mean)|^2 with S = L L^H. At the best amplitudes its derivative by them
+        is 0, so that the gradient is that of the random part with the residuals' products as data, less
+        2 Re (dmean)^H S^-1 (Y - mean).
+        """
+        full = self.complete(parameters)
+        nothing = TOO_FAR, np.zeros_like(parameters)
+        with np.errstate(all="ignore"):
+            try:
+                values = self.modal.unpacked(full)
+                if not np.all(values.damping_ratio < 1):
+                    return nothing
+                fit = self._fitted(full, values)
+            except np.linalg.LinAlgError:
+                return nothing
+            value, gradient = self._of_random_part(full, fit)
+            rows, slopes = self._slopes(values, fit)
+            gradient[rows] -= 2 * np.einsum("lip,li->p", slopes.conj(), fit.whitened).real
+        is_finite = value < TOO_FAR and np.all(np.isfinite(gradient))
+        return (value, gradient[self.is_free]) if is_finite else nothing
+
+    def _of_random_part(self, full: Real, fit: "_Fit") -> tuple[float, Real]:
+        """Return the objective and its gradient by the parameters of the random part; noise alone has a short form."""
+        if self.has_forces:
+            products = fit.residuals[:, :, None] * fit.residuals[:, None, :].conj()
+            return replace(self.modal, spectra=replace(self.modal.spectra, matrices=products)).objective(full)
+        excess = 1 - np.abs(fit.whitened) ** 2
+        deviation = (full - self.modal.start) / self.modal.prior_std
+        gradient = deviation / self.modal.prior_std
+        gradient[self.modal.rows["noise"]] += np.sum(excess, axis=0)
+        gradient[self.modal.rows["noise_exponents"]] += np.sum(self._logarithms * excess, axis=0)
+        value = float(-2 * np.sum(np.log(fit.whitening)) + np.sum(1 - excess) + deviation @ deviation / 2)
+        return value, gradient
+
+    def information(self, parameters: Real) -> Real:
+        """Return the Fisher information without the prior, for unknown amplitudes."""
+        full = self.complete(parameters)
+        values = self.modal.unpacked(full)
+        fit = self._fitted(full, values)
+        total = np.zeros((full.size, full.size))
+        if self.has_forces:
+            of_random = self.modal.whitened_derivatives(full).reshape(-1, full.size)
+            total += of_random.T @ of_random
+        else:
+            powers = np.stack([np.ones_like(self._logarithms), self._logarithms], axis=-1)
+            for own in zip(self.modal.rows["noise"], self.modal.rows["noise_exponents"], strict=True):
+                total[np.ix_(own, own)] = np.sum(powers[:, 0, :, None] * powers[:, 0, None, :], axis=0)
+        rows, slopes = self._slopes(values, fit)
+        columns = self._columns(values, fit.whitening)
+        for number in range(self.data.n_records):
+            own = self.data.records == number
+            basis = np.linalg.qr(_stacked(columns[own]))[0]
+            slope = _stacked(slopes[own])
+            slope -= basis @ (basis.T @ slope)
+            total[np.ix_(rows, rows)] += 2 * slope.T @ slope
+        return total[np.ix_(self.is_free, self.is_free)]
+
+    def amplitudes(self, parameters: Real) -> Complex:
+        """Return the amplitudes a of every record and mode, shape (records, modes)."""
+        full = self.complete(parameters)
+        return self._fitted(full, self.modal.unpacked(full)).amplitudes
+
+    def with_noise(self, parameters: Real) -> "FreeResponse":
+        """Return the model that starts at parameters, with the noise that they leave, white in each channel."""
+        values, residuals = self.values(parameters), self.residuals(parameters)
+        noise = np.mean(np.abs(residuals) ** 2, axis=0)
+        least = _LEAST_NOISE * np.mean(np.abs(self.data.values) ** 2, axis=0)
+        white = np.zeros(noise.size)
+        return replace(self, begin=replace(values, noise=np.maximum(noise, least), noise_exponents=white))
+
+    def residuals(self, parameters: Real) -> Complex:
+        """Return the lines Y - mean that the modes leave, shape (lines, channels)."""
+        full = self.complete(parameters)
+        return self._fitted(full, self.modal.unpacked(full)).residuals
+
+    def whitened_residuals(self, parameters: Real) -> Complex:
+        """Return L^-1 (Y - mean), of mean square 1 where the model holds, shape (lines, channels)."""
+        full = self.complete(parameters)
+        return self._fitted(full, self.modal.unpacked(full)).whitened
+
+    def _fitted(self, full: Real, values: ModalParameters) -> "_Fit":
+        """Return the amplitudes by generalised least squares, and what they leave."""
+        whitening: Complex | Real
+        if self.has_forces:
+            whitening = np.asarray(np.linalg.inv(np.linalg.cholesky(self.modal.matrix(full))))
+        else:
+            whitening = (values.noise * np.exp(self._logarithms * values.noise_exponents)) ** -0.5
+        columns = self._columns(values, whitening)
+        wanted = _whitened(whitening, self.data.values[:, :, None])
+        if not np.all(np.isfinite(columns)):
+            raise np.linalg.LinAlgError("the modes do not decay")
+        n = len(values.natural_frequency)
+        amplitudes = np.zeros((self.data.n_records, n), dtype=np.complex128)
+        for number in range(self.data.n_records):
+            own = self.data.records == number
+            solved = np.linalg.lstsq(_stacked(columns[own]), _stacked(wanted[own])[:, 0], rcond=None)[0]
+            amplitudes[number] = solved[:n] + 1j * solved[n:]
+        forward, backward = self._kernels(values)
+        each = amplitudes[self.data.records]
+        mean = (forward * each) @ values.mode_shapes + (backward * each.conj()) @ values.mode_shapes.conj()
+        residuals = self.data.values - mean
+        return _Fit(whitening, residuals, _whitened(whitening, residuals[:, :, None])[:, :, 0], amplitudes)
+
+    @cached_property
+    def _logarithms(self) -> Real:
+        """Logarithms of the frequencies over the reference of the noise, shape (lines, 1)."""
+        return np.log(self.data.frequencies / self.modal.spectra.middle)[:, None]
+
+    def _kernels(self, values: ModalParameters) -> tuple[Complex, Complex]:
+        """Return B_k(w) and B_k(-w)^* of every line, scaled as the lines are, shape (lines, modes)."""
+        z = np.exp(poles_of(values) / self.data.sampling_rate)
+        gains = self.data.gains[:, None]
+        return gains / (1 - z * self._turn), gains / (1 - z.conj() * self._turn)
+
+    @cached_property
+    def _turn(self) -> Complex:
+        """e^(-iw) of every line, shape (lines, 1)."""
+        return np.exp(-2j * np.pi * self.data.frequencies[:, None] / self.data.sampling_rate)
+
+    def _columns(self, values: ModalParameters, whitening: Complex | Real) -> Complex:
+        """Return the whitened lines of unit real and imaginary amplitudes, shape (lines, channels, 2 modes)."""
+        forward, backward = self._kernels(values)
+        ahead = values.mode_shapes.T * forward[:, None, :]
+        behind = values.mode_shapes.T.conj() * backward[:, None, :]
+        return _whitened(whitening, np.concatenate([ahead + behind, 1j * (ahead - behind)], axis=2))
+
+    def _slopes(self, values: ModalParameters, fit: "_Fit") -> tuple[Indices, Complex]:
+        """Return parameters on which the mean depends, and its whitened derivatives, (lines, channels, parameters).
+
+        Notes
+        -----
+        dB/dpole = B^2 z e^(-iw) / rate; a factor of the frequency moves a pole by itself, one of the damping ratio xi
+        by 2 pi f (-xi - i xi^2 / sqrt(1 - xi^2)).
+        """
+        rate, each = self.data.sampling_rate, fit.amplitudes[self.data.records]
+        forward, backward = self._kernels(values)
+        poles = poles_of(values)
+        z, gains = np.exp(poles / rate), self.data.gains[:, None]
+        xi = values.damping_ratio
+        by_damping = 2 * np.pi * values.natural_frequency * (-xi - 1j * xi**2 / np.sqrt(1 - xi**2))
+        ahead = each * forward**2 * z * self._turn / (rate * gains)
+        behind = each.conj() * backward**2 * z.conj() * self._turn / (rate * gains)
+        shapes = values.mode_shapes.T
+        slopes = [
+            shapes * (ahead * step)[:, None, :] + shapes.conj() * (behind * step.conj())[:, None, :]
+            for step in (poles, by_damping)
+        ]
+        of_mode, of_channel = np.nonzero(self.modal.is_free)
+        waves, mirrored = (forward * each)[:, of_mode], (backward * each.conj())[:, of_mode]
+        unit = np.eye(self.modal.n_channels)[of_channel].T
+        pairs = np.stack([waves + mirrored, 1j * (waves - mirrored)], axis=2).reshape(len(waves), 1, -1)
+        slopes.append(np.repeat(unit, 2, axis=1) * pairs)
+        rows = [self.modal.rows[name] for name in ("natural_frequency", "damping_ratio", "mode_shapes")]
+        return np.concatenate(rows), _whitened(fit.whitening, np.concatenate(slopes, axis=2))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Fit:
+    """Factors L^-1 of S^-1, a diagonal as (lines, channels); residuals, as they are and whitened; amplitudes."""
+
+    whitening: Complex | Real
+    residuals: Complex
+    whitened: Complex
+    amplitudes: Complex
+
+
+def _whitened(whitening: Complex | Real, columns: Complex) -> Complex:
+    """Return the products of the factors with columns, shape (lines, channels, columns)."""
+    product = whitening[:, :, None] * columns if whitening.ndim == 2 else whitening @ columns
+    return np.asarray(product, dtype=np.complex128)
+
+
+def poles_of(values: ModalParameters) -> Complex:
+    """Return the continuous poles [rad/s]."""
+    xi = values.damping_ratio
+    return np.asarray(2 * np.pi * values.natural_frequency * (1j * np.sqrt(1 - xi**2) - xi))
+
+
+def _stacked(matrix: Complex) -> Real:
+    """Return lines and channels as rows, real parts above imaginary ones."""
+    flat = matrix.reshape(-1, matrix.shape[-1])
+    return np.concatenate([flat.real, flat.imag])
+
+
+def realised_poles(data: FreeLines, *, n_states: Sequence[int], block_rows: int) -> list[tuple[Complex, Complex]]:
+    """Return the oscillating poles and shapes of free responses, by a data-driven realisation in the frequency domain.
+
+    Parameters
+    ----------
+    data
+        Lines of the records, whose channels should be of about equal size.
+    n_states
+        Numbers of states, each above 0 and at most block rows less one, times the channels.
+    block_rows
+        Number of block rows, at least 2.
+
+    Returns
+    -------
+    list of (ndarray, ndarray)
+        For each number of states the continuous poles [rad/s] with positive imaginary part, shape (poles,), and complex
+        shapes of any scale, shape (poles, channels).
+
+    Notes
+    -----
+    A free response is the impulse response of its states, Y(z) = D + C (z I - A)^-1 B with an input of 1 in each
+    record. Stacked as [Y, z Y, z^2 Y ..], lines lie in the range of the observability matrix after the powers of z are
+    projected out, exactly in any band. The bilinear map z -> (1 + s) / (1 - s), s' = s / a turns the band into most of
+    the unit circle, which keeps the powers independent where the band is narrow; it keeps the number of states and the
+    directions of the shapes.
+
+    References
+    ----------
+    T. McKelvey, H. Akcay and L. Ljung, Subspace-based multivariable system identification from frequency response data,
+    IEEE Transactions on Automatic Control 41 (1996), 960-979.
+    """
+    tangents = np.tan(np.pi * data.frequencies / data.sampling_rate)
+    stretch = tangents.max() / np.tan(0.4 * np.pi)
+    turn = np.exp(2j * np.arctan(tangents / stretch))
+    n_channels, parts = data.values.shape[1], []
+    for number in range(data.n_records):
+        own = data.records == number
+        powers = turn[own] ** np.arange(block_rows)[:, None]
+        stacked = (powers[:, None, :] * data.values[own].T).reshape(block_rows * n_channels, -1)
+        inputs = np.hstack([powers.real, powers.imag])
+        outputs = np.hstack([stacked.real, stacked.imag])
+        basis = np.linalg.qr(inputs.T)[0]
+        parts.append(outputs - (outputs @ basis) @ basis.T)
+    left = np.linalg.svd(np.hstack(parts), full_matrices=False)[0]
+    found = []
+    for size in n_states:
+        observability = left[:, :size]
+        state_matrix = np.linalg.lstsq(observability[:-n_channels], observability[n_channels:], rcond=None)[0]
+        eigenvalues, vectors = np.linalg.eig(state_matrix)
+        s = stretch * (eigenvalues - 1) / (eigenvalues + 1)
+        poles = data.sampling_rate * np.log((1 + s) / (1 - s))
+        chosen = np.flatnonzero((poles.imag > 0) & (poles.real < 0))
+        found.append((poles[chosen], (observability[:n_channels] @ vectors[:, chosen]).T))
+    return found
