@@ -1,5 +1,6 @@
 """The command line as a process of its own: what it imports, and how it ends."""
 
+import ast
 import json
 import os
 import socket
@@ -17,18 +18,38 @@ def python(code):
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize("words", [["--help"], ["--version"], ["info", "--help"], ["identify", "--help"]])
-def test_help_needs_no_numerics(words):
-    code = f"""
-import sys
-from sprung.cli import main
-code = main({words!r})
-heavy = [name for name in ("numpy", "scipy", "pyarrow", "h5py", "matplotlib") if name in sys.modules]
-sys.exit(f"{{heavy}} were imported" if heavy or code else 0)
-"""
+#: Packages that cost time, and what each command may import of them. (Arrow imports pandas where it is installed.)
+HEAVY = {
+    *("h5py", "jinja2", "matplotlib", "numpy", "pandas", "pyarrow", "pydantic", "scipy", "scipy.stats", "sqlalchemy"),
+    *(
+        f"sprung.{name}"
+        for name in ("calibration", "diagnosis", "identification", "likelihood", "simulation", "vehicles")
+    ),
+}
+ARROW = {"numpy", "pandas", "pyarrow", "pydantic"}
+OF_MODES = {"scipy", "scipy.stats", "sprung.identification", "sprung.likelihood", "sprung.vehicles"}
+MAY_IMPORT = {
+    "--help": set(),
+    "--version": set(),
+    "info --help": {"pydantic"},
+    "identify --help": {"pydantic"},
+    "info {run}": ARROW,
+    "convert {run} {out}.csv": ARROW,
+    "identify {run} --json -": ARROW | OF_MODES,
+}
+
+
+@pytest.mark.parametrize("words", MAY_IMPORT)
+def test_commands_import_what_they_use(words, chain, tmp_path):
+    given = words.format(run=chain, out=tmp_path / "out").split()
+    code = (
+        f"import sys; from sprung.cli import main; code = main({given!r}); print(sorted(sys.modules)); sys.exit(code)"
+    )
     outcome = python(code)
     assert outcome.returncode == 0, outcome.stderr
-    assert outcome.stdout
+    *shown, modules = outcome.stdout.splitlines()
+    assert shown
+    assert HEAVY & set(ast.literal_eval(modules)) <= MAY_IMPORT[words]
 
 
 def test_import_of_the_command_line_is_light():

@@ -60,9 +60,9 @@ def corners(
     from sprung.diagnosis.observation import fit_drive
     from sprung.formats import read_records
     from sprung.likelihood import CornerSettings
+    from sprung.results import page as pages
     from sprung.results import tables
     from sprung.results.documents import corners_document
-    from sprung.results.page import corners_report
     from sprung.vehicles import read_vehicle
 
     check_outputs(json=json, page=page, figures=figures, inputs=[*files, vehicle])
@@ -86,7 +86,7 @@ def corners(
         document = corners_document(fit)
         paths += write_page(
             page,
-            lambda inputs: corners_report(fit, inputs, document=document),
+            lambda inputs: pages.corners_report(fit, inputs, document=document),
             files,
             reading=reading,
             others={"vehicle": vehicle},

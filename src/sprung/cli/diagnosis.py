@@ -131,9 +131,9 @@ def diagnose(
     """Find which spring, damper, tyre or sensor changed, by how much, since when and with what certainty."""
     from sprung import diagnosis
     from sprung._checks import check_number
+    from sprung.results import page as pages
     from sprung.results import tables
     from sprung.results.documents import diagnosis_document
-    from sprung.results.page import diagnosis_report
     from sprung.vehicles import read_vehicle
 
     check_outputs(json=json, page=page, figures=figures, inputs=[*files, vehicle, baseline, of_type])
@@ -167,7 +167,7 @@ def diagnose(
         document = diagnosis_document(result, modes=changes)
         paths += write_page(
             page,
-            lambda inputs: diagnosis_report(result, inputs, baseline=normal, changes=changes, document=document),
+            lambda inputs: pages.diagnosis_report(result, inputs, baseline=normal, changes=changes, document=document),
             files,
             reading=reading,
             others={"vehicle": vehicle, "baseline": baseline, "type": of_type},

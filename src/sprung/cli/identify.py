@@ -140,9 +140,9 @@ def identify(
     from sprung._checks import check_one_of
     from sprung.formats import read_records
     from sprung.identification import METHODS, identify_setups, pick_modes
+    from sprung.results import page as pages
     from sprung.results import tables
     from sprung.results.documents import identification_document
-    from sprung.results.page import identification_report
     from sprung.vehicles import read_description
 
     check_outputs(json=json, page=page, figures=figures, inputs=[*files, vehicle])
@@ -196,7 +196,7 @@ def identify(
         document = identification_document(identification, vehicle=description)
         paths += write_page(
             page,
-            lambda inputs: identification_report(identification, inputs, document=document),
+            lambda inputs: pages.identification_report(identification, inputs, document=document),
             files,
             reading=reading,
             others={"vehicle": vehicle},

@@ -88,9 +88,9 @@ def track(
 ) -> None:
     """Follow modes over files or windows by frequency, shape and standard deviations, with births and deaths."""
     from sprung.identification.tracking import TrackingSettings, track_modes
+    from sprung.results import page as pages
     from sprung.results import tables
     from sprung.results.documents import tracking_document
-    from sprung.results.page import tracking_report
     from sprung.vehicles import read_description
 
     check_outputs(json=json, page=page, figures=figures, inputs=[*files, vehicle])
@@ -123,7 +123,7 @@ def track(
         document = tracking_document(tracked, windows, start=start, has_times=has_times, notes=notes)
         paths += write_page(
             page,
-            lambda inputs: tracking_report(
+            lambda inputs: pages.tracking_report(
                 tracked, inputs, start=start, has_times=has_times, notes=notes, document=document
             ),
             files,

@@ -62,15 +62,6 @@ class IdentifiedMode(ModeValues):
     stable_rate: Number
 
 
-class ExactMode(Document):
-    """A mode of a vehicle whose parameters are known."""
-
-    natural_frequency: float
-    damping_ratio: float
-    mode_shape: Complex
-    label: str | None
-
-
 class Participation(Document):
     """Shares of the rigid-body motions in a mode, and the share of its shape that they explain."""
 

@@ -6,9 +6,9 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
+from sprung._arrays import Complex
 from sprung._checks import check_type
 from sprung.results.documents.document import Document, Pair, checked, read_fields, write_document
-from sprung.results.documents.identification import ExactMode
 from sprung.signals.inspection import ChannelFacts, Inspection
 
 
@@ -60,6 +60,15 @@ class LabelledMode(Document):
 
     natural_frequency: float
     damping_ratio: float
+    label: str | None
+
+
+class ExactMode(Document):
+    """A mode of a vehicle whose parameters are known."""
+
+    natural_frequency: float
+    damping_ratio: float
+    mode_shape: Complex
     label: str | None
 
 

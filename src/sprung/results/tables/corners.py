@@ -1,13 +1,8 @@
 """Corners, calibrations and inspected recordings as tables and sentences."""
 
-from collections.abc import Mapping
-from datetime import UTC, datetime
-from typing import Any
-
 from sprung.calibration import CalibratedNumber, Calibration
 from sprung.likelihood import CornerFit
 from sprung.results.tables.table import Table, in_words, with_deviation
-from sprung.signals.inspection import ChannelFacts, Inspection
 
 #: Letters of the longest bar, and the relative change at which it is reached.
 _BAR, _FULL = 8, 0.4
@@ -161,103 +156,3 @@ def _number_cells(number: CalibratedNumber) -> tuple[str, ...]:
         change = f"{number.value - number.nominal_value:+.2g}" if number.unit in {"m", "s"} else percent
     determined = "yes" if number.is_identifiable else "no"
     return f"{number.name}{unit}", given, with_deviation(number.value, number.std), change, determined
-
-
-def true_modes_table(truth: Mapping[str, Any]) -> Table:
-    """Return the table of the exact modes of a simulated recording, from its `sprung.truth/1`.
-
-    Examples
-    --------
-    >>> mode = {"natural_frequency": 12.0, "damping_ratio": 0.24, "label": "wheel_hop"}
-    >>> table = true_modes_table({"modes": [mode]})
-    >>> for row in (table.columns, *table.rows):
-    ...     print(" | ".join(row))
-    frequency [Hz] | damping [%] | label
-    12.00 | 24.00 | wheel hop
-    """
-    rows = tuple(
-        (
-            f"{mode['natural_frequency']:#.4g}",
-            f"{100 * mode['damping_ratio']:#.4g}",
-            in_words(mode["label"] or ""),
-        )
-        for mode in truth["modes"]
-    )
-    return Table("True modes", ("frequency [Hz]", "damping [%]", "label"), rows, n_words=0)
-
-
-def inspection_table(inspection: Inspection) -> Table:
-    """Return the table of the channels of a recording: levels and faults.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from sprung.recording import Channel, Recording
-    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
-    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
-    >>> import sprung
-    >>> table = inspection_table(sprung.inspect(run))
-    >>> row = dict(zip(table.columns, table.rows[0]))
-    >>> [(name, row[name]) for name in ("unit", "RMS", "lowest", "highest")]
-    [('unit', 'm/s^2'), ('RMS', '3'), ('lowest', '-4.243'), ('highest', '4.243')]
-    """
-    columns = ("channel", "quantity", "unit", "mean", "RMS", "lowest", "highest", "remarks")
-    return Table("", columns, tuple(_channel_cells(facts) for facts in inspection.channels), n_words=3)
-
-
-def inspection_in_words(inspection: Inspection) -> str:
-    """Return length, rate, gaps and start of a recording in one line.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from sprung.recording import Channel, Recording
-    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
-    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
-    >>> import sprung
-    >>> inspection_in_words(sprung.inspect(run))
-    '4000 samples at 100 Hz: 40 s, no gaps'
-    """
-    length = f"{inspection.n_samples} samples at {inspection.sampling_rate:.8g} Hz: {_time(inspection.duration)}"
-    gaps = "no gaps"
-    if inspection.n_gaps:
-        gaps = f"{inspection.n_gaps} gap{'s' * (inspection.n_gaps > 1)} of {_time(inspection.gap_duration)} in all"
-    start = ""
-    if inspection.start is not None:
-        start = f", from {datetime.fromtimestamp(inspection.start // 10**9, tz=UTC):%Y-%m-%d %H:%M:%S} UTC"
-    return f"{length}, {gaps}{start}"
-
-
-def _time(seconds: float) -> str:
-    """Return a duration in its natural unit."""
-    if seconds < 120:
-        return f"{seconds:.4g} s"
-    return f"{seconds / 60:.4g} min" if seconds < 7200 else f"{seconds / 3600:.4g} h"
-
-
-def _channel_cells(facts: ChannelFacts) -> tuple[str, ...]:
-    """Return a channel's row of the table."""
-    levels = (facts.mean, facts.rms, facts.minimum, facts.maximum)
-    numbers = ("" if level is None else f"{level:.4g}" for level in levels)
-    return (facts.name, facts.quantity, facts.unit, *numbers, _remarks(facts))
-
-
-def _remarks(facts: ChannelFacts) -> str:
-    """Return the faults of a channel in words."""
-    shares = {
-        "half-dead": facts.stuck,
-        "stuck": facts.stuck,
-        "clipped": facts.clipped,
-        "filled": facts.fillers,
-        "repeating": facts.repeated,
-    }
-    words = {
-        "filled": f"filler value {facts.filler or 0.0:.6g} in",
-        "repeating": "copies of earlier stretches",
-        "spiking": f"{facts.n_spikes} spikes",
-    }
-    remarks = [
-        f"{words.get(kind, kind)} {100 * shares[kind]:.3g} %" if kind in shares else words.get(kind, kind)
-        for kind in facts.faults
-    ]
-    return ", ".join(remarks + [f"missing {100 * facts.missing:.3g} %"] * (facts.missing > 0))

@@ -21,8 +21,6 @@ from sprung.results.tables.corners import (
     calibration_table,
     components_table,
     fitted_modes_table,
-    inspection_in_words,
-    inspection_table,
     payload_in_words,
 )
 from sprung.results.tables.diagnosis import (
@@ -40,6 +38,7 @@ from sprung.results.tables.identification import (
     tracks_in_words,
     tracks_table,
 )
+from sprung.results.tables.recordings import inspection_in_words, inspection_table
 from sprung.results.tables.table import Table
 from sprung.signals.inspection import Inspection, inspect
 

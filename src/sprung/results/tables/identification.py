@@ -13,7 +13,7 @@ from sprung.identification import METHOD_NAMES, Identification, LevelTrends, Rov
 from sprung.identification.methods import WindowModes
 from sprung.identification.tracking import Track, TrackedModes, TrackedValue
 from sprung.modal import Modes, PoleStatus
-from sprung.results.tables.table import Table, in_words, time_in_words, with_deviation
+from sprung.results.tables.table import Table, duration_in_words, in_words, time_in_words, with_deviation
 from sprung.signals.harmonics import Harmonic
 
 #: Channels below this share of the largest one are omitted from a shape in words.
@@ -481,7 +481,7 @@ def moment_in_words(time: float, *, start: int | None, has_times: bool) -> str:
         return str(round(time) + 1)
     if start is not None:
         return time_in_words(start + round(1e9 * time))
-    return f"{time:.4g} s" if time < 120 else f"{time / 60:.4g} min" if time < 7200 else f"{time / 3600:.4g} h"
+    return duration_in_words(time)
 
 
 def _ratio(value: TrackedValue, n_windows: int) -> str:

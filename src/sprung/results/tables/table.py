@@ -110,6 +110,19 @@ def age_in_words(time: int, *, now: int) -> str:
     return "just now"
 
 
+def duration_in_words(seconds: float) -> str:
+    """Return a duration in its natural unit.
+
+    Examples
+    --------
+    >>> [duration_in_words(seconds) for seconds in (90.0, 600.0, 7200.0)]
+    ['90 s', '10 min', '2 h']
+    """
+    if seconds < 120:
+        return f"{seconds:.4g} s"
+    return f"{seconds / 60:.4g} min" if seconds < 7200 else f"{seconds / 3600:.4g} h"
+
+
 def span_in_words(begin: int, end: int) -> str:
     """Return a span of time (UTC ns), such as "2026-11-21 08:30 to 08:40 UTC".
 

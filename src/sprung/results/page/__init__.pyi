@@ -1,0 +1,9 @@
+from sprung.results.page.page import Report as Report
+from sprung.results.page.page import pdf_of as pdf_of
+from sprung.results.page.page import render as render
+from sprung.results.page.results import Inputs as Inputs
+from sprung.results.page.results import corners_report as corners_report
+from sprung.results.page.results import diagnosis_report as diagnosis_report
+from sprung.results.page.results import identification_report as identification_report
+from sprung.results.page.results import inspected as inspected
+from sprung.results.page.results import tracking_report as tracking_report
