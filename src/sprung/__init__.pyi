@@ -1,4 +1,9 @@
 from sprung import plotting as plotting
+from sprung.bounce_tests import Bounce as Bounce
+from sprung.bounce_tests import BounceChange as BounceChange
+from sprung.bounce_tests import BounceTest as BounceTest
+from sprung.bounce_tests import CornerValue as CornerValue
+from sprung.bounce_tests import bounce as bounce
 from sprung.calibration import CalibratedNumber as CalibratedNumber
 from sprung.calibration import Calibration as Calibration
 from sprung.calibration import CalibrationSettings as CalibrationSettings
@@ -59,6 +64,9 @@ from sprung.identification import identify_setups as identify_setups
 from sprung.identification import pick_modes as pick_modes
 from sprung.identification import poly_lscf as poly_lscf
 from sprung.identification.band_fits import BandFit as BandFit
+from sprung.identification.free_response import FreeFit as FreeFit
+from sprung.identification.free_response import fit_free_response as fit_free_response
+from sprung.identification.friction import FrictionFit as FrictionFit
 from sprung.identification.plscf import PolynomialLadder as PolynomialLadder
 from sprung.identification.refinement import Refinement as Refinement
 from sprung.identification.settings import Plan as Plan
@@ -73,6 +81,8 @@ from sprung.identification.tracking import TrackedValue as TrackedValue
 from sprung.identification.tracking import TrackingSettings as TrackingSettings
 from sprung.identification.tracking import TrackTrend as TrackTrend
 from sprung.identification.tracking import track_modes as track_modes
+from sprung.identification.transients import Transient as Transient
+from sprung.identification.transients import find_transients as find_transients
 from sprung.likelihood import CornerFit as CornerFit
 from sprung.likelihood import CornerSettings as CornerSettings
 from sprung.likelihood import fit_corners as fit_corners
@@ -84,6 +94,7 @@ from sprung.modal import mac as mac
 from sprung.recording import Channel as Channel
 from sprung.recording import Gap as Gap
 from sprung.recording import Recording as Recording
+from sprung.results.documents import BounceDocument as BounceDocument
 from sprung.results.documents import CalibrationDocument as CalibrationDocument
 from sprung.results.documents import CornersDocument as CornersDocument
 from sprung.results.documents import DiagnosisDocument as DiagnosisDocument

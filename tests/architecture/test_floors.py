@@ -19,7 +19,7 @@ FLOORS = (
     ("vehicles",),
     ("excitation", "likelihood"),
     ("identification",),
-    ("simulation", "diagnosis", "calibration"),
+    ("simulation", "diagnosis", "calibration", "bounce_tests"),
     ("results.renderings",),
     ("results.documents", "results.tables"),
     ("results.figures", "results.periods", "state"),

@@ -54,7 +54,7 @@ class FreeFit:
         Covariance of ln frequency and ln damping ratio of all modes, then of the real and imaginary parts of their
         shapes at all channels but the largest, shape (parameters, parameters).
     explained
-        Share of the motion's power in the band that the modes explain.
+        Share of the power in the band that the modes explain, in the channel that they explain best.
     information_criterion
         Bayesian information criterion, half of it, in units of the log likelihood.
     has_forces
@@ -130,32 +130,38 @@ def fit_free_response(
     for run in runs:
         check_type("recordings", run, Recording, advice="sprung.read(path)")
     lines = free_lines(runs, band=band or (0.0, 0.4 * runs[0].sampling_rate))
-    rms = np.sqrt(np.mean(np.abs(lines.values) ** 2, axis=0)) if lines.frequencies.size else np.zeros(1)
-    if not np.all(rms > 0) or not np.all(np.isfinite(rms)):
-        raise DataError("a free response needs channels that move, without missing values: leave out dead channels")
-    scaled = lines.scaled(1 / rms)
-    n_channels = len(rms)
-    shortest = min(int(np.sum(lines.records == number)) for number in range(lines.n_records))
-    rows = int(min(RULES.max_block_rows, 2 * RULES.lines_of_block_rows * shortest))
-    most = min(2 * (max_modes or RULES.max_modes), (rows - 1) * n_channels, rows - 1 if n_channels == 1 else 2 * rows)
-    if most < 2:
-        raise DataError(f"{runs[0].duration:.3g} s are too short for a free response: give a longer record")
-    starts: dict[int, _Fitted] = {}
-    for poles, shapes in realised_poles(scaled, n_states=range(1, most + 1), block_rows=rows):
-        xi = -poles.real / np.abs(poles)
-        swings = np.flatnonzero((xi < RULES.max_damping) & (np.abs(poles) < 2 * np.pi * lines.frequencies.max()))
-        if not 0 < swings.size <= (max_modes or RULES.max_modes):
-            continue
-        start = _started(lines, poles[swings], unit_shapes(shapes[swings] * rms))
-        if start is not None and (swings.size not in starts or start.criterion < starts[swings.size].criterion):
-            starts[swings.size] = start
-    nearest = sorted(starts.values(), key=lambda start: start.criterion)[: RULES.n_refined]
+    starts = _starts(lines, most=max_modes or RULES.max_modes)
+    nearest = sorted(starts, key=lambda start: start.criterion)[: RULES.n_refined]
     best = min(map(_refined, nearest), key=lambda fitted: fitted.criterion, default=None)
     if best is None:
         raise DataError("no motion swings freely in these records: give the part after the push, or a wider band")
     if _misfits(best).max() > RULES.forced_misfit:
         best = min(best, _refined(_with_forces(best)), key=lambda fitted: fitted.criterion)
     return _result(best, channels=runs[0].names)
+
+
+def unexplained(recording: Recording, *, band: tuple[float, float], max_modes: int) -> float:
+    """Return the RMS in the band of what free modes leave of a record, without a search; inf if none fit.
+
+    Parameters
+    ----------
+    recording
+        Record whose channels are of about equal size.
+    band, max_modes
+        As for `fit_free_response`.
+    """
+    lines = free_lines([recording], band=band)
+    try:
+        starts = _starts(lines, most=max_modes, step=2)
+    except DataError:
+        return np.inf
+    best = min(starts, key=lambda start: start.criterion, default=None)
+    if best is None:
+        return np.inf
+    n_mean = 2 * best.model.modal.n_modes * (best.model.modal.n_channels + 1)
+    n_data = 2 * lines.values.size
+    density = np.mean(best.model.begin.noise) * n_data / max(n_data - n_mean, 1)
+    return float(np.sqrt(density * lines.frequencies.max()))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -171,6 +177,29 @@ class _Fitted:
         model = self.model
         n_free = self.parameters.size + 2 * model.modal.n_modes * model.data.n_records
         return model.objective(self.parameters)[0] + n_free / 2 * np.log(2 * model.data.values.size)
+
+
+def _starts(lines: FreeLines, *, most: int, step: int = 1) -> list[_Fitted]:
+    """Return the realisations nearest to the data with each number of modes, up to the most; `step` between states."""
+    shortest = min((int(np.sum(lines.records == number)) for number in range(lines.n_records)), default=0)
+    rows, n_channels = int(min(RULES.max_block_rows, 2 * RULES.lines_of_block_rows * shortest)), lines.values.shape[1]
+    n_states = min(2 * most + 2, (rows - 1) * min(n_channels, 2))
+    if n_states < 2:
+        raise DataError("the records are too short for a free response: give longer ones, or a wider band")
+    rms = np.sqrt(np.mean(np.abs(lines.values) ** 2, axis=0))
+    if not np.all(rms > 0) or not np.all(np.isfinite(rms)):
+        raise DataError("a free response needs channels that move, without missing values: leave out dead channels")
+    best: dict[int, _Fitted] = {}
+    sizes = range(step, n_states + 1, step)
+    for poles, shapes in realised_poles(lines.scaled(1 / rms), n_states=sizes, block_rows=rows):
+        xi = -poles.real / np.abs(poles)
+        swings = np.flatnonzero((xi < RULES.max_damping) & (np.abs(poles) < 2 * np.pi * lines.frequencies.max()))
+        if not 0 < swings.size <= most:
+            continue
+        start = _started(lines, poles[swings], unit_shapes(shapes[swings] * rms))
+        if start is not None and (swings.size not in best or start.criterion < best[swings.size].criterion):
+            best[swings.size] = start
+    return list(best.values())
 
 
 def _started(data: FreeLines, poles: Complex, shapes: Complex) -> _Fitted | None:
@@ -256,14 +285,17 @@ def _result(fitted: _Fitted, *, channels: tuple[str, ...]) -> FreeFit:
     durations = 2 / (gains * model.data.sampling_rate) ** 2
     amplitudes = 2 * model.amplitudes(parameters) / (1 - np.exp(np.outer(durations, poles)))
     order = np.argsort(f)
-    kept = order[((stds[:n] < RULES.max_deviation * xi) & (stds[n : 2 * n] < RULES.max_deviation))[order]]
+    is_clear = (
+        (stds[:n] < RULES.max_deviation * xi) & (stds[n : 2 * n] < RULES.max_deviation) & (xi < RULES.max_damping)
+    )
+    kept = order[is_clear[order]]
     rows = np.concatenate([kept, n + kept, *(np.flatnonzero(of_mode[2 * n :] == k) + 2 * n for k in kept)])
     left = np.sum(np.abs(model.residuals(parameters)) ** 2, axis=0)
     return FreeFit(
         modes=modes.take(kept),
         amplitudes=amplitudes[:, kept],
         covariance=covariance[np.ix_(rows, rows)],
-        explained=float(1 - np.mean(left / np.sum(np.abs(model.data.values) ** 2, axis=0))),
+        explained=float(1 - np.min(left / np.sum(np.abs(model.data.values) ** 2, axis=0))),
         information_criterion=fitted.criterion,
         has_forces=model.has_forces,
         n_unclear=n - len(kept),

@@ -396,8 +396,9 @@ def realised_poles(data: FreeLines, *, n_states: Sequence[int], block_rows: int)
         observability = left[:, :size]
         state_matrix = np.linalg.lstsq(observability[:-n_channels], observability[n_channels:], rcond=None)[0]
         eigenvalues, vectors = np.linalg.eig(state_matrix)
-        s = stretch * (eigenvalues - 1) / (eigenvalues + 1)
-        poles = data.sampling_rate * np.log((1 + s) / (1 - s))
+        with np.errstate(all="ignore"):  # a pole at the ends of the band is none
+            s = stretch * (eigenvalues - 1) / (eigenvalues + 1)
+            poles = data.sampling_rate * np.log((1 + s) / (1 - s))
         chosen = np.flatnonzero((poles.imag > 0) & (poles.real < 0))
         found.append((poles[chosen], (observability[:n_channels] @ vectors[:, chosen]).T))
     return found

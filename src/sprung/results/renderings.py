@@ -50,6 +50,12 @@ def _tabulated(name: str, *, document: str = "", picture: str = "") -> Rendering
 RENDERINGS: Mapping[str, Renderings] = MappingProxyType(
     {
         "Baseline": _tabulated("baseline", document="documents.baseline:baseline_document"),
+        "Bounce": Renderings(
+            "documents.bounce:bounce_document",
+            "tables.bounce:bounce_columns",
+            "tables.bounce:bounce_parts",
+            "figures.bounce:bounce_figure",
+        ),
         "Calibration": _tabulated(
             "calibration",
             document="documents.corners:calibration_document",

@@ -8,6 +8,8 @@ from sprung.results.documents.baseline import type_baseline_document as type_bas
 from sprung.results.documents.baseline import type_baseline_from_document as type_baseline_from_document
 from sprung.results.documents.baseline import write_baseline as write_baseline
 from sprung.results.documents.baseline import write_type_baseline as write_type_baseline
+from sprung.results.documents.bounce import BounceDocument as BounceDocument
+from sprung.results.documents.bounce import bounce_document as bounce_document
 from sprung.results.documents.corners import CalibrationDocument as CalibrationDocument
 from sprung.results.documents.corners import CornersDocument as CornersDocument
 from sprung.results.documents.corners import calibration_document as calibration_document

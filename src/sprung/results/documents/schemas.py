@@ -10,6 +10,7 @@ from pydantic_core import core_schema
 
 from sprung.errors import FormatError, ParameterError
 from sprung.results.documents.baseline import BaselineDocument, TypeBaselineDocument
+from sprung.results.documents.bounce import BounceDocument
 from sprung.results.documents.corners import CalibrationDocument, CornersDocument
 from sprung.results.documents.diagnosis import DiagnosisDocument
 from sprung.results.documents.document import Document, checked, read_fields, schema_of
@@ -44,6 +45,7 @@ _KINDS: tuple[type[Document], ...] = (
     AlertsDocument,
     QuarantineDocument,
     BaselineDocument,
+    BounceDocument,
     CalibrationDocument,
     CornersDocument,
     DiagnosisDocument,

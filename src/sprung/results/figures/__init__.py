@@ -1,6 +1,7 @@
 """Figures: one function for each, from values to a matplotlib figure."""
 
 from sprung.results.figures.animation import save_animation
+from sprung.results.figures.bounce import bounce_figure
 from sprung.results.figures.corners import (
     corners_figure,
     correlation_figure,
@@ -36,6 +37,7 @@ __all__ = [
     "Spread",
     "Stretch",
     "alignment_rates",
+    "bounce_figure",
     "cepstrum_figure",
     "complexity_figure",
     "components_history_figure",

@@ -2,6 +2,7 @@ from sprung.results.page.page import Report as Report
 from sprung.results.page.page import pdf_of as pdf_of
 from sprung.results.page.page import render as render
 from sprung.results.page.results import Inputs as Inputs
+from sprung.results.page.results import bounce_report as bounce_report
 from sprung.results.page.results import corners_report as corners_report
 from sprung.results.page.results import diagnosis_report as diagnosis_report
 from sprung.results.page.results import identification_report as identification_report

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sprung import __version__
+from sprung.bounce_tests import Bounce
 from sprung.diagnosis import Baseline, Diagnosis, ModeChange
 from sprung.formats import ReadSettings, read_records
 from sprung.identification import Identification
@@ -21,6 +22,8 @@ from sprung.results.documents import Document
 from sprung.results.page.page import Block, Paragraph, Picture, Report, Section, Sentences, picture
 from sprung.results.tables import (
     Table,
+    bounce_in_words,
+    bounce_tables,
     components_table,
     counted,
     diagnosis_in_words,
@@ -171,6 +174,7 @@ _CAPTIONS = {
         "mac": "Modal assurance criterion (MAC) between the modes: 1 for equal shapes, 0 for orthogonal ones.",
         "subsets": "Frequency and damping of each mode against the level of the vibration.",
     },
+    "bounce": {"bounce": "Free motion after each push, with the fit and the envelope of its strongest mode."},
     "corners": {
         "corners": "Springs, dampers and tyres against the vehicle file, with 95 % intervals.",
         "spectra": "Measured spectra and those of the fitted vehicle.",
@@ -249,6 +253,27 @@ def identification_report(
         inputs,
         document,
     )
+
+
+def bounce_report(bounce: Bounce, inputs: Inputs, *, document: Document | None = None) -> Report:
+    """Return the report of bounce tests; parameters as for `identification_report`."""
+    from sprung.results.figures.bounce import bounce_figure
+
+    limits = [
+        "± is one standard deviation; it covers noise, and motion that the fit does not explain, of these tests alone:"
+        " another push, load or temperature may differ by more.",
+        "Frequencies and damping are those of free motion of this size: dampers and friction depend on it.",
+        "Springs and dampers rest on masses and positions in the vehicle file.",
+    ]
+    sections = [
+        Section("Results", tuple(bounce_tables(bounce))),
+        *_notes(bounce.notes),
+        _pictures({"bounce": bounce_figure(bounce, source=inputs.title)}, _CAPTIONS["bounce"]),
+        data_section(inputs),
+        _limits(limits),
+    ]
+    verdict = _sentence(f"{bounce_in_words(bounce)}: {bounce.modes.in_words}")
+    return _report(f"Bounce test: {inputs.title}", verdict, sections, inputs, document)
 
 
 def corners_report(fit: CornerFit, inputs: Inputs, *, document: Document | None = None) -> Report:

@@ -1,4 +1,6 @@
 from sprung._display import counted as counted
+from sprung.results.tables.bounce import bounce_in_words as bounce_in_words
+from sprung.results.tables.bounce import bounce_tables as bounce_tables
 from sprung.results.tables.corners import calibration_in_words as calibration_in_words
 from sprung.results.tables.corners import calibration_table as calibration_table
 from sprung.results.tables.corners import components_table as components_table

@@ -1,0 +1,176 @@
+"""One push, drop or release: by linear modes, or by a swing with friction."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sprung._arrays import Booleans, Real
+from sprung.bounce_tests.results import RULES, BounceTest
+from sprung.errors import DataError
+from sprung.identification.free_response import FreeFit, fit_free_response
+from sprung.identification.friction import FrictionFit, fit_friction
+from sprung.identification.transients import Transient
+from sprung.modal import Modes, mac, unit_shapes
+from sprung.recording import Recording
+
+#: Derivative of displacement that a quantity measures; others are accelerations, unknown ones mostly travel.
+_ORDERS = {"displacement": 0, "angle": 0, "strain": 0, "unknown": 0, "velocity": 1, "angular_velocity": 1}
+
+
+def size_of(run: Recording, transient: Transient) -> float:
+    """Return the range of the channel that moves most over that of the recording."""
+    begin, end = (round(each * run.sampling_rate) for each in (transient.onset, transient.end))
+    ranges = np.ptp(run.samples[:, begin:end], axis=1) / np.maximum(np.ptp(run.samples, axis=1), 1e-300)
+    return float(np.max(ranges))
+
+
+def _band(run: Recording, transient: Transient) -> tuple[float, float]:
+    """Return the frequencies to fit [Hz]."""
+    return 0.0, float(min(RULES.reach / transient.window, 0.45 * run.sampling_rate))
+
+
+def tested(run: Recording, number: int, transient: Transient) -> BounceTest:
+    """Return the test of one motion, by linear modes or with friction."""
+    begin, end = (round(each * run.sampling_rate) for each in (transient.begin, transient.end))
+    part = run.part(begin, end)
+    is_linear = transient.unexplained < max(RULES.nonlinear, RULES.beyond_noise * transient.noise)
+    with_friction = None if is_linear else _with_friction(run, number, transient)
+    if with_friction is not None and with_friction.is_significant:
+        return with_friction
+    if with_friction is None and transient.unexplained > _by_noise(RULES.hopeless, transient):
+        raise DataError("it does not swing freely")
+    try:
+        fit = fit_free_response(part, band=_band(run, transient), max_modes=RULES.max_modes)
+    except DataError:
+        if with_friction is None:
+            raise
+        return with_friction
+    residual = float(np.sqrt(max(1 - fit.explained, 0.0)))
+    if with_friction is not None and not (
+        0 < len(fit.modes) <= len(with_friction.modes) and residual < with_friction.residual
+    ):
+        return with_friction
+    if not len(fit.modes) or residual > _by_noise(RULES.max_linear_residual, transient):
+        raise DataError("it does not swing freely")
+    if fit.modes.damping_ratio.min() > RULES.max_damping:
+        raise DataError("it returns without a swing")
+    motion = fit.motion(0, np.arange(part.n_samples) / part.sampling_rate)
+    motion = motion + np.mean(part.samples - motion, axis=1, keepdims=True)
+    return BounceTest(number, transient, part, motion, fit.modes, (None,) * len(fit.modes), residual)
+
+
+def _by_noise(limit: float, transient: Transient) -> float:
+    """Return a limit of residuals over the motion, higher where noise explains more, as long as the motion is clear."""
+    return max(limit, min(RULES.beyond_noise * transient.noise, RULES.max_noise))
+
+
+def _with_friction(run: Recording, number: int, transient: Transient) -> BounceTest | None:
+    """Return a test by swings with friction, of all channels or of single travels; None where none fits."""
+    orders = {_ORDERS.get(channel.quantity, 2) for channel in run.channels}
+    groups = [tuple(range(len(run.channels)))] if len(orders) == 1 else []
+    groups += [(k,) for k in range(len(run.channels)) if orders == {0} and len(run.channels) > 1]
+    found: list[tuple[tuple[int, ...], FrictionFit, int]] = []
+    for group in groups:
+        best = _swing(run, group, transient)
+        if best is not None:
+            found.append((group, *best))
+            if len(group) == len(run.channels):
+                break
+    if not found:
+        return None
+    begin, end = min(first for _, _, first in found), round(transient.end * run.sampling_rate)
+    part = run.part(begin, end)
+    fitted = np.full(part.samples.shape, np.nan)
+    n, shapes = len(found), np.zeros((len(found), len(run.channels)), dtype=np.complex128)
+    for k, (group, fit, first) in enumerate(found):
+        fitted[group, first - begin :] = fit.motion(np.arange(end - first) / run.sampling_rate)
+        shapes[k, group] = fit.amplitudes
+    f, xi = np.array([fit.equivalent[0] for _, fit, _ in found]).T
+    f_std, xi_std = np.array([fit.equivalent[1] for _, fit, _ in found]).T
+    poles = 2 * np.pi * f * (1j * np.sqrt(1 - xi**2) - xi)
+    modes = Modes(poles, unit_shapes(shapes), run.names, f_std, xi_std, np.full(n, np.nan), (None,) * n)
+    residual = float(np.mean([fit.residual for _, fit, _ in found]))
+    transient = replace(transient, begin=begin / run.sampling_rate)
+    return BounceTest(number, transient, part, fitted, modes, tuple(fit for _, fit, _ in found), residual)
+
+
+def _swing(run: Recording, group: tuple[int, ...], transient: Transient) -> tuple[FrictionFit, int] | None:
+    """Return the swing with friction of some channels, and its first sample; None where none describes them."""
+    from scipy.signal import find_peaks
+
+    rate, window = run.sampling_rate, transient.window
+    order = _ORDERS.get(run.channels[group[0]].quantity, 2)
+    first, end = round(transient.onset * rate), round(transient.end * rate)
+    samples = run.samples[list(group), first:end]
+    strongest = int(np.argmax(np.std(samples, axis=1)))
+    row, largest = group[strongest], samples[strongest]
+    width = max(1, round(window * rate / 10))
+    smooth = np.convolve(largest, np.ones(width) / width, mode="same")
+    prominence = 0.1 * np.ptp(smooth)
+    side = 1 if np.ptp([smooth.max(), smooth[-1]]) > np.ptp([smooth.min(), smooth[-1]]) else -1
+    turns, others = (find_peaks(sign * smooth, prominence=prominence)[0] for sign in (side, -side))
+    turns = turns[turns >= np.argmax(side * smooth)] if turns.size else turns
+    stops = others[_at_stop(smooth[others], run.samples[row])] if order == 0 else others[:0]
+    turns = turns[turns > stops.max(initial=-1)]
+    best = None
+    for turn in turns[: RULES.max_turns]:
+        if end - first - turn < 1.2 * window * rate:
+            break
+        fit = fit_friction(samples[:, turn:], rate, frequency=1 / window, order=order)
+        if fit.equivalent[0, 1] > RULES.max_swing_damping or fit.friction > RULES.max_swing_damping:
+            continue
+        if fit.equivalent[1, 1] > RULES.max_deviation * fit.equivalent[0, 1]:
+            continue
+        if fit.residual < RULES.max_residual:
+            best = fit, first + int(turn)
+        if fit.residual < RULES.good_residual:
+            break
+    return best
+
+
+def _at_stop(values: Real, samples: Real) -> Booleans:
+    """Return which values of a channel are at an end of its range where it dwells: an end stop."""
+    ends = np.array([samples.min(), samples.max()])
+    reach = RULES.stop_range * np.ptp(ends)
+    dwells = [np.mean(np.abs(samples - end) < reach) > RULES.stop_dwell for end in ends]
+    return np.asarray(np.any((np.abs(values[:, None] - ends) < reach) & dwells, axis=1))
+
+
+def fitted_together(tests: Sequence[BounceTest], runs: Sequence[Recording]) -> FreeFit | None:
+    """Return the free responses of linear tests of the same channels, fitted together."""
+    parts = [test.part for test in tests]
+    parts = [part for part in parts if part.channels == parts[0].channels]
+    if not parts:
+        return None
+    return fit_free_response(parts, band=_band(runs[tests[0].recording], tests[0].transient))
+
+
+def pooled(tests: Sequence[BounceTest]) -> Modes:
+    """Return the modes of tests with friction, those of the same channel averaged with the inverse variances."""
+    modes = [test.modes.take(np.array([k])) for test in tests for k in range(len(test.modes))]
+    groups: list[list[Modes]] = []
+    for mode in modes:
+        own = [group for group in groups if mac(group[0].mode_shapes, mode.mode_shapes)[0, 0] > 0.8]
+        if not own:
+            groups.append([])
+        (own or groups)[-1].append(mode)
+    pooled = []
+    for group in groups:
+        f, f_std = _weighted([float(mode.natural_frequency[0]) for mode in group], group, "natural_frequency_std")
+        xi, xi_std = _weighted([float(mode.damping_ratio[0]) for mode in group], group, "damping_ratio_std")
+        pole = 2 * np.pi * f * (1j * np.sqrt(1 - xi**2) - xi)
+        pooled.append((pole, group[0].mode_shapes[0], f_std, xi_std))
+    order = sorted(pooled, key=lambda each: abs(each[0]))
+    poles, shapes, f_stds, xi_stds = (np.array(each) for each in zip(*order, strict=True))
+    n = len(order)
+    return Modes(poles, shapes, modes[0].channels, f_stds, xi_stds, np.full(n, np.nan), (None,) * n)
+
+
+def _weighted(values: Sequence[float], group: Sequence[Modes], name: str) -> tuple[float, float]:
+    """Return the mean with the inverse variances, and its standard deviation, at least that of the scatter."""
+    stds = np.array([float(getattr(mode, name)[0]) for mode in group])
+    weights = 1 / stds**2
+    mean = float(np.average(values, weights=weights))
+    scatter = float(np.average((np.array(values) - mean) ** 2, weights=weights)) / max(len(values) - 1, 1)
+    return mean, float(np.sqrt(max(1 / weights.sum(), scatter)))

@@ -1,0 +1,102 @@
+"""Bounce tests: several pushes in a recording, a shipped car, friction, changes, and recordings without a test."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sprung.bounce_tests import bounce
+from sprung.errors import DataError
+from sprung.formats import read
+from sprung.identification.friction import swing_with_friction
+from sprung.identification.transients import find_transients
+from sprung.recording import Channel, Recording
+from sprung.vehicles import Structure, parse_fault, read_vehicle, structure, with_faults
+
+CLICKS = Path(__file__).parents[2] / "shared" / "data" / "mtb_sst_rebound_clicks"
+CAR = read_vehicle("zafira")
+
+
+def pushes(seed=0, *, faults=(), level=0.02) -> Recording:
+    """Return four corners of a car pressed by half a sine, one after another, with the noise of a phone."""
+    car = with_faults(structure(CAR), [parse_fault(fault) for fault in faults])
+    hands = np.zeros((len(car.coordinates), 4))
+    hands[:3] = np.array([[1.0, -x, y] for x in (1.22, -1.58) for y in (0.7, -0.7)]).T
+    names = (*car.inputs, "hand_1", "hand_2", "hand_3", "hand_4")
+    pressed = Structure(car.coordinates, car.mass, car.elements, names, np.hstack([car.forces, hands]), car.outputs)
+    system = pressed.discretised(100.0)
+    force = np.zeros((len(names), 1800))
+    for k in range(4):
+        force[len(car.inputs) + k, 100 + 400 * k : 134 + 400 * k] = -900 * np.sin(np.pi * np.arange(34) / 34)
+    state, samples = np.zeros(len(system.state_matrix)), np.empty((4, 1800))
+    for k in range(1800):
+        samples[:, k] = system.output_matrix @ state + system.feedthrough @ force[:, k]
+        state = system.state_matrix @ state + system.input_matrix @ force[:, k]
+    samples += level * np.random.default_rng(seed).standard_normal(samples.shape)
+    return Recording(samples, 100.0, tuple(Channel(each.name, each.quantity) for each in car.outputs.channels))
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    return bounce(pushes(), vehicle=CAR)
+
+
+def test_pushes_are_found_where_they_are() -> None:
+    found = find_transients(pushes())
+    assert len(found) == 4
+    np.testing.assert_allclose([each.onset for each in found], 1.0 + 4.0 * np.arange(4), atol=0.2)
+    assert all(each.begin >= each.onset + 0.2 for each in found)
+
+
+def test_a_car_pushed_at_its_corners(healthy) -> None:
+    exact = structure(CAR).modes()
+    modes = healthy.modes
+    body = [modes.labels.index(label) for label in ("bounce", "pitch", "roll")]
+    np.testing.assert_allclose(modes.natural_frequency[body], exact.natural_frequency[:3], rtol=0.01)
+    np.testing.assert_allclose(modes.damping_ratio[body], exact.damping_ratio[:3], rtol=0.05)
+    identifiable = [value for value in healthy.corners if value.is_identifiable]
+    assert {value.component.kind for value in identifiable} >= {"spring", "damper"}
+    assert all(abs(value.log_ratio) < 3.5 * value.std for value in identifiable)
+
+
+def test_a_weak_damper_is_the_change(healthy) -> None:
+    after = bounce(pushes(1, faults=["front_left.damper=-0.5"]), vehicle=CAR).changed_since(healthy)
+    dampers = {each.part: each for each in after.changes if each.part.endswith("damper")}
+    worst = max(dampers.values(), key=lambda each: each.score)
+    assert worst.part == "front_left.damper"
+    assert worst.is_significant
+    assert worst.interval[0] < -0.5 < worst.interval[1]
+    again = bounce(pushes(2), vehicle=CAR, before=pushes())
+    assert sum(each.is_significant for each in again.changes) <= 1
+
+
+def test_friction_is_stated_apart() -> None:
+    time = np.arange(500) / 100
+    swing = 0.03 * swing_with_friction(time, natural_frequency=1.6, damping_ratio=0.06, friction=0.08)
+    push = np.linspace(0.0, 0.03, 30)
+    travel = np.concatenate([np.zeros(200), push, swing, np.full(100, swing[-1])])
+    noisy = travel + 1e-4 * np.random.default_rng(5).standard_normal(travel.size)
+    result = bounce(Recording(noisy[None], 100.0, (Channel("travel", "displacement"),)))
+    (test,) = result.tests
+    (friction,) = test.frictions
+    assert friction is not None
+    assert friction.is_significant
+    assert friction.damping_ratio == pytest.approx(0.06, abs=0.01)
+    assert friction.sticking[0] == pytest.approx(0.08 * 0.03, rel=0.1)
+    assert result.modes.damping_ratio[0] > 0.08
+
+
+def test_without_a_push_there_is_no_answer() -> None:
+    noise = np.random.default_rng(6).standard_normal((2, 3000))
+    with pytest.raises(DataError, match="push and let go"):
+        bounce(Recording(noise, 100.0, (Channel("a", "acceleration"), Channel("b", "acceleration"))))
+
+
+@pytest.mark.skipif(not CLICKS.exists(), reason="real recordings are not here")
+def test_rebound_clicks_of_a_bicycle() -> None:
+    """0, 8, 12 clicks: damping rises, and the frequency, with spring and rider unchanged, stays within 15 %."""
+    results = [bounce(read(CLICKS / f"0008{number}.SST")) for number in (3, 5, 6)]
+    damping = [float(result.modes.damping_ratio[0]) for result in results]
+    frequency = [float(result.modes.natural_frequency[0]) for result in results]
+    assert damping == sorted(damping)
+    assert max(frequency) / min(frequency) < 1.16
