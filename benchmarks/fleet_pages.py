@@ -174,7 +174,7 @@ def alert(k: int, n_vehicles: int, chance: random.Random) -> dict[str, object]:
         "x": "x" * 400,
     }
     return {
-        "id": k,
+        "number": k,
         "vehicle": f"bus-{k * 7919 % n_vehicles:06d}",
         "cause": cause,
         "severity": chance.randrange(1, 1001),
@@ -187,7 +187,9 @@ def alert(k: int, n_vehicles: int, chance: random.Random) -> dict[str, object]:
         "cleared": None if is_active else raised + HOUR,
         "count": 1,
         "assignee": "eve" if k % 211 == 0 else None,
-        "document": {"evidence": evidence, "streak": 1},
+        "evidence": evidence,
+        "streak": 1,
+        "worst": 0,
     }
 
 

@@ -38,14 +38,14 @@ def contents(store: Path) -> dict[str, list[tuple[Any, ...]]]:
         ),
         "history": rows(
             store,
-            f"SELECT cause, what, who, comment FROM alert_history JOIN alerts ON alert = alerts.id"
+            f"SELECT cause, what, who, comment FROM alert_history JOIN alerts ON alert = alerts.number"
             f" WHERE vehicle = '{VEHICLE}' ORDER BY cause, alert_history.id",
         ),
         "notifications": rows(
             store,
             f"SELECT cause, json_extract(notifications.document, '$.what'),"
             f" json_extract(notifications.document, '$.document.text')"
-            f" FROM notifications JOIN alerts ON alert = alerts.id"
+            f" FROM notifications JOIN alerts ON alert = alerts.number"
             f" WHERE vehicle = '{VEHICLE}' ORDER BY cause, notifications.id",
         ),
     }

@@ -45,10 +45,10 @@ TABLES = {
     "statuses": "SELECT vehicle, document FROM statuses ORDER BY 1",
     "alerts": f"SELECT vehicle, cause, severity, text, is_active, is_acknowledged, count, assignee FROM alerts"
     f" WHERE {_OWN} ORDER BY 1, 2",
-    "history": f"SELECT vehicle, cause, what, who, comment FROM alert_history JOIN alerts ON alert = alerts.id"
+    "history": f"SELECT vehicle, cause, what, who, comment FROM alert_history JOIN alerts ON alert = alerts.number"
     f" WHERE {_OWN} ORDER BY 1, 2, alert_history.id",
     "notifications": f"SELECT vehicle, cause, notifications.document::json ->> 'what', notifications.document::json"
-    f" ->> 'text', sent IS NULL FROM notifications JOIN alerts ON alert = alerts.id WHERE {_OWN}"
+    f" ->> 'text', sent IS NULL FROM notifications JOIN alerts ON alert = alerts.number WHERE {_OWN}"
     f" ORDER BY 1, 2, notifications.id",
 }
 #: Parts of a message that depend on the clock and on the order of alerts of different vehicles.

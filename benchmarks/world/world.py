@@ -265,11 +265,11 @@ _TABLES = {
     " AND cursors.boot = frames.boot WHERE seq <= contiguous ORDER BY frames.vehicle, frames.boot, seq",
     "alerts": "SELECT vehicle, cause, severity, text, is_active, is_acknowledged, count FROM alerts"
     " WHERE cause LIKE 'sensor:%' ORDER BY vehicle, cause",
-    "history": "SELECT vehicle, cause, what FROM alert_history JOIN alerts ON alerts.id = alert"
+    "history": "SELECT vehicle, cause, what FROM alert_history JOIN alerts ON alerts.number = alert"
     " WHERE cause LIKE 'sensor:%' AND what NOT IN ('undelivered', 'delivered', 'abandoned')"
     " ORDER BY vehicle, cause, alert_history.id",
     "notifications": "SELECT vehicle, cause, json_extract(notifications.document, '$.what') FROM notifications"
-    " JOIN alerts ON alerts.id = alert WHERE cause LIKE 'sensor:%' ORDER BY vehicle, cause, notifications.id",
+    " JOIN alerts ON alerts.number = alert WHERE cause LIKE 'sensor:%' ORDER BY vehicle, cause, notifications.id",
 }
 
 

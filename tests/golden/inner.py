@@ -129,7 +129,7 @@ def opened(name: str, folder: Path) -> Iterator[Opened]:
         context = Context(store, site, figures=lambda: FIGURES, troubles=list, clock=lambda: kind.now)
         last = {vehicle: store.results.observations(vehicle, limit=1) for vehicle in kind.vehicles}
         windows = {vehicle: (rows[0].boot, rows[0].number) for vehicle, rows in last.items() if rows}
-        numbers = sorted(row.id for row in store.alerts.find(is_active=True) if row.vehicle in kind.vehicles and row.id)
+        numbers = sorted(row.number for row in store.alerts.find(is_active=True) if row.vehicle in kind.vehicles)
         headers = {"Authorization": f"Bearer {secret}"}
         with TestClient(application(context), base_url="http://127.0.0.1:8737", headers=headers) as client:
             yield Opened(

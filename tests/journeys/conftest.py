@@ -101,7 +101,7 @@ class Monitor:
     def number_of(self, vehicle: str) -> int:
         """Return the number of the only active alert of a vehicle."""
         (row,) = self.store.alerts.find(vehicle=vehicle, is_active=True)
-        return depot.number_of(row)
+        return row.number
 
     def session_of(self, role: str) -> str:
         """Return the secret of a new session of the person with a role."""

@@ -11,7 +11,7 @@ from sprung.diagnosis import Observation, SensorFault, diagnose, learn
 from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import AlertBook, operations
 from sprung.online.monitor.engine import Observed
-from sprung.online.store import AlertRow, Progress, Store, StoredFrame
+from sprung.online.store import Progress, Store, StoredFrame
 from sprung.recording import Channel, Recording
 from sprung.results.documents import baseline_document, finding_document, observation_document
 from sprung.vehicles import read_vehicle, vehicle_text
@@ -196,7 +196,7 @@ def _modes(generator: np.random.Generator) -> dict[str, Any]:
 
 def _settle(store: Store, *, now: int) -> None:
     """Let people act on some alerts."""
-    numbers = {row.vehicle: number_of(row) for row in store.alerts.find(is_active=True)}
+    numbers = {row.vehicle: row.number for row in store.alerts.find(is_active=True)}
     operations.acknowledge(store, numbers[WEAK], who="Bert", comment="on my list for tonight", now=now - 40 * _MINUTE)
     operations.assign(store, numbers[WEAK], assignee="Bert", who="Anna", now=now - 35 * _MINUTE)
     operations.add_comment(
@@ -214,7 +214,7 @@ def _remember(store: Store, book: AlertBook, *, now: int) -> None:
         text = "front-left spring 20 % (17 to 23 %) softer; inspect before the next 500 km"
         report = Report(name, "front_left.spring", 700, text, evidence)
         book.put(reported(None, report, replace(AlertSettings(), raise_after=1), raised), now=raised)
-        number = number_of(store.alerts.find(vehicle=name)[0])
+        number = store.alerts.find(vehicle=name)[0].number
         is_repaired = verdict != "nothing found"
         operations.add_verdict(
             store,
@@ -228,12 +228,6 @@ def _remember(store: Store, book: AlertBook, *, now: int) -> None:
         )
         if not is_repaired:
             operations.close(store, number, who="Bert", comment="road works", now=raised + (21 + 5 * k) * _HOUR)
-
-
-def number_of(row: AlertRow) -> int:
-    """Return the number of an alert in a store."""
-    assert row.id is not None
-    return row.id
 
 
 def _baseline(now: int) -> tuple[Any, ...]:

@@ -1,6 +1,7 @@
 """How a vehicle is, as one value: pages, reports, messages, commands, interface and exports render it."""
 
 from sprung.state.alerts import (
+    SENSOR_WEIGHT,
     STEP_SIZE,
     STEPS,
     WATCHING,
@@ -24,6 +25,7 @@ from sprung.state.verdicts import Verdict
 
 __all__ = [
     "LAST_WINDOWS",
+    "SENSOR_WEIGHT",
     "STEPS",
     "STEP_SIZE",
     "TIME_ROUNDING",

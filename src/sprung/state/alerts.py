@@ -6,7 +6,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from sprung._checks import check_number
 from sprung.diagnosis import SEVERITIES, Hypothesis
+from sprung.errors import ParameterError
 from sprung.results.documents.monitoring import AlertEntry
 from sprung.vehicles import Component
 
@@ -21,47 +23,82 @@ SENSOR_WEIGHT = 1 / 3
 _DATED = 1e8
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, slots=True)
 class AlertState:
-    """An alert with the facts of its finding. Times are UTC ns.
+    """Alert of one cause on one vehicle, as it is stored, changed and shown. Times are UTC ns.
 
     Parameters
     ----------
-    number, vehicle, cause
-        Number of the alert, and what it is about: "front_left.spring", "sensor:acc_fl", "silent".
+    vehicle, cause
+        Name of the vehicle, and what the alert is about: "front_left.spring", "sensor:acc_fl", "silent".
     severity
         Severity, 1 to 1000.
-    is_active, is_acknowledged
-        Whether the cause holds now, and whether an operator has acknowledged it.
-    raised, updated, cleared, count
-        Times when it last became active, changed and became inactive, and how often it became active.
-    assignee, shelved_until
-        Person responsible, and end of the shelving; None without.
     text
         Sentence for people, with the smallest detectable change where it is known.
+    raised
+        Time when it last became active; if it never did, time of its first report.
+    is_active, is_acknowledged
+        Whether the cause holds now, and whether an operator has acknowledged it; also true if it never was active.
+    shelved_until
+        End of the shelving, until which nobody is notified; None if it is not shelved.
+    cleared, count
+        Time when it last became inactive, None while it is active and before it ever was; and how often it became
+        active: 0 during its first hold-off, when no list of alerts should show it.
+    assignee
+        Name of the person responsible; None: nobody.
     evidence
         Plain values behind the alert: the document of its finding and of the change test.
+    updated
+        Time of the last change.
+    streak
+        Number of consecutive windows that contradict `is_active`: reports of an inactive alert, absences of an active
+        one.
+    worst
+        Highest severity since `raised`. Only a severity at least a step above it is notified again, so that a severity
+        that varies between two steps is notified once.
+    notified
+        Time of the last notification since `raised`; None before the first.
+    number
+        Number of the alert, which the store gives; 0 before.
     """
 
-    number: int
     vehicle: str
     cause: str
     severity: int
-    is_active: bool
-    is_acknowledged: bool
-    raised: int
-    updated: int
-    cleared: int | None
-    count: int
-    assignee: str | None
-    shelved_until: int | None
     text: str
-    evidence: Mapping[str, Any] = field(default_factory=dict)
+    raised: int
+    is_active: bool = True
+    is_acknowledged: bool = False
+    shelved_until: int | None = None
+    cleared: int | None = None
+    count: int = 1
+    assignee: str | None = None
+    evidence: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    updated: int = 0
+    streak: int = 0
+    worst: int = 0
+    notified: int | None = None
+    number: int = 0
+
+    def __post_init__(self) -> None:
+        check_alert(self.vehicle, self.cause, self.severity)
+
+    @property
+    def is_shelved(self) -> bool:
+        """Whether it is shelved: nobody is notified until the shelving ends."""
+        return self.shelved_until is not None
 
     @property
     def state(self) -> str:
-        """State in the terms of ISA-18.2; "shelved" takes precedence."""
-        if self.shelved_until is not None:
+        """State in the terms of ISA-18.2; "shelved" takes precedence.
+
+        Examples
+        --------
+        >>> alert = AlertState("bus-17", "front_left.spring", 700, "softer", raised=0)
+        >>> alert.state, replace(alert, is_acknowledged=True).state, replace(alert, shelved_until=60).state
+        ('unacknowledged', 'acknowledged', 'shelved')
+        """
+        if self.is_shelved:
             return "shelved"
         if self.is_active:
             return "acknowledged" if self.is_acknowledged else "unacknowledged"
@@ -209,3 +246,16 @@ def time_of(seconds: Any) -> int | None:
     """
     is_dated = isinstance(seconds, int | float) and seconds >= _DATED
     return round(seconds * 1e9) if is_dated else None
+
+
+def check_alert(vehicle: str, cause: str, severity: int) -> None:
+    """Refuse an alert without vehicle or cause, and a severity out of range.
+
+    Raises
+    ------
+    ParameterError
+        If a name is empty, or the severity is below 1 or above 1000.
+    """
+    if not vehicle or not cause:
+        raise ParameterError(f"vehicle {vehicle!r} and cause {cause!r} must not be empty: name both")
+    check_number("severity", severity, at_least=1, at_most=1000)

@@ -2,11 +2,12 @@
 
 import pytest
 
-from sprung.online.alerts import Alert, Report, health_index, severity_step
+from sprung.online.alerts import Report, health_index, severity_step
+from sprung.state import AlertState
 
 
 def an_alert(cause="front_left.spring", severity=500, is_active=True, is_acknowledged=False, shelved_until=None):
-    return Alert("car", cause, severity, "softer", is_active, is_acknowledged, shelved_until, 1, 2, None, 1, None, 0)
+    return AlertState("car", cause, severity, "softer", 1, is_active, is_acknowledged, shelved_until)
 
 
 @pytest.mark.parametrize(
@@ -22,7 +23,7 @@ def an_alert(cause="front_left.spring", severity=500, is_active=True, is_acknowl
 )
 def test_names_of_isa_18_2(is_active, is_acknowledged, shelved_until, name) -> None:
     alert = an_alert(is_active=is_active, is_acknowledged=is_acknowledged, shelved_until=shelved_until)
-    assert alert.as_state().state == name
+    assert alert.state == name
 
 
 @pytest.mark.parametrize(
@@ -53,4 +54,4 @@ def test_values_can_be_keys() -> None:
     ],
 )
 def test_health_forgets_what_cleared_and_not_what_is_shelved(alerts, health) -> None:
-    assert health_index([alert.as_state() for alert in alerts]) == pytest.approx(health)
+    assert health_index(alerts) == pytest.approx(health)

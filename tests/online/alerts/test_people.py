@@ -6,7 +6,6 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.online.alerts import (
-    Alert,
     AlertSettings,
     Report,
     absent,
@@ -18,6 +17,7 @@ from sprung.online.alerts import (
     shelved,
     unshelved,
 )
+from sprung.state import AlertState
 
 NOW, SHELF = 1000, 2000
 CAUSE = "front_left.spring"
@@ -29,7 +29,7 @@ def report(severity=500, text="softer", **fields):
 
 
 def an_alert(is_active, is_acknowledged, shelved_until=None):
-    alert = Alert("car", CAUSE, 500, "softer", is_active, is_acknowledged, shelved_until, 1, 2, None, 1, None, 0)
+    alert = AlertState("car", CAUSE, 500, "softer", 1, is_active, is_acknowledged, shelved_until)
     return replace(alert, worst=500, notified=1, cleared=None if is_active else 2)
 
 
@@ -116,7 +116,7 @@ def test_table(event, state, cell) -> None:
 def test_life_of_an_alert() -> None:
     settings = AlertSettings(raise_after=2, clear_after=2)
     first = reported(None, report(300), settings, 10)
-    assert (first.what, first.alert.count, first.alert.streak, first.alert.as_state().state) == (
+    assert (first.what, first.alert.count, first.alert.streak, first.alert.state) == (
         "pending",
         0,
         1,

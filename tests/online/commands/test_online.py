@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import Site, row_of
+from sprung.online.monitor import Site
 from sprung.online.store import Progress, StoredFrame, open_store
 
 NOW = 1_795_219_200_000_000_000
@@ -26,7 +26,7 @@ def store(tmp_path):
         opened.inbox.put_vehicle("bus-17", configuration="c", description="", channels=[], now=NOW)
         report = Report("bus-17", "front_left.spring", 700, "front-left spring 25 % softer")
         alert = reported(None, report, AlertSettings(), NOW).alert
-        opened.alerts.put(row_of(alert), history=("raised", "", ""), notify={}, now=NOW)
+        opened.alerts.put(alert, history=("raised", "", ""), notify={}, now=NOW)
     return url
 
 

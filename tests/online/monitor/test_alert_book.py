@@ -19,7 +19,7 @@ def test_trouble_that_stays_the_same_is_named_once(store) -> None:
     book.clear("car-1", "silent", now=NOW + 11)
     assert store.alerts.n_open() == 2
     (row,) = store.alerts.find()
-    assert [entry.what for entry in store.alerts.history(row.id)] == ["raised", "cleared"]
+    assert [entry.what for entry in store.alerts.history(row.number)] == ["raised", "cleared"]
 
 
 COMPONENTS = tuple(
@@ -49,7 +49,7 @@ def test_an_alert_keeps_the_change_test_behind_it(store) -> None:
         "car-1", Observed(57, recording, compared[-1], diagnosis, None), now=NOW
     )
     (row,) = store.alerts.find()
-    evidence = row.document["evidence"]
+    evidence = row.evidence
     detection = diagnosis.detection
     assert detection is not None
     assert row.cause == "front_left.spring"

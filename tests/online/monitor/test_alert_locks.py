@@ -7,7 +7,7 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, alert_of, operations
+from sprung.online.monitor import AlertBook, operations
 from sprung.online.store import open_store
 
 BEGUN = 1_795_219_200_000_000_000
@@ -32,7 +32,7 @@ def active(store):
 
 def events(store, vehicle, cause):
     (row,) = [row for row in store.alerts.find(vehicle=vehicle) if row.cause == cause]
-    return [event.what for event in store.alerts.history(row.id)]
+    return [event.what for event in store.alerts.history(row.number)]
 
 
 def soft_spring(text):
@@ -48,7 +48,7 @@ def test_an_act_waits_for_a_monitor_that_is_changing_the_alert(store, books) -> 
         act.start()
         act.join(0.3)
         assert act.is_alive()
-        books[0].put(reported(alert_of(row), soft_spring("25 % softer"), AlertSettings(), BEGUN + 2), now=BEGUN + 2)
+        books[0].put(reported(row, soft_spring("25 % softer"), AlertSettings(), BEGUN + 2), now=BEGUN + 2)
     act.join()
     (row,) = store.alerts.find()
     assert (row.text, row.is_acknowledged) == ("25 % softer", True)

@@ -109,7 +109,7 @@ def test_a_full_store_and_a_small_spool_are_a_loss_that_both_sides_name(lossy) -
     assert 0 < cursor.lost <= loss.n_frames, "frames on the way when they were dropped have arrived"
     row = lost_alert(station)
     assert row.text.startswith(f"{cursor.lost} frames of car-1, 2026-11-21 00:00 to 00:00 UTC, are lost, as its box")
-    assert row.document["evidence"] == {
+    assert row.evidence == {
         "frames": cursor.lost,
         "from": loss.begin,
         "to": loss.end,
@@ -118,7 +118,7 @@ def test_a_full_store_and_a_small_spool_are_a_loss_that_both_sides_name(lossy) -
     figures = station.station.figures()
     assert figures["sprung_frames_lost_total"] == cursor.lost
     assert figures['sprung_vehicle_frames_lost_total{vehicle="car-1"}'] == cursor.lost
-    assert [entry.what for entry in station.store.alerts.history(row.id)] == ["raised"]
+    assert [entry.what for entry in station.store.alerts.history(row.number)] == ["raised"]
     box.close()
     station.now += 3600 * 10**9
     station.look()
@@ -137,7 +137,7 @@ def test_a_loss_is_named_after_a_restart_of_the_box(lossy, tmp_path: Path) -> No
     again.open()
     assert again.drain(timeout=600.0)
     assert station.store.inbox.cursor("car-1", 0).lost == loss.n_frames
-    assert lost_alert(station).document["evidence"]["frames"] == loss.n_frames
+    assert lost_alert(station).evidence["frames"] == loss.n_frames
     again.step()
     again.close()
     assert made().losses == (), "the monitor knows"
@@ -152,8 +152,8 @@ def test_an_alert_that_a_crash_left_out_is_made_up_for(lossy, tmp_path: Path) ->
         station.link.on_message(topic("car-1", "state"), state)
         station.work()
     row = lost_alert(station)
-    assert row.document["evidence"]["frames"] == 10
-    assert len(station.store.alerts.history(row.id)) == 1
+    assert row.evidence["frames"] == 10
+    assert len(station.store.alerts.history(row.number)) == 1
     acks = [name for name, _ in station.link.published if name == topic("car-1", "ack")]
     assert len(acks) == 3
 
@@ -165,7 +165,7 @@ def test_losses_add_up_while_the_alert_is_active_and_begin_anew_afterwards(lossy
         state = message({"boots": [], "lost": [list(Loss(boot, 0, last, last + 1, 10**18, 10**18 + 1))]})
         station.link.on_message(topic("car-1", "state"), state)
         station.work()
-        return lost_alert(station).document["evidence"]["frames"]
+        return lost_alert(station).evidence["frames"]
 
     assert [lose(1, 9), lose(1, 19), lose(2, 4)] == [10, 20, 25]
     station.now += 3600 * 10**9

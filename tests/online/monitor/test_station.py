@@ -12,7 +12,7 @@ import pytest
 
 from sprung.link import Key, checked_map, message, topic
 from sprung.online.alerts import AlertSettings
-from sprung.online.monitor import AlertBook, alert_of
+from sprung.online.monitor import AlertBook
 from sprung.online.store import StoreError
 
 pytestmark = pytest.mark.slow
@@ -282,7 +282,7 @@ def test_silence_is_an_alert_unless_the_vehicle_is_parked(bench, run_frames) -> 
     assert (row.cause, row.is_active) == ("silent", True)
     one.send(run_frames[3:4])
     one.look()
-    assert not alert_of(one.store.alerts.find(vehicle="car-1")[0]).is_active
+    assert not one.store.alerts.find(vehicle="car-1")[0].is_active
     one.link.on_message(topic("car-1", "state"), message({0: 1, 2: 1, "boots": [], "is_leaving": True}))
     one.work()
     one.now += 10 * 3600 * 10**9

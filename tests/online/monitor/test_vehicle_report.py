@@ -254,13 +254,13 @@ def test_a_monitor_that_runs_has_a_report_with_its_change_test(bench, drive, fra
         station.send(frames_of(drive(number, fault), first=600 * number))
     report = vehicle_report(station.store, "car-1", period=Period(), now=station.now)
     (row,) = station.store.alerts.find(vehicle="car-1", is_active=True)
-    stated = row.document["evidence"]["sentence"]
+    stated = row.evidence["sentence"]
     assert report.verdict == f"{stated[:1].upper()}{stated[1:]}."
     assert report.verdict.startswith("Front-left spring ")
     document = check_document(report.document)
     (spring,) = (change for change in document["changes"] if change["component"] == "front_left.spring")
-    assert spring["change"] == pytest.approx(row.document["evidence"]["change"], abs=0.05)
-    assert document["alerts"][0]["evidence"] == row.document["evidence"]
+    assert spring["change"] == pytest.approx(row.evidence["change"], abs=0.05)
+    assert document["alerts"][0]["evidence"] == row.evidence
     blocks = {section.title: section.blocks for section in report.sections}
     captions = [block.caption for block in blocks["Trends"] if isinstance(block, Picture)]
     assert captions[-1] == "Evidence of any change in the present change test."

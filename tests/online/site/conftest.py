@@ -69,7 +69,7 @@ def raise_alert(store, vehicle, cause, severity=700, text="text", *, evidence=No
     """Raise an alert, and return its number."""
     report = Report(vehicle, cause, severity, text, evidence or {})
     AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), now), now=now)
-    return next(row.id for row in store.alerts.find(vehicle=vehicle) if row.cause == cause)
+    return next(row.number for row in store.alerts.find(vehicle=vehicle) if row.cause == cause)
 
 
 @pytest.fixture

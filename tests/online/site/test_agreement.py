@@ -13,7 +13,7 @@ from tests.online.site.conftest import HOUR, NOW
 
 from sprung.diagnosis import SensorFault, diagnose, learn
 from sprung.online.alerts import AlertSettings, Transition, message_of
-from sprung.online.monitor import AlertBook, Observed, alert_of, operations
+from sprung.online.monitor import AlertBook, Observed, operations
 from sprung.online.monitor.exports import export, report_document
 from sprung.online.monitor.histories import read_history
 from sprung.online.store import Progress, StoredFrame
@@ -135,9 +135,8 @@ def assert_alerts_agree(store, client, name, parts, sentence):
     rows = store.alerts.find(vehicle=name, is_active=True)
     assert exported.keys() == {row.cause for row in rows}
     for row in rows:
-        evidence = client.get(f"/api/v1/alerts/{row.id}/evidence").json()
-        alert = alert_of(row)
-        message = message_of(Transition(alert, "raised"))
+        evidence = client.get(f"/api/v1/alerts/{row.number}/evidence").json()
+        message = message_of(Transition(row, "raised"))
         stated = exported[row.cause]["sentence"]
         assert message.text.startswith(stated)
         if len(rows) == 1:

@@ -138,7 +138,7 @@ def test_pages_of_alerts_follow_their_cursor(serve, store) -> None:
         if cursor is None:
             break
     assert len(found) == len(set(found)) == 9
-    assert found == [row.id for row in store.alerts.find()]
+    assert found == [row.number for row in store.alerts.find()]
 
 
 def test_alerts_in_their_first_hold_off_are_none_yet(serve, store) -> None:

@@ -4,8 +4,9 @@ import pytest
 from tests.online.site.conftest import HOUR, NOW, raise_alert
 
 from sprung.online.alerts import AlertSettings, health_index
-from sprung.online.monitor import AlertBook, alert_of
-from sprung.online.store import AlertRow, FleetFilter
+from sprung.online.monitor import AlertBook
+from sprung.online.store import FleetFilter
+from sprung.state import AlertState
 
 
 @pytest.fixture
@@ -99,14 +100,14 @@ def test_the_impact_of_alerts_is_what_the_health_index_lacks(store) -> None:
     """The order of the fleet is computed in the store, the index from the alerts."""
     causes = ("front_left.spring", "rear", "sensor:acc_fl", "lost", "silent", "monitor", "monitor:intake")
     for cause in causes:
-        row = AlertRow(f"car {cause}", cause, 600, "text", NOW, document={"streak": 0})
+        row = AlertState(f"car {cause}", cause, 600, "text", NOW)
         store.alerts.put(row, history=("raised", "", ""), now=NOW)
         store.inbox.put_vehicle(row.vehicle, configuration="c", description="", channels=[], now=NOW)
     places = {row.place.vehicle: row.place for row in store.fleet.page(FleetFilter(text="car "))}
     assert len(places) == len(causes)
     for vehicle, place in places.items():
         (row,) = store.alerts.find(vehicle=vehicle)
-        assert place.impact == pytest.approx(10 * (100 - health_index([alert_of(row).as_state()])), abs=1e-9)
+        assert place.impact == pytest.approx(10 * (100 - health_index([row])), abs=1e-9)
 
 
 def test_a_vehicle(client) -> None:

@@ -118,11 +118,11 @@ def put_hostile_texts(store):
     raise_alert(store, "bus-3", f"sensor:{HOSTILE}", 900, HOSTILE, evidence=evidence)
     AlertBook(store, AlertSettings()).report("bus-1", "lost", HOSTILE, now=NOW)
     for row in store.alerts.find():
-        operations.add_comment(store, row.id, who=HOSTILE, comment=HOSTILE, now=NOW)
-        operations.assign(store, row.id, assignee=HOSTILE, who=HOSTILE, comment=HOSTILE, now=NOW)
-        operations.shelve(store, row.id, hours=1, who=HOSTILE, comment=HOSTILE, now=NOW)
+        operations.add_comment(store, row.number, who=HOSTILE, comment=HOSTILE, now=NOW)
+        operations.assign(store, row.number, assignee=HOSTILE, who=HOSTILE, comment=HOSTILE, now=NOW)
+        operations.shelve(store, row.number, hours=1, who=HOSTILE, comment=HOSTILE, now=NOW)
         operations.add_verdict(
-            store, row.id, verdict="another part", part=HOSTILE, action=HOSTILE, who=HOSTILE, now=NOW
+            store, row.number, verdict="another part", part=HOSTILE, action=HOSTILE, who=HOSTILE, now=NOW
         )
     operations.relearn(store, "bus-1", reason=HOSTILE, who=HOSTILE, now=NOW)
     add_token(store, HOSTILE[:64], "viewer", days=None, who=HOSTILE, now=NOW)

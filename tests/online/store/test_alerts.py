@@ -3,38 +3,37 @@ from itertools import product
 
 import pytest
 
-from sprung.online.monitor import alert_of
-from sprung.online.store import AlertFilter, AlertPlace, AlertRow, Delivery, HistoryRow, NotificationRow
-from sprung.state import severity_step
+from sprung.online.store import AlertFilter, AlertPlace, Delivery, HistoryRow, NotificationRow
+from sprung.state import AlertState, severity_step
 
 DAY = 86400 * 10**9
-ALERT = AlertRow("zafira", "front_left.damper", severity=2, text="Damper is weak", raised=100, document={"p": 0.01})
+ALERT = AlertState("zafira", "front_left.damper", severity=2, text="Damper is weak", raised=100, evidence={"p": 0.01})
 RAISED = ("raised", "monitor", "")
 
 
 def test_alert_is_stored_and_replaced_by_its_cause(store) -> None:
     first = store.alerts.put(ALERT, history=RAISED, now=101)
-    assert store.alerts.find() == [first] == [replace(ALERT, id=first.id, updated=101)]
+    assert store.alerts.find() == [first] == [replace(ALERT, number=first.number, updated=101)]
     changed = replace(
-        first, severity=3, count=2, is_acknowledged=True, assignee="eve", shelved_until=10**18, document={"p": 0.001}
+        first, severity=3, count=2, is_acknowledged=True, assignee="eve", shelved_until=10**18, evidence={"p": 0.001}
     )
     second = store.alerts.put(changed, history=("acknowledged", "eve", "ordered parts"), now=202)
-    assert second.id == first.id
+    assert second.number == first.number
     assert store.alerts.find() == [replace(changed, updated=202)]
-    rows = store.alerts.history(first.id)
+    rows = store.alerts.history(first.number)
     assert rows == [
-        HistoryRow(rows[0].id, first.id, 101, "raised", "monitor", "", None, None),
-        HistoryRow(rows[1].id, first.id, 202, "acknowledged", "eve", "ordered parts", "eve", 10**18),
+        HistoryRow(rows[0].id, first.number, 101, "raised", "monitor", "", None, None),
+        HistoryRow(rows[1].id, first.number, 202, "acknowledged", "eve", "ordered parts", "eve", 10**18),
     ]
 
 
 def test_an_event_is_recorded_that_leaves_the_alert_as_it_is(store) -> None:
     alert = store.alerts.put(replace(ALERT, assignee="eve"), history=RAISED, now=101)
-    store.alerts.record(alert.id, "undelivered", "the mail server is away", now=102)
+    store.alerts.record(alert.number, "undelivered", "the mail server is away", now=102)
     assert store.alerts.find() == [alert]
-    last = store.alerts.history(alert.id)[-1]
+    last = store.alerts.history(alert.number)[-1]
     assert last == HistoryRow(
-        last.id, alert.id, 102, "undelivered", "", "the mail server is away", assignee="eve", shelved_until=None
+        last.id, alert.number, 102, "undelivered", "", "the mail server is away", assignee="eve", shelved_until=None
     )
 
 
@@ -64,13 +63,12 @@ def every(store):
     """An alert of every combination of severity, state and assignee, and one in its first hold-off."""
     choices = product((1, 200, 201, 400, 401, 1000), (True, False), (True, False), (None, 10**18), (None, "eve"))
     for number, (severity, is_active, is_acknowledged, until, assignee) in enumerate(choices):
-        row = AlertRow(
+        row = AlertState(
             *(f"car-{number % 3}", f"cause {number}", severity, "text", number // 7),
             is_active=is_active,
             is_acknowledged=is_acknowledged,
             shelved_until=until,
             assignee=assignee,
-            document={"streak": 0},
         )
         store.alerts.put(row, history=RAISED, now=0)
     rows = store.alerts.find()
@@ -81,9 +79,7 @@ def every(store):
 def test_the_states_of_the_store_are_those_of_alerts(store, every) -> None:
     """The store selects by state and step in SQL, alerts state them in Python."""
     for state, step in product(STATES, range(5)):
-        expected = [
-            row for row in every if (alert_of(row).as_state().state, severity_step(row.severity)) == (state, step)
-        ]
+        expected = [row for row in every if (row.state, severity_step(row.severity)) == (state, step)]
         assert store.alerts.page(AlertFilter((state,), (step,)), limit=1000) == expected
         assert store.alerts.counts(AlertFilter()).get((state, step), 0) == len(expected)
     assert sum(store.alerts.counts(AlertFilter()).values()) == len(every)
@@ -93,15 +89,15 @@ def test_alerts_are_listed_in_pages_and_by_vehicle_and_assignee(store, every) ->
     rows, after = [], None
     while page := store.alerts.page(AlertFilter(), after=after, limit=10):
         rows += page
-        after = AlertPlace(page[-1].severity, page[-1].raised, page[-1].id)
+        after = AlertPlace(page[-1].severity, page[-1].raised, page[-1].number)
     assert rows == every
     wanted = AlertFilter(vehicle="AR-1", assignee="eve")
     expected = [row for row in every if row.vehicle == "car-1" and row.assignee == "eve"]
     assert store.alerts.page(wanted, limit=1000) == expected
     assert sum(store.alerts.counts(wanted).values()) == len(expected)
     assert store.alerts.page(AlertFilter(vehicle="_"), limit=10) == []
-    numbers = [expected[0].id, expected[-1].id, 10**6]
-    assert store.alerts.rows(numbers) == {row.id: row for row in (expected[0], expected[-1])}
+    numbers = [expected[0].number, expected[-1].number, 10**6]
+    assert store.alerts.rows(numbers) == {row.number: row for row in (expected[0], expected[-1])}
 
 
 def test_each_sender_has_its_own_progress_with_a_notification(store) -> None:
@@ -110,7 +106,7 @@ def test_each_sender_has_its_own_progress_with_a_notification(store) -> None:
     alerts.put(ALERT, history=("notified", "monitor", ""), now=2)
     alerts.put(ALERT, history=("again", "monitor", ""), notify={"to": "driver"}, now=3)
     first = alerts.next_notification("log", now=4)
-    assert first == NotificationRow(first.id, alert.id, 1, {"to": "workshop"}, Delivery())
+    assert first == NotificationRow(first.id, alert.number, 1, {"to": "workshop"}, Delivery())
     alerts.put_delivery(first.id, "log", Delivery(1, sent=4), senders=senders, now=4)
     failed = Delivery(1, next_attempt=20, last_error="no route to host")
     alerts.put_delivery(first.id, "mail", failed, senders=senders, now=4)

@@ -2,7 +2,8 @@
 
 import pytest
 
-from sprung.online.store import AlertRow, FleetCounts, FleetFilter, Place, Progress, StoredFrame
+from sprung.online.store import FleetCounts, FleetFilter, Place, Progress, StoredFrame
+from sprung.state import AlertState
 
 NOW = 1_795_219_200_000_000_000
 HOUR = 3600 * 10**9
@@ -24,11 +25,11 @@ def fleet(store):
         seen = NOW - 2 * HOUR if number in {4, 7} else NOW
         store.inbox.put_vehicle(f"bus-{number}", configuration="c", description="", channels=[], now=seen)
     for vehicle, cause, severity in ALERTS:
-        row = AlertRow(vehicle, cause, severity, "text", NOW, assignee="bert" if vehicle == "bus-3" else None)
+        row = AlertState(vehicle, cause, severity, "text", NOW, assignee="bert" if vehicle == "bus-3" else None)
         store.alerts.put(row, history=("raised", "", ""), now=NOW)
-    past = AlertRow("bus-6", "front_left.spring", 900, "text", NOW, is_active=False, cleared=NOW)
+    past = AlertState("bus-6", "front_left.spring", 900, "text", NOW, is_active=False, cleared=NOW)
     store.alerts.put(past, history=("cleared", "", ""), now=NOW)
-    known = AlertRow("bus-2", "sensor:acc_fl", 700, "text", NOW, is_acknowledged=True)
+    known = AlertState("bus-2", "sensor:acc_fl", 700, "text", NOW, is_acknowledged=True)
     store.alerts.put(known, history=("acknowledged", "", ""), now=NOW)
     store.inbox.park("bus-7", is_parked=True)
     store.inbox.add_frames([StoredFrame("bus-6", 1, 0, NOW, b"x")], now=NOW)

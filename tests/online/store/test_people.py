@@ -2,7 +2,8 @@
 
 from dataclasses import replace
 
-from sprung.online.store import AccountRow, AlertRow, AuditRow, CommandRow, TokenRow, VerdictRow
+from sprung.online.store import AccountRow, AuditRow, CommandRow, TokenRow, VerdictRow
+from sprung.state import AlertState
 
 ANNA = AccountRow("anna", "engineer", "hash-1", 5)
 TOKEN = TokenRow("digest", "dashboard", "viewer", 5, "anna", expires=100)
@@ -49,12 +50,11 @@ def test_tokens_expire_and_are_revoked(store) -> None:
 
 
 def test_verdicts(store) -> None:
-    alert = store.alerts.put(AlertRow("bus-1", "silent", 300, "text", 4), history=("raised", "", ""), now=4)
-    assert alert.id is not None
-    row = VerdictRow(alert.id, 9, "anna", "another part", "bush", "bush renewed", raised=4, request=3)
+    alert = store.alerts.put(AlertState("bus-1", "silent", 300, "text", 4), history=("raised", "", ""), now=4)
+    row = VerdictRow(alert.number, 9, "anna", "another part", "bush", "bush renewed", raised=4, request=3)
     number = store.verdicts.add(row)
-    assert store.verdicts.all() == store.verdicts.all(alerts=[alert.id]) == [replace(row, id=number)]
-    assert store.verdicts.all(alerts=[alert.id + 1]) == []
+    assert store.verdicts.all() == store.verdicts.all(alerts=[alert.number]) == [replace(row, id=number)]
+    assert store.verdicts.all(alerts=[alert.number + 1]) == []
 
 
 def test_commands_are_on_the_record(store) -> None:

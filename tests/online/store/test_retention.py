@@ -3,9 +3,10 @@
 import pytest
 from sqlalchemy import func, select
 
-from sprung.online.store import AccountRow, AlertRow, Cursor, Delivery, Progress, StoredFrame
+from sprung.online.store import AccountRow, Cursor, Delivery, Progress, StoredFrame
 from sprung.online.store.retention import KEPT, Ages, conditions
 from sprung.online.store.schema import METADATA
+from sprung.state import AlertState
 
 AGES = Ages(results=100, audit=100, boots=100)
 
@@ -50,7 +51,7 @@ def test_old_rows_of_every_table_with_an_age_go_and_new_ones_stay(store) -> None
         store.inbox.add_frames([frame(now, 0)], now=now)
         store.quarantine.put_frames("car-1", now, 0, 0, reason="it fails", now=now)
         store.results.commit(progress)
-        row = AlertRow("car-1", "silent", severity=300, text="", is_active=False, raised=now)
+        row = AlertState("car-1", "silent", severity=300, text="", is_active=False, raised=now)
         store.alerts.put(row, history=("raised", "", ""), notify={}, now=now)
         number = store.alerts.next_notification("log", now=now).id
         store.alerts.put_delivery(number, "log", Delivery(1, sent=now), senders=["log"], now=now)
@@ -92,7 +93,7 @@ def test_the_present_baseline_stays_however_old_it_is(store) -> None:
 def test_the_history_of_an_active_alert_stays_since_it_was_raised(store) -> None:
     for now, what, is_active in ((1, "raised", True), (2, "cleared", False), (3, "raised", True), (4, "updated", True)):
         raised = 3 if now >= 3 else 1
-        row = AlertRow("car-1", "silent", severity=300, text="", is_active=is_active, raised=raised)
+        row = AlertState("car-1", "silent", severity=300, text="", is_active=is_active, raised=raised)
         store.alerts.put(row, history=(what, "", ""), now=now)
     store.delete_older(100)
     assert [(row.what, row.time) for row in store.alerts.history(1)] == [("raised", 3), ("updated", 4)]

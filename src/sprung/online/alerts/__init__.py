@@ -1,6 +1,6 @@
 """Alerts with hold-off, hysteresis, acknowledgement and shelving, and senders of notifications."""
 
-from sprung.online.alerts.alerts import Alert, AlertSettings, Change, Report, Transition
+from sprung.online.alerts.alerts import AlertSettings, Change, Report, Transition
 from sprung.online.alerts.messages import Message, addressed, message_of, trial_message
 from sprung.online.alerts.senders import (
     Backoff,
@@ -30,7 +30,6 @@ from sprung.state import STEPS, WATCHING, health_index, is_of_suspension, severi
 __all__ = [
     "STEPS",
     "WATCHING",
-    "Alert",
     "AlertSettings",
     "Backoff",
     "Change",

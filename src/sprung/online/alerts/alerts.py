@@ -1,11 +1,10 @@
-"""Alerts as values: one for each cause in a vehicle, in the terms of ANSI/ISA-18.2 (IEC 62682)."""
+"""Reports of windows and changes of alerts, as values, in the terms of ANSI/ISA-18.2 (IEC 62682)."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from sprung._checks import check_number
-from sprung.errors import ParameterError
-from sprung.state import AlertState
+from sprung.state.alerts import AlertState, check_alert
 
 #: Changes of an alert. "pending": only the count of reports changed; "none": no change.
 Change = Literal[
@@ -77,80 +76,7 @@ class Report:
     evidence: dict[str, Any] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        _check(self.vehicle, self.cause, self.severity)
-
-
-@dataclass(frozen=True, slots=True)
-class Alert:
-    """State of one cause in one vehicle. Times are UTC ns since 1970.
-
-    Parameters
-    ----------
-    vehicle, cause, severity, text, evidence
-        Contents of the last report, see `Report`; after clearing, of the last report while the alert was active.
-    is_active
-        Whether the cause holds now.
-    is_acknowledged
-        Whether an operator has acknowledged it; also true if it never was active.
-    shelved_until
-        End of the shelving, until which nobody is notified; None if it is not shelved.
-    raised
-        Time when it last became active; if it never did, time of its first report.
-    updated
-        Time of the last change.
-    cleared
-        Time when it last became inactive; None while it is active, and before it ever was.
-    count
-        Number of times it became active; 0 during its first hold-off, when no list of alerts should show it.
-    assignee
-        Name of the person responsible; None: nobody.
-    streak
-        Number of consecutive windows that contradict `is_active`: reports of an inactive alert, absences of an active
-        one.
-    worst
-        Highest severity since `raised`. Only a severity at least a step above it is notified again, so that a severity
-        that varies between two steps is notified once.
-    notified
-        Time of the last notification since `raised`; None before the first.
-    """
-
-    vehicle: str
-    cause: str
-    severity: int
-    text: str
-    is_active: bool
-    is_acknowledged: bool
-    shelved_until: int | None
-    raised: int
-    updated: int
-    cleared: int | None
-    count: int
-    assignee: str | None
-    streak: int
-    evidence: dict[str, Any] = field(default_factory=dict, hash=False)
-    worst: int = 0
-    notified: int | None = None
-
-    def __post_init__(self) -> None:
-        _check(self.vehicle, self.cause, self.severity)
-
-    @property
-    def is_shelved(self) -> bool:
-        """Whether it is shelved: nobody is notified until the shelving ends."""
-        return self.shelved_until is not None
-
-    def as_state(self, number: int = 0) -> AlertState:
-        """Return the alert as it is published, with its number in the store.
-
-        Examples
-        --------
-        >>> from sprung.online.alerts import AlertSettings, Report, acknowledged, reported
-        >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=0).alert
-        >>> alert.as_state().state, acknowledged(alert, "Ada", now=60).alert.as_state().state
-        ('unacknowledged', 'acknowledged')
-        """
-        shared = [each.name for each in fields(AlertState) if each.name != "number"]
-        return AlertState(number=number, **{name: getattr(self, name) for name in shared})
+        check_alert(self.vehicle, self.cause, self.severity)
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,15 +97,8 @@ class Transition:
         Whether a notification is due.
     """
 
-    alert: Alert
+    alert: AlertState
     what: Change
     who: str = ""
     comment: str = ""
     is_notified: bool = False
-
-
-def _check(vehicle: str, cause: str, severity: int) -> None:
-    """Refuse an alert without vehicle or cause, and a severity out of range."""
-    if not vehicle or not cause:
-        raise ParameterError(f"vehicle {vehicle!r} and cause {cause!r} must not be empty: name both")
-    check_number("severity", severity, at_least=1, at_most=1000)

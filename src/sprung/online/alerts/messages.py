@@ -58,7 +58,7 @@ def message_of(transition: Transition) -> Message:
     >>> message_of(reported(None, report, AlertSettings(), now=0)).subject
     'bus-17: front_left.spring raised (high)'
     """
-    alert, by = transition.alert.as_state(), transition.who or "nobody"
+    alert, by = transition.alert, transition.who or "nobody"
     words = _WORDS.get(transition.what, transition.what)
     subject = " ".join(f"{alert.vehicle}: {alert.cause} {words} ({alert.step})".split())
     lines = {

@@ -7,17 +7,17 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
 from sprung.errors import ParameterError
-from sprung.online.alerts.alerts import Alert, AlertSettings, Report, Transition
-from sprung.state import is_of_suspension, severity_step
+from sprung.online.alerts.alerts import AlertSettings, Report, Transition
+from sprung.state import AlertState, is_of_suspension, severity_step
 
 
-def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: int) -> Transition:
+def reported(alert: AlertState | None, report: Report, settings: AlertSettings, now: int) -> Transition:
     """Apply a report of a cause to its alert.
 
     Parameters
     ----------
     alert
-        Alert of this vehicle and cause; None before its first report.
+        AlertState of this vehicle and cause; None before its first report.
     report
         Report of a window.
     settings
@@ -51,21 +51,17 @@ def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: 
     ('pending', 'raised', True)
     """
     if alert is None:
-        alert = Alert(
-            vehicle=report.vehicle,
-            cause=report.cause,
-            severity=report.severity,
-            text=report.text,
+        alert = AlertState(
+            report.vehicle,
+            report.cause,
+            report.severity,
+            report.text,
+            now,
             is_active=False,
             is_acknowledged=True,
-            shelved_until=None,
-            raised=now,
-            updated=now,
-            cleared=None,
             count=0,
-            assignee=None,
-            streak=0,
             evidence=report.evidence,
+            updated=now,
         )
     if (alert.vehicle, alert.cause) != (report.vehicle, report.cause):
         raise ParameterError(
@@ -93,7 +89,7 @@ def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: 
     return Transition(risen, "raised", is_notified=not alert.is_shelved)
 
 
-def absent(alert: Alert, settings: AlertSettings, now: int) -> Transition:
+def absent(alert: AlertState, settings: AlertSettings, now: int) -> Transition:
     """Apply the absence of a cause that a window checked for.
 
     Returns
@@ -122,7 +118,7 @@ def absent(alert: Alert, settings: AlertSettings, now: int) -> Transition:
 
 
 def assess(
-    alerts: Mapping[str, Alert],
+    alerts: Mapping[str, AlertState],
     reports: Iterable[Report],
     *,
     looked_for: Callable[[str], bool],
@@ -189,7 +185,7 @@ def assess(
     return [transition for transition in transitions if transition.what != "none"]
 
 
-def _updated(alert: Alert, report: Report, settings: AlertSettings, now: int) -> Transition:
+def _updated(alert: AlertState, report: Report, settings: AlertSettings, now: int) -> Transition:
     """Apply a report to an active alert."""
     worst = max(alert.worst, alert.severity)
     is_worse = severity_step(report.severity) > severity_step(worst)
@@ -208,18 +204,18 @@ def _updated(alert: Alert, report: Report, settings: AlertSettings, now: int) ->
     return Transition(changed, "updated", is_notified=is_notified)
 
 
-def _with(alert: Alert, report: Report) -> Alert:
+def _with(alert: AlertState, report: Report) -> AlertState:
     """Return the alert with the contents of a report."""
     return replace(alert, severity=report.severity, text=report.text, evidence=report.evidence)
 
 
-def acknowledged(alert: Alert, who: str, now: int, comment: str = "") -> Transition:
+def acknowledged(alert: AlertState, who: str, now: int, comment: str = "") -> Transition:
     """Acknowledge an alert; a cleared one returns to normal.
 
     Parameters
     ----------
     alert
-        Alert that is active or cleared, and not acknowledged since.
+        AlertState that is active or cleared, and not acknowledged since.
     who
         Name of the operator.
     now
@@ -230,7 +226,7 @@ def acknowledged(alert: Alert, who: str, now: int, comment: str = "") -> Transit
     Returns
     -------
     Transition
-        Alert afterwards, and the entry of its history.
+        AlertState afterwards, and the entry of its history.
 
     Raises
     ------
@@ -253,13 +249,13 @@ def acknowledged(alert: Alert, who: str, now: int, comment: str = "") -> Transit
     return Transition(replace(alert, is_acknowledged=True, updated=now), "acknowledged", who, comment)
 
 
-def shelved(alert: Alert, who: str, until: int, now: int, comment: str = "") -> Transition:
+def shelved(alert: AlertState, who: str, until: int, now: int, comment: str = "") -> Transition:
     """Shelve an alert until a time [UTC ns], so that nobody is notified; shelving again moves that time.
 
     Returns
     -------
     Transition
-        Alert afterwards, and the entry of its history.
+        AlertState afterwards, and the entry of its history.
 
     Raises
     ------
@@ -282,13 +278,13 @@ def shelved(alert: Alert, who: str, until: int, now: int, comment: str = "") -> 
     return Transition(replace(alert, shelved_until=until, updated=now), "shelved", who, comment)
 
 
-def unshelved(alert: Alert, who: str, now: int, comment: str = "") -> Transition:
+def unshelved(alert: AlertState, who: str, now: int, comment: str = "") -> Transition:
     """End the shelving of an alert before its time; an active one notifies as at the end of its shelving.
 
     Returns
     -------
     Transition
-        Alert afterwards, and the entry of its history.
+        AlertState afterwards, and the entry of its history.
 
     Raises
     ------
@@ -310,7 +306,7 @@ def unshelved(alert: Alert, who: str, now: int, comment: str = "") -> Transition
     return _off_shelf(alert, now, who, comment)
 
 
-def shelf_ended(alert: Alert, now: int) -> Transition:
+def shelf_ended(alert: AlertState, now: int) -> Transition:
     """End the shelving of an alert at its time; an active one notifies, even if it was acknowledged.
 
     Returns
@@ -331,13 +327,13 @@ def shelf_ended(alert: Alert, now: int) -> Transition:
     return _off_shelf(alert, now)
 
 
-def assigned(alert: Alert, who: str, assignee: str | None, now: int, comment: str = "") -> Transition:
+def assigned(alert: AlertState, who: str, assignee: str | None, now: int, comment: str = "") -> Transition:
     """Assign an alert to somebody, or to nobody (None).
 
     Returns
     -------
     Transition
-        Alert afterwards, and the entry of its history.
+        AlertState afterwards, and the entry of its history.
 
     Raises
     ------
@@ -360,13 +356,13 @@ def assigned(alert: Alert, who: str, assignee: str | None, now: int, comment: st
     return Transition(replace(alert, assignee=assignee, updated=now), "assigned", who, comment)
 
 
-def commented(alert: Alert, who: str, now: int, comment: str) -> Transition:
+def commented(alert: AlertState, who: str, now: int, comment: str) -> Transition:
     """Add a comment to the history of an alert.
 
     Returns
     -------
     Transition
-        Alert afterwards, and the entry of its history.
+        AlertState afterwards, and the entry of its history.
 
     Raises
     ------
@@ -387,13 +383,13 @@ def commented(alert: Alert, who: str, now: int, comment: str) -> Transition:
     return Transition(replace(alert, updated=now), "commented", who, comment)
 
 
-def closed(alert: Alert, who: str, now: int, comment: str = "") -> Transition:
+def closed(alert: AlertState, who: str, now: int, comment: str = "") -> Transition:
     """Clear an active alert whose cause was removed, such as by a repair; the next report raises it again.
 
     Returns
     -------
     Transition
-        Alert afterwards, and the entry of its history.
+        AlertState afterwards, and the entry of its history.
 
     Raises
     ------
@@ -415,19 +411,19 @@ def closed(alert: Alert, who: str, now: int, comment: str = "") -> Transition:
     return Transition(gone, "cleared", who, comment, is_notified=not alert.is_shelved)
 
 
-def _off_shelf(alert: Alert, now: int, who: str = "", comment: str = "") -> Transition:
+def _off_shelf(alert: AlertState, now: int, who: str = "", comment: str = "") -> Transition:
     """End the shelving of an alert, and notify if it is active."""
     notified = now if alert.is_active else alert.notified
     back = replace(alert, shelved_until=None, updated=now, notified=notified)
     return Transition(back, "unshelved", who, comment, is_notified=alert.is_active)
 
 
-def _name(alert: Alert) -> str:
+def _name(alert: AlertState) -> str:
     """Name an alert in a message."""
     return f"alert {alert.cause!r} of {alert.vehicle!r}"
 
 
-def _check_who(alert: Alert, who: str, act: str) -> None:
+def _check_who(alert: AlertState, who: str, act: str) -> None:
     """Refuse an action without an operator."""
     if not who.strip():
         raise ParameterError(f"who is empty: name the operator who wants to {act} {_name(alert)}")

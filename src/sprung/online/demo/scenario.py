@@ -15,15 +15,16 @@ import numpy as np
 
 from sprung.errors import DataError, ParameterError
 from sprung.link import Address, Link, Spool
-from sprung.online.alerts import Alert
 from sprung.online.box import blocks_of
 from sprung.online.box.running import box_of
-from sprung.online.monitor import Site, Station, VehicleStatus, Workers, alert_of
+from sprung.online.monitor import Site, Station, VehicleStatus, Workers
 from sprung.online.monitor.broker import open_broker
+from sprung.online.monitor.histories import vehicle_state
 from sprung.online.site import Context, Server
 from sprung.online.store import Store, open_store
 from sprung.recording import Recording
 from sprung.simulation import RoadConditions, RoadDrive, simulate_drive
+from sprung.state import AlertState
 from sprung.vehicles import Vehicle, parse_fault, read_vehicle
 
 #: Length of a piece of a drive, and of a block [s].
@@ -165,7 +166,7 @@ class CarState:
     status
         Progress of its monitoring.
     state
-        Its alerts in words; otherwise what the monitor does or has found so far.
+        How it is, in a sentence.
     """
 
     name: str
@@ -222,8 +223,8 @@ class Demonstration:
         """
         complete_since: float | None = None
         for seconds in self._looks(limit, is_stopped):
-            alerts = [alert_of(row) for row in self._store.alerts.find(is_active=True)]
-            on_progress(seconds, [_state(self._station, member.name, alerts) for member in FLEET])
+            alerts = self._store.alerts.find(is_active=True)
+            on_progress(seconds, [self._car(member.name) for member in FLEET])
             if _is_complete(alerts):
                 complete_since = seconds if complete_since is None else complete_since
                 if seconds - complete_since > _SETTLED:
@@ -235,6 +236,12 @@ class Demonstration:
     def run(self, is_stopped: Callable[[], bool]) -> None:
         """Monitor, and serve the pages, until `is_stopped` returns True."""
         self._station.run(is_stopped)
+
+    def _car(self, name: str) -> CarState:
+        """Return the state of a car."""
+        now = time.time_ns()
+        state = vehicle_state(self._store, name, now=now, last_seen=now)
+        return CarState(name, self._station.statuses.get(name, VehicleStatus()), state.sentence)
 
     def _looks(self, limit: float, is_stopped: Callable[[], bool]) -> Iterator[float]:
         """Run the monitor, and yield the time since the start at intervals."""
@@ -311,16 +318,7 @@ def _serving(site: Site, store: Store, station: Station) -> Server:
     return server
 
 
-def _state(station: Station, name: str, alerts: Sequence[Alert]) -> CarState:
-    """Return what the monitor shows of a car."""
-    status = station.statuses.get(name, VehicleStatus())
-    state = "; ".join(alert.text for alert in alerts if alert.vehicle == name) or status.note
-    if not state:
-        state = "no change detected" if 0 < status.n_needed == status.n_learnt else "learning"
-    return CarState(name, status, state)
-
-
-def _is_complete(alerts: Sequence[Alert]) -> bool:
+def _is_complete(alerts: Sequence[AlertState]) -> bool:
     """Whether both faults have raised alerts; then any other alert is an error."""
     causes = {(alert.vehicle, alert.cause) for alert in alerts}
     if not causes.issuperset(_EXPECTED):
@@ -330,7 +328,7 @@ def _is_complete(alerts: Sequence[Alert]) -> bool:
     return True
 
 
-def _sentences(alerts: Sequence[Alert], seconds: float) -> list[str]:
+def _sentences(alerts: Sequence[AlertState], seconds: float) -> list[str]:
     """Return what was found next to what was simulated."""
     texts = {alert.vehicle: alert.text for alert in alerts}
     minutes = _AFTER * PIECE / 60

@@ -1,6 +1,6 @@
 """The online monitor: vehicles in, modes, diagnoses and alerts out, for months."""
 
-from sprung.online.monitor.alert_book import AlertBook, alert_of, row_of
+from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.broker import EmbeddedBroker
 from sprung.online.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor
 from sprung.online.monitor.figures import FIGURES
@@ -33,8 +33,6 @@ __all__ = [
     "VehicleMonitor",
     "VehicleStatus",
     "Workers",
-    "alert_of",
     "embedded_port",
     "read_site",
-    "row_of",
 ]

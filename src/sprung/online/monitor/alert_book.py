@@ -1,6 +1,5 @@
 """From windows of vehicles, and problems of monitoring, to alerts in the store."""
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import Any
@@ -8,7 +7,6 @@ from typing import Any
 from sprung._display import counted
 from sprung.diagnosis import Diagnosis, SensorFault, detectable_in_words
 from sprung.online.alerts import (
-    Alert,
     AlertSettings,
     Report,
     Transition,
@@ -20,15 +18,15 @@ from sprung.online.alerts import (
     shelf_ended,
 )
 from sprung.online.monitor.engine import Observed, fault_in_words
-from sprung.online.store import AlertRow, Store
+from sprung.online.store import Store
 from sprung.results.documents import detectable_document, detection_document, finding_document
 from sprung.results.tables import span_in_words
+from sprung.state import AlertState
 
 #: Severity of a failing sensor, of a silent vehicle, of lost frames, and of a problem of the monitor itself.
 _SENSOR, _SILENT, _LOST, _MONITOR = 400, 300, 500, 800
 #: Largest number of boots of a vehicle whose lost frames are remembered.
 _MOST_BOOTS = 100
-_INNER = ("streak", "worst", "notified", "evidence")
 #: Last windows and likeliest hypotheses of the change test that an alert keeps.
 _MOST_WINDOWS, _MOST_HYPOTHESES = 40, 5
 
@@ -55,9 +53,9 @@ class AlertBook:
         if event.diagnosis is not None:
             reports += _of_diagnosis(vehicle, event.diagnosis)
         is_sound = event.observation.is_conclusive and not sensors
-        with self._store.alerts.locked_of(vehicle) as rows:
+        with self._store.alerts.locked_of(vehicle) as known:
             transitions = assess(
-                {row.cause: alert_of(row) for row in rows},
+                {alert.cause: alert for alert in known},
                 reports,
                 looked_for=lambda cause: (
                     cause.startswith("sensor:") or (is_of_suspension(cause) and event.diagnosis is not None)
@@ -75,8 +73,7 @@ class AlertBook:
         known = self._known(vehicle).get(cause)
         if known is not None and known.is_active and known.text == text:
             return
-        with self._store.alerts.locked(vehicle, cause) as row:
-            known = None if row is None else alert_of(row)
+        with self._store.alerts.locked(vehicle, cause) as known:
             self.put(reported(known, Report(vehicle, cause, severity, text), self._at_once, now), now=now)
 
     def report_lost(self, vehicle: str, counts: Mapping[int, int], *, begin: int = 0, end: int = 0, now: int) -> None:
@@ -93,11 +90,11 @@ class AlertBook:
         now
             Present time, UTC ns.
         """
-        with self._store.alerts.locked(vehicle, "lost") as row:
-            self._add_lost(None if row is None else alert_of(row), vehicle, counts, begin=begin, end=end, now=now)
+        with self._store.alerts.locked(vehicle, "lost") as known:
+            self._add_lost(known, vehicle, counts, begin=begin, end=end, now=now)
 
     def _add_lost(
-        self, known: Alert | None, vehicle: str, counts: Mapping[int, int], *, begin: int, end: int, now: int
+        self, known: AlertState | None, vehicle: str, counts: Mapping[int, int], *, begin: int, end: int, now: int
     ) -> None:
         """Raise or update the alert `known` about lost frames, if more are lost than it counts."""
         before = {} if known is None else known.evidence
@@ -125,16 +122,16 @@ class AlertBook:
         known = self._known(vehicle).get(cause)
         if known is None or not known.is_active:
             return
-        with self._store.alerts.locked(vehicle, cause) as row:
-            if row is not None and row.is_active:
-                self.put(absent(alert_of(row), self._at_once, now), now=now)
+        with self._store.alerts.locked(vehicle, cause) as present:
+            if present is not None and present.is_active:
+                self.put(absent(present, self._at_once, now), now=now)
 
     def end_shelves(self, *, now: int) -> None:
         """End the shelving of alerts whose time has come."""
-        for row in self._store.alerts.shelved(until=now):
-            with self._store.alerts.locked(row.vehicle, row.cause) as present:
+        for alert in self._store.alerts.shelved(until=now):
+            with self._store.alerts.locked(alert.vehicle, alert.cause) as present:
                 if present is not None:
-                    self.put(shelf_ended(alert_of(present), now), now=now)
+                    self.put(shelf_ended(present, now), now=now)
 
     def put(self, transition: Transition, *, now: int) -> None:
         """Store the new state of an alert, and the notification about it, if there is one."""
@@ -142,46 +139,16 @@ class AlertBook:
             return
         notify = _notification(transition) if transition.is_notified else None
         history = (transition.what, transition.who, transition.comment)
-        self._store.alerts.put(row_of(transition.alert), history=history, notify=notify, now=now)
+        self._store.alerts.put(transition.alert, history=history, notify=notify, now=now)
 
     @property
     def _at_once(self) -> AlertSettings:
         """Settings without hold-off and hysteresis."""
         return replace(self._settings, raise_after=1, clear_after=1)
 
-    def _known(self, vehicle: str) -> dict[str, Alert]:
+    def _known(self, vehicle: str) -> dict[str, AlertState]:
         """Return the alerts of a vehicle by cause."""
-        return {row.cause: alert_of(row) for row in self._store.alerts.find(vehicle=vehicle)}
-
-
-def alert_of(row: AlertRow) -> Alert:
-    """Return the alert of a row.
-
-    Examples
-    --------
-    >>> from sprung.online.alerts import AlertSettings, Report, reported
-    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=60).alert
-    >>> alert_of(row_of(alert)) == alert
-    True
-    """
-    fields = {name: value for name, value in asdict(row).items() if name not in {"id", "document"}}
-    return Alert(**fields, **row.document)
-
-
-def row_of(alert: Alert) -> AlertRow:
-    """Return the row of an alert.
-
-    Examples
-    --------
-    >>> from sprung.online.alerts import AlertSettings, Report, reported
-    >>> alert = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=60).alert
-    >>> row = row_of(alert)
-    >>> row.cause, row.raised, row.document
-    ('front_left.spring', 60, {'streak': 0, 'worst': 700, 'notified': 60, 'evidence': {}})
-    """
-    fields = asdict(alert)
-    inner = {name: fields.pop(name) for name in _INNER}
-    return AlertRow(**fields, document=json.loads(json.dumps(inner, default=str)))
+        return {alert.cause: alert for alert in self._store.alerts.find(vehicle=vehicle)}
 
 
 def _notification(transition: Transition) -> dict[str, Any]:

@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 from sprung._arrays import Real
 from sprung.diagnosis import Baseline, Diagnosis, Observation
 from sprung.errors import FormatError, ParameterError, SprungError
-from sprung.online.monitor.alert_book import alert_of
 from sprung.online.monitor.engine import MonitorSettings
 from sprung.online.monitor.jobs import Opening, open_monitor
 from sprung.online.monitor.site import Site
 from sprung.online.monitor.states import History
 from sprung.online.store import (
-    AlertRow,
     BaselineRow,
     Entry,
     HistoryRow,
@@ -63,11 +61,6 @@ def known_vehicle(store: Store, vehicle: str) -> VehicleRow:
     return row
 
 
-def alert_state(row: AlertRow) -> AlertState:
-    """Return the state of a stored alert."""
-    return alert_of(row).as_state(row.id or 0)
-
-
 def vehicle_state(
     store: Store,
     vehicle: str,
@@ -104,7 +97,7 @@ def vehicle_state(
     period = period or Period()
     is_past = period.until is not None
     if alerts is None:
-        alerts = [alert_state(row) for row in store.alerts.find(vehicle=vehicle, is_active=True)]
+        alerts = store.alerts.find(vehicle=vehicle, is_active=True)
     stored = store.results.status(vehicle)
     limit = WINDOWS_SINCE_ONSET if any(alert.is_of_suspension for alert in alerts) else _LOOKED_THROUGH
     entries = store.results.observations(vehicle, since=period.since, until=period.until, limit=limit)
@@ -374,7 +367,7 @@ def _present(store: Store, vehicle: str) -> Diagnosis | None:
 
 def alerts_of(store: Store, vehicle: str, period: Period) -> list[AlertHistory]:
     """Return the alerts of a vehicle that were active in a period, the most severe first."""
-    states = [alert_state(row) for row in store.alerts.find(vehicle=vehicle) if row.count]
+    states = [alert for alert in store.alerts.find(vehicle=vehicle) if alert.count]
     verdicts = store.verdicts.all(alerts=[alert.number for alert in states])
     alerts = [
         AlertHistory(

@@ -26,13 +26,12 @@ from sprung.online.alerts import (
     shelved,
     unshelved,
 )
-from sprung.online.monitor.alert_book import AlertBook, alert_of
+from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.engine import Identified, MonitorSettings, Observed
 from sprung.online.monitor.fleets import rankings
 from sprung.online.monitor.histories import (
     LEARN,
     ROLL_BACK,
-    alert_state,
     history_of,
     known_vehicle,
     restored_baseline,
@@ -41,10 +40,11 @@ from sprung.online.monitor.histories import (
 from sprung.online.monitor.jobs import Limits, Opening, analyse, open_monitor
 from sprung.online.monitor.site import Site
 from sprung.online.monitor.states import StateError
-from sprung.online.store import AlertRow, QuarantineRow, Store, VehicleRow, VerdictRow
+from sprung.online.store import QuarantineRow, Store, VehicleRow, VerdictRow
 from sprung.results.documents import WorkOrderDocument, fleet_document
 from sprung.results.documents.monitoring import HistoryEntry
 from sprung.results.tables import counted, diagnosis_in_words
+from sprung.state import AlertState
 
 #: Possible verdicts of the workshop on an alert.
 VERDICTS = ("confirmed", "another part", "nothing found", "not looked at")
@@ -69,8 +69,7 @@ def alerts_document(store: Store, *, vehicle: str | None = None, is_complete: bo
     is_complete
         Whether alerts that have returned to normal are included.
     """
-    rows = [row for row in store.alerts.find(vehicle=vehicle) if row.count]
-    entries = [alert_state(row).as_entry() for row in rows]
+    entries = [alert.as_entry() for alert in store.alerts.find(vehicle=vehicle) if alert.count]
     shown = [entry for entry in entries if is_complete or entry["state"] != "normal"]
     return {"schema": "sprung.alerts/1", "alerts": shown}
 
@@ -83,7 +82,7 @@ def history_document(store: Store, number: int) -> dict[str, Any]:
     ParameterError
         If there is no alert of that number.
     """
-    _alert_row(store, number)
+    require_alert(store, number)
     history = [HistoryEntry.model_validate(row).model_dump() for row in store.alerts.history(number)]
     return {"schema": "sprung.alert-history/1", "number": number, "history": history}
 
@@ -215,15 +214,15 @@ def add_verdict(
     if bool(part.strip()) != (verdict == "another part"):
         raise ParameterError("name the part with the verdict 'another part', and with no other verdict")
     words = "; ".join(text for text in (f"verdict: {verdict}", part.strip(), action.strip()) if text)
-    with _locked(store, number) as row:
+    with _locked(store, number) as alert:
         request = None
         if is_new_baseline:
-            request = relearn(store, row.vehicle, reason=action.strip() or words, who=who, now=now)
-        stored = VerdictRow(number, now, who, verdict, part.strip(), action.strip(), row.raised, request)
+            request = relearn(store, alert.vehicle, reason=action.strip() or words, who=who, now=now)
+        stored = VerdictRow(number, now, who, verdict, part.strip(), action.strip(), alert.raised, request)
         store.verdicts.add(stored)
-        if is_new_baseline and row.is_active:
+        if is_new_baseline and alert.is_active:
             close(store, number, who=who, comment=words, now=now)
-        elif not row.is_acknowledged and verdict != "not looked at":
+        elif not alert.is_acknowledged and verdict != "not looked at":
             acknowledge(store, number, who=who, comment=words, now=now)
         else:
             add_comment(store, number, who=who, comment=words, now=now)
@@ -369,7 +368,7 @@ def work_order(store: Store, number: int, *, who: str, now: int, link: str = "")
     ParameterError
         If no alert has that number, or it is about the monitor and not about a vehicle.
     """
-    alert = alert_state(_alert_row(store, number))
+    alert = require_alert(store, number)
     if alert.cause.partition(":")[0] == "monitor":
         raise ParameterError(f"alert {number} is about the monitor ({alert.cause}): a work order is about a vehicle")
     corner, part = alert.place
@@ -513,23 +512,29 @@ def _act(
     store: Store, number: int, name: str, act: Callable[..., Transition], *, who: str, comment: str, now: int
 ) -> None:
     """Apply an operator action to an alert, and record it in the audit trail."""
-    with _locked(store, number) as row:
-        transition = act(alert_of(row), who=who, now=now, comment=comment)
+    with _locked(store, number) as alert:
+        transition = act(alert, who=who, now=now, comment=comment)
         AlertBook(store, AlertSettings()).put(transition, now=now)
-        store.requests.audit(who, name, f"{row.vehicle} {row.cause}", comment or None, now=now)
+        store.requests.audit(who, name, f"{alert.vehicle} {alert.cause}", comment or None, now=now)
 
 
 @contextmanager
-def _locked(store: Store, number: int) -> Iterator[AlertRow]:
-    """Yield the row of an alert, which nobody else changes until the end of the context."""
-    known = _alert_row(store, number)
-    with store.alerts.locked(known.vehicle, known.cause) as row:
-        yield known if row is None else row
+def _locked(store: Store, number: int) -> Iterator[AlertState]:
+    """Yield an alert, which nobody else changes until the end of the context."""
+    known = require_alert(store, number)
+    with store.alerts.locked(known.vehicle, known.cause) as present:
+        yield present or known
 
 
-def _alert_row(store: Store, number: int) -> AlertRow:
-    """Return the row of an alert."""
-    row = store.alerts.row(number)
-    if row is None:
+def require_alert(store: Store, number: int) -> AlertState:
+    """Return an alert.
+
+    Raises
+    ------
+    ParameterError
+        If no alert has that number.
+    """
+    alert = store.alerts.row(number)
+    if alert is None:
         raise ParameterError(f"unknown alert {number}: sprung alerts list --all lists all alerts")
-    return row
+    return alert

@@ -8,13 +8,13 @@ from pydantic import Field
 
 from sprung.online.alerts import STEPS
 from sprung.online.monitor import embedded_port
-from sprung.online.monitor.histories import alert_state, vehicle_state
+from sprung.online.monitor.histories import vehicle_state
 from sprung.online.site.access import Viewer
 from sprung.online.site.rendering import filter_link, page, with_others
 from sprung.online.site.shared import Answer, Context, Shared, Wanted, column_number, parse_cursor
-from sprung.online.store import AlertRow, FleetCounts, FleetFilter, FleetRow, Place
+from sprung.online.store import FleetCounts, FleetFilter, FleetRow, Place
 from sprung.results.tables import counted
-from sprung.state import VehicleState, Verdict
+from sprung.state import AlertState, VehicleState, Verdict
 
 api = APIRouter(tags=["vehicles"])
 pages = APIRouter(include_in_schema=False)
@@ -131,7 +131,7 @@ def show(request: Request, context: Shared, person: Viewer, wanted: Annotated[Wa
     )
 
 
-def state_of_row(context: Context, row: FleetRow, active: Sequence[AlertRow]) -> VehicleState:
+def state_of_row(context: Context, row: FleetRow, active: Sequence[AlertState]) -> VehicleState:
     """Return the state of a vehicle of the fleet."""
     return vehicle_state(
         context.store,
@@ -140,7 +140,7 @@ def state_of_row(context: Context, row: FleetRow, active: Sequence[AlertRow]) ->
         silent_after=context.site.alerts.silent_after_minutes,
         last_seen=row.last_seen,
         is_parked=row.is_parked,
-        alerts=[alert_state(each) for each in active],
+        alerts=active,
     )
 
 

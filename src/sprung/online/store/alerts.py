@@ -28,16 +28,15 @@ from sprung.online.store.schema import (
     ALERTS,
     DELIVERIES,
     NOTIFICATIONS,
-    STEP_SIZE,
     AlertFilter,
     AlertPlace,
-    AlertRow,
     Delivery,
     Document,
     HistoryRow,
     NotificationRow,
     in_steps,
 )
+from sprung.state import STEP_SIZE, AlertState
 
 #: A day [ns].
 _DAY = 86400 * 10**9
@@ -50,37 +49,37 @@ _PROGRESS = ("next_attempt", "sent", "given_up", "last_error")
 class Alerts(Tables):
     """One alert for each cause on each vehicle."""
 
-    def find(self, *, vehicle: str | None = None, is_active: bool | None = None) -> list[AlertRow]:
+    def find(self, *, vehicle: str | None = None, is_active: bool | None = None) -> list[AlertState]:
         """Return alerts, the most severe first, then the oldest."""
         values = {"vehicle": vehicle, "is_active": is_active}
         conditions = {name: value for name, value in values.items() if value is not None}
-        return self._database.rows(AlertRow, _alerts(*conditions), conditions)
+        return self._database.rows(AlertState, _alerts(*conditions), conditions)
 
-    def row(self, number: int) -> AlertRow | None:
+    def row(self, number: int) -> AlertState | None:
         """Return the alert of a number; None if there is none."""
-        return self._database.row(AlertRow, select(ALERTS).where(ALERTS.c.id == number))
+        return self._database.row(AlertState, select(ALERTS).where(ALERTS.c.number == number))
 
-    def rows(self, numbers: Collection[int]) -> dict[int, AlertRow]:
+    def rows(self, numbers: Collection[int]) -> dict[int, AlertState]:
         """Return the alerts of some numbers, by number."""
         wanted = list(numbers)
-        rows: list[AlertRow] = []
+        rows: list[AlertState] = []
         for first in range(0, len(wanted), _MAX_VALUES):
-            query = select(ALERTS).where(ALERTS.c.id.in_(wanted[first : first + _MAX_VALUES]))
-            rows += self._database.rows(AlertRow, query)
-        return {row.id: row for row in rows if row.id is not None}
+            query = select(ALERTS).where(ALERTS.c.number.in_(wanted[first : first + _MAX_VALUES]))
+            rows += self._database.rows(AlertState, query)
+        return {row.number: row for row in rows}
 
-    def page(self, wanted: AlertFilter, *, after: AlertPlace | None = None, limit: int) -> list[AlertRow]:
+    def page(self, wanted: AlertFilter, *, after: AlertPlace | None = None, limit: int) -> list[AlertState]:
         """Return alerts, the most severe first, then the oldest, from the one that follows a place on."""
         query = select(ALERTS).where(*_conditions(wanted))
         if after is not None:
             is_next = or_(
                 ALERTS.c.severity < after.severity,
                 and_(ALERTS.c.severity == after.severity, ALERTS.c.raised > after.raised),
-                and_(ALERTS.c.severity == after.severity, ALERTS.c.raised == after.raised, ALERTS.c.id > after.id),
+                and_(ALERTS.c.severity == after.severity, ALERTS.c.raised == after.raised, ALERTS.c.number > after.id),
             )
             query = query.where(is_next)
-        query = query.order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.id).limit(limit)
-        return self._database.rows(AlertRow, query)
+        query = query.order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.number).limit(limit)
+        return self._database.rows(AlertState, query)
 
     def counts(self, wanted: AlertFilter) -> dict[tuple[str, int], int]:
         """Return the number of alerts by state and step of severity, 0 to 4."""
@@ -95,23 +94,23 @@ class Alerts(Tables):
         """Return the number of active alerts."""
         return self._database.scalar(select(func.count()).where(ALERTS.c.is_active)) or 0
 
-    def of_vehicles(self, vehicles: Sequence[str]) -> dict[str, list[AlertRow]]:
+    def of_vehicles(self, vehicles: Sequence[str]) -> dict[str, list[AlertState]]:
         """Return the active alerts of some vehicles, the most severe first, by vehicle."""
-        found: dict[str, list[AlertRow]] = {}
+        found: dict[str, list[AlertState]] = {}
         query = select(ALERTS).where(ALERTS.c.vehicle.in_(vehicles), ALERTS.c.is_active)
-        for row in self._database.rows(AlertRow, query.order_by(ALERTS.c.severity.desc(), ALERTS.c.id)):
+        for row in self._database.rows(AlertState, query.order_by(ALERTS.c.severity.desc(), ALERTS.c.number)):
             found.setdefault(row.vehicle, []).append(row)
         return found
 
     def put(
-        self, row: AlertRow, *, history: tuple[str, str, str], notify: Document | None = None, now: int
-    ) -> AlertRow:
+        self, alert: AlertState, *, history: tuple[str, str, str], notify: Document | None = None, now: int
+    ) -> AlertState:
         """Store an alert, replacing the one of the same vehicle and cause.
 
         Parameters
         ----------
-        row
-            Alert to store; its `id` and `updated` are ignored.
+        alert
+            Alert to store; its `number` and `updated` are ignored.
         history
             Event, operator and comment.
         notify
@@ -121,26 +120,26 @@ class Alerts(Tables):
 
         Returns
         -------
-        AlertRow
+        AlertState
             Alert as stored.
         """
-        values = {name: value for name, value in asdict(row).items() if name != "id"} | {"updated": now}
+        values = {name: value for name, value in asdict(alert).items() if name != "number"} | {"updated": now}
         put = self._database.insert(ALERTS).values(values)
         put = put.on_conflict_do_update(index_elements=["vehicle", "cause"], set_=values)
         what, who, comment = history
         with self._database.writing() as connection:
-            identity = connection.execute(put.returning(ALERTS.c.id)).scalar_one()
+            identity = connection.execute(put.returning(ALERTS.c.number)).scalar_one()
             entry = {"alert": identity, "time": now, "what": what, "who": who, "comment": comment}
-            after = {"assignee": row.assignee, "shelved_until": row.shelved_until}
+            after = {"assignee": alert.assignee, "shelved_until": alert.shelved_until}
             connection.execute(ALERT_HISTORY.insert(), entry | after)
             if notify is not None:
                 message = {"alert": identity, "created": now, "document": notify, "attempts": 0}
                 connection.execute(NOTIFICATIONS.insert(), message)
-        return replace(row, id=identity, updated=now)
+        return replace(alert, number=identity, updated=now)
 
     def record(self, alert_id: int, what: str, comment: str, *, now: int) -> None:
         """Add an event to the history of an alert that leaves the alert as it is."""
-        of_alert = ALERTS.c.id == alert_id
+        of_alert = ALERTS.c.number == alert_id
         entry = {"alert": alert_id, "time": now, "what": what, "who": "", "comment": comment}
         with self._database.writing() as connection:
             after = connection.execute(select(ALERTS.c.assignee, ALERTS.c.shelved_until).where(of_alert)).mappings()
@@ -151,25 +150,25 @@ class Alerts(Tables):
         query = select(ALERT_HISTORY).where(ALERT_HISTORY.c.alert == alert_id).order_by(ALERT_HISTORY.c.id)
         return self._database.rows(HistoryRow, query)
 
-    def shelved(self, *, until: int) -> list[AlertRow]:
+    def shelved(self, *, until: int) -> list[AlertState]:
         """Return the alerts whose shelving ends at a time at the latest."""
-        query = select(ALERTS).where(ALERTS.c.shelved_until <= until).order_by(ALERTS.c.id)
-        return self._database.rows(AlertRow, query)
+        query = select(ALERTS).where(ALERTS.c.shelved_until <= until).order_by(ALERTS.c.number)
+        return self._database.rows(AlertState, query)
 
     @contextmanager
-    def locked(self, vehicle: str, cause: str) -> Iterator[AlertRow | None]:
+    def locked(self, vehicle: str, cause: str) -> Iterator[AlertState | None]:
         """Yield an alert, None if there is none; what is stored in the context is one transaction, before any other."""
         query = select(ALERTS).where(ALERTS.c.vehicle == vehicle, ALERTS.c.cause == cause).with_for_update()
         with self._database.together(), self._database.writing() as connection:
             row = connection.execute(query).mappings().first()
-            yield None if row is None else AlertRow(**row)
+            yield None if row is None else AlertState(**row)
 
     @contextmanager
-    def locked_of(self, vehicle: str) -> Iterator[list[AlertRow]]:
+    def locked_of(self, vehicle: str) -> Iterator[list[AlertState]]:
         """Yield all alerts of a vehicle; what is stored in the context is one transaction, before any other."""
-        query = select(ALERTS).where(ALERTS.c.vehicle == vehicle).order_by(ALERTS.c.id).with_for_update()
+        query = select(ALERTS).where(ALERTS.c.vehicle == vehicle).order_by(ALERTS.c.number).with_for_update()
         with self._database.together(), self._database.writing() as connection:
-            yield [AlertRow(**row) for row in connection.execute(query).mappings()]
+            yield [AlertState(**row) for row in connection.execute(query).mappings()]
 
     def next_notification(self, sender: str, *, now: int) -> NotificationRow | None:
         """Return the notification that a sender is to send next; None if none is due.
@@ -269,7 +268,7 @@ _N_OPEN = select(func.count()).where(_is_open(NOTIFICATIONS))
 @cache
 def _alerts(*conditions: str) -> Select[Any]:
     """Return the query for alerts of which some columns have given values."""
-    query = select(ALERTS).order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.id)
+    query = select(ALERTS).order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.number)
     return query.where(*(ALERTS.c[name] == bindparam(name) for name in conditions))
 
 

@@ -13,15 +13,11 @@ from sprung.online.store.schema import (
     BASELINES,
     OBSERVATIONS,
     STATUSES,
-    STEP_SIZE,
     VEHICLES,
     Document,
     in_steps,
 )
-
-#: Weight of alerts that are not of the suspension, in the health index: `sprung.state.health_index`.
-_OF_OTHERS = 1 / 3
-_WATCHING = ("silent", "lost", "monitor")
+from sprung.state import SENSOR_WEIGHT, STEP_SIZE, WATCHING
 
 
 class Place(NamedTuple):
@@ -204,7 +200,7 @@ class Fleet(Tables):
         """Return what was stored after a change of an alert and after a time [UTC ns], of each kind about `limit`."""
         changes = (
             select(ALERT_HISTORY.c.id, ALERT_HISTORY.c.alert, ALERTS.c.vehicle, ALERT_HISTORY.c.what)
-            .join(ALERTS, ALERTS.c.id == ALERT_HISTORY.c.alert)
+            .join(ALERTS, ALERTS.c.number == ALERT_HISTORY.c.alert)
             .where(ALERT_HISTORY.c.id > change)
             .order_by(ALERT_HISTORY.c.id)
             .limit(limit)
@@ -225,8 +221,8 @@ class Fleet(Tables):
 
 def _worst() -> Subquery:
     """Return the greatest severity and impact of the active alerts of each vehicle that has any."""
-    is_watching = or_(ALERTS.c.cause.in_(_WATCHING), *(ALERTS.c.cause.like(f"{name}:%") for name in _WATCHING))
-    weight = case((is_watching, 0.0), (ALERTS.c.cause.like("%:%"), _OF_OTHERS), else_=1.0)
+    is_watching = or_(ALERTS.c.cause.in_(WATCHING), *(ALERTS.c.cause.like(f"{name}:%") for name in WATCHING))
+    weight = case((is_watching, 0.0), (ALERTS.c.cause.like("%:%"), SENSOR_WEIGHT), else_=1.0)
     return (
         select(
             ALERTS.c.vehicle,

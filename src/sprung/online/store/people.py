@@ -102,7 +102,7 @@ class Verdicts(Tables):
 
     def judged(self, *, since: int = 0) -> list[tuple[VerdictRow, str]]:
         """Return the last verdict on each alert for each time that it was raised since a time, with its cause."""
-        query = select(VERDICTS, ALERTS.c.cause).join(ALERTS, ALERTS.c.id == VERDICTS.c.alert)
+        query = select(VERDICTS, ALERTS.c.cause).join(ALERTS, ALERTS.c.number == VERDICTS.c.alert)
         query = query.where(VERDICTS.c.raised >= since).order_by(VERDICTS.c.id)
         last: dict[tuple[int, int], tuple[VerdictRow, str]] = {}
         for values in self._database.rows(dict[str, Any], query):

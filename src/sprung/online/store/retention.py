@@ -117,7 +117,7 @@ def conditions() -> Mapping[str, ColumnElement[bool]]:
     newer = BASELINES.alias()
     is_replaced = exists().where(newer.c.vehicle == BASELINES.c.vehicle, newer.c.version > BASELINES.c.version)
     is_of_active_alert = exists().where(
-        ALERTS.c.id == ALERT_HISTORY.c.alert, ALERTS.c.is_active, ALERTS.c.raised <= ALERT_HISTORY.c.time
+        ALERTS.c.number == ALERT_HISTORY.c.alert, ALERTS.c.is_active, ALERTS.c.raised <= ALERT_HISTORY.c.time
     )
     return {
         **entries,

@@ -32,6 +32,7 @@ from sqlalchemy import (
 from sqlalchemy.schema import SchemaItem
 
 from sprung.errors import ParameterError, SprungError
+from sprung.state import STEP_SIZE, AlertState
 
 #: Values that JSON can hold, without NaN and infinities.
 Document: TypeAlias = dict[str, Any]
@@ -285,26 +286,6 @@ class Progress:
 
 
 @dataclass(frozen=True, slots=True)
-class AlertRow:
-    """Alert of one cause on one vehicle; `id` and `updated` are given by the store."""
-
-    vehicle: str
-    cause: str
-    severity: int
-    text: str
-    raised: int
-    is_active: bool = True
-    is_acknowledged: bool = False
-    shelved_until: int | None = None
-    cleared: int | None = None
-    count: int = 1
-    assignee: str | None = None
-    document: Document = field(default_factory=dict)
-    updated: int = 0
-    id: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class AlertFilter:
     """Which alerts are listed.
 
@@ -480,25 +461,25 @@ def _key(name: str, kind: type[Text] | BigInteger) -> Column[object]:
     return Column(name, kind, primary_key=True, autoincrement=False)
 
 
-def _identity() -> Column[object]:
+def _identity(name: str = "id") -> Column[object]:
     """Return the column that numbers the rows."""
-    return Column("id", _INTEGER, primary_key=True, autoincrement=True)
+    return Column(name, _INTEGER, primary_key=True, autoincrement=True)
 
 
 def _of_alert() -> ForeignKeyConstraint:
     """Return the condition that the alert of a row exists."""
-    return ForeignKeyConstraint(["alert"], ["alerts.id"])
+    return ForeignKeyConstraint(["alert"], ["alerts.number"])
 
 
 def _table(name: str, row: type, *more: SchemaItem, keys: tuple[str, ...] = ()) -> Table:
-    """Return a table whose columns are the fields of a kind of rows; without keys `id` numbers them."""
+    """Return a table whose columns are the fields of a kind of rows; without keys `id` or `number` numbers them."""
     columns: list[Column[Any]] = []
     for name_of, hint in get_type_hints(row).items():
         kind = get_args(hint)[0] if isinstance(hint, UnionType) else hint
         if name_of in keys:
             columns.append(_key(name_of, _TYPES[kind]))
-        elif name_of == "id":
-            columns.append(_identity())
+        elif name_of in {"id", "number"}:
+            columns.append(_identity(name_of))
         else:
             is_optional = isinstance(hint, UnionType) or hint is Any
             columns.append(Column(name_of, _TYPES.get(kind, Json), nullable=is_optional))
@@ -549,7 +530,7 @@ STATUSES = Table(
 )
 ALERTS = _table(
     "alerts",
-    AlertRow,
+    AlertState,
     UniqueConstraint("vehicle", "cause", name="alerts_by_cause"),
     Index("alerts_active", "is_active", "vehicle", "severity", "cause"),
 )
@@ -599,9 +580,6 @@ TOKENS = _table("tokens", TokenRow, UniqueConstraint("digest"))
 #: Version of these tables in a store, one row: `SCHEMA_VERSION` of the program that made it.
 SCHEMA = Table("schema_version", METADATA, Column("version", Integer, primary_key=True, autoincrement=False))
 SCHEMA_VERSION = 1
-
-#: Severities of a step: 1 to 200 are the first, 801 to 1000 the fifth.
-STEP_SIZE = 200
 
 
 def in_steps(severity: ColumnElement[int], steps: Iterable[int]) -> ColumnElement[bool]:

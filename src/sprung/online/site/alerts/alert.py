@@ -9,15 +9,13 @@ from pydantic import Field
 
 from sprung.errors import ParameterError
 from sprung.online.monitor import MONITOR, operations
-from sprung.online.monitor.histories import alert_state
-from sprung.online.monitor.operations import send_work_order, work_order
+from sprung.online.monitor.operations import require_alert, send_work_order, work_order
 from sprung.online.site.access import Engineer, EngineerForm, Form, Viewer
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.alerts.evidence import BEFORE, SINCE, Evidence, course_of, evidence_of
 from sprung.online.site.alerts.lists import STATES
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import Answer, Context, Done, Given, Line, Number, Outcome, Shared, Text
-from sprung.online.store import AlertRow
 from sprung.results.documents import WorkOrderDocument, document_text
 from sprung.results.documents.monitoring import AlertEntry, HistoryEntry
 from sprung.results.tables.table import in_words
@@ -103,7 +101,7 @@ class WorkshopVerdict(Given):
 @api.get("/alerts/{number}")
 def alert_detail(context: Shared, _: Viewer, number: Number) -> AlertDetail:
     """An alert with its evidence, history and verdicts."""
-    state = alert_state(_require_alert(context, number))
+    state = require_alert(context.store, number)
     store = context.store
     return AlertDetail(
         alert=AlertEntry(**state.as_entry()),
@@ -116,8 +114,7 @@ def alert_detail(context: Shared, _: Viewer, number: Number) -> AlertDetail:
 @api.get("/alerts/{number}/evidence")
 def evidence(context: Shared, _: Viewer, number: Number) -> Evidence:
     """The evidence behind an alert: change, hypotheses, course of the evidence, windows."""
-    row = _require_alert(context, number)
-    return evidence_of(context, row, alert_state(row))
+    return evidence_of(context, require_alert(context.store, number))
 
 
 def _add_commented_action(name: str) -> None:
@@ -245,14 +242,6 @@ def _by(context: Context, person: Person, comment: str) -> dict[str, Any]:
     return {"who": person.name, "comment": comment, "now": context.clock()}
 
 
-def _require_alert(context: Context, number: int) -> AlertRow:
-    """Return a stored alert, or refuse a number that none has."""
-    row = context.store.alerts.row(number)
-    if row is None:
-        raise ParameterError(f"unknown alert {number}: see the list of alerts")
-    return row
-
-
 def _work_order(request: Request, context: Context, person: Person, number: int) -> WorkOrderDocument:
     """Return the work order of an alert."""
     link = context.site.alert_url(number) or f"{request.base_url}alerts/{number}"
@@ -270,9 +259,8 @@ def _page(
     given: dict[str, str] | None = None,
 ) -> Response:
     """Return the page of an alert."""
-    row = _require_alert(context, number)
-    state = alert_state(row)
-    found = evidence_of(context, row, state)
+    state = require_alert(context.store, number)
+    found = evidence_of(context, state)
     detail = alert_detail(context, person, number)
     clauses = state.text.split("; ")
     n_head = 2 if found.advice else len(clauses)  # a finding, and what to do

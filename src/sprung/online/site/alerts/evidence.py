@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from sprung.online.site.shared import Answer, Context, finite
-from sprung.online.store import AlertRow, Entry
+from sprung.online.store import Entry
 from sprung.state import TIME_ROUNDING, AlertState, interval_95
 from sprung.vehicles import Component
 
@@ -90,8 +90,8 @@ class Evidence(Answer):
     windows: tuple[EvidenceWindow, ...] = Field(description="windows before the onset and since then")
 
 
-def evidence_of(context: Context, row: AlertRow, alert: AlertState) -> Evidence:
-    """Return what led to an alert, given as it is stored and as its state."""
+def evidence_of(context: Context, alert: AlertState) -> Evidence:
+    """Return what led to an alert."""
     detection = alert.evidence.get("detection") or {}
     names = ("is_active", "is_acknowledged", "change", "interval", "runner_up", "advice", "detectable")
     return Evidence(
@@ -104,29 +104,29 @@ def evidence_of(context: Context, row: AlertRow, alert: AlertState) -> Evidence:
             for time, value in zip(detection.get("times", ()), detection.get("evidence", ()), strict=True)
         ),
         threshold=detection.get("threshold"),
-        windows=_windows(context, row, alert),
+        windows=_windows(context, alert),
     )
 
 
-def _windows(context: Context, row: AlertRow, alert: AlertState) -> tuple[EvidenceWindow, ...]:
+def _windows(context: Context, alert: AlertState) -> tuple[EvidenceWindow, ...]:
     """Return the windows behind an alert of the suspension or of a sensor."""
-    if not alert.is_of_suspension and not row.cause.startswith("sensor:"):
+    if not alert.is_of_suspension and not alert.cause.startswith("sensor:"):
         return ()
-    since = (_first_with_fault(context, row) if alert.onset is None else alert.onset) - TIME_ROUNDING
+    since = (_first_with_fault(context, alert) if alert.onset is None else alert.onset) - TIME_ROUNDING
     observations = context.store.results.observations
-    before = observations(row.vehicle, until=since - 1, limit=BEFORE)
-    after = observations(row.vehicle, since=since, until=row.cleared, limit=SINCE)
+    before = observations(alert.vehicle, until=since - 1, limit=BEFORE)
+    after = observations(alert.vehicle, since=since, until=alert.cleared, limit=SINCE)
     windows = [*((entry, False) for entry in before), *((entry, True) for entry in after)]
     return tuple(_window(entry, alert, is_since=is_since) for entry, is_since in windows)
 
 
-def _first_with_fault(context: Context, row: AlertRow) -> int:
+def _first_with_fault(context: Context, alert: AlertState) -> int:
     """Return the start of the first of the windows before an alert that show its fault, UTC ns.
 
     Samples may be older than the alert by any time, as those of a box that was offline.
     """
-    channel, first = row.cause.removeprefix("sensor:"), row.raised
-    for entry in reversed(context.store.results.observations(row.vehicle, until=row.raised, limit=SINCE)):
+    channel, first = alert.cause.removeprefix("sensor:"), alert.raised
+    for entry in reversed(context.store.results.observations(alert.vehicle, until=alert.raised, limit=SINCE)):
         if all(each.get("channel") != channel for each in entry.document.get("sensor_faults") or ()):
             break
         first = entry.t0

@@ -11,15 +11,14 @@ from scipy.special import betaincinv
 
 from sprung.online.alerts import STEPS, WATCHING, severity_step
 from sprung.online.monitor import MONITOR
-from sprung.online.monitor.histories import alert_state
 from sprung.online.monitor.operations import VERDICTS
 from sprung.online.site.access import Viewer
 from sprung.online.site.rendering import filter_link, page, with_others
 from sprung.online.site.shared import Answer, Shared, Wanted, column_number, parse_cursor
-from sprung.online.store import AlertFilter, AlertPlace, AlertRow, Store, VerdictRow
+from sprung.online.store import AlertFilter, AlertPlace, Store, VerdictRow
 from sprung.results.documents.monitoring import AlertEntry
 from sprung.results.tables import counted
-from sprung.state import time_of
+from sprung.state import AlertState, time_of
 
 api = APIRouter(tags=["alerts"])
 pages = APIRouter(include_in_schema=False)
@@ -116,8 +115,8 @@ def alerts(context: Shared, _: Viewer, wanted: Annotated[WantedPage, Query()]) -
     shown = rows[: wanted.limit]
     last = shown[-1] if len(rows) > wanted.limit else None
     return Alerts(
-        alerts=tuple(AlertEntry(**alert_state(row).as_entry()) for row in shown),
-        next=None if last is None else f"{last.severity}~{last.raised}~{last.id}",
+        alerts=tuple(AlertEntry(**alert.as_entry()) for alert in shown),
+        next=None if last is None else f"{last.severity}~{last.raised}~{last.number}",
     )
 
 
@@ -234,13 +233,13 @@ def share(hits: int, of: int) -> Share:
     return Share(hits=hits, of=of, value=hits / of if of else None, interval=(low, high))
 
 
-def _onset(store: Store, row: AlertRow, verdict: VerdictRow) -> int | None:
+def _onset(store: Store, alert: AlertState, verdict: VerdictRow) -> int | None:
     """Return the onset of what a verdict is about; None if it is unknown."""
-    if row.raised == verdict.raised:
-        return alert_state(row).onset
-    entries = store.results.findings(row.vehicle, until=verdict.time, limit=_MAX_FINDINGS)
+    if alert.raised == verdict.raised:
+        return alert.onset
+    entries = store.results.findings(alert.vehicle, until=verdict.time, limit=_MAX_FINDINGS)
     documents = (entry.document for entry in reversed(entries))
-    of_cause = (each for each in documents if f"{each.get('corner')}.{each.get('component')}" == row.cause)
+    of_cause = (each for each in documents if f"{each.get('corner')}.{each.get('component')}" == alert.cause)
     return time_of(next(of_cause, {}).get("since"))
 
 

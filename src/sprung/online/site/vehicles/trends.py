@@ -257,7 +257,7 @@ def _marks(store: Store, vehicle: str) -> Iterator[TimeMark]:
     for row in store.results.baselines(vehicle):
         text = f"baseline {row.version}: {row.reason}"
         yield TimeMark(time=row.created, kind="baseline", text=text, link=f"{path_of(vehicle)}/baseline")
-    alerts = {row.id: row for row in store.alerts.find(vehicle=vehicle) if row.count and row.id is not None}
+    alerts = {alert.number: alert for alert in store.alerts.find(vehicle=vehicle) if alert.count}
     for verdict in store.verdicts.all(alerts=list(alerts)):
         text = ": ".join(filter(None, (verdict.verdict, verdict.part, verdict.action)))
         yield TimeMark(time=verdict.time, kind="verdict", text=text, link=f"/alerts/{verdict.alert}")
