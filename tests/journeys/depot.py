@@ -222,7 +222,7 @@ def _remember(store: Store, book: AlertBook, *, now: int) -> None:
             verdict=verdict,
             part="front-left strut mount" if verdict == "another part" else "",
             action="part renewed" if is_repaired else "",
-            is_new_baseline=is_repaired,
+            new_baseline=is_repaired,
             who="Bert",
             now=raised + (20 + 5 * k) * _HOUR,
         )

@@ -73,6 +73,6 @@ def test_an_act_that_fails_stores_nothing_of_a_verdict(store, books) -> None:
     """The vehicle of the alert is unknown, so that no baseline can be requested: nothing of the act is kept."""
     books[0].report("car-1", "silent", "car-1 has sent nothing", now=BEGUN)
     with pytest.raises(ParameterError, match="unknown vehicle 'car-1'"):
-        operations.add_verdict(store, 1, verdict="confirmed", is_new_baseline=True, who="anna", now=BEGUN + 1)
+        operations.add_verdict(store, 1, verdict="confirmed", new_baseline=True, who="anna", now=BEGUN + 1)
     assert store.verdicts.all() == []
     assert [event.what for event in store.alerts.history(1)] == ["raised"]

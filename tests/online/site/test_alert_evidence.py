@@ -10,9 +10,8 @@ from sprung.diagnosis import Observation
 from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import AlertBook, operations
 from sprung.online.site.accounts import Person, Role
-from sprung.online.site.alerts.alert import evidence
-from sprung.online.site.alerts.evidence import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, EvidencePoint, course_of
-from sprung.online.site.alerts.lists import STATES, WantedAlerts, WantedPage, alerts, counts
+from sprung.online.site.alert import PAGE, EvidencePoint, course_of, evidence
+from sprung.online.site.alerts import STATES, WantedAlerts, WantedPage, alerts, counts
 from sprung.online.store import Progress, StoredFrame
 from sprung.results.documents import observation_document
 from sprung.vehicles import Component
@@ -156,9 +155,10 @@ def test_the_scale_reaches_from_0_to_above_the_largest_value() -> None:
     """Values 0, 10, 20 with a threshold of 10: heights in proportion, 21 at the top."""
     course = course_of(points(0.0, 10.0, 20.0), 10.0)
     assert course is not None
-    inner = HEIGHT - TOP - BOTTOM
-    assert [dot.y for dot in course.dots] == pytest.approx([TOP + inner * (21 - value) / 21 for value in (0, 10, 20)])
-    assert [dot.x for dot in course.dots] == pytest.approx([LEFT, (LEFT + WIDTH - RIGHT) / 2, WIDTH - RIGHT])
+    top, left, right = PAGE.top, PAGE.left, PAGE.width - PAGE.right
+    inner = PAGE.height - top - PAGE.bottom
+    assert [dot.y for dot in course.dots] == pytest.approx([top + inner * (21 - value) / 21 for value in (0, 10, 20)])
+    assert [dot.x for dot in course.dots] == pytest.approx([left, (left + right) / 2, right])
     assert [dot.is_above for dot in course.dots] == [False, True, True]
     assert course.threshold == pytest.approx(course.dots[1].y)
     assert [number for _, number in course.marks] == [0, 5, 10, 15, 20]
@@ -169,7 +169,7 @@ def test_all_is_within_the_drawing(values) -> None:
     course = course_of(points(*values), 10.8)
     assert course is not None
     heights = [*(dot.y for dot in course.dots), course.threshold, *(y for y, _ in course.marks)]
-    assert all(TOP - 1e-9 <= y <= HEIGHT - BOTTOM + 1e-9 for y in heights)
+    assert all(PAGE.top - 1e-9 <= y <= PAGE.height - PAGE.bottom + 1e-9 for y in heights)
     assert 1 <= len(course.marks) <= 6
 
 

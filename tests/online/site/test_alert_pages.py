@@ -7,7 +7,7 @@ from tests.online.site.conftest import NOW, PASSWORD
 
 from sprung.online.alerts import AlertSettings
 from sprung.online.monitor import AlertBook
-from sprung.online.site.alerts.alert import _folded
+from sprung.online.site.alert import _folded
 from sprung.results.documents.monitoring import HistoryEntry
 
 

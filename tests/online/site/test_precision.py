@@ -4,7 +4,7 @@ import pytest
 from tests.online.site.conftest import HOUR, NOW, raise_alert
 
 from sprung.online.monitor import operations
-from sprung.online.site.alerts.lists import precision, share
+from sprung.online.site.alerts import precision, share
 from sprung.online.store import Progress, StoredFrame, VerdictRow
 
 

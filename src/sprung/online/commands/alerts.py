@@ -112,7 +112,7 @@ def verdict(
             verdict=verdict,
             part=part,
             action=action,
-            is_new_baseline=new_baseline,
+            new_baseline=new_baseline,
             who=who,
             now=time.time_ns(),
         )

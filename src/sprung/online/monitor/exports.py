@@ -13,7 +13,7 @@ import numpy as np
 
 from sprung._checks import check_one_of
 from sprung.diagnosis.observation import CONDITION_UNITS
-from sprung.online.monitor.histories import AlertHistory, VehicleHistory, alerts_of, known_vehicle
+from sprung.online.monitor.histories import AlertHistory, VehicleHistory, alerts_of, require_vehicle
 from sprung.online.store import Entry, Store
 from sprung.results.documents import ReportDocument
 from sprung.results.periods import Period
@@ -210,7 +210,7 @@ def export(
     """
     check_one_of("what", what, WHATS)
     check_one_of("format", file_format, FORMATS)
-    known_vehicle(store, vehicle)
+    require_vehicle(store, vehicle)
     columns, rows = _table(store, vehicle, what, period or Period())
     if file_format == "csv":
         return _csv_pieces(columns, rows)

@@ -47,7 +47,7 @@ _LOOKED_THROUGH = 2 * LAST_WINDOWS
 _MAX_WINDOWS = 10_000
 
 
-def known_vehicle(store: Store, vehicle: str) -> VehicleRow:
+def require_vehicle(store: Store, vehicle: str) -> VehicleRow:
     """Return a vehicle as it described itself.
 
     Raises
@@ -57,7 +57,7 @@ def known_vehicle(store: Store, vehicle: str) -> VehicleRow:
     """
     row = store.inbox.vehicle(vehicle)
     if row is None:
-        raise ParameterError(f"unknown vehicle {vehicle!r}: sprung vehicles lists the known ones")
+        raise ParameterError(f"unknown vehicle {vehicle!r}: see the list of vehicles (sprung vehicles)")
     return row
 
 
@@ -304,7 +304,7 @@ def read_history(store: Store, vehicle: str, period: Period, *, now: int) -> Veh
     StoreError
         If the store cannot be read.
     """
-    row, results, until = known_vehicle(store, vehicle), store.results, period.until
+    row, results, until = require_vehicle(store, vehicle), store.results, period.until
     windows: deque[tuple[int, Observation]] = deque(maxlen=_MAX_WINDOWS)
     n_stored = n_read = 0
     for piece in results.pieces("observations", vehicle, since=period.since, until=until):

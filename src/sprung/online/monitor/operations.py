@@ -33,7 +33,7 @@ from sprung.online.monitor.histories import (
     LEARN,
     ROLL_BACK,
     history_of,
-    known_vehicle,
+    require_vehicle,
     restored_baseline,
     vehicle_state,
 )
@@ -174,7 +174,7 @@ def add_verdict(
     verdict: str,
     part: str = "",
     action: str = "",
-    is_new_baseline: bool = False,
+    new_baseline: bool = False,
     who: str,
     now: int,
 ) -> int | None:
@@ -192,7 +192,7 @@ def add_verdict(
         Part that was found instead, with the verdict "another part".
     action
         Work that was done.
-    is_new_baseline
+    new_baseline
         Whether a new baseline is learnt, as after a repair; the alert is cleared then, and otherwise acknowledged.
     who
         Name of the operator.
@@ -216,11 +216,11 @@ def add_verdict(
     words = "; ".join(text for text in (f"verdict: {verdict}", part.strip(), action.strip()) if text)
     with _locked(store, number) as alert:
         request = None
-        if is_new_baseline:
+        if new_baseline:
             request = relearn(store, alert.vehicle, reason=action.strip() or words, who=who, now=now)
         stored = VerdictRow(number, now, who, verdict, part.strip(), action.strip(), alert.raised, request)
         store.verdicts.add(stored)
-        if is_new_baseline and alert.is_active:
+        if new_baseline and alert.is_active:
             close(store, number, who=who, comment=words, now=now)
         elif not alert.is_acknowledged and verdict != "not looked at":
             acknowledge(store, number, who=who, comment=words, now=now)
@@ -239,7 +239,7 @@ def relearn(store: Store, vehicle: str, *, reason: str, who: str, now: int) -> i
     """
     if not reason.strip():
         raise ParameterError(f"a new baseline of {vehicle} needs a reason: give --reason TEXT, such as 'new dampers'")
-    known_vehicle(store, vehicle)
+    require_vehicle(store, vehicle)
     return store.requests.add_command(who, vehicle, LEARN, reason.strip(), now=now)
 
 
@@ -275,7 +275,7 @@ def roll_back(store: Store, vehicle: str, *, version: int, reason: str, who: str
         raise ParameterError(
             f"the return to baseline {version} of {vehicle} needs a reason, such as 'learnt with a broken spring'"
         )
-    known_vehicle(store, vehicle)
+    require_vehicle(store, vehicle)
     next_version = restored_baseline(store, vehicle, version=version, reason=reason).version
     is_learning = bool((store.results.status(vehicle) or {}).get("is_learning"))
     is_requested = any(row.vehicle == vehicle and row.act in BASELINE_ACTS for row in store.requests.open_commands())
@@ -294,7 +294,7 @@ def request_samples(store: Store, vehicle: str, *, minutes: float, who: str, now
         If the vehicle is unknown, or the time is not above 0.
     """
     check_number("minutes", minutes, above=0)
-    known_vehicle(store, vehicle)
+    require_vehicle(store, vehicle)
     return store.requests.add_command(who, vehicle, "raw", {"from": now - round(60e9 * minutes), "to": now}, now=now)
 
 
@@ -455,7 +455,7 @@ def quarantine_document(store: Store, *, vehicle: str = "", is_analysed: bool = 
     """
     names = store.quarantine.vehicles()
     if vehicle and vehicle not in names:
-        known_vehicle(store, vehicle)
+        require_vehicle(store, vehicle)
     entries = []
     for name in [vehicle] if vehicle else names:
         numbered = enumerate(store.quarantine.find(name))
@@ -536,5 +536,5 @@ def require_alert(store: Store, number: int) -> AlertState:
     """
     alert = store.alerts.row(number)
     if alert is None:
-        raise ParameterError(f"unknown alert {number}: sprung alerts list --all lists all alerts")
+        raise ParameterError(f"unknown alert {number}: see the list of alerts (sprung alerts list --all)")
     return alert

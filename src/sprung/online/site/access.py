@@ -2,16 +2,20 @@
 
 import hmac
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, TypeVar
 from urllib.parse import parse_qsl
 
 from fastapi import Depends, HTTPException, Request, Response, Security
 from fastapi.concurrency import run_in_threadpool
 from fastapi.openapi.models import HTTPBearer
 from fastapi.security.base import SecurityBase
+from pydantic import BaseModel, ValidationError
 
+from sprung.errors import ParameterError
 from sprung.online.site.accounts import SESSION, Person, Role, log_in, of_session, of_token
-from sprung.online.site.shared import Context, context_of
+from sprung.online.site.shared import Context, context_of, describe_faults
+
+T = TypeVar("T", bound=BaseModel)
 
 #: Field of a form, and header of a request, with the CSRF token of the session.
 CSRF_FIELD = "csrf_token"
@@ -139,6 +143,21 @@ class Form(NamedTuple):
     def text(self, name: str) -> str:
         """Return a field, without blanks around; empty if it is not there."""
         return self.fields.get(name, "").strip()
+
+    def body(self, kind: type[T]) -> T:
+        """Return the fields as the body of a request: empty ones are left out, or null where they are required.
+
+        Raises
+        ------
+        ParameterError
+            If a value is out of range.
+        """
+        values = {name: self.text(name) or None for name in kind.model_fields}
+        required = {name for name, field in kind.model_fields.items() if field.is_required()}
+        try:
+            return kind.model_validate({name: values[name] for name in values if values[name] or name in required})
+        except ValidationError as error:
+            raise ParameterError(describe_faults(error.errors())) from None
 
 
 class FormOf:

@@ -16,21 +16,19 @@ from starlette.types import ASGIApp
 
 from sprung import __version__
 from sprung.errors import SprungError
-from sprung.online.site import fleet, live, people, probes, runs, site
+from sprung.online.site import alert, alerts, fleet, live, people, probes, runs, site
 from sprung.online.site.access import Viewer
-from sprung.online.site.alerts import alert
-from sprung.online.site.alerts import lists as alert_lists
 from sprung.online.site.guard import Attempts, Guard, RateLimit
 from sprung.online.site.live import Feed
 from sprung.online.site.rendering import page
 from sprung.online.site.runs import RunResults
-from sprung.online.site.shared import Context, Shared, is_loopback
+from sprung.online.site.shared import Context, Shared, describe_faults, is_loopback
 from sprung.online.site.vehicles import baselines, diagrams, files, overview, quality, trends, windows
 from sprung.online.site.vehicles.diagrams import DiagramDesk
 from sprung.online.store import RefusedError, StoreError
 
 _pages = APIRouter(include_in_schema=False)
-_SUBJECTS = (fleet, overview, windows, quality, baselines, diagrams, files, alert_lists, alert, runs, people, site)
+_SUBJECTS = (fleet, overview, windows, quality, baselines, diagrams, files, alerts, alert, runs, people, site)
 #: All routes, by what their paths begin with.
 ROUTERS = (
     *(("/api/v1", subject.api) for subject in (*_SUBJECTS, trends, live)),
@@ -169,8 +167,8 @@ def _refused(request: Request, error: Exception) -> Response:
 def _invalid(request: Request, error: Exception) -> Response:
     """Answer a request with values out of range."""
     assert isinstance(error, RequestValidationError)
-    faults = [f"{'.'.join(map(str, fault['loc'][1:])) or 'body'}: {fault['msg']}" for fault in error.errors()]
-    return _answer(request, "; ".join(faults), 422)
+    faults = [{**fault, "loc": fault["loc"][1:]} for fault in error.errors()]
+    return _answer(request, describe_faults(faults), 422)
 
 
 def _impossible(request: Request, error: Exception) -> Response:

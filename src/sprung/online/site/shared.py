@@ -1,7 +1,7 @@
 """What requests share: the store, the settings and the running monitor, and types of what routes take and return."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from ipaddress import ip_address
 from math import isfinite
@@ -117,6 +117,11 @@ class Done(Answer):
 
     sentence: str
     number: int | None = None
+
+
+def describe_faults(faults: Iterable[Mapping[str, Any]]) -> str:
+    """Return what is wrong with values, each with its name."""
+    return "; ".join(f"{'.'.join(map(str, fault['loc'])) or 'body'}: {fault['msg']}" for fault in faults)
 
 
 def column_number(text: str) -> int:

@@ -1,7 +1,5 @@
 """Learning and baselines of a vehicle: progress, versions, and requests to learn anew or to return to one."""
 
-from collections.abc import Callable
-from functools import partial
 from typing import Annotated, Any, Self
 
 from fastapi import APIRouter, Path, Query, Request, Response
@@ -15,7 +13,7 @@ from sprung.errors import FormatError, ParameterError
 from sprung.online.monitor import VehicleStatus, operations
 from sprung.online.monitor.histories import LEARN, ROLL_BACK, reference_of
 from sprung.online.monitor.requests import rolling_back_in_words
-from sprung.online.site.access import Engineer, EngineerForm, Form, Viewer
+from sprung.online.site.access import Engineer, EngineerForm, Viewer
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.shared import Answer, Context, Done, Given, Line, Outcome, Shared, VehicleName
 from sprung.online.site.vehicles.common import KnownVehicle, path_of, require_vehicle, vehicle_page
@@ -29,7 +27,7 @@ pages = APIRouter(include_in_schema=False)
 #: Versions of baselines.
 Version = Annotated[int, Path(ge=1, lt=2**31)]
 #: Digits of a version, less than which a number needs.
-_MAX_DIGITS = 10
+MAX_DIGITS = 10
 
 
 class Learning(Given):
@@ -147,44 +145,25 @@ def show(
 
 
 @pages.post("/vehicles/{vehicle}/baseline")
-def learn_by_form(request: Request, context: Shared, form: EngineerForm, vehicle: VehicleName) -> Response:
-    """Learn a new baseline from the next windows."""
-    given = Learning.model_construct(reason=form.text("reason"))
-    advice = "Give a reason, such as new dampers: it is stored with the baseline."
-    act = partial(learn, context, form.person, vehicle, given)
-    return _after(request, context, form, vehicle, act=act, done="learn", advice=advice)
-
-
 @pages.post("/vehicles/{vehicle}/baseline/rollback")
-def roll_back_by_form(request: Request, context: Shared, form: EngineerForm, vehicle: VehicleName) -> Response:
-    """Return to an earlier baseline."""
+def change_by_form(request: Request, context: Shared, form: EngineerForm, vehicle: VehicleName) -> Response:
+    """Learn a new baseline, or return to an earlier one; the page states what makes that impossible."""
+    is_return = request.url.path.endswith("/rollback")
+    done, example = ("rollback", "learnt with a broken spring") if is_return else ("learn", "new dampers")
     number = form.text("version")
-    version = int(number) if number.isascii() and number.isdecimal() and len(number) < _MAX_DIGITS else 0
-    given = Learning.model_construct(reason=form.text("reason"))
-    advice = "Give a reason, such as learnt with a broken spring."
-    act = partial(roll_back, context, form.person, vehicle, version, given)
-    return _after(request, context, form, vehicle, act=act, done="rollback", advice=advice, wanted=version)
-
-
-def _after(
-    request: Request,
-    context: Context,
-    form: Form,
-    vehicle: str,
-    *,
-    act: Callable[[], Done],
-    done: str,
-    advice: str,
-    wanted: int = 0,
-) -> Response:
-    """Act and return to the page; with a sentence if that is impossible."""
+    version = int(number) if number.isascii() and number.isdecimal() and len(number) < MAX_DIGITS else 0
     try:
-        act()
+        if not form.text("reason"):
+            raise ParameterError(f"Give a reason, such as {example}: it is stored with the baseline.")
+        given = form.body(Learning)
+        if is_return:
+            roll_back(context, form.person, vehicle, version, given)
+        else:
+            learn(context, form.person, vehicle, given)
     except ParameterError as error:
-        if context.store.inbox.vehicle(vehicle) is None:
-            raise
-        said = {done: str(error) if form.text("reason") else advice}
-        return _page(request, context, form.person, vehicle, problems=said, wanted=wanted, status=422)
+        require_vehicle(context, vehicle)
+        problems = {done: str(error)}
+        return _page(request, context, form.person, vehicle, problems=problems, wanted=version, status=422)
     return RedirectResponse(f"{path_of(vehicle)}/baseline?notice={done}", 303)
 
 

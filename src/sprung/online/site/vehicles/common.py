@@ -7,6 +7,7 @@ from urllib.parse import quote
 from fastapi import Depends, Request, Response
 
 from sprung.errors import ParameterError
+from sprung.online.monitor import histories
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import Place, Shared, VehicleName
 from sprung.online.store import Entry, VehicleRow
@@ -34,10 +35,7 @@ def require_vehicle(context: Shared, vehicle: VehicleName) -> VehicleRow:
     ParameterError
         If it is unknown.
     """
-    row = context.store.inbox.vehicle(vehicle)
-    if row is None:
-        raise ParameterError(f"unknown vehicle {vehicle!r}: the fleet lists the known ones")
-    return row
+    return histories.require_vehicle(context.store, vehicle)
 
 
 KnownVehicle = Annotated[VehicleRow, Depends(require_vehicle)]
