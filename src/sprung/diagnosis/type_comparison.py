@@ -158,16 +158,16 @@ def _deviation(of_type: TypeBaseline, windows: Sequence[Observation], evidence: 
 
 @dataclass(frozen=True, slots=True)
 class RankedVehicle:
-    """A vehicle of a fleet against its type.
+    """A vehicle of a fleet against its baseline, or against its type.
 
     Parameters
     ----------
     vehicle
         Name of the vehicle.
     detection
-        Evidence that it deviates from the others, and of what.
+        Evidence that it has changed, or deviates from the others, and what.
     is_discovery
-        Whether it is among the vehicles that deviate, see `rank_fleet`.
+        Whether it is among the vehicles that have changed or deviate, see `rank_fleet`.
     n_windows
         Number of windows compared.
     """
@@ -178,32 +178,42 @@ class RankedVehicle:
     n_windows: int
 
 
-def rank_fleet(windows: Mapping[str, Iterable[Observation]], *, rate: float = 0.05) -> tuple[RankedVehicle, ...]:
-    """Rank the vehicles of a type by how much each deviates from the others.
+def rank_fleet(
+    windows: Mapping[str, Iterable[Observation]],
+    *,
+    baselines: Mapping[str, Baseline] | None = None,
+    rate: float = 0.05,
+) -> tuple[RankedVehicle, ...]:
+    """Rank the vehicles of a type by the evidence that each has changed, or deviates from the others.
 
     Parameters
     ----------
     windows
         Windows of each vehicle, by its name.
+    baselines
+        Baselines of those vehicles that have one: they are compared with themselves, the others with their type.
     rate
         Expected share of healthy vehicles among the discoveries, above 0 and up to 1.
 
     Returns
     -------
     tuple of RankedVehicle
-        Vehicles with usable windows, the most deviating first.
+        Vehicles whose windows can be compared, those with the strongest evidence first. Vehicles without a baseline are
+        left out where fewer than five vehicles have usable windows.
 
     Raises
     ------
     DataError
-        If fewer than five vehicles have usable windows.
+        If no vehicle can be compared.
     ParameterError
         If the rate is not above 0 and at most 1.
 
     Notes
     -----
-    Each vehicle is compared as by `compare_with_type` with the type of the others. `false_discoveries` of -ln p is the
-    procedure of Benjamini and Hochberg, which holds for independent vehicles.
+    The evidence is that of the diagnosis of each vehicle: the e-value e of its change test, or -ln p of the comparison
+    with the type of the others, as by `compare_with_type`. As 1 / e is a p-value, `false_discoveries` of all of them is
+    the procedure of Benjamini and Hochberg, which holds for independent vehicles; where all have a baseline it is that
+    of e-values, which holds under any dependence. A run over an archive (`sprung fleet run`) chooses in the same way.
 
     References
     ----------
@@ -229,21 +239,31 @@ def rank_fleet(windows: Mapping[str, Iterable[Observation]], *, rate: float = 0.
     ('car-2', ['car-2'])
     """
     check_number("rate", rate, above=0, at_most=1)
-    usable = usable_windows(windows)
-    if len(usable) <= MIN_VEHICLES:
+    baselines, every = baselines or {}, {vehicle: tuple(own) for vehicle, own in windows.items()}
+    found = {vehicle: detect(baselines[vehicle], own) for vehicle, own in every.items() if vehicle in baselines}
+    detections = {vehicle: detection for vehicle, detection in found.items() if detection is not None}
+    # Estimates of a vehicle whose file a calibration completed are relative to that file.
+    usable = usable_windows(
+        {
+            vehicle: own
+            for vehicle, own in every.items()
+            if vehicle not in baselines or not baselines[vehicle].vehicle_file
+        }
+    )
+    if len(usable) > MIN_VEHICLES:
+        fleet, threshold = Fleet.of(usable), float(-np.log(rate))
+        for vehicle in (vehicle for vehicle in usable if vehicle not in baselines):
+            of_type = fleet.type_of((other for other in usable if other != vehicle), name="")
+            evidence = np.array([_against_type(of_type, usable[vehicle])[0]])
+            detection = _deviation(of_type, usable[vehicle], evidence, threshold)
+            detections[vehicle] = replace(detection, first_alert=None)
+    if not detections:
         raise DataError(
             f"{len(usable)} vehicles have usable windows, and {MIN_VEHICLES + 1} are needed: give more vehicles"
         )
-    fleet = Fleet.of(usable)
-    detections: dict[str, Detection] = {}
-    threshold = float(-np.log(rate))
-    for vehicle, own in usable.items():
-        of_type = fleet.type_of((other for other in usable if other != vehicle), name="")
-        evidence = np.array([_against_type(of_type, own)[0]])
-        detections[vehicle] = replace(_deviation(of_type, own, evidence, threshold), first_alert=None)
     chosen = false_discoveries([detection.e_value for detection in detections.values()], rate=rate)
     ranked = [
-        RankedVehicle(vehicle, detection, number in chosen, len(usable[vehicle]))
+        RankedVehicle(vehicle, detection, number in chosen, len(usable.get(vehicle, detection.times)))
         for number, (vehicle, detection) in enumerate(detections.items())
     ]
     return tuple(sorted(ranked, key=lambda one: -one.detection.e_value))

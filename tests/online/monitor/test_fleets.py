@@ -121,16 +121,37 @@ def test_a_fleet_is_ranked_by_its_last_windows(store, car, check_document) -> No
     assert ranking["vehicles"][0]["part"] == "front_right.spring"
 
 
-def test_few_vehicles_and_calibrated_ones_are_not_ranked(store, car) -> None:
+def test_few_vehicles_without_a_baseline_are_not_ranked(store, car) -> None:
     fleet(store, car, 4)
-    taught = replace(learn(drawn(5, 6)), vehicle_file=vehicle_text(car))
-    put(store, "van-5", car, drawn(5, 3))
-    entry = (1, NOW, "first learning", baseline_document(taught).as_json())
-    store.results.commit(Progress("van-5", 1, done_seq=0, baselines=(entry,)))
     ranked, notes = rankings(store, rate=0.05)
     assert ranked == []
-    assert notes[0] == "van-5 is not ranked: a calibration completed its vehicle file"
-    assert notes[1].startswith("vehicles of the type zafira are not ranked: 4 vehicles have usable windows")
+    (note,) = notes
+    assert note.startswith("vehicles of the type zafira are not ranked: 4 vehicles have usable windows")
+
+
+@pytest.mark.parametrize("is_calibrated", [False, True])
+def test_vehicles_with_and_without_baselines_are_one_ranking(store, car, is_calibrated) -> None:
+    """One changed since its baseline, one without deviates from its type, one has always deviated: no change."""
+    fleet(store, car, 6)
+    put(store, "van-6", car, drawn(6, 4, fault=-0.25))
+    put(store, "changed", car, drawn(7, 6, fault=-0.1, first=6), taught=drawn(7, 6))
+    put(store, "own way", car, drawn(8, 6, fault=-0.25, first=6), taught=drawn(8, 6, fault=-0.25))
+    put(store, "unused", car, (), taught=drawn(9, 6))
+    if is_calibrated:
+        for name, fault in (("changed", 0.0), ("own way", -0.25)):
+            learnt = replace(
+                learn(drawn(7 if name == "changed" else 8, 6, fault=fault)), vehicle_file=vehicle_text(car)
+            )
+            entry = (2, NOW, "calibrated", baseline_document(learnt).as_json())
+            store.results.commit(Progress(name, 1, done_seq=0, baselines=(entry,)))
+    ((_, ranked),), notes = rankings(store, rate=0.05)
+    found = {one.vehicle: one for one in ranked}
+    assert {name for name, one in found.items() if one.is_discovery} == {"van-6", "changed"}
+    assert {str(found[name].detection.candidates[0].hypothesis.name) for name in ("van-6", "changed")} == {
+        "front_right.spring"
+    }
+    assert found["own way"].n_windows == 6
+    assert notes == ["unused is not ranked: no window after its baseline can be compared"]
 
 
 @pytest.fixture

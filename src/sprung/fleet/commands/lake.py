@@ -148,7 +148,9 @@ def rank(
         Path | None,
         option("T.json", "Write the baseline of the type, for --type of sprung baseline and diagnose.", panel=OUTPUT),
     ] = None,
-    rate: Annotated[float, option("SHARE", "Expected share of sound vehicles among those reported to deviate.")] = 0.05,
+    rate: Annotated[
+        float, option("SHARE", "Expected share of healthy vehicles among those reported to deviate.")
+    ] = 0.05,
     json: Json = None,
 ) -> None:
     """Compare the vehicles of a type with each other, and learn what is normal for the type."""

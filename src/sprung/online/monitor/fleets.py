@@ -12,6 +12,7 @@ from sprung._checks import check_number
 from sprung.diagnosis import LEARNING_WINDOWS, Observation, RankedVehicle, TypeBaseline, learn_type, rank_fleet
 from sprung.diagnosis.type_baselines import MIN_VEHICLES
 from sprung.errors import DataError, SprungError
+from sprung.online.monitor.histories import reference_of
 from sprung.online.store import BaselineRow, Entry, Store
 from sprung.results.documents import observation_from_document
 from sprung.vehicles import vehicle_from_text, vehicle_text
@@ -122,12 +123,14 @@ def type_of_others(store: Store, vehicle: str, *, types: VehicleTypes | None = N
 def rankings(store: Store, *, rate: float) -> tuple[list[tuple[str, tuple[RankedVehicle, ...]]], list[str]]:
     """Return the name and the ranking of each type by its vehicles' last windows, and notes on what is not ranked.
 
+    A vehicle with a baseline is compared with itself, one without with its type.
+
     Parameters
     ----------
     store
         Store of the monitor.
     rate
-        Expected share of sound vehicles among the discoveries, above 0 and up to 1.
+        Expected share of healthy vehicles among the discoveries, above 0 and up to 1.
 
     Raises
     ------
@@ -138,13 +141,29 @@ def rankings(store: Store, *, rate: float) -> tuple[list[tuple[str, tuple[Ranked
     ranked, notes = [], []
     for vehicles in vehicles_by_type(store).values():
         name = _name(store, vehicles[0])
-        calibrated = [vehicle for vehicle in vehicles if _is_calibrated(store.results.baselines(vehicle))]
-        notes += [f"{vehicle} is not ranked: a calibration completed its vehicle file" for vehicle in calibrated]
-        windows = {vehicle: _last_windows(store, vehicle) for vehicle in vehicles if vehicle not in calibrated}
+        references = {vehicle: reference_of(store.results.baselines(vehicle)) for vehicle in vehicles}
+        baselines = {vehicle: own.baseline for vehicle, own in references.items() if own.baseline is not None}
+        windows = {
+            vehicle: [window for window in _last_windows(store, vehicle) if window.time > own.learnt_until]
+            for vehicle, own in references.items()
+        }
         try:
-            ranked.append((name, rank_fleet(windows, rate=rate)))
+            of_type = rank_fleet(windows, baselines=baselines, rate=rate)
         except DataError as error:
             notes.append(f"vehicles of the type {name} are not ranked: {error}")
+            continue
+        ranked.append((name, of_type))
+        compared = {one.vehicle for one in of_type}
+        notes += [
+            f"{vehicle} is not ranked: "
+            + (
+                "no window after its baseline can be compared"
+                if vehicle in baselines
+                else "it has no baseline, and too few others of its type have usable windows"
+            )
+            for vehicle in vehicles
+            if vehicle not in compared
+        ]
     return ranked, notes
 
 

@@ -12,7 +12,7 @@ from sprung.results.documents.document import Document, Pair
 
 
 class RankedEntry(Document):
-    """A vehicle against the others of its type; `part` is the most likely place of its deviation."""
+    """A vehicle against its baseline, or the others of its type; `part` is the most likely place of its deviation."""
 
     vehicle: str
     windows: int
@@ -49,7 +49,7 @@ def fleet_document(
     rankings
         Name of each type, and the result of `sprung.diagnosis.rank_fleet`.
     rate
-        Expected share of sound vehicles among those reported to deviate.
+        Expected share of healthy vehicles among those reported to deviate.
     notes
         Sentences about types and vehicles that are not ranked.
 
@@ -81,7 +81,7 @@ def _entry(ranked: RankedVehicle) -> dict[str, object]:
     return {
         "vehicle": ranked.vehicle,
         "windows": ranked.n_windows,
-        "p_value": math.exp(-ranked.detection.e_value),
+        "p_value": min(1.0, math.exp(-ranked.detection.e_value)),
         "deviates": ranked.is_discovery,
         "part": best.hypothesis.name,
         "change": best.change,

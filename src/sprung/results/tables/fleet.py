@@ -26,8 +26,8 @@ def fleet_tables(document: Mapping[str, Any]) -> list[Table]:
     car-1 | 3 | 0.4 |  | no deviation detected
     """
     caption = (
-        f"p: probability that a sound vehicle deviates as much from the others; at most {100 * document['rate']:.3g} % "
-        "of the vehicles reported to deviate are expected to be sound"
+        f"p: probability of such evidence from a healthy vehicle; at most {100 * document['rate']:.3g} % "
+        "of the vehicles reported to deviate are expected to be healthy"
     )
     columns = ("vehicle", "windows", "p", "change [%]", "verdict")
     return [
