@@ -55,18 +55,3 @@ def test_a_site_with_broker_server_and_recipients() -> None:
 def test_an_address_of_version_6_is_in_brackets() -> None:
     (_, page, *_) = start_in_words(Site(), Address("::1", 1883), http=("::1", 8737), n_vehicles=1, has_accounts=True)
     assert page == "pages: http://[::1]:8737/"
-
-
-def test_a_store_that_others_can_read_is_named(tmp_path) -> None:
-    path = tmp_path / "store.sqlite"
-    settings = Site(store=f"sqlite:///{path}")
-
-    def sentences():
-        return start_in_words(settings, Address("127.0.0.1", 1883), http=("127.0.0.1", 1), n_vehicles=0)
-
-    path.touch(mode=0o600)
-    n_usual = len(sentences())
-    path.chmod(0o644)
-    exposed = f"other users of this machine can read or write {path}: make it private with chmod -R go= {tmp_path}"
-    assert exposed in sentences()
-    assert len(sentences()) == n_usual + 1

@@ -151,7 +151,7 @@ def test_vehicles_with_and_without_baselines_are_one_ranking(store, car, is_cali
         "front_right.spring"
     }
     assert found["own way"].n_windows == 6
-    assert notes == ["unused is not ranked: no window after its baseline can be compared"]
+    assert notes == ["unused is not ranked: no window after the baseline can be compared"]
 
 
 @pytest.fixture

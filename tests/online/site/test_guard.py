@@ -5,12 +5,14 @@ import http.client
 import socket
 import time
 from contextlib import suppress
+from dataclasses import replace
 
 import pytest
 
 from sprung.online.monitor import Site
 from sprung.online.site import Context, Server, guard, server
-from sprung.online.site.guard import MAX_BODY, POLICY, Attempts, Guard, RateLimit, network_of
+from sprung.online.site.guard import POLICY, Attempts, Guard, RateLimit, network_of
+from sprung.online.site.shared import LIMITS
 
 
 def test_a_bucket_fills_again() -> None:
@@ -25,7 +27,7 @@ def test_a_bucket_fills_again() -> None:
 
 
 def test_addresses_are_forgotten_beyond_a_number(monkeypatch) -> None:
-    monkeypatch.setattr(guard, "_MAX_ADDRESSES", 2)
+    monkeypatch.setattr(guard, "LIMITS", replace(LIMITS, max_addresses=2))
     limit = RateLimit(1.0, 1.0, lambda: 0.0)
     assert [limit.wait(address) for address in ("a", "b", "c", "a")] == [0, 0, 0, 0]
 
@@ -88,14 +90,14 @@ def test_a_request_in_parts_passes_with_headers() -> None:
 @pytest.mark.parametrize(
     ("messages", "headers", "status"),
     [
-        ([b""], [(b"content-length", str(MAX_BODY + 1).encode())], 413),
+        ([b""], [(b"content-length", str(LIMITS.max_body + 1).encode())], 413),
         ([b""], [(b"content-length", b"-1")], 413),
-        ([b"x" * MAX_BODY, b"x"], [], 413),
+        ([b"x" * LIMITS.max_body, b"x"], [], 413),
         ([b"x", None], [], 408),
     ],
 )
 def test_large_and_slow_bodies_are_refused(monkeypatch, messages, headers, status) -> None:
-    monkeypatch.setattr(guard, "_BODY_TIMEOUT", 0.05)
+    monkeypatch.setattr(guard, "LIMITS", replace(LIMITS, body_timeout=0.05))
     found, own, _ = asked(messages, headers=headers)
     assert found == status
     assert b"content-security-policy" in own
@@ -116,7 +118,7 @@ def running(opened):
 
 @pytest.mark.parametrize("n_before", [0, 1])
 def test_a_request_that_does_not_end_is_cut_off(running, monkeypatch, n_before) -> None:
-    monkeypatch.setattr(server, "_HEAD_TIMEOUT", 0.05)
+    monkeypatch.setattr(server, "LIMITS", replace(LIMITS, head_timeout=0.05))
     with socket.create_connection(running, timeout=20.0) as slow:
         received = b""
         if n_before:
@@ -133,7 +135,7 @@ def test_a_client_that_takes_nothing_is_cut_off(opened, running, monkeypatch) ->
     complete.request("GET", "/static/plotly.js")
     n_complete = len(complete.getresponse().read())
     complete.close()
-    monkeypatch.setattr(server, "_WRITE_TIMEOUT", 0.05)
+    monkeypatch.setattr(server, "LIMITS", replace(LIMITS, write_timeout=0.05))
     opened._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 16)  # of the system, for each connection
     with socket.create_connection(running, timeout=20.0) as slow:
         slow.sendall(b"GET /static/plotly.js HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+from dataclasses import replace
 
 import pytest
 from tests.online.site.conftest import NOW
@@ -9,6 +10,7 @@ from tests.online.site.conftest import NOW
 from sprung.online.monitor import operations
 from sprung.online.site import live
 from sprung.online.site.live import Feed, Mark
+from sprung.online.site.shared import LIMITS
 from sprung.online.store import Progress, StoredFrame
 
 
@@ -76,7 +78,7 @@ def test_those_who_come_at_once_hear_everything_once(store) -> None:
 @pytest.mark.parametrize("limit", [1, 1000])
 def test_a_listener_continues_where_it_stopped(store, monkeypatch, limit) -> None:
     """Nothing is missed and nothing comes twice, in whatever portions the store is read."""
-    monkeypatch.setattr(live, "_MAX_EVENTS", limit)
+    monkeypatch.setattr(live, "LIMITS", replace(LIMITS, max_events=limit))
 
     async def listen():
         feed = Feed(store, look=0.01)
@@ -100,7 +102,7 @@ def test_a_listener_continues_where_it_stopped(store, monkeypatch, limit) -> Non
 
 
 def test_a_listener_that_takes_nothing_is_cut_off(store, monkeypatch) -> None:
-    monkeypatch.setattr(live, "_MAX_WAITING", 2)
+    monkeypatch.setattr(live, "LIMITS", replace(LIMITS, max_waiting=2))
 
     async def listen():
         feed = Feed(store, look=0.01)
@@ -119,7 +121,7 @@ def test_a_listener_that_takes_nothing_is_cut_off(store, monkeypatch) -> None:
 
 
 def test_an_idle_listener_gets_signs_of_life(store, monkeypatch) -> None:
-    monkeypatch.setattr(live, "_HEARTBEAT", 0.01)
+    monkeypatch.setattr(live, "LIMITS", replace(LIMITS, heartbeat=0.01))
 
     async def listen():
         feed = Feed(store, look=0.01)

@@ -1,5 +1,6 @@
 """Results of runs over the fleet: in order, by pages, and anew when a run has replaced them."""
 
+from dataclasses import replace
 from functools import partial
 
 import pytest
@@ -9,6 +10,7 @@ from tests.online.site.test_pages import HOSTILE, check_markup
 
 from sprung.fleet.lake import Table
 from sprung.online.site import runs as runs_module
+from sprung.online.site.shared import LIMITS
 
 HEADERS = {"Accept": "text/html"}
 FLEET = [
@@ -31,7 +33,7 @@ def store_run(tmp_path):
 
 @pytest.fixture
 def client(serve, tmp_path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(runs_module, "_FRESH", 0.0)
+    monkeypatch.setattr(runs_module, "LIMITS", replace(LIMITS, fresh=0.0))
     return serve(keep={"results": str(tmp_path / "fleet")})[1]
 
 

@@ -115,6 +115,7 @@ def test_torn_log_leaves_a_beginning_of_what_happened(sqlite_file, tmp_path: Pat
                 Progress("zafira", 7, 3 * number + 2, 3 * number - 1, observations=((number, 0, {}),), snapshot=b"s")
             )
         copy = tmp_path / "torn.sqlite"
+        copy.touch(mode=0o600)
         main = sqlite_file.read_bytes()
         log = sqlite_file.with_name("store.sqlite-wal").read_bytes()
     histories = []

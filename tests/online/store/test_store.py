@@ -1,3 +1,4 @@
+import os
 import sqlite3
 from pathlib import Path
 
@@ -84,3 +85,19 @@ def test_store_that_another_program_holds(sqlite_file, monkeypatch: pytest.Monke
         assert store.inbox.cursors() == {}
         other.close()
         assert store.inbox.add_frames([StoredFrame("zafira", 7, 0, 0, b"")], now=0) == {("zafira", 7): 0}
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o620])
+def test_a_file_is_for_its_owner_alone(tmp_path, mode) -> None:
+    path = tmp_path / "made" / "store.sqlite"
+    before = os.umask(0o022)
+    try:
+        with open_store(f"sqlite:///{path}") as store:
+            store.requests.audit("eve", "log in", "service", now=1)
+            assert {oct(each.stat().st_mode & 0o777) for each in path.parent.iterdir()} == {"0o600"}
+    finally:
+        os.umask(before)
+    path.chmod(mode)
+    with pytest.raises(StoreError, match=f"other users .* {path}, which .* chmod -R go= {path.parent}"):
+        open_store(f"sqlite:///{path}")
+    assert path.exists()

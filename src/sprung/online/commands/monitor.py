@@ -156,7 +156,6 @@ def start_in_words(
         f"pages: {page}/{log_in}",
         f"interface: {page}/api, health: {page}/health, figures for Prometheus: {page}/metrics",
         f"store: {store}; {_samples(site)}",
-        *_exposed(site),
         _recipients(site),
         f"next: sprung vehicles{where} shows the progress of {n_vehicles} known vehicle{'s'[: n_vehicles != 1]}"
         if n_vehicles
@@ -170,17 +169,6 @@ def _samples(site: "Site") -> str:
     if site.archive is None:
         return "samples are not kept"
     return f"samples of the last {site.keep.raw_days:g} days in {site.archive}"
-
-
-def _exposed(site: "Site") -> list[str]:
-    """Return a sentence if other users of this machine can read the file of the store, as an older program made it."""
-    path = Path(site.store.removeprefix("sqlite:///"))
-    try:
-        is_exposed = site.store.startswith("sqlite:///") and path.stat().st_mode & 0o077
-    except OSError:
-        return []
-    sentence = f"other users of this machine can read or write {path}: make it private with chmod -R go= {path.parent}"
-    return [sentence] if is_exposed else []
 
 
 def _recipients(site: "Site") -> str:

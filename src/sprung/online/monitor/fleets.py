@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 from sprung._checks import check_number
+from sprung._display import counted
 from sprung.diagnosis import LEARNING_WINDOWS, Observation, RankedVehicle, TypeBaseline, learn_type, rank_fleet
 from sprung.diagnosis.type_baselines import MIN_VEHICLES
 from sprung.errors import DataError, SprungError
@@ -153,18 +154,20 @@ def rankings(store: Store, *, rate: float) -> tuple[list[tuple[str, tuple[Ranked
             notes.append(f"vehicles of the type {name} are not ranked: {error}")
             continue
         ranked.append((name, of_type))
-        compared = {one.vehicle for one in of_type}
-        notes += [
-            f"{vehicle} is not ranked: "
-            + (
-                "no window after its baseline can be compared"
-                if vehicle in baselines
-                else "it has no baseline, and too few others of its type have usable windows"
-            )
-            for vehicle in vehicles
-            if vehicle not in compared
-        ]
+        left = [vehicle for vehicle in vehicles if all(one.vehicle != vehicle for one in of_type)]
+        unused = [vehicle for vehicle in left if vehicle in baselines]
+        notes += _not_ranked(unused, "no window after the baseline can be compared")
+        lone = [vehicle for vehicle in left if vehicle not in baselines]
+        notes += _not_ranked(lone, f"without a baseline, usable windows of {MIN_VEHICLES + 1} of the type are needed")
     return ranked, notes
+
+
+def _not_ranked(vehicles: Sequence[str], reason: str) -> list[str]:
+    """Return a note on vehicles that are not ranked, which names the first of them; none without any."""
+    if not vehicles:
+        return []
+    names = ", ".join(vehicles[:3]) + (f" and {counted(len(vehicles) - 3, 'other')}" if len(vehicles) > 3 else "")
+    return [f"{names} {'is' if len(vehicles) == 1 else 'are'} not ranked: {reason}"]
 
 
 @lru_cache(maxsize=1024)

@@ -24,6 +24,7 @@ from sprung.online.store import (
     VehicleRow,
     VerdictRow,
 )
+from sprung.online.store.schema import DAY
 from sprung.results.documents import baseline_from_document, observation_from_document
 from sprung.results.periods import Period
 from sprung.state import (
@@ -40,7 +41,7 @@ from sprung.state import (
 LEARN = "learn"
 ROLL_BACK = "roll back"
 #: Age of the last message of a parked vehicle after which it says nothing about the present [ns].
-_PARKED = 86400 * 10**9
+_PARKED = DAY
 #: Windows without an alert that are looked through, of which some are inconclusive.
 _LOOKED_THROUGH = 2 * LAST_WINDOWS
 #: Largest number of windows, and of findings, the last ones of a period: ten minutes each, 69 days.

@@ -13,18 +13,13 @@ from pydantic import BaseModel, ValidationError
 
 from sprung.errors import ParameterError
 from sprung.online.site.accounts import SESSION, Person, Role, log_in, of_session, of_token
-from sprung.online.site.shared import Context, context_of, describe_faults
+from sprung.online.site.shared import LIMITS, Context, context_of, describe_faults
 
 T = TypeVar("T", bound=BaseModel)
 
 #: Field of a form, and header of a request, with the CSRF token of the session.
 CSRF_FIELD = "csrf_token"
 CSRF_HEADER = "x-csrf-token"
-#: Lengths of the secrets of browsers without an account.
-_MIN_SECRET = 20
-_MAX_SECRET = 64
-#: Largest number of fields of a form.
-_MAX_FIELDS = 50
 
 
 def cookie_name(context: Context) -> str:
@@ -53,7 +48,7 @@ def find_person(request: Request) -> Person | None:
         return of_token(context.store, token.strip(), now=now) if kind.lower() == "bearer" else None
     secret = request.cookies.get(cookie_name(context), "")
     if context.is_open:
-        is_kept = _MIN_SECRET <= len(secret) <= _MAX_SECRET
+        is_kept = LIMITS.min_secret <= len(secret) <= LIMITS.max_secret
         return Person("local", Role.ADMIN, secret if is_kept else "", has_account=False)
     return of_session(context.store, secret, now=now) if secret else None
 
@@ -184,7 +179,7 @@ async def form_fields(request: Request) -> dict[str, str]:
     """Return the fields of a form."""
     try:
         text = (await request.body()).decode()
-        return dict(parse_qsl(text, keep_blank_values=True, max_num_fields=_MAX_FIELDS))
+        return dict(parse_qsl(text, keep_blank_values=True, max_num_fields=LIMITS.max_fields))
     except ValueError:
         raise HTTPException(400, "the form cannot be read: reload the page and try again") from None
 

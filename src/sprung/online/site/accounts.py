@@ -12,14 +12,12 @@ from pwdlib import PasswordHash
 from pwdlib.hashers.argon2 import Argon2Hasher
 
 from sprung.errors import ParameterError
+from sprung.online.site.shared import LIMITS
 from sprung.online.store import AccountRow, Store, TokenRow
+from sprung.online.store.schema import DAY
 
 #: Length of a session [ns].
-SESSION = 12 * 3600 * 10**9
-#: Lengths of passwords and names.
-_MIN_PASSWORD = 10
-_MAX_PASSWORD = 200
-_MAX_NAME = 64
+SESSION = DAY // 2
 #: Beginning of every token, by which programs that look for secrets know them.
 _TOKEN = "sprung_"
 #: Passwords that are verified at once: each takes 64 MB, and a processor.
@@ -82,11 +80,15 @@ def add_account(store: Store, name: str, role: str, password: str, *, who: str, 
     ...     [(row.name, row.role) for row in store.accounts.all()]
     [('ada', 'admin')]
     """
-    if not name.strip() or name != name.strip() or len(name) > _MAX_NAME or not name.isprintable():
-        raise ParameterError(f"name {name!r} must have 1 to {_MAX_NAME} printable characters, no blank at either end")
+    if not name.strip() or name != name.strip() or len(name) > LIMITS.max_name or not name.isprintable():
+        raise ParameterError(
+            f"name {name!r} must have 1 to {LIMITS.max_name} printable characters, no blank at either end"
+        )
     _check_role(role)
-    if not _MIN_PASSWORD <= len(password) <= _MAX_PASSWORD:
-        raise ParameterError(f"a password must have {_MIN_PASSWORD} to {_MAX_PASSWORD} characters: give another")
+    if not LIMITS.min_password <= len(password) <= LIMITS.max_password:
+        raise ParameterError(
+            f"a password must have {LIMITS.min_password} to {LIMITS.max_password} characters: give another"
+        )
     known = store.accounts.find(name)
     if known is not None:
         _check_administrator_stays(store, known, role)
@@ -140,7 +142,7 @@ def log_in(store: Store, name: str, password: str, *, now: int) -> str | None:
     row = store.accounts.find(name)
     known = _unknown() if row is None else row.password
     with _VERIFYING:
-        is_right = _hasher().verify(password[:_MAX_PASSWORD], known)
+        is_right = _hasher().verify(password[: LIMITS.max_password], known)
     if not is_right or row is None:
         return None
     secret = secrets.token_urlsafe(32)
@@ -192,8 +194,8 @@ def add_token(store: Store, name: str, role: str, *, days: float | None, who: st
     ...     [(row.name, row.role, row.expires) for row in store.accounts.tokens()]
     [('dashboard', 'viewer', 2592000000000000)]
     """
-    if not name.strip() or len(name) > _MAX_NAME or not name.isprintable():
-        raise ParameterError(f"name {name!r} must have 1 to {_MAX_NAME} printable characters")
+    if not name.strip() or len(name) > LIMITS.max_name or not name.isprintable():
+        raise ParameterError(f"name {name!r} must have 1 to {LIMITS.max_name} printable characters")
     _check_role(role)
     if days is not None and not 0 < days <= 3660:
         raise ParameterError(f"days={days:g} must be above 0 and at most 3660")

@@ -14,7 +14,7 @@ from sprung.online.monitor import MONITOR
 from sprung.online.monitor.operations import VERDICTS
 from sprung.online.site.access import Viewer
 from sprung.online.site.rendering import filter_link, page, with_others
-from sprung.online.site.shared import Answer, Shared, Wanted, column_number, parse_cursor
+from sprung.online.site.shared import LIMITS, Answer, Shared, Wanted, column_number, parse_cursor
 from sprung.online.store import AlertFilter, AlertPlace, Store, VerdictRow
 from sprung.results.documents.monitoring import AlertEntry
 from sprung.results.tables import counted
@@ -41,8 +41,6 @@ STATES: dict[StateName, str] = {
 _RIGHT = ("confirmed", "another part")
 #: Share of the distribution outside each end of the interval.
 _TAIL = 0.025
-#: Findings of a vehicle that are searched for the onset of an alert that was raised again since.
-_MAX_FINDINGS = 20
 
 
 class WantedAlerts(Wanted):
@@ -237,7 +235,7 @@ def _onset(store: Store, alert: AlertState, verdict: VerdictRow) -> int | None:
     """Return the onset of what a verdict is about; None if it is unknown."""
     if alert.raised == verdict.raised:
         return alert.onset
-    entries = store.results.findings(alert.vehicle, until=verdict.time, limit=_MAX_FINDINGS)
+    entries = store.results.findings(alert.vehicle, until=verdict.time, limit=LIMITS.max_findings)
     documents = (entry.document for entry in reversed(entries))
     of_cause = (each for each in documents if f"{each.get('corner')}.{each.get('component')}" == alert.cause)
     return time_of(next(of_cause, {}).get("since"))

@@ -2,6 +2,7 @@
 
 from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import asynccontextmanager
+from http import HTTPStatus
 from importlib import resources
 from typing import Any
 from urllib.parse import urlencode
@@ -22,7 +23,7 @@ from sprung.online.site.guard import Attempts, Guard, RateLimit
 from sprung.online.site.live import Feed
 from sprung.online.site.rendering import page
 from sprung.online.site.runs import RunResults
-from sprung.online.site.shared import Context, Shared, describe_faults, is_loopback
+from sprung.online.site.shared import LIMITS, Context, Shared, describe_faults, is_loopback
 from sprung.online.site.vehicles import baselines, diagrams, files, overview, quality, trends, windows
 from sprung.online.site.vehicles.diagrams import DiagramDesk
 from sprung.online.store import RefusedError, StoreError
@@ -37,23 +38,25 @@ ROUTERS = (
     ("", _pages),
 )
 #: Titles of error pages.
-_TITLES = {403: "Not allowed", 404: "Not found", 422: "Invalid address", 503: "The store does not answer"}
-#: Requests of one address: in the long run [1/s], and at once.
-_RATE = 50.0
-_BURST = 300.0
+_TITLES = {
+    HTTPStatus.FORBIDDEN: "Not allowed",
+    HTTPStatus.NOT_FOUND: "Not found",
+    HTTPStatus.UNPROCESSABLE_ENTITY: "Invalid address",
+    HTTPStatus.SERVICE_UNAVAILABLE: "The store does not answer",
+}
 #: Refusals that operations can meet.
 _REFUSALS = {
-    400: "The body cannot be read, or what it asks for is not allowed.",
-    401: "There is no valid token or session, or name or password is wrong.",
-    403: "The role does not include this, or the CSRF token of the session is missing.",
-    404: "Nothing has that name or number.",
-    408: "The request took too long.",
-    409: "The action is impossible at present.",
-    413: "The request is too large.",
-    421: "The server does not answer to the name in Host.",
-    422: "A value is out of range, or is missing.",
-    429: "There were too many requests: Retry-After states how long to wait.",
-    503: "The store does not answer.",
+    HTTPStatus.BAD_REQUEST: "The body cannot be read, or what it asks for is not allowed.",
+    HTTPStatus.UNAUTHORIZED: "There is no valid token or session, or name or password is wrong.",
+    HTTPStatus.FORBIDDEN: "The role does not include this, or the CSRF token of the session is missing.",
+    HTTPStatus.NOT_FOUND: "Nothing has that name or number.",
+    HTTPStatus.REQUEST_TIMEOUT: "The request took too long.",
+    HTTPStatus.CONFLICT: "The action is impossible at present.",
+    HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "The request is too large.",
+    HTTPStatus.MISDIRECTED_REQUEST: "The server does not answer to the name in Host.",
+    HTTPStatus.UNPROCESSABLE_ENTITY: "A value is out of range, or is missing.",
+    HTTPStatus.TOO_MANY_REQUESTS: "There were too many requests: Retry-After states how long to wait.",
+    HTTPStatus.SERVICE_UNAVAILABLE: "The store does not answer.",
 }
 
 
@@ -94,7 +97,7 @@ def application(context: Context, *, diagrams: DiagramDesk | None = None) -> ASG
         redoc_url=None,
         openapi_url="/api/v1/openapi.json",
         lifespan=_lifespan,
-        responses={status: {"model": Refusal, "description": text} for status, text in _REFUSALS.items()},
+        responses={status.value: {"model": Refusal, "description": text} for status, text in _REFUSALS.items()},
     )
     app.state.context = context
     app.state.attempts = Attempts(context.timer)
@@ -107,7 +110,7 @@ def application(context: Context, *, diagrams: DiagramDesk | None = None) -> ASG
     app.add_exception_handler(HTTPException, _refused)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(SprungError, _impossible)
-    limit = RateLimit(_RATE, _BURST, context.timer)
+    limit = RateLimit(LIMITS.rate, LIMITS.burst, context.timer)
     return Guard(app, limit=limit, hosts=_hosts(context), is_secure=context.is_secure)
 
 
@@ -181,7 +184,7 @@ def _impossible(request: Request, error: Exception) -> Response:
 def _answer(request: Request, sentence: str, status: int, headers: Mapping[str, str] | None = None) -> Response:
     """Return a sentence as JSON, or as a page for a browser."""
     if _is_for_people(request):
-        title = _TITLES.get(status, "This is not possible")
+        title = _TITLES.get(HTTPStatus(status), "This is not possible")
         return page(request, "problem.html", status=status, title=title, sentence=sentence)
     return JSONResponse({"detail": sentence}, status, headers=headers)
 

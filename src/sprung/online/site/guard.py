@@ -9,14 +9,7 @@ from ipaddress import IPv6Address, ip_address
 from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-#: Largest body of a request [bytes].
-MAX_BODY = 65536
-#: Longest time for a body [s].
-_BODY_TIMEOUT = 10.0
-#: Addresses whose rate is remembered.
-_MAX_ADDRESSES = 10_000
-#: Length of a name from which on attempts count as those to one name.
-_MAX_NAME = 64
+from sprung.online.site.shared import LIMITS
 
 #: What a page may load and do: only what this server serves. Plots set styles of their own.
 POLICY = (
@@ -59,7 +52,7 @@ class RateLimit:
         left = min(self._burst, left + self._rate * (now - since))
         is_allowed = left >= 1
         self._buckets[address] = (left - is_allowed, now)
-        if len(self._buckets) > _MAX_ADDRESSES:
+        if len(self._buckets) > LIMITS.max_addresses:
             self._buckets.popitem(last=False)
         return 0.0 if is_allowed else (1 - left) / self._rate
 
@@ -83,7 +76,7 @@ class Attempts:
 
     def wait(self, address: str, name: str) -> float:
         """Take an attempt, and return 0; or the time until there is one [s]."""
-        network, name = network_of(address), name[:_MAX_NAME]
+        network, name = network_of(address), name[: LIMITS.max_name]
         # In turn: attempts that one limit refuses do not count for the next.
         return self._both.wait(f"{network} {name}") or self._address.wait(network) or self._name.wait(name)
 
@@ -137,17 +130,17 @@ class Guard:
             await refuse(429, "too many requests: try again later", **{"retry-after": str(math.ceil(wait))})
         elif self._hosts is not None and _host(given.get(b"host", b"")) not in self._hosts:
             await refuse(421, "this server does not answer to that name: set url in the site file to allow it")
-        elif not length.isdigit() or int(length) > MAX_BODY:
-            await refuse(413, f"the request is larger than {MAX_BODY} bytes")
+        elif not length.isdigit() or int(length) > LIMITS.max_body:
+            await refuse(413, f"the request is larger than {LIMITS.max_body} bytes")
         else:
             try:
-                async with asyncio.timeout(_BODY_TIMEOUT):
+                async with asyncio.timeout(LIMITS.body_timeout):
                     body = await _body(receive)
             except TimeoutError:
-                await refuse(408, f"the request took longer than {_BODY_TIMEOUT:g} s")
+                await refuse(408, f"the request took longer than {LIMITS.body_timeout:g} s")
                 return
             if body is None:
-                await refuse(413, f"the request is larger than {MAX_BODY} bytes, or incomplete")
+                await refuse(413, f"the request is larger than {LIMITS.max_body} bytes, or incomplete")
                 return
             await self._app(scope, _replay(body, receive), sending)
 
@@ -161,7 +154,7 @@ async def _body(receive: Receive) -> bytes | None:
             return None
         parts.append(message.get("body", b""))
         n_bytes += len(parts[-1])
-        if n_bytes > MAX_BODY:
+        if n_bytes > LIMITS.max_body:
             return None
         if not message.get("more_body"):
             return b"".join(parts)

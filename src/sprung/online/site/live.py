@@ -12,19 +12,10 @@ from fastapi.responses import StreamingResponse
 
 from sprung.errors import SprungError
 from sprung.online.site.access import Viewer
-from sprung.online.site.shared import column_number
+from sprung.online.site.shared import LIMITS, column_number
 from sprung.online.store import Store
 
 api = APIRouter(tags=["live"])
-
-#: Time between polls of the store [s].
-_POLL = 1.0
-#: Time between signs of life [s].
-_HEARTBEAT = 15.0
-#: Events that wait for one listener: one that is slower is cut off, and continues from the last that it has.
-_MAX_WAITING = 500
-#: Largest number of events of one poll.
-_MAX_EVENTS = 1000
 
 
 class Mark(NamedTuple):
@@ -70,7 +61,7 @@ class Feed:
         Time between polls of it [s].
     """
 
-    def __init__(self, store: Store, *, look: float = _POLL) -> None:
+    def __init__(self, store: Store, *, look: float = LIMITS.poll) -> None:
         self._store = store
         self._look = look
         self._listeners: set[asyncio.Queue[Event | None]] = set()
@@ -91,7 +82,7 @@ class Feed:
         after
             Mark of the last event that the listener has; None: none.
         """
-        queue: asyncio.Queue[Event | None] = asyncio.Queue(_MAX_WAITING)
+        queue: asyncio.Queue[Event | None] = asyncio.Queue(LIMITS.max_waiting)
         async with self._starting:  # of several at the same time, one starts polling the store
             if self._task is None or self._task.done():
                 self._mark = await run_in_threadpool(lambda: Mark(*self._store.fleet.newest()))
@@ -106,7 +97,7 @@ class Feed:
                     yield event.text
             while True:
                 try:
-                    async with asyncio.timeout(_HEARTBEAT):
+                    async with asyncio.timeout(LIMITS.heartbeat):
                         following = await queue.get()
                 except TimeoutError:
                     yield ": nothing new\n\n"
@@ -146,7 +137,7 @@ class Feed:
 
     def _since(self, mark: Mark) -> list[Event]:
         """Return changes of alerts after a mark, then windows, each with the mark after it."""
-        changes, windows = self._store.fleet.since(mark.change, mark.window, limit=_MAX_EVENTS)
+        changes, windows = self._store.fleet.since(mark.change, mark.window, limit=LIMITS.max_events)
         events = []
         for row in changes:
             mark = Mark(row.id, mark.window)

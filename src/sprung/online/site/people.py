@@ -13,16 +13,15 @@ from sprung.online.site import access, accounts
 from sprung.online.site.access import Admin, AdminForm, Engineer, Viewer, ViewerForm
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.rendering import page
-from sprung.online.site.shared import Answer, Context, Done, Given, Line, Name, Number, Outcome, Shared
+from sprung.online.site.shared import LIMITS, Answer, Context, Done, Given, Line, Name, Number, Outcome, Shared
 from sprung.online.store import AuditRow
+from sprung.online.store.schema import LARGEST
 from sprung.results.documents.monitoring import AccountEntry
 
 api = APIRouter(tags=["people"])
 pages = APIRouter(include_in_schema=False)
 
-Before = Annotated[int | None, Query(ge=1, lt=2**63, description="id of an entry: earlier ones only")]
-#: Entries of the audit trail on a page.
-_LIMIT = 100
+Before = Annotated[int | None, Query(ge=1, le=LARGEST, description="id of an entry: earlier ones only")]
 #: Result of an action, by the word in the address.
 _DONE = {
     "account": "The account is saved. It can log in now; its previous sessions have ended.",
@@ -162,15 +161,15 @@ def audit(
 @pages.get("/audit")
 def show_audit(request: Request, context: Shared, person: Engineer, before: Before = None) -> Response:
     """Show the audit trail, the latest action first."""
-    entries = audit(context, person, before, _LIMIT + 1)[::-1]
+    entries = audit(context, person, before, LIMITS.page_entries + 1)[::-1]
     return page(
         request,
         "audit.html",
         section="/audit",
-        entries=entries[:_LIMIT],
-        following=entries[_LIMIT - 1].id if len(entries) > _LIMIT else None,
+        entries=entries[: LIMITS.page_entries],
+        following=entries[LIMITS.page_entries - 1].id if len(entries) > LIMITS.page_entries else None,
         before=before,
-        limit=_LIMIT,
+        limit=LIMITS.page_entries,
         days=context.site.keep.audit_days,
         written=_written,
     )

@@ -18,14 +18,12 @@ from sprung.errors import SprungError
 from sprung.online.monitor import FIGURES
 from sprung.online.site.access import Allowed
 from sprung.online.site.accounts import Role
-from sprung.online.site.shared import Shared, context_of
+from sprung.online.site.shared import LIMITS, Shared, context_of
 
 T = TypeVar("T")
 
 router = APIRouter(tags=["site"])
 
-#: Longest time for an answer of the store [s].
-_TIMEOUT = 2.0
 #: Threads of their own: those of the other requests may all wait for the same store.
 _POOL = ThreadPoolExecutor(4, thread_name_prefix="metrics")
 
@@ -90,6 +88,6 @@ def exposition(figures: Mapping[str, float]) -> bytes:
 async def _in_time(act: Callable[[], T]) -> T | None:
     """Return what a function of the store returns; None if it fails, or takes too long."""
     try:
-        return await asyncio.wait_for(asyncio.get_running_loop().run_in_executor(_POOL, act), _TIMEOUT)
+        return await asyncio.wait_for(asyncio.get_running_loop().run_in_executor(_POOL, act), LIMITS.store_timeout)
     except (SprungError, OSError, TimeoutError):
         return None

@@ -12,7 +12,7 @@ from sprung.errors import DataError
 from sprung.online.alerts import STEPS
 from sprung.online.site.access import Viewer
 from sprung.online.site.rendering import filter_link, page
-from sprung.online.site.shared import Answer, Shared, Wanted, column_number, parse_cursor
+from sprung.online.site.shared import LIMITS, Answer, Shared, Wanted, column_number, parse_cursor
 from sprung.online.store import StoreError
 from sprung.results.tables import counted
 
@@ -20,8 +20,6 @@ api = APIRouter(tags=["runs"])
 pages = APIRouter(include_in_schema=False)
 
 VerdictName = Literal["change", "no_change_detected", "inconclusive"]
-#: Time for which results are not looked up again [s].
-_FRESH = 10.0
 
 
 class WantedRuns(Wanted):
@@ -93,7 +91,7 @@ class RunResults:
             If the results cannot be read.
         """
         with self._lock:
-            if self._location is not None and self._timer() - self._looked >= _FRESH:
+            if self._location is not None and self._timer() - self._looked >= LIMITS.fresh:
                 try:
                     self._read(f"{self._location.rstrip('/')}/diagnoses")
                 except DataError as error:

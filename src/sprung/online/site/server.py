@@ -10,19 +10,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from sprung.errors import ParameterError
 from sprung.online.site.app import application
-from sprung.online.site.shared import Context, is_loopback
-
-#: Longest time for the head of a request [s].
-_HEAD_TIMEOUT = 10.0
-#: Longest time between requests of a connection [s].
-_KEEP_ALIVE = 5
-#: Longest time for a client to take what waits for it [s].
-_WRITE_TIMEOUT = 20.0
-_MAX_CONNECTIONS = 600
-#: Largest head of a request [bytes].
-_MAX_HEAD = 16384
-#: Longest time for requests to end when the server stops [s].
-_GRACE = 2
+from sprung.online.site.shared import LIMITS, Context, is_loopback
 
 
 class Server:
@@ -77,10 +65,10 @@ class Server:
             access_log=False,
             server_header=False,
             proxy_headers=web.behind_proxy,
-            timeout_keep_alive=_KEEP_ALIVE,
-            timeout_graceful_shutdown=_GRACE,
-            limit_concurrency=_MAX_CONNECTIONS,
-            h11_max_incomplete_event_size=_MAX_HEAD,
+            timeout_keep_alive=LIMITS.keep_alive,
+            timeout_graceful_shutdown=LIMITS.grace,
+            limit_concurrency=LIMITS.max_connections,
+            h11_max_incomplete_event_size=LIMITS.max_head,
             ssl_certfile=web.certificate,
             ssl_keyfile=web.key,
         )
@@ -98,7 +86,7 @@ class Server:
         """Stop."""
         if self._server is not None and self._thread is not None and self._socket is not None:
             self._server.should_exit = True
-            self._thread.join(2.0 * _GRACE)
+            self._thread.join(2.0 * LIMITS.grace)
             self._socket.close()
             self._socket = self._server = self._thread = None
 
@@ -145,7 +133,7 @@ class _Patient(H11Protocol):
     def pause_writing(self) -> None:
         """Begin to wait for the client to take what was sent."""
         super().pause_writing()
-        self._writes = self.loop.call_later(_WRITE_TIMEOUT, self.transport.abort)
+        self._writes = self.loop.call_later(LIMITS.write_timeout, self.transport.abort)
 
     def resume_writing(self) -> None:
         """Resume, as the client took what was sent."""
@@ -161,12 +149,12 @@ class _Patient(H11Protocol):
     def _await_head(self) -> None:
         """Limit the time until the next request, however slowly its head comes."""
         _cancel(self._heads)
-        self._heads = self.loop.call_later(_HEAD_TIMEOUT, self._give_up)
+        self._heads = self.loop.call_later(LIMITS.head_timeout, self._give_up)
 
     def _give_up(self) -> None:
         """End the connection if there is no request, when the client has what was sent, or after a while."""
         if self.cycle is None or self.cycle.response_complete:
-            self._heads = self.loop.call_later(_WRITE_TIMEOUT, self.transport.abort)
+            self._heads = self.loop.call_later(LIMITS.write_timeout, self.transport.abort)
             self.transport.close()
 
 

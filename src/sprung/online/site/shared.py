@@ -13,14 +13,79 @@ from pydantic import BaseModel, ConfigDict, Field
 from sprung.errors import ParameterError
 from sprung.online.monitor import Site
 from sprung.online.store import Store
+from sprung.online.store.schema import LARGEST
 
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of the server and of its answers."""
+
+    #: Requests of one address: in the long run [1/s], and at once; and number of addresses that are remembered.
+    rate: float = 50.0
+    burst: float = 300.0
+    max_addresses: int = 10_000
+    #: Largest head and body of a request [bytes], and number of fields of a form.
+    max_head: int = 16_384
+    max_body: int = 65_536
+    max_fields: int = 50
+    #: Longest times for the head and the body of a request, and for a client to take what waits for it [s].
+    head_timeout: float = 10.0
+    body_timeout: float = 10.0
+    write_timeout: float = 20.0
+    #: Longest time between requests of a connection, and for requests to end when the server stops [s].
+    keep_alive: int = 5
+    grace: int = 2
+    max_connections: int = 600
+    #: Lengths of names, of passwords, and of the secrets of browsers without an account.
+    max_name: int = 64
+    min_password: int = 10
+    max_password: int = 200
+    min_secret: int = 20
+    max_secret: int = 64
+    #: Time between polls of the store for live events, and between signs of life [s].
+    poll: float = 1.0
+    heartbeat: float = 15.0
+    #: Events that wait for a listener, which is cut off beyond, and largest number of one poll.
+    max_waiting: int = 500
+    max_events: int = 1000
+    #: Longest time for an answer of the store to /metrics, and for which results of a run are not looked up again [s].
+    store_timeout: float = 2.0
+    fresh: float = 10.0
+    #: Longest time that the diagrams of a window may take [s], their size [bytes], and number of windows kept.
+    diagrams_timeout: float = 180.0
+    max_diagrams: int = 67_108_864
+    max_kept_diagrams: int = 8
+    #: Time after which a report or diagrams that are being computed may be asked for again [s].
+    retry: int = 5
+    #: Windows of an answer about trends, on a page of the list, in a short list, and of the data quality (8 h).
+    max_windows: int = 1000
+    page_windows: int = 50
+    few_windows: int = 6
+    quality_windows: int = 48
+    #: Windows, identifications, findings and tests of senders among which the last of a kind is sought.
+    max_sought: int = 200
+    max_identifications: int = 12
+    max_findings: int = 20
+    max_tests: int = 200
+    #: Length of a window that is not known [s], and lengths of a window after which the next one begins after a gap.
+    usual_window: float = 600.0
+    gap: float = 1.5
+    #: Entries of the audit trail on a page.
+    page_entries: int = 100
+    #: Digits of a version of a baseline, less than which a number needs.
+    max_digits: int = 10
+    #: Period of the false alarms that are counted [days].
+    false_alarm_days: int = 90
+
+
+LIMITS = Limits()
 #: Texts of people, short enough for a table.
 Line = Annotated[str, Field(max_length=200)]
 Text = Annotated[str, Field(max_length=4000)]
 #: Numbers of rows, boots and windows, and times, as columns hold them.
-Number = Annotated[int, Path(ge=1, lt=2**63)]
-Place = Annotated[int, Path(ge=0, lt=2**63)]
-Time = Annotated[int | None, Query(ge=0, lt=2**63, description="UTC ns")]
+Number = Annotated[int, Path(ge=1, le=LARGEST)]
+Place = Annotated[int, Path(ge=0, le=LARGEST)]
+Time = Annotated[int | None, Query(ge=0, le=LARGEST, description="UTC ns")]
 Limit = Annotated[int, Query(ge=1, le=200)]
 VehicleName = Annotated[str, Path(min_length=1, max_length=64)]
 #: Name of an account or of a sender.
@@ -133,7 +198,7 @@ def column_number(text: str) -> int:
         If it is none.
     """
     number = int(text)
-    if not 0 <= number < 2**63:
+    if not 0 <= number <= LARGEST:
         raise ValueError(f"{number} is not the number of a column")
     return number
 

@@ -24,19 +24,15 @@ from sprung.online.monitor.station import loops_of
 from sprung.online.site.access import Engineer, EngineerForm, Viewer
 from sprung.online.site.accounts import Role
 from sprung.online.site.rendering import page
-from sprung.online.site.shared import Answer, Context, Done, Name, Shared
+from sprung.online.site.shared import LIMITS, Answer, Context, Done, Name, Shared
 from sprung.online.store import MAX_COUNTED, Contents, Counted
+from sprung.online.store.schema import DAY
 from sprung.results.tables import counted
 
 api = APIRouter(tags=["site"])
 pages = APIRouter(include_in_schema=False)
 
-_DAY = 86400 * 10**9
-#: Period of the false alarms that are counted [days].
-_PERIOD = 90
-#: Name of a test in the audit trail, and number of tests among which the last is sought.
 _TEST = "sender tested"
-_MAX_TESTS = 200
 #: Settings that the command line overrides.
 _OPTIONS = {"broker": "--broker", "store": "--store", "http": "--http"}
 #: What stands for a secret.
@@ -223,7 +219,7 @@ def false_alarms(context: Context) -> FalseAlarms:
     ----------
     F. Garwood (1936): Fiducial limits for the Poisson distribution, Biometrika 28, 437-442.
     """
-    watch, since = context.site.watch, context.clock() - _PERIOD * _DAY
+    watch, since = context.site.watch, context.clock() - LIMITS.false_alarm_days * DAY
     judged = context.store.verdicts.judged(since=since)
     verdicts = [row.verdict for row, cause in judged if is_of_suspension(cause)]
     looked_at = [verdict for verdict in verdicts if verdict != "not looked at"]
@@ -237,7 +233,7 @@ def false_alarms(context: Context) -> FalseAlarms:
     return FalseAlarms(
         configured=watch.false_alarms_per_day,
         hours_per_day=watch.hours_per_day,
-        days=_PERIOD,
+        days=LIMITS.false_alarm_days,
         vehicle_days=days,
         is_more=n_windows >= MAX_COUNTED,
         verdicts=len(looked_at),
@@ -249,7 +245,7 @@ def false_alarms(context: Context) -> FalseAlarms:
 
 def senders(context: Context) -> tuple[SenderEntry, ...]:
     """Return the senders of a site, each with its last test."""
-    tests = {row.subject: row for row in context.store.requests.audited(act=_TEST, limit=_MAX_TESTS)}
+    tests = {row.subject: row for row in context.store.requests.audited(act=_TEST, limit=LIMITS.max_tests)}
     given_up = context.store.alerts.given_up()
     send = context.site.send
     places = [

@@ -26,6 +26,7 @@ from sprung.online.store.database import Tables
 from sprung.online.store.schema import (
     ALERT_HISTORY,
     ALERTS,
+    DAY,
     DELIVERIES,
     NOTIFICATIONS,
     AlertFilter,
@@ -38,8 +39,6 @@ from sprung.online.store.schema import (
 )
 from sprung.state import STEP_SIZE, AlertState
 
-#: A day [ns].
-_DAY = 86400 * 10**9
 #: Values of one query: databases refuse more than some 32,000.
 _MAX_VALUES = 1000
 #: Columns of the progress of a sender, besides the number of attempts.
@@ -187,7 +186,7 @@ class Alerts(Tables):
             then the oldest. An attempt that is due in more than a day counts as due: the clock was set back.
         """
         with self._database.reading() as connection:
-            row = connection.execute(_next(), {"sender": sender, "now": now, "tomorrow": now + _DAY}).first()
+            row = connection.execute(_next(), {"sender": sender, "now": now, "tomorrow": now + DAY}).first()
         if row is None:
             return None
         progress = Delivery(row.attempts, row.next_attempt, row.sent, row.given_up, row.last_error)

@@ -26,6 +26,7 @@ from sprung.online.store.schema import (
     CURSORS,
     FORGOTTEN,
     FRAMES,
+    LARGEST,
     QUARANTINE,
     SNAPSHOTS,
     VEHICLES,
@@ -39,7 +40,6 @@ from sprung.online.store.schema import (
 Key = tuple[str, int]
 
 _STRIDE = 1000
-_LARGEST = 2**63 - 1
 #: Bytes of frames that are read together, and rows that the database hands over together.
 _MAX_BYTES, _ROWS = 8 << 20, 16
 _ADVANCE = (
@@ -306,7 +306,7 @@ def _run(batch: Container[int], *, after: int) -> int:
 
 def _followed(connection: Connection, reached: Mapping[Key, int]) -> list[Key]:
     """Return the vehicles and boots whose next frame arrived earlier."""
-    following = [(vehicle, boot, seq + 1) for (vehicle, boot), seq in reached.items() if seq < _LARGEST]
+    following = [(vehicle, boot, seq + 1) for (vehicle, boot), seq in reached.items() if seq < LARGEST]
     columns = FRAMES.c.vehicle, FRAMES.c.boot, FRAMES.c.seq
     rows = connection.execute(select(*columns).where(tuple_(*columns).in_(following)))
     return [(row.vehicle, row.boot) for row in rows]

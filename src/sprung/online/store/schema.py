@@ -40,6 +40,11 @@ Document: TypeAlias = dict[str, Any]
 Numbered: TypeAlias = tuple[int, int, Document]
 
 
+#: Largest number of a column, and a day [ns].
+LARGEST = 2**63 - 1
+DAY = 86_400_000_000_000
+
+
 class StoreError(SprungError):
     """A store that cannot be opened, read or written."""
 
@@ -119,7 +124,7 @@ def check_count(name: str, value: int, *, at_least: int = 0) -> int:
     ParameterError
         If the value is not a whole number of that range.
     """
-    if not isinstance(value, int) or not at_least <= value < 2**63:
+    if not isinstance(value, int) or not at_least <= value <= LARGEST:
         raise ParameterError(f"{name}={value!r} must be a whole number from {at_least} to 2^63 - 1")
     return value
 

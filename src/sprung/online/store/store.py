@@ -1,7 +1,7 @@
 """The store, and how it is opened."""
 
 import sqlite3
-from contextlib import closing
+from contextlib import closing, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Self
@@ -151,10 +151,12 @@ def open_store(url: str) -> Store:
     ParameterError
         If the address is neither of these.
     StoreError
-        If the store cannot be opened, or has the tables of another version.
+        If the store cannot be opened, can be read by other users, or has the tables of another version.
 
     Notes
     -----
+    A SQLite file is made for its owner alone, and refused if others can read it.
+
     A damaged SQLite file is renamed to ``<name>.corrupt-<time>``, which `Store.notices` reports.
 
     Examples
@@ -231,14 +233,24 @@ _FORMS = "write sqlite:///folder/file.sqlite or postgresql://user@host/database"
 
 
 def _prepare(path: Path) -> tuple[str, ...]:
-    """Make the folder of a file of SQLite, rename it if it is damaged, and return notices."""
+    """Make a file of SQLite for its owner alone, or rename it if it is damaged, and return notices."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if not path.exists():
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with suppress(FileExistsError):
+            path.touch(mode=0o600, exist_ok=False)
             return ()
         _check_is_store(path)
+        if path.stat().st_mode & 0o077:
+            raise StoreError(
+                f"other users of this machine can read or write the store {path}, which holds hashes of passwords and "
+                f"tokens: make it private with chmod -R go= {path.parent}"
+            )
         damage = _damage(path)
-        return () if damage is None else (_renamed(path, damage),)
+        if damage is None:
+            return ()
+        notice = _renamed(path, damage)
+        path.touch(mode=0o600)
+        return (notice,)
     except (OSError, sqlite3.Error) as error:
         raise StoreError(
             f"the store {path} cannot be opened ({error}): check that its folder and disk can be written"

@@ -15,7 +15,7 @@ from sprung.online.monitor.histories import LEARN, ROLL_BACK, reference_of
 from sprung.online.monitor.requests import rolling_back_in_words
 from sprung.online.site.access import Engineer, EngineerForm, Viewer
 from sprung.online.site.accounts import Person, Role
-from sprung.online.site.shared import Answer, Context, Done, Given, Line, Outcome, Shared, VehicleName
+from sprung.online.site.shared import LIMITS, Answer, Context, Done, Given, Line, Outcome, Shared, VehicleName
 from sprung.online.site.vehicles.common import KnownVehicle, path_of, require_vehicle, vehicle_page
 from sprung.online.store import BaselineRow, Store
 from sprung.results.documents import baseline_from_document
@@ -26,8 +26,6 @@ pages = APIRouter(include_in_schema=False)
 
 #: Versions of baselines.
 Version = Annotated[int, Path(ge=1, lt=2**31)]
-#: Digits of a version, less than which a number needs.
-MAX_DIGITS = 10
 
 
 class Learning(Given):
@@ -151,7 +149,7 @@ def change_by_form(request: Request, context: Shared, form: EngineerForm, vehicl
     is_return = request.url.path.endswith("/rollback")
     done, example = ("rollback", "learnt with a broken spring") if is_return else ("learn", "new dampers")
     number = form.text("version")
-    version = int(number) if number.isascii() and number.isdecimal() and len(number) < MAX_DIGITS else 0
+    version = int(number) if number.isascii() and number.isdecimal() and len(number) < LIMITS.max_digits else 0
     try:
         if not form.text("reason"):
             raise ParameterError(f"Give a reason, such as {example}: it is stored with the baseline.")

@@ -24,7 +24,7 @@ from sprung.errors import ParameterError
 from sprung.link.archive import archive_path
 from sprung.online.monitor.histories import reference_of
 from sprung.online.site.access import Viewer
-from sprung.online.site.shared import Answer, Context, Shared, context_of
+from sprung.online.site.shared import LIMITS, Answer, Context, Shared, context_of
 from sprung.online.site.vehicles.common import KnownVehicle, KnownWindow, path_of, require_vehicle, vehicle_page
 from sprung.online.site.vehicles.windows import window
 from sprung.online.store import Entry
@@ -35,23 +35,13 @@ api = APIRouter(tags=["vehicles"])
 pages = APIRouter(include_in_schema=False)
 
 Figure = Literal["spectra", "fit", "stabilisation", "levels"]
-#: Longest time that the diagrams of a window may take [s].
-_TIMEOUT = 180.0
-#: Largest answer of the process [bytes].
-_MAX_BYTES = 1 << 26
-#: Time after which diagrams that are being computed may be asked for again [s].
-_RETRY = 5
-#: Number of windows whose diagrams are kept: at most about 2 MB each.
-_MAX_KEPT = 8
-#: Windows among which the last one with samples is sought.
-_SOUGHT = 200
 
 
 class BusyError(HTTPException):
     """Diagrams that are being computed, or wait for those of another window."""
 
     def __init__(self, sentence: str) -> None:
-        super().__init__(503, f"{sentence}: try again in {_RETRY} s", headers={"retry-after": str(_RETRY)})
+        super().__init__(503, f"{sentence}: try again in {LIMITS.retry} s", headers={"retry-after": str(LIMITS.retry)})
 
 
 class NoSamplesError(HTTPException):
@@ -171,7 +161,7 @@ class DiagramDesk:
         self,
         *,
         command: tuple[str, ...] = (sys.executable, "-P", "-m", "sprung.online.monitor.diagrams"),
-        limit: float = _TIMEOUT,
+        limit: float = LIMITS.diagrams_timeout,
     ) -> None:
         self._command = command
         self._limit = limit
@@ -225,7 +215,7 @@ class DiagramDesk:
         finally:
             with self._lock:
                 self._kept[key] = computed
-                while len(self._kept) > _MAX_KEPT:
+                while len(self._kept) > LIMITS.max_kept_diagrams:
                     self._kept.popitem(last=False)
                 self._present, self._process = "", None
 
@@ -248,7 +238,7 @@ class DiagramDesk:
             process.communicate()
             return Computed(error=f"they took longer than {self._limit:g} s")
         with suppress(ValueError, KeyError, TypeError):
-            answer = json.loads(output) if len(output) <= _MAX_BYTES else {}
+            answer = json.loads(output) if len(output) <= LIMITS.max_diagrams else {}
             return Computed(error=answer["error"]) if "error" in answer else Computed(**answer)
         return Computed(error=f"their process failed (exit code {process.returncode})")
 
@@ -278,7 +268,7 @@ def figure(request: Request, _: Viewer, entry: KnownWindow, figure: Figure) -> R
 def show_last(request: Request, context: Shared, _: Viewer, row: KnownVehicle) -> Response:
     """Show the diagrams of the last window whose samples are kept."""
     vehicle = row.vehicle
-    entries = context.store.results.observations(vehicle, limit=_SOUGHT)
+    entries = context.store.results.observations(vehicle, limit=LIMITS.max_sought)
     for entry in reversed(entries):
         if _samples(context, entry) is not None:
             return RedirectResponse(f"{path_of(vehicle)}/windows/{entry.boot}/{entry.number}/diagrams", 303)

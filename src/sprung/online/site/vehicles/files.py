@@ -13,7 +13,7 @@ from sprung.online.monitor.exports import MEDIA_TYPES, FileFormat, What
 from sprung.online.monitor.vehicle_report import vehicle_report
 from sprung.online.site.access import Viewer
 from sprung.online.site.rendering import page
-from sprung.online.site.shared import Context, Shared, VehicleName
+from sprung.online.site.shared import LIMITS, Context, Shared, VehicleName
 from sprung.results.page import render
 from sprung.results.periods import Period, parse_period
 
@@ -22,8 +22,6 @@ pages = APIRouter(include_in_schema=False)
 
 #: A date or time as people and forms write it, or UTC ns.
 Moment = Annotated[str | None, Query(max_length=40, description="date or time of ISO 8601, or UTC ns")]
-#: Time after which a report that could not begin may be tried again [s].
-_RETRY = 10
 #: Figures take memory and a processor.
 _DRAWING = threading.Lock()
 
@@ -76,8 +74,8 @@ def show(
 def _report(context: Context, vehicle: str, period: Period, *, kind: str) -> HTMLResponse:
     """Return the report of a vehicle and period, or refuse it while another one is being written."""
     if not _DRAWING.acquire(blocking=False):
-        sentence = f"another report is being written: try again in {_RETRY} s"
-        raise HTTPException(503, sentence, headers={"retry-after": str(_RETRY)})
+        sentence = f"another report is being written: try again in {LIMITS.retry} s"
+        raise HTTPException(503, sentence, headers={"retry-after": str(LIMITS.retry)})
     try:
         text = render(vehicle_report(context.store, vehicle, period=period, now=context.clock()))
     finally:

@@ -8,12 +8,13 @@ from fastapi import APIRouter, Query, Request, Response
 from sprung.online.monitor.histories import observations_of
 from sprung.online.site.access import Viewer
 from sprung.online.site.fleet import FleetVehicle, state_of_row
-from sprung.online.site.shared import Answer, Context, Shared
+from sprung.online.site.shared import LIMITS, Answer, Context, Shared
 from sprung.online.site.vehicles.baselines import BaselineEntry
 from sprung.online.site.vehicles.common import KnownVehicle, axis_of, path_of, vehicle_page
 from sprung.online.site.vehicles.quality import data_quality
 from sprung.online.site.vehicles.trends import last_body_modes
 from sprung.online.store import FleetRow, Place, VehicleRow
+from sprung.online.store.schema import DAY
 from sprung.results.documents.monitoring import AlertEntry
 from sprung.state import PartState, VehicleState, Verdict
 from sprung.vehicles import Component
@@ -21,11 +22,8 @@ from sprung.vehicles import Component
 api = APIRouter(tags=["vehicles"])
 pages = APIRouter(include_in_schema=False)
 
-_DAY = 86400 * 10**9
 #: Ranges of time of the trends [days]; None: from the first window.
 _RANGES = {"24h": 1, "7d": 7, "30d": 30, "all": None}
-#: Windows in the list on the page.
-_FEW = 6
 
 
 class VehicleDetail(Answer):
@@ -85,7 +83,7 @@ def show(
     corners = list(dict.fromkeys(part.corner for part in state.parts))
     shown = corner if corner in corners or worst is None else worst.corner
     days = _RANGES[wanted]
-    since = {} if days is None else {"since": context.clock() - days * _DAY}
+    since = {} if days is None else {"since": context.clock() - days * DAY}
     return vehicle_page(
         request,
         "vehicle.html",
@@ -103,7 +101,7 @@ def show(
         corner=shown,
         steps_of={part.corner: part.step for part in state.parts if part.step},
         trends=f"/api/v1{path_of(vehicle)}/trends?{urlencode(since)}",
-        windows=observations_of(context.store.results.observations(vehicle, limit=_FEW)),
+        windows=observations_of(context.store.results.observations(vehicle, limit=LIMITS.few_windows)),
         link=lambda **new: "?" + urlencode({"range": wanted, "corner": shown} | new),
     )
 

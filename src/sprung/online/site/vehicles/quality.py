@@ -10,7 +10,7 @@ from sprung.diagnosis import Observation
 from sprung.diagnosis.channel_faults import MISSING
 from sprung.online.monitor.histories import observations_of
 from sprung.online.site.access import Viewer
-from sprung.online.site.shared import Answer, Shared
+from sprung.online.site.shared import LIMITS, Answer, Shared
 from sprung.online.site.vehicles.common import KnownVehicle, vehicle_page
 
 api = APIRouter(tags=["vehicles"])
@@ -25,8 +25,6 @@ CHECKS = {
     "fit to the other sensors": ("inverted", "swapped", "wrong_gain"),
     "time": ("time_shifted",),
 }
-#: Windows that the data quality is about: eight hours of ten minutes.
-_WINDOWS = 48
 
 
 class ChannelCheck(Answer):
@@ -69,7 +67,7 @@ def data_quality(context: Shared, _: Viewer, row: KnownVehicle) -> DataQuality:
     """Data quality of each channel over the last windows."""
     store = context.store
     vehicle = row.vehicle
-    read = observations_of(store.results.observations(vehicle, limit=_WINDOWS))
+    read = observations_of(store.results.observations(vehicle, limit=LIMITS.quality_windows))
     windows = [(entry.t0, window) for entry, window in read]
     absent = {fault.channel: "" for _, window in windows for fault in window.sensor_faults}
     channels = [_channel_quality(name, quantity, windows) for name, quantity in (absent | dict(row.channels)).items()]

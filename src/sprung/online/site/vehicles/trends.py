@@ -14,7 +14,7 @@ from sprung.errors import FormatError, SprungError
 from sprung.modal import Modes
 from sprung.online.monitor.histories import observations_of, reference_of
 from sprung.online.site.access import Viewer
-from sprung.online.site.shared import Answer, Shared, Time, finite
+from sprung.online.site.shared import LIMITS, Answer, Shared, Time, finite
 from sprung.online.site.vehicles.common import KnownVehicle, path_of
 from sprung.online.store import Entry, Store, VehicleRow
 from sprung.recording import Channel
@@ -29,14 +29,6 @@ T = TypeVar("T")
 api = APIRouter(tags=["vehicles"])
 
 
-#: Largest number of windows in an answer.
-MAX_WINDOWS = 1000
-#: Length of a window that is not known [s].
-_WINDOW = 600.0
-#: Lengths of a window after which the next one begins after a gap.
-_GAP = 1.5
-#: Identifications that are searched for modes of the body.
-_IDENTIFICATIONS = 12
 _MODE_FIELDS = ("natural_frequency", "natural_frequency_std", "damping_ratio", "damping_ratio_std")
 
 
@@ -122,12 +114,12 @@ def trends(context: Shared, _: Viewer, row: KnownVehicle, *, since: Time = None,
     vehicle = row.vehicle
     end = context.clock() if until is None else until
     reference = reference_of(store.results.baselines(vehicle))
-    length = round(1e9 * float((store.results.status(vehicle) or {}).get("window") or _WINDOW))
-    entries = store.results.observations(vehicle, since=since, until=end, limit=MAX_WINDOWS + 1)
-    read = observations_of(entries[-MAX_WINDOWS:])
+    length = round(1e9 * float((store.results.status(vehicle) or {}).get("window") or LIMITS.usual_window))
+    entries = store.results.observations(vehicle, since=since, until=end, limit=LIMITS.max_windows + 1)
+    read = observations_of(entries[-LIMITS.max_windows :])
     rows = list(_with_gaps(read, length))
     windows = [window for _, _, window in rows]
-    identified = store.results.last_modes(vehicle, since=since, until=end, limit=MAX_WINDOWS)
+    identified = store.results.last_modes(vehicle, since=since, until=end, limit=LIMITS.max_windows)
     mode_rows = list(_with_gaps([(entry, body_modes_in(entry.document)) for entry in identified], length))
     marks = [mark for mark in _marks(store, vehicle) if (since or 0) <= mark.time <= end]
     return Trends(
@@ -141,7 +133,7 @@ def trends(context: Shared, _: Viewer, row: KnownVehicle, *, since: Time = None,
         mode_times=tuple(time for time, _, _ in mode_rows),
         modes=_modes([modes or {} for _, _, modes in mode_rows]),
         marks=tuple(sorted(marks, key=lambda mark: mark.time)),
-        is_cut=len(entries) > MAX_WINDOWS,
+        is_cut=len(entries) > LIMITS.max_windows,
     )
 
 
@@ -179,7 +171,7 @@ def body_modes(context: Shared, _: Viewer, row: KnownVehicle) -> BodyModes:
 
 def last_body_modes(store: Store, vehicle: str) -> tuple[Entry | None, tuple[ModeValue, ...]]:
     """Return bounce, pitch and roll as they were identified last, and where; None and no mode if they never were."""
-    for entry in reversed(store.results.last_modes(vehicle, limit=_IDENTIFICATIONS)):
+    for entry in reversed(store.results.last_modes(vehicle, limit=LIMITS.max_identifications)):
         found = body_modes_in(entry.document)
         if found:
             return entry, tuple(found[label] for label in MOTIONS if label in found)
@@ -240,7 +232,7 @@ def _with_gaps(windows: Sequence[tuple[Entry, T]], length: int) -> Iterator[tupl
     """Yield time, entry and result of each window, and a time alone where the next one begins after a gap."""
     for (entry, result), following in zip_longest(windows, windows[1:]):
         yield entry.t0, entry, result
-        if following is not None and following[0].t0 - entry.t0 > _GAP * length:
+        if following is not None and following[0].t0 - entry.t0 > LIMITS.gap * length:
             yield entry.t0 + length, None, None
 
 

@@ -12,7 +12,7 @@ from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.errors import FormatError
 from sprung.online.monitor.histories import observations_of, reference_of
 from sprung.online.site.access import Viewer
-from sprung.online.site.shared import Answer, Limit, Shared, Time, VehicleName
+from sprung.online.site.shared import LIMITS, Answer, Limit, Shared, Time, VehicleName
 from sprung.online.site.vehicles.common import KnownVehicle, KnownWindow, axis_of, vehicle_page
 from sprung.online.site.vehicles.trends import ModeValue, body_modes_in
 from sprung.online.store import Entry, Store
@@ -22,9 +22,6 @@ from sprung.vehicles.labels import MOTIONS
 
 api = APIRouter(tags=["vehicles"])
 pages = APIRouter(include_in_schema=False)
-
-#: Windows on a page of the list.
-_LIMIT = 50
 
 
 class WindowEntry(Answer):
@@ -136,14 +133,14 @@ def window(context: Shared, _: Viewer, entry: KnownWindow) -> WindowDetail:
 @pages.get("/vehicles/{vehicle}/windows")
 def show(request: Request, context: Shared, _: Viewer, row: KnownVehicle, *, until: Time = None) -> Response:
     """Show the windows of a vehicle, the newest first."""
-    entries = context.store.results.observations(row.vehicle, until=until, limit=_LIMIT + 1)
+    entries = context.store.results.observations(row.vehicle, until=until, limit=LIMITS.page_windows + 1)
     return vehicle_page(
         request,
         "vehicle-windows.html",
         row.vehicle,
         tab="/windows",
-        windows=observations_of(entries[-_LIMIT:]),
-        following=_page(entries, _LIMIT).next,
+        windows=observations_of(entries[-LIMITS.page_windows :]),
+        following=_page(entries, LIMITS.page_windows).next,
         until=until,
     )
 
