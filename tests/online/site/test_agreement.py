@@ -1,4 +1,4 @@
-"""Page, report, message, command, interface and export say the same of a vehicle, whatever its state."""
+"""Page, report, mail, command, interface and export say the same of a vehicle, whatever its state."""
 
 import csv
 import html
@@ -12,8 +12,8 @@ from tests.diagnosis.conftest import drawn_window
 from tests.online.site.conftest import HOUR, NOW
 
 from sprung.diagnosis import SensorFault, diagnose, learn
-from sprung.online.alerts import AlertSettings, Transition, message_of
-from sprung.online.monitor import AlertBook, Observed, operations
+from sprung.online.alerts import AlertSettings, MailSender, Transition, addressed, message_of
+from sprung.online.monitor import AlertBook, Observed
 from sprung.online.monitor.exports import export, report_document
 from sprung.online.monitor.histories import read_history
 from sprung.online.store import Progress, StoredFrame
@@ -24,6 +24,7 @@ from sprung.results.tables import vehicles_table
 
 PARTS = [f"{corner}.{kind}" for corner in ("front_left", "rear_right") for kind in ("spring", "damper", "tyre")]
 TAUGHT = 12
+MAIL = MailSender("localhost", sender="sprung@example.org", recipients=["anna@example.org"])
 #: Name of each vehicle with its verdict, and what makes it so.
 VEHICLES: list[tuple[str, str, dict[str, Any]]] = (
     [(f"changed-{k}", "change", {"change": {part: -0.15 - 0.05 * k}}) for k, part in enumerate(PARTS)]
@@ -93,10 +94,11 @@ def fleet(serve):
     return context.store, client
 
 
-def test_all_renderings_of_twenty_vehicles_agree(fleet) -> None:
+def test_all_renderings_of_twenty_vehicles_agree(fleet, sqlite_url, sprung, monkeypatch) -> None:
     store, client = fleet
+    monkeypatch.setattr("time.time_ns", lambda: NOW)
     assert len(VEHICLES) >= 20
-    document = operations.vehicles_document(store, now=NOW)
+    document = sprung("vehicles", "--store", sqlite_url, "--json", "-").document()
     commands = {entry["vehicle"]: entry for entry in document["vehicles"]}
     printed = {row[0]: row[-1] for row in vehicles_table(document, now=NOW).rows}
     listed = {entry["vehicle"]: entry for entry in client.get("/api/v1/vehicles?limit=100").json()["vehicles"]}
@@ -129,16 +131,19 @@ def test_all_renderings_of_twenty_vehicles_agree(fleet) -> None:
 
 
 def assert_alerts_agree(store, client, name, parts, sentence):
-    """Compare message, interface and export of the alerts of a vehicle with its state."""
+    """Compare mail, interface and export of the alerts of a vehicle with its state."""
     text = b"".join(export(store, name, "alerts", file_format="csv")).decode()
     exported = {row["cause"]: row for row in csv.DictReader(io.StringIO(text))}
     rows = store.alerts.find(vehicle=name, is_active=True)
     assert exported.keys() == {row.cause for row in rows}
     for row in rows:
         evidence = client.get(f"/api/v1/alerts/{row.number}/evidence").json()
-        message = message_of(Transition(row, "raised"))
         stated = exported[row.cause]["sentence"]
-        assert message.text.startswith(stated)
+        message = addressed(message_of(Transition(row, "raised")), number=row.number)
+        mail = MAIL._mail(message).get_body(("plain",))
+        assert mail is not None
+        assert mail.get_content().startswith(stated)
+        assert message.document["evidence"] == row.evidence
         if len(rows) == 1:
             assert stated.lower() == sentence.rstrip(".").lower()
         part = parts.get(row.cause)
