@@ -83,7 +83,7 @@ def measured(url: str, given: argparse.Namespace) -> dict[str, str]:
             store,
             Site(),
             figures=lambda: {"sprung_store_writable": 1.0},
-            troubles=list,
+            problems=list,
             clock=lambda: NOW,
             timer=lambda: float(next(ticks)),
         )

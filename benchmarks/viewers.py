@@ -76,7 +76,7 @@ def main() -> None:
 def serve(url: str) -> None:
     """Serve a store until the standard input ends."""
     with open_store(url) as store:
-        server = Server(Context(store, Site(http="127.0.0.1:0"), figures=dict, troubles=list))
+        server = Server(Context(store, Site(http="127.0.0.1:0"), figures=dict, problems=list))
         server.open()
         print(server.address[1], flush=True)
         sys.stdin.read()

@@ -193,7 +193,7 @@ class World:
             "frames that wait": station.figures()["sprung_backlog_frames"],
             "station at work": not station.is_idle,
             "messages to people": self._unsent(),
-            "troubles": station.troubles(),
+            "problems": station.problems(),
         }
 
     def _unsent(self) -> int:

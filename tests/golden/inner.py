@@ -126,7 +126,7 @@ def opened(name: str, folder: Path) -> Iterator[Opened]:
     with open_store(url) as store:
         _, secret = add_token(store, "golden", "admin", days=None, who="test", now=NOW)
         site = Site.model_validate(fields)
-        context = Context(store, site, figures=lambda: FIGURES, troubles=list, clock=lambda: kind.now)
+        context = Context(store, site, figures=lambda: FIGURES, problems=list, clock=lambda: kind.now)
         last = {vehicle: store.results.observations(vehicle, limit=1) for vehicle in kind.vehicles}
         windows = {vehicle: (rows[0].boot, rows[0].number) for vehicle, rows in last.items() if rows}
         numbers = sorted(row.number for row in store.alerts.find(is_active=True) if row.vehicle in kind.vehicles)

@@ -188,7 +188,7 @@ def serving(url: str, roles: Sequence[str] = (), **fields: Any) -> Iterator[Moni
         for role in roles:
             add_account(store, PEOPLE[role], role, PASSWORD, who="test", now=time.time_ns())
         site = Site.model_validate({"http": "127.0.0.1:0", "name": "Depot North", **fields})
-        context = Context(store, site, figures=lambda: FIGURES, troubles=list)
+        context = Context(store, site, figures=lambda: FIGURES, problems=list)
         server = Server(context)
         server.open()
         try:

@@ -150,14 +150,14 @@ class AlertState:
         return None if first is None or last is None else (first, last)
 
     @property
-    def runner_up(self) -> str:
-        """Second hypothesis in words; empty if it is far less likely."""
-        return self.evidence.get("runner_up") or ""
+    def runner_up(self) -> str | None:
+        """Second hypothesis in words; None if it is far less likely."""
+        return self.evidence.get("runner_up") or None
 
     @property
-    def advice(self) -> str:
-        """What to do; empty without a finding."""
-        return self.evidence.get("advice") or ""
+    def advice(self) -> str | None:
+        """What to do; None without a finding."""
+        return self.evidence.get("advice") or None
 
     @property
     def urgency(self) -> str:

@@ -225,7 +225,7 @@ def _by_alerts(active: Sequence[AlertState]) -> tuple[Verdict, str]:
 
 
 def _by_windows(
-    status: VehicleStatus | None, parts: Sequence[PartState], doubt: str, *, is_past: bool, n_on_board: int
+    status: VehicleStatus | None, parts: Sequence[PartState], doubt: str | None, *, is_past: bool, n_on_board: int
 ) -> tuple[Verdict, str]:
     """Return verdict and sentence without an alert."""
     if n_on_board:
@@ -238,12 +238,12 @@ def _by_windows(
     if said and status is not None and status.note:
         return Verdict.INCONCLUSIVE, f"inconclusive: {said}"
     limits = {Component.parse(part.part): part.detectable for part in parts if part.detectable is not None}
-    sentence = "; ".join(text for text in (no_change_in_words(limits, doubt), said) if text)
+    sentence = "; ".join(text for text in (no_change_in_words(limits, doubt or ""), said) if text)
     return Verdict.INCONCLUSIVE if doubt else Verdict.NO_CHANGE_DETECTED, sentence
 
 
-def _doubt(reference: Reference, parts: Sequence[PartState]) -> str:
-    """Return why a change may have remained undetected; empty for no reason."""
+def _doubt(reference: Reference, parts: Sequence[PartState]) -> str | None:
+    """Return why a change may have remained undetected; None for no reason."""
     if reference.baseline is None:
         return reference.absence
     if not parts:
@@ -251,7 +251,7 @@ def _doubt(reference: Reference, parts: Sequence[PartState]) -> str:
     limits = {Component.parse(part.part): part.detectable for part in parts if part.detectable is not None}
     if len(limits) < len(parts):
         return f"{counted(min(reference.detectable, default=1), 'usable window')} since learning are needed"
-    return doubt_about(limits)
+    return doubt_about(limits) or None
 
 
 def _as_sentence(text: str, vehicle: str) -> str:

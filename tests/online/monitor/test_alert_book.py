@@ -1,4 +1,4 @@
-"""Trouble with monitoring itself is one alert, however often it is reported."""
+"""A problem with monitoring itself is one alert, however often it is reported."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from sprung.vehicles import Component
 NOW = 1_795_219_200_000_000_000
 
 
-def test_trouble_that_stays_the_same_is_named_once(store) -> None:
+def test_problem_that_stays_the_same_is_named_once(store) -> None:
     book = AlertBook(store, AlertSettings())
     for second in range(5):
         book.report("car-1", "silent", "car-1 has sent nothing", now=NOW + second)

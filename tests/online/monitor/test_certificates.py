@@ -22,10 +22,10 @@ NOW = 1_795_219_200_000_000_000
         (0, "the certificate of the pages a.crt has expired at 2026-11-21 00:00 UTC: renew it, then restart"),
     ],
 )
-def test_trouble_by_the_time_left(left, words) -> None:
-    trouble = Certificate("certificate of the pages", "a.crt", NOW + left).trouble(NOW)
-    assert trouble.startswith(words)
-    assert bool(trouble) == bool(words)
+def test_problem_by_the_time_left(left, words) -> None:
+    problem = Certificate("certificate of the pages", "a.crt", NOW + left).problem_at(NOW)
+    assert (problem or "").startswith(words)
+    assert (problem is None) == (not words)
 
 
 def test_files_of_a_site() -> None:
@@ -33,7 +33,9 @@ def test_files_of_a_site() -> None:
         {"broker": "mqtts://host?ca=ca.crt&cert=m.crt&key=m.key", "web": {"certificate": "w.crt", "key": "w.key"}}
     )
     assert [each.path for each in certificates_of(site)] == ["w.crt", "m.crt", "ca.crt"]
-    assert "w.crt cannot be read (No such file or directory)" in certificates_of(site)[0].trouble(NOW)
+    problem = certificates_of(site)[0].problem_at(NOW)
+    assert problem is not None
+    assert "w.crt cannot be read (No such file or directory)" in problem
     assert certificates_of(Site()) == []
     assert certificates_of(Site(broker="mqtt://host")) == []
 

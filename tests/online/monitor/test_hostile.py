@@ -65,12 +65,12 @@ def test_a_store_that_cannot_write_acknowledges_nothing_and_recovers(
 
     monkeypatch.setattr(one.store.inbox, "add_frames", refuse)
     one.send(frames[:200])
-    assert one.station.troubles() == ["the store cannot write: the disk is full: free space"]
+    assert one.station.problems() == ["the store cannot write: the disk is full: free space"]
     assert not any(name == topic("car-1", "ack") for name, _ in one.link.published)
     monkeypatch.setattr(one.store.inbox, "add_frames", add)
     one.seconds += 2.0
     one.send(frames)
-    assert one.station.troubles() == []
+    assert one.station.problems() == []
     assert len(one.store.results.observations("car-1")) == 5
 
 
@@ -113,7 +113,7 @@ def test_a_small_disk_fills_and_is_freed(bench, drive, frames_of, tmp_path: Path
         room = os.statvfs(disk).f_bavail * os.statvfs(disk).f_frsize
         filler.write_bytes(bytes(room - 600_000))
         one.send(frames)
-        assert one.station.troubles()
+        assert one.station.problems()
         acknowledged = [checked_map(payload)[3] for name, payload in one.link.published if name.endswith("/ack")]
         stored = one.store.inbox.cursor("car-1", 1).contiguous
         assert max(acknowledged, default=-1) <= stored < 599
@@ -121,7 +121,7 @@ def test_a_small_disk_fills_and_is_freed(bench, drive, frames_of, tmp_path: Path
         for _ in range(3):
             one.seconds += 60.0
             one.send(frames)
-        assert one.station.troubles() == []
+        assert one.station.problems() == []
         assert len(one.store.results.observations("car-1")) == 1
         one.close()
     finally:
@@ -165,7 +165,7 @@ def test_samples_make_room_though_the_store_can_no_longer_delete(bench, monkeypa
         )
         one.now = BEGUN + 86400 * 10**9 + 1
         one.look(60.0)
-        assert one.station.troubles() == ["the store cannot write: the disk is full: free space"]
+        assert one.station.problems() == ["the store cannot write: the disk is full: free space"]
         assert (old.exists(), new.exists()) == (False, True)
 
 
@@ -228,7 +228,7 @@ def test_modes_that_the_store_cannot_hold_keep_nobody_waiting(bench, drive, fram
     report = {0: 1, 1: "car-2", 2: 1, 3: 0, 4: BEGUN, 16: "modes", "number": 0, "modes": modes}
     one.link.on_message(topic("car-2", "modes"), message(report))
     one.send(frames_of(drive(0))[:3])
-    assert one.station.troubles() == []
+    assert one.station.problems() == []
     assert one.store.inbox.cursor("car-2", 1).done == 0
     assert one.store.results.modes("car-2") == []
     assert one.store.inbox.cursor("car-1", 1).contiguous == 2

@@ -82,7 +82,7 @@ def test_a_failure_is_tried_again_after_ten_minutes(writer, clock, tmp_path) -> 
     clock.seconds = 3600.0
     writer.keep("car", run(1))
     writer.step()
-    assert "windows are not written to the lake: " in writer.trouble
+    assert "windows are not written to the lake: " in writer.problem
     assert writer.figures["sprung_lake_windows_waiting"] == 1
     n_failures = writer.figures["sprung_lake_failures_total"]
     writer.step()
@@ -90,18 +90,18 @@ def test_a_failure_is_tried_again_after_ten_minutes(writer, clock, tmp_path) -> 
     (tmp_path / "lake").unlink()
     clock.seconds += 86400.0
     writer.step()
-    assert (writer.trouble, written(tmp_path)) == ("", 1)
+    assert (writer.problem, written(tmp_path)) == ("", 1)
 
 
 def test_a_window_that_the_disk_does_not_take_is_an_alert_until_the_next_one(writer, tmp_path) -> None:
     (tmp_path / "outbox").write_text("in the way")
     writer.keep("car", run(1))
-    assert "outbox" in writer.trouble
+    assert "outbox" in writer.problem
     (tmp_path / "outbox").unlink()
     writer.keep("car", replace(run(2), start=None))
-    assert "no start time" in writer.trouble
+    assert "no start time" in writer.problem
     writer.keep("car", run(2))
-    assert writer.trouble == ""
+    assert writer.problem == ""
 
 
 def test_old_dates_go_and_small_files_become_large_ones_once_a_day(writer, clock, tmp_path) -> None:
@@ -149,10 +149,10 @@ def test_a_monitor_writes_its_windows(bench, drive, frames_of, tmp_path, monkeyp
     assert window.row["source"] == "monitor Site"
 
 
-def test_trouble_with_the_lake_is_an_alert(bench, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_problem_with_the_lake_is_an_alert(bench, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     one = bench(tmp_path, keep={"lake": str(tmp_path / "lake")})
-    for trouble in ("windows are not written to the lake: full", ""):
-        monkeypatch.setattr(LakeWriter, "trouble", trouble)
+    for problem in ("windows are not written to the lake: full", ""):
+        monkeypatch.setattr(LakeWriter, "problem", problem)
         one.look(61.0)
         texts = {row.cause: row.text for row in one.store.alerts.find(is_active=True)}
-        assert texts.get("monitor:lake", "") == trouble
+        assert texts.get("monitor:lake", "") == problem

@@ -49,15 +49,15 @@ def test_health_says_that_the_loop_stands_still_though_it_hangs(bench) -> None:
     """Time passes and no step ends, as in a store that hangs; /health is asked from another thread."""
     one = bench(**WATCH)
     one.work()
-    assert one.station.troubles() == []
+    assert one.station.problems() == []
     one.seconds += 16.0
-    assert one.station.troubles() == [
+    assert one.station.problems() == [
         "the main loop of the monitor has stopped: check its store and disk, restart it if it does not resume "
         "(last pass 16 s ago)"
     ]
     assert one.station.figures()['sprung_heartbeat_age_seconds{loop="station"}'] == 16.0
     one.station.step()
-    assert one.station.troubles() == []
+    assert one.station.problems() == []
 
 
 def test_a_description_is_confirmed_once_the_station_goes_by_it(bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,7 +74,7 @@ def test_a_description_is_confirmed_once_the_station_goes_by_it(bench, monkeypat
     one.describe()
     one.station.step()
     assert one.link.published == []
-    assert one.station.troubles() == ["the store does not answer"]
+    assert one.station.problems() == ["the store does not answer"]
     monkeypatch.setattr(one.store.inbox, "vehicle", known)
     one.seconds += 2.0
     one.describe()
@@ -91,12 +91,12 @@ def test_only_what_was_stored_shows_that_the_store_is_back(bench, drive, frames_
     one.seconds += 2.0
     one.link.on_message(topic("car-1", "health"), b"no message")
     one.station.step()
-    assert one.station.troubles() == ["the store does not answer"]
+    assert one.station.problems() == ["the store does not answer"]
     one.send(frames_of(drive(0))[:1])
-    assert one.station.troubles() == []
+    assert one.station.problems() == []
 
 
-def test_jobs_that_never_end_are_a_trouble(bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_jobs_that_never_end_are_a_problem(bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch) -> None:
     one = bench(**WATCH)
     one.describe()
     monkeypatch.setattr(one.workers, "submit", lambda *_, **__: None)
@@ -105,7 +105,7 @@ def test_jobs_that_never_end_are_a_trouble(bench, drive, frames_of, monkeypatch:
     for _ in range(2):
         one.seconds += 120.5
         one.station.step()
-    assert one.station.troubles() == ["no analysis job finishes: restart the monitor (last pass 241 s ago)"]
+    assert one.station.problems() == ["no analysis job finishes: restart the monitor (last pass 241 s ago)"]
 
 
 def test_the_ages_of_the_last_message_and_window_are_figures(bench, drive, frames_of) -> None:

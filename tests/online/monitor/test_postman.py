@@ -85,15 +85,15 @@ def test_a_failure_is_logged_at_once_and_kept_in_the_history(store, office, cloc
     caplog.set_level(logging.INFO, "sprung.monitor")
     report(store)
     opened = office(Sender("log"), Sender("mail 1", failures=3))
-    assert opened.troubles == []
+    assert opened.problems == []
     opened.send()
-    assert opened.troubles == ["alerts are not delivered by mail 1: mail 1 is not there"]
+    assert opened.problems == ["alerts are not delivered by mail 1: mail 1 is not there"]
     (said,) = caplog.records
     assert said.levelno == logging.ERROR
     sentence = "by mail 1: mail 1 is not there; it will be sent again"
     assert said.getMessage() == f"notification of alert 1 was not delivered {sentence}"
     send_for(opened, clock, 60)
-    assert opened.troubles == []
+    assert opened.problems == []
     history = store.alerts.history(1)
     assert [row.what for row in history] == ["raised", "undelivered", "delivered"]
     assert history[1].time == NOW
@@ -111,17 +111,17 @@ def test_a_message_that_never_gets_through_is_given_up_and_not_called_sent(store
     assert store.alerts.n_open() == 0
     last = store.alerts.history(1)[-1]
     assert (last.what, last.comment) == ("abandoned", "by bad after 20 attempts: bad is not there")
-    assert opened.troubles == ["alerts are not delivered by bad: bad is not there"]
-    assert opened.lasting_trouble.startswith("notifications were given up after 20 attempts by bad: bad is not there")
+    assert opened.problems == ["alerts are not delivered by bad: bad is not there"]
+    assert opened.lasting_problem.startswith("notifications were given up after 20 attempts by bad: bad is not there")
     assert opened.figures == {"sprung_notifications_sent_total": 1, "sprung_notifications_given_up_total": 1}
     assert store.alerts.given_up() == {"bad": "bad is not there"}
     again = office(good, bad)
-    assert again.lasting_trouble == opened.lasting_trouble, "a restart forgets nothing"
+    assert again.lasting_problem == opened.lasting_problem, "a restart forgets nothing"
     bad.failures = 0
     report(store, 2)
     again.send()
-    assert again.lasting_trouble == ""
-    assert office(good, bad).lasting_trouble == ""
+    assert again.lasting_problem == ""
+    assert office(good, bad).lasting_problem == ""
 
 
 def test_a_restart_sends_nothing_again_and_goes_on_counting_attempts(store, office, clock) -> None:
@@ -326,9 +326,9 @@ def test_a_sick_server_is_left_after_the_limit(store, office, case) -> None:
     with _server(answer) as port:
         opened = office(sender_of(port, "sick", limit=0.3))
         opened.send()
-    (trouble,) = opened.troubles
+    (problem,) = opened.problems
     if "closes" not in case:
-        assert "took longer than 0.3 s" in trouble
+        assert "took longer than 0.3 s" in problem
     assert store.alerts.n_open() == 1
 
 

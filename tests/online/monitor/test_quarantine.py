@@ -39,7 +39,7 @@ def test_frames_in_a_row_are_one_entry(store) -> None:
 
 
 def test_an_unknown_vehicle_is_refused(store) -> None:
-    with pytest.raises(ParameterError, match="unknown vehicle 'car-7': sprung vehicles lists the known ones"):
+    with pytest.raises(ParameterError, match="unknown vehicle 'car-7': see the list of vehicles"):
         quarantine_document(store, vehicle="car-7")
 
 

@@ -403,14 +403,14 @@ def test_modes_from_a_box_amid_samples_lose_none_of_them(bench, run_frames, expe
     assert alike(found, expected)
 
 
-def test_mail_that_is_not_delivered_is_a_trouble_at_once(bench) -> None:
+def test_mail_that_is_not_delivered_is_a_problem_at_once(bench) -> None:
     mail = {"host": "127.0.0.1", "port": 1, "sender": "a@example.org", "recipients": ["b@example.org"]}
     one = bench(send={"mail": [mail]})
-    assert one.station.troubles() == []
+    assert one.station.problems() == []
     AlertBook(one.store, AlertSettings()).report("car-1", "silent", "car-1 has sent nothing", now=one.now)
     end = time.monotonic() + 30.0
-    while not one.station.troubles() and time.monotonic() < end:
+    while not one.station.problems() and time.monotonic() < end:
         time.sleep(0.05)
-    (trouble,) = one.station.troubles()
-    assert trouble.startswith("alerts are not delivered by mail 1: mail server 127.0.0.1:1 cannot be reached (")
+    (problem,) = one.station.problems()
+    assert problem.startswith("alerts are not delivered by mail 1: mail server 127.0.0.1:1 cannot be reached (")
     assert "undelivered" in [row.what for row in one.store.alerts.history(1)]

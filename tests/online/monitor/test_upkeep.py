@@ -184,17 +184,17 @@ def test_a_broker_that_is_away_is_logged_at_once_every_ten_minutes_and_when_it_i
     assert logged(30) == [("INFO", "connected to broker")]
 
 
-def test_a_broker_that_is_away_is_a_trouble_of_the_monitor(bench, log) -> None:
+def test_a_broker_that_is_away_is_a_problem_of_the_monitor(bench, log) -> None:
     one = bench()
     one.link.is_connected, one.link.problem = False, AWAY
     before = len(log())
     look(one)
     assert log()[before:] == [("WARNING", AWAY)]
-    assert one.station.troubles() == [AWAY]
+    assert one.station.problems() == [AWAY]
     one.link.is_connected, one.link.problem = True, ""
     look(one)
     assert log()[before + 1 :] == [("INFO", "connected to broker")]
-    assert one.station.troubles() == []
+    assert one.station.problems() == []
 
 
 def test_notifications_that_were_given_up_are_an_alert_until_that_sender_delivers(bench, tmp_path: Path) -> None:

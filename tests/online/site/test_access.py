@@ -264,7 +264,7 @@ def test_other_machines_need_accounts_and_encryption(store, fields, is_peopled, 
     if is_peopled:
         add_account(store, "ada", "admin", PASSWORD, who="test", now=NOW)
     with pytest.raises(ParameterError, match=words):
-        Server(Context(store, Site(**fields), figures=dict, troubles=list))
+        Server(Context(store, Site(**fields), figures=dict, problems=list))
 
 
 def test_behind_a_proxy_cookies_are_for_encrypted_connections_only(store, serve, people) -> None:

@@ -93,7 +93,7 @@ def test_the_windows_behind_the_alert_of_a_sensor_begin_with_its_fault(serve, st
     number = raise_alert(store, "bus-3", "sensor:acc_rr", 300, "sensor acc_rr is dead", evidence={"kind": "dead"})
     context, _ = serve()
     found = [(each.number, each.is_since_onset, each.note) for each in evidence(context, PERSON, number).windows]
-    assert found == [(k, k >= 6, "acc_rr stuck low" if k >= 6 else "") for k in range(1, 10)]
+    assert found == [(k, k >= 6, "acc_rr stuck low" if k >= 6 else None) for k in range(1, 10)]
 
 
 def test_alerts_by_state_severity_vehicle_and_assignee(serve, alert, store) -> None:

@@ -101,7 +101,7 @@ def test_a_result_is_kept(tmp_path) -> None:
     with pytest.raises(BusyError, match="are being computed from the samples: try again in 5 s"):
         desk.take({"window": 1})
     computed = taken(desk, {"window": 1})
-    assert (computed.values, computed.pictures, computed.error) == (VALUES, PICTURES, "")
+    assert (computed.values, computed.pictures, computed.error) == (VALUES, PICTURES, None)
     assert desk.take({"window": 1}) is computed
 
 

@@ -27,7 +27,7 @@ def store(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def client(store):
-    context = Context(store, Site(), figures=dict, troubles=list, clock=lambda: NOW)
+    context = Context(store, Site(), figures=dict, problems=list, clock=lambda: NOW)
     with TestClient(application(context), base_url="http://127.0.0.1:8737", raise_server_exceptions=False) as opened:
         yield opened
 

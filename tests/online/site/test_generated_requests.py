@@ -54,7 +54,7 @@ def shared(store, tmp_path):
         store,
         Site.model_validate({"url": "http://testserver", "keep": {"results": str(tmp_path / "fleet")}}),
         figures=lambda: {"sprung_store_writable": 1.0},
-        troubles=list,
+        problems=list,
         clock=lambda: NOW,
         timer=lambda: float(next(hours)),
     )

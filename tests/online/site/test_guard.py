@@ -105,7 +105,7 @@ def test_large_and_slow_bodies_are_refused(monkeypatch, messages, headers, statu
 
 @pytest.fixture
 def opened(store):
-    one = Server(Context(store, Site(http="127.0.0.1:0"), figures=dict, troubles=list))
+    one = Server(Context(store, Site(http="127.0.0.1:0"), figures=dict, problems=list))
     one.open()
     yield one
     one.close()
@@ -123,7 +123,7 @@ def test_a_request_that_does_not_end_is_cut_off(running, monkeypatch, n_before) 
         received = b""
         if n_before:
             slow.sendall(b"GET /health HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
-            while not received.endswith(b'"troubles":[]}'):
+            while not received.endswith(b'"problems":[]}'):
                 received += slow.recv(4096)
         slow.sendall(b"GET / HT")
         assert slow.recv(100) == b""
@@ -159,5 +159,5 @@ def test_requests_of_one_connection_follow_each_other(running) -> None:
     for _ in range(3):
         connection.request("GET", "/health")
         answer = connection.getresponse()
-        assert (answer.status, answer.read()) == (200, b'{"healthy":true,"troubles":[]}')
+        assert (answer.status, answer.read()) == (200, b'{"healthy":true,"problems":[]}')
     connection.close()

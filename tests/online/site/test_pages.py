@@ -138,7 +138,7 @@ def put_hostile_texts(store):
 @pytest.fixture
 def hostile(serve, store):
     """A client without accounts, and a store in which every text is hostile that a vehicle or person can set."""
-    return serve(figures={}, troubles=[HOSTILE], **put_hostile_texts(store))[1]
+    return serve(figures={}, problems=[HOSTILE], **put_hostile_texts(store))[1]
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import re
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from sprung.online.monitor import FIGURES, Site
 from sprung.online.monitor.figures import labelled
 from sprung.online.site import Context, Server, add_token, probes
 from sprung.online.site.probes import exposition
+from sprung.online.site.shared import LIMITS
 from sprung.online.store import StoreError
 
 
@@ -48,7 +50,7 @@ def test_a_store_that_hangs_or_fails_costs_only_what_it_has(serve, store, monkey
         raise StoreError("the store does not answer")
 
     monkeypatch.setattr(store, "size", size)
-    monkeypatch.setattr(probes, "_TIMEOUT", 0.05)
+    monkeypatch.setattr(probes, "LIMITS", replace(LIMITS, store_timeout=0.05))
     _, client = serve()
     for _ in range(6):
         answer = client.get("/metrics")
@@ -70,7 +72,7 @@ def test_a_store_that_hangs_keeps_figures_from_other_machines_only(serve, store,
 
     for name in ("n_accounts", "of_session", "of_token"):
         monkeypatch.setattr(store.accounts, name, hang)
-    monkeypatch.setattr(probes, "_TIMEOUT", 0.05)
+    monkeypatch.setattr(probes, "LIMITS", replace(LIMITS, store_timeout=0.05))
     _, client = serve(**fields)
     answer = client.get("/metrics", headers={"Authorization": "Bearer sprung_x"})
     assert answer.status_code == status
@@ -90,15 +92,15 @@ def test_other_machines_need_a_token_for_figures(serve, people, store) -> None:
 def test_health(serve, monkeypatch) -> None:
     context, client = serve()
     healthy = client.get("/health")
-    assert (healthy.status_code, healthy.json()) == (200, {"healthy": True, "troubles": []})
-    monkeypatch.setitem(context.__dict__, "troubles", lambda: ["the store cannot write"])
+    assert (healthy.status_code, healthy.json()) == (200, {"healthy": True, "problems": []})
+    monkeypatch.setitem(context.__dict__, "problems", lambda: ["the store cannot write"])
     ill = client.get("/health")
-    assert (ill.status_code, ill.json()) == (503, {"healthy": False, "troubles": ["the store cannot write"]})
+    assert (ill.status_code, ill.json()) == (503, {"healthy": False, "problems": ["the store cannot write"]})
 
 
 def test_an_address_in_use_is_refused(store) -> None:
     def server(port):
-        return Server(Context(store, Site(http=f"127.0.0.1:{port}"), figures=dict, troubles=list))
+        return Server(Context(store, Site(http=f"127.0.0.1:{port}"), figures=dict, problems=list))
 
     first = server(0)
     assert first.address == ("127.0.0.1", 0)

@@ -56,7 +56,7 @@ FIGURES = {
 @pytest.fixture
 def opened(serve):
     """Context and client of a site with secrets, whose monitor has a problem."""
-    return serve(figures=FIGURES, troubles=["the broker has not answered yet"], **SETTINGS)
+    return serve(figures=FIGURES, problems=["the broker has not answered yet"], **SETTINGS)
 
 
 @pytest.fixture
@@ -107,7 +107,7 @@ def test_page_and_interface_have_the_same_values_and_no_secret(client, context) 
     assert SECRET not in str(document)
     assert document["sentence"] in text
     assert document["sentence"] == "1 thing at this site needs attention."
-    assert document["troubles"] == ["the broker has not answered yet"]
+    assert document["problems"] == ["the broker has not answered yet"]
     for entry in document["settings"]:
         assert f"<code>{entry['key']}</code>" in text
     for entry in document["versions"]:
@@ -140,14 +140,14 @@ def test_a_certificate_is_shown_with_its_end(store, tmp_path: Path) -> None:
     settings = Site.model_validate({"web": {"certificate": str(path), "key": str(key)}})
 
     def detail(now):
-        context = Context(store, settings, figures=dict, troubles=list, clock=lambda: now)
+        context = Context(store, settings, figures=dict, problems=list, clock=lambda: now)
         return site(context, Person("anna", Role.VIEWER))
 
     (certificate,) = detail(NOW).certificates
-    assert certificate.trouble == ""
+    assert certificate.problem is None
     assert certificate.expires is not None
     assert detail(NOW).sentence == "The monitor works: no problem is known."
-    assert "expires at" in detail(certificate.expires - 1).troubles[0]
+    assert "expires at" in detail(certificate.expires - 1).problems[0]
 
 
 def test_false_alarms_from_verdicts(context, store) -> None:
@@ -171,7 +171,7 @@ def test_false_alarms_from_verdicts(context, store) -> None:
 def test_senders_are_tested_from_the_page(store, people, receiver) -> None:
     handler, url = receiver
     settings = Site.model_validate({"send": {**SENDERS, "webhook": [{"url": f"{url}/{SECRET}"}]}})
-    context = Context(store, settings, figures=dict, troubles=list, clock=lambda: NOW)
+    context = Context(store, settings, figures=dict, problems=list, clock=lambda: NOW)
     with TestClient(application(context), base_url="http://127.0.0.1:8737") as client:
         token = client.post("/api/v1/session", json={"name": "eve", "password": PASSWORD}).json()["csrf_token"]
         assert client.get("/site").text.count("Send a test</button>") == 3
@@ -185,7 +185,7 @@ def test_senders_are_tested_from_the_page(store, people, receiver) -> None:
     assert "mail server 127.0.0.1:1 cannot be reached (Connection refused)" in text
     found = {each.name: each for each in senders(context)}
     hook = found["webhook 1"]
-    assert (hook.tested, hook.tested_by, hook.problem) == (NOW, "eve", "")
-    assert "cannot be reached" in found["mail 1"].problem
+    assert (hook.tested, hook.tested_by, hook.problem) == (NOW, "eve", None)
+    assert "cannot be reached" in (found["mail 1"].problem or "")
     assert found["log"].tested is None
     assert SECRET not in str(store.requests.audited())

@@ -313,7 +313,7 @@ def _open_server(site: Site, store: Store, station: Station) -> Server:
 
 def _serving(site: Site, store: Store, station: Station) -> Server:
     """Return a server of the pages that answers."""
-    server = Server(Context(store, site, figures=station.figures, troubles=station.troubles))
+    server = Server(Context(store, site, figures=station.figures, problems=station.problems))
     server.open()
     return server
 

@@ -24,20 +24,20 @@ class Certificate:
     expires
         Time until which it is valid, UTC ns; None if the file cannot be read.
     problem
-        Reason why the file cannot be read; empty if it can.
+        Reason why the file cannot be read; None if it can.
     """
 
     purpose: str
     path: str
     expires: int | None
-    problem: str = ""
+    problem: str | None = None
 
-    def trouble(self, now: int) -> str:
-        """Return what is wrong with it at a time (UTC ns) and what to do; empty if nothing is."""
+    def problem_at(self, now: int) -> str | None:
+        """Return what is wrong with it at a time (UTC ns) and what to do; None if nothing is."""
         if self.expires is None:
             return f"{self.purpose}: {self.problem}"
         if self.expires - now >= _WARN:
-            return ""
+            return None
         verb = "has expired" if self.expires <= now else "expires"
         end = time_in_words(self.expires)
         return f"the {self.purpose} {self.path} {verb} at {end} UTC: renew it, then restart the monitor"

@@ -74,7 +74,7 @@ class LakeWriter:
         }
 
     @property
-    def trouble(self) -> str:
+    def problem(self) -> str:
         """Sentence about the last failures; empty if there is none."""
         reasons = list(dict.fromkeys(self._reasons.copy().values()))
         return f"windows are not written to the lake: {'; '.join(reasons)}" if reasons else ""

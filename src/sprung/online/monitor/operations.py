@@ -347,7 +347,7 @@ def vehicle_summary(store: Store, row: VehicleRow, *, now: int) -> dict[str, Any
     }
 
 
-def work_order(store: Store, number: int, *, who: str, now: int, link: str = "") -> WorkOrderDocument:
+def work_order(store: Store, number: int, *, who: str, now: int, link: str | None = None) -> WorkOrderDocument:
     """Return the work order of an alert.
 
     Parameters
@@ -361,7 +361,7 @@ def work_order(store: Store, number: int, *, who: str, now: int, link: str = "")
     now
         Present time, UTC ns.
     link
-        Address of the alert; empty: none.
+        Address of the alert; None: none.
 
     Raises
     ------
@@ -391,8 +391,8 @@ def work_order(store: Store, number: int, *, who: str, now: int, link: str = "")
 
 
 def send_work_order(
-    store: Store, number: int, senders: Sequence[Sender], *, who: str, now: int, link: str = ""
-) -> dict[str, str]:
+    store: Store, number: int, senders: Sequence[Sender], *, who: str, now: int, link: str | None = None
+) -> dict[str, str | None]:
     """Send the work order of an alert, and record in its history who sent it and where it arrived.
 
     Parameters
@@ -405,7 +405,7 @@ def send_work_order(
     Returns
     -------
     dict
-        Reason of the failure by name of the sender; empty if it arrived.
+        Reason of the failure by name of the sender; None if it arrived.
 
     Raises
     ------
@@ -429,13 +429,13 @@ def send_work_order(
         ),
         senders,
     )
-    results = {sender.name: errors.get(sender.name, "") for sender in senders}
+    results = {sender.name: errors.get(sender.name) for sender in senders}
     words = "; ".join(f"by {name}: {error or 'sent'}" for name, error in results.items())
     add_comment(store, number, who=who, comment=f"work order {words}", now=now)
     return results
 
 
-def quarantine_document(store: Store, *, vehicle: str = "", is_analysed: bool = False) -> dict[str, Any]:
+def quarantine_document(store: Store, *, vehicle: str | None = None, is_analysed: bool = False) -> dict[str, Any]:
     """Return what was quarantined as `sprung.quarantine/1`, consecutive frames as one entry.
 
     Parameters
@@ -443,7 +443,7 @@ def quarantine_document(store: Store, *, vehicle: str = "", is_analysed: bool = 
     store
         Store of the monitor.
     vehicle
-        Name of the vehicle; empty: all vehicles.
+        Name of the vehicle; None: all vehicles.
     is_analysed
         Whether frames are analysed again by this version, each run of them starting from the baseline of the vehicle.
         The result is in `again`; nothing is stored.

@@ -180,7 +180,7 @@ class PostOffice:
         Present time, UTC ns.
     link, picture
         As for `Postman`; pictures are drawn one at a time.
-    beat
+    on_heartbeat
         Function that is called with "post" and the name of a sender whenever its thread looks for notifications.
     """
 
@@ -192,7 +192,7 @@ class PostOffice:
         clock: Callable[[], int],
         link: Callable[[int], str] = lambda number: "",
         picture: Callable[[str, str], bytes] = lambda vehicle, cause: b"",
-        beat: Callable[[str], object] = lambda name: None,
+        on_heartbeat: Callable[[str], object] = lambda name: None,
     ) -> None:
         drawing = threading.Lock()
 
@@ -202,7 +202,7 @@ class PostOffice:
 
         self._store = store
         self._clock = clock
-        self._beat = beat
+        self._on_heartbeat = on_heartbeat
         self._names = [sender.name for sender in senders]
         self._postmen = [Postman(store, sender, senders=self._names, link=link, picture=drawn) for sender in senders]
         self._stopping = threading.Event()
@@ -212,12 +212,12 @@ class PostOffice:
         ]
 
     @property
-    def troubles(self) -> list[str]:
+    def problems(self) -> list[str]:
         """Sentence about each sender whose last attempt failed."""
         return [f"alerts are not delivered by {one.name}: {one.error}" for one in self._postmen if one.error]
 
     @property
-    def lasting_trouble(self) -> str:
+    def lasting_problem(self) -> str:
         """Sentence about the senders that gave up a notification and have passed on none since; empty: none."""
         failed = [f"{one.name}: {one.lasting_error}" for one in self._postmen if one.lasting_error]
         if not failed:
@@ -272,7 +272,7 @@ class PostOffice:
         """Send what is due, until stopped."""
         wait = _EVERY
         while not self._stopping.wait(wait):
-            self._beat(f"post {postman.name}")
+            self._on_heartbeat(f"post {postman.name}")
             try:
                 with self._store.reservation.fenced():
                     wait = 0.0 if postman.send(now=self._clock()) else _EVERY

@@ -123,7 +123,7 @@ class Station:
             clock=clock,
             link=site.alert_url,
             picture=partial(alert_picture, store),
-            beat=self._heartbeats.on_heartbeat,
+            on_heartbeat=self._heartbeats.on_heartbeat,
         )
         self._upkeep = Upkeep(
             site,
@@ -293,12 +293,12 @@ class Station:
             },
         }
 
-    def troubles(self) -> list[str]:
+    def problems(self) -> list[str]:
         """Return sentences about problems of the monitor itself; one that stands by has none."""
         if not self._is_active and self._taking_over.started is not None:
             return []
         broker = "" if self._link.is_connected else self._link.problem or "the broker has not answered yet"
-        inner = (*self._heartbeats.problems, *self._post.troubles)
+        inner = (*self._heartbeats.problems, *self._post.problems)
         return [sentence for sentence in (broker, self._breaker.problem, *inner) if sentence]
 
     def _follow(self) -> None:

@@ -121,7 +121,7 @@ class Upkeep:
         """Update shelved alerts and alerts of silent vehicles, and carry out commands."""
         now = self._clock()
         self._alerts.end_shelves(now=now)
-        self._update_own("monitor:notifications", self._post.lasting_trouble, now)
+        self._update_own("monitor:notifications", self._post.lasting_problem, now)
         last_seen = self._store.inbox.last_seen()
         self._update_silence(last_seen, now)
         for command in self._store.requests.open_commands():
@@ -137,10 +137,10 @@ class Upkeep:
             LOG.warning("unknown command", extra={"act": command.act})
             self._store.requests.command_done(command.id, now)
 
-    def _update_own(self, cause: str, trouble: str, now: int) -> None:
+    def _update_own(self, cause: str, problem: str, now: int) -> None:
         """Raise an alert about a problem of the monitor, or clear it if there is none."""
-        if trouble:
-            self._alerts.report(MONITOR, cause, trouble, now=now)
+        if problem:
+            self._alerts.report(MONITOR, cause, problem, now=now)
         else:
             self._alerts.clear(MONITOR, cause, now=now)
 
@@ -184,7 +184,7 @@ class Upkeep:
         for archive in self._archives:  # before anything else: a store on a full disk cannot even delete
             archive.prune(before=self._site.keep.raw_before(now), most_bytes=most)
         self._check_certificates(now)
-        self._update_own(LAKE, "" if self._lake is None else self._lake.trouble, now)
+        self._update_own(LAKE, "" if self._lake is None else self._lake.problem, now)
         self._tidy(now)
         free = self._store.free()
         if free is not None and free < 1e6 * self._site.keep.free_megabytes:
@@ -200,8 +200,8 @@ class Upkeep:
 
     def _check_certificates(self, now: int) -> None:
         """Raise an alert about certificates of this monitor that expire soon, or clear it where there are none."""
-        troubles = [trouble for each in certificates_of(self._site) if (trouble := each.trouble(now))]
-        self._update_own(CERTIFICATE, "; ".join(troubles), now)
+        problems = [problem for each in certificates_of(self._site) if (problem := each.problem_at(now))]
+        self._update_own(CERTIFICATE, "; ".join(problems), now)
 
     def _tidy(self, now: int) -> None:
         """Delete old rows, once an hour, or again at the next sweep if many are left."""

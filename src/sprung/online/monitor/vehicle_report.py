@@ -300,7 +300,7 @@ def _facts(alert: AlertState) -> dict[str, str]:
         "size over standard deviation": "" if score is None else _with_minus(f"{score:.1f}"),
         "since (UTC)": time_in_words(round(1e9 * since)) if since else "",
         "onset between (UTC)": " and ".join(map(time_in_words, span)),
-        "second hypothesis": alert.runner_up,
+        "second hypothesis": alert.runner_up or "",
         "detectable loss of any part [%]": " to ".join(dict.fromkeys(ends)),
     }
 

@@ -95,7 +95,7 @@ class EvidenceWindow(Answer):
     roughness: float | None = Field(description="roughness of the road, G(n0) of ISO 8608 [m^3]")
     temperature: float | None = Field(description="mean temperature [°C]")
     parts: tuple[PartEntry, ...] = Field(description="parts that the alert names")
-    note: str = Field(description="why the window gives no information on them; empty if it does")
+    note: str | None = Field(description="why the window gives no information on them; null if it does")
 
 
 class EvidencePoint(Answer):
@@ -114,8 +114,8 @@ class Evidence(Answer):
     interval: tuple[float, float] | None = Field(description="95 % interval of the change")
     since: int | None = Field(description="onset; null if unknown")
     since_interval: tuple[int, int] | None
-    runner_up: str = Field(description="second hypothesis in words; empty: far less likely")
-    advice: str
+    runner_up: str | None = Field(description="second hypothesis in words; null: far less likely")
+    advice: str | None
     detectable: dict[str, float] = Field(description="smallest detectable loss of each part")
     hypotheses: tuple[HypothesisEntry, ...] = Field(description="the most probable first")
     course: tuple[EvidencePoint, ...] = Field(description="evidence after the last windows")
@@ -417,7 +417,7 @@ def _window(entry: Entry, alert: AlertState, *, is_since: bool) -> EvidenceWindo
         t0=entry.t0,
         is_since_onset=is_since,
         parts=tuple(parts),
-        note=document.get("reason") or "; ".join(faults),
+        note=document.get("reason") or "; ".join(faults) or None,
         **{name: finite(conditions.get(name)) for name in ("speed", "payload", "roughness", "temperature")},
     )
 

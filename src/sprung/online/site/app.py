@@ -84,10 +84,10 @@ def application(context: Context, *, diagrams: DiagramDesk | None = None) -> ASG
     >>> from sprung.online.site import Context
     >>> from sprung.online.store import open_store
     >>> with TemporaryDirectory() as folder, open_store(f"sqlite:///{folder}/sprung.sqlite") as store:
-    ...     context = Context(store, Site(), figures=dict, troubles=list)
+    ...     context = Context(store, Site(), figures=dict, problems=list)
     ...     client = TestClient(application(context), base_url="http://127.0.0.1:8737")
     ...     client.get("/health").json()
-    {'healthy': True, 'troubles': []}
+    {'healthy': True, 'problems': []}
     """
     app = FastAPI(
         title="Sprung",

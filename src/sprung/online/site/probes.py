@@ -32,14 +32,14 @@ class Health(BaseModel):
     """Whether the monitor is healthy, and a sentence about each problem."""
 
     healthy: bool
-    troubles: list[str]
+    problems: list[str]
 
 
 @router.get("/health", response_model=Health, responses={503: {"model": Health, "description": "Not healthy."}})
 async def health(request: Request) -> JSONResponse:
     """Whether the monitor is healthy, and what is not; it needs no store and no log-in."""
-    troubles = context_of(request).troubles()
-    return JSONResponse({"healthy": not troubles, "troubles": troubles}, 503 if troubles else 200)
+    problems = context_of(request).problems()
+    return JSONResponse({"healthy": not problems, "problems": problems}, 503 if problems else 200)
 
 
 @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})

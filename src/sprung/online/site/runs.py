@@ -45,7 +45,7 @@ class RunVehicle(Answer):
     windows: int = Field(description="windows that count")
     since: int | None = Field(description="start of the first window that was compared with the baseline")
     until: int | None = Field(description="start of the last one")
-    reason: str = Field(description="why it is inconclusive; empty if it is not")
+    reason: str | None = Field(description="why it is inconclusive; null if it is not")
     is_known: bool = Field(description="whether this monitor knows the vehicle")
 
 
@@ -149,7 +149,7 @@ def runs(request: Request, context: Shared, _: Viewer, wanted: Annotated[WantedR
         vehicles=tuple(
             RunVehicle(
                 **row
-                | {name: row[name] or "" for name in ("type", "reason")}
+                | {"type": row["type"] or "", "reason": row["reason"] or None}
                 | {"is_discovery": bool(row["is_discovery"]), "windows": row["n_windows"] or 0},
                 is_known=context.store.inbox.vehicle(row["vehicle"]) is not None,
             )

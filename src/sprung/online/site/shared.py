@@ -106,7 +106,7 @@ class Context:
         Settings of the monitor.
     figures
         Function that returns those figures of the running monitor that need no store.
-    troubles
+    problems
         Function that returns a sentence about each problem of the monitor; it needs no store.
     clock
         Present time, UTC ns.
@@ -117,7 +117,7 @@ class Context:
     store: Store
     site: Site
     figures: Callable[[], Mapping[str, float]]
-    troubles: Callable[[], list[str]]
+    problems: Callable[[], list[str]]
     clock: Callable[[], int] = time.time_ns
     timer: Callable[[], float] = time.monotonic
 

@@ -85,9 +85,9 @@ class SenderEntry(Answer):
     to: str = Field(description="where it sends; secrets are hidden")
     is_testable: bool
     tested: int | None = Field(description="when it was tested last")
-    tested_by: str
-    problem: str = Field(description="why the last test failed; empty if it succeeded")
-    given_up: str = Field(description="why it gave up the last notification; empty if it did not")
+    tested_by: str | None
+    problem: str | None = Field(description="why the last test failed; null if it succeeded")
+    given_up: str | None = Field(description="why it gave up the last notification; null if it did not")
 
 
 class CertificateEntry(Answer):
@@ -96,7 +96,7 @@ class CertificateEntry(Answer):
     purpose: str
     path: str
     expires: int | None = Field(description="null if the file cannot be read")
-    trouble: str = Field(description="what is wrong and what to do; empty: nothing")
+    problem: str | None = Field(description="what is wrong and what to do; null: nothing")
 
 
 class VersionEntry(Answer):
@@ -127,7 +127,7 @@ class SiteDetail(Answer):
 
     name: str
     sentence: str
-    troubles: tuple[str, ...]
+    problems: tuple[str, ...]
     is_open: bool = Field(description="whether anybody on this machine may act, as there are no accounts")
     vehicles: int
     settings: tuple[SettingEntry, ...]
@@ -148,15 +148,15 @@ def site(context: Shared, _: Viewer) -> SiteDetail:
     contents = context.store.contents()
     figures = context.figures()
     certificates = tuple(
-        CertificateEntry(purpose=each.purpose, path=each.path, expires=each.expires, trouble=each.trouble(now))
+        CertificateEntry(purpose=each.purpose, path=each.path, expires=each.expires, problem=each.problem_at(now))
         for each in certificates_of(settings)
     )
-    problems = (*context.troubles(), *(each.trouble for each in certificates if each.trouble))
+    problems = (*context.problems(), *(each.problem for each in certificates if each.problem))
     things = f"{counted(len(problems), 'thing')} at this site {'needs' if len(problems) == 1 else 'need'} attention."
     return SiteDetail(
         name=settings.name,
         sentence=things if problems else "The monitor works: no problem is known.",
-        troubles=problems,
+        problems=problems,
         is_open=context.is_open,
         vehicles=context.store.inbox.n_vehicles(),
         settings=tuple(settings_of(settings)),
@@ -264,10 +264,10 @@ def senders(context: Context) -> tuple[SenderEntry, ...]:
             kind=kind,
             to=to,
             is_testable=kind in {"webhook", "mail", "service"},
-            tested=None if name not in tests else tests[name].time,
-            tested_by="" if name not in tests else tests[name].who,
-            problem="" if name not in tests else str(tests[name].detail or ""),
-            given_up=given_up.get(name, ""),
+            tested=None if (test := tests.get(name)) is None else test.time,
+            tested_by=None if test is None else test.who,
+            problem=None if test is None or not test.detail else str(test.detail),
+            given_up=given_up.get(name),
         )
         for name, kind, to in places
     )

@@ -277,7 +277,7 @@ class WorkOrderDocument(Document):
     step: str
     urgency: str
     sentence: str
-    runner_up: str
+    runner_up: str | None
     state: str
     raised: int
     assignee: str | None

@@ -134,12 +134,12 @@ class Computed:
     pictures
         Figures as SVG, by name.
     error
-        Reason why there are none; empty otherwise.
+        Reason why there are none; None where there are.
     """
 
     values: Mapping[str, Any] = field(default_factory=dict)
     pictures: Mapping[str, str] = field(default_factory=dict)
-    error: str = ""
+    error: str | None = None
 
 
 class DiagramDesk:

@@ -80,7 +80,7 @@ class Trends(Answer):
     until: int
     times: tuple[int, ...] = Field(description="starts of the windows of `parts`")
     windows: tuple[str | None, ...] = Field(description="BOOT/NUMBER of each; null: a gap")
-    remarks: tuple[str, ...] = Field(description="why a window has no value")
+    remarks: tuple[str | None, ...] = Field(description="why a window has no value; null where it has one")
     parts: tuple[PartTrend, ...]
     mode_times: tuple[int, ...]
     modes: tuple[ModeTrend, ...]
@@ -104,7 +104,7 @@ class BodyModes(Answer):
         (), description="front left, front right, rear right, rear left [m]"
     )
     modes: tuple[BodyMode, ...] = ()
-    note: str = Field(description="why there is none; empty otherwise")
+    note: str | None = Field(None, description="why there is none; null where there are some")
 
 
 @api.get("/vehicles/{vehicle}/trends")
@@ -165,7 +165,6 @@ def body_modes(context: Shared, _: Viewer, row: KnownVehicle) -> BodyModes:
             )
             for k in range(len(modes))
         ),
-        note="",
     )
 
 
@@ -236,12 +235,12 @@ def _with_gaps(windows: Sequence[tuple[Entry, T]], length: int) -> Iterator[tupl
             yield entry.t0 + length, None, None
 
 
-def _remark(window: Observation | None) -> str:
-    """Return why a window has no value, or what is wrong with its sensors; empty if nothing is."""
+def _remark(window: Observation | None) -> str | None:
+    """Return why a window has no value, or what is wrong with its sensors; None if nothing is."""
     if window is None:
         return "no data"
     faults = (f"{fault.channel} {fault.kind.replace('_', ' ')}" for fault in window.sensor_faults)
-    return window.reason or "; ".join(faults)
+    return window.reason or "; ".join(faults) or None
 
 
 def _marks(store: Store, vehicle: str) -> Iterator[TimeMark]:

@@ -53,7 +53,7 @@ class WindowDetail(Answer):
 
     vehicle: str
     window: WindowEntry
-    reason: str = Field(description="why it is inconclusive; empty if it is conclusive")
+    reason: str | None = Field(description="why it is inconclusive; null if it is conclusive")
     conditions: tuple[Condition, ...] = ()
     reference: str
     parts: tuple[PartState, ...] = ()
@@ -114,7 +114,7 @@ def window(context: Shared, _: Viewer, entry: KnownWindow) -> WindowDetail:
         return WindowDetail(reason=f"the stored window cannot be read: {error}", **common)
     faults = [f"{each.channel} is {each.kind.replace('_', ' ')}: {each.detail}" for each in observation.sensor_faults]
     return WindowDetail(
-        reason=observation.reason,
+        reason=observation.reason or None,
         conditions=tuple(
             Condition(name=name, value=value, unit=CONDITION_UNITS.get(name, ""))
             if name not in {"standing", "model_error"}
