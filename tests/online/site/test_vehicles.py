@@ -8,11 +8,10 @@ from sprung.diagnosis import Observation, SensorFault, learn
 from sprung.errors import ParameterError
 from sprung.online.monitor.histories import vehicle_state
 from sprung.online.site.accounts import Person, Role
+from sprung.online.site.shared import require_vehicle, require_window
 from sprung.online.site.vehicles.baselines import baseline
-from sprung.online.site.vehicles.common import require_vehicle, require_window
-from sprung.online.site.vehicles.quality import data_quality
 from sprung.online.site.vehicles.trends import body_modes, trends
-from sprung.online.site.vehicles.windows import window
+from sprung.online.site.vehicles.windows import data_quality, window
 from sprung.online.store import Progress, StoredFrame
 from sprung.results.documents import baseline_document, observation_document
 from sprung.vehicles import Component, read_vehicle, vehicle_text

@@ -46,60 +46,27 @@ _UNITS = {
     "kg m": "_kg_m",
     "kg m^2": "_kg_m2",
 }
-_OF_WINDOW: Columns = {"vehicle": "text", "boot": "integer", "window": "integer", "start_utc": "time"}
-_OF_MODE: Columns = {
-    **_OF_WINDOW,
-    "mode": "integer",
-    "label": "text",
-    "natural_frequency_hz": "number",
-    "natural_frequency_std_hz": "number",
-    "damping_ratio": "number",
-    "damping_ratio_std": "number",
-    "mpc": "number",
-    "stable_rate": "number",
+#: Columns of whole numbers and of texts; times end in _utc, and all others are numbers.
+_INTEGERS = {"boot", "window", "mode", "alert", "severity_number", "times_raised"}
+_TEXTS = {
+    *("vehicle", "is_conclusive", "reason", "sensor_faults", "label", "corner", "component", "severity", "advice"),
+    *("runner_up", "sentence", "cause", "state", "assignee", "verdict", "verdict_part", "verdict_action", "verdict_by"),
 }
-_OF_CHANGE: Columns = {
-    "change_percent": "number",
-    "change_low_percent": "number",
-    "change_high_percent": "number",
-}
-_OF_FINDING: Columns = {
-    **_OF_WINDOW,
-    "corner": "text",
-    "component": "text",
-    **_OF_CHANGE,
-    "score": "number",
-    "severity": "text",
-    "severity_number": "integer",
-    "advice": "text",
-    "since_utc": "time",
-    "since_earliest_utc": "time",
-    "since_latest_utc": "time",
-    "runner_up": "text",
-    "trend_percent_per_hour": "number",
-    "sentence": "text",
-}
-_OF_ALERT: Columns = {
-    "alert": "integer",
-    "vehicle": "text",
-    "cause": "text",
-    "severity_number": "integer",
-    "severity": "text",
-    "state": "text",
-    "raised_utc": "time",
-    "cleared_utc": "time",
-    "times_raised": "integer",
-    "assignee": "text",
-    "shelved_until_utc": "time",
-    **_OF_CHANGE,
-    "detectable_percent": "number",
-    "sentence": "text",
-    "verdict": "text",
-    "verdict_part": "text",
-    "verdict_action": "text",
-    "verdict_by": "text",
-    "verdict_utc": "time",
-}
+_OF_WINDOW = ("vehicle", "boot", "window", "start_utc")
+_CHANGE = ("change_percent", "change_low_percent", "change_high_percent")
+_OF_MODE = (
+    *(*_OF_WINDOW, "mode", "label", "natural_frequency_hz", "natural_frequency_std_hz"),
+    *("damping_ratio", "damping_ratio_std", "mpc", "stable_rate"),
+)
+_OF_FINDING = (
+    *(*_OF_WINDOW, "corner", "component", *_CHANGE, "score", "severity", "severity_number", "advice", "since_utc"),
+    *("since_earliest_utc", "since_latest_utc", "runner_up", "trend_percent_per_hour", "sentence"),
+)
+_OF_ALERT = (
+    *("alert", "vehicle", "cause", "severity_number", "severity", "state", "raised_utc", "cleared_utc"),
+    *("times_raised", "assignee", "shelved_until_utc", *_CHANGE, "detectable_percent", "sentence"),
+    *("verdict", "verdict_part", "verdict_action", "verdict_by", "verdict_utc"),
+)
 
 
 T = TypeVar("T")
@@ -222,7 +189,7 @@ def export(
 def _table(store: Store, vehicle: str, what: str, period: Period) -> tuple[Columns, Rows]:
     """Return kinds of columns, and rows in pieces; the columns of windows are those of all windows of the period."""
     if what == "alerts":
-        return _OF_ALERT, iter([[_alert(alert) for alert in alerts_of(store, vehicle, period)]])
+        return _columns(_OF_ALERT), iter([[_alert(alert) for alert in alerts_of(store, vehicle, period)]])
 
     def pieces(kind: Literal["observations", "modes", "findings"]) -> Iterator[list[Entry]]:
         return store.results.pieces(kind, vehicle, since=period.since, until=period.until)
@@ -231,21 +198,33 @@ def _table(store: Store, vehicle: str, what: str, period: Period) -> tuple[Colum
         return (list(chain.from_iterable(map(of, piece))) for piece in pieces(kind))
 
     if what == "modes":
-        return _OF_MODE, rows("modes", _modes)
+        return _columns(_OF_MODE), rows("modes", _modes)
     if what == "findings":
-        return _OF_FINDING, rows("findings", _finding)
+        return _columns(_OF_FINDING), rows("findings", _finding)
     names: dict[str, dict[str, None]] = {"conditions": {}, "components": {}, "modes": {}}
     for entry in chain.from_iterable(pieces("observations")):
         for kind, known in names.items():
             known.update(dict.fromkeys(entry.document.get(kind) or ()))
-    columns: Columns = {**_OF_WINDOW, "is_conclusive": "text", "reason": "text", "sensor_faults": "text"}
-    columns |= {_condition(name): "number" for name in names["conditions"]}
-    for component in names["components"]:
-        plain = component.replace(".", "_")
-        columns |= {f"{plain}_ln_ratio": "number", f"{plain}_ln_ratio_std": "number"}
+    columns = [*_OF_WINDOW, "is_conclusive", "reason", "sensor_faults", *map(_condition, names["conditions"])]
+    for component in (name.replace(".", "_") for name in names["components"]):
+        columns += [f"{component}_ln_ratio", f"{component}_ln_ratio_std"]
     for label in names["modes"]:
-        columns |= {f"{label}_natural_frequency_hz": "number", f"{label}_damping_ratio": "number"}
-    return columns, rows("observations", _window)
+        columns += [f"{label}_natural_frequency_hz", f"{label}_damping_ratio"]
+    return _columns(columns), rows("observations", _window)
+
+
+def _columns(names: Iterable[str]) -> Columns:
+    """Return columns with their kinds."""
+    return {name: _kind(name) for name in names}
+
+
+def _kind(name: str) -> Kind:
+    """Return the kind of the values of a column."""
+    if name.endswith("_utc"):
+        return "time"
+    if name in _INTEGERS:
+        return "integer"
+    return "text" if name in _TEXTS else "number"
 
 
 def _window(entry: Entry) -> list[Row]:
@@ -313,7 +292,7 @@ def _alert(each: AlertHistory) -> Row:
     return _in_units({"verdict_utc": None, **values}, _OF_ALERT)
 
 
-def _in_units(values: Mapping[str, Any], columns: Columns) -> Row:
+def _in_units(values: Mapping[str, Any], columns: Iterable[str]) -> Row:
     """Return the values of columns in the units of their names, from values without units."""
     row = {}
     for name in columns:

@@ -24,12 +24,12 @@ from sprung.online.site.live import Feed
 from sprung.online.site.rendering import page
 from sprung.online.site.runs import RunResults
 from sprung.online.site.shared import LIMITS, Context, Shared, describe_faults, is_loopback
-from sprung.online.site.vehicles import baselines, diagrams, files, overview, quality, trends, windows
+from sprung.online.site.vehicles import baselines, diagrams, files, overview, trends, windows
 from sprung.online.site.vehicles.diagrams import DiagramDesk
 from sprung.online.store import RefusedError, StoreError
 
 _pages = APIRouter(include_in_schema=False)
-_SUBJECTS = (fleet, overview, windows, quality, baselines, diagrams, files, alerts, alert, runs, people, site)
+_SUBJECTS = (fleet, overview, windows, baselines, diagrams, files, alerts, alert, runs, people, site)
 #: All routes, by what their paths begin with.
 ROUTERS = (
     *(("/api/v1", subject.api) for subject in (*_SUBJECTS, trends, live)),

@@ -2,15 +2,15 @@
 
 import re
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from hashlib import sha256
 from importlib import resources
 from typing import Any
-from urllib.parse import urlencode
+from urllib.parse import quote, urlencode
 
 from fastapi import Request
-from fastapi.responses import HTMLResponse
+from fastapi.responses import HTMLResponse, Response
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from pydantic import BaseModel
@@ -22,7 +22,7 @@ from sprung.online.site.access import find_person, set_session
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.shared import context_of
 from sprung.results.tables import age_in_words, time_in_words
-from sprung.state import Verdict
+from sprung.state import PartState, Verdict
 
 #: Sign of each step of severity, and of each state of a vehicle: none is known by its colour alone.
 MARKS = {"note": "○", "low": "△", "medium": "◇", "high": "■", "critical": "✖"}
@@ -34,6 +34,18 @@ STATE_MARKS = {
     Verdict.INCONCLUSIVE: "?",
     Verdict.NO_CHANGE_DETECTED: "✓",
     Verdict.WAITING: "◌",
+}
+#: Half widths of the axis of changes [%], the smallest one that holds all intervals is used.
+_AXES = (5, 10, 20, 30, 50, 100)
+#: Width of the axis of changes in its picture.
+_WIDTH = 240
+#: Pages of a vehicle.
+_TABS = {
+    "": "Overview",
+    "/diagrams": "Spectra and diagrams",
+    "/windows": "Windows",
+    "/data": "Data quality",
+    "/baseline": "Baseline",
 }
 #: A date, perhaps with its time.
 _DATE = re.compile(r"(\d{4}-\d\d-\d\d)(?: (\d\d:\d\d))?( UTC)?")
@@ -97,6 +109,38 @@ def page(
     if secret:
         set_session(answer, context, secret)
     return answer
+
+
+def path_of(vehicle: str) -> str:
+    """Return the path of the pages of a vehicle."""
+    return f"/vehicles/{quote(vehicle, safe='')}"
+
+
+def vehicle_page(request: Request, template: str, vehicle: str, *, tab: str, **values: Any) -> Response:
+    """Return a page about a vehicle."""
+    return page(
+        request,
+        template,
+        vehicle=vehicle,
+        path=path_of(vehicle),
+        minutes=f"{request.app.state.context.site.watch.window_minutes:g} minutes",
+        tab=tab,
+        tabs=_TABS.items(),
+        width=_WIDTH,
+        x=_x,
+        **values,
+    )
+
+
+def axis_of(parts: Sequence[PartState]) -> int:
+    """Return half the width of the axis that shows all changes with their intervals [%]."""
+    reach = max((100 * abs(end) for part in parts for end in (*part.interval, part.change)), default=0.0)
+    return next((half for half in _AXES if reach <= half), _AXES[-1])
+
+
+def _x(change: float, axis: int) -> float:
+    """Return the place of a change on the axis, within its ends."""
+    return round(_WIDTH / 2 * (1 + max(-1.0, min(1.0, 100 * change / axis))), 1)
 
 
 def with_others(sentence: str, others: Mapping[str, int]) -> str:

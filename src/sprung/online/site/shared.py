@@ -11,8 +11,8 @@ from fastapi import Depends, Path, Query, Request
 from pydantic import BaseModel, ConfigDict, Field
 
 from sprung.errors import ParameterError
-from sprung.online.monitor import Site
-from sprung.online.store import Store
+from sprung.online.monitor import Site, histories
+from sprung.online.store import Entry, Store, VehicleRow
 from sprung.online.store.schema import LARGEST
 
 
@@ -233,3 +233,35 @@ def finite(value: Any) -> float | None:
     """
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return float(value) if is_number and isfinite(value) else None
+
+
+def require_vehicle(context: Shared, vehicle: VehicleName) -> VehicleRow:
+    """Return a vehicle as it described itself.
+
+    Raises
+    ------
+    ParameterError
+        If it is unknown.
+    """
+    return histories.require_vehicle(context.store, vehicle)
+
+
+KnownVehicle = Annotated[VehicleRow, Depends(require_vehicle)]
+
+
+def require_window(context: Shared, row: KnownVehicle, boot: Place, number: Place) -> Entry:
+    """Return a stored window.
+
+    Raises
+    ------
+    ParameterError
+        If the vehicle or the window is unknown.
+    """
+    vehicle = row.vehicle
+    entry = context.store.results.observation(vehicle, boot, number)
+    if entry is None:
+        raise ParameterError(f"unknown window {boot}/{number} of {vehicle}: it was never analysed or is no longer kept")
+    return entry
+
+
+KnownWindow = Annotated[Entry, Depends(require_window)]

@@ -15,8 +15,20 @@ from sprung.online.monitor.histories import LEARN, ROLL_BACK, reference_of
 from sprung.online.monitor.requests import rolling_back_in_words
 from sprung.online.site.access import Engineer, EngineerForm, Viewer
 from sprung.online.site.accounts import Person, Role
-from sprung.online.site.shared import LIMITS, Answer, Context, Done, Given, Line, Outcome, Shared, VehicleName
-from sprung.online.site.vehicles.common import KnownVehicle, path_of, require_vehicle, vehicle_page
+from sprung.online.site.rendering import path_of, vehicle_page
+from sprung.online.site.shared import (
+    LIMITS,
+    Answer,
+    Context,
+    Done,
+    Given,
+    KnownVehicle,
+    Line,
+    Outcome,
+    Shared,
+    VehicleName,
+    require_vehicle,
+)
 from sprung.online.store import BaselineRow, Store
 from sprung.results.documents import baseline_from_document
 from sprung.state import progress_in_words

@@ -24,8 +24,17 @@ from sprung.errors import ParameterError
 from sprung.link.archive import archive_path
 from sprung.online.monitor.histories import reference_of
 from sprung.online.site.access import Viewer
-from sprung.online.site.shared import LIMITS, Answer, Context, Shared, context_of
-from sprung.online.site.vehicles.common import KnownVehicle, KnownWindow, path_of, require_vehicle, vehicle_page
+from sprung.online.site.rendering import path_of, vehicle_page
+from sprung.online.site.shared import (
+    LIMITS,
+    Answer,
+    Context,
+    KnownVehicle,
+    KnownWindow,
+    Shared,
+    context_of,
+    require_vehicle,
+)
 from sprung.online.site.vehicles.windows import window
 from sprung.online.store import Entry
 from sprung.results.documents.document import Pair

@@ -8,11 +8,11 @@ from fastapi import APIRouter, Query, Request, Response
 from sprung.online.monitor.histories import observations_of
 from sprung.online.site.access import Viewer
 from sprung.online.site.fleet import FleetVehicle, state_of_row
-from sprung.online.site.shared import LIMITS, Answer, Context, Shared
+from sprung.online.site.rendering import axis_of, path_of, vehicle_page
+from sprung.online.site.shared import LIMITS, Answer, Context, KnownVehicle, Shared
 from sprung.online.site.vehicles.baselines import BaselineEntry
-from sprung.online.site.vehicles.common import KnownVehicle, axis_of, path_of, vehicle_page
-from sprung.online.site.vehicles.quality import data_quality
 from sprung.online.site.vehicles.trends import last_body_modes
+from sprung.online.site.vehicles.windows import data_quality
 from sprung.online.store import FleetRow, Place, VehicleRow
 from sprung.online.store.schema import DAY
 from sprung.results.documents.monitoring import AlertEntry

@@ -1,5 +1,6 @@
-"""Windows of a vehicle: the list, and one with its conditions, parts, modes, findings and sensor faults."""
+"""Windows of a vehicle: the list, one with conditions, parts, modes, findings and faults, and the quality of data."""
 
+from collections import Counter
 from collections.abc import Sequence
 from math import isfinite
 from typing import Any
@@ -8,12 +9,13 @@ from fastapi import APIRouter, Request, Response
 from pydantic import Field
 
 from sprung.diagnosis import Observation
+from sprung.diagnosis.channel_faults import MISSING
 from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.errors import FormatError
 from sprung.online.monitor.histories import observations_of, reference_of
 from sprung.online.site.access import Viewer
-from sprung.online.site.shared import LIMITS, Answer, Limit, Shared, Time, VehicleName
-from sprung.online.site.vehicles.common import KnownVehicle, KnownWindow, axis_of, vehicle_page
+from sprung.online.site.rendering import axis_of, vehicle_page
+from sprung.online.site.shared import LIMITS, Answer, KnownVehicle, KnownWindow, Limit, Shared, Time, VehicleName
 from sprung.online.site.vehicles.trends import ModeValue, body_modes_in
 from sprung.online.store import Entry, Store
 from sprung.results.documents import observation_from_document
@@ -22,6 +24,16 @@ from sprung.vehicles.labels import MOTIONS
 
 api = APIRouter(tags=["vehicles"])
 pages = APIRouter(include_in_schema=False)
+
+#: Checks of a channel as a table shows them, with the kinds of faults that each finds.
+CHECKS = {
+    "signal": ("dead", "stuck", MISSING),
+    "clipping": ("clipped",),
+    "noise": ("noisy", "spiking", "hum"),
+    "offset": ("drifting",),
+    "fit to the other sensors": ("inverted", "swapped", "wrong_gain"),
+    "time": ("time_shifted",),
+}
 
 
 class WindowEntry(Answer):
@@ -63,6 +75,41 @@ class WindowDetail(Answer):
     notes: tuple[str, ...] = ()
     before: str | None = Field(description="BOOT/NUMBER of the window before")
     after: str | None
+
+
+class ChannelCheck(Answer):
+    """Result of the checks of one kind on a channel."""
+
+    name: str
+    n_faults: int = Field(description="windows with such a fault")
+    last: int | None = Field(description="start of the last of them")
+    text: str = Field(description="that fault in words")
+    is_present: bool = Field(description="whether the last window has it")
+
+
+class ChannelQuality(Answer):
+    """Data quality of a channel."""
+
+    channel: str
+    quantity: str
+    checks: tuple[ChannelCheck, ...]
+    is_good: bool = Field(description="whether the last window has no fault of it")
+
+
+class DataQuality(Answer):
+    """Data quality of a vehicle over its last windows; unknown values are omitted."""
+
+    since: int | None
+    until: int | None
+    last_seen: int
+    is_parked: bool
+    n_windows: int
+    n_inconclusive: int
+    reasons: tuple[tuple[str, int], ...] = Field(description="why windows are inconclusive, with their number")
+    lost_frames: int
+    unanalysed_frames: int = Field(description="quarantined because their analysis failed")
+    channels: tuple[ChannelQuality, ...]
+    notes: tuple[str, ...]
 
 
 @api.get("/vehicles/{vehicle}/windows")
@@ -153,6 +200,46 @@ def show_window(request: Request, context: Shared, person: Viewer, entry: KnownW
     return vehicle_page(request, "vehicle-window.html", entry.vehicle, tab="/windows", window=detail, axis=axis)
 
 
+@api.get("/vehicles/{vehicle}/data-quality")
+def data_quality(context: Shared, _: Viewer, row: KnownVehicle) -> DataQuality:
+    """Data quality of each channel over the last windows."""
+    store = context.store
+    vehicle = row.vehicle
+    read = observations_of(store.results.observations(vehicle, limit=LIMITS.quality_windows))
+    windows = [(entry.t0, window) for entry, window in read]
+    absent = {fault.channel: "" for _, window in windows for fault in window.sensor_faults}
+    channels = [_channel_quality(name, quantity, windows) for name, quantity in (absent | dict(row.channels)).items()]
+    return DataQuality(
+        since=windows[0][0] if windows else None,
+        until=windows[-1][0] if windows else None,
+        last_seen=row.last_seen,
+        is_parked=row.is_parked,
+        n_windows=len(windows),
+        n_inconclusive=sum(not window.is_conclusive for _, window in windows),
+        reasons=tuple(Counter(window.reason for _, window in windows if window.reason).most_common()),
+        lost_frames=sum(cursor.lost for cursor in store.inbox.cursors(vehicle=vehicle).values()),
+        unanalysed_frames=sum(each.kind != "state" for each in store.quarantine.find(vehicle)),
+        channels=tuple(
+            sorted(channels, key=lambda each: (each.is_good, -sum(check.n_faults for check in each.checks)))
+        ),
+        notes=windows[-1][1].notes if windows else (),
+    )
+
+
+@pages.get("/vehicles/{vehicle}/data")
+def show_quality(request: Request, context: Shared, person: Viewer, row: KnownVehicle) -> Response:
+    """Show the data quality of each channel of a vehicle."""
+    quality = data_quality(context, person, row)
+    return vehicle_page(
+        request,
+        "vehicle-data.html",
+        row.vehicle,
+        tab="/data",
+        quality=quality,
+        is_silent=quality.last_seen < context.silent_before and not quality.is_parked,
+    )
+
+
 def _page(entries: Sequence[Entry], limit: int) -> WindowPage:
     """Return windows in order of time, of one more than `limit` the newest."""
     shown = tuple(map(WindowEntry.model_validate, entries[-limit:]))
@@ -169,3 +256,21 @@ def _modes(store: Store, entry: Entry, observation: Observation) -> tuple[ModeVa
         ModeValue(label=label, natural_frequency=frequency, damping_ratio=ratio)
         for label, (frequency, ratio) in observation.modes.items()
     )
+
+
+def _channel_quality(name: str, quantity: str, windows: Sequence[tuple[int, Observation]]) -> ChannelQuality:
+    """Return what the checks found on a channel."""
+    checks = []
+    for check, kinds in CHECKS.items():
+        met = [
+            (time, f"{fault.kind.replace('_', ' ')}: {fault.detail}".rstrip(": "))
+            for time, window in windows
+            for fault in window.sensor_faults
+            if fault.channel == name and fault.kind in kinds
+        ]
+        last, text = met[-1] if met else (None, "")
+        n_faults = len({time for time, _ in met})
+        is_present = bool(met) and last == windows[-1][0]
+        checks.append(ChannelCheck(name=check, n_faults=n_faults, last=last, text=text, is_present=is_present))
+    is_good = not any(check.is_present for check in checks)
+    return ChannelQuality(channel=name, quantity=quantity, checks=tuple(checks), is_good=is_good)
