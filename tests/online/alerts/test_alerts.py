@@ -2,8 +2,8 @@
 
 import pytest
 
-from sprung.online.alerts import Report, health_index, severity_step
-from sprung.state import AlertState
+from sprung.online.alerts import Report
+from sprung.state import AlertState, health_index, severity_step
 
 
 def an_alert(cause="front_left.spring", severity=500, is_active=True, is_acknowledged=False, shelved_until=None):

@@ -6,16 +6,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from sprung.errors import ParameterError
-from sprung.online.alerts import (
-    AlertSettings,
-    Report,
-    acknowledged,
-    assess,
-    is_of_suspension,
-    severity_step,
-    shelved,
-    unshelved,
-)
+from sprung.online.alerts import AlertSettings, Report, acknowledged, assess, shelved, unshelved
+from sprung.state import is_of_suspension, severity_step
 
 CAUSES = ("front_left.spring", "rear_right.damper", "sensor:acc_fl", "silent")
 ONCE = AlertSettings(raise_after=1, clear_after=1)

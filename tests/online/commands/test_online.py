@@ -54,43 +54,28 @@ def test_an_alert_of_another_part_is_closed_in_two_acts(sprung, store):
     )
 
 
-def test_an_alert_from_raised_to_normal(sprung, store, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "160")
+def test_an_alert_from_raised_to_shelved(sprung, store):
     (listed,) = sprung("alerts", "--store", store, "--json", "-").document()["alerts"]
     assert (listed["vehicle"], listed["state"], listed["severity"]) == ("bus-17", "unacknowledged", 700)
-    shown = sprung("alerts", "--store", store)
-    assert "front-left spring 25 % softer" in " ".join(shown.out.split())
-    assert sprung("alerts", "ack", "1", "--store", store, "--who", "anna", "--comment", "seen").code == 0
-    assert sprung("alerts", "assign", "1", "--store", store, "--who", "anna", "--to", "bert").code == 0
-    assert sprung("alerts", "shelve", "1", "--store", store, "--who", "anna", "--hours", "2").code == 0
+    by_anna = ("--store", store, "--who", "anna")
+    assert sprung("alerts", "ack", "1", *by_anna, "--comment", "seen").code == 0
+    assert sprung("alerts", "assign", "1", *by_anna, "--to", "bert").code == 0
+    assert sprung("alerts", "shelve", "1", *by_anna, "--hours", "2").code == 0
     (listed,) = sprung("alerts", "--store", store, "--json", "-").document()["alerts"]
     assert (listed["state"], listed["assignee"]) == ("shelved", "bert")
     history = sprung("alerts", "history", "1", "--store", store, "--json", "-").document()["history"]
-    assert [entry["what"] for entry in history] == ["raised", "acknowledged", "assigned", "shelved"]
-    assert (history[1]["who"], history[1]["comment"]) == ("anna", "seen")
-    assert (history[2]["who"], history[2]["assignee"]) == ("anna", "bert")
+    assert [(entry["what"], entry["who"], entry["comment"], entry["assignee"]) for entry in history[1:]] == [
+        ("acknowledged", "anna", "seen", None),
+        ("assigned", "anna", "", "bert"),
+        ("shelved", "anna", "", "bert"),
+    ]
     assert history[3]["shelved_until"] == history[3]["time"] + 2 * 3600 * 10**9 == listed["shelved_until"]
-    assert [entry["shelved_until"] for entry in history[:3]] == [None] * 3
-    assert [entry["assignee"] for entry in history] == [None, None, "bert", "bert"]
     until = f"shelved until {datetime.fromtimestamp(listed['shelved_until'] // 10**9, UTC):%Y-%m-%d %H:%M} UTC"
-    lines = sprung("alerts", "history", "1", "--store", store).out.splitlines()[-4:]
-    for line, words in zip(
-        lines,
-        (("raised", "the monitor"), ("acknowledged", "anna", "seen"), ("assigned to bert", "anna"), (until, "anna")),
-        strict=True,
-    ):
-        assert all(word in line for word in words)
-    assert until in sprung("alerts", "--store", store).out
+    assert all(until in plain(sprung("alerts", *words, "--store", store)) for words in ((), ("history", "1")))
     assert sprung("alerts", "assign", "1", "--store", store).code == 0
-    assert "assigned to nobody" in sprung("alerts", "history", "1", "--store", store).out
-    assert "unknown alert 99" in sprung("alerts", "history", "99", "--store", store).err
+    assert "assigned to nobody" in plain(sprung("alerts", "history", "1", "--store", store))
     with open_store(store) as opened:
-        assert [(row.who, row.act) for row in opened.requests.audited()] == [
-            ("anna", "ack"),
-            ("anna", "assign"),
-            ("anna", "shelve"),
-            (getpass.getuser(), "assign"),
-        ]
+        assert opened.requests.audited()[-1].who == getpass.getuser()
 
 
 def test_what_was_quarantined_is_listed_and_analysed_again(sprung, store, monkeypatch):

@@ -60,7 +60,11 @@ def test_one_form_closes_an_alert_after_a_repair(log_in_page, store) -> None:
     answer = send(client, token, "verdict", verdict="confirmed", action="spring renewed", new_baseline="yes")
     assert answer.headers["location"] == "/alerts/1?done=baseline"
     assert not store.alerts.row(1).is_active
-    assert [command.detail for command in store.requests.open_commands()] == ["spring renewed"]
+    (command,) = store.requests.open_commands()
+    assert (command.vehicle, command.act, command.detail) == ("bus-1", "learn", "spring renewed")
+    (verdict,) = store.verdicts.all()
+    assert (verdict.verdict, verdict.who, verdict.request) == ("confirmed", "eve", command.id)
+    assert store.alerts.history(1)[-1].comment == "verdict: confirmed; spring renewed"
 
 
 def test_an_impossible_act_keeps_what_was_entered(log_in_page, store) -> None:

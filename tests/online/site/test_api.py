@@ -3,10 +3,10 @@
 import pytest
 from tests.online.site.conftest import HOUR, NOW, raise_alert
 
-from sprung.online.alerts import AlertSettings, health_index
+from sprung.online.alerts import AlertSettings
 from sprung.online.monitor import AlertBook
 from sprung.online.store import FleetFilter
-from sprung.state import AlertState
+from sprung.state import AlertState, health_index
 
 
 @pytest.fixture
@@ -153,17 +153,6 @@ def test_acts_on_an_alert(client, store) -> None:
         "comment",
         "close",
     ]
-
-
-def test_a_repair_closes_an_alert_in_one_act(client, store) -> None:
-    body = {"verdict": "confirmed", "action": "spring renewed", "new_baseline": True}
-    found = client.post("/api/v1/alerts/1/verdict", json=body).json()
-    assert found["alert"]["state"] == "normal"
-    (command,) = store.requests.open_commands()
-    assert (command.vehicle, command.act, command.detail) == ("bus-1", "learn", "spring renewed")
-    (verdict,) = found["verdicts"]
-    assert (verdict["verdict"], verdict["who"], verdict["request"]) == ("confirmed", "eve", command.id)
-    assert found["history"][-1]["comment"] == "verdict: confirmed; spring renewed"
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """What a store holds, counted on both databases."""
 
 from sprung.online.store import Counted, Progress, StoredFrame
-from sprung.online.store.retention import AGE_KEYS, KEPT, conditions
+from sprung.online.store.retention import AGE_KEYS, KEPT, conditions, contents_of, n_windows_since
 from sprung.online.store.schema import METADATA
 
 
@@ -19,18 +19,18 @@ def test_rows_are_counted_by_table(store) -> None:
     store.inbox.add_frames([StoredFrame("car-1", 1, seq, 7, b"x") for seq in range(3)], now=50)
     for number, now in ((0, 100), (1, 200)):
         store.results.commit(window(number, now=now))
-    contents = store.contents()
+    contents = contents_of(store)
     tables = {each.table: each for each in contents.tables}
     assert tables.keys() == METADATA.tables.keys()
     assert tables["observations"] == Counted("observations", 2, False, "keep.results_days")
     assert tables["vehicles"] == Counted("vehicles", 0, False, "one for each vehicle")
     assert tables["frames"].rows == 3
     assert contents.oldest == 100
-    assert [store.n_windows_since(time) for time in (0, 100, 101, 201)] == [2, 2, 1, 0]
+    assert [n_windows_since(store, time) for time in (0, 100, 101, 201)] == [2, 2, 1, 0]
 
 
 def test_an_empty_store_has_no_oldest_result(store) -> None:
-    contents = store.contents()
+    contents = contents_of(store)
     assert contents.oldest is None
     name, version = contents.database.split(" ")
     assert name in {"SQLite", "PostgreSQL"}
@@ -41,7 +41,7 @@ def test_an_empty_store_has_no_oldest_result(store) -> None:
 def test_counting_ends(store, monkeypatch) -> None:
     monkeypatch.setattr("sprung.online.store.retention.MAX_COUNTED", 2)
     store.inbox.add_frames([StoredFrame("car-1", 1, seq, 7, b"x") for seq in range(3)], now=50)
-    tables = {each.table: each for each in store.contents().tables}
+    tables = {each.table: each for each in contents_of(store).tables}
     assert (tables["frames"].rows, tables["frames"].is_more) == (2, True)
 
 

@@ -25,11 +25,8 @@ from sprung.online.alerts.transitions import (
     shelved,
     unshelved,
 )
-from sprung.state import STEPS, WATCHING, health_index, is_of_suspension, severity_step
 
 __all__ = [
-    "STEPS",
-    "WATCHING",
     "AlertSettings",
     "Backoff",
     "Change",
@@ -51,11 +48,8 @@ __all__ = [
     "closed",
     "commented",
     "deliver",
-    "health_index",
-    "is_of_suspension",
     "message_of",
     "reported",
-    "severity_step",
     "shelf_ended",
     "shelved",
     "trial_message",

@@ -6,22 +6,12 @@ from typing import Any
 
 from sprung._display import counted
 from sprung.diagnosis import Diagnosis, SensorFault, detectable_in_words
-from sprung.online.alerts import (
-    AlertSettings,
-    Report,
-    Transition,
-    absent,
-    assess,
-    is_of_suspension,
-    message_of,
-    reported,
-    shelf_ended,
-)
+from sprung.online.alerts import AlertSettings, Report, Transition, absent, assess, message_of, reported, shelf_ended
 from sprung.online.monitor.engine import Observed, fault_in_words
 from sprung.online.store import Store
 from sprung.results.documents import detectable_document, detection_document, finding_document
 from sprung.results.tables import span_in_words
-from sprung.state import AlertState
+from sprung.state import AlertState, is_of_suspension
 
 #: Severity of a failing sensor, of a silent vehicle, of lost frames, and of a problem of the monitor itself.
 _SENSOR, _SILENT, _LOST, _MONITOR = 400, 300, 500, 800

@@ -9,7 +9,6 @@ from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 from scipy.special import betaincinv
 
-from sprung.online.alerts import STEPS, WATCHING, severity_step
 from sprung.online.monitor import MONITOR
 from sprung.online.monitor.operations import VERDICTS
 from sprung.online.site.access import Viewer
@@ -18,7 +17,7 @@ from sprung.online.site.shared import LIMITS, Answer, Shared, Wanted, column_num
 from sprung.online.store import AlertFilter, AlertPlace, Store, VerdictRow
 from sprung.results.documents.monitoring import AlertEntry
 from sprung.results.tables import counted
-from sprung.state import AlertState, time_of
+from sprung.state import STEPS, WATCHING, AlertState, severity_step, time_of
 
 api = APIRouter(tags=["alerts"])
 pages = APIRouter(include_in_schema=False)

@@ -6,7 +6,6 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 
-from sprung.online.alerts import STEPS
 from sprung.online.monitor import embedded_port
 from sprung.online.monitor.histories import vehicle_state
 from sprung.online.site.access import Viewer
@@ -14,7 +13,7 @@ from sprung.online.site.rendering import filter_link, page, with_others
 from sprung.online.site.shared import Answer, Context, Shared, Wanted, column_number, parse_cursor
 from sprung.online.store import FleetCounts, FleetFilter, FleetRow, Place
 from sprung.results.tables import counted
-from sprung.state import AlertState, VehicleState, Verdict
+from sprung.state import STEPS, AlertState, VehicleState, Verdict
 
 api = APIRouter(tags=["vehicles"])
 pages = APIRouter(include_in_schema=False)

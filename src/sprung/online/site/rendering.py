@@ -17,12 +17,11 @@ from pydantic import BaseModel
 
 from sprung import __version__
 from sprung.modal import INTERVAL_95
-from sprung.online.alerts import STEPS
 from sprung.online.site.access import find_person, set_session
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.shared import context_of
 from sprung.results.tables import age_in_words, time_in_words
-from sprung.state import PartState, Verdict
+from sprung.state import STEPS, PartState, Verdict
 
 #: Sign of each step of severity, and of each state of a vehicle: none is known by its colour alone.
 MARKS = {"note": "○", "low": "△", "medium": "◇", "high": "■", "critical": "✖"}

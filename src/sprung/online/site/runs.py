@@ -9,12 +9,12 @@ from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 
 from sprung.errors import DataError
-from sprung.online.alerts import STEPS
 from sprung.online.site.access import Viewer
 from sprung.online.site.rendering import filter_link, page
 from sprung.online.site.shared import LIMITS, Answer, Shared, Wanted, column_number, parse_cursor
 from sprung.online.store import StoreError
 from sprung.results.tables import counted
+from sprung.state import STEPS
 
 api = APIRouter(tags=["runs"])
 pages = APIRouter(include_in_schema=False)

@@ -15,7 +15,6 @@ from pydantic import BaseModel, Field
 from scipy.special import gammaincinv
 
 from sprung import __version__
-from sprung.online.alerts import is_of_suspension
 from sprung.online.monitor import FIGURES
 from sprung.online.monitor.certificates import certificates_of
 from sprung.online.monitor.postman import try_senders
@@ -26,8 +25,10 @@ from sprung.online.site.accounts import Role
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import LIMITS, Answer, Context, Done, Name, Shared
 from sprung.online.store import MAX_COUNTED, Contents, Counted
+from sprung.online.store.retention import contents_of, n_windows_since
 from sprung.online.store.schema import DAY
 from sprung.results.tables import counted
+from sprung.state import is_of_suspension
 
 api = APIRouter(tags=["site"])
 pages = APIRouter(include_in_schema=False)
@@ -145,7 +146,7 @@ def site(context: Shared, _: Viewer) -> SiteDetail:
     """Settings, store, senders and state of the monitor itself."""
     settings = context.site
     now = context.clock()
-    contents = context.store.contents()
+    contents = contents_of(context.store)
     figures = context.figures()
     certificates = tuple(
         CertificateEntry(purpose=each.purpose, path=each.path, expires=each.expires, problem=each.problem_at(now))
@@ -224,7 +225,7 @@ def false_alarms(context: Context) -> FalseAlarms:
     verdicts = [row.verdict for row, cause in judged if is_of_suspension(cause)]
     looked_at = [verdict for verdict in verdicts if verdict != "not looked at"]
     n_false = looked_at.count("nothing found")
-    n_windows = context.store.n_windows_since(since)
+    n_windows = n_windows_since(context.store, since)
     days = n_windows * watch.window_minutes / 60 / watch.hours_per_day
     interval = None
     if days:

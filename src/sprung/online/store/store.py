@@ -17,7 +17,7 @@ from sprung.online.store.inbox import Inbox, Quarantine
 from sprung.online.store.people import Accounts, Requests, Verdicts
 from sprung.online.store.reservation import Reservation
 from sprung.online.store.results import Results
-from sprung.online.store.retention import Ages, Contents, contents_of, delete_older, n_windows_since
+from sprung.online.store.retention import Ages, delete_older
 from sprung.online.store.schema import METADATA, SCHEMA, SCHEMA_VERSION, VEHICLES, StoreError
 
 # Number of the lock on PostgreSQL while tables are created: any, but the same in every program.
@@ -90,14 +90,6 @@ class Store(Database):
     def folder(self) -> Path | None:
         """Folder of the SQLite file; None with a server."""
         return None if self.path is None else self.path.parent
-
-    def contents(self) -> Contents:
-        """Return the contents of the store."""
-        return contents_of(self)
-
-    def n_windows_since(self, time: int) -> int:
-        """Return the number of windows analysed since a time (UTC ns), at most a million."""
-        return n_windows_since(self, time)
 
     def close(self) -> None:
         """Close all connections, and let another monitor work on the store."""
