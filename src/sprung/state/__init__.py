@@ -11,7 +11,7 @@ from sprung.state.alerts import (
     severity_step,
     time_of,
 )
-from sprung.state.reference import PartState, Reference, interval_95
+from sprung.state.reference import PartState, Reference, Verdict, interval_95
 from sprung.state.vehicles import (
     LAST_WINDOWS,
     TIME_ROUNDING,
@@ -21,7 +21,6 @@ from sprung.state.vehicles import (
     progress_in_words,
     state_of,
 )
-from sprung.state.verdicts import Verdict
 
 __all__ = [
     "LAST_WINDOWS",

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 
 import numpy as np
 
@@ -10,8 +11,19 @@ from sprung.diagnosis import MAX_UNDETECTED, Baseline, Observation
 from sprung.diagnosis.baseline import MeanDeviation, mean_deviation, typical_std
 from sprung.modal import INTERVAL_95
 from sprung.state.alerts import AlertState
-from sprung.state.verdicts import Verdict
 from sprung.vehicles import Component
+
+
+class Verdict(StrEnum):
+    """What matters most about a vehicle; of a part one of the first three."""
+
+    CHANGE = "change"
+    NO_CHANGE_DETECTED = "no_change_detected"
+    INCONCLUSIVE = "inconclusive"
+    FAULT = "fault"  # an active alert that is not of the suspension: a sensor, lost frames
+    LEARNING = "learning"
+    WAITING = "waiting"  # nothing analysed yet
+    STALE = "stale"  # data too old for a statement about the present
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,7 @@ from sprung._display import counted
 from sprung.diagnosis import Observation, doubt_about
 from sprung.results.tables import no_change_in_words
 from sprung.state.alerts import AlertState, health_index
-from sprung.state.reference import PartState, Reference
-from sprung.state.verdicts import Verdict
+from sprung.state.reference import PartState, Reference, Verdict
 from sprung.vehicles import Component
 
 #: Windows that are averaged since the onset of a finding, and without one.

@@ -38,8 +38,8 @@ STATES: dict[StateName, str] = {
 
 #: Verdicts after which something was wrong, and after which something was looked at.
 _RIGHT = ("confirmed", "another part")
-#: Share of the distribution outside each end of the interval.
-_TAIL = 0.025
+#: Share of a distribution outside each end of a 95 % interval.
+TAIL = 0.025
 
 
 class WantedAlerts(Wanted):
@@ -225,8 +225,8 @@ def share(hits: int, of: int) -> Share:
     >>> f"{100 * low:.1f} to {100 * high:.1f} %"
     '0.0 to 16.8 %'
     """
-    low = float(betaincinv(hits, of - hits + 1, _TAIL)) if hits else 0.0
-    high = float(betaincinv(hits + 1, of - hits, 1 - _TAIL)) if hits < of else 1.0
+    low = float(betaincinv(hits, of - hits + 1, TAIL)) if hits else 0.0
+    high = float(betaincinv(hits + 1, of - hits, 1 - TAIL)) if hits < of else 1.0
     return Share(hits=hits, of=of, value=hits / of if of else None, interval=(low, high))
 
 

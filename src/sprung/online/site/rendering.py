@@ -200,6 +200,7 @@ def _environment() -> Environment:
         span=_span,
         mode_span=_mode_span,
         three_digits=_three_digits,
+        half_width=INTERVAL_95,
     )
     return made
 

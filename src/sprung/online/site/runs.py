@@ -3,11 +3,12 @@
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 
+from sprung.diagnosis import Verdict
 from sprung.errors import DataError
 from sprung.online.site.access import Viewer
 from sprung.online.site.rendering import filter_link, page
@@ -19,14 +20,12 @@ from sprung.state import STEPS
 api = APIRouter(tags=["runs"])
 pages = APIRouter(include_in_schema=False)
 
-VerdictName = Literal["change", "no_change_detected", "inconclusive"]
-
 
 class WantedRuns(Wanted):
     """Which vehicles are listed, and how many of them."""
 
     text: str = Field("", max_length=64, description="part of the vehicle's name")
-    verdict: list[VerdictName] = Field([], description="verdicts; empty: all")
+    verdict: list[Verdict] = Field([], description="verdicts; empty: all")
     is_discovery: bool = Field(False, description="only vehicles that stand out from the fleet")
     cursor: str | None = Field(None, pattern=r"^[01]~[0-5]~.{1,200}$")
     limit: int = Field(50, ge=1, le=200)
@@ -37,7 +36,7 @@ class RunVehicle(Answer):
 
     vehicle: str
     type: str = Field(description="type of the vehicle: those with the same vehicle file apart from the name")
-    verdict: VerdictName
+    verdict: Verdict
     healthy: bool | None
     severity: str | None = Field(description="of the most severe finding: low, medium, high or critical")
     e_value: float | None = Field(description="ln of the e-value of a change")

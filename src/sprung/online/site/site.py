@@ -22,6 +22,7 @@ from sprung.online.monitor.site import Keep, Mail, Service, Site, Webhook
 from sprung.online.monitor.station import loops_of
 from sprung.online.site.access import Engineer, EngineerForm, Viewer
 from sprung.online.site.accounts import Role
+from sprung.online.site.alerts import TAIL
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import LIMITS, Answer, Context, Done, Name, Shared
 from sprung.online.store import MAX_COUNTED, Contents, Counted
@@ -229,8 +230,8 @@ def false_alarms(context: Context) -> FalseAlarms:
     days = n_windows * watch.window_minutes / 60 / watch.hours_per_day
     interval = None
     if days:
-        low = float(gammaincinv(n_false, 0.025)) / days if n_false else 0.0
-        interval = (low, float(gammaincinv(n_false + 1, 0.975)) / days)
+        low = float(gammaincinv(n_false, TAIL)) / days if n_false else 0.0
+        interval = (low, float(gammaincinv(n_false + 1, 1 - TAIL)) / days)
     return FalseAlarms(
         configured=watch.false_alarms_per_day,
         hours_per_day=watch.hours_per_day,

@@ -117,7 +117,7 @@ function drawModes(data) {
   const traces = data.modes.flatMap((mode, k) => ["natural_frequency", "damping_ratio"].map((name, row) => {
     const factor = row ? 100 : 1;
     const y = mode[name].map((value) => (value === null ? null : factor * value));
-    const half = mode[`${name}_std`].map((std) => (std === null ? 0 : 1.96 * factor * std));
+    const half = mode[`${name}_std`].map((std) => (std === null ? 0 : Number(modePlace.dataset.halfWidth) * factor * std));
     return {
       x, y, yaxis: row ? "y2" : "y", type: "scatter", mode: "lines+markers", connectgaps: false,
       name: mode.label, legendgroup: mode.label, showlegend: !row,
