@@ -365,8 +365,8 @@ class Checker:
 
     def _counted(self, vehicle: str) -> dict[str, int]:
         """Return the number of frames of each boot that the alert about lost frames counts."""
-        row = self._one("SELECT document FROM alerts WHERE vehicle = ? AND cause = 'lost'", vehicle)
-        counted: dict[str, int] = json.loads(row[0])["evidence"]["boots"] if row else {}
+        row = self._one("SELECT evidence FROM alerts WHERE vehicle = ? AND cause = 'lost'", vehicle)
+        counted: dict[str, int] = json.loads(row[0])["boots"] if row else {}
         return counted
 
     def _settled(self) -> Iterator[tuple[str, str]]:

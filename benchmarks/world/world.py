@@ -68,6 +68,7 @@ class World:
         path = folder / "store.sqlite"
         for file in folder.glob("store.sqlite*"):
             file.unlink()
+        path.touch(mode=0o600)
         path.write_bytes(empty_store())
         self.checker = Checker(path, self.chance)
         self.broker = Broker(self.chance, on_acknowledgement=self.checker.acknowledge)
@@ -209,6 +210,7 @@ class World:
         path = self._folder / "undisturbed.sqlite"
         for file in self._folder.glob("undisturbed.sqlite*"):
             file.unlink()
+        path.touch(mode=0o600)
         path.write_bytes(empty_store())
         url = f"sqlite:///{path}"
         payloads = self.checker.payloads
