@@ -54,7 +54,8 @@ def test_an_alert_of_another_part_is_closed_in_two_acts(sprung, store):
     )
 
 
-def test_an_alert_from_raised_to_shelved(sprung, store):
+def test_an_alert_from_raised_to_shelved(sprung, store, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "160")
     (listed,) = sprung("alerts", "--store", store, "--json", "-").document()["alerts"]
     assert (listed["vehicle"], listed["state"], listed["severity"]) == ("bus-17", "unacknowledged", 700)
     by_anna = ("--store", store, "--who", "anna")

@@ -125,7 +125,7 @@ def test_an_alert_says_more_than_the_note_of_the_last_window(store) -> None:
     [
         (
             lambda store: operations.acknowledge(store, 7, who="anna", now=NOW),
-            "unknown alert 7: sprung alerts list --all",
+            "unknown alert 7: see the list of alerts",
         ),
         (lambda store: operations.history_document(store, 7), "unknown alert 7"),
         (lambda store: operations.shelve(store, 1, hours=0.0, who="anna", now=NOW), "hours=0"),

@@ -55,8 +55,9 @@ class Limits:
     diagrams_timeout: float = 180.0
     max_diagrams: int = 67_108_864
     max_kept_diagrams: int = 8
-    #: Time after which a report or diagrams that are being computed may be asked for again [s].
+    #: Times after which diagrams, and a report, that are being computed may be asked for again [s].
     retry: int = 5
+    retry_report: int = 10
     #: Windows of an answer about trends, on a page of the list, in a short list, and of the data quality (8 h).
     max_windows: int = 1000
     page_windows: int = 50

@@ -74,8 +74,8 @@ def show(
 def _report(context: Context, vehicle: str, period: Period, *, kind: str) -> HTMLResponse:
     """Return the report of a vehicle and period, or refuse it while another one is being written."""
     if not _DRAWING.acquire(blocking=False):
-        sentence = f"another report is being written: try again in {LIMITS.retry} s"
-        raise HTTPException(503, sentence, headers={"retry-after": str(LIMITS.retry)})
+        sentence = f"another report is being written: try again in {LIMITS.retry_report} s"
+        raise HTTPException(503, sentence, headers={"retry-after": str(LIMITS.retry_report)})
     try:
         text = render(vehicle_report(context.store, vehicle, period=period, now=context.clock()))
     finally:
