@@ -6,17 +6,26 @@ from sprung.reproduce.chapter import Chapter, Effort, over_seeds
 from sprung.results.page.page import Section
 
 
-def test_a_chapter_runs_its_experiment_for_every_seed() -> None:
+def test_a_chapter_runs_its_experiment_for_every_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+    prose = {
+        "thresholds": "Strict.",
+        "chapter_9": {
+            "title": "T",
+            "records": {"rate": 50.0},
+            "settings": "{thresholds} {rate:g} Hz.\nOnce.",
+            "verdict": "{x}: {y}",
+        },
+    }
+    monkeypatch.setattr("sprung.reproduce.chapter.data", {"chapters": prose}.__getitem__)
+    section = Section("S", ())
     chapter = Chapter(
-        title="T",
-        example=lambda: "example",
-        experiment=math.isqrt,
-        contents=lambda example, results: (f"{example}: {results}", (Section("S", ()),)),
-        settings=("once",),
+        "chapter_9", lambda: "example", math.isqrt, lambda example, results: ({"x": example, "y": results}, (section,))
     )
     steps = []
     report = chapter.report(Effort(n_seeds=4), lambda doing, share: steps.append((doing, share)))
-    assert (report.title, report.verdict, report.settings) == ("T", "example: [1, 1, 1, 2]", ("once",))
+    assert (report.title, report.verdict) == ("T", "example: [1, 1, 1, 2]")
+    assert report.settings == ("Strict. 50 Hz.", "Once.", "Command: sprung reproduce 9 --out DIR")
+    assert report.sections == (section,)
     assert steps[0] == ("one set of records, as the thesis shows it", 0.0)
     assert steps[-1] == ("4 sets of records", 1.0)
 

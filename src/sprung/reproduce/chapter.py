@@ -1,12 +1,15 @@
 """Skeleton of a chapter: one example, the same experiment with many seeds, and the contents of the page."""
 
+import math
 import multiprocessing
 import os
-from collections.abc import Callable, Sequence
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from functools import partial
-from typing import Generic, TypeVar
+from functools import cache, partial
+from importlib.resources import files
+from typing import Any, Generic, TypeVar
 
 from sprung._checks import check_number
 from sprung.results.page.page import Report, Section
@@ -88,32 +91,53 @@ def _one_thread() -> None:
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 
+@cache
+def data(name: str) -> Mapping[str, Any]:
+    """Return the tables of one of the files beside this module: `published` numbers, or records and prose of `chapters`."""
+    return tomllib.loads(files("sprung.reproduce").joinpath(f"{name}.toml").read_text(encoding="utf-8"))
+
+
+@dataclass(frozen=True, slots=True)
+class SetUp:
+    """Records of a chapter: sampling rate [Hz], duration [s], number, block rows, length of segments and lifter [s]."""
+
+    rate: float
+    duration: float
+    n_records: int
+    rows: tuple[int, int]
+    segment: float = math.nan
+    quefrency: float = math.nan
+
+
+def set_up(chapter: str, records: str = "records") -> SetUp:
+    """Return the records of a chapter."""
+    fields = data("chapters")[chapter][records]
+    return SetUp(**{**fields, "rows": tuple(fields["rows"])})
+
+
 Example = TypeVar("Example")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Chapter(Generic[Example, Result]):
-    """A chapter of the thesis, as functions that compute and describe it.
+    """A chapter of the thesis, as functions that compute and describe it; its prose is in `chapters.toml`.
 
     Parameters
     ----------
-    title
-        Heading of its page.
+    name
+        Name of its table there, and of its file.
     example
         Returns one set of records as the thesis shows it, with what is identified in it.
     experiment
         Returns the result of one set of records for a seed; a function of a module, sent to other processes.
     contents
-        Returns the verdict and the sections, from the example and the results of all seeds.
-    settings
-        Sentences that state lengths, rates, noise and settings.
+        Returns the values in the verdict and the sections, from the example and the results of all seeds.
     """
 
-    title: str
+    name: str
     example: Callable[[], Example]
     experiment: Callable[[int], Result]
-    contents: Callable[[Example, list[Result]], tuple[str, tuple[Section, ...]]]
-    settings: tuple[str, ...]
+    contents: Callable[[Example, list[Result]], tuple[Mapping[str, object], tuple[Section, ...]]]
 
     def report(self, effort: Effort, on_progress: Progress) -> Report:
         """Compute the chapter and return its report; the experiments have the seeds 1 and up."""
@@ -125,5 +149,10 @@ class Chapter(Generic[Example, Result]):
             n_processes=effort.n_processes,
             on_progress=partial(on_progress, f"{effort.n_seeds} sets of records"),
         )
-        verdict, sections = self.contents(example, results)
-        return Report(self.title, verdict, sections, self.settings)
+        values, sections = self.contents(example, results)
+        prose = data("chapters")
+        own = prose[self.name]
+        given = {"thresholds": prose["thresholds"], **own.get("records", {})}
+        settings = [sentence.format(**given) for sentence in own["settings"].splitlines()]
+        command = f"Command: sprung reproduce {self.name.removeprefix('chapter_')} --out DIR"
+        return Report(own["title"], own["verdict"].format(**values), sections, (*settings, command))

@@ -9,9 +9,8 @@ from sprung._arrays import Real
 from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, Identification, IdentificationSettings
 from sprung.modal import Modes
 from sprung.recording import Recording
-from sprung.reproduce.chapter import Chapter
+from sprung.reproduce.chapter import Chapter, set_up
 from sprung.reproduce.thesis import (
-    THRESHOLDS,
     column_table,
     in_runs,
     matched,
@@ -26,15 +25,13 @@ from sprung.reproduce.thesis import (
     worst_error,
 )
 from sprung.results import figures
-from sprung.results.page.page import Block, Section, picture
+from sprung.results.page.page import Block, Section, picture, pictures
 from sprung.results.tables import Table
 from sprung.signals.harmonics import Harmonic
 from sprung.simulation import usual_excitation, with_noise
 from sprung.vehicles import Structure, read_description, structure
 
-RATE = 500.0
-DURATION = 60.0
-N_RECORDS = 20
+SETUP = set_up("chapter_4")
 RATIOS = (10.0, 0.5)
 #: Bands of the noise [Hz]; the thesis states only "band-pass white noise".
 BANDS: dict[str, tuple[float, float] | None] = {"white": None, "0.5 to 50 Hz": (0.5, 50.0)}
@@ -55,8 +52,8 @@ def example() -> Example:
     return Example(shown, {(name, snr): identified(name, shown[snr]) for name in SUBSPACE_METHODS for snr in RATIOS})
 
 
-def contents(example: Example, results: list[Real]) -> tuple[str, tuple[Section, ...]]:
-    """Return the verdict and the sections."""
+def contents(example: Example, results: list[Real]) -> tuple[dict[str, object], tuple[Section, ...]]:
+    """Return the values of the verdict and the sections."""
     truth, runs = theoretical(structure(read_description("chain3"))), np.array(results)
     return _verdict(runs), (
         Section("The model", (_theory(truth),)),
@@ -69,9 +66,8 @@ def contents(example: Example, results: list[Real]) -> tuple[str, tuple[Section,
 
 
 def records(vehicle: Structure, *, seed: int) -> list[Recording]:
-    """Return one set of records without noise."""
-    seeds = [(seed, k) for k in range(N_RECORDS)]
-    return simulated(vehicle, usual_excitation(vehicle), seeds, duration=DURATION, sampling_rate=RATE)
+    """Return the records of a set, without noise."""
+    return simulated(vehicle, usual_excitation(vehicle), SETUP, (seed,))
 
 
 def noisy(clean: list[Recording], snr: float, band: tuple[float, float] | None, *, seed: int) -> list[Recording]:
@@ -81,11 +77,10 @@ def noisy(clean: list[Recording], snr: float, band: tuple[float, float] | None, 
 
 
 def settings(method: str) -> IdentificationSettings:
-    """Return the settings of the thesis for a method."""
-    segment = None if method == "cov" else DURATION
-    return thesis_settings(
-        rows=(12, 45), stable_rate=0.7 if method == "coss" else 0.5, segment=segment, sampling_rate=RATE
-    )
+    """Return the settings of the thesis."""
+    segment = None if method == "cov" else SETUP.duration
+    rate = 0.7 if method == "coss" else 0.5
+    return thesis_settings(rows=SETUP.rows, stable_rate=rate, segment=segment, sampling_rate=SETUP.rate)
 
 
 def identified(
@@ -129,19 +124,17 @@ def _signals(shown: dict[float, list[Recording]]) -> tuple[Block, ...]:
     """Figures 4-4 to 4-6."""
     curves = [(f"SNR {snr:g}", shown[snr][0]) for snr in sorted(RATIOS)]
     marked = [(f"{f:.2f} Hz", f) for f in PRINTED["theory"]["frequency"]]
-    return (
-        picture(
-            figures.histories_figure(curves, title="Accelerations of the masses"),
-            "Figure 4-4: accelerations over time.",
-        ),
-        picture(
-            figures.levels_figure(curves, title="RMS in intervals of two seconds"),
-            "Figure 4-5: level every two seconds.",
-        ),
-        picture(
-            figures.densities_figure(curves, title="Power spectral densities", highest=50.0, marked=marked),
-            "Figure 4-6: power spectral densities. Dotted: theoretical natural frequencies.",
-        ),
+    density = figures.densities_figure(curves, title="Power spectral densities", highest=50.0, marked=marked)
+    return pictures(
+        {
+            "Figure 4-4: accelerations over time.": figures.histories_figure(
+                curves, title="Accelerations of the masses"
+            ),
+            "Figure 4-5: level every two seconds.": figures.levels_figure(
+                curves, title="RMS in intervals of two seconds"
+            ),
+            "Figure 4-6: power spectral densities. Dotted: theoretical natural frequencies.": density,
+        }
     )
 
 
@@ -241,38 +234,17 @@ def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
     return tuple(blocks)
 
 
-def _verdict(runs: Real) -> str:
-    """Return what reproduces and what does not."""
-    white = np.isfinite(runs[:, :, 0, 0, :, 0]).mean(axis=0)
-    low = {method: shares(runs[:, 1, 1, 0, n, 0]) for n, method in enumerate(SUBSPACE_METHODS)}
-    default = shares(runs[:, 1, 1, 1, 2, 0])
+def _verdict(runs: Real) -> dict[str, object]:
+    """What reproduces and what does not, in numbers."""
     truth = theoretical(structure(read_description("chain3")))
-    error = worst_error(runs[:, 1, 1, 1, 2, 0], truth.natural_frequency)
-    damping = worst_error(runs[:, :, :, 0, 2, 1], truth.damping_ratio)
-    return (
-        "The theoretical modes reproduce to every printed digit. Tables 4-2 and 4-3 depend on the band of the noise, which the "
-        f"thesis does not state: with white noise up to half the sampling rate the thesis' settings find each mode in at least "
-        f"{100 * np.min(white):.0f} % of the sets with all three methods, at both noise levels. With noise in the "
-        f"modes' own band at SNR 0.5 modes are lost, as published, but not always the published ones: Cov-SSI finds modes 1, 2, 3 in "
-        f"{low['cov']} of the sets (published: none), ACS-Cov-SSI in {low['acs']} (published: the first two). What does not reproduce "
-        f"is CoSS-SSI's advantage there: with its published threshold of 0.7 it finds the modes in {low['coss']} of "
-        "the sets, since splitting the segments leaves fewer of them in each average. Its published damping errors "
-        f"of up to 360 % do not reproduce either: where modes are found, the median damping of CoSS-SSI is within {100 * damping:.0f} %. Sprung's own defaults, "
-        f"which test whether a mode contributes significantly to the correlations between channels, find the modes in {default} of the sets "
-        f"in this hardest case, the median frequency within {100 * error:.2f} %."
-    )
+    low = {method: shares(runs[:, 1, 1, 0, n, 0]) for n, method in enumerate(SUBSPACE_METHODS)}
+    return {
+        **low,
+        "white": 100 * np.min(np.isfinite(runs[:, :, 0, 0, :, 0]).mean(axis=0)),
+        "default": shares(runs[:, 1, 1, 1, 2, 0]),
+        "damping": 100 * worst_error(runs[:, :, :, 0, 2, 1], truth.damping_ratio),
+        "error": 100 * worst_error(runs[:, 1, 1, 1, 2, 0], truth.natural_frequency),
+    }
 
 
-CHAPTER = Chapter(
-    title="Chapter 4: CoSS-SSI on a chain of three masses",
-    example=example,
-    experiment=experiment,
-    contents=contents,
-    settings=(
-        f"{N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz in a set; Cov-SSI uses the first record, the other methods use all.",
-        THRESHOLDS + " Block rows 12 to 45; delta 0.5 for Cov and ACS, 0.7 for CoSS with J = 3.",
-        f"Noise of RMS(signal) / RMS(noise) = 10 and 0.5 in each channel, white up to {RATE / 2:g} Hz or in 0.5 to 50 Hz.",
-        "Figures are of set 0 with noise in 0.5 to 50 Hz; the sets of the spread have the seeds 1 and up.",
-        "Command: sprung reproduce 4 --out DIR",
-    ),
-)
+CHAPTER = Chapter("chapter_4", example, experiment, contents)

@@ -10,9 +10,8 @@ from sprung.excitation import QUARTER_CASES
 from sprung.identification import Identification, coss_ssi
 from sprung.modal import Modes
 from sprung.recording import Recording
-from sprung.reproduce.chapter import Chapter
+from sprung.reproduce.chapter import Chapter, set_up
 from sprung.reproduce.thesis import (
-    THRESHOLDS,
     at_channels,
     cepstrum_picture,
     column_table,
@@ -29,17 +28,13 @@ from sprung.reproduce.thesis import (
     worst_error,
 )
 from sprung.results import figures
-from sprung.results.page.page import Block, Section, picture
+from sprung.results.page.page import Block, Section, picture, pictures
 from sprung.results.tables import Table
 from sprung.signals.cepstrum import ShortPass, edit
 from sprung.signals.harmonics import Harmonic
 from sprung.vehicles import frequency_response, read_description, structure
 
-RATE = 1000.0
-DURATION = 60.0
-N_RECORDS = 10
-#: Length of the lifter [s].
-QUEFRENCY = 0.25
+SETUP = set_up("chapter_5")
 #: Frequencies of the pulses and of the second sine [Hz].
 PULSES = 3.65
 TONE = 17.0
@@ -61,8 +56,8 @@ def example() -> list[Identification]:
     return [identified(records(case, seed=0), is_edited) for case, is_edited, _, _ in VARIANTS]
 
 
-def contents(example: list[Identification], results: list[Real]) -> tuple[str, tuple[Section, ...]]:
-    """Return the verdict and the sections."""
+def contents(example: list[Identification], results: list[Real]) -> tuple[dict[str, object], tuple[Section, ...]]:
+    """Return the values of the verdict, and the sections."""
     truth, runs = _truth(), np.array(results)
     return _verdict(runs), (
         Section("The model", (_response(truth), _theory(truth))),
@@ -74,13 +69,8 @@ def contents(example: list[Identification], results: list[Real]) -> tuple[str, t
 
 def records(case: int, *, seed: int) -> list[Recording]:
     """Return the body's acceleration in the records of a case, 1 to 4."""
-    runs = simulated(
-        structure(read_description("quarter")),
-        QUARTER_CASES[case - 1],
-        [(seed, case, k) for k in range(N_RECORDS)],
-        duration=DURATION,
-        sampling_rate=RATE,
-    )
+    quarter = structure(read_description("quarter"))
+    runs = simulated(quarter, QUARTER_CASES[case - 1], SETUP, (seed, case))
     return [run.select(["acc_body"]) for run in runs]
 
 
@@ -88,9 +78,14 @@ def identified(
     runs: list[Recording], is_edited: bool, *, harmonics: tuple[Harmonic, ...] | None = None
 ) -> Identification:
     """Return what CoSS-SSI with one subset identifies."""
-    lifter = ShortPass(QUEFRENCY) if is_edited else None
+    lifter = ShortPass(SETUP.quefrency) if is_edited else None
     settings = thesis_settings(
-        rows=(12, 50), stable_rate=0.5, segment=DURATION, n_subsets=1, sampling_rate=RATE, lifter=lifter
+        rows=SETUP.rows,
+        stable_rate=0.5,
+        segment=SETUP.duration,
+        n_subsets=1,
+        sampling_rate=SETUP.rate,
+        lifter=lifter,
     )
     return coss_ssi(runs, settings=replace(settings, harmonics=harmonics))
 
@@ -156,16 +151,16 @@ def _case(index: int, identification: Identification) -> tuple[Block, ...]:
     runs = records(case, seed=0)
     curves = [("raw", runs[0])]
     if is_edited:
-        curves.append(("edited", edit(runs[0], ShortPass(QUEFRENCY))))
+        curves.append(("edited", edit(runs[0], ShortPass(SETUP.quefrency))))
     what = f"Case {case}: {EXCITATIONS[case]}" + (", edited" if is_edited else "")
-    blocks: list[Block] = []
+    blocks: tuple[Block, ...] = ()
     if signals:
         caption = f"Figure {signals}: acceleration of the body, {what.lower()}"
-        blocks.append(
-            picture(figures.histories_figure(curves, title=what, window=5.0), f"{caption}, first five seconds.")
-        )
-        blocks.append(
-            picture(figures.densities_figure(curves, title=what, highest=100.0), f"{caption}, power spectral density.")
+        blocks = pictures(
+            {
+                f"{caption}, first five seconds.": figures.histories_figure(curves, title=what, window=5.0),
+                f"{caption}, power spectral density.": figures.densities_figure(curves, title=what, highest=100.0),
+            }
         )
     caption = f"Figure {diagram}: stabilisation diagram, {what.lower()}."
     return (*blocks, *mode_pictures(identification, {"diagram": caption}, source=what))
@@ -175,7 +170,7 @@ def _cepstrum() -> Block:
     """Figure 5-13."""
     return cepstrum_picture(
         records(3, seed=0)[0],
-        QUEFRENCY,
+        SETUP.quefrency,
         "Figure 5-13: cepstrum, short-pass lifter and edited cepstrum.",
         title="Case 3: real cepstrum of the body's acceleration",
         pulse_period=1 / PULSES,
@@ -234,33 +229,21 @@ def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
     return (picture(figure, f"Spread over {len(runs)} sets of records."),)
 
 
-def _verdict(runs: Real) -> str:
-    """Return what reproduces and what does not."""
+def _verdict(runs: Real) -> dict[str, object]:
+    """What reproduces and what does not, in numbers."""
     truth = _truth().natural_frequency
-    pulses, edited = (worst_error(runs[:, rows, 0], truth) for rows in (slice(1, 2), slice(4, 6)))
+    pulses, edited = (100 * worst_error(runs[:, rows, 0], truth) for rows in (slice(1, 2), slice(4, 6)))
     rungs = 100 * np.median(runs[:, :, 3], axis=0)
-    return (
-        "Case 1 reproduces: random excitation alone gives both modes. With pulses (case 2) the medians of the frequencies lie within "
-        f"{100 * pulses:.1f} % of the truth (published: 0.4 %): the fourth multiple of the pulses, 14.6 Hz, is in the bandwidth of the first mode. The thesis reports false modes at 3.56 Hz (cases 3 and 4) and 17.37 Hz (case 4), "
-        f"near the sines: here poles lie near 3.65 Hz on {rungs[2, 0]:.0f} % of the rungs in case 3, near 17 Hz on {rungs[3, 1]:.0f} % in case 4, "
-        "and none is reported as a mode, since harmonics of the excitation are detected first. In case 4 the mode at 13.21 Hz, whose "
-        f"bandwidth contains the 17 Hz sine, is found in {100 * share(runs[:, 3, 0, 0]):.0f} % of the sets (published: lost). "
-        f"After cepstrum editing it is found in {100 * share(runs[:, 4, 0, 0]):.0f} % (case 3) and "
-        f"{100 * share(runs[:, 5, 0, 0]):.0f} % (case 4) of the sets, and all medians lie within {100 * edited:.1f} % of the "
-        "true frequencies: the chapter's main claim, that editing removes the harmonics and preserves the modes, holds."
-    )
+    raw, edited_3, edited_4 = (100 * share(runs[:, case, 0, 0]) for case in (3, 4, 5))
+    return {
+        "pulses": pulses,
+        "at_pulses": rungs[2, 0],
+        "at_tone": rungs[3, 1],
+        "raw": raw,
+        "edited": edited,
+        "edited_3": edited_3,
+        "edited_4": edited_4,
+    }
 
 
-CHAPTER = Chapter(
-    title="Chapter 5: harmonics and cepstrum editing on a quarter vehicle",
-    example=example,
-    experiment=experiment,
-    contents=contents,
-    settings=(
-        f"{N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz, acceleration of the body, J = 1 (as one subset).",
-        THRESHOLDS + " Block rows 12 to 50, delta 0.5.",
-        f"Short-pass lifter of {QUEFRENCY:g} s. Harmonics of the excitation are detected and named; poles on them are not taken for modes.",
-        "Figures are of set 0; the sets of the spread have the seeds 1 and up.",
-        "Command: sprung reproduce 5 --out DIR",
-    ),
-)
+CHAPTER = Chapter("chapter_5", example, experiment, contents)

@@ -9,10 +9,9 @@ from sprung.excitation import HammerBlows
 from sprung.identification import Identification, acs_ssi, coss_ssi
 from sprung.modal import Modes
 from sprung.recording import Recording
-from sprung.reproduce.chapter import Chapter
+from sprung.reproduce.chapter import Chapter, data, set_up
 from sprung.reproduce.thesis import (
     BODY_MODES,
-    THRESHOLDS,
     column_table,
     deviations,
     frequency_spreads,
@@ -31,20 +30,13 @@ from sprung.reproduce.thesis import (
     worst_error,
 )
 from sprung.results import figures
-from sprung.results.page.page import Block, Paragraph, Picture, Section, picture
+from sprung.results.page.page import Block, Paragraph, Picture, Section, picture, pictures
 from sprung.results.tables import Table
 from sprung.simulation import FEW_POTHOLES, REALISTIC_SUSPENSION, RoadConditions, RoadDrive, simulate_drive
 from sprung.vehicles import Vehicle, frequency_response, parse_fault, read_vehicle, structure, with_faults
 
-PLATE_RATE = 1000.0
-PLATE_DURATION = 180.0
-PLATE_TESTS = 4
-PLATE_SEGMENT = PLATE_DURATION / 21
-#: Rate of the recordings [Hz]: a tenth of the thesis' 2000 Hz.
-CAR_RATE = 200.0
-CAR_DURATION = 200.0
-CAR_RUNS = 3
-CAR_SEGMENT = 40.0
+PLATE = set_up("chapter_6", "plate")
+CAR = set_up("chapter_6", "car")
 CAR_SPEEDS = (20 / 3.6, 40 / 3.6)
 CONDITIONS = {"normal": "", "front-right tyre -30 %": "front_right.tyre=-0.3"}
 #: Methods and whether their settings are the default ones, in the order of the results of `experiment`.
@@ -72,8 +64,8 @@ def example() -> Example:
     return Example(plate, identified_plate(plate), drives, identified_car(drives["normal"], "acs"), coss)
 
 
-def contents(example: Example, results: list[tuple[Real, Real]]) -> tuple[str, tuple[Section, ...]]:
-    """Return the verdict and the sections."""
+def contents(example: Example, results: list[tuple[Real, Real]]) -> tuple[dict[str, object], tuple[Section, ...]]:
+    """Return the values of the verdict, and the sections."""
     plates, cars = (np.array(part) for part in zip(*results, strict=True))
     plate, healthy = plate_truth(), car_truth("normal")
     plate_blocks: tuple[Block, ...] = (
@@ -95,16 +87,14 @@ def contents(example: Example, results: list[tuple[Real, Real]]) -> tuple[str, t
 
 
 def plate_records(*, seed: int) -> list[Recording]:
-    """Return the tests of the plate."""
-    seeds = [(seed, 0, k) for k in range(PLATE_TESTS)]
-    plate = structure(read_vehicle("plate"))
-    return simulated(plate, HammerBlows(), seeds, duration=PLATE_DURATION, sampling_rate=PLATE_RATE, snr=50.0)
+    """Return the tests of the plate under hammer blows."""
+    return simulated(structure(read_vehicle("plate")), HammerBlows(), PLATE, (seed, 0), snr=50.0)
 
 
 def identified_plate(runs: list[Recording]) -> Identification:
-    """Return what CoSS-SSI with one subset identifies."""
+    """Return the modes of the plate by CoSS-SSI with J = 1."""
     settings = thesis_settings(
-        rows=(12, 45), stable_rate=0.7, segment=PLATE_SEGMENT, n_subsets=1, sampling_rate=50.0, band=(1.0, 20.0)
+        rows=PLATE.rows, stable_rate=0.7, segment=PLATE.segment, n_subsets=1, sampling_rate=50.0, band=(1.0, 20.0)
     )
     return coss_ssi(runs, settings=settings, vehicle=read_vehicle("plate"))
 
@@ -113,8 +103,8 @@ def car_records(condition: str, *, seed: int) -> list[Recording]:
     """Return the drives of the car."""
     text = CONDITIONS[condition]
     settings = RoadDrive(
-        duration=CAR_DURATION,
-        sampling_rate=CAR_RATE,
+        duration=CAR.duration,
+        sampling_rate=CAR.rate,
         speed=CAR_SPEEDS,
         n_stops=1,
         faults=(parse_fault(text),) if text else (),
@@ -123,16 +113,16 @@ def car_records(condition: str, *, seed: int) -> list[Recording]:
         snr=50.0,
     )
     row = list(CONDITIONS).index(condition)
-    return [simulate_drive(car(), settings, seed=[seed, row, k]).recording for k in range(CAR_RUNS)]
+    return [simulate_drive(car(), settings, seed=[seed, row, k]).recording for k in range(CAR.n_records)]
 
 
 def identified_car(runs: list[Recording], method: str, *, is_default: bool = False) -> Identification:
     """Return what a method identifies in the drives."""
     settings = thesis_settings(
-        rows=(12, 48),
+        rows=CAR.rows,
         stable_rate=0.45 if method == "acs" else 0.7,
-        segment=CAR_SEGMENT,
-        sampling_rate=CAR_RATE / 2,
+        segment=CAR.segment,
+        sampling_rate=CAR.rate / 2,
         band=(0.5, 30.0),
     )
     function = acs_ssi if method == "acs" else coss_ssi
@@ -177,38 +167,33 @@ def wheelbase() -> float:
 
 
 def plate_pictures(truth: Modes, runs: list[Recording], identification: Identification) -> tuple[Picture, ...]:
-    """Return figures 6-7 and 6-11 to 6-15."""
+    """Figures 6-7 to 6-15."""
     marked = list(zip(BODY_MODES, truth.natural_frequency, strict=True))
     captions = {
         "diagram": "Figure 6-13: stabilisation diagram of CoSS-SSI.",
         "rates": "Figure 6-14: modes selected by the rate of stable points.",
     }
     shapes = {"shapes": "Figure 6-15: modes identified by CoSS-SSI."}
-    return (
-        picture(
-            figures.shapes_figure(truth, runs[0].channels, source="theory"),
-            "Figure 6-7: theoretical modes of the plate.",
+    run = [("", runs[0])]
+    drawn = {
+        "Figure 6-7: theoretical modes of the plate.": figures.shapes_figure(truth, runs[0].channels, source="theory"),
+        "Figure 6-11: responses (simulated), first thirty seconds.": figures.histories_figure(
+            run, title="Plate under hammer blows", window=30.0
         ),
-        picture(
-            figures.histories_figure([("", runs[0])], title="Plate under hammer blows", window=30.0),
-            "Figure 6-11: responses (simulated), first thirty seconds.",
+        "Figure 6-12: power spectral densities (simulated). Dotted: theory.": figures.densities_figure(
+            run, title="Plate", highest=10.0, segment=20.0, marked=marked
         ),
-        picture(
-            figures.densities_figure([("", runs[0])], title="Plate", highest=10.0, segment=20.0, marked=marked),
-            "Figure 6-12: power spectral densities (simulated). Dotted: theory.",
-        ),
-        *mode_pictures(identification, captions),
-        *mode_pictures(identification, shapes, name="CoSS-SSI"),
-    )
+    }
+    named = mode_pictures(identification, shapes, name="CoSS-SSI")
+    return (*pictures(drawn), *mode_pictures(identification, captions), *named)
 
 
 def plate_spread(truth: Modes, plates: Real) -> Picture:
-    """Return the frequencies of the plate in all sets, (runs, 3, modes)."""
+    """Frequencies of the plate in all sets."""
     found = PRINTED["plate"]["frequency"][None]
     spreads = frequency_spreads(BODY_MODES, ("CoSS-SSI",), plates[:, None, 0], truth.natural_frequency, found)
-    return picture(
-        figures.runs_figure(spreads, title="Plate: frequencies in all sets"), f"Spread over {len(plates)} sets."
-    )
+    figure = figures.runs_figure(spreads, title="Plate: frequencies in all sets")
+    return picture(figure, f"Spread over {len(plates)} sets.")
 
 
 def car_responses() -> Picture:
@@ -229,31 +214,27 @@ def car_theory_shapes() -> tuple[Picture, ...]:
     model = structure(car())
     healthy = theoretical(model, labels=BODY_MODES)
     faulty = theoretical(with_faults(model, [parse_fault("front_left.spring=-0.5")]), labels=BODY_MODES)
-    channels = model.outputs.channels
-    return (
-        picture(
-            figures.shapes_figure(healthy, channels, source="healthy"),
-            "Figure 6-19: theoretical modes, healthy suspensions.",
-        ),
-        picture(
-            figures.shapes_figure(faulty, channels, source="front-left spring -50 %"),
-            "Figure 6-20: theoretical modes, front-left spring halved: all frequencies fall and the shapes turn.",
-        ),
+    shown = [(healthy, "healthy"), (faulty, "front-left spring -50 %")]
+    before, after = (figures.shapes_figure(modes, model.outputs.channels, source=source) for modes, source in shown)
+    fall = "front-left spring halved: all frequencies fall and the shapes turn"
+    return pictures(
+        {
+            "Figure 6-19: theoretical modes, healthy suspensions.": before,
+            f"Figure 6-20: theoretical modes, {fall}.": after,
+        }
     )
 
 
 def drive_pictures(runs: list[Recording]) -> tuple[Picture, ...]:
-    """Return figures 6-22 and 6-23."""
-    corners = runs[0].select(("acc_fl", "acc_fr", "acc_rl", "acc_rr"))
-    return (
-        picture(
-            figures.histories_figure([("", runs[0])], title="A drive: corners of the body, and the speed"),
-            "Figure 6-22: a drive (simulated).",
-        ),
-        picture(
-            figures.densities_figure([("", corners)], title="Corners of the body", highest=20.0, segment=10.0),
-            "Figure 6-23: power spectral densities (simulated).",
-        ),
+    """Figures 6-22 and 6-23."""
+    corners = [("", runs[0].select(("acc_fl", "acc_fr", "acc_rl", "acc_rr")))]
+    title = "A drive: corners of the body, and the speed"
+    density = figures.densities_figure(corners, title="Corners of the body", highest=20.0, segment=10.0)
+    return pictures(
+        {
+            "Figure 6-22: a drive (simulated).": figures.histories_figure([("", runs[0])], title=title),
+            "Figure 6-23: power spectral densities (simulated).": density,
+        }
     )
 
 
@@ -375,41 +356,18 @@ def null_table(speeds: tuple[int, ...] = (20, 25, 30, 35, 40)) -> Table:
 
 
 def null_paragraph() -> Paragraph:
-    """Return why the road excites neither bounce nor pitch at some frequencies."""
-    return Paragraph(
-        f"The rear wheels follow the road of the front wheels after {wheelbase():.2f} m: both axles together lift the body by |cos(pi f wheelbase / v)| times the height of the road, which is zero at f = v / (2 wheelbase), "
-        "and pitch it in proportion to |sin| of the same argument, which is zero at v / wheelbase. At 20 to 40 km/h the null of bounce lies at 1 to 2 Hz, on the mode itself, so that output-only methods find pitch and roll there. "
-        "A method that knows wheelbase and speed has no such blind spot."
-    )
+    """Why output-only methods find pitch and roll, but hardly bounce."""
+    return Paragraph(data("chapters")["chapter_6"]["nulls"].format(wheelbase=wheelbase()))
 
 
-def verdict(plates: Real, cars: Real) -> str:
-    """Return what reproduces and what does not."""
-    acs, coss, default, tyre = (shares(cars[:, row, column, 0], BODY_MODES) for row, column in TRIED)
-    of_plate = 100 * np.mean([share(plates[:, 0, k]) for k in range(3)])
-    error = 100 * worst_error(plates[:, 0], plate_truth().natural_frequency)
-    return (
-        f"The plate's modes are found in {of_plate:.0f} % of the sets, with medians within {error:.1f} % of the truth "
-        "(published: within 7.3 %, on a real plate); the printed spring of 157.5 N/m contradicts the published frequencies. The car's theoretical modes reproduce within 1.5 % with springs and dampers that match them, "
-        "not with the printed ones. On simulated country roads instead of the field test, the thesis' settings find, of bounce, pitch and roll: "
-        f"ACS-Cov-SSI {acs} of the sets (published: pitch only), CoSS-SSI {coss} (published: bounce and pitch), sprung's default CoSS-SSI {default}; with the soft tyre CoSS-SSI {tyre}. "
-        "As in the field test, all three are hardly ever found together: the input is not white, since the rear wheels follow the road of the front wheels and left and right are partly coherent. "
-        "A soft tyre changes the body's modes by less than their spread, so that these modes do not reveal this fault; the published change of shapes rests on one run per condition."
-    )
+def verdict(plates: Real, cars: Real) -> dict[str, object]:
+    """What reproduces and what does not, in numbers."""
+    found = (shares(cars[:, row, column, 0], BODY_MODES) for row, column in TRIED)
+    return {
+        **dict(zip(("acs", "coss", "default", "tyre"), found, strict=True)),
+        "plate": 100 * np.mean([share(plates[:, 0, k]) for k in range(3)]),
+        "error": 100 * worst_error(plates[:, 0], plate_truth().natural_frequency),
+    }
 
 
-CHAPTER = Chapter(
-    title="Chapter 6: plate on springs, and a car on the road",
-    example=example,
-    experiment=experiment,
-    contents=contents,
-    settings=(
-        f"Plate: {PLATE_TESTS} tests of {PLATE_DURATION:g} s at {PLATE_RATE:g} Hz, hammer blows at random positions and times, sensor noise at SNR 50; 21 segments per test, J = 1, "
-        "block rows 12 to 45 at 50 Hz, delta 0.7. Simulated instead of the measured signals.",
-        f"Car: {CAR_RUNS} drives of {CAR_DURATION:g} s at 20 to 40 km/h with a stop on a class C road with potholes, nonlinear suspensions (asymmetric dampers, friction, "
-        f"progressive springs, bump stops), SNR 50, {CAR_RATE:g} Hz instead of 2000; segments of {CAR_SEGMENT:g} s, J = 3, block rows 12 to 48, delta 0.45 (ACS) and 0.7 (CoSS), modes in 0.5 to 30 Hz. "
-        "The fault is a front-right tyre with 30 % less stiffness, for 1.5 instead of 2.2 bar.",
-        THRESHOLDS,
-        "Command: sprung reproduce 6 --out DIR",
-    ),
-)
+CHAPTER = Chapter("chapter_6", example, experiment, contents)

@@ -11,10 +11,9 @@ from sprung.excitation import RollerRig, random_speed
 from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, Identification, IdentificationSettings
 from sprung.modal import Modes
 from sprung.recording import Recording
-from sprung.reproduce.chapter import Chapter
+from sprung.reproduce.chapter import Chapter, set_up
 from sprung.reproduce.thesis import (
     BODY_MODES,
-    THRESHOLDS,
     column_table,
     frequency_spreads,
     in_runs,
@@ -30,21 +29,15 @@ from sprung.reproduce.thesis import (
     worst_error,
 )
 from sprung.results import figures
-from sprung.results.page.page import Block, Paragraph, Section, picture
+from sprung.results.page.page import Block, Paragraph, Section, picture, pictures
 from sprung.results.tables import Table
 from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate
 from sprung.vehicles import Structure, parse_fault, read_vehicle, structure, with_faults
 
-RATE = 1500.0
-DURATION = 40.0
-N_RECORDS = 10
-SEGMENT = 4096 / RATE
-SNR = 10.0
-ROWS = (12, 82)
-#: Rate at which the runs of the spread are identified [Hz], and their block rows.
-FAST_RATE = 750.0
-FAST_ROWS = (12, 44)
+SETUP = set_up("chapter_7")
+#: Of the runs of the spread.
+FAST = set_up("chapter_7", "fast")
 CONDITIONS = {
     "normal": (),
     "front left +50 %": ("front_left.spring=0.5",),
@@ -72,8 +65,8 @@ def example() -> Example:
     return Example(shown, single, coss, (perf_counter() - begin) / len(shown))
 
 
-def contents(example: Example, results: list[Real]) -> tuple[str, tuple[Section, ...]]:
-    """Return the verdict and the sections."""
+def contents(example: Example, results: list[Real]) -> tuple[dict[str, object], tuple[Section, ...]]:
+    """Return the values of the verdict, and the sections."""
     runs = np.array(results)
     truths = {name: theoretical(bogie(name), labels=BODY_MODES) for name in CONDITIONS}
     healthy, normal = truths["normal"], example.records["normal"]
@@ -95,21 +88,23 @@ def bogie(condition: str) -> Structure:
 def records(condition: str, *, seed: int) -> list[Recording]:
     """Return one set of records with rollers of varying speed."""
     runs = []
-    for row in range(N_RECORDS):
+    for row in range(SETUP.n_records):
         generator = np.random.default_rng([seed, list(CONDITIONS).index(condition), row])
-        rotation = random_speed(DURATION, low=1.0, high=4.0, generator=generator)
+        rotation = random_speed(SETUP.duration, low=1.0, high=4.0, generator=generator)
         rig = RollerRig((True, True), rotation, random=2e-6)
-        runs.append(simulate(bogie(condition), rig, duration=DURATION, sampling_rate=RATE, snr=SNR, seed=generator))
+        vehicle, rate = bogie(condition), SETUP.rate
+        runs.append(simulate(vehicle, rig, duration=SETUP.duration, sampling_rate=rate, snr=10.0, seed=generator))
     return runs
 
 
 def settings(method: str, *, is_fast: bool = False) -> IdentificationSettings:
     """Return the settings of the thesis for a method."""
+    setup = FAST if is_fast else SETUP
     return thesis_settings(
-        rows=FAST_ROWS if is_fast else ROWS,
+        rows=setup.rows,
         stable_rate=0.8 if method == "coss" else 0.6,
-        segment=None if method == "cov" else SEGMENT,
-        sampling_rate=FAST_RATE if is_fast else RATE,
+        segment=None if method == "cov" else setup.segment,
+        sampling_rate=setup.rate,
         band=(10.0, 60.0),
     )
 
@@ -160,18 +155,16 @@ def _model_shapes(recording: Recording, truth: Modes) -> Block:
 
 def _signals(runs: list[Recording]) -> tuple[Block, ...]:
     """Figure 7-9."""
-    marked = list(zip(BODY_MODES, PRINTED["theory"]["frequency"], strict=True))
-    return (
-        picture(
-            figures.histories_figure([("", runs[0])], title="Accelerations of the frame"),
-            "Figure 7-9: raw signals (simulated); the level follows the speed of the rollers.",
-        ),
-        picture(
-            figures.densities_figure(
-                [("", runs[0])], title="Power spectral densities", highest=60.0, lowest=5.0, segment=2.0, marked=marked
-            ),
-            "Figure 7-9: power spectral densities (simulated). Dotted: theory.",
-        ),
+    run, marked = [("", runs[0])], list(zip(BODY_MODES, PRINTED["theory"]["frequency"], strict=True))
+    level = "raw signals (simulated); the level follows the speed of the rollers"
+    density = figures.densities_figure(
+        run, title="Power spectral densities", highest=60.0, lowest=5.0, segment=2.0, marked=marked
+    )
+    return pictures(
+        {
+            f"Figure 7-9: {level}.": figures.histories_figure(run, title="Accelerations of the frame"),
+            "Figure 7-9: power spectral densities (simulated). Dotted: theory.": density,
+        }
     )
 
 
@@ -267,31 +260,14 @@ def _faults(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
     return (Paragraph(text), table, picture(figure, "Found by CoSS-SSI in all sets."))
 
 
-def _verdict(runs: Real, truths: dict[str, Modes], seconds: float) -> str:
-    """Return what reproduces and what does not."""
-    found = {method: shares(runs[:, 0, n, 0], BODY_MODES) for n, method in enumerate(SUBSPACE_METHODS)}
-    error = worst_error(runs[:, 0, :, 0], truths["normal"].natural_frequency)
-    return (
-        "The theoretical modes reproduce within 0.5 % from the geometry. The measured signals are not available; on a simulated rig of varying speed, "
-        f"Cov-SSI finds {found['cov']} of the sets (published: bounce and pitch), ACS-Cov-SSI {found['acs']} (published: pitch and roll), "
-        f"CoSS-SSI at its stricter threshold {found['coss']} (published: all three), with median frequencies within {100 * error:.1f} % of the truth. "
-        "So the superiority of CoSS-SSI does not follow from varying speed alone: averaging correlations gives weight to strong stretches but does not "
-        "distort them. The real rig's nonlinear mounts and unequal excitation are not in this simulation. Both faults appear as a change of "
-        f"frequencies and shapes. One identification with the thesis' ladder took {seconds:.1f} s here (published: {PRINTED['found']['seconds']} s)."
-    )
+def _verdict(runs: Real, truths: dict[str, Modes], seconds: float) -> dict[str, object]:
+    """What reproduces and what does not, in numbers."""
+    return {
+        **{method: shares(runs[:, 0, n, 0], BODY_MODES) for n, method in enumerate(SUBSPACE_METHODS)},
+        "error": 100 * worst_error(runs[:, 0, :, 0], truths["normal"].natural_frequency),
+        "ours": seconds,
+        "published": PRINTED["found"]["seconds"],
+    }
 
 
-CHAPTER = Chapter(
-    title="Chapter 7: bogie at a scale of 1 to 5 on a roller rig",
-    example=example,
-    experiment=experiment,
-    contents=contents,
-    settings=(
-        f"Simulated instead of the rig: {N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz, rollers of varying speed under all "
-        f"wheels, independent roughness at each, sensor noise at SNR {SNR:g}; segments of 4096 samples, J = 3.",
-        THRESHOLDS + " Block rows 12 to 82; delta 0.6 for Cov and ACS, 0.8 for CoSS.",
-        f"The runs of the spread are decimated to {FAST_RATE:g} Hz with {FAST_ROWS[0]} to {FAST_ROWS[1]} block rows, "
-        "half the work; figures and run time are of the full rate. Modes are sought in 10 to 60 Hz.",
-        "Command: sprung reproduce 7 --out DIR",
-    ),
-)
+CHAPTER = Chapter("chapter_7", example, experiment, contents)

@@ -10,10 +10,9 @@ from sprung.excitation import RollerRig, constant_speed
 from sprung.identification import Identification, coss_ssi
 from sprung.modal import Modes
 from sprung.recording import Recording
-from sprung.reproduce.chapter import Chapter
+from sprung.reproduce.chapter import Chapter, set_up
 from sprung.reproduce.thesis import (
     BODY_MODES,
-    THRESHOLDS,
     at_channels,
     cepstrum_picture,
     column_table,
@@ -30,22 +29,15 @@ from sprung.reproduce.thesis import (
     thesis_settings,
 )
 from sprung.results import figures
-from sprung.results.page.page import Block, Section, picture
+from sprung.results.page.page import Block, Section, picture, pictures
 from sprung.results.tables import Table
 from sprung.signals.cepstrum import ShortPass, edit
 from sprung.signals.harmonics import Harmonic
 from sprung.vehicles import read_vehicle, structure
 
-RATE = 1000.0
-DURATION = 60.0
-N_RECORDS = 6
-SEGMENT = 7.168
-#: Length of the lifter [s].
-QUEFRENCY = 0.25
+SETUP = set_up("chapter_8")
 #: Rotation of the drum [Hz].
 ROTATION = 0.9125
-ROWS = (12, 45)
-BAND = (5.0, 21.0)
 FRAME = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
 PRINTED = published("8")
 
@@ -64,8 +56,8 @@ def example() -> Example:
     return Example(shown, identified(shown, is_edited=False), identified(shown, is_edited=True))
 
 
-def contents(example: Example, results: list[Real]) -> tuple[str, tuple[Section, ...]]:
-    """Return the verdict and the sections."""
+def contents(example: Example, results: list[Real]) -> tuple[dict[str, object], tuple[Section, ...]]:
+    """Return the values of the verdict, and the sections."""
     truth, runs = _truth(), np.array(results)
     return _verdict(runs, truth), (
         Section("The model", (_theory(truth), _model_shapes(example.records[0], truth))),
@@ -86,8 +78,7 @@ def records(*, seed: int) -> list[Recording]:
         joint=5e-4,
         harmonics=(2e-5, 1e-5, 1e-5, 5e-6, 5e-6, 3e-6, 3e-6, 3e-6),
     )
-    seeds = [(seed, k) for k in range(N_RECORDS)]
-    return simulated(vehicle, rig, seeds, duration=DURATION, sampling_rate=RATE, snr=50.0)
+    return simulated(vehicle, rig, SETUP, (seed,), snr=50.0)
 
 
 def identified(
@@ -95,13 +86,13 @@ def identified(
 ) -> Identification:
     """Return what CoSS-SSI identifies in the frame's accelerations."""
     settings = thesis_settings(
-        rows=ROWS,
+        rows=SETUP.rows,
         stable_rate=0.5,
-        segment=SEGMENT,
+        segment=SETUP.segment,
         n_subsets=2,
-        sampling_rate=RATE / 4,
-        lifter=ShortPass(QUEFRENCY) if is_edited else None,
-        band=BAND,
+        sampling_rate=SETUP.rate / 4,
+        lifter=ShortPass(SETUP.quefrency) if is_edited else None,
+        band=(5.0, 21.0),
     )
     return coss_ssi([run.select(FRAME) for run in runs], settings=replace(settings, harmonics=harmonics))
 
@@ -149,30 +140,29 @@ def _model_shapes(recording: Recording, truth: Modes) -> Block:
 def _signals(run: Recording) -> tuple[Block, ...]:
     """Figures 8-8 to 8-11."""
     front = run.select(("acc_fl", "acc_rl", "acc_al"))
-    edited = edit(front, ShortPass(QUEFRENCY))
+    edited = edit(front, ShortPass(SETUP.quefrency))
     curves = [("raw", front), ("edited", edited)]
     caption = "Figure 8-10(a): cepstrum, lifter and edited cepstrum."
     title = "Real cepstrum, frame front left"
-    cepstra = cepstrum_picture(front, QUEFRENCY, caption, title=title, pulse_period=1 / (4 * ROTATION))
-    return (
-        picture(
-            figures.histories_figure(curves[:1], title="Frame front and rear, axle box", window=5.0),
-            "Figure 8-8: signals over time (simulated).",
-        ),
-        picture(
-            figures.densities_figure(curves[:1], title="Raw", highest=21.0, segment=20.0),
-            "Figure 8-9: spectra (simulated): multiples of 3.65 Hz from the joints, of 0.91 Hz from the drum.",
-        ),
-        cepstra,
-        picture(
-            figures.histories_figure(curves, title="Raw and edited", window=5.0),
-            "Figure 8-10(b): raw and edited signals.",
-        ),
-        picture(
-            figures.densities_figure(curves, title="Raw and edited", highest=21.0, segment=20.0),
-            "Figure 8-11: spectra of raw and edited signals.",
-        ),
+    cepstra = cepstrum_picture(front, SETUP.quefrency, caption, title=title, pulse_period=1 / (4 * ROTATION))
+    title, raw = "Raw and edited", curves[:1]
+    densities = (
+        figures.densities_figure(own, title=what, highest=21.0, segment=20.0)
+        for own, what in ((raw, "Raw"), (curves, title))
     )
+    before, after = densities
+    joints = "multiples of 3.65 Hz from the joints, of 0.91 Hz from the drum"
+    first = {
+        "Figure 8-8: signals over time (simulated).": figures.histories_figure(
+            raw, title="Frame front and rear, axle box", window=5.0
+        ),
+        f"Figure 8-9: spectra (simulated): {joints}.": before,
+    }
+    last = {
+        "Figure 8-10(b): raw and edited signals.": figures.histories_figure(curves, title=title, window=5.0),
+        "Figure 8-11: spectra of raw and edited signals.": after,
+    }
+    return (*pictures(first), cepstra, *pictures(last))
 
 
 def _diagrams(raw: Identification, edited: Identification) -> tuple[Block, ...]:
@@ -209,31 +199,19 @@ def _tables(edited: Identification, runs: Real, truth: Modes) -> tuple[Block, ..
     )
 
 
-def _verdict(runs: Real, truth: Modes) -> str:
-    """Return what reproduces and what does not."""
-    found = [shares(runs[:, row, 0], truth.labels) for row in range(2)]
-    return (
-        f"The printed data of the Y25 do not determine its geometry: the model gives {', '.join(f'{label} {f:.2f} Hz' for label, f in zip(truth.labels, truth.natural_frequency, strict=True))} "
-        "where 11.42 (bounce), 13.59 (roll) and 14.77 Hz (pitch) are published. The measured signals are not available. On the simulated rig the harmonics of "
-        f"joints and drum dominate as in the thesis. Found in the raw signals: {found[0]} of the sets (published: none); after cepstrum editing: {found[1]} "
-        "(published: three modes at 11.06, 15.0 and 18.3 Hz). That editing removes the harmonics and reveals modes holds. Bounce, damped by the load's "
-        f"damper ({100 * truth.damping_ratio[0]:.0f} %) and {truth.natural_frequency[1] - truth.natural_frequency[0]:.1f} Hz below roll, is hard to separate from it here. "
-        f"The published frequencies lie within {100 * max(abs(f / (n * 4 * ROTATION) - 1) for n, f in zip((3, 4, 5), (11.06, 15.0, 18.3), strict=True)):.0f} % "
-        "of three, four and five times the 3.65 Hz of the joints, where a residue of the harmonics would lie too."
-    )
+def _verdict(runs: Real, truth: Modes) -> dict[str, object]:
+    """What reproduces and what does not, in numbers."""
+    raw, edited = (shares(runs[:, row, 0], truth.labels) for row in range(2))
+    modes = zip(truth.labels, truth.natural_frequency, strict=True)
+    multiples = 4 * ROTATION * np.array([3, 4, 5])
+    return {
+        "raw": raw,
+        "edited": edited,
+        "model": ", ".join(f"{label} {frequency:.2f} Hz" for label, frequency in modes),
+        "damping": 100 * truth.damping_ratio[0],
+        "apart": truth.natural_frequency[1] - truth.natural_frequency[0],
+        "near": 100 * np.abs(np.array([11.06, 15.0, 18.3]) / multiples - 1).max(),
+    }
 
 
-CHAPTER = Chapter(
-    title="Chapter 8: Y25 bogie on a full-size roller rig",
-    example=example,
-    experiment=experiment,
-    contents=contents,
-    settings=(
-        f"Simulated instead of the rig: {N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz, the front wheelset on a drum that turns "
-        f"{60 * ROTATION:.0f} times a minute with four joints; the rear wheelset stands on fixed ground. Segments of 7168 samples, J = 2.",
-        THRESHOLDS
-        + f" Block rows {ROWS[0]} to {ROWS[1]} (the thesis does not say), delta 0.5, modes of {BAND[0]:g} to {BAND[1]:g} Hz.",
-        f"Short-pass lifter of {QUEFRENCY:g} s. Geometry of the bogie: see the vehicle file y25.",
-        "Command: sprung reproduce 8 --out DIR",
-    ),
-)
+CHAPTER = Chapter("chapter_8", example, experiment, contents)

@@ -9,9 +9,8 @@ from sprung.excitation import RandomInputs
 from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, IdentificationSettings
 from sprung.modal import Modes
 from sprung.recording import Recording
-from sprung.reproduce.chapter import Chapter
+from sprung.reproduce.chapter import Chapter, data, set_up
 from sprung.reproduce.thesis import (
-    THRESHOLDS,
     Column,
     column_table,
     frequency_spreads,
@@ -29,21 +28,14 @@ from sprung.signals.harmonics import Harmonic
 from sprung.simulation import ForceLaw, simulate, simulate_nonlinear, with_noise
 from sprung.vehicles import Structure, read_description, structure
 
-RATE = 125.0
-DURATION = 60.0
-N_RECORDS = 8
-SEGMENT = 20.0
+SETUP = set_up("comparison")
+#: RMS of the signals over that of the noise.
 RATIO = 1.0
 #: Force of the records that differ in level: from 1 to 10 over the set.
-LEVELS = np.geomspace(1.0, 10.0, N_RECORDS)
+LEVELS = np.geomspace(1.0, 10.0, SETUP.n_records)
 #: Rubber in parallel with each spring: 15 % stiffer at small amplitudes than at large ones.
 RUBBER = {"suspension": ForceLaw(rubber_stiffness=0.15 * 9800.0, rubber_force=2.0)}
-CASES = {
-    "white": "White noise in the sensors, RMS ratio 1, the same level throughout.",
-    "in-band": "Noise in 0.5 to 50 Hz, where the modes are.",
-    "level": "White noise of constant size; the excitation grows tenfold from the first record to the last.",
-    "nonlinear": "Rubber in parallel with each spring, stiff at small and soft at large amplitudes; the excitation grows tenfold; noise as before.",
-}
+CASES = data("chapters")["comparison"]["cases"]
 #: Cases with one truth at all levels.
 LINEAR = ("white", "in-band", "level")
 HOW = ("thesis", "default")
@@ -54,8 +46,8 @@ def example() -> Modes:
     return theoretical(structure(read_description("chain3")))
 
 
-def contents(truth: Modes, results: list[Real]) -> tuple[str, tuple[Section, ...]]:
-    """Return the verdict and the sections."""
+def contents(truth: Modes, results: list[Real]) -> tuple[dict[str, object], tuple[Section, ...]]:
+    """Return the values of the verdict, and the sections."""
     runs = np.array(results)
     cases = tuple(
         Section(f"Case: {case}", (Paragraph(text), *_case(runs[:, row], truth, case == "nonlinear")))
@@ -69,7 +61,7 @@ def records(case: str, *, seed: int) -> list[Recording]:
     """Return one set of records of a case."""
     vehicle = structure(read_description("chain3"))
     clean = []
-    for k in range(N_RECORDS):
+    for k in range(SETUP.n_records):
         generator = np.random.default_rng([seed, list(CASES).index(case), k])
         level = LEVELS[k] if case in {"level", "nonlinear"} else 1.0
         excitation = RandomInputs(3, standard_deviation=level)
@@ -92,16 +84,22 @@ def _simulated(vehicle: Structure, excitation: RandomInputs, case: str, generato
     """Return one record without noise."""
     if case == "nonlinear":
         return simulate_nonlinear(
-            vehicle, excitation, duration=DURATION, sampling_rate=RATE, force_laws=RUBBER, lead_in=20.0, seed=generator
+            vehicle,
+            excitation,
+            duration=SETUP.duration,
+            sampling_rate=SETUP.rate,
+            force_laws=RUBBER,
+            lead_in=20.0,
+            seed=generator,
         )
-    return simulate(vehicle, excitation, duration=DURATION, sampling_rate=RATE, seed=generator)
+    return simulate(vehicle, excitation, duration=SETUP.duration, sampling_rate=SETUP.rate, seed=generator)
 
 
 def settings(how: str) -> IdentificationSettings:
     """Return the settings of all methods."""
     if how == "default":
-        return IdentificationSettings(segment=SEGMENT)
-    return thesis_settings(rows=(12, 32), stable_rate=0.5, segment=SEGMENT, sampling_rate=RATE)
+        return IdentificationSettings(segment=SETUP.segment)
+    return thesis_settings(rows=SETUP.rows, stable_rate=0.5, segment=SETUP.segment, sampling_rate=SETUP.rate)
 
 
 def experiment(seed: int) -> Real:
@@ -144,15 +142,11 @@ def _case(runs: Real, truth: Modes, is_nonlinear: bool) -> tuple[Block, ...]:
     remark = (
         "Against the linear chain without rubber: the bias includes the effect of the rubber." if is_nonlinear else ""
     )
-    table = column_table(f"{len(runs)} sets", columns, remark=remark)
     modes = [f"Mode {m + 1}" for m in range(len(truth))]
     spreads = frequency_spreads(modes, names, flat[:, :, 0], truth.natural_frequency)
-    return (
-        table,
-        picture(
-            figures.runs_figure(spreads, title="Natural frequencies in all sets"), "Natural frequencies in all sets."
-        ),
-    )
+    title = "Natural frequencies in all sets"
+    table = column_table(f"{len(runs)} sets", columns, remark=remark)
+    return table, picture(figures.runs_figure(spreads, title=title), f"{title}.")
 
 
 def _bias_and_spread(relative: Real, *, digits: int = 2) -> str:
@@ -205,7 +199,7 @@ def _levels(runs: Real) -> Table:
     return column_table(title, columns, remark=remark)
 
 
-def _verdict(runs: Real, truth: Modes) -> str:
+def _verdict(runs: Real, truth: Modes) -> dict[str, object]:
     """Say where CoSS-SSI wins."""
     wins: list[str] = []
     losses: list[str] = []
@@ -221,7 +215,7 @@ def _verdict(runs: Real, truth: Modes) -> str:
                         (wins if mean > 0 else losses).append(text)
                     else:
                         neither += 1
-    shares = {
+    cases = {
         case: ", ".join(
             f"{METHOD_NAMES[name]} {100 * np.mean([share(runs[:, i, 0, k, 0, m]) for m in range(3)]):.0f} %"
             for k, name in enumerate(SUBSPACE_METHODS)
@@ -229,30 +223,17 @@ def _verdict(runs: Real, truth: Modes) -> str:
         for i, case in enumerate(CASES)
     }
     change = 100 * (runs[:, 3, 1, 2, 5, 0] / runs[:, 3, 1, 2, 4, 0] - 1)
-    default = 100 * np.mean(np.isfinite(runs[:, :, 1, :, 0]))
-    cases = "; ".join(f"{case}: {text}" for case, text in shares.items())
-    return (
-        f"Found with the thesis' settings, mean of the three modes: {cases}. With sprung's defaults all three methods together find {default:.0f} %. "
-        f"Where both find a mode, CoSS-SSI is nearer to the truth than ACS-Cov-SSI by more than three standard errors in {len(wins)} of {len(wins) + len(losses) + neither} comparisons"
-        + (f" ({'; '.join(wins)})" if wins else "")
-        + f", and further from it in {len(losses)}"
-        + (f" ({'; '.join(losses)})" if losses else "")
-        + ". Sorting by level does not make an average less noisy, it leaves fewer segments in each. What it adds is a view of how modes change with the level, where they do: "
-        + f"with rubber in parallel with the springs the frequency of mode 1 changes by {np.mean(change[np.isfinite(change)]):+.2f} % from the lowest to the highest subset (defaults), which an average cannot show."
-        + f" Medians of frequency lie within {100 * worst_error(runs[:, :3, 1, :, 0], truth.natural_frequency):.2f} % of the truth in all linear cases (defaults)."
-    )
+    return {
+        "cases": "; ".join(f"{case}: {text}" for case, text in cases.items()),
+        "default": 100 * np.mean(np.isfinite(runs[:, :, 1, :, 0])),
+        "n_wins": len(wins),
+        "n_losses": len(losses),
+        "n_all": len(wins) + len(losses) + neither,
+        "wins": f" ({'; '.join(wins)})" if wins else "",
+        "losses": f" ({'; '.join(losses)})" if losses else "",
+        "change": np.mean(change[np.isfinite(change)]),
+        "error": 100 * worst_error(runs[:, :3, 1, :, 0], truth.natural_frequency),
+    }
 
 
-CHAPTER = Chapter(
-    title="Cov-SSI, ACS-Cov-SSI and CoSS-SSI compared",
-    example=example,
-    experiment=experiment,
-    contents=contents,
-    settings=(
-        f"Chain of three masses; {N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz in a set; all three methods have all records. Segments of {SEGMENT:g} s, J = 3 for CoSS.",
-        "Settings are the same for all methods. Thesis: "
-        + THRESHOLDS
-        + " Block rows 12 to 32, delta 0.5. Default: sprung's own.",
-        "Command: sprung reproduce comparison --out DIR",
-    ),
-)
+CHAPTER = Chapter("comparison", example, experiment, contents)

@@ -1,9 +1,7 @@
 """What the thesis prints, its settings, its modes matched with ours, and numbers, tables and pictures for its pages."""
 
-import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -15,8 +13,9 @@ from sprung.excitation import Excitation
 from sprung.identification import Identification, IdentificationSettings, as_in_thesis
 from sprung.modal import Modes, mac
 from sprung.recording import Recording
+from sprung.reproduce.chapter import SetUp, data
 from sprung.results import figures
-from sprung.results.page.page import Picture, picture
+from sprung.results.page.page import Picture, picture, pictures
 from sprung.results.tables import Table
 from sprung.signals.cepstrum import Lifter
 from sprung.simulation import simulate
@@ -25,8 +24,7 @@ from sprung.vehicles import Structure
 
 def published(chapter: str) -> dict[str, Any]:
     """Return the numbers that a chapter prints, as arrays: frequencies [Hz], damping [%]; NaN where it found no mode."""
-    document = tomllib.loads(files("sprung.reproduce").joinpath("published.toml").read_text(encoding="utf-8"))
-    chapters: dict[str, Any] = _with_arrays(document[f"chapter_{chapter}"])
+    chapters: dict[str, Any] = _with_arrays(data("published")[f"chapter_{chapter}"])
     return chapters
 
 
@@ -39,23 +37,22 @@ def _with_arrays(value: Any) -> Any:
 def simulated(
     vehicle: Structure,
     excitation: Excitation,
-    seeds: Iterable[Sequence[int]],
+    setup: SetUp,
+    seed: Sequence[int],
     *,
-    duration: float,
-    sampling_rate: float,
     snr: float | None = None,
 ) -> list[Recording]:
-    """Return a record for each seed."""
+    """Return the records of a set: each has the seed and its number."""
     return [
         simulate(
             vehicle,
             excitation,
-            duration=duration,
-            sampling_rate=sampling_rate,
+            duration=setup.duration,
+            sampling_rate=setup.rate,
             snr=snr,
-            seed=np.random.default_rng(list(seed)),
+            seed=np.random.default_rng([*seed, number]),
         )
-        for seed in seeds
+        for number in range(setup.n_records)
     ]
 
 
@@ -146,10 +143,6 @@ def at_channels(modes: Modes, names: Sequence[str]) -> Modes:
 
 
 BODY_MODES = ("bounce", "pitch", "roll")
-THRESHOLDS = (
-    "Thresholds of the thesis: relative change of frequency 0.1, of damping 0.2, 1 - MAC 0.5 against the rung below; one "
-    "realisation for each number of block rows, block Hankel matrix of correlations divided by the number of samples."
-)
 
 
 def thesis_settings(
@@ -357,7 +350,7 @@ def mode_pictures(
         "shapes": lambda: figures.shapes_figure(modes, identification.channels, source=name),
         "mac": lambda: figures.reference_mac_figure(parts or [(name, modes)], truth or modes, title=title),
     }
-    return tuple(picture(drawn[kind](), caption) for kind, caption in captions.items())
+    return pictures({caption: drawn[kind]() for kind, caption in captions.items()})
 
 
 def cepstrum_picture(

@@ -113,6 +113,11 @@ def picture(figure: "Figure", caption: str, *, resolution: int = RESOLUTION) -> 
     return Picture(buffer.getvalue(), caption)
 
 
+def pictures(drawn: Mapping[str, "Figure"]) -> tuple[Picture, ...]:
+    """Return figures by their captions as pictures of the page."""
+    return tuple(picture(figure, caption) for caption, figure in drawn.items())
+
+
 def render(report: Report, *, others: Sequence[tuple[str, str]] = ()) -> str:
     """Return a report as one HTML page that needs no network.
 
