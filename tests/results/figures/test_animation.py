@@ -10,7 +10,8 @@ from PIL import Image, ImageSequence
 from sprung.errors import ParameterError
 from sprung.modal import Modes
 from sprung.recording import Channel
-from sprung.results.figures.animation import N_FRAMES, animated_figure, animation_page, save_animation, scene_of
+from sprung.results.figures.animation import animated_figure, animation_page, save_animation, scene_of
+from sprung.results.figures.style import STYLE
 
 Z = (0.0, 0.0, 1.0)
 CORNERS = ((1.2, 0.7, 0.0), (1.2, -0.7, 0.0), (-1.2, -0.7, 0.0), (-1.2, 0.7, 0.0))
@@ -65,7 +66,7 @@ def test_points_move_by_the_real_part_of_the_turning_shape() -> None:
     for frame in (0, 5, 18):
         update(frame)
         points = figure.axes[1].lines[-1].get_xydata()
-        phase = np.exp(2j * np.pi * frame / N_FRAMES)
+        phase = np.exp(2j * np.pi * frame / STYLE.frames)
         expected = scene.flat(scene.positions + (scene.scaled_motions()[1] * phase).real)
         assert np.asarray(points) == pytest.approx(expected, abs=1e-12)
 
@@ -78,8 +79,8 @@ def test_a_gif_has_all_frames_and_no_two_are_the_same(tmp_path, channels) -> Non
     with Image.open(tmp_path / "shapes.gif") as picture:
         assert picture.info["loop"] == 0
         frames = [np.asarray(frame.convert("L"), dtype=float) for frame in ImageSequence.Iterator(picture)]
-    assert len(frames) == N_FRAMES
-    quarter = N_FRAMES // 4
+    assert len(frames) == STYLE.frames
+    quarter = STYLE.frames // 4
     assert np.abs(frames[0] - frames[quarter]).max() > 50
     assert 0.005 < np.mean(frames[0] < 240) < 0.9
 

@@ -28,6 +28,7 @@ from sprung.results.figures.style import (
     INK,
     NORMAL,
     SMALL,
+    STYLE,
     in_hertz,
     in_percent,
     mode_colour,
@@ -37,15 +38,6 @@ from sprung.results.figures.style import (
 )
 
 ENDINGS = (".gif", ".html")
-#: Frames of one cycle, and frames per second of a GIF: a cycle of every mode takes two seconds.
-N_FRAMES, _RATE = 24, 12
-#: Largest motion over the size of the structure.
-_AMPLITUDE = 0.14
-_COLUMN, _RESOLUTION, _MOST_COLUMNS = 3.6, 80, 3
-#: Height of a panel's title, and bounds of the height of its picture [in].
-_TITLE, _LOWEST, _HIGHEST = 0.6, 1.2, 4.5
-#: Nodes whose channels are named in a panel of a GIF.
-_MOST_NAMED = 8
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -94,14 +86,14 @@ class Scene:
 
     def limits(self) -> tuple[Real, Real]:
         """Return the lower left and the upper right corner of a picture that holds all motion and the axes."""
-        rest, reach = self.flat(self.positions), 1.25 * _AMPLITUDE * self.size
+        rest, reach = self.flat(self.positions), 1.25 * STYLE.animated * self.size
         low, high = rest.min(axis=0) - reach, rest.max(axis=0) + reach
         return low - np.array([0.0, 0.12 * self.size]), high
 
     def scaled_motions(self) -> Complex:
         """Return the motions in metres of the picture: each mode's largest one is a fixed share of the size."""
         largest = np.abs(self.motions).max(axis=(1, 2), initial=0.0)
-        return self.motions * (_AMPLITUDE * self.size / np.where(largest == 0, 1.0, largest))[:, None, None]
+        return self.motions * (STYLE.animated * self.size / np.where(largest == 0, 1.0, largest))[:, None, None]
 
 
 def scene_of(modes: Modes, channels: Sequence[Channel]) -> Scene:
@@ -189,19 +181,18 @@ def save_animation(modes: Modes, channels: Sequence[Channel], path: str | PathLi
         path.write_text(animation_page(modes, scene, source=source), encoding="utf-8")
         return
     figure, update = animated_figure(modes, scene, source=source)
-    movie = FuncAnimation(figure, update, frames=N_FRAMES, blit=False)
-    movie.save(path, writer=PillowWriter(fps=_RATE), dpi=_RESOLUTION)
+    movie = FuncAnimation(figure, update, frames=STYLE.frames, blit=False)
+    movie.save(path, writer=PillowWriter(fps=STYLE.frame_rate), dpi=STYLE.screen)
 
 
 def animated_figure(modes: Modes, scene: Scene, *, source: str = "") -> tuple[Figure, Any]:
     """Return the figure of all modes, and the function that moves it to a frame, from 0 to 23."""
-    n_rows, n_columns = panel_grid(len(modes), most_columns=_MOST_COLUMNS)
-    what = f"Mode shapes: {source}" if source else "Mode shapes"
-    width = max(_COLUMN * n_columns, 6.0)
+    n_rows, n_columns = panel_grid(len(modes), most_columns=3)
+    width = max(3.6 * n_columns, 6.0)
     where = f"{scene.remark} Grey: at rest. Every mode takes two seconds for a cycle."
     low, high = scene.limits()
-    picture = float(np.clip(width / n_columns * (high - low)[1] / (high - low)[0], _LOWEST, _HIGHEST))
-    figure = new_figure(what, where, width=width, height=(picture + _TITLE) * n_rows + 1.0)
+    picture = float(np.clip(width / n_columns * (high - low)[1] / (high - low)[0], 1.2, 4.5))
+    figure = new_figure("Mode shapes", where, width=width, height=(picture + 0.6) * n_rows + 1.0, source=source)
     motions = scene.scaled_motions()
     panels = figure.subplots(n_rows, n_columns, squeeze=False).ravel()
     for axes in panels:
@@ -234,7 +225,7 @@ def _draw(axes: Axes, modes: Modes, scene: Scene, motions: Complex, index: int) 
     low, high = scene.limits()
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
-    if len(named) <= _MOST_NAMED:
+    if len(named) <= STYLE.max_nodes:
         for k in named:
             axes.annotate(
                 scene.names[k],
@@ -291,7 +282,7 @@ def _move(
     named: Sequence[int],
 ) -> list[Any]:
     """Move one mode to a frame."""
-    phase = np.exp(2j * np.pi * frame / N_FRAMES)
+    phase = np.exp(2j * np.pi * frame / STYLE.frames)
     moved = scene.flat(scene.positions + (motions * phase).real)
     face, lines, points = drawn
     if scene.face:

@@ -1,7 +1,6 @@
 """Figures of a corner fit and of a calibration: spectra, the vehicle from above, correlations, learnt numbers."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,22 +15,19 @@ from sprung.results.figures.style import (
     FAINT,
     HALF_WIDTH_95,
     INK,
+    KINDS,
     MODE_COLOURS,
     NORMAL,
     SMALL,
-    ink_on,
+    STYLE,
+    draw_matrix,
     new_figure,
+    percent,
     plain,
 )
 from sprung.vehicles import Component
 
 _UNITS = {"bounce": "(m/s²)²/Hz", "pitch": "(rad/s²)²/Hz", "roll": "(rad/s²)²/Hz"}
-_COMPONENTS = ("spring", "damper", "tyre")
-#: Smallest correlation that is printed.
-_LEAST_CORRELATION = 0.3
-#: Changes are scaled to the largest one with this room; intervals are shown up to this multiple of it, or this many
-#: per cent, and the axis reaches at least to the last one [%].
-_ROOM, _MOST_SHOWN, _LEAST_SHOWN, _LEAST_REACH = 1.35, 2.0, 10.0, 7.5
 
 
 def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
@@ -60,9 +56,8 @@ def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
     """
     spectra, names = fit.model.spectra, fit.model.layout.coordinates
     measured, fitted = mean_spectra(fit)
-    what = f"Measured and fitted spectra: {source}" if source else "Measured and fitted spectra"
     where = f"{spectra.n_segments} segments of {spectra.segment_length:.3g} s in {spectra.counts.size} speed classes"
-    figure = new_figure(what, where, width=9.5, height=1.3 + 1.9 * len(names))
+    figure = new_figure("Measured and fitted spectra", where, width=9.5, height=1.3 + 1.9 * len(names), source=source)
     panels = figure.subplots(len(names), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
     chance = HALF_WIDTH_95 * np.sqrt(1.06 / spectra.n_segments)
     for row, name in enumerate(names):
@@ -162,9 +157,9 @@ def corner_bars(
     n_axles = len(corners) // 2
     figure = new_figure(*heading, width=9.5, height=1.4 + 2.1 * n_axles)
     panels = figure.subplots(n_axles, 2, squeeze=False, sharey=True)
-    change, low, high = (100 * np.expm1(log_ratios + sign * HALF_WIDTH_95 * deviations) for sign in (0, -1, 1))
+    change, low, high = (percent(log_ratios + sign * HALF_WIDTH_95 * deviations) for sign in (0, -1, 1))
     inner = deviations if by_chance is None else by_chance
-    near, far = (100 * np.expm1(log_ratios + sign * HALF_WIDTH_95 * inner) for sign in (-1, 1))
+    near, far = (percent(log_ratios + sign * HALF_WIDTH_95 * inner) for sign in (-1, 1))
     reach = _reach(change[is_identifiable], near[is_identifiable], far[is_identifiable])
     for axes, corner in zip(panels.ravel(), corners, strict=True):
         rows = [row for row, component in enumerate(components) if component.corner == corner]
@@ -184,7 +179,7 @@ def _reach(change: Real, low: Real, high: Real) -> float:
     """Return the end of the axis of changes [%]: that of the changes, and of their intervals where these are narrow."""
     largest = np.abs(change).max(initial=0.0)
     ends = np.abs(np.concatenate([low, high])).max(initial=0.0)
-    return float(_ROOM * max(largest, min(ends, max(_MOST_SHOWN * largest, _LEAST_SHOWN)), _LEAST_REACH))
+    return float(1.35 * max(largest, min(ends, max(2.0 * largest, 10.0)), 7.5))
 
 
 def _draw_corner(axes: Axes, names: list[str], is_identifiable: Booleans, change: Real, intervals: Real) -> None:
@@ -198,7 +193,7 @@ def _draw_corner(axes: Axes, names: list[str], is_identifiable: Booleans, change
     bottom, top = axes.get_ylim()
     for place, (name, is_known) in enumerate(zip(names, is_identifiable, strict=True)):
         low, near, far, high = intervals[:, place]
-        colour = MODE_COLOURS[_COMPONENTS.index(name) % 3] if is_known else "#C8C8C8"
+        colour = MODE_COLOURS[KINDS.index(name) % 3] if is_known else "#C8C8C8"
         axes.add_patch(Rectangle((place - 0.3, 0), 0.6, change[place], color=colour, alpha=0.75, linewidth=0))
         axes.vlines(place, low, high, color=INK, linewidth=1.3)
         for is_beyond, limit, marker in ((low < bottom, bottom, CARETDOWN), (high > top, top, CARETUP)):
@@ -239,26 +234,24 @@ def correlation_figure(fit: CornerFit, *, source: str = "") -> Figure:
     deviations = np.sqrt(np.diag(fit.covariance))[:count]
     values = fit.covariance[:count, :count] / np.outer(deviations, deviations)
     names = [f"{component.corner.replace('_', ' ')} {component.kind}" for component in fit.components]
-    what = f"Correlation of the estimates: {source}" if source else "Correlation of the estimates"
     size = 2.6 + 0.42 * count
     figure = new_figure(
-        what, f"Values from {_LEAST_CORRELATION:g} in size are printed.", width=max(size + 1, 7.5), height=size
+        "Correlation of the estimates",
+        f"Values from {STYLE.min_correlation:g} in size are printed.",
+        width=max(size + 1, 7.5),
+        height=size,
+        source=source,
     )
     axes = figure.subplots()
-    image = axes.imshow(values, cmap="RdBu_r", vmin=-1, vmax=1)
-    axes.set_xticks(range(count), names, fontsize=SMALL, rotation=90)
-    axes.set_yticks(range(count), names, fontsize=SMALL)
-    for (row, column), value in np.ndenumerate(values):
-        if row != column and abs(value) >= _LEAST_CORRELATION:
-            colour = ink_on(image, value)
-            text: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": SMALL - 1, "color": colour}
-            axes.text(column, row, f"{value:.2f}".replace("0.", ".").replace("-", "−"), gid="value", **text)
+    image = draw_matrix(axes, values, names, names, text=_correlation, max_printed=count, cmap="RdBu_r", vmin=-1)
     figure.colorbar(image, ax=axes, shrink=0.8).set_label("correlation [-]", fontsize=NORMAL)
     return figure
 
 
-#: Groups whose numbers are drawn where they are identifiable.
-_DRAWN = 40
+def _correlation(value: float) -> str:
+    """Return a correlation as it is printed: neither a small one, nor that of a component with itself."""
+    is_printed = STYLE.min_correlation <= abs(value) < 1 - 1e-9
+    return f"{value:.2f}".replace("0.", ".").replace("-", "−") if is_printed else ""
 
 
 def misfit_figure(calibration: Calibration, *, source: str = "") -> Figure:
@@ -289,10 +282,11 @@ def misfit_figure(calibration: Calibration, *, source: str = "") -> Figure:
     (50.0, 10.0)
     """
     names = calibration.coordinates
-    what = f"Misfit before and after calibration: {source}" if source else "Misfit before and after calibration"
     n_segments = sum(calibration.n_segments)
     where = f"measured over fitted power, minus 1: {calibration.n_windows} windows, {n_segments} segments"
-    figure = new_figure(what, where, width=9.5, height=1.3 + 1.9 * len(names))
+    figure = new_figure(
+        "Misfit before and after calibration", where, width=9.5, height=1.3 + 1.9 * len(names), source=source
+    )
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     chance = HALF_WIDTH_95 * np.sqrt(1.06 / n_segments)
     for row, (name, axes) in enumerate(zip(names, panels, strict=True)):
@@ -335,10 +329,15 @@ def learnt_figure(calibration: Calibration, *, source: str = "") -> Figure:
     ['acc_fl.x']
     """
     known = (number for number in calibration.learnt if number.is_identifiable and number.nominal_value is not None)
-    numbers = list(known)[:_DRAWN]
-    what = f"Learnt numbers against the vehicle file: {source}" if source else "Learnt numbers against the vehicle file"
+    numbers = list(known)[: STYLE.max_numbers]
     where = "in usual standard deviations, with 95 % intervals"
-    figure = new_figure(what, where, width=7.5, height=1.5 + 0.22 * max(len(numbers), 4))
+    figure = new_figure(
+        "Learnt numbers against the vehicle file",
+        where,
+        width=7.5,
+        height=1.5 + 0.22 * max(len(numbers), 4),
+        source=source,
+    )
     axes = figure.subplots()
     plain(axes)
     axes.axvline(0, color=INK, linewidth=0.8)

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 
 from sprung._arrays import Real
 from sprung.diagnosis import Baseline, Diagnosis, Finding, Hypothesis, ModeChange, Observation
@@ -13,11 +12,21 @@ from sprung.diagnosis.baseline import mean_deviation, typical_std
 from sprung.diagnosis.findings import time_in_words
 from sprung.errors import ParameterError
 from sprung.results.figures.corners import corner_bars
-from sprung.results.figures.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
+from sprung.results.figures.style import (
+    FAINT,
+    HALF_WIDTH_95,
+    INK,
+    MODE_COLOURS,
+    NORMAL,
+    SMALL,
+    STYLE,
+    component_panels,
+    new_figure,
+    percent,
+    plain,
+)
 from sprung.vehicles import Component
 
-_MOST = 8
-_KINDS = ("spring", "damper", "tyre")
 #: Colours of the usual range, with and without the scatter that corners share.
 _BANDS = ("#EDEDED", "#D5D5D5")
 #: Colour of the interval of an onset.
@@ -77,7 +86,7 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
     left.set_xlim(*_span(minutes))
     left.set_xlabel("start of the window [min]", fontsize=NORMAL)
     left.set_ylabel("ln evidence of any change", fontsize=NORMAL)
-    best = detection.candidates[:_MOST][::-1]
+    best = detection.candidates[: STYLE.max_hypotheses][::-1]
     named = "+".join(finding.hypothesis for finding in diagnosis.findings) or best[-1].hypothesis.name
     right.barh(
         [candidate.hypothesis.name.replace("_", " ").replace(".", " ").replace("all ", "every ") for candidate in best],
@@ -183,30 +192,22 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
         raise ParameterError("the diagnosis has no conclusive window, but trends need one: add windows")
     conclusive = _witnesses(diagnosis)
     components = normal.components
-    corners = list(dict.fromkeys(component.corner for component in components))
+    n_corners = len({component.corner for component in components})
     what = "Components over time against the vehicle file, with 95 % intervals"
     where = f"Grey: 95 % of usual windows by {_name(normal)}; darker: without common effects"
-    figure = new_figure(what, where, width=max(9.5, 2.4 * len(corners)), height=7)
-    panels = figure.subplots(len(_KINDS), len(corners), sharex=True, sharey="row", squeeze=False)
+    figure = new_figure(what, where, width=max(9.5, 2.4 * n_corners), height=7)
+    panels, shown = component_panels(figure, components)
     minutes = np.array([window.time for window in conclusive]) / 60
     values = np.array([normal.mean + normal.residual(window) for window in conclusive])
     bars = HALF_WIDTH_95 * np.sqrt([np.diag(window.covariance) for window in conclusive])
     own, usual = (HALF_WIDTH_95 * std for std in (np.sqrt(np.diag(normal.covariance)), typical_std(normal)))
-    for line, kind in zip(panels, _KINDS, strict=True):
-        line[0].set_ylabel(f"{kind} [%]", fontsize=NORMAL)
-        for axes, corner in zip(line, corners, strict=True):
-            plain(axes)
-            if Component(corner, kind) not in components:
-                continue
-            row = components.index(Component(corner, kind))
-            _draw_limits(axes, float(normal.mean[row]), (usual[row], own[row]))
-            middle, low, high = (_percent(values[:, row] + sign * bars[:, row]) for sign in (0, -1, 1))
-            axes.errorbar(minutes, middle, (middle - low, high - middle), fmt="o", color=MODE_COLOURS[0], markersize=3)
-            for finding in diagnosis.findings:
-                if components[row] in _parts(finding, components):
-                    _draw_onset(axes, finding, minutes, values[:, row])
-    for axes, corner in zip(panels[0], corners, strict=True):
-        axes.set_title(corner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
+    for axes, row in shown:
+        _draw_limits(axes, float(normal.mean[row]), (usual[row], own[row]))
+        middle, low, high = (percent(values[:, row] + sign * bars[:, row]) for sign in (0, -1, 1))
+        axes.errorbar(minutes, middle, (middle - low, high - middle), fmt="o", color=MODE_COLOURS[0], markersize=3)
+        for finding in diagnosis.findings:
+            if components[row] in _parts(finding, components):
+                _draw_onset(axes, finding, minutes, values[:, row])
     panels[0, 0].set_xlim(*_span(minutes))
     for axes in panels[-1]:
         axes.set_xlabel("start of the window [min]", fontsize=NORMAL)
@@ -216,8 +217,8 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
 def _draw_limits(axes: Axes, mean: float, halves: tuple[float, float]) -> None:
     """Draw the usual range: its mean, and a light and a dark band of given half widths [ln]."""
     for half, colour in zip(halves, _BANDS, strict=True):
-        axes.axhspan(*_percent([mean - half, mean + half]), color=colour, zorder=0)
-    axes.axhline(float(_percent(mean)), color=INK, linewidth=0.8)
+        axes.axhspan(*percent([mean - half, mean + half]), color=colour, zorder=0)
+    axes.axhline(float(percent(mean)), color=INK, linewidth=0.8)
 
 
 def _draw_onset(axes: Axes, finding: Finding, minutes: Real, values: Real) -> None:
@@ -229,7 +230,7 @@ def _draw_onset(axes: Axes, finding: Finding, minutes: Real, values: Real) -> No
         away = minutes[later] - minutes[later].mean()
         trend = values[later].mean() + np.log1p(finding.trend.per_hour) * away / 60
         label = f"{100 * finding.trend.per_hour:+.1f} % per hour"
-        axes.plot(minutes[later], _percent(trend), color=MODE_COLOURS[1], linewidth=1.5, linestyle="--", label=label)
+        axes.plot(minutes[later], percent(trend), color=MODE_COLOURS[1], linewidth=1.5, linestyle="--", label=label)
     axes.legend(fontsize=SMALL, frameon=False)
 
 
@@ -255,11 +256,6 @@ def _span(minutes: Real) -> tuple[float, float]:
     """Return the limits of a time axis, also for a single window."""
     room = max(1.0, 0.05 * float(np.ptp(minutes)))
     return float(minutes[0]) - room, float(minutes[-1]) + room
-
-
-def _percent(log_ratio: ArrayLike) -> Real:
-    """Return the relative change [%] of ln values."""
-    return 100 * np.expm1(log_ratio)
 
 
 def mode_changes_figure(changes: Sequence[ModeChange], *, heading: str = "") -> Figure:

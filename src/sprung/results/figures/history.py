@@ -23,20 +23,19 @@ from sprung.results.figures.style import (
     MODE_COLOURS,
     NORMAL,
     SMALL,
+    STYLE,
+    component_panels,
     in_hertz,
     mode_colour,
     new_figure,
+    percent,
     plain,
     write_sentence,
 )
 from sprung.vehicles import Component
 
-_KINDS = ("spring", "damper", "tyre")
 #: Colours of the range of usual windows, and of the time of an alert.
 _USUAL, _ALERT = "#E6E6E6", "#F3D9C9"
-#: Windows above which they are drawn in groups, most groups, and lengths that groups may have [h].
-_MANY, _MOST_GROUPS = 200, 60
-_LENGTHS = (1, 2, 3, 6, 12, 24, 48, 72, 168, 336, 720)
 
 #: Untyped part of matplotlib.
 _DATES: Any = dates
@@ -108,31 +107,22 @@ def components_history_figure(
     >>> points.get_ydata().round().tolist()
     [0.0, 0.0, 0.0, 0.0, 0.0, -20.0, -20.0, -20.0, -20.0, -20.0]
     """
-    corners = list(dict.fromkeys(component.corner for component in components))
+    n_corners = len({component.corner for component in components})
     groups, length = _grouped(times)
     points = f"medians of {length} h, with 95 % of their windows" if length else "single windows with 95 % intervals"
     where = f"Points: {points}. Grey: usual windows. Shaded: alert."
-    figure = new_figure("Components against the baseline", where, width=max(9.5, 2.4 * len(corners)), height=6.6)
-    panels = figure.subplots(len(_KINDS), len(corners), sharex=True, sharey="row", squeeze=False)
+    figure = new_figure("Components against the baseline", where, width=max(9.5, 2.4 * n_corners), height=6.6)
+    panels, shown = component_panels(figure, components)
     spans, learnt = list(alerts), list(baselines)
-    for kind, line in zip(_KINDS, panels, strict=True):
-        line[0].set_ylabel(f"{kind} [%]", fontsize=NORMAL)
-        for corner, axes in zip(corners, line, strict=True):
-            plain(axes)
-            component = Component(corner, kind)
-            if component not in components:
-                continue
-            row = list(components).index(component)
-            band = HALF_WIDTH_95 * float(usual[row])
-            axes.axhspan(*_percent(np.array([-band, band])), color=_USUAL, zorder=0)
-            axes.axhline(0, color=INK, linewidth=0.8)
-            _shade(axes, [span for span in spans if span.cause == str(component)])
-            half = HALF_WIDTH_95 * deviations[:, row]
-            values = np.array([_percent(log_ratios[:, row] + sign * half) for sign in (0, -1, 1)])
-            _draw_points(axes, _places(times), values, groups, colour=MODE_COLOURS[0])
-            _draw_lines(axes, learnt)
-    for axes, corner in zip(panels[0], corners, strict=True):
-        axes.set_title(corner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
+    for axes, row in shown:
+        band = HALF_WIDTH_95 * float(usual[row])
+        axes.axhspan(*percent([-band, band]), color=_USUAL, zorder=0)
+        axes.axhline(0, color=INK, linewidth=0.8)
+        _shade(axes, [span for span in spans if span.cause == str(components[row])])
+        half = HALF_WIDTH_95 * deviations[:, row]
+        values = np.array([percent(log_ratios[:, row] + sign * half) for sign in (0, -1, 1)])
+        _draw_points(axes, _places(times), values, groups, colour=MODE_COLOURS[0])
+        _draw_lines(axes, learnt)
     for axes in panels[-1]:
         _set_dates(axes, times, n_ticks=4)
     handles: list[Any] = [
@@ -280,8 +270,12 @@ def _grouped(times: Times, *, length: int | None = None) -> tuple[list[Indices],
     Groups begin at multiples of their length since 1970, which are midnights from a day on.
     """
     if length is None:
-        hours = float(np.ptp(times)) / 3600e9 if len(times) > _MANY else 0.0
-        length = next((each for each in _LENGTHS if hours <= _MOST_GROUPS * each), _LENGTHS[-1]) if hours else 0
+        hours = float(np.ptp(times)) / 3600e9 if len(times) > STYLE.many_windows else 0.0
+        length = (
+            next((each for each in STYLE.group_hours if hours <= STYLE.max_groups * each), STYLE.group_hours[-1])
+            if hours
+            else 0
+        )
     if not length:
         return [np.array([k]) for k in range(len(times))], 0
     groups = times // (length * 3600 * 10**9)
@@ -311,18 +305,6 @@ def _draw_lines(axes: Axes, times: Sequence[int]) -> None:
         axes.axvline(float(place), color=INK, linewidth=0.9, linestyle=":")
 
 
-def _percent(log_ratio: Real) -> Real:
-    """Return the relative change [%] of ln values."""
-    return 100 * np.expm1(log_ratio)
-
-
-#: Height of the overview and of the panel of a track [in], and most panels.
-_OVERVIEW, _PANEL, _MOST_PANELS = 3.2, 1.35, 12
-#: Smallest ranges shown, relative to the mean: of frequencies and damping ratios.
-_LEAST_RANGE = (0.01, 0.3)
-#: Windows above which a stated deviation is drawn as a band, and distances of windows that are a gap.
-_MANY_INTERVALS, _GAP = 60, 1.5
-_UNITS = ((120.0, 1.0, "s"), (7200.0, 60.0, "min"), (np.inf, 3600.0, "h"))
 #: Colours of modes of no track, and of windows without modes.
 _STRAY, _EMPTY = "#8C8C8C", "#E4E4E4"
 
@@ -364,15 +346,17 @@ def tracks_figure(
     """
     what = f"Modes over time: {source}" if source else "Modes over time"
     numbers = sorted(range(len(tracked.tracks)), key=lambda number: -len(tracked.tracks[number]))
-    tracks = [(number, tracked.tracks[number]) for number in sorted(numbers[:_MOST_PANELS])]
+    tracks = [(number, tracked.tracks[number]) for number in sorted(numbers[: STYLE.max_tracks])]
     n_omitted = len(numbers) - len(tracks)
     where = f"In separate panels: the {len(tracks)} modes found in the most windows" if n_omitted else ""
     if not tracks:
         return write_sentence(new_figure(what, "", width=9.5, height=3), "No mode was found in enough windows.")
     axis, label, is_date = _time_axis(tracked.times, start=start, has_times=has_times)
-    height = 1.0 + _OVERVIEW + _PANEL * len(tracks)
+    height = 1.0 + STYLE.overview + STYLE.track * len(tracks)
     figure = new_figure(what, where, width=9.5, height=height)
-    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[_OVERVIEW, _PANEL * len(tracks) + 0.6])[:, 0]
+    above, below = figure.subfigures(
+        2, 1, squeeze=False, height_ratios=[STYLE.overview, STYLE.track * len(tracks) + 0.6]
+    )[:, 0]
     overview = above.subplots()
     _draw_overview(overview, tracked, axis)
     panels = below.subplots(len(tracks), 2, sharex=True, squeeze=False)
@@ -398,7 +382,8 @@ def _time_axis(times: Real, *, start: int | None, has_times: bool) -> tuple[Real
     if start is not None:
         instants: NDArray[Any] = np.datetime64(start, "ns") + np.round(1e9 * times).astype("timedelta64[ns]")
         return np.asarray(_DATES.date2num(instants), dtype=np.float64), "time (UTC)", True
-    factor, unit = next((factor, unit) for limit, factor, unit in _UNITS if np.ptp(times) < limit)
+    length = np.ptp(times)
+    factor, unit = (1.0, "s") if length < 120 else (60.0, "min") if length < 7200 else (3600.0, "h")
     return times / factor, f"time since the first window [{unit}]", False
 
 
@@ -427,8 +412,15 @@ def _draw_track(row: NDArray[Any], tracked: TrackedModes, track: Track, number: 
     """Draw frequency and damping of a track."""
     modes, colour = track.modes, mode_colour(number)
     for axes, factor, values, deviations, summary, least in (
-        (row[0], 1.0, modes.natural_frequency, modes.natural_frequency_std, track.natural_frequency, _LEAST_RANGE[0]),
-        (row[1], 100.0, modes.damping_ratio, modes.damping_ratio_std, track.damping_ratio, _LEAST_RANGE[1]),
+        (
+            row[0],
+            1.0,
+            modes.natural_frequency,
+            modes.natural_frequency_std,
+            track.natural_frequency,
+            STYLE.time_ranges[0],
+        ),
+        (row[1], 100.0, modes.damping_ratio, modes.damping_ratio_std, track.damping_ratio, STYLE.time_ranges[1]),
     ):
         plain(axes)
         places = axis[track.windows]
@@ -453,7 +445,7 @@ def _draw_values(axes: Axes, places: Real, values: Real, halves: Real, *, step: 
     """Draw values with 95 % intervals, and a line where no window lies between."""
     for part in _unbroken(places, step):
         axes.plot(places[part], values[part], color=colour, linewidth=0.7, alpha=0.6)
-    is_many = len(places) > _MANY_INTERVALS
+    is_many = len(places) > STYLE.many_intervals
     style: dict[str, Any] = {"linewidth": 0.5, "alpha": 0.35} if is_many else {"linewidth": 1.0, "capsize": 2}
     axes.errorbar(places, values, halves, fmt="none", ecolor=colour, elinewidth=style.pop("linewidth"), **style)
     axes.plot(places, values, "o", color=colour, markersize=2.2 if is_many else 3.5)
@@ -461,7 +453,7 @@ def _draw_values(axes: Axes, places: Real, values: Real, halves: Real, *, step: 
 
 def _unbroken(places: Real, step: float) -> list[Indices]:
     """Return the indices of places between which no window lies."""
-    return np.split(np.arange(len(places)), np.flatnonzero(np.diff(places) > _GAP * step) + 1)
+    return np.split(np.arange(len(places)), np.flatnonzero(np.diff(places) > STYLE.gap * step) + 1)
 
 
 def _draw_ends(axes: Axes, tracked: TrackedModes, track: Track, axis: Real, colour: str) -> None:
@@ -503,10 +495,6 @@ def plain_tracks_figure(tracked: TrackedModes) -> Figure:
 
 #: Sign and colour of each step of severity, from note to critical; light colours carry dark text.
 _STEPS = (("○", "#D9D9D9"), ("△", "#F0E442"), ("◇", "#E69F00"), ("■", "#D55E00"), ("✖", "#B2182B"))
-#: Steps from which on text on their colour is white.
-_DARK_FROM = 3
-#: Room beyond the largest change on the axis, and least end of the axis [%].
-_ROOM, _LEAST_REACH = 1.15, 10.0
 
 
 def plan_figure(
@@ -584,7 +572,7 @@ def _draw_cell(
     x, y = place
     step = steps.get(str(component))
     sign, colour = ("", "#FFFFFF") if step is None else _STEPS[step]
-    ink = "white" if step is not None and step >= _DARK_FROM else INK
+    ink = "white" if step is not None and step >= 3 else INK
     style: dict[str, Any] = {"boxstyle": "round,pad=0,rounding_size=0.04", "facecolor": colour, "edgecolor": "#BBBBBB"}
     axes.add_patch(FancyBboxPatch((x, y - 0.21), 1.4, 0.2, linewidth=0.7, **style))
     text: dict[str, Any] = {"fontsize": SMALL, "color": ink, "va": "center"}
@@ -606,9 +594,7 @@ def _draw_changes(
     An interval that goes beyond the axis ends in an arrow.
     """
     plain(axes)
-    reach = max(
-        _LEAST_REACH, _ROOM * float(np.abs(change).max(initial=0.0)), _ROOM * float(np.median(np.abs(interval)))
-    )
+    reach = max(10.0, 1.15 * np.abs(change).max(initial=0.0), 1.15 * float(np.median(np.abs(interval))))
     axes.axvline(0, color=INK, linewidth=1)
     for place, component in enumerate(components):
         limit = 100 * detectable.get(str(component), 0.0)

@@ -15,12 +15,11 @@ from sprung.results.figures.diagnosis import corner_changes_figure, evidence_fig
 from sprung.results.figures.shapes import complexity_figure, shapes_figure
 from sprung.results.figures.spectra import spectra_figure
 from sprung.results.figures.stabilisation import stabilisation_figure
+from sprung.results.figures.style import STYLE
 from sprung.results.figures.subsets import mac_figure, subsets_figure
 
 #: Formats of saved figures.
 FILE_FORMATS = ("png", "svg", "pdf")
-#: Resolution of saved figures [dots per inch].
-RESOLUTION = 150
 
 
 def save_figures(
@@ -93,7 +92,7 @@ def save(
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"{name}.{file_format}" for name in figures_by_name]
     for path, figure in zip(paths, figures_by_name.values(), strict=True):
-        figure.savefig(path, dpi=RESOLUTION)
+        figure.savefig(path, dpi=STYLE.file)
     return paths
 
 

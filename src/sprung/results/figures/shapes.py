@@ -21,6 +21,7 @@ from sprung.results.figures.style import (
     NO_MODE,
     NORMAL,
     SMALL,
+    STYLE,
     mode_colour,
     mode_name,
     mode_values,
@@ -34,15 +35,8 @@ from sprung.results.figures.style import (
 from sprung.vehicles import sensor_outputs
 from sprung.vehicles.labels import MOTIONS, rigid_body_participation
 
-#: Azimuth and elevation of the view: from the right and slightly ahead, above the body [degrees].
-_AZIMUTH, _ELEVATION = -62.0, 24.0
-#: Largest displacement over the mean of the plate's length and width.
-_AMPLITUDE = 0.28
-#: Shortest arrow drawn, and height of two lines of text, over the same mean.
-_SHORTEST, _TEXT_HEIGHT = 0.05, 0.15
 #: Half length and half width of a plate whose sensors do not span one [m].
 NOMINAL_EXTENT = (1.3, 0.75)
-_MOST_TEXTS = 6
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -121,7 +115,7 @@ def _plate(channels: Sequence[Channel]) -> tuple[Real, bool]:
 
 def projected(points: Real) -> Real:
     """Return points, shape (..., 3), as seen from the right and above (parallel projection), shape (..., 2)."""
-    azimuth, elevation = np.radians(_AZIMUTH), np.radians(_ELEVATION)
+    azimuth, elevation = np.radians(STYLE.azimuth), np.radians(STYLE.elevation)
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     up = np.array(
         [-np.sin(elevation) * np.cos(azimuth), -np.sin(elevation) * np.sin(azimuth), np.cos(elevation)],
@@ -148,13 +142,13 @@ def draw_body(axes: Axes, shapes: BodyShapes, index: int, channels: Sequence[Cha
     rest, motion = shapes.corners, shapes.corner_motions[index].real
     sensed = shapes.sensor_motions[index].real
     size = (np.ptp(rest[:, 0]) + np.ptp(rest[:, 1])) / 2
-    scale = _AMPLITUDE * size / max(np.abs(motion).max(), np.nanmax(np.abs(sensed), initial=0.0), 1e-12)
+    scale = STYLE.displacement * size / max(np.abs(motion).max(), np.nanmax(np.abs(sensed), initial=0.0), 1e-12)
     _draw_plate(axes, rest, scale * motion, mode_colour(index))
     _draw_front(axes, rest)
     at_sensor = _with_room(channels, sensed)
     for k in (int(row) for row in np.flatnonzero(np.isfinite(sensed))):
         text = f"{channels[k].name}\n{amplitude_and_phase(values[k])}" if k in at_sensor else ""
-        _draw_sensor(axes, channels[k], scale * float(sensed[k]), text, _SHORTEST * size)
+        _draw_sensor(axes, channels[k], scale * float(sensed[k]), text, STYLE.shortest_arrow * size)
     listed_below = [
         f"{channel.name} {amplitude_and_phase(values[k])}" for k, channel in enumerate(channels) if k not in at_sensor
     ]
@@ -162,9 +156,9 @@ def draw_body(axes: Axes, shapes: BodyShapes, index: int, channels: Sequence[Cha
     axes.text(0.5, 0.0, "\n".join(rows), transform=axes.transAxes, ha="center", va="bottom", fontsize=SMALL, color=INK)
     flat = projected(rest)
     low, high = flat.min(axis=0), flat.max(axis=0)
-    reach = _AMPLITUDE * size * np.cos(np.radians(_ELEVATION)) + _TEXT_HEIGHT * size
-    axes.set_xlim(low[0] - _TEXT_HEIGHT * size, high[0] + _TEXT_HEIGHT * size)
-    axes.set_ylim(low[1] - reach - len(rows) * _TEXT_HEIGHT / 2 * size, high[1] + reach)
+    reach = STYLE.displacement * size * np.cos(np.radians(STYLE.elevation)) + STYLE.two_lines * size
+    axes.set_xlim(low[0] - STYLE.two_lines * size, high[0] + STYLE.two_lines * size)
+    axes.set_ylim(low[1] - reach - len(rows) * STYLE.two_lines / 2 * size, high[1] + reach)
 
 
 def _draw_plate(axes: Axes, rest: Real, motion: Real, colour: str) -> None:
@@ -200,7 +194,7 @@ def _with_room(channels: Sequence[Channel], sensed: Real) -> set[int]:
     """Return the channels whose values fit next to their sensors: few, and no two at one position."""
     placed = [int(k) for k in np.flatnonzero(np.isfinite(sensed))]
     places = {channels[k].position for k in placed}
-    return set(placed) if len(places) == len(placed) <= _MOST_TEXTS else set()
+    return set(placed) if len(places) == len(placed) <= STYLE.max_texts else set()
 
 
 def _draw_sensor(axes: Axes, channel: Channel, length: float, text: str, shortest: float) -> None:
@@ -238,15 +232,8 @@ def amplitude_and_phase(value: complex) -> str:
     return f"{abs(value):.2f}, {180 if phase == -180 else phase}°".replace("-", "−")
 
 
-#: With more channels than this, panels are wide, and channels carry no markers of their own.
-_MANY_CHANNELS, _MARKERS = 12, "os^DvP*X"
-_MOST_TICKS = 40
-#: Largest channels of a compass of many that are named, distance of the names from its centre, and their distance over
-#: its diameter.
-_MOST_NAMED, _NAMED_AT, _LINE = 6, 0.55, 0.075
-#: Upper end of an axis with the scales of several quantities, and their mention.
-_WITH_SCALES, _OF_QUANTITY = 1.75, " of the same quantity"
-_COLUMN = 3.4
+_MARKERS = "os^DvP*X"
+_OF_QUANTITY = " of the same quantity"
 
 
 def shapes_figure(modes: Modes, channels: Sequence[Channel], *, source: str = "") -> Figure:
@@ -293,7 +280,7 @@ def _bodies(modes: Modes, channels: Sequence[Channel], shapes: BodyShapes, what:
     where = "Grey: at rest. Plate: rigid-body motion. Arrows: sensor signals (amplitude, phase)."
     if shapes.is_nominal:
         where += " The outline is nominal."
-    width = max(1.28 * _COLUMN * n_columns, 8.5)
+    width = max(1.28 * 3.4 * n_columns, 8.5)
     figure = new_figure(what, where, width=width, height=1.2 + 3.1 * n_rows)
     for k, axes in enumerate(_panels(figure, n_rows, n_columns, len(modes))):
         draw_body(axes, shapes, k, channels, modes.mode_shapes[k])
@@ -306,9 +293,9 @@ def _bars(modes: Modes, channels: Sequence[Channel], what: str) -> Figure:
     groups = _quantities(channels)
     order = np.concatenate(groups)
     names = [modes.channels[row] for row in order]
-    is_wide = len(names) > _MANY_CHANNELS
+    is_wide = len(names) > STYLE.many_channels
     n_rows, n_columns = panel_grid(len(modes), most_columns=2 if is_wide else 4 if len(groups) == 1 else 3)
-    width = max((1.9 if is_wide else 1.0) * _COLUMN * n_columns, 7.0)
+    width = max((1.9 if is_wide else 1.0) * 3.4 * n_columns, 7.0)
     longest = max(map(len, names))
     where = f"Relative to the largest channel{_OF_QUANTITY if len(groups) > 1 else ''}"
     figure = new_figure(what, where, width=width, height=1.6 + 2.4 * n_rows + 0.07 * longest)
@@ -317,7 +304,7 @@ def _bars(modes: Modes, channels: Sequence[Channel], what: str) -> Figure:
         _draw_bars(axes, _relative(modes.mode_shapes[k], groups)[order], mode_colour(k))
         is_lowest = k + n_columns >= len(modes)
         _label_channels(axes, names if is_lowest else [""] * len(names), 0.75 * width / n_columns)
-        axes.set_ylim(-1.15, 1.15 if len(groups) == 1 else _WITH_SCALES)
+        axes.set_ylim(-1.15, 1.15 if len(groups) == 1 else STYLE.with_scales)
         _name(axes, modes, k, f"MPC {modes.mpc[k]:.2f}")
         if len(groups) > 1:
             _draw_scales(axes, modes.mode_shapes[k], channels, groups)
@@ -355,14 +342,14 @@ def _draw_scales(axes: Axes, shape: Complex, channels: Sequence[Channel], groups
         quantity = channels[rows[0]].quantity.replace("unknown", "as recorded").replace("_", " ")
         size = f"{np.abs(shape[rows]).max():.2g} {pretty_unit(channels[rows[0]].unit)}".rstrip()
         style: dict[str, Any] = {"ha": "center", "va": "top", "fontsize": SMALL - 1, "color": INK, "gid": "scale"}
-        axes.text((left + right) / 2, _WITH_SCALES - 0.05, f"{quantity}\n1 = {size}", **style)
+        axes.text((left + right) / 2, STYLE.with_scales - 0.05, f"{quantity}\n1 = {size}", **style)
 
 
 def _draw_bars(axes: Axes, shape: Complex, colour: str) -> None:
     """Draw real parts as bars and imaginary parts as diamonds."""
     places = np.arange(len(shape))
     axes.bar(places, shape.real, width=0.7, color=colour, alpha=0.85)
-    size = 5 if len(shape) <= _MANY_CHANNELS else 3
+    size = 5 if len(shape) <= STYLE.many_channels else 3
     style: dict[str, Any] = {"marker": "D", "markersize": size, "markerfacecolor": "white", "linestyle": "none"}
     axes.plot(places, shape.imag, color=INK, markeredgewidth=0.9, gid="imaginary part", **style)
     axes.axhline(0, color=INK, linewidth=0.8)
@@ -370,7 +357,7 @@ def _draw_bars(axes: Axes, shape: Complex, colour: str) -> None:
 
 def _label_channels(axes: Axes, names: Sequence[str], width: float) -> None:
     """Write the names of the channels below the axis, vertically if they are long, and every n-th of very many."""
-    step = -(-len(names) // _MOST_TICKS)
+    step = -(-len(names) // STYLE.max_ticks)
     longest = max(len(name) for name in names)
     is_upright = longest * len(names) * 0.6 * SMALL / 72 > width
     axes.set_xticks(range(0, len(names), step), names[::step], rotation=90 if is_upright else 0, fontsize=SMALL)
@@ -416,7 +403,7 @@ def complexity_figure(modes: Modes, channels: Sequence[Channel] = (), *, source:
     if len(groups) > 1:
         where = where.replace("channel.", f"channel{_OF_QUANTITY}.").replace("to it", "to the largest of all")
     if not has_markers:
-        where += f" Named: the {_MOST_NAMED} largest."
+        where += f" Named: the {STYLE.max_named} largest."
     panel = 2.9 if has_markers else 4.2
     figure = new_figure(what, where, width=max(panel * n_columns, 7.5), height=1.4 + 2.9 * n_rows)
     for k in range(len(modes)):
@@ -451,15 +438,15 @@ def _draw_compass(axes: PolarAxes, shape: Complex, colour: str) -> None:
 
 def _name_largest(axes: Axes, names: Sequence[str], shape: Complex) -> None:
     """Write the names of the largest channels to the left and right of a compass, with lines to their arrows."""
-    largest = np.argsort(-np.abs(shape), kind="stable")[:_MOST_NAMED]
+    largest = np.argsort(-np.abs(shape), kind="stable")[: STYLE.max_named]
     for side, rows in ((1, largest[shape[largest].real >= 0]), (-1, largest[shape[largest].real < 0])):
         rising = rows[np.argsort(shape[rows].imag, kind="stable")]
-        heights = spread((1 + shape[rising].imag) / 2, _LINE)
+        heights = spread((1 + shape[rising].imag) / 2, 0.075)
         for row, height in zip(rising, heights, strict=True):
             axes.annotate(
                 names[row],
                 xy=((1 + float(shape[row].real)) / 2, (1 + float(shape[row].imag)) / 2),
-                xytext=(0.5 + side * _NAMED_AT, float(height)),
+                xytext=(0.5 + side * 0.55, float(height)),
                 xycoords="axes fraction",
                 textcoords="axes fraction",
                 ha="left" if side > 0 else "right",

@@ -15,14 +15,13 @@ from sprung.results.figures.style import (
     MODE_COLOURS,
     NORMAL,
     SMALL,
+    STYLE,
     new_figure,
     panel_grid,
     plain,
     with_unit,
 )
 from sprung.signals.spectrum import spectral_matrix
-
-_MOST_POINTS = 4000
 
 
 def histories_figure(recordings: Sequence[tuple[str, Recording]], *, title: str, window: float | None = None) -> Figure:
@@ -186,7 +185,7 @@ def _channels_figure(
 
 def _envelope(time: Real, values: Real) -> tuple[Real, Real]:
     """Return the largest and smallest value of each interval if there are too many samples to draw."""
-    per = -(-values.size * 2 // _MOST_POINTS)
+    per = -(-values.size * 2 // STYLE.max_points)
     if per <= 2:
         return time, values
     blocks = values[: values.size // per * per].reshape(-1, per)

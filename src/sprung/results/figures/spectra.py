@@ -17,6 +17,7 @@ from sprung.results.figures.style import (
     MODE_COLOURS,
     NORMAL,
     SMALL,
+    STYLE,
     FrequencyRange,
     curve_limits,
     frequency_range,
@@ -31,13 +32,6 @@ from sprung.results.figures.style import (
     pretty_unit,
 )
 from sprung.signals.spectrum import SpectralMatrix
-
-_WIDTH = 11.0
-#: More channels than this are not drawn.
-MOST_CHANNELS = 24
-_DYNAMIC_RANGE = 90.0
-#: Additional height of the first row, where harmonics are labelled.
-_LABELLED = 0.4
 
 
 def spectra_figure(identification: Identification, *, source: str = "") -> Figure:
@@ -67,7 +61,7 @@ def spectra_figure(identification: Identification, *, source: str = "") -> Figur
     >>> len(figure.axes), figure.axes[-1].get_xlabel()
     (3, 'Frequency [Hz]')
     """
-    n_channels = min(len(identification.channels), MOST_CHANNELS)
+    n_channels = min(len(identification.channels), STYLE.max_channels)
     n_rows, n_columns = panel_grid(n_channels, most_columns=1 if n_channels <= 4 else 2 if n_channels <= 10 else 3)
     what = "Power spectral densities"
     if identification.edited_spectra is not None:
@@ -78,13 +72,13 @@ def spectra_figure(identification: Identification, *, source: str = "") -> Figur
     figure = new_figure(
         f"{what}: {source}" if source else what,
         origin(identification),
-        width=_WIDTH,
-        height=2.0 + row_height * (n_rows + _LABELLED * bool(identification.harmonics)),
+        width=STYLE.wide,
+        height=2.0 + row_height * (n_rows + STYLE.labelled * bool(identification.harmonics)),
     )
-    heights = [1.0 + _LABELLED * bool(identification.harmonics)] + [1.0] * (n_rows - 1)
+    heights = [1.0 + STYLE.labelled * bool(identification.harmonics)] + [1.0] * (n_rows - 1)
     panels = figure.subplots(n_rows, n_columns, sharex=True, squeeze=False, height_ratios=heights)
     shown = frequency_range(identification)
-    width = 0.9 * _WIDTH / n_columns
+    width = 0.9 * STYLE.wide / n_columns
     for k, axes in enumerate(panels.flat):
         if k >= n_channels:
             axes.set_axis_off()
@@ -125,7 +119,7 @@ def _draw_channel(axes: Axes, identification: Identification, row: int, shown: F
         level = _decibels(spectra, row)
         axes.plot(spectra.frequencies[1:], level[1:], color=colour, linewidth=width, gid=gid, zorder=2)
         levels.append(level[shown.holds(spectra.frequencies)])
-    axes.set_ylim(curve_limits(np.concatenate(levels), dynamic_range=_DYNAMIC_RANGE, room=room))
+    axes.set_ylim(curve_limits(np.concatenate(levels), dynamic_range=STYLE.spectrum_span, room=room))
 
 
 def _decibels(spectra: SpectralMatrix, row: int) -> Real:

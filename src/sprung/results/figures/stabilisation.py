@@ -22,6 +22,7 @@ from sprung.results.figures.style import (
     INK,
     NORMAL,
     SMALL,
+    STYLE,
     FrequencyRange,
     curve_limits,
     frequency_range,
@@ -36,9 +37,6 @@ from sprung.results.figures.style import (
 )
 from sprung.signals.spectrum import SpectralMatrix, singular_values
 
-_WIDTH, _PANEL_HEIGHT = 11.0, 4.6
-#: The spectrum is shown down to this far below its maximum [dB].
-_DYNAMIC_RANGE = 80.0
 #: Colour of the second and further singular values, and mark of the peaks of the first.
 _LOWER_CURVE = "#D5DEE8"
 _PEAK: MappingProxyType[str, Any] = MappingProxyType(
@@ -111,10 +109,11 @@ def stabilisation_figure(identification: Identification, *, source: str = "") ->
     ('Model order', ['first singular value', 'further singular values', 'peak above chance'])
     """
     subsets = identification.subsets
-    height = _PANEL_HEIGHT if len(subsets) == 1 else 0.75 * _PANEL_HEIGHT
+    height = 4.6 if len(subsets) == 1 else 3.45
     title = "Stabilisation diagram" if subsets[0].diagrams else "Singular values of the spectra"
-    what = f"{title}: {source}" if source else title
-    figure = new_figure(what, origin(identification), width=_WIDTH, height=1.9 + height * len(subsets))
+    figure = new_figure(
+        title, origin(identification), width=STYLE.wide, height=1.9 + height * len(subsets), source=source
+    )
     panels = figure.subplots(len(subsets), 1, sharex=True, squeeze=False)[:, 0]
     shown = frequency_range(identification)
     for k, (axes, subset) in enumerate(zip(panels, subsets, strict=True)):
@@ -126,9 +125,9 @@ def stabilisation_figure(identification: Identification, *, source: str = "") ->
         axes.set_ylim(0, rungs / (1 - room))
         if not subset.diagrams:
             axes.set_yticks([])
-        mark_harmonics(axes, identification.harmonics, width=0.83 * _WIDTH)
+        mark_harmonics(axes, identification.harmonics, width=0.83 * STYLE.wide)
         is_first = k == 0
-        mark_modes(axes, identification.modes, width=0.83 * _WIDTH, height=height, has_labels=is_first)
+        mark_modes(axes, identification.modes, width=0.83 * STYLE.wide, height=height, has_labels=is_first)
         _draw_spectra(axes, identification, shown, room)
         axes.set_ylabel(_rung_label(identification, k), fontsize=NORMAL)
     panels[-1].set_xlabel("Frequency [Hz]", fontsize=NORMAL)
@@ -208,7 +207,7 @@ def _draw_spectra(axes: Axes, identification: Identification, shown: FrequencyRa
             for lower in levels[1:]:
                 behind.plot(spectra.frequencies[1:], lower[1:], color=_LOWER_CURVE, linewidth=0.7, gid="singular value")
             _mark_peaks(behind, identification, used, level)
-    behind.set_ylim(curve_limits(np.concatenate(seen), dynamic_range=_DYNAMIC_RANGE, room=room))
+    behind.set_ylim(curve_limits(np.concatenate(seen), dynamic_range=STYLE.diagram_span, room=room))
     behind.set_ylabel("Singular values of the spectra,\nchannels of variance 1 [dB re 1/Hz]", fontsize=SMALL)
     behind.yaxis.label.set_color("#5A738A")
     behind.tick_params(labelsize=SMALL, colors="#5A738A")
@@ -228,11 +227,6 @@ def _mark_peaks(axes: Axes, identification: Identification, spectra: SpectralMat
         width = max(2 * damping * frequency, 2 * step)
         bell = np.abs(spectra.frequencies - frequency) <= width
         axes.plot(spectra.frequencies[bell], level[bell], color=mode_colour(mode), linewidth=2.4, gid="bell")
-
-
-def first_singular_value(spectra: SpectralMatrix, *, like: SpectralMatrix) -> Real:
-    """Return the first singular value at each frequency [dB re 1/Hz], channels scaled to variance 1 in `like`."""
-    return np.asarray(singular_values_in_decibels(spectra, like=like)[0])
 
 
 def singular_values_in_decibels(spectra: SpectralMatrix, *, like: SpectralMatrix) -> Real:

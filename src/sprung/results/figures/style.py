@@ -2,7 +2,7 @@
 
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Any, TypeVar
@@ -14,7 +14,7 @@ from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import isotonic_regression
 
 from sprung._arrays import Booleans, Real
@@ -22,6 +22,7 @@ from sprung._display import listed
 from sprung.identification import METHOD_NAMES, Identification
 from sprung.modal import INTERVAL_95, Modes
 from sprung.signals.harmonics import Harmonic
+from sprung.vehicles import Component
 
 #: Colours of the modes by rising frequency, the same in all figures (after Okabe and Ito: distinguishable for
 #: colour-blind readers).
@@ -29,16 +30,73 @@ MODE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#C0609A", "#3FA0DC", "#7F4909"
 #: Colours of harmonics, of text and frames, of curves in the background, and of secondary elements.
 HARMONIC_COLOUR, INK, BACKGROUND_CURVE, FAINT = "#C08A00", "#222222", "#9FB4C7", "#8C8C8C"
 SMALL, NORMAL, LARGE = 8.0, 9.5, 12.0
+#: Kinds of components in panels of their own.
+KINDS = ("spring", "damper", "tyre")
 NO_MODE = "No mode was identified."
 #: Half width of a 95 % interval in standard deviations.
 HALF_WIDTH_95 = INTERVAL_95
+
+
+@dataclass(frozen=True, slots=True)
+class Style:
+    """Numbers of the figures: lengths in inches where nothing else is said."""
+
+    screen: int = 80  # resolution in notebooks and animations [dots per inch]
+    file: int = 150  # resolution of saved figures [dots per inch]
+    character: float = 0.6  # width of a character over the size of the font
+    bold: float = 1.25  # width of bold text with a gap over that of plain text
+    dark: float = 0.18  # relative luminance below which text on a colour is white
+    dashes: tuple[int, tuple[int, int]] = (0, (4, 2))  # of harmonics
+    # frequency axes
+    wide: float = 11.0  # width of spectra and diagrams
+    logarithmic_from: float = 12.0  # ratio of the upper end to the lowest mode
+    below_lowest: float = 0.33  # start of a logarithmic axis over the lowest mode
+    margin: float = 1.15  # shown on both sides of a band of interest
+    passed: float = 0.8  # share of half the sampling rate up to which decimation passes everything
+    min_level_span: float = 20.0  # smallest range of a level axis [dB]
+    spectrum_span: float = 90.0  # levels of spectra are shown this far below their maximum [dB]
+    diagram_span: float = 80.0  # so are those behind a diagram [dB]
+    label_distance: float = 1.6  # smallest distance of two harmonics' labels over the size of their font
+    clear: float = 0.012  # lines nearer to each other than this share of the axis fade
+    leader: float = 0.22  # height of the line between an axis and the label of a mode
+    labelled: float = 0.4  # additional height of a first row with labels of harmonics, of a row
+    max_channels: int = 24  # in a figure of spectra
+    max_points: int = 4000  # of a curve over time
+    # mode shapes
+    azimuth: float = -62.0  # of the view: from the right and slightly ahead [degrees]
+    elevation: float = 24.0  # of the view: above the body [degrees]
+    displacement: float = 0.28  # largest one, over the mean of the plate's length and width
+    shortest_arrow: float = 0.05  # over the same mean
+    two_lines: float = 0.15  # height of two lines of text, over the same mean
+    max_texts: int = 6  # at the sensors of a plate
+    many_channels: int = 12  # from more on, panels are wide
+    max_ticks: int = 40  # on an axis of channels
+    max_named: int = 6  # channels of a compass of many
+    with_scales: float = 1.75  # upper end of an axis with the scales of several quantities
+    frames: int = 24  # of one cycle of an animation
+    frame_rate: int = 12  # of an animation [1/s]: a cycle takes two seconds
+    animated: float = 0.14  # largest motion over the size of the structure
+    max_nodes: int = 8  # nodes whose channels are named in an animation
+    # values with intervals
+    cell: float = 0.52  # side of a cell of a matrix
+    max_printed: int = 24  # modes up to which the values of a matrix are printed
+    min_correlation: float = 0.3  # smallest one that is printed
+    max_numbers: int = 40  # of a vehicle file
+    max_hypotheses: int = 8  # in a figure of evidence
+    level_ranges: tuple[float, float] = (0.02, 0.2)  # smallest ranges of frequency and damping over levels, relative
+    time_ranges: tuple[float, float] = (0.01, 0.3)  # and over time
+    max_tracks: int = 12  # in panels of their own
+    overview: float = 3.2  # height of all tracks together
+    track: float = 1.35  # height of the panel of a track
+    many_intervals: int = 60  # windows above which intervals are faint
+    gap: float = 1.5  # distance of windows that breaks a curve, over that of neighbours
+    many_windows: int = 200  # above which they are drawn in groups
+    max_groups: int = 60
+    group_hours: tuple[int, ...] = (1, 2, 3, 6, 12, 24, 48, 72, 168, 336, 720)  # lengths that groups may have [h]
+
+
+STYLE = Style()
 AnyFigure = TypeVar("AnyFigure", bound=FigureBase)
-#: Relative luminance below which text on a colour is white.
-_DARK = 0.18
-#: Resolution in notebooks [dots per inch].
-_NOTEBOOK = 80
-#: Width of a character over the size of the font.
-_CHARACTER = 0.6
 
 
 def mode_colour(index: int) -> str:
@@ -98,7 +156,7 @@ def ink_on(image: AxesImage, value: float) -> str:
     """
     colour = np.asarray(image.to_rgba(np.array(value)), dtype=np.float64)[:3]
     linear = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
-    return "white" if linear @ (0.2126, 0.7152, 0.0722) < _DARK else INK
+    return "white" if linear @ (0.2126, 0.7152, 0.0722) < STYLE.dark else INK
 
 
 def origin(identification: Identification) -> str:
@@ -114,15 +172,17 @@ class _Shown(Figure):
 
     def _repr_png_(self) -> bytes:
         buffer = BytesIO()
-        self.savefig(buffer, format="png", dpi=_NOTEBOOK)
+        self.savefig(buffer, format="png", dpi=STYLE.screen)
         return buffer.getvalue()
 
 
-def new_figure(what: str, where: str, *, width: float, height: float) -> Figure:
+def new_figure(what: str, where: str, *, width: float, height: float, source: str = "") -> Figure:
     """Return an empty figure of a size [in] with a heading and the origin of its data below."""
     figure = _Shown(figsize=(width, height), layout="constrained", facecolor="white")
-    n_characters = int(width / (_CHARACTER * LARGE / 72))
-    lines = [line for part in (what, where) for line in textwrap.wrap(part, n_characters)]
+    n_characters = int(width / (STYLE.character * LARGE / 72))
+    lines = [
+        line for part in (f"{what}: {source}" if source else what, where) for line in textwrap.wrap(part, n_characters)
+    ]
     figure.suptitle("\n".join(lines), x=0.012, ha="left", fontsize=LARGE, color=INK, linespacing=1.4)
     return figure
 
@@ -133,6 +193,52 @@ def write_sentence(figure: AnyFigure, sentence: str) -> AnyFigure:
     axes.set_axis_off()
     axes.text(0.5, 0.5, sentence, ha="center", va="center", fontsize=LARGE, color=INK, transform=axes.transAxes)
     return figure
+
+
+def draw_matrix(
+    axes: Axes,
+    values: Real,
+    rows: Sequence[str],
+    columns: Sequence[str],
+    *,
+    text: Callable[[float], str] = "{:.2f}".format,
+    rotation: float = 90.0,
+    max_printed: int = STYLE.max_printed,
+    **image: Any,
+) -> AxesImage:
+    """Draw a matrix of numbers up to 1 with the names of its rows and columns, and a text for each number."""
+    drawn = axes.imshow(values, **{"cmap": "Blues", "vmin": 0, **image}, vmax=1)
+    axes.set_xticks(range(len(columns)), columns, fontsize=SMALL, rotation=rotation)
+    axes.set_yticks(range(len(rows)), rows, fontsize=SMALL)
+    axes.tick_params(length=0)
+    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": SMALL, "gid": "value"}
+    if max(values.shape) <= max_printed:
+        for (row, column), value in np.ndenumerate(values):
+            if words := text(value):
+                axes.text(column, row, words, color=ink_on(drawn, value), **style)
+    return drawn
+
+
+def component_panels(figure: Figure, components: Sequence[Component]) -> tuple[NDArray[Any], list[tuple[Axes, int]]]:
+    """Return panels of springs, dampers and tyres by corner, and those of the components with their rows."""
+    corners = list(dict.fromkeys(component.corner for component in components))
+    panels = figure.subplots(len(KINDS), len(corners), sharex=True, sharey="row", squeeze=False)
+    rows = {component: row for row, component in enumerate(components)}
+    shown = []
+    for (k, column), axes in np.ndenumerate(panels):
+        plain(axes)
+        if k == 0:
+            axes.set_title(corners[column].replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
+        if column == 0:
+            axes.set_ylabel(f"{KINDS[k]} [%]", fontsize=NORMAL)
+        if Component(corners[column], KINDS[k]) in rows:
+            shown.append((axes, rows[Component(corners[column], KINDS[k])]))
+    return panels, shown
+
+
+def percent(log_ratio: ArrayLike) -> Real:
+    """Return the relative change [%] of ln values."""
+    return 100 * np.expm1(log_ratio)
 
 
 def panel_grid(n_panels: int, *, most_columns: int) -> tuple[int, int]:
@@ -179,25 +285,7 @@ def spread(wanted: ArrayLike, distance: float) -> Real:
 
 def text_width(text: str, size: float) -> float:
     """Return the approximate width of the longest line of a text [in]."""
-    return max(len(line) for line in text.split("\n")) * _CHARACTER * size / 72
-
-
-#: A logarithmic axis is used from this ratio of its upper end to the lowest mode, and starts at this share of that.
-_LOGARITHMIC, _BELOW_LOWEST = 12.0, 0.33
-#: A band of interest is shown with this margin on both sides.
-_MARGIN = 1.15
-#: Smallest range of a level axis [dB].
-_LEAST_SPAN = 20.0
-#: Share of half the sampling rate up to which decimation passes everything.
-_PASSED = 0.8
-#: Smallest distance of two harmonics' labels over the size of their font.
-_LABEL_DISTANCE = 1.6
-#: Lines nearer to each other than this share of the axis fade.
-_CLEAR, _DASHES = 0.012, (0, (4, 2))
-#: Height of the leader between an axis and the labels of modes [in].
-_LEADER = 0.22
-#: Width of bold text with a gap over that of plain text.
-_BOLD = 1.25
+    return max(len(line) for line in text.split("\n")) * STYLE.character * size / 72
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,11 +330,11 @@ def frequency_range(identification: Identification) -> FrequencyRange:
     """
     highest = float(identification.spectra.frequencies[-1])
     band = identification.settings.band
-    low, high = (0.0, highest) if band is None else (band[0] / _MARGIN, min(_MARGIN * band[1], highest))
+    low, high = (0.0, highest) if band is None else (band[0] / STYLE.margin, min(STYLE.margin * band[1], highest))
     lowest_mode = float(identification.modes.natural_frequency.min(initial=np.inf))
-    is_logarithmic = high > _LOGARITHMIC * lowest_mode
-    low = max(low, _BELOW_LOWEST * lowest_mode) if is_logarithmic else low
-    return FrequencyRange(low, high, _PASSED * highest, is_logarithmic)
+    is_logarithmic = high > STYLE.logarithmic_from * lowest_mode
+    low = max(low, STYLE.below_lowest * lowest_mode) if is_logarithmic else low
+    return FrequencyRange(low, high, STYLE.passed * highest, is_logarithmic)
 
 
 def harmonic_label(harmonic: Harmonic) -> str:
@@ -275,7 +363,7 @@ def harmonic_handles(harmonics: Sequence[Harmonic]) -> list[Line2D | Patch]:
     over_time = [line for line in harmonics if line.kind != "speed"]
     if over_time:
         label = f"harmonics{_families(over_time, 'Hz')}"
-        handles.append(Line2D([], [], color=HARMONIC_COLOUR, linestyle=_DASHES, linewidth=1.2, label=label))
+        handles.append(Line2D([], [], color=HARMONIC_COLOUR, linestyle=STYLE.dashes, linewidth=1.2, label=label))
     swept = [line for line in harmonics if line.kind == "speed"]
     if swept:
         label = f"proportional to speed{_families(swept, 'per metre')}"
@@ -313,7 +401,7 @@ def curve_limits(values: Real, *, dynamic_range: float, room: float) -> tuple[fl
     finite = values[np.isfinite(values)]
     high = float(finite.max(initial=-np.inf)) if finite.size else 0.0
     low = max(float(finite.min(initial=high)), high - dynamic_range)
-    half = max(high - low, _LEAST_SPAN) / 2 * 1.1
+    half = max(high - low, STYLE.min_level_span) / 2 * 1.1
     middle = (high + low) / 2
     return middle - half, middle + half + room / (1 - room) * 2 * half
 
@@ -351,10 +439,15 @@ def mark_harmonics(
             shade: dict[str, Any] = {"alpha": 0.18 * strength, "linewidth": 0, "zorder": 0.5}
             axes.axvspan(*line.band, color=HARMONIC_COLOUR, gid="harmonic band", **shade)
         else:
-            style: dict[str, Any] = {"alpha": alpha * strength, "linestyle": _DASHES, "linewidth": 0.9, "zorder": 0.6}
+            style: dict[str, Any] = {
+                "alpha": alpha * strength,
+                "linestyle": STYLE.dashes,
+                "linewidth": 0.9,
+                "zorder": 0.6,
+            }
             axes.axvline(line.frequency, color=HARMONIC_COLOUR, gid="harmonic", **style)
     if has_labels:
-        _label_harmonics(axes, seen, _LABEL_DISTANCE * SMALL / 72 / width)
+        _label_harmonics(axes, seen, STYLE.label_distance * SMALL / 72 / width)
 
 
 def _fading(places: Sequence[float]) -> Real:
@@ -363,7 +456,7 @@ def _fading(places: Sequence[float]) -> Real:
     gaps = np.diff(np.asarray(places)[order], prepend=-1.0, append=2.0)
     nearest = np.empty(len(places))
     nearest[order] = np.minimum(gaps[:-1], gaps[1:]) if len(places) else 0.0
-    return np.clip(nearest / _CLEAR, 0.15, 0.9)
+    return np.clip(nearest / STYLE.clear, 0.15, 0.9)
 
 
 def _place(harmonic: Harmonic) -> float:
@@ -433,7 +526,7 @@ def mark_modes(
     else:
         texts = [mode_name(modes, k) + "\n" + mode_values(modes, k).replace(", ", "\n") for k in seen]
     wanted = [axes_fraction(axes, frequencies[k]) for k in seen]
-    distance = max((text_width(text, NORMAL) for text in texts), default=0.0) * _BOLD / width
+    distance = max((text_width(text, NORMAL) for text in texts), default=0.0) * STYLE.bold / width
     is_upright = distance * len(seen) > 1
     if is_upright:
         texts = [text.replace("\n", "  ") for text in texts]
@@ -442,7 +535,7 @@ def mark_modes(
         axes.annotate(
             text,
             xy=(at, 1.0),
-            xytext=(place, 1 + _LEADER / height),
+            xytext=(place, 1 + STYLE.leader / height),
             xycoords="axes fraction",
             textcoords="axes fraction",
             rotation=90 if is_upright else 0,

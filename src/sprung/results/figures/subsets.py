@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
@@ -21,9 +20,10 @@ from sprung.results.figures.style import (
     NO_MODE,
     NORMAL,
     SMALL,
+    STYLE,
+    draw_matrix,
     frequency_range,
     in_hertz,
-    ink_on,
     mode_colour,
     mode_name,
     mode_values,
@@ -33,9 +33,6 @@ from sprung.results.figures.style import (
     plain,
     write_sentence,
 )
-
-#: Side of a cell [in], and up to how many modes the values are printed in them.
-_CELL, _MOST_PRINTED = 0.52, 24
 
 
 def mac_figure(identification: Identification, *, source: str = "") -> Figure:
@@ -68,7 +65,7 @@ def mac_figure(identification: Identification, *, source: str = "") -> Figure:
     parts = [subset.modes for subset in identification.subsets]
     n_parts = sum(len(part) for part in parts)
     has_subsets = len(parts) > 1
-    sides = [max(_CELL * n, 1.5) for n in ((len(modes), n_parts) if has_subsets else (len(modes),))]
+    sides = [max(STYLE.cell * n, 1.5) for n in ((len(modes), n_parts) if has_subsets else (len(modes),))]
     sides = [min(side, 9.0) for side in sides]
     figure = new_figure(
         what, origin(identification), width=max(sum(sides) + 2.2 * len(sides) + 0.8, 7.5), height=max(sides) + 2.6
@@ -77,27 +74,13 @@ def mac_figure(identification: Identification, *, source: str = "") -> Figure:
     for axes in panels:
         axes.set_anchor("N")
     names = [f"{mode_name(modes, k)}\n{in_hertz(modes.natural_frequency[k])}" for k in range(len(modes))]
-    image = draw_mac(panels[0], mac(modes.mode_shapes, modes.mode_shapes), names)
+    image = draw_matrix(panels[0], mac(modes.mode_shapes, modes.mode_shapes), names, names, gid="mac")
     panels[0].set_title("between the modes", fontsize=NORMAL)
     _colour_ticks(panels[0], list(range(len(modes))))
     if has_subsets:
         _draw_subsets(panels[1], parts, identification.members)
     figure.colorbar(image, ax=list(panels), shrink=0.7, pad=0.02, panchor=False).set_label("MAC [-]", fontsize=NORMAL)
     return figure
-
-
-def draw_mac(axes: Axes, values: Real, names: Sequence[str]) -> AxesImage:
-    """Draw a MAC matrix with its values in the cells."""
-    image = axes.imshow(values, cmap="Blues", vmin=0, vmax=1, gid="mac")
-    n = len(values)
-    axes.set_xticks(range(n), names, fontsize=SMALL, rotation=90)
-    axes.set_yticks(range(n), names, fontsize=SMALL)
-    axes.tick_params(length=0)
-    if n <= _MOST_PRINTED:
-        for (row, column), value in np.ndenumerate(values):
-            colour = ink_on(image, value)
-            axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=SMALL, color=colour, gid="value")
-    return image
 
 
 def _draw_subsets(axes: Axes, parts: Sequence[Modes], members: Indices) -> None:
@@ -109,7 +92,7 @@ def _draw_subsets(axes: Axes, parts: Sequence[Modes], members: Indices) -> None:
             names.append(f"S{k + 1}  {in_hertz(frequency)}")
             matches = np.flatnonzero(members[:, k] == index)
             merged.append(int(matches[0]) if matches.size else None)
-    draw_mac(axes, mac(together.mode_shapes, together.mode_shapes), names)
+    draw_matrix(axes, mac(together.mode_shapes, together.mode_shapes), names, names, gid="mac")
     for edge in np.cumsum([len(part) for part in parts])[:-1] - 0.5:
         axes.axhline(edge, color=INK, linewidth=1.5)
         axes.axvline(edge, color=INK, linewidth=1.5)
@@ -151,8 +134,8 @@ def reference_mac_figure(parts: Sequence[tuple[str, Modes]], reference: Modes, *
     >>> bool(np.allclose(np.diag(image.get_array()), 1))
     True
     """
-    width = max(7.5, 1.0 + sum(max(_CELL * len(modes), 1.2) + 1.2 for _, modes in parts))
-    figure = new_figure(title, "", width=min(width, 12.0), height=1.9 + _CELL * len(reference))
+    width = max(7.5, 1.0 + sum(max(STYLE.cell * len(modes), 1.2) + 1.2 for _, modes in parts))
+    figure = new_figure(title, "", width=min(width, 12.0), height=1.9 + STYLE.cell * len(reference))
     panels = figure.subplots(1, len(parts), squeeze=False)[0]
     names = [f"{mode_name(reference, k)}\n{in_hertz(reference.natural_frequency[k])}" for k in range(len(reference))]
     for axes, (name, modes) in zip(panels, parts, strict=True):
@@ -161,15 +144,8 @@ def reference_mac_figure(parts: Sequence[tuple[str, Modes]], reference: Modes, *
             write_no_mode(axes)
             continue
         values = mac(reference.mode_shapes, modes.mode_shapes)
-        image = axes.imshow(values, cmap="Blues", vmin=0, vmax=1, aspect="auto")
-        axes.set_yticks(range(len(reference)), names, fontsize=SMALL)
-        axes.set_xticks(
-            range(len(modes)), [in_hertz(value) for value in modes.natural_frequency], fontsize=SMALL, rotation=30
-        )
-        axes.tick_params(length=0)
-        for (row, column), value in np.ndenumerate(values):
-            colour = ink_on(image, value)
-            axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=SMALL, color=colour)
+        found = [in_hertz(frequency) for frequency in modes.natural_frequency]
+        draw_matrix(axes, values, names, found, rotation=30, aspect="auto")
     return figure
 
 
@@ -177,12 +153,6 @@ def write_no_mode(axes: Axes) -> None:
     """Write into an empty panel that no mode was identified."""
     axes.set_axis_off()
     axes.text(0.5, 0.5, NO_MODE, ha="center", va="center", fontsize=SMALL, color=INK, transform=axes.transAxes)
-
-
-#: Width of a mode's panels and height of both [in].
-_COLUMN, _BAND, _MOST_COLUMNS = 2.7, 4.2, 5
-#: Smallest range shown around a value, relative to it: smaller changes of frequency and damping should look small.
-_LEAST_RANGE = (0.02, 0.2)
 
 
 def subsets_figure(identification: Identification, *, source: str = "") -> Figure:
@@ -219,10 +189,10 @@ def subsets_figure(identification: Identification, *, source: str = "") -> Figur
         return write_sentence(
             new_figure(what, origin(identification), width=8, height=3), "Segments were not sorted by level."
         )
-    n_bands, n_columns = panel_grid(max(len(modes), 1), most_columns=_MOST_COLUMNS)
-    width = max(_COLUMN * n_columns + 0.8, 8.5)
-    figure = new_figure(what, origin(identification), width=width, height=2.9 + _BAND * n_bands)
-    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[_BAND * n_bands, 1.7])[:, 0]
+    n_bands, n_columns = panel_grid(max(len(modes), 1), most_columns=5)
+    width = max(2.7 * n_columns + 0.8, 8.5)
+    figure = new_figure(what, origin(identification), width=width, height=2.9 + 4.2 * n_bands)
+    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[4.2 * n_bands, 1.7])[:, 0]
     if len(modes):
         _draw_modes(above, identification, n_bands, n_columns)
         figure.legend(handles=_legend(), loc="outside lower center", ncols=2, fontsize=SMALL, frameon=False)
@@ -269,7 +239,7 @@ def _draw_mode(upper: Axes, lower: Axes, identification: Identification, index: 
     ]
     merged = (modes.natural_frequency[index], 100 * modes.damping_ratio[index])
     for axes, name, factor, whole, least in zip(
-        (upper, lower), ("natural_frequency", "damping_ratio"), (1, 100), merged, _LEAST_RANGE, strict=True
+        (upper, lower), ("natural_frequency", "damping_ratio"), (1, 100), merged, STYLE.level_ranges, strict=True
     ):
         plain(axes)
         values = [factor * getattr(part, name)[m] if m >= 0 else np.nan for part, m in rows]
