@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Widest line and most lines of a short text, and most names in a list.
-_WIDTH, _MOST_LINES, _MOST_NAMES = 120, 3, 8
+_WIDTH, _MAX_LINES, _MAX_NAMES = 120, 3, 8
 
 
 class Tabular:
@@ -66,7 +66,7 @@ class Drawable:
 
 def in_short(*lines: str) -> str:
     """Return the first three lines that are not empty, each of at most 120 letters."""
-    kept = [line for line in lines if line][:_MOST_LINES]
+    kept = [line for line in lines if line][:_MAX_LINES]
     return "\n".join(textwrap.shorten(line, _WIDTH, placeholder=" ...") for line in kept)
 
 
@@ -79,9 +79,9 @@ def listed(names: Iterable[str]) -> str:
     'a, b, c, d, e, f, g and 3 more'
     """
     every = list(names)
-    if len(every) <= _MOST_NAMES:
+    if len(every) <= _MAX_NAMES:
         return ", ".join(every)
-    return ", ".join(every[: _MOST_NAMES - 1]) + f" and {len(every) - _MOST_NAMES + 1} more"
+    return ", ".join(every[: _MAX_NAMES - 1]) + f" and {len(every) - _MAX_NAMES + 1} more"
 
 
 def counted(number: int, thing: str) -> str:

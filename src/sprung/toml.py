@@ -33,7 +33,7 @@ _RULES = {
 # Types of problems of a key that the model or dataclass lacks.
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 # Largest number of unknown keys that are compared with missing ones.
-_MOST_MISSPELT = 100
+_MAX_MISSPELT = 100
 # Fields whose values, and the values of tables that may contain them, never appear in a message.
 _SECRETS = {"url", "headers", "password"}
 
@@ -86,7 +86,7 @@ def _without_consequences(problems: Sequence[Any], schema: Mapping[str, Any]) ->
     unknown = [problem["loc"] for problem in problems if problem["type"] in _UNKNOWN]
     meant = {
         (*location[:-1], _nearest_key(location, schema, _absent(problems, location))): location
-        for location in unknown[:_MOST_MISSPELT]
+        for location in unknown[:_MAX_MISSPELT]
     }
     by_place = {problem["loc"]: problem for problem in problems}
     causes: dict[Any, Mapping[str, Any]] = {}

@@ -20,14 +20,14 @@ if __name__ == "__main__":
     child.start()
     stopping = stop_on_signals(within={within})
     print(child.pid, flush=True)
-    stopping.wait() if {is_sound} else threading.Event().wait()
+    stopping.wait() if {is_valid} else threading.Event().wait()
     child.kill()
 """
 
 
-def ended(within, *, is_sound):
+def ended(within, *, is_valid):
     """Status, log and child of a service that got SIGTERM twice."""
-    code = HANGING.format(within=within, is_sound=is_sound)
+    code = HANGING.format(within=within, is_valid=is_valid)
     with subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
@@ -40,7 +40,7 @@ def ended(within, *, is_sound):
 
 
 def test_a_service_that_hangs_ends_with_its_children() -> None:
-    status, log, child = ended(0.2, is_sound=False)
+    status, log, child = ended(0.2, is_valid=False)
     assert status == 1
     assert "no clean stop within 0.2 s, as the store or a disk does not answer: process ended" in log
     with pytest.raises(ProcessLookupError):
@@ -48,5 +48,5 @@ def test_a_service_that_hangs_ends_with_its_children() -> None:
 
 
 def test_a_service_that_stops_is_left_alone() -> None:
-    status, log, _ = ended(60.0, is_sound=True)
+    status, log, _ = ended(60.0, is_valid=True)
     assert (status, log) == (0, "")

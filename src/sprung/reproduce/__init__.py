@@ -12,7 +12,7 @@ from typing import Any
 
 from sprung._checks import check_one_of
 from sprung.reproduce import chapter_4, chapter_5, chapter_6, chapter_7, chapter_8, comparison
-from sprung.reproduce.chapter import Chapter, Effort, Progress, usual_processes
+from sprung.reproduce.chapter import Chapter, Effort, Progress, default_processes
 from sprung.results.page.page import render
 
 __all__ = ["CHAPTERS", "Effort", "reproduce"]
@@ -76,7 +76,7 @@ def reproduce(
     wanted = tuple(chapters) or tuple(CHAPTERS)
     for chapter in wanted:
         check_one_of("chapter", chapter, CHAPTERS)
-    effort = Effort(n_seeds, usual_processes() if n_processes is None else n_processes)
+    effort = Effort(n_seeds, default_processes() if n_processes is None else n_processes)
     report = on_progress or (lambda doing, share: None)
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)

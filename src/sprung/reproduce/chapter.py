@@ -81,7 +81,7 @@ def over_seeds(
     return [results[number] for number in range(len(seeds))]
 
 
-def usual_processes() -> int:
+def default_processes() -> int:
     """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 

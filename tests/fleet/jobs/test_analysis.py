@@ -44,7 +44,7 @@ class TestAnalysis:
         assert kept is not None
         assert computed is not None
         np.testing.assert_array_equal(kept.segments, computed.segments)
-        assert rows["windows"]["is_sound"]
+        assert rows["windows"]["is_valid"]
         assert [mode["label"] for mode in rows["identifications"]["modes"]] == list(modes.modes.labels)
         assert set(seconds) == set(OF_STEP.values())
         for table, own in rows.items():

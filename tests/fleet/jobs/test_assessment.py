@@ -148,22 +148,22 @@ class TestAssessment:
         late = [{**row, "start": row["start"] + 30 * 10**9, "digest": "late"} for row in rows]
         found = assessed(vehicle, [*rows, *late])
         alone = assessed(vehicle, rows)
-        counts = {"n_windows": 2 * len(rows), "n_sound": 2 * len(rows), "n_left_out": len(late)}
+        counts = {"n_windows": 2 * len(rows), "n_valid": 2 * len(rows), "n_left_out": len(late)}
         assert found == alone | counts
 
     def test_a_vehicle_without_enough_windows_is_compared_with_its_type(self, vehicle, rows):
         own, _ = outlined(vehicle, rows[:2])
         found = assessed(vehicle, rows[:2])
-        assert found["reason"].startswith("2 of the 4 sound windows that a baseline needs")
+        assert found["reason"].startswith("2 of the 4 valid windows that a baseline needs")
         assert found["verdict"] == "inconclusive"
         assert own["document"] == ""
 
     def test_a_vehicle_whose_windows_all_failed_states_the_commonest_reason(self, vehicle, rows):
-        broken = [{**row, "document": "", "is_sound": False, "reason": "no motion"} for row in rows]
+        broken = [{**row, "document": "", "is_valid": False, "reason": "no motion"} for row in rows]
         assert assessed(vehicle, broken)["reason"] == "no motion"
 
     def test_a_vehicle_without_a_file_states_this(self, vehicle, rows):
-        broken = [{**row, "document": "", "is_sound": False, "vehicle_file": "", "reason": "no file"} for row in rows]
+        broken = [{**row, "document": "", "is_valid": False, "vehicle_file": "", "reason": "no file"} for row in rows]
         assert assessed(vehicle | {"vehicle_file": ""}, broken)["reason"] == "no file"
 
     def test_damaged_results_are_a_reason(self, vehicle, rows):
@@ -197,7 +197,7 @@ class TestAssessment:
 
 
 def row_of(start, duration, digest=""):
-    return WindowRow("car0", start * 10**9, digest, duration, is_sound=True)
+    return WindowRow("car0", start * 10**9, digest, duration, is_valid=True)
 
 
 class TestWindows:

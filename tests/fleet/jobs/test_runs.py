@@ -137,8 +137,8 @@ def test_a_corrected_vehicle_file_is_taken_in(spark, whole, fleet, car_text, tmp
     for name in ("car8", "car9"):
         (vehicles / f"{name}.toml").write_text(car_text)
     assert run(spark, lake, vehicles, results, settings=SETTINGS).n_vehicles == 2
-    rows = results["diagnoses"].rows(["n_sound", "reason"]).to_pylist()
-    assert [row["n_sound"] for row in rows] == [1, 1]
+    rows = results["diagnoses"].rows(["n_valid", "reason"]).to_pylist()
+    assert [row["n_valid"] for row in rows] == [1, 1]
 
 
 def test_a_table_names_the_files_of_vehicles(spark, whole, fleet, car_text, tmp_path):

@@ -47,7 +47,7 @@ def test_numbers_are_short() -> None:
 
 @pytest.mark.parametrize(("n_panels", "grid"), [(1, (1, 1)), (4, (1, 4)), (5, (2, 3)), (9, (3, 3)), (10, (3, 4))])
 def test_grids_have_few_rows_that_are_filled_evenly(n_panels, grid) -> None:
-    assert panel_grid(n_panels, most_columns=4) == grid
+    assert panel_grid(n_panels, max_columns=4) == grid
 
 
 def test_units_have_superscripts() -> None:

@@ -49,7 +49,7 @@ Master = Annotated[
     ),
 ]
 Learn = Annotated[
-    int, option("N", "Number of sound windows from which a baseline is learnt.", "--learn", min=2, panel=INPUT)
+    int, option("N", "Number of valid windows from which a baseline is learnt.", "--learn", min=2, panel=INPUT)
 ]
 Method = Annotated[
     Literal["cov", "acs", "coss", "plscf", "fdd"],
@@ -73,7 +73,7 @@ def run(
     allow_missing: AllowMissing = False,
     false_alarms: FalseAlarms = 1e-3,
     false_discoveries: Annotated[
-        float, option("SHARE", "Expected share of sound vehicles among those reported as changed.", panel=INPUT)
+        float, option("SHARE", "Expected share of healthy vehicles among those reported as changed.", panel=INPUT)
     ] = 0.05,
     hours_per_day: HoursPerDay = 8.0,
     minutes: Annotated[float, option("MINUTES", "Length of the windows in the lake.", "--window", panel=INPUT)] = 10.0,

@@ -175,7 +175,7 @@ def observed(observation: Observation, *, has_segments: bool) -> dict[str, Any]:
         residuals = residuals.without_segments()
     return {
         "reason": observation.reason,
-        "is_sound": observation.is_conclusive and not observation.sensor_faults,
+        "is_valid": observation.is_conclusive and not observation.sensor_faults,
         "conditions": sorted((name, float(value)) for name, value in observation.conditions.items()),
         "sensor_faults": [{"channel": fault.channel, "kind": fault.kind} for fault in observation.sensor_faults],
         "document": json.dumps(observation_document(observation)),
@@ -196,7 +196,7 @@ def _row(row: Mapping[str, Any], vehicle_file: str, reason: str) -> dict[str, An
         **{name: row[name] for name in ("date", "vehicle", "start", "digest", "duration")},
         "vehicle_file": vehicle_file,
         "reason": reason,
-        "is_sound": False,
+        "is_valid": False,
     }
 
 

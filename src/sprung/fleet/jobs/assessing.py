@@ -65,7 +65,7 @@ def assess_vehicles(
     settings
         Settings of baselines and diagnoses.
     rate
-        Expected share of sound vehicles among the discoveries.
+        Expected share of healthy vehicles among the discoveries.
     report
         Callback that receives the step and the share that is done.
 
@@ -129,7 +129,7 @@ class _Assessor:
 
         # A window without a result has no conditions; the documents, which are large, are left unread.
         has_result = f.col("conditions").isNotNull().alias("has_result")
-        rows = self.known("windows", *KEY, "duration", "reason", "is_sound", has_result)
+        rows = self.known("windows", *KEY, "duration", "reason", "is_valid", has_result)
         # By vehicle first, so that what follows finds the rows where they are and they move once.
         once = rows.repartition("vehicle").dropDuplicates(list(KEY))
         present = self.fleet.select("vehicle", f.col("vehicle_file").alias("present"))
@@ -165,7 +165,7 @@ class _Assessor:
         return self._per("vehicle", vehicles, self.keys().drop("vehicle_file"), OUTLINE, of=dict, function=outline)
 
     def learnt(self, outlines: "DataFrame") -> "DataFrame":
-        """Return the baselines of vehicles whose first sound windows are new, or others than before."""
+        """Return the baselines of vehicles whose first valid windows are new, or others than before."""
         from pyspark.sql import functions as f
 
         before = self.known("baselines", "vehicle", f.col("state").alias("learning"))
@@ -262,7 +262,7 @@ class _Assessor:
         bound = f.col(since or until).alias("bound")
         # Files of known size: a table of bounds that is small enough goes to the windows, and not these to it.
         bounds = self.keep(vehicles.select(*_BOUNDS.names[:-1], bound).where("bound IS NOT NULL"), _BOUNDS)
-        windows = self.known("windows", *KEY, "duration", "is_sound", "document", "residuals")
+        windows = self.known("windows", *KEY, "duration", "is_valid", "document", "residuals")
         is_needed = f.col("start") >= f.col("bound") if since else f.col("start") <= f.col("bound")
         needed = windows.join(bounds, ["vehicle", "vehicle_file"]).where(is_needed)
         return needed.drop("bound")

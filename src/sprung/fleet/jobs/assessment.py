@@ -43,7 +43,7 @@ class WindowRow:
     start: int
     digest: str
     duration: float
-    is_sound: bool
+    is_valid: bool
     reason: str = ""
     has_result: bool = True
     document: str = ""
@@ -71,7 +71,7 @@ class Outline:
     vehicle_text: str
     state: str  # digest of its windows and the settings
     n_windows: int
-    n_sound: int
+    n_valid: int
     n_left_out: int  # windows that overlap earlier ones
     learning: str  # digest of the windows of the baseline; empty where they are too few
     learn_until: int | None  # start of the last of them, UTC ns
@@ -106,11 +106,11 @@ class AssessmentSettings:
     Parameters
     ----------
     learning_windows
-        Number of sound windows that a baseline is learnt from, at least 2: the first ones of a vehicle.
+        Number of valid windows that a baseline is learnt from, at least 2: the first ones of a vehicle.
     max_windows
         Number of last windows that a diagnosis is made of.
     false_alarms, windows_per_day
-        Rate of false alarms of a sound vehicle per day of driving, and windows in such a day.
+        Rate of false alarms of a healthy vehicle per day of driving, and windows in such a day.
     """
 
     learning_windows: int = LEARNING_WINDOWS
@@ -131,9 +131,9 @@ def without_overlaps(rows: Sequence[WindowRow]) -> list[WindowRow]:
 
 
 def _learning(windows: Sequence[WindowRow], count: int) -> list[WindowRow]:
-    """Return the first sound windows, if there are enough of them."""
-    sound = [row for row in windows if row.is_sound]
-    return sound[:count] if len(sound) >= count else []
+    """Return the first valid windows, if there are enough of them."""
+    valid = [row for row in windows if row.is_valid]
+    return valid[:count] if len(valid) >= count else []
 
 
 def outline(vehicle: Mapping[str, str], keys: Sequence[WindowRow], settings: AssessmentSettings) -> Outline:
@@ -150,7 +150,7 @@ def outline(vehicle: Mapping[str, str], keys: Sequence[WindowRow], settings: Ass
 
     Notes
     -----
-    The baseline is learnt from the first sound windows, and the last ones after these are compared with it. A vehicle
+    The baseline is learnt from the first valid windows, and the last ones after these are compared with it. A vehicle
     with too few is compared with its type, where that is known, or left with right.
     """
     windows = without_overlaps(keys)
@@ -160,13 +160,13 @@ def outline(vehicle: Mapping[str, str], keys: Sequence[WindowRow], settings: Ass
     results = [row for row in windows if row.has_result] if has_file else []
     alone = results[-settings.max_windows :]
     compared = [row for row in results if until is not None and row.start > until][-settings.max_windows :]
-    n_sound = sum(row.is_sound for row in windows)
-    lack = f"{n_sound} of the {settings.learning_windows} sound windows that a baseline needs"
+    n_valid = sum(row.is_valid for row in windows)
+    lack = f"{n_valid} of the {settings.learning_windows} valid windows that a baseline needs"
     failures = [row.reason for row in windows if not row.has_result]
     return Outline(
         **vehicle,
         n_windows=len(keys),
-        n_sound=sum(row.is_sound for row in keys),
+        n_valid=sum(row.is_valid for row in keys),
         n_left_out=len(keys) - len(windows),
         learning=_digest(vehicle["vehicle_file"], learning) if learning else "",
         learn_until=until,
@@ -220,7 +220,7 @@ def assess(vehicle: Compared, rows: Sequence[WindowRow], settings: AssessmentSet
     settings
         Settings of the diagnosis.
     """
-    names = ("vehicle", "type", "vehicle_file", "n_windows", "n_sound", "n_left_out", "state", "type_state")
+    names = ("vehicle", "type", "vehicle_file", "n_windows", "n_valid", "n_left_out", "state", "type_state")
     reason = vehicle.no_baseline or vehicle.lack
     outcome = {name: getattr(vehicle, name) for name in names} | {"verdict": "inconclusive", "reason": reason}
     if vehicle.since is None:
@@ -270,7 +270,7 @@ def discoveries(table: pa.Table, *, rate: float, n_vehicles: int) -> pa.Table:
     table
         Columns `vehicle` and `e_value` of the vehicles whose e-value could be among the discoveries: at least 1 / rate.
     rate
-        Expected share of sound vehicles among the discoveries.
+        Expected share of healthy vehicles among the discoveries.
     n_vehicles
         Number of vehicles that were compared.
 
@@ -334,7 +334,6 @@ def _assessed(
         "since": compared[0].start,
         "until": compared[-1].start,
         "verdict": verdict,
-        "healthy": diagnosis.is_healthy,
         "severity": None if worst is None else worst.severity,
         "e_value": None if diagnosis.detection is None else diagnosis.detection.e_value,
         "reason": "; ".join(filter(None, (reason, *(diagnosis.doubts if verdict == "inconclusive" else ())))),

@@ -47,7 +47,7 @@ class FleetSettings:
     windows, assessment
         Settings of the analysis of windows, and of baselines and diagnoses.
     false_discoveries
-        Expected share of sound vehicles among those said to have changed, above 0 and up to 1.
+        Expected share of healthy vehicles among those said to have changed, above 0 and up to 1.
     since, until
         Period of the windows to analyse, UTC ns, its ends included; None: open. Diagnoses are of all windows with
         results.

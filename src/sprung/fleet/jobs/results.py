@@ -73,7 +73,7 @@ SCHEMAS: Mapping[str, pa.Schema] = {
     ),
     "windows": _schema(
         **_OF_WINDOW,
-        is_sound=_FLAG,  # conclusive, and no sensor fails
+        is_valid=_FLAG,  # conclusive, and no sensor fails
         conditions=pa.map_(_TEXT, _NUMBER),
         sensor_faults=pa.list_(_struct(channel=_TEXT, kind=_TEXT)),
         document=_TEXT,  # as one of the windows of sprung.diagnosis/1
@@ -101,12 +101,11 @@ SCHEMAS: Mapping[str, pa.Schema] = {
         type=_TEXT,
         vehicle_file=_TEXT,
         n_windows=_COUNT,  # with results
-        n_sound=_COUNT,  # conclusive, and no sensor fails
+        n_valid=_COUNT,  # conclusive, and no sensor fails
         n_left_out=_COUNT,  # windows that overlap earlier ones
         since=_TIME,  # start of the first and last window that was compared, UTC ns
         until=_TIME,
         verdict=_TEXT,  # change, no_change_detected or inconclusive
-        healthy=_FLAG,
         severity=_TEXT,  # of the most severe finding
         e_value=_NUMBER,  # ln of the e-value of a change
         is_discovery=_FLAG,  # at the rate of false discoveries in the fleet

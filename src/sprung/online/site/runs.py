@@ -37,7 +37,6 @@ class RunVehicle(Answer):
     vehicle: str
     type: str = Field(description="type of the vehicle: those with the same vehicle file apart from the name")
     verdict: Verdict
-    healthy: bool | None
     severity: str | None = Field(description="of the most severe finding: low, medium, high or critical")
     e_value: float | None = Field(description="ln of the e-value of a change")
     is_discovery: bool = Field(description="whether it stands out at the fleet's rate of false discoveries")
@@ -106,7 +105,7 @@ class RunResults:
 
         texts = ("vehicle", "type", "verdict", "severity", "reason")
         kinds = dict.fromkeys(texts, pa.string()) | dict.fromkeys(("n_windows", "since", "until"), pa.int64())
-        kinds |= {"healthy": pa.bool_(), "is_discovery": pa.bool_(), "e_value": pa.float64()}
+        kinds |= {"is_discovery": pa.bool_(), "e_value": pa.float64()}
         table = Table(location, pa.schema(list(kinds.items())))
         version = table.version
         if version != self._version:

@@ -187,7 +187,7 @@ def save_animation(modes: Modes, channels: Sequence[Channel], path: str | PathLi
 
 def animated_figure(modes: Modes, scene: Scene, *, source: str = "") -> tuple[Figure, Any]:
     """Return the figure of all modes, and the function that moves it to a frame, from 0 to 23."""
-    n_rows, n_columns = panel_grid(len(modes), most_columns=3)
+    n_rows, n_columns = panel_grid(len(modes), max_columns=3)
     width = max(3.6 * n_columns, 6.0)
     where = f"{scene.remark} Grey: at rest. Every mode takes two seconds for a cycle."
     low, high = scene.limits()

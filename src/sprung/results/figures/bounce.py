@@ -8,7 +8,7 @@ from sprung.bounce_tests import Bounce, BounceTest
 from sprung.results.figures.style import INK, MODE_COLOURS, SMALL, new_figure, plain, with_unit
 
 #: Most tests that are drawn, and most channels of each.
-_MOST_TESTS, _MOST_CHANNELS = 6, 4
+_MAX_TESTS, _MAX_CHANNELS = 6, 4
 
 
 def bounce_figure(bounce: Bounce, *, source: str = "") -> Figure:
@@ -25,8 +25,8 @@ def bounce_figure(bounce: Bounce, *, source: str = "") -> Figure:
     >>> len(bounce_figure(tests).axes)
     1
     """
-    tests = bounce.tests[:_MOST_TESTS]
-    n_channels = min(len(tests[0].part.channels), _MOST_CHANNELS)
+    tests = bounce.tests[:_MAX_TESTS]
+    n_channels = min(len(tests[0].part.channels), _MAX_CHANNELS)
     what = "Free motion after each push: record, fit and envelope"
     figure = new_figure(what, source, width=max(4.0 * len(tests), 7.0), height=1.6 + 1.9 * n_channels)
     grid = figure.subplots(n_channels, len(tests), squeeze=False, sharex="col")

@@ -276,7 +276,7 @@ def shapes_figure(modes: Modes, channels: Sequence[Channel], *, source: str = ""
 
 def _bodies(modes: Modes, channels: Sequence[Channel], shapes: BodyShapes, what: str) -> Figure:
     """Draw the body in each mode."""
-    n_rows, n_columns = panel_grid(len(modes), most_columns=3)
+    n_rows, n_columns = panel_grid(len(modes), max_columns=3)
     where = "Grey: at rest. Plate: rigid-body motion. Arrows: sensor signals (amplitude, phase)."
     if shapes.is_nominal:
         where += " The outline is nominal."
@@ -294,7 +294,7 @@ def _bars(modes: Modes, channels: Sequence[Channel], what: str) -> Figure:
     order = np.concatenate(groups)
     names = [modes.channels[row] for row in order]
     is_wide = len(names) > STYLE.many_channels
-    n_rows, n_columns = panel_grid(len(modes), most_columns=2 if is_wide else 4 if len(groups) == 1 else 3)
+    n_rows, n_columns = panel_grid(len(modes), max_columns=2 if is_wide else 4 if len(groups) == 1 else 3)
     width = max((1.9 if is_wide else 1.0) * 3.4 * n_columns, 7.0)
     longest = max(map(len, names))
     where = f"Relative to the largest channel{_OF_QUANTITY if len(groups) > 1 else ''}"
@@ -398,7 +398,7 @@ def complexity_figure(modes: Modes, channels: Sequence[Channel] = (), *, source:
         return write_sentence(new_figure(what, "", width=8, height=3), NO_MODE)
     groups = _quantities(channels) if channels else [np.arange(len(modes.channels))]
     has_markers = len(modes.channels) <= len(_MARKERS)
-    n_rows, n_columns = panel_grid(len(modes), most_columns=4 if has_markers else 3)
+    n_rows, n_columns = panel_grid(len(modes), max_columns=4 if has_markers else 3)
     where = "Radius: amplitude relative to the largest channel. Angle: phase relative to it."
     if len(groups) > 1:
         where = where.replace("channel.", f"channel{_OF_QUANTITY}.").replace("to it", "to the largest of all")

@@ -164,7 +164,7 @@ def _channels_figure(
 ) -> Figure:
     """Return a figure with a panel for each channel of the first recording, one below another; two columns for many."""
     channels = recordings[0][1].channels
-    n_rows, n_columns = panel_grid(len(channels), most_columns=1 if len(channels) <= 3 else 2)
+    n_rows, n_columns = panel_grid(len(channels), max_columns=1 if len(channels) <= 3 else 2)
     figure = new_figure(title, "", width=9.5, height=1.1 + 1.75 * n_rows)
     panels = figure.subplots(n_rows, n_columns, sharex=True, squeeze=False).ravel()
     for axes in panels[len(channels) :]:
@@ -244,7 +244,7 @@ def runs_figure(spreads: Sequence[Spread], *, title: str) -> Figure:
     >>> [text.get_text() for text in figure.axes[0].texts]
     ['2 of 3']
     """
-    n_rows, n_columns = panel_grid(len(spreads), most_columns=3)
+    n_rows, n_columns = panel_grid(len(spreads), max_columns=3)
     longest = max(len(name) for spread in spreads for name in spread.rows)
     height = 1.3 + n_rows * (0.9 + 0.33 * len(spreads[0].rows))
     figure = new_figure(

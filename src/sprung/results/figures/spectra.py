@@ -62,7 +62,7 @@ def spectra_figure(identification: Identification, *, source: str = "") -> Figur
     (3, 'Frequency [Hz]')
     """
     n_channels = min(len(identification.channels), STYLE.max_channels)
-    n_rows, n_columns = panel_grid(n_channels, most_columns=1 if n_channels <= 4 else 2 if n_channels <= 10 else 3)
+    n_rows, n_columns = panel_grid(n_channels, max_columns=1 if n_channels <= 4 else 2 if n_channels <= 10 else 3)
     what = "Power spectral densities"
     if identification.edited_spectra is not None:
         what += " before and after cepstrum editing"

@@ -241,9 +241,9 @@ def percent(log_ratio: ArrayLike) -> Real:
     return 100 * np.expm1(log_ratio)
 
 
-def panel_grid(n_panels: int, *, most_columns: int) -> tuple[int, int]:
+def panel_grid(n_panels: int, *, max_columns: int) -> tuple[int, int]:
     """Return rows and columns for a number of panels: as few rows as possible, filled evenly."""
-    n_rows = math.ceil(n_panels / most_columns)
+    n_rows = math.ceil(n_panels / max_columns)
     return n_rows, math.ceil(n_panels / n_rows)
 
 

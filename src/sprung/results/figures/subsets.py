@@ -189,7 +189,7 @@ def subsets_figure(identification: Identification, *, source: str = "") -> Figur
         return write_sentence(
             new_figure(what, origin(identification), width=8, height=3), "Segments were not sorted by level."
         )
-    n_bands, n_columns = panel_grid(max(len(modes), 1), most_columns=5)
+    n_bands, n_columns = panel_grid(max(len(modes), 1), max_columns=5)
     width = max(2.7 * n_columns + 0.8, 8.5)
     figure = new_figure(what, origin(identification), width=width, height=2.9 + 4.2 * n_bands)
     above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[4.2 * n_bands, 1.7])[:, 0]

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Most files whose channels are listed.
-_MOST_LISTED = 3
+_MAX_LISTED = 3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -118,11 +118,11 @@ def data_section(inputs: Inputs) -> Section:
     blocks: list[Block] = []
     for number, (name, inspection) in enumerate(inputs.inspections.items()):
         blocks.append(Paragraph(f"{name}: {inspection_in_words(inspection)}"))
-        if number < _MOST_LISTED:
+        if number < _MAX_LISTED:
             blocks.append(inspection_table(inspection))
         elif faults := _faults(inspection):
             blocks.append(Sentences(faults))
-        if inspection.history and number < _MOST_LISTED:
+        if inspection.history and number < _MAX_LISTED:
             blocks.append(Sentences(inspection.history))
     healthy = [not _faults(inspection) for inspection in inputs.inspections.values()]
     if healthy and all(healthy):
@@ -159,7 +159,7 @@ def _all_faults(inputs: Inputs) -> list[str]:
 #: Resolution of the figures [dots per inch], and largest JSON document that is embedded [characters].
 _RESOLUTION, _LARGEST = 130, 1_000_000
 #: Modes in the first sentence, and standard deviations from which on a component differs from the vehicle file.
-_MOST_MODES, _DIFFERENT = 8, 3.0
+_MAX_MODES, _DIFFERENT = 8, 3.0
 #: Model errors below which the vehicle file explains a run, and above which it lacks a moving part.
 _EXPLAINS, _LACKS = 0.05, 0.1
 #: Units of the inputs of a road; the others are ratios.
@@ -223,7 +223,7 @@ def identification_report(
     shown = [
         f"{modes.natural_frequency[k]:.4g} Hz ({100 * modes.damping_ratio[k]:.2g} % damping"
         + (f", {in_words(label)})" if (label := modes.labels[k]) else ")")
-        for k in range(min(len(modes), _MOST_MODES))
+        for k in range(min(len(modes), _MAX_MODES))
     ]
     more = f" and {len(modes) - len(shown)} more" if len(modes) > len(shown) else ""
     verdict = f"{counted(len(modes), 'mode')} found: {', '.join(shown)}{more}."
@@ -299,7 +299,7 @@ def corners_report(fit: CornerFit, inputs: Inputs, *, document: Document | None 
 
     ratios, deviations = fit.log_ratios, fit.log_ratios_std
     known = np.flatnonzero(fit.is_identifiable & (np.abs(ratios) > _DIFFERENT * deviations))
-    farthest = sorted(known, key=lambda k: -abs(ratios[k]))[:_MOST_MODES]
+    farthest = sorted(known, key=lambda k: -abs(ratios[k]))[:_MAX_MODES]
     apart = ", ".join(
         f"{in_words(str(fit.components[k]))} {with_deviation(*_percent(ratios[k], deviations[k]))} %" for k in farthest
     )
@@ -445,8 +445,8 @@ def tracking_report(
     """
     from sprung.results.figures.history import tracks_figure
 
-    shown = ", ".join(f"{track.natural_frequency.mean:.4g} Hz" for track in tracked.tracks[:_MOST_MODES])
-    more = f" and {len(tracked.tracks) - _MOST_MODES} more" if len(tracked.tracks) > _MOST_MODES else ""
+    shown = ", ".join(f"{track.natural_frequency.mean:.4g} Hz" for track in tracked.tracks[:_MAX_MODES])
+    more = f" and {len(tracked.tracks) - _MAX_MODES} more" if len(tracked.tracks) > _MAX_MODES else ""
     verdict = f"{tracks_in_words(tracked)}: {shown}{more}." if shown else f"{tracks_in_words(tracked)}."
     jumps = [
         f"mode {number}: {words}"

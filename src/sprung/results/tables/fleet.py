@@ -14,10 +14,10 @@ def fleet_tables(document: Mapping[str, Any]) -> list[Table]:
 
     Examples
     --------
-    >>> sound = {"vehicle": "car-1", "windows": 3, "p_value": 0.4, "deviates": False}
+    >>> healthy = {"vehicle": "car-1", "windows": 3, "p_value": 0.4, "deviates": False}
     >>> soft = {"vehicle": "car-2", "windows": 3, "p_value": 1e-6, "deviates": True, "part": "front_left.spring"}
     >>> soft |= {"change": -0.3, "interval": (-0.33, -0.27)}
-    >>> (table,) = fleet_tables({"rate": 0.05, "types": [{"name": "zafira", "vehicles": [soft, sound]}]})
+    >>> (table,) = fleet_tables({"rate": 0.05, "types": [{"name": "zafira", "vehicles": [soft, healthy]}]})
     >>> table.title
     'vehicles of the type zafira'
     >>> for row in table.rows:

@@ -19,9 +19,9 @@ from sprung.signals.harmonics import Harmonic
 #: Channels below this share of the largest one are omitted from a shape in words.
 _MAIN_SHARE = 0.3
 #: Largest number of channels or numbers in a cell, and of families of harmonics in a table.
-_MOST_WORDS, _MOST_FAMILIES = 6, 8
+_MAX_WORDS, _MAX_FAMILIES = 6, 8
 #: Largest number of reasons given if no mode was found.
-_MOST_REASONS = 3
+_MAX_REASONS = 3
 #: Methods that give modes, in a table.
 _SOURCES = {"ssi": "SSI", "plscf": "pLSCF", "fdd": "FDD", "road_likelihood": "vehicle on its road"}
 #: Meaning of the columns of `modes_table`.
@@ -58,9 +58,7 @@ def why_none(identification: Identification) -> str:
         return "no mode found: no order has an oscillating pole: raise --max-order"
     if PoleStatus.SELECTED in reasons:
         return "no mode found in half of the subsets or more: record longer, or use fewer --subsets"
-    counts = "; ".join(
-        f"{count}: {PoleStatus(status).sentence}" for status, count in reasons.most_common(_MOST_REASONS)
-    )
+    counts = "; ".join(f"{count}: {PoleStatus(status).sentence}" for status, count in reasons.most_common(_MAX_REASONS))
     return f"no mode found in {reasons.total()} poles ({counts}): record longer, or widen --band"
 
 
@@ -186,7 +184,7 @@ def _without_common_prefix(names: Sequence[str]) -> list[str]:
 def _shape(names: Sequence[str], shape: Sequence[complex]) -> str:
     """Return the main channels of a shape whose largest channel is 1."""
     main = [k for k, part in enumerate(shape) if abs(part) >= _MAIN_SHARE]
-    named = sorted(sorted(main, key=lambda k: -abs(shape[k]))[:_MOST_WORDS])
+    named = sorted(sorted(main, key=lambda k: -abs(shape[k]))[:_MAX_WORDS])
     words = [names[k] + _sign(shape[k]) for k in named]
     return " ".join([*words, "..."] if len(main) > len(named) else words)
 
@@ -295,9 +293,9 @@ def harmonics_table(harmonics: Sequence[Harmonic]) -> Table:
     for line in harmonics:
         families.setdefault((line.kind, line.fundamental or line.frequency), []).append(line)
     rows = [_family(fundamental, lines) for (_, fundamental), lines in sorted(families.items(), key=_faintness)]
-    n_omitted = len(rows) - _MOST_FAMILIES
+    n_omitted = len(rows) - _MAX_FAMILIES
     if n_omitted > 0:
-        rows = [*rows[:_MOST_FAMILIES], (f"{n_omitted} weaker", "", "", "", "")]
+        rows = [*rows[:_MAX_FAMILIES], (f"{n_omitted} weaker", "", "", "", "")]
     columns = ("line", "multiples", "at [Hz]", "prominence", "channels")
     return Table("Harmonics of the excitation, not modes", columns, tuple(rows), n_words=2)
 
@@ -337,11 +335,11 @@ def orders_in_words(orders: Sequence[int]) -> str:
 
 def _listed(words: Sequence[str], separator: str = " ") -> str:
     """Return words in a row, with an ellipsis after the first few."""
-    return separator.join([*words[:_MOST_WORDS], *(["..."] if len(words) > _MOST_WORDS else [])])
+    return separator.join([*words[:_MAX_WORDS], *(["..."] if len(words) > _MAX_WORDS else [])])
 
 
 #: Largest number of jumps in a cell, and of windows without a result in the sentences.
-_MOST = 3
+_MAX_LISTED = 3
 #: Fewest windows for a ratio of deviations.
 _FOR_RATIO = 8
 _CAPTION = (
@@ -443,9 +441,9 @@ def tracks_notes(tracked: TrackedModes, windows: Sequence[WindowModes]) -> list[
     """
     notes = list(dict.fromkeys(note for window in windows for note in window.notes))
     empty = [(number, window) for number, window in enumerate(windows, start=1) if window.reason]
-    notes += [f"window {number} ({window.source}): {window.reason}" for number, window in empty[:_MOST]]
-    if len(empty) > _MOST:
-        notes.append(f"{counted(len(empty) - _MOST, 'further window')} without modes")
+    notes += [f"window {number} ({window.source}): {window.reason}" for number, window in empty[:_MAX_LISTED]]
+    if len(empty) > _MAX_LISTED:
+        notes.append(f"{counted(len(empty) - _MAX_LISTED, 'further window')} without modes")
     n_untracked = sum(len(track) for track in tracked.untracked_modes)
     if n_untracked:
         settings = tracked.settings
@@ -464,7 +462,7 @@ def jumps_in_words(tracked: TrackedModes, track: Track, *, start: int | None, ha
         + moment_in_words(float(tracked.times[jump.window]), start=start, has_times=has_times)
         for jump in track.jumps
     ]
-    return [*words[:_MOST], "..."] if len(words) > _MOST else words
+    return [*words[:_MAX_LISTED], "..."] if len(words) > _MAX_LISTED else words
 
 
 def change_in_words(value: TrackedValue) -> str:
