@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import Observation, ResidualTest, SensorFault, assessment, diagnose, learn, observe_window
+from sprung.diagnosis.changes import Candidate, Detection, Size
+from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.errors import ParameterError
 from sprung.simulation import (
     FEW_POTHOLES,
@@ -17,7 +19,7 @@ from sprung.simulation import (
     RoadDrive,
     simulate_drive,
 )
-from sprung.vehicles import parse_fault, read_vehicle
+from sprung.vehicles import Component, parse_fault, read_vehicle
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
 
@@ -132,6 +134,28 @@ def test_a_part_is_named_though_an_imperfect_file_leaves_a_rest(faulty, baseline
     assert found.detection.candidates[0].hypothesis.scope in {"else", "pair"}
     (finding,) = found.findings
     assert (finding.corner, finding.component) == ("rear_left", "tyre")
+
+
+def test_a_second_part_is_named_only_where_it_explains_what_the_first_does_not() -> None:
+    """Evidence of three windows of a multibody car whose front-right tyre had lost 25 %; and of two parts."""
+    tyres = Hypothesis("pair", "front_left", "tyre", Component("front_right", "tyre"))
+    left, right = tyres.changes
+    first, second = Size(0.10, (0.05, 0.14), 4.5), Size(-0.18, (-0.21, -0.14), 9.5)
+
+    def named(of_pair, of_right):
+        candidates = [
+            (tyres, 114.3, of_pair, (first, second)),
+            (Hypothesis("else", "vehicle", "unmodelled"), 107.2, 1208.9, ()),
+            (right, 106.8, of_right, (Size(-0.24, (-0.26, -0.22), 29.9),)),
+            (left, 20.0, 300.0, (first,)),
+        ]
+        every = tuple(Candidate(*one, 0.0, (0.0, 0.0)) for one in candidates)
+        return assessment._best_two(Detection(np.zeros(3), np.full(3, 110.0), 109.0, 10.8, every, 0.0, {}))[
+            0
+        ].hypothesis
+
+    assert named(1213.0, 1190.0) == right
+    assert named(1213.0, 900.0) == tyres
 
 
 def test_more_than_usual_at_all_corners_is_one_finding(faulty, baseline) -> None:

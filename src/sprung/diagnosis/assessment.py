@@ -10,6 +10,7 @@ from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, Size
 from sprung.diagnosis.channel_faults import SensorFault
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, time_in_words
+from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import RESIDUALS, ResidualTest, residual_test
 from sprung.diagnosis.trends import current_sizes, trend
@@ -31,6 +32,8 @@ class NamingRules:
     #: standard deviation. The second part of a pair must change by this many standard deviations of it and of chance.
     leak: float = 0.1
     clearly: float = 3.0
+    #: Share of what the better part of a pair explains alone that the other one must add to it.
+    more: float = 0.1
     #: Margin around the range of a condition in the baseline within which a window is comparable, relative to that
     #: range, and its least size in units of the condition.
     room: float = 0.5
@@ -304,9 +307,14 @@ def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
 
     A part, or a pair, that explains nearly all is named even if an unmodelled change explains a little more: with much
     evidence, every error of the vehicle file makes it do so. For the same reason a pair is named only if its second
-    part changes more than the first one may mimic.
+    part changes more than the first one may mimic, and explains what the first one does not.
     """
-    candidates = [value for value in detection.candidates if value.hypothesis.scope != "pair" or _is_distinct(value)]
+    alone = {value.hypothesis: value.explained for value in detection.candidates if len(value.sizes) == 1}
+    candidates = [
+        value
+        for value in detection.candidates
+        if value.hypothesis.scope != "pair" or (_is_distinct(value) and _is_needed(value, alone))
+    ]
     first, *others = candidates
     named = next(candidate for candidate in candidates if candidate.hypothesis.scope != "else")
     is_enough = named.explained >= RULES.mostly * first.explained and named.log_evidence >= detection.threshold
@@ -321,6 +329,11 @@ def _is_distinct(pair: Candidate) -> bool:
     """Return whether the smaller change of a pair exceeds what chance and the larger one may mimic."""
     (small, score), (large, _) = sorted((abs(np.log1p(size.change)), size.score) for size in pair.sizes)
     return bool(small > RULES.clearly * np.hypot(small / score, RULES.leak * large))
+
+
+def _is_needed(pair: Candidate, alone: Mapping[Hypothesis, float]) -> bool:
+    """Return whether a pair explains clearly more than the better of its parts alone."""
+    return pair.explained > (1 + RULES.more) * max(alone[part] for part in pair.hypothesis.changes)
 
 
 def _words(candidate: Candidate) -> str:
