@@ -11,7 +11,18 @@ import typer
 from typer.main import get_command
 
 from sprung import __version__
-from sprung.cli import bounce, corners, diagnosis, identify, recordings, reproduce, simulate, track, vehicle_files
+from sprung.cli import (
+    bounce,
+    corners,
+    diagnosis,
+    identify,
+    measured,
+    recordings,
+    reproduce,
+    simulate,
+    track,
+    vehicle_files,
+)
 from sprung.cli.output import printable
 from sprung.errors import DataError, IdentificationError, SprungError
 
@@ -93,6 +104,9 @@ def _application() -> typer.Typer:
         vehicle_files.calibrate,
         diagnosis.baseline,
         diagnosis.diagnose,
+        measured.plan,
+        measured.road,
+        measured.ride,
         reproduce.reproduce,
     ):
         application.command()(command)

@@ -60,6 +60,7 @@ def corners(
     from sprung.diagnosis.observation import fit_drive
     from sprung.formats import read_records
     from sprung.likelihood import CornerSettings
+    from sprung.likelihood.plate_test import plate_tests
     from sprung.results import page as pages
     from sprung.results import tables
     from sprung.results.documents import corners_document
@@ -93,4 +94,5 @@ def corners(
         )
     if write_result(document, json):
         words = [*tables.payload_in_words(fit), *fit.notes, *written(paths, json)]
-        show(tables.components_table(fit), tables.fitted_modes_table(fit), words)
+        inspection = [tables.plate_tests_table(tests)] if (tests := plate_tests(fit)) else []
+        show(tables.components_table(fit), tables.fitted_modes_table(fit), *inspection, words)

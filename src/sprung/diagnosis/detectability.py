@@ -20,8 +20,10 @@ _STEPS = 6
 _LARGEST = 96
 
 
-def detectable_changes(scores: Scores, hypotheses: Hypotheses, *, threshold: float, unexplained: float) -> Real:
-    """Return the smallest change of each component that raises an alert with 95 % power.
+def detectable_changes(
+    scores: Scores, hypotheses: Hypotheses, *, threshold: float, unexplained: float, power: float = POWER
+) -> Real:
+    """Return the smallest change of each component that raises an alert with a given power.
 
     Parameters
     ----------
@@ -33,6 +35,8 @@ def detectable_changes(scores: Scores, hypotheses: Hypotheses, *, threshold: flo
         ln of the value of the e-detector at which it raises an alert.
     unexplained
         Sum of squares that no change explains, in variances.
+    power
+        Probability of an alert.
 
     Returns
     -------
@@ -45,7 +49,7 @@ def detectable_changes(scores: Scores, hypotheses: Hypotheses, *, threshold: flo
     and hypothesis h explain x^2 g + v (e - g / k) in the mean: g = c^T (K_t + C^-1)^-1 c of the change, with
     c = D (mean of the score at t for a unit change), and of chance of the variance v the effective number of sizes e
     without the direction of the change. These give the evidence as a function of x^2, and Newton's method the x at the
-    threshold. The ratio t = x / (v / k)^(1/2) exceeds its value t0 there with 95 % probability where its mean is
+    threshold. The ratio t = x / (v / k)^(1/2) exceeds its value t0 there with that power where its mean is
     t0 + 1.645 (1 + q t0^2 / 2)^(1/2): the second term is the doubt about v, of which the share n / (n + f) is estimated
     from the n degrees of freedom of the windows and the rest from the f of the baseline, q = n / (n + f) / f. It is the
     usual approximation of the noncentral distribution of Student, for a scale of which a part is known.
@@ -75,7 +79,7 @@ def detectable_changes(scores: Scores, hypotheses: Hypotheses, *, threshold: flo
         squares = np.maximum(squares + (threshold - evidence) / slopes, squares / 4)
     limit = np.sqrt(squares * known / variance)[:, 0]
     doubt = (1 - scores.of_baseline / scores.degrees) / scores.of_baseline
-    mean = limit + stats.norm.ppf(POWER) * np.sqrt(1 + doubt * limit**2 / 2)
+    mean = limit + stats.norm.ppf(power) * np.sqrt(1 + doubt * limit**2 / 2)
     return np.asarray(mean * np.sqrt(variance / known[:, 0]), dtype=np.float64)
 
 
@@ -116,9 +120,14 @@ class _Terms:
 
 
 def detectable(
-    baseline: Baseline, *, n_windows: int, false_alarms: float = 1e-3, windows_per_day: float = 48.0
+    baseline: Baseline,
+    *,
+    n_windows: int,
+    false_alarms: float = 1e-3,
+    windows_per_day: float = 48.0,
+    power: float = POWER,
 ) -> dict[Component, float]:
-    """Return the smallest loss of each component that further windows would find with 95 % power.
+    """Return the smallest loss of each component that further windows would find.
 
     Parameters
     ----------
@@ -131,6 +140,8 @@ def detectable(
         Rate of false alarms of a healthy vehicle, per day; above 0.
     windows_per_day
         Windows in a day of driving, above 0.
+    power
+        Probability of an alert after such a loss, above 0 and below 1.
 
     Returns
     -------
@@ -163,6 +174,7 @@ def detectable(
     check_number("n_windows", n_windows, at_least=1)
     check_number("false_alarms", false_alarms, above=0)
     check_number("windows_per_day", windows_per_day, above=0)
+    check_number("power", power, above=0, at_most=1 - 1e-9)
     size = len(baseline.components)
     usual = Compared(
         time=0.0,
@@ -175,7 +187,7 @@ def detectable(
     threshold = float(np.log(windows_per_day / false_alarms))
     hypotheses = Hypotheses.of(baseline.components)
     # Windows as certain as those of the baseline add one variance for each of their degrees of freedom.
-    changes = detectable_changes(scores, hypotheses, threshold=threshold, unexplained=scores.degrees)
+    changes = detectable_changes(scores, hypotheses, threshold=threshold, unexplained=scores.degrees, power=power)
     return dict(zip(baseline.components, losses(changes), strict=True))
 
 

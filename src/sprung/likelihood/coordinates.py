@@ -10,7 +10,7 @@ from sprung.errors import ParameterError
 from sprung.vehicles import Structure
 
 #: Usual noise of sensors by the order of the time derivative that they measure [m or rad, per s, per s^2].
-_NOISE = (1e-4, 1e-3, 1e-2)
+TYPICAL_NOISE = (1e-4, 1e-3, 1e-2)
 #: Smallest vertical direction cosine of an accelerometer that is used: others also measure braking and gravity.
 _LEAST_VERTICAL = 0.7
 #: Directions whose singular value is less than this share of the largest are left out.
@@ -114,7 +114,7 @@ def rigid_layout(structure: Structure) -> RigidLayout:
         )
     orders = orders[observed]
     T = np.sum(matrices, axis=0)[observed]
-    weights = 1 / np.array(_NOISE)[orders]
+    weights = 1 / np.array(TYPICAL_NOISE)[orders]
     U, S, _ = np.linalg.svd(weights[:, None] * T, full_matrices=False)
     kept = U[:, S / S[0] > _WEAKEST]
     mix, names = _as_motions(kept.T @ (weights[:, None] * T), structure.coordinates)

@@ -218,7 +218,7 @@ class CornerFit(Tabular, Savable, Drawable):
         """
         modes = self.modes()
         derivatives = np.zeros((2, self.parameters.size, modes.poles.size))
-        for row in np.flatnonzero(_is_structural(self.model)):
+        for row in np.flatnonzero(is_structural(self.model)):
             step = _STEP * self.model.prior_std[row]
             above, below = (self._poles_near(modes.poles, int(row), sign * step) for sign in (1, -1))
             derivatives[0, row] = (np.abs(above) - np.abs(below)) / (4 * np.pi * step)
@@ -249,7 +249,7 @@ def fitted_structure(model: Model, parameters: Real) -> Structure:
     return structure
 
 
-def _is_structural(model: Model) -> Booleans:
+def is_structural(model: Model) -> Booleans:
     """Whether each parameter changes the structure of the vehicle."""
     changes = [
         np.full(own.size, block.fitted(own, model.structure) is not model.structure)

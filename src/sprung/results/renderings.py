@@ -81,6 +81,9 @@ RENDERINGS: Mapping[str, Renderings] = MappingProxyType(
         "Modes": _tabulated("modes", picture="figures.shapes:plain_shapes_figure"),
         "Observation": _tabulated("observation"),
         "Observations": _tabulated("observations"),
+        "KitPlan": Renderings("documents.measured:plan_document", picture="figures.measured:kit_figure"),
+        "Ride": Renderings("documents.measured:ride_document", picture="figures.measured:ride_figure"),
+        "RoadSurvey": Renderings("documents.measured:road_document", picture="figures.measured:road_figure"),
         "Recording": _tabulated("recording", picture="figures.signals:recording_figure"),
         "StabilisationDiagram": _tabulated("diagram"),
         "TrackedModes": _tabulated(

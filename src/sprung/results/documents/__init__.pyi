@@ -47,6 +47,12 @@ from sprung.results.documents.identification import identification_document as i
 from sprung.results.documents.identification import mode_documents as mode_documents
 from sprung.results.documents.identification import read_identification as read_identification
 from sprung.results.documents.identification import write_identification as write_identification
+from sprung.results.documents.measured import PlanDocument as PlanDocument
+from sprung.results.documents.measured import RideDocument as RideDocument
+from sprung.results.documents.measured import RoadDocument as RoadDocument
+from sprung.results.documents.measured import plan_document as plan_document
+from sprung.results.documents.measured import ride_document as ride_document
+from sprung.results.documents.measured import road_document as road_document
 from sprung.results.documents.monitoring import AlertHistoryDocument as AlertHistoryDocument
 from sprung.results.documents.monitoring import AlertsDocument as AlertsDocument
 from sprung.results.documents.monitoring import ExportDocument as ExportDocument

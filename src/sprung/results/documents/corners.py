@@ -11,6 +11,7 @@ from sprung._checks import check_type, data_frame_of
 from sprung._display import in_short, listed
 from sprung.calibration import CalibratedNumber, Calibration
 from sprung.likelihood import CornerFit
+from sprung.likelihood.plate_test import plate_tests
 from sprung.results.documents.document import (
     Document,
     Estimate,
@@ -48,6 +49,20 @@ class FitQuality(Document):
     correlation: Real
 
 
+class PlateTestDocument(Document):
+    """What a suspension tester would measure at a corner: phase shift [degrees], adhesion 0 to 1, damping ratios."""
+
+    phase_shift: float
+    phase_shift_std: float
+    adhesion: float
+    adhesion_std: float
+    damping_ratio: float
+    damping_ratio_std: float
+    wheel_damping_ratio: float
+    wheel_damping_ratio_std: float
+    asymmetry: Number
+
+
 class CornersDocument(Document):
     """A fit of springs, dampers and tyres as stored in a file: without the model and the spectra it was fitted to."""
 
@@ -59,6 +74,7 @@ class CornersDocument(Document):
     payload: dict[str, Estimate]
     sensors: dict[str, Estimate]
     fit: FitQuality
+    inspection: dict[str, PlateTestDocument] = Field(default_factory=dict)
     notes: tuple[str, ...]
 
     def __repr__(self) -> str:
@@ -133,6 +149,7 @@ def corners_document(fit: CornerFit) -> CornersDocument:
                 "parameters": fit.model.names[: len(fit.components)],
                 "correlation": _correlation(fit),
             },
+            "inspection": plate_tests(fit),
             "notes": fit.notes,
         }
     )

@@ -22,6 +22,7 @@ from sprung.results.documents.fleet import (
     LakeImportDocument,
 )
 from sprung.results.documents.identification import IdentificationDocument
+from sprung.results.documents.measured import PlanDocument, RideDocument, RoadDocument
 from sprung.results.documents.monitoring import (
     AccountsDocument,
     AlertHistoryDocument,
@@ -57,8 +58,11 @@ _KINDS: tuple[type[Document], ...] = (
     InspectionDocument,
     LakeDocument,
     LakeImportDocument,
+    PlanDocument,
     ReportDocument,
     ReproductionDocument,
+    RideDocument,
+    RoadDocument,
     TokensDocument,
     TrackingDocument,
     TruthDocument,

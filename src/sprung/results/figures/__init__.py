@@ -19,6 +19,7 @@ from sprung.results.figures.history import (
     plan_figure,
     tracks_figure,
 )
+from sprung.results.figures.measured import kit_figure, ride_figure, road_figure
 from sprung.results.figures.saving import figures, save_figures
 from sprung.results.figures.shapes import complexity_figure, shapes_figure
 from sprung.results.figures.signals import Spread, densities_figure, histories_figure, levels_figure, runs_figure
@@ -51,6 +52,7 @@ __all__ = [
     "findings_history_figure",
     "fitted_spectra_figure",
     "histories_figure",
+    "kit_figure",
     "learnt_figure",
     "levels_figure",
     "mac_figure",
@@ -61,6 +63,8 @@ __all__ = [
     "plan_figure",
     "reference_mac_figure",
     "response_figure",
+    "ride_figure",
+    "road_figure",
     "runs_figure",
     "save_animation",
     "save_figures",

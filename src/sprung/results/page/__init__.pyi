@@ -7,4 +7,5 @@ from sprung.results.page.results import corners_report as corners_report
 from sprung.results.page.results import diagnosis_report as diagnosis_report
 from sprung.results.page.results import identification_report as identification_report
 from sprung.results.page.results import inspected as inspected
+from sprung.results.page.results import plain_report as plain_report
 from sprung.results.page.results import tracking_report as tracking_report

@@ -20,6 +20,7 @@ from sprung.identification.tracking import TrackedModes
 from sprung.likelihood import CornerFit
 from sprung.results.documents import Document
 from sprung.results.page.page import Block, Paragraph, Picture, Report, Section, Sentences, picture
+from sprung.results.renderings import document_of, picture_of
 from sprung.results.tables import (
     Table,
     bounce_in_words,
@@ -469,6 +470,35 @@ def tracking_report(
     if inputs.inspections:
         sections.append(data_section(inputs))
     return _report(f"Modes over time: {inputs.title}", verdict, [*sections, _limits(limits)], inputs, document)
+
+
+def plain_report(
+    title: str, sentences: Sequence[str], tables: Sequence[Table], value: object, inputs: Inputs
+) -> Report:
+    """Return the report of a value with one picture: sentences, tables, picture, and its document.
+
+    Parameters
+    ----------
+    title
+        Title.
+    sentences
+        What was found; the first one begins the report.
+    tables
+        Tables of the value.
+    value
+        Value with a document and a picture.
+    inputs
+        Files behind it.
+    """
+    figure = picture_of(value)
+    sections = [
+        Section("Result", tuple(tables)),
+        *_notes(sentences[1:]),
+        Section("Figures", (picture(figure, title, resolution=_RESOLUTION),)),
+        *([data_section(inputs)] if inputs.inspections else []),
+    ]
+    verdict = _sentence(sentences[0]) if sentences else ""
+    return _report(title, verdict, sections, inputs, document_of(value))
 
 
 def _report(title: str, verdict: str, sections: Sequence[Section], inputs: Inputs, document: Document | None) -> Report:

@@ -37,6 +37,13 @@ from sprung.results.tables.identification import tracks_in_words as tracks_in_wo
 from sprung.results.tables.identification import tracks_notes as tracks_notes
 from sprung.results.tables.identification import tracks_table as tracks_table
 from sprung.results.tables.identification import why_none as why_none
+from sprung.results.tables.measured import events_table as events_table
+from sprung.results.tables.measured import plan_in_words as plan_in_words
+from sprung.results.tables.measured import plan_tables as plan_tables
+from sprung.results.tables.measured import plate_tests_table as plate_tests_table
+from sprung.results.tables.measured import ride_in_words as ride_in_words
+from sprung.results.tables.measured import ride_tables as ride_tables
+from sprung.results.tables.measured import road_table as road_table
 from sprung.results.tables.monitoring import accounts_table as accounts_table
 from sprung.results.tables.monitoring import alert_history_table as alert_history_table
 from sprung.results.tables.monitoring import alerts_table as alerts_table

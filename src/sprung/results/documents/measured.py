@@ -1,0 +1,154 @@
+"""Documents of plans, roads and rides: `sprung.plan/1`, `sprung.road/1`, `sprung.ride/1`."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from sprung.kits import KitPlan
+from sprung.results.documents.document import Document, Number, document_from
+from sprung.ride import Ride
+from sprung.road import RoadSurvey, Stretch
+
+
+class PlannedPart(Document):
+    """What a kit will see of a component; minutes by the change as text, null where it is not found in time."""
+
+    std: float
+    contrast_std: float | None
+    minutes: dict[str, float | None]
+    is_identifiable: bool
+
+
+class PlannedChannel(Document):
+    """Share by which a sensor reduces the standard deviations."""
+
+    channel: str
+    gain: float
+
+
+class PlanDocument(Document):
+    """What a kit of sensors will see on a vehicle."""
+
+    schema_name: Literal["sprung.plan/1"] = Field(alias="schema")
+    components: dict[str, PlannedPart]
+    sensors: tuple[PlannedChannel, ...]
+    notes: tuple[str, ...]
+
+
+class TrackDocument(Document):
+    """Roughness of a track on a stretch: index [m/km], G(n0) [m^3], class of ISO 8608."""
+
+    iri: float
+    iri_std: float
+    road_class: str = Field(alias="class")
+    roughness: float
+    waviness: float
+
+
+class StretchDocument(Document):
+    """A stretch of the road, from and to a distance [m]; place where the recordings have it [degrees]."""
+
+    begin: float = Field(alias="from")
+    end: float = Field(alias="to")
+    left: TrackDocument
+    right: TrackDocument
+    n_passes: int
+    begin_place: tuple[float, float] | None = None
+    end_place: tuple[float, float] | None = None
+
+
+class EventDocument(Document):
+    """A pothole or bump: distance, depth and length [m]."""
+
+    at: float
+    side: Literal["left", "right", "both"]
+    kind: Literal["pothole", "bump", "joint"]
+    depth: float
+    length: float
+
+
+class RoadDocument(Document):
+    """The road under a vehicle."""
+
+    schema_name: Literal["sprung.road/1"] = Field(alias="schema")
+    stretches: tuple[StretchDocument, ...]
+    events: tuple[EventDocument, ...]
+    notes: tuple[str, ...]
+
+
+class RidePointDocument(Document):
+    """Vibration at a place and axis by a standard."""
+
+    channel: str
+    axis: Literal["x", "y", "z"]
+    standard: str
+    weighting: str
+    rms: float
+    mtvv: float
+    vdv: float
+    crest_factor: float
+    value: float
+    rating: str | None
+
+
+class TravelDocument(Document):
+    """Use of the travel of a suspension [m, m/s]."""
+
+    channel: str
+    lowest: float
+    highest: float
+    share_used: Number
+    n_bottomed: int
+    quantiles: tuple[float, ...]
+    rebound_speed: float
+    bump_speed: float
+
+
+class RideDocument(Document):
+    """Ride of a vehicle."""
+
+    schema_name: Literal["sprung.ride/1"] = Field(alias="schema")
+    points: tuple[RidePointDocument, ...]
+    travel: tuple[TravelDocument, ...]
+    mean_comfort: float | None
+    notes: tuple[str, ...]
+
+
+def plan_document(plan: KitPlan) -> PlanDocument:
+    """Return a plan as `sprung.plan/1`."""
+    components = {
+        str(part.component): document_from(
+            PlannedPart, part, minutes={f"{change:g}": minutes for change, minutes in part.minutes.items()}
+        )
+        for part in plan.components
+    }
+    return document_from(PlanDocument, plan, components=components)
+
+
+def road_document(survey: RoadSurvey) -> RoadDocument:
+    """Return the road under a vehicle as `sprung.road/1`."""
+    stretches = [_stretch(stretch) for stretch in survey.stretches]
+    return RoadDocument.model_validate(
+        {"schema": "sprung.road/1", "stretches": stretches, "events": survey.events, "notes": survey.notes}
+    )
+
+
+def _stretch(stretch: Stretch) -> dict[str, object]:
+    sides = {
+        side: {
+            "iri": track.iri,
+            "iri_std": track.iri_std,
+            "class": track.road_class,
+            "roughness": track.roughness,
+            "waviness": track.waviness,
+        }
+        for side, track in (("left", stretch.left), ("right", stretch.right))
+    }
+    places = {"begin_place": stretch.begin_place, "end_place": stretch.end_place}
+    known = {name: place for name, place in places.items() if place is not None}
+    return {"from": stretch.begin, "to": stretch.end, **sides, "n_passes": stretch.n_passes, **known}
+
+
+def ride_document(ride: Ride) -> RideDocument:
+    """Return the ride of a vehicle as `sprung.ride/1`."""
+    return document_from(RideDocument, ride)

@@ -1,0 +1,155 @@
+"""Plans, roads, rides and plate tests as tables and sentences."""
+
+from collections.abc import Mapping
+
+from sprung.kits import CHANGES, KitPlan
+from sprung.likelihood.plate_test import PLATE, PlateTest
+from sprung.modal import INTERVAL_95
+from sprung.results.tables.table import Table, in_words, with_deviation
+from sprung.ride import Ride, mean_comfort_in_words
+from sprung.road import RoadSurvey, TrackRoughness
+
+#: Stretches from which on a table of them is cut.
+_MOST_STRETCHES = 40
+
+
+def plan_tables(plan: KitPlan) -> tuple[Table, Table]:
+    """Return the tables of the components and of the sensors of a plan."""
+    minutes = tuple(f"{100 * change:.0f} % found [min]" for change in CHANGES)
+    columns = ("component", "std [%]", "left/right std [%]", *minutes)
+    rows = []
+    for part in plan.components:
+        contrast = "" if part.contrast_std is None else f"{100 * part.contrast_std:.1f}"
+        times = [_minutes(part.minutes[change], plan) for change in CHANGES]
+        values = (f"{100 * part.std:.1f}", contrast, *times) if part.is_identifiable else ("–",) * 5
+        rows.append((in_words(str(part.component)), *values))
+    caption = "std: of one window; –: not determined; >: not within 64 windows; times are medians"
+    components = Table("What the kit will see", columns, tuple(rows), ends_in_words=False, caption=caption)
+    sensors = tuple((sensor.channel, f"{100 * sensor.gain:.0f}") for sensor in plan.sensors)
+    return components, Table("Sensors", ("channel", "narrower by it [%]"), sensors, ends_in_words=False)
+
+
+def _minutes(value: float | None, plan: KitPlan) -> str:
+    return f"> {64 * plan.drive.minutes:.0f}" if value is None else f"{value:.0f}"
+
+
+def plan_in_words(plan: KitPlan) -> list[str]:
+    """Return the conditions of a plan, and its limits."""
+    low, high = plan.drive.speed
+    drive = f"windows of {plan.drive.minutes:g} min at {3.6 * low:.0f} to {3.6 * high:.0f} km/h"
+    speed = "" if plan.drive.has_speed else ", speed not recorded"
+    redundant = [sensor.channel for sensor in plan.sensors if sensor.gain < 0.02]
+    repeated = [f"{', '.join(redundant)}: each repeats what the others measure, and buys the check of the sensors"]
+    return [
+        f"{drive}, G(n0) = {1e6 * plan.drive.roughness:.0f}e-6 m³{speed}",
+        *(repeated * bool(redundant)),
+        *plan.notes,
+    ]
+
+
+def road_table(survey: RoadSurvey) -> Table:
+    """Return the table of the stretches of a road."""
+    columns = ("from [m]", "to [m]", "left IRI [m/km]", "right IRI [m/km]", "left class", "right class")
+    rows = [
+        (
+            f"{stretch.begin:.0f}",
+            f"{stretch.end:.0f}",
+            _index(stretch.left),
+            _index(stretch.right),
+            stretch.left.road_class,
+            stretch.right.road_class,
+        )
+        for stretch in survey.stretches[:_MOST_STRETCHES]
+    ]
+    left = len(survey.stretches) - len(rows)
+    caption = "± standard deviation" + (f"; {left} more stretches in the files" if left else "")
+    return Table("Road", columns, tuple(rows), n_words=0, caption=caption)
+
+
+def _index(track: TrackRoughness) -> str:
+    return with_deviation(track.iri, track.iri_std)
+
+
+def events_table(survey: RoadSurvey) -> Table:
+    """Return the table of potholes and bumps, the deepest first."""
+    deepest = sorted(survey.events, key=lambda event: -event.depth)[:_MOST_STRETCHES]
+    rows = [
+        (event.kind, event.side, f"{event.at:.0f}", f"{1000 * event.depth:.0f}", f"{event.length:.1f}")
+        for event in deepest
+    ]
+    columns = ("event", "side", "at [m]", "depth [mm]", "length [m]")
+    return Table("Potholes and bumps", columns, tuple(rows), n_words=2, ends_in_words=False)
+
+
+def ride_tables(ride: Ride) -> list[Table]:
+    """Return the tables of a ride: vibration, and travel where there is any."""
+    columns = ("channel", "standard", "weighting", "RMS [m/s²]", "MTVV [m/s²]", "VDV", "crest", "value", "rating")
+    rows = tuple(
+        (
+            f"{point.channel} ({point.axis})",
+            point.standard,
+            point.weighting,
+            f"{point.rms:.3g}",
+            f"{point.mtvv:.3g}",
+            f"{point.vdv:.3g}",
+            f"{point.crest_factor:.1f}",
+            f"{point.value:.3g}",
+            point.rating or "",
+        )
+        for point in ride.points
+    )
+    tables = [Table("Ride", columns, rows, n_words=3, caption="VDV in m/s^1.75")] if rows else []
+    if ride.travel:
+        heads = ("channel", "from [mm]", "to [mm]", "5 % [mm]", "95 % [mm]", "used [%]", "bottomed", "rebound", "bump")
+        used = tuple(
+            (
+                travel.channel,
+                *(f"{1000 * value:.0f}" for value in (travel.lowest, travel.highest)),
+                *(f"{1000 * travel.quantiles[k]:.0f}" for k in (0, -1)),
+                f"{100 * travel.share_used:.0f}" if travel.share_used == travel.share_used else "",
+                f"{travel.n_bottomed}" if travel.share_used == travel.share_used else "",
+                f"{travel.rebound_speed:.2g}",
+                f"{travel.bump_speed:.2g}",
+            )
+            for travel in ride.travel
+        )
+        caption = "rebound, bump: 95 % of the speed [m/s]"
+        tables.append(Table("Travel", heads, used, ends_in_words=False, caption=caption))
+    return tables
+
+
+def ride_in_words(ride: Ride) -> list[str]:
+    """Return the mean comfort, and the limits of a ride."""
+    if ride.mean_comfort is None:
+        return list(ride.notes)
+    words = mean_comfort_in_words(ride.mean_comfort)
+    return [f"mean comfort N_MV {ride.mean_comfort:.2f} (EN 12299): {words}", *ride.notes]
+
+
+def plate_tests_table(tests: Mapping[str, PlateTest]) -> Table:
+    """Return the table of what a suspension tester would measure."""
+    columns = ("corner", "phase shift [°]", "adhesion [%]", "damping body [%]", "damping wheel [%]", "remark")
+    rows = tuple(
+        (
+            in_words(corner),
+            with_deviation(test.phase_shift, test.phase_shift_std),
+            with_deviation(100 * test.adhesion, 100 * test.adhesion_std),
+            with_deviation(100 * test.damping_ratio, 100 * test.damping_ratio_std),
+            with_deviation(100 * test.wheel_damping_ratio, 100 * test.wheel_damping_ratio_std),
+            _remark(test),
+        )
+        for corner, test in tests.items()
+    )
+    caption = f"as on a suspension tester; limits: phase shift {PLATE.phase_limit:.0f}°, left against right 30 %"
+    return Table("Inspection", columns, rows, caption=caption)
+
+
+def _remark(test: PlateTest) -> str:
+    below = test.phase_shift < PLATE.phase_limit
+    uncertain = abs(test.phase_shift - PLATE.phase_limit) < INTERVAL_95 * test.phase_shift_std
+    words = []
+    if below or uncertain:
+        words.append("near the limit" if uncertain else "fails")
+    if test.asymmetry > PLATE.asymmetry_limit:
+        words.append(f"{100 * test.asymmetry:.0f} % apart from the other side")
+    return ", ".join(words)

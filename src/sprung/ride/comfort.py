@@ -1,0 +1,367 @@
+"""Ride comfort and running stability by standards, and travel of suspensions."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import ndimage
+
+from sprung._arrays import Real
+from sprung._checks import check_number, check_one_of
+from sprung.errors import DataError
+from sprung.recording import Channel, Recording, each_recording
+from sprung.ride.weighting import weighted
+
+Standard = Literal["iso2631", "en12299", "sperling", "en14363"]
+#: Standards by name.
+STANDARDS: tuple[Standard, ...] = ("iso2631", "en12299", "sperling", "en14363")
+#: Integration time of the running RMS [s], and length of a block of EN 12299 [s] and their smallest number.
+RUNNING, BLOCK, MIN_BLOCKS = 1.0, 5.0, 3
+#: Distance over which the running RMS of EN 14363 is taken [m], and half width of its band around the peak [Hz].
+STABILITY_LENGTH, STABILITY_BAND = 100.0, 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class RidePoint:
+    """Vibration at one place and axis by one standard.
+
+    Parameters
+    ----------
+    channel, axis
+        Name of the channel and its axis, "x", "y" or "z".
+    standard, weighting
+        Standard, and frequency weighting such as "Wk".
+    rms
+        Weighted RMS [m/s^2].
+    mtvv
+        Maximum transient vibration value, the largest running RMS over 1 s [m/s^2].
+    vdv
+        Vibration dose value [m/s^1.75].
+    crest_factor
+        Largest weighted acceleration over the RMS.
+    value
+        Value that the rating is about: RMS of ISO 2631-1; 95 % of the 5-s values of EN 12299 [m/s^2]; Wz of Sperling;
+        largest running RMS of EN 14363 [m/s^2].
+    rating
+        The standard's words; None where it has none for this axis.
+    """
+
+    channel: str
+    axis: str
+    standard: str
+    weighting: str
+    rms: float
+    mtvv: float
+    vdv: float
+    crest_factor: float
+    value: float
+    rating: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Travel:
+    """Use of the travel of one suspension.
+
+    Parameters
+    ----------
+    channel
+        Name of the channel.
+    lowest, highest
+        Smallest and largest travel [m], positive in extension.
+    share_used
+        99.8 % of the travel over all of it that is available; NaN where this is not known.
+    n_bottomed
+        Number of times the travel reached the available end.
+    quantiles
+        Travel at 5, 25, 50, 75 and 95 % of the time [m].
+    rebound_speed, bump_speed
+        95 % of the speeds in extension and compression [m/s].
+    """
+
+    channel: str
+    lowest: float
+    highest: float
+    share_used: float
+    n_bottomed: int
+    quantiles: tuple[float, ...]
+    rebound_speed: float
+    bump_speed: float
+
+
+@dataclass(frozen=True, slots=True)
+class Ride:
+    """Ride of a vehicle.
+
+    Parameters
+    ----------
+    points
+        Vibration by channel and standard.
+    travel
+        Use of the suspensions' travel.
+    mean_comfort
+        N_MV of EN 12299 by the place of three axes; None without vertical and two horizontal channels at one place.
+    notes
+        Limits, one sentence each.
+    """
+
+    points: tuple[RidePoint, ...]
+    travel: tuple[Travel, ...]
+    mean_comfort: float | None
+    notes: tuple[str, ...]
+
+
+def assess_ride(
+    recordings: Recording | Sequence[Recording],
+    *,
+    standards: Sequence[Standard] = ("iso2631",),
+    channels: Sequence[str] | None = None,
+    available_travel: float | None = None,
+) -> Ride:
+    """Return the ride of a vehicle by standards.
+
+    Parameters
+    ----------
+    recordings
+        Recordings of one condition in SI units; parts without gaps are joined.
+    standards
+        "iso2631" (ISO 2631-1, seated, comfort), "en12299" (floor), "sperling", "en14363" (lateral, of bogie frames).
+    channels
+        Accelerations and travel to judge; None: all of them.
+    available_travel
+        Travel of a suspension between its stops [m], above 0; None: not known.
+
+    Returns
+    -------
+    Ride
+
+    Raises
+    ------
+    DataError
+        If no channel is an acceleration or a displacement, or the recordings are too short.
+    ParameterError
+        If a standard is unknown.
+
+    Notes
+    -----
+    Axes follow from the direction of a channel, or the last letter of its name, and are vertical without either.
+    ISO 2631-1: Wk vertical, Wd horizontal; MTVV by a running RMS over 1 s, VDV = (integral of a_w^4)^(1/4). A crest
+    factor above 9, MTVV above 1.5 RMS, or VDV above 1.75 RMS T^(1/4) mean that RMS alone understates the vibration.
+    EN 12299: 95 % of RMS over blocks of 5 s, Wb vertical, Wd horizontal; N_MV = 6 sqrt(a_x^2 + a_y^2 + a_z^2).
+    Sperling: Wz = 4.42 a_w^0.3. EN 14363: RMS over 100 m (1 s without the speed) in 2 Hz to either side of the largest
+    peak from 3 to 9 Hz; the limit, (12 - m / 5) / 2 m/s^2 with the mass of the bogie m in t, is not judged here.
+
+    References
+    ----------
+    ISO 2631-1:1997 and Amd 1:2010. EN 12299:2009. C. Sperling, C. Betzhold, Beitrag zur Beurteilung des Fahrkomforts in
+    Schienenfahrzeugen, Glasers Annalen 80 (1956) 314-320. EN 14363:2016, annex on instability.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> shaking = 0.5 * np.sqrt(2) * np.sin(2 * np.pi * 5 * np.arange(12000) / 200)
+    >>> seat = Recording(shaking[None], 200.0, (Channel("seat_z", "acceleration", direction=(0.0, 0.0, 1.0)),))
+    >>> point = assess_ride(seat).points[0]
+    >>> point.weighting, round(point.rms, 2), point.rating
+    ('Wk', 0.52, 'a little to fairly uncomfortable')
+    """
+    for standard in standards:
+        check_one_of("standard", standard, STANDARDS)
+    parts = [
+        record.part(stretch.start, stretch.stop)
+        for record in each_recording(recordings)
+        for stretch in record.stretches()
+    ]
+    first = max(parts, key=lambda part: part.n_samples)
+    names = list(first.names if channels is None else channels)
+    judged = [first.channels[first.index(name)] for name in names]
+    accelerations = [channel for channel in judged if channel.quantity == "acceleration"]
+    displacements = [channel for channel in judged if channel.quantity == "displacement"]
+    if not accelerations and not displacements:
+        raise DataError("no channel is an acceleration or a travel: name the channels, and state their units")
+    long = [part for part in parts if part.duration >= BLOCK]
+    if not long:
+        raise DataError(f"no part without a gap is {BLOCK:g} s long: give a longer recording")
+    points = [
+        point
+        for standard in standards
+        for channel in accelerations
+        if (point := _point(long, channel, standard)) is not None
+    ]
+    notes = _shock_notes(points, sum(part.duration for part in long))
+    return Ride(
+        tuple(points),
+        tuple(_travel(long, channel, available_travel) for channel in displacements),
+        _mean_comfort(points) if "en12299" in standards else None,
+        tuple(notes),
+    )
+
+
+def axis_of(channel: Channel) -> str:
+    """Return the axis of a channel, "x", "y" or "z"."""
+    if channel.direction is not None:
+        return "xyz"[int(np.argmax(np.abs(channel.direction)))]
+    ending = channel.name[-2:].lower()
+    return ending[1] if ending[:1] in {"_", "-", " "} and ending[1:] in {"x", "y"} else "z"
+
+
+def _point(parts: Sequence[Recording], channel: Channel, standard: Standard) -> RidePoint | None:
+    """Return the vibration of a channel by a standard; None where it does not concern the axis."""
+    axis = axis_of(channel)
+    if standard == "en14363":
+        return _stability(parts, channel) if axis == "y" else None
+    weighting = {
+        "iso2631": "Wk" if axis == "z" else "Wd",
+        "en12299": "Wb" if axis == "z" else "Wd",
+        "sperling": "Sperling vertical" if axis == "z" else "Sperling lateral",
+    }[standard]
+    rate = parts[0].sampling_rate
+    rating: str | None
+    pieces = [
+        weighted(part.samples[part.index(channel.name)], sampling_rate=rate, weighting=weighting) for part in parts
+    ]
+    values = np.concatenate(pieces)
+    rms = float(np.sqrt(np.mean(values**2)))
+    if standard == "iso2631":
+        value, rating = rms, _words(rms, _COMFORT)
+    elif standard == "sperling":
+        value = 4.42 * rms**0.3
+        rating = _words(value, _SPERLING)
+    else:
+        value = _ninety_five(pieces, rate)
+        rating = _words(value, _CONTINUOUS) if axis != "x" else None
+    return RidePoint(channel.name, axis, standard, weighting, rms, *_peaks(pieces, rms, rate), value, rating)
+
+
+def _peaks(pieces: Sequence[Real], rms: float, rate: float) -> tuple[float, float, float]:
+    """Return MTVV, VDV and crest factor."""
+    n = max(1, round(RUNNING * rate))
+    running = [np.sqrt(np.maximum(ndimage.uniform_filter1d(piece**2, n, mode="constant"), 0.0)) for piece in pieces]
+    dose = float(sum(np.sum(piece**4) for piece in pieces) / rate) ** 0.25
+    crest = max(float(np.abs(piece).max()) for piece in pieces) / max(rms, 1e-300)
+    return max(float(each.max()) for each in running), dose, crest
+
+
+def _ninety_five(pieces: Sequence[Real], rate: float) -> float:
+    """Return 95 % of the RMS over blocks."""
+    n = round(BLOCK * rate)
+    blocks = np.concatenate([piece[: piece.size // n * n].reshape(-1, n) for piece in pieces])
+    return float(np.quantile(np.sqrt(np.mean(blocks**2, axis=1)), 0.95))
+
+
+def _stability(parts: Sequence[Recording], channel: Channel) -> RidePoint:
+    """Return the running RMS of a lateral acceleration around its largest peak."""
+    rate = parts[0].sampling_rate
+    rows = [part.samples[part.index(channel.name)] for part in parts]
+    longest = max(rows, key=len)
+    frequencies = np.fft.rfftfreq(longest.size, 1 / rate)
+    spectrum = np.abs(np.fft.rfft(longest - longest.mean())) ** 2
+    smooth = ndimage.gaussian_filter1d(spectrum, 0.2 * longest.size / rate)
+    peak = float(frequencies[np.argmax(np.where((frequencies >= 3) & (frequencies <= 9), smooth, 0.0))])
+    pieces = []
+    for row in rows:
+        transform = np.fft.rfft(row - row.mean())
+        inside = np.abs(np.fft.rfftfreq(row.size, 1 / rate) - peak) <= STABILITY_BAND
+        pieces.append(np.fft.irfft(transform * inside, row.size))
+    speeds = [part.samples[k] for part in parts for k, each in enumerate(part.channels) if each.quantity == "speed"]
+    mean = float(np.mean([np.mean(speed) for speed in speeds])) if speeds else STABILITY_LENGTH
+    n = max(1, round(STABILITY_LENGTH / max(mean, 1.0) * rate))
+    running = max(float(np.sqrt(ndimage.uniform_filter1d(piece**2, n)).max()) for piece in pieces)
+    rms = float(np.sqrt(np.mean(np.concatenate(pieces) ** 2)))
+    name = f"{max(peak - STABILITY_BAND, 0):.1f} to {peak + STABILITY_BAND:.1f} Hz"
+    return RidePoint(channel.name, "y", "en14363", name, rms, *_peaks(pieces, rms, rate), running, None)
+
+
+def _travel(parts: Sequence[Recording], channel: Channel, available: float | None) -> Travel:
+    """Return the use of the travel of a suspension."""
+    rate = parts[0].sampling_rate
+    rows = [part.samples[part.index(channel.name)] for part in parts]
+    values = np.concatenate(rows)
+    speeds = np.concatenate([np.gradient(row, 1 / rate) for row in rows])
+    low, high = float(values.min()), float(values.max())
+    share, n_bottomed = float("nan"), 0
+    if available is not None:
+        check_number("available_travel", available, above=0)
+        share = float(np.diff(np.quantile(values, [0.001, 0.999]))[0] / available)
+        at_end = values <= high - 0.98 * available
+        n_bottomed = int(np.count_nonzero(at_end[1:] & ~at_end[:-1]))
+    rebound, bump = speeds[speeds > 0], -speeds[speeds < 0]
+    return Travel(
+        channel.name,
+        low,
+        high,
+        share,
+        n_bottomed,
+        tuple(np.quantile(values, [0.05, 0.25, 0.5, 0.75, 0.95]).tolist()),
+        *(float(np.quantile(each, 0.95)) if each.size else 0.0 for each in (rebound, bump)),
+    )
+
+
+def _mean_comfort(points: Sequence[RidePoint]) -> float | None:
+    """Return N_MV of the first channel of each axis; None without all three."""
+    by_axis = {point.axis: point.value for point in reversed(points) if point.standard == "en12299"}
+    return 6 * float(np.sqrt(sum(value**2 for value in by_axis.values()))) if len(by_axis) == 3 else None
+
+
+def _shock_notes(points: Sequence[RidePoint], duration: float) -> list[str]:
+    """Return a note on the channels whose RMS understates shocks or changes of the vibration."""
+    names = [
+        point.channel
+        for point in points
+        if point.standard == "iso2631"
+        and (point.crest_factor > 9 or point.mtvv > 1.5 * point.rms or point.vdv > 1.75 * point.rms * duration**0.25)
+    ]
+    if not names:
+        return []
+    return [f"{', '.join(names)}: shocks or changes of the vibration that RMS understates: see MTVV and VDV"]
+
+
+Limits = Sequence[tuple[float, float, str]]
+#: Words by range; the ranges of ISO 2631-1 overlap.
+_COMFORT: Limits = (
+    (0.0, 0.315, "not uncomfortable"),
+    (0.315, 0.63, "a little uncomfortable"),
+    (0.5, 1.0, "fairly uncomfortable"),
+    (0.8, 1.6, "uncomfortable"),
+    (1.25, 2.5, "very uncomfortable"),
+    (2.0, np.inf, "extremely uncomfortable"),
+)
+_SPERLING: Limits = (
+    (0.0, 1.0, "not noticeable"),
+    (1.0, 2.0, "just noticeable"),
+    (2.0, 2.5, "clearly noticeable"),
+    (2.5, 3.0, "more pronounced but not unpleasant"),
+    (3.0, 3.25, "strong, irregular, but still tolerable"),
+    (3.25, 3.5, "very irregular"),
+    (3.5, 4.0, "extremely irregular, unpleasant"),
+    (4.0, np.inf, "extremely unpleasant"),
+)
+_CONTINUOUS: Limits = (
+    (0.0, 0.2, "very comfortable"),
+    (0.2, 0.3, "comfortable"),
+    (0.3, 0.4, "medium"),
+    (0.4, np.inf, "less comfortable"),
+)
+#: Words for the mean comfort N_MV of EN 12299.
+_MEAN: Limits = (
+    (0.0, 1.5, "very comfortable"),
+    (1.5, 2.5, "comfortable"),
+    (2.5, 3.5, "medium"),
+    (3.5, 4.5, "uncomfortable"),
+    (4.5, np.inf, "very uncomfortable"),
+)
+
+
+def _words(value: float, limits: Limits) -> str:
+    """Return the words for a value; two of overlapping ranges as one."""
+    words = [word for low, high, word in limits if low <= value < high]
+    if len(words) < 2 or not all(word.endswith("uncomfortable") for word in words):
+        return words[-1]
+    first = words[0].removesuffix("uncomfortable").strip()
+    return f"{first} to {words[-1]}" if first else f"uncomfortable to {words[-1]}"
+
+
+def mean_comfort_in_words(value: float) -> str:
+    """Return the words of EN 12299 for a mean comfort."""
+    return _words(value, _MEAN)

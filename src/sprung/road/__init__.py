@@ -1,0 +1,23 @@
+"""The road under a vehicle: its profile, International Roughness Index, classes of ISO 8608, potholes."""
+
+from sprung.road.iri import GOLDEN_CAR, GoldenCar, road_class_of, roughness_index, suspension_slope
+from sprung.road.profile import RoadProfile, road_profile
+from sprung.road.survey import RoadEvent, RoadSurvey, Stretch, TrackRoughness, averaged, survey_road
+from sprung.road.writing import write_survey
+
+__all__ = [
+    "GOLDEN_CAR",
+    "GoldenCar",
+    "RoadEvent",
+    "RoadProfile",
+    "RoadSurvey",
+    "Stretch",
+    "TrackRoughness",
+    "averaged",
+    "road_class_of",
+    "road_profile",
+    "roughness_index",
+    "survey_road",
+    "suspension_slope",
+    "write_survey",
+]

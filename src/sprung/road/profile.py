@@ -1,0 +1,235 @@
+"""Profile of the road under a fitted vehicle: the motion of the body, inverted."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from sprung._arrays import Booleans, Complex, Real
+from sprung._checks import freeze
+from sprung.errors import DataError
+from sprung.likelihood import CornerFit, CornerSettings
+from sprung.likelihood.fitting import FitSetup
+from sprung.likelihood.spectra import SLOWEST, ClassSpectra, between_updates
+from sprung.likelihood.transfer import transfer
+from sprung.recording import Recording
+from sprung.vehicles.window import Window
+
+
+@dataclass(frozen=True, slots=True)
+class ProfileSettings:
+    """Settings of the inversion."""
+
+    #: Length of a piece that is inverted at one speed [s]; pieces overlap by half.
+    piece: float = 8.0
+    #: Lowest frequency [Hz], and highest over the sampling rate.
+    lowest: float = 0.25
+    highest: float = 0.4
+    #: Highest frequency that matters [Hz].
+    most: float = 40.0
+    #: Ratio of the speeds for which the inverse is computed.
+    speed_step: float = 1.03
+    #: Relative error of the model's spectra, as noise: what the fit leaves unexplained at best.
+    model_error: float = 0.02
+    #: Distance between the points of the profile [m].
+    spacing: float = 0.05
+
+
+SETTINGS = ProfileSettings()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RoadProfile:
+    """Heights of the left and the right track where the front axle drove.
+
+    Parameters
+    ----------
+    heights
+        Heights without wavelengths that the vehicle does not feel [m], shape (2, points).
+    is_valid
+        Whether the vehicle was fast enough, shape (points,).
+    times
+        Time at which the front axle was there, in s from the start of the first recording, shape (points,).
+    speeds
+        Speed there [m/s], shape (points,).
+    missing_density
+        Density of the error of the heights over temporal frequency, shape (2, speeds, frequencies) [m^2/Hz].
+    frequencies, at_speeds
+        Frequencies [Hz] and speeds [m/s] of that density.
+    """
+
+    heights: Real
+    is_valid: Booleans
+    times: Real
+    speeds: Real
+    missing_density: Real
+    frequencies: Real
+    at_speeds: Real
+
+    def __post_init__(self) -> None:
+        freeze(self, times=1, speeds=1, frequencies=1, at_speeds=1)
+        freeze(self, heights=2, missing_density=3)
+        freeze(self, is_valid=1, dtype=np.bool_)
+
+    @property
+    def spacing(self) -> float:
+        """Distance between points [m]."""
+        return SETTINGS.spacing
+
+
+def road_profile(windows: Sequence[Window], fit: CornerFit) -> RoadProfile:
+    """Return the profile of the road from drives of a fitted vehicle.
+
+    Parameters
+    ----------
+    windows
+        Windows of one vehicle, with its speed, in the order of time.
+    fit
+        Vehicle fitted to these windows.
+
+    Raises
+    ------
+    DataError
+        If the speed was not recorded, or no stretch is fast and long enough.
+
+    Notes
+    -----
+    In pieces of eight seconds the motions y of the body and the heights u under the front wheels are jointly Gaussian:
+    with the fitted response H, spectrum S_u of the inputs of all wheels (rear ones delayed) and noise N, the most
+    likely heights are S_u H^H (H S_u H^H + N)^-1 y at each frequency (Wiener), and S_u - S_u H^H (...)^-1 H S_u is the
+    density of their error. Pieces are tapered by the root of a Hann window before and after, and added. The error is
+    taken as 2 % of the motion at least.
+
+    References
+    ----------
+    N. Wiener, Extrapolation, Interpolation, and Smoothing of Stationary Time Series, MIT Press, 1949.
+    """
+    inverse = Inverse(windows[0], fit)
+    heights, is_valid, times, speeds = [], [], [], []
+    clock = 0.0
+    for window in windows:
+        if window.speed is None:
+            raise DataError("the road needs the speed of the vehicle: give recordings with the speed channel")
+        for motion, speed, start in _stretches(window):
+            found = inverse.along(motion, speed)
+            if found is not None:
+                heights.append(found.heights)
+                is_valid.append(found.is_valid)
+                times.append(found.times + clock + start)
+                speeds.append(found.speeds)
+        clock += window.recording.duration
+    if not heights:
+        raise DataError(f"no stretch is {SETTINGS.piece:g} s long at more than {SLOWEST:g} m/s: give a longer drive")
+    return RoadProfile(
+        np.concatenate(heights, axis=1),
+        np.concatenate(is_valid),
+        np.concatenate(times),
+        np.concatenate(speeds),
+        inverse.missing,
+        inverse.frequencies,
+        inverse.speeds,
+    )
+
+
+def _stretches(window: Window) -> Iterator[tuple[Recording, Real, float]]:
+    """Yield the motion and the speed of each stretch without a gap, and its start [s]."""
+    recording, motion = window.recording, window.motion
+    speed = recording.samples[recording.index(window.speed or "")]
+    for stretch in recording.stretches():
+        part = motion.part(stretch.start, stretch.stop)
+        values = between_updates(speed[stretch], recording.sampling_rate)
+        yield part, values, stretch.start / recording.sampling_rate
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Along:
+    heights: Real
+    is_valid: Booleans
+    times: Real
+    speeds: Real
+
+
+class Inverse:
+    """Inverse of a fitted vehicle for a range of speeds.
+
+    Parameters
+    ----------
+    window
+        Window of the vehicle.
+    fit
+        Its fit.
+    """
+
+    def __init__(self, window: Window, fit: CornerFit) -> None:
+        rate = window.motion.sampling_rate
+        self._rate, self._layout = rate, fit.model.layout
+        self._n_piece = 2 * round(SETTINGS.piece * rate / 2)
+        n_padded = 2 * self._n_piece
+        frequencies = np.arange(1, n_padded // 2) * rate / n_padded
+        highest = min(SETTINGS.highest * rate, SETTINGS.most)
+        self._in_band = np.flatnonzero((frequencies >= SETTINGS.lowest) & (frequencies <= highest)) + 1
+        self.frequencies: Real = self._in_band * rate / n_padded
+        low, high = 0.9 * SLOWEST, 70.0
+        n_speeds = 1 + int(np.log(high / low) / np.log(SETTINGS.speed_step))
+        self.speeds: Real = np.geomspace(low, high, n_speeds)
+        self._weights, self.missing = self._solved(window, fit, n_padded / rate)
+
+    def _solved(self, window: Window, fit: CornerFit, length: float) -> tuple[Complex, Real]:
+        """Return the Wiener weights (speeds, frequencies, tracks, coordinates), and the density of the error."""
+        setup = FitSetup(window.vehicle, fit.model.structure, self._layout, CornerSettings(), "road")
+        size, n_speeds = len(self._layout.rows), self.speeds.size
+        spectra = ClassSpectra(
+            frequencies=self.frequencies,
+            counts=np.ones(n_speeds),
+            speeds=self.speeds,
+            spreads=np.full(n_speeds, (SETTINGS.speed_step - 1) / 2),
+            matrices=np.broadcast_to(np.eye(size, dtype=np.complex128), (n_speeds, self.frequencies.size, size, size)),
+            segment_length=length,
+            weights=np.ones((n_speeds, self.frequencies.size)),
+        )
+        model = setup.model(spectra)
+        known = dict(zip(fit.model.names, fit.parameters, strict=True))
+        parameters = np.array([0.0 if name.startswith("class_") else known.get(name, 0.0) for name in model.names])
+        response = transfer(model.terms(parameters))
+        S = response.spectral_matrix
+        S = S + SETTINGS.model_error**2 * np.einsum("cfii->cfi", S)[..., None] * np.eye(size)
+        of_front = response.driven[:, :, :2]
+        weights = of_front @ np.linalg.inv(S)
+        explained = np.einsum("cfki,cfki->kcf", weights, of_front.conj()).real
+        own = np.einsum("cfkk->kcf", response.terms.inputs[:, :, :2, :2]).real
+        return weights[:, 1:-1], np.maximum(own - explained, 0.0)[:, :, 1:-1]
+
+    def along(self, motion: Recording, speed: Real) -> _Along | None:
+        """Return the heights along a stretch without a gap; None if it is too short or slow."""
+        n_piece, hop = self._n_piece, self._n_piece // 2
+        n_pieces = (motion.n_samples - n_piece) // hop + 1
+        if n_pieces < 2 or not np.any(speed > SLOWEST):
+            return None
+        taper = np.sqrt(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_piece) / n_piece))
+        samples = motion.select(list(self._layout.names)).samples
+        heights = np.zeros((2, n_pieces * hop + hop))
+        order = self._layout.differentiator(self.frequencies)
+        for number in range(n_pieces):
+            begin = number * hop
+            values = samples[:, begin : begin + n_piece]
+            values = (values - values.mean(axis=1, keepdims=True)) * taper
+            spectrum = np.fft.rfft(values, 2 * n_piece)[:, self._in_band].T
+            coordinates = (spectrum * order) @ self._layout.reduction.T
+            mean = float(np.mean(speed[begin : begin + n_piece]))
+            nearest = int(np.argmin(np.abs(np.log(self.speeds / max(mean, self.speeds[0])))))
+            found = np.zeros((2, n_piece + 1), dtype=np.complex128)
+            found[:, self._in_band] = np.einsum("fki,fi->kf", self._weights[nearest], coordinates)
+            heights[:, begin : begin + n_piece] += np.fft.irfft(found, 2 * n_piece)[:, :n_piece] * taper
+        inner = slice(hop, n_pieces * hop)  # where two pieces add up to one
+        return self._over_distance(heights[:, inner], speed[inner], hop / self._rate)
+
+    def _over_distance(self, heights: Real, speed: Real, start: float) -> _Along:
+        """Return heights at equal distances."""
+        travelled = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2) / self._rate])
+        travelled += 1e-9 * np.arange(travelled.size)  # rises while the vehicle stands, too
+        places = np.arange(0.0, travelled[-1], SETTINGS.spacing)
+        times = np.interp(places, travelled, np.arange(travelled.size) / self._rate)
+        speeds = np.interp(places, travelled, speed)
+        along = CubicSpline(np.arange(heights.shape[1]) / self._rate, heights, axis=1)(times)
+        return _Along(along, speeds > SLOWEST, times + start, speeds)

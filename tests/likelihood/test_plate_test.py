@@ -1,0 +1,70 @@
+"""Figures of a suspension tester against a quarter vehicle in closed form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.likelihood import fit_corners
+from sprung.likelihood.plate_test import PLATE, Corner, plate_tests, tyres
+from sprung.simulation import RoadDrive, simulate_drive
+from sprung.vehicles import Component, parse_fault, read_vehicle, structure
+
+CAR = read_vehicle("zafira")
+
+
+def quarter() -> Corner:
+    """Return a corner of a vehicle whose body is too heavy to move."""
+    vehicle = structure(CAR)
+    tyre = tyres(vehicle)["front_left"]
+    mass = vehicle.mass.copy()
+    mass[0, 0] = mass[1, 1] = mass[2, 2] = 1e9
+    return Corner(replace(vehicle, mass=mass), tyre)
+
+
+def test_a_wheel_under_a_body_at_rest() -> None:
+    parts = {
+        component.kind: value
+        for component, value in structure(CAR).components().items()
+        if component.corner == "front_left"
+    }
+    frequencies = np.array([3.0, 8.0, 12.0, 20.0])
+    w = 2 * np.pi * frequencies
+    spring, tyre = parts["spring"] + 1j * w * parts["damper"], parts["tyre"]
+    wheel = tyre / (tyre + spring - 40.5 * w**2)
+    assert quarter().force(frequencies) == pytest.approx(tyre * (1 - wheel), rel=1e-5)
+
+
+def test_the_static_loads_are_the_weight() -> None:
+    vehicle = structure(CAR)
+    loads = sum(Corner(vehicle, tyre).load for tyre in tyres(vehicle).values())
+    assert loads == pytest.approx(9.80665 * (CAR.body.mass + 4 * 40.5), rel=1e-9)
+
+
+def test_phase_and_adhesion_fall_with_the_damper() -> None:
+    vehicle, found = structure(CAR), []
+    for factor in (1.0, 0.6, 0.3, 0.1):
+        changed = vehicle.changed({Component("front_left", "damper"): factor})
+        corner = Corner(changed, tyres(changed)["front_left"])
+        found.append(corner.figures(*corner.extremes()))
+    phases, adhesions, damping, _ = zip(*found, strict=True)
+    assert list(phases) == sorted(phases, reverse=True)
+    assert list(adhesions) == sorted(adhesions, reverse=True)
+    assert damping[2] == pytest.approx(0.3 * damping[0])
+    assert phases[0] > PLATE.phase_limit > phases[2]
+
+
+@pytest.mark.slow
+def test_a_weak_damper_is_seen_with_its_interval() -> None:
+    weak = parse_fault("rear_left.damper=-0.5")
+    drive = RoadDrive(duration=300.0, sampling_rate=80.0, snr=50.0, faults=(weak,))
+    tests = plate_tests(fit_corners(simulate_drive(CAR, drive, seed=2).recording, CAR))
+    true = structure(CAR).changed({Component("rear_left", "damper"): 0.5})
+    for corner, test in tests.items():
+        exact = Corner(true, tyres(true)[corner])
+        phase, adhesion, damping, wheel = exact.figures(*exact.extremes())
+        assert abs(test.phase_shift - phase) < 3.5 * test.phase_shift_std
+        assert abs(test.adhesion - adhesion) < 3.5 * test.adhesion_std
+        assert abs(test.damping_ratio - damping) < 3.5 * test.damping_ratio_std
+        assert abs(test.wheel_damping_ratio - wheel) < 3.5 * test.wheel_damping_ratio_std
+    assert tests["rear_left"].asymmetry > PLATE.asymmetry_limit

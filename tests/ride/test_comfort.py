@@ -1,0 +1,93 @@
+"""Ride by standards against closed forms."""
+
+import numpy as np
+import pytest
+
+from sprung.errors import DataError
+from sprung.recording import Channel, Recording
+from sprung.ride import assess_ride, mean_comfort_in_words, response_of
+
+RATE = 200.0
+TIME = np.arange(round(60 * RATE)) / RATE
+
+
+def recording(rows, *channels) -> Recording:
+    return Recording(np.atleast_2d(rows), RATE, tuple(channels))
+
+
+def sine(frequency, rms=1.0):
+    return rms * np.sqrt(2) * np.sin(2 * np.pi * frequency * TIME)
+
+
+def test_a_sine_on_a_seat() -> None:
+    point = assess_ride(recording(sine(8.0), Channel("seat_z", "acceleration"))).points[0]
+    gain = abs(response_of("Wk", np.array([8.0]))[0])
+    assert point.rms == pytest.approx(gain, rel=5e-3)
+    assert point.mtvv == pytest.approx(gain, rel=2e-2)
+    assert point.crest_factor == pytest.approx(np.sqrt(2), rel=0.1)  # higher where the shaking begins
+    assert point.vdv == pytest.approx(gain * (1.5 * 60) ** 0.25, rel=1e-2)  # mean of sin^4 is 3/8, of an RMS of 1 3/2
+    assert (point.axis, point.weighting, point.rating) == ("z", "Wk", "uncomfortable")
+
+
+@pytest.mark.parametrize(
+    ("rms", "rating"),
+    [
+        (0.2, "not uncomfortable"),
+        (0.4, "a little uncomfortable"),
+        (0.55, "a little to fairly uncomfortable"),
+        (3.0, "extremely uncomfortable"),
+    ],
+)
+def test_words_of_comfort(rms, rating) -> None:
+    gain = abs(response_of("Wk", np.array([8.0]))[0])
+    assert assess_ride(recording(sine(8.0, rms / gain), Channel("z", "acceleration"))).points[0].rating == rating
+
+
+def test_mean_comfort_of_three_axes() -> None:
+    channels = [Channel(f"floor_{axis}", "acceleration") for axis in "xyz"]
+    rows = [sine(1.0, 0.1), sine(1.0, 0.1), sine(5.0, 0.2)]
+    ride = assess_ride(recording(rows, *channels), standards=("en12299",))
+    horizontal, vertical = (abs(response_of(*each)[0]) for each in (("Wd", np.array([1.0])), ("Wb", np.array([5.0]))))
+    expected = 6 * np.sqrt(2 * (0.1 * horizontal) ** 2 + (0.2 * vertical) ** 2)
+    assert ride.mean_comfort == pytest.approx(expected, rel=2e-2)
+    assert mean_comfort_in_words(1.2) == "very comfortable"
+    assert [point.rating for point in ride.points] == [None, "very comfortable", "comfortable"]
+
+
+def test_sperling() -> None:
+    point = assess_ride(recording(sine(5.0, 0.5), Channel("z", "acceleration")), standards=("sperling",)).points[0]
+    weighted = 0.5 * abs(response_of("Sperling vertical", np.array([5.0]))[0])
+    assert point.value == pytest.approx(4.42 * weighted**0.3, rel=5e-3)
+
+
+def test_hunting_of_a_bogie_is_its_running_rms() -> None:
+    noise = 0.01 * np.random.default_rng(1).standard_normal(TIME.size)
+    speed = np.full(TIME.size, 50.0)
+    run = recording([sine(6.0, 2.0) + noise, speed], Channel("bogie_y", "acceleration"), Channel("speed", "speed"))
+    point = assess_ride(run, standards=("en14363",)).points[0]
+    assert point.value == pytest.approx(2.0, rel=2e-2)
+    assert point.weighting == "4.0 to 8.0 Hz"
+
+
+def test_travel() -> None:
+    ride = assess_ride(
+        recording(0.04 * np.sin(2 * np.pi * TIME), Channel("fork", "displacement")), available_travel=0.1
+    )
+    travel = ride.travel[0]
+    assert (travel.lowest, travel.highest) == pytest.approx((-0.04, 0.04), abs=1e-6)
+    assert travel.share_used == pytest.approx(0.8, rel=1e-3)
+    assert travel.n_bottomed == 0
+    assert travel.bump_speed == pytest.approx(0.08 * np.pi * np.sin(0.95 * np.pi / 2), rel=1e-2)
+
+
+def test_shocks_are_noted() -> None:
+    shaken = sine(8.0, 0.1)
+    shaken[6000:6010] += 20.0
+    notes = assess_ride(recording(shaken, Channel("z", "acceleration"))).notes
+    assert len(notes) == 1
+    assert notes[0].startswith("z:")
+
+
+def test_a_recording_without_motion_is_refused() -> None:
+    with pytest.raises(DataError, match="no channel"):
+        assess_ride(recording(sine(1.0), Channel("speed", "speed")))

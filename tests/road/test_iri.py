@@ -1,0 +1,59 @@
+"""The golden car against closed forms."""
+
+import numpy as np
+import pytest
+
+from sprung.errors import DataError
+from sprung.road import GOLDEN_CAR, road_class_of, roughness_index, suspension_slope
+
+
+@pytest.mark.parametrize("wavelength", [2.0, 5.0, 12.0, 30.0])
+def test_the_index_of_a_sine_is_that_of_the_response(wavelength) -> None:
+    spacing, amplitude = 0.05, 0.005
+    x = np.arange(0.0, 60 * wavelength, spacing)
+    slope = suspension_slope(amplitude * np.sin(2 * np.pi * x / wavelength), spacing=spacing)[x.size // 2 :]
+    response = np.abs(GOLDEN_CAR.response(np.array([1 / wavelength])))[0]
+    assert np.sqrt(2 * np.mean(slope**2)) == pytest.approx(
+        amplitude * response, rel=4e-3
+    )  # straight lines between points of 5 cm
+
+
+def test_the_response_is_that_of_the_quarter_car() -> None:
+    """By its equations of motion, m z'' = forces, solved as two equations instead of by states."""
+    n = 0.2
+    w = 2 * np.pi * n * GOLDEN_CAR.speed
+    k_t, k_s, c, m = GOLDEN_CAR.tyre, GOLDEN_CAR.spring, GOLDEN_CAR.damping, GOLDEN_CAR.unsprung
+    spring = k_s + 1j * w * c
+    body, wheel = np.linalg.solve([[spring - w**2, -spring], [-spring, k_t + spring - m * w**2]], [0.0, k_t])
+    expected = 1j * w * (body - wheel) / GOLDEN_CAR.speed * np.sinc(n * GOLDEN_CAR.contact_length)
+    assert GOLDEN_CAR.response(np.array([n]))[0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_constant_slope_moves_no_suspension() -> None:
+    x = np.arange(0.0, 200.0, 0.05)
+    assert np.abs(suspension_slope(3.0 + 0.02 * x, spacing=0.05)[:-10]).max() < 1e-9
+
+
+def test_the_index_is_proportional_to_the_heights() -> None:
+    heights = np.cumsum(np.random.default_rng(1).standard_normal(8000)) * 1e-3
+    single, double = (roughness_index(scale * heights, spacing=0.05) for scale in (1.0, 2.0))
+    assert single.shape == (4,)
+    assert double == pytest.approx(2 * single)
+
+
+def test_a_finer_profile_has_the_same_index() -> None:
+    x = np.arange(0.0, 200.0, 0.01)
+    lengths = np.array([1.7, 4.3, 9.1, 21.0])[:, None]
+    heights = np.sum(0.01 * np.sin(2 * np.pi * x / lengths + lengths), axis=0)
+    fine, coarse = (roughness_index(heights[::step], spacing=0.01 * step) for step in (1, 10))
+    assert coarse == pytest.approx(fine, rel=1.5e-2)  # straight lines between points of 10 cm
+
+
+def test_a_short_profile_is_refused() -> None:
+    with pytest.raises(DataError, match="shorter than a stretch"):
+        roughness_index(np.zeros(100), spacing=0.05)
+
+
+@pytest.mark.parametrize(("roughness", "name"), [(16e-6, "A"), (33e-6, "B"), (256e-6, "C"), (1.0, "H")])
+def test_classes(roughness, name) -> None:
+    assert road_class_of(roughness) == name

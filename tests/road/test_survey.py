@@ -1,0 +1,111 @@
+"""The road under a simulated vehicle against the profile that it drove on."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import sprung
+from sprung.errors import DataError, ParameterError
+from sprung.excitation import surface
+from sprung.road import averaged, roughness_index, survey_road, write_survey
+from sprung.simulation import RoadConditions, RoadDrive, simulate_drive
+from sprung.vehicles import read_vehicle
+
+CAR = read_vehicle("zafira")
+
+
+@pytest.fixture
+def profiles(monkeypatch):
+    """Profiles of simulated drives, in their order."""
+    made = []
+    make = surface.random_profile
+
+    def kept(*arguments, **options):
+        made.append(make(*arguments, **options))
+        return made[-1]
+
+    monkeypatch.setattr(surface, "random_profile", kept)
+    return made
+
+
+def truth(profile, recording, survey, side):
+    """Return the index of each stretch from the profile itself."""
+    speed = recording.samples[recording.index("speed")]
+    travelled = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) / recording.sampling_rate
+    first = np.interp(survey.stretches[0].begin_time, np.arange(speed.size) / recording.sampling_rate, travelled)
+    places = np.arange(first, travelled[-1], 0.05)
+    return roughness_index(profile.height(side == "left", places), spacing=0.05)
+
+
+def drive(seed, road_class="B", speed=(12.0, 18.0), **settings):
+    road = RoadConditions(road_class, **settings)
+    return simulate_drive(
+        CAR, RoadDrive(duration=150.0, sampling_rate=100.0, speed=speed, road=road, snr=50.0), seed=seed
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("road_class", "speed"), [("A", (20.0, 28.0)), ("C", (8.0, 10.0)), ("E", (11.0, 15.0))])
+def test_the_index_is_that_of_the_profile(profiles, road_class, speed) -> None:
+    recording = drive(7, road_class, speed).recording
+    survey = survey_road(recording, CAR)
+    assert {stretch.left.road_class for stretch in survey.stretches} == {road_class}
+    for side in ("left", "right"):
+        true = truth(profiles[-1], recording, survey, side)[1 : len(survey.stretches)]
+        tracks = [getattr(stretch, side) for stretch in survey.stretches[1:]][: true.size]
+        index, std = (np.array([getattr(track, name) for track in tracks]) for name in ("iri", "iri_std"))
+        assert np.sqrt(np.mean((index / true - 1) ** 2)) < 0.05
+        assert np.mean(np.abs(index - true) < 1.96 * std) > 0.9
+
+
+@pytest.mark.slow
+def test_a_pothole_is_found_where_it_is(profiles) -> None:
+    recording = drive(
+        3, "A", potholes=sprung.Potholes(per_kilometre=4.0, depth=(0.02, 0.04), length=(0.8, 1.2))
+    ).recording
+    survey = survey_road(recording, CAR)
+    assert survey.events
+    smooth = profiles[-1].heights[:, :-1].max() - profiles[-1].heights[:, :-1].min()
+    assert all(0.008 < event.depth < smooth for event in survey.events)
+    assert {event.kind for event in survey.events} <= {"pothole", "bump"}
+
+
+@pytest.mark.slow
+def test_places_lead_to_maps(tmp_path) -> None:
+    recording = drive(1).recording
+    time = np.arange(recording.n_samples) / recording.sampling_rate
+    channels = (*recording.channels, sprung.Channel("latitude"), sprung.Channel("longitude"))
+    samples = np.vstack([recording.samples, 50 + 1e-4 * time, 8 + 1e-4 * time])
+    survey = survey_road(replace(recording, samples=samples, channels=channels), CAR)
+    write_survey(survey, tmp_path / "road.geojson")
+    features = json.loads((tmp_path / "road.geojson").read_text())["features"]
+    longitude, latitude = features[0]["geometry"]["coordinates"][0]
+    assert longitude == pytest.approx(8 + 1e-4 * survey.stretches[0].begin_time)
+    assert latitude == pytest.approx(50 + 1e-4 * survey.stretches[0].begin_time)
+    write_survey(survey, tmp_path / "road.gpx")
+    assert (tmp_path / "road.gpx").read_text().startswith("<?xml")
+
+
+@pytest.mark.slow
+def test_passes_are_averaged(tmp_path) -> None:
+    surveys = [survey_road(drive(seed).recording, CAR) for seed in (1, 2)]
+    mean = averaged(surveys)
+    pair = [survey.stretches[2].left.iri for survey in surveys]
+    assert min(pair) <= mean.stretches[2].left.iri <= max(pair)
+    assert mean.stretches[2].n_passes == 2
+    assert mean.stretches[2].left.iri_std >= np.std(pair, ddof=1) / np.sqrt(2) - 1e-12
+    with pytest.raises(DataError, match="latitude and longitude"):
+        write_survey(mean, tmp_path / "road.geojson")
+    with pytest.raises(ParameterError, match=r"\.geojson, \.gpx or \.csv"):
+        write_survey(mean, tmp_path / "road.txt")
+    write_survey(mean, tmp_path / "road.csv")
+    assert len((tmp_path / "road.csv").read_text().splitlines()) == 1 + len(mean.stretches)
+
+
+@pytest.mark.slow
+def test_a_drive_without_speed_is_refused() -> None:
+    recording = drive(1).recording
+    with pytest.raises(DataError, match="needs the speed"):
+        survey_road(recording.select([name for name in recording.names if name != "speed"]), CAR)

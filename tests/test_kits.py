@@ -1,0 +1,47 @@
+"""Plans of kits of sensors."""
+
+import pytest
+
+from sprung.errors import ParameterError
+from sprung.kits import CHANGES, best_places, candidates, kit_of, plan
+from sprung.likelihood.expected import ExpectedDrive
+from sprung.vehicles import read_vehicle
+
+CAR = read_vehicle("zafira")
+SHORT = ExpectedDrive(minutes=5.0)
+
+
+@pytest.fixture(scope="module")
+def plans():
+    return {name: plan(kit_of(CAR, name), drive=SHORT) for name in ("four", "two")}
+
+
+def test_fewer_sensors_find_changes_later(plans) -> None:
+    four, two = plans["four"], plans["two"]
+    for more, fewer in zip(four.components, two.components, strict=True):
+        assert more.contrast_std < fewer.contrast_std
+        assert all(fewer.minutes[change] is None or more.minutes[change] <= fewer.minutes[change] for change in CHANGES)
+
+
+def test_larger_changes_are_found_sooner(plans) -> None:
+    for part in plans["two"].components:
+        known = [part.minutes[change] for change in CHANGES if part.minutes[change] is not None]
+        assert known == sorted(known, reverse=True)
+
+
+def test_a_redundant_sensor_buys_no_precision(plans) -> None:
+    assert all(0 <= sensor.gain < 0.05 for sensor in plans["four"].sensors)
+    assert all(sensor.gain > 0.5 for sensor in plans["two"].sensors)
+
+
+def test_the_best_three_places_are_no_worse_than_the_kit() -> None:
+    chosen = best_places(CAR, candidates(CAR), 3, drive=SHORT)
+    best = plan(CAR.model_copy(update={"sensor": chosen}), drive=SHORT)
+    kit = plan(kit_of(CAR, "three"), drive=SHORT)
+    found, given = ([part.contrast_std or 0.0 for part in each.components] for each in (best, kit))
+    assert sum(found) <= 1.001 * sum(given)
+
+
+def test_an_unknown_kit_is_refused() -> None:
+    with pytest.raises(ParameterError, match="imu"):
+        kit_of(CAR, "five")
