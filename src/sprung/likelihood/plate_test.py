@@ -8,6 +8,7 @@ import numpy as np
 
 from sprung._arrays import Complex, Real
 from sprung.likelihood.corners import CornerFit, fitted_structure, is_structural
+from sprung.likelihood.surface import RoadInputs
 from sprung.vehicles import Component, Structure
 from sprung.vehicles.structure import Element
 
@@ -75,7 +76,7 @@ def plate_tests(fit: CornerFit) -> dict[str, PlateTest]:
     Returns
     -------
     dict
-        By corner; empty where wheels stand on no tyres, as on rails, or masses are not known.
+        By corner; empty on rails and rigs, or where masses are not known.
 
     Notes
     -----
@@ -113,7 +114,8 @@ def plate_tests(fit: CornerFit) -> dict[str, PlateTest]:
     """
     nominal = fit.structure()
     standing = tyres(nominal)
-    if fit.model.structure.mass[0, 0] <= 1 or not standing:  # per kilogram of body: no loads
+    is_on_road = any(isinstance(block, RoadInputs) for block in fit.model.blocks)
+    if not is_on_road or not standing or fit.model.structure.mass[0, 0] <= 1:  # per kilogram of body: no loads
         return {}
     corners = [Corner(nominal, tyre) for tyre in standing.values()]
     extremes = [corner.extremes() for corner in corners]
@@ -183,7 +185,7 @@ class Corner:
         """Return the static contact force [N]."""
         upwards = [name == "bounce" or name.startswith(("wheel", "mass")) for name in self._structure.coordinates]
         weight = _GRAVITY * self._structure.mass @ np.array(upwards, dtype=np.float64)
-        at_rest = np.linalg.solve(self._structure.system.stiffness, -weight)
+        at_rest = np.linalg.lstsq(self._structure.system.stiffness, -weight, rcond=1e-12)[0]  # sway has no spring
         return float(-self._tyre.stiffness * (self._tyre.elongation @ at_rest))
 
     def force(self, frequencies: Real) -> Complex:

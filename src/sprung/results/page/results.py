@@ -18,6 +18,7 @@ from sprung.identification import Identification
 from sprung.identification.ladders import BlockRowLadder
 from sprung.identification.tracking import TrackedModes
 from sprung.likelihood import CornerFit
+from sprung.likelihood.plate_test import plate_tests
 from sprung.results.documents import Document
 from sprung.results.page.page import Block, Paragraph, Picture, Report, Section, Sentences, picture
 from sprung.results.renderings import document_of, picture_of
@@ -35,6 +36,7 @@ from sprung.results.tables import (
     inspection_in_words,
     inspection_table,
     payload_in_words,
+    plate_tests_table,
     tracks_in_words,
     tracks_table,
     why_none,
@@ -294,7 +296,7 @@ def corners_report(fit: CornerFit, inputs: Inputs, *, document: Document | None 
     >>> report.title
     'Springs, dampers and tyres from drive.csv'
     >>> [section.title for section in report.sections]
-    ['Components', 'Modes', 'Figures', 'Data', 'Settings', 'What this says, and what it does not']
+    ['Components', 'Modes', 'Inspection', 'Figures', 'Data', 'Settings', 'What this says, and what it does not']
     """
     from sprung.results.figures.saving import corner_figures
 
@@ -320,6 +322,7 @@ def corners_report(fit: CornerFit, inputs: Inputs, *, document: Document | None 
         [
             Section("Components", (components_table(fit), *_sentences(payload_in_words(fit)))),
             Section("Modes", (fitted_modes_table(fit),)),
+            *([Section("Inspection", (plate_tests_table(tests),))] if (tests := plate_tests(fit)) else []),
             *_notes(fit.notes),
             _pictures(corner_figures(fit, source=inputs.title), _CAPTIONS["corners"]),
             data_section(inputs),
