@@ -24,26 +24,26 @@ def commit(store, times, **fields):
 
 def test_a_new_vehicle_has_none(store) -> None:
     store.results.commit(Progress("car-1", 1, done_seq=-1, modes=((0, NOW, {}), (1, NOW, {}))))
-    history = history_of(store, "car-1", most_windows=9)
+    history = history_of(store, "car-1", max_windows=9)
     assert (history.baseline, history.observations, history.n_windows, history.n_identified) == (None, (), 0, 0)
 
 
 def test_windows_since_the_baseline_are_kept_and_numbers_continue(store) -> None:
     baselines = tuple((version, NOW, "", {"learning_times": [0.0, float(version)]}) for version in (1, 2))
     commit(store, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], baselines=baselines, modes=((7, NOW, {}),))
-    history = history_of(store, "car-1", most_windows=2)
+    history = history_of(store, "car-1", max_windows=2)
     assert history.baseline == {"learning_times": [0.0, 2.0]}
     assert [document["time"] for document in history.observations] == [4.0, 5.0]
     assert (history.n_windows, history.n_identified, history.relearning) == (6, 8, "")
-    assert len(history_of(store, "car-1", most_windows=9).observations) == 3
+    assert len(history_of(store, "car-1", max_windows=9).observations) == 3
 
 
 def test_a_learning_under_way_keeps_its_reason(store) -> None:
     commit(store, [0.0], baselines=((1, NOW, "", {"learning_times": [0.0]}),), status={"is_learning": True})
-    assert history_of(store, "car-1", most_windows=9).relearning == "maintenance"
+    assert history_of(store, "car-1", max_windows=9).relearning == "maintenance"
     for vehicle, reason in (("car-1", "new dampers"), ("car-2", "new springs")):
         store.requests.add_command("anna", vehicle, "learn", reason, now=NOW)
-    assert history_of(store, "car-1", most_windows=9).relearning == "new dampers"
+    assert history_of(store, "car-1", max_windows=9).relearning == "new dampers"
 
 
 @pytest.mark.slow

@@ -85,9 +85,9 @@ def test_old_files_are_pruned(tmp_path: Path) -> None:
     assert archive.prune(before=T0 + 1) == 2
     assert [path.exists() for path in paths] == [False, True, True, True]
     assert not paths[0].parent.exists()
-    assert archive.prune(before=0, most_bytes=2 * paths[1].stat().st_size) == 1
+    assert archive.prune(before=0, max_bytes=2 * paths[1].stat().st_size) == 1
     assert [path.exists() for path in paths] == [False, False, True, True]
-    assert archive.prune(before=0, most_bytes=0) == 2
+    assert archive.prune(before=0, max_bytes=0) == 2
     assert Retention(tmp_path / "absent").prune(before=T0) == 0
 
 
@@ -116,11 +116,11 @@ def settle(folder, *, at):
         os.utime(day, ns=(at, at))
 
 
-def kept(files, *, before, most_bytes):
+def kept(files, *, before, max_bytes):
     """What remains, found the long way; {path: (begin, size)}."""
     left = dict(sorted(files.items(), key=lambda item: (item[1][0], str(item[0]))))
     for path, (begin, _) in list(left.items()):
-        if begin < before or sum(size for _, size in left.values()) > most_bytes:
+        if begin < before or sum(size for _, size in left.values()) > max_bytes:
             del left[path]
     return left
 
@@ -139,7 +139,7 @@ def test_what_remains_is_what_a_look_at_every_file_leaves(tmp_path: Path, is_res
             path.unlink()
             del files[path]
         archive = Retention(tmp_path) if is_restarted else archive
-        rules = {"before": T0 + (step - 30) * DAY // 20, "most_bytes": int(generator.integers(5_000, 40_000))}
+        rules = {"before": T0 + (step - 30) * DAY // 20, "max_bytes": int(generator.integers(5_000, 40_000))}
         left = kept(files, **rules)
         assert archive.prune(**rules) == len(files) - len(left)
         assert set(tmp_path.glob("*/*/*")) == set(left)
@@ -173,8 +173,8 @@ def test_only_what_changed_or_must_go_is_looked_at(tmp_path: Path, monkeypatch: 
     assert looks(archive) == (1, 0), "it may have changed again within a tick of the disk's clock"
     settle(tmp_path, at=T0 + 1)
     assert looks(archive) == (60, 0)
-    assert looks(archive, most_bytes=600) == (1, 1)
-    assert looks(Retention(tmp_path), most_bytes=600) == (59, 0)
+    assert looks(archive, max_bytes=600) == (1, 1)
+    assert looks(Retention(tmp_path), max_bytes=600) == (59, 0)
 
 
 def test_a_full_disk_gets_room(small_disk) -> None:
@@ -184,7 +184,7 @@ def test_a_full_disk_gets_room(small_disk) -> None:
     with pytest.raises(ArchiveError, match="No space left on device"):
         list(days)
     archive = Retention(folder)
-    assert archive.prune(before=0, most_bytes=10**6) > 0
+    assert archive.prune(before=0, max_bytes=10**6) > 0
     left = sorted(folder.rglob("*.parquet"))
     assert sum(path.stat().st_size for path in left) <= 10**6
     assert left[0].parent.name > "2024-03-01"

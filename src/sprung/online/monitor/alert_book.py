@@ -16,9 +16,9 @@ from sprung.state import AlertState, is_of_suspension
 #: Severity of a failing sensor, of a silent vehicle, of lost frames, and of a problem of the monitor itself.
 _SENSOR, _SILENT, _LOST, _MONITOR = 400, 300, 500, 800
 #: Largest number of boots of a vehicle whose lost frames are remembered.
-_MOST_BOOTS = 100
+_MAX_BOOTS = 100
 #: Last windows and likeliest hypotheses of the change test that an alert keeps.
-_MOST_WINDOWS, _MOST_HYPOTHESES = 40, 5
+_MAX_WINDOWS, _MAX_HYPOTHESES = 40, 5
 
 
 class AlertBook:
@@ -42,7 +42,7 @@ class AlertBook:
         reports = [_of_sensor(vehicle, fault) for fault in _first_of_each_channel(sensors)]
         if event.diagnosis is not None:
             reports += _of_diagnosis(vehicle, event.diagnosis)
-        is_sound = event.observation.is_conclusive and not sensors
+        is_valid = event.observation.is_conclusive and not sensors
         with self._store.alerts.locked_of(vehicle) as known:
             transitions = assess(
                 {alert.cause: alert for alert in known},
@@ -50,7 +50,7 @@ class AlertBook:
                 looked_for=lambda cause: (
                     cause.startswith("sensor:") or (is_of_suspension(cause) and event.diagnosis is not None)
                 ),
-                is_inhibited=not is_sound,
+                is_inhibited=not is_valid,
                 settings=self._settings,
                 now=now,
             )
@@ -103,7 +103,7 @@ class AlertBook:
             f"{'it before it was' if is_one else 'them before they were'} stored here: "
             "give its spool more space, and check its connection and the store of the monitor"
         )
-        boots = dict(sorted((by_boot | dict(counts)).items())[-_MOST_BOOTS:])
+        boots = dict(sorted((by_boot | dict(counts)).items())[-_MAX_BOOTS:])
         evidence = {"frames": n_frames, **span, "boots": {str(boot): count for boot, count in boots.items()}}
         self.put(reported(known, Report(vehicle, "lost", _LOST, sentence, evidence), self._at_once, now), now=now)
 
@@ -163,7 +163,7 @@ def _of_diagnosis(vehicle: str, diagnosis: Diagnosis) -> list[Report]:
     test: dict[str, Any] = {"detectable": detectable_document(diagnosis.detectable)}
     if diagnosis.detection is not None:
         test["detection"] = detection_document(
-            diagnosis.detection, most_windows=_MOST_WINDOWS, most_hypotheses=_MOST_HYPOTHESES
+            diagnosis.detection, most_windows=_MAX_WINDOWS, most_hypotheses=_MAX_HYPOTHESES
         )
     limit = detectable_in_words(diagnosis.detectable)
     return [

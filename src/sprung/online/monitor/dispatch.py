@@ -342,7 +342,7 @@ class Dispatch:
         if snapshot is not None:
             state = snapshot.document
         else:
-            history = history_of(self._store, vehicle, most_windows=self._settings.most_windows)
+            history = history_of(self._store, vehicle, max_windows=self._settings.most_windows)
         is_learning = self._is_learning(vehicle, has_state=snapshot is not None)
         of_type = type_of_others(self._store, vehicle, types=self._types) if is_learning else None
         self._workers.open(

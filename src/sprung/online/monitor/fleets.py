@@ -19,7 +19,7 @@ from sprung.results.documents import observation_from_document
 from sprung.vehicles import vehicle_from_text, vehicle_text
 
 #: Largest number of vehicles that the baseline of a type is learnt from.
-_MOST_VEHICLES = 50
+_MAX_VEHICLES = 50
 
 
 def vehicles_by_type(store: Store) -> dict[str, list[str]]:
@@ -65,7 +65,7 @@ class VehicleTypes:
             self._type_of = {own: text for text, group in self._of_type.items() for own in group}
             self._count = count
         group = self._of_type.get(self._type_of.get(vehicle, ""), [])
-        return [other for other in group[: _MOST_VEHICLES + 1] if other != vehicle]
+        return [other for other in group[: _MAX_VEHICLES + 1] if other != vehicle]
 
     def has_type(self, vehicle: str) -> bool:
         """Return whether there are enough other vehicles of its type to learn a baseline of the type from.
@@ -112,7 +112,7 @@ def type_of_others(store: Store, vehicle: str, *, types: VehicleTypes | None = N
     count as normal, or with its last windows before it has one.
     """
     types = types or VehicleTypes(store)
-    others = types.others(vehicle)[:_MOST_VEHICLES]
+    others = types.others(vehicle)[:_MAX_VEHICLES]
     if len(others) < MIN_VEHICLES:
         return None
     try:

@@ -393,7 +393,7 @@ def assessed(store: Store, vehicle: str) -> tuple[Diagnosis, Baseline | None] | 
     return monitor.diagnosis, None if monitor.is_learning else monitor.baseline
 
 
-def history_of(store: Store, vehicle: str, *, most_windows: int) -> History:
+def history_of(store: Store, vehicle: str, *, max_windows: int) -> History:
     """Return the stored results of a vehicle, with a limited number of last windows since its baseline.
 
     Parameters
@@ -402,7 +402,7 @@ def history_of(store: Store, vehicle: str, *, most_windows: int) -> History:
         Store of the monitor.
     vehicle
         Name of the vehicle.
-    most_windows
+    max_windows
         Largest number of windows.
 
     Raises
@@ -419,7 +419,7 @@ def history_of(store: Store, vehicle: str, *, most_windows: int) -> History:
         return History(n_windows=n_windows, n_identified=n_identified)
     baseline = baselines[-1].document
     learning_times = max(baseline.get("learning_times") or [float("inf")])
-    documents = [entry.document for entry in results.observations(vehicle, limit=most_windows)]
+    documents = [entry.document for entry in results.observations(vehicle, limit=max_windows)]
     status = results.status(vehicle) or {}
     requests = reversed(store.requests.audited(act=LEARN, limit=1000))
     reason = next((str(row.detail) for row in requests if row.subject == vehicle and row.detail), "maintenance")

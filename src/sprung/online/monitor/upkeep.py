@@ -182,7 +182,7 @@ class Upkeep:
         now = self._clock()
         most = round(1e9 * self._site.keep.raw_gigabytes)
         for archive in self._archives:  # before anything else: a store on a full disk cannot even delete
-            archive.prune(before=self._site.keep.raw_before(now), most_bytes=most)
+            archive.prune(before=self._site.keep.raw_before(now), max_bytes=most)
         self._check_certificates(now)
         self._update_own(LAKE, "" if self._lake is None else self._lake.problem, now)
         self._tidy(now)

@@ -277,14 +277,14 @@ class Retention:
         self._folder = Path(folder)
         self._days: dict[str, _Day] = {}
 
-    def prune(self, *, before: int, most_bytes: int | None = None) -> int:
+    def prune(self, *, before: int, max_bytes: int | None = None) -> int:
         """Delete files whose samples begin before a time, then the oldest ones down to a total size.
 
         Parameters
         ----------
         before
             Time before which samples are deleted, UTC ns.
-        most_bytes
+        max_bytes
             Largest size that may remain [bytes]; None for any.
 
         Returns
@@ -304,7 +304,7 @@ class Retention:
             waiting: list[tuple[int, str, int | None]]
             waiting = [(day.oldest, path, None) for path, day in self._days.items()]
             heapify(waiting)
-            while waiting and (waiting[0][0] < before or (most_bytes is not None and remaining > most_bytes)):
+            while waiting and (waiting[0][0] < before or (max_bytes is not None and remaining > max_bytes)):
                 _, path, size = heappop(waiting)
                 if size is None:
                     for file in _files(path):
