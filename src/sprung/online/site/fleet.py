@@ -11,7 +11,7 @@ from sprung.online.monitor.histories import vehicle_state
 from sprung.online.site.access import Viewer
 from sprung.online.site.rendering import filter_link, page, with_others
 from sprung.online.site.shared import Answer, Context, Shared, Wanted, column_number, parse_cursor
-from sprung.online.store import FleetCounts, FleetFilter, FleetRow, Place
+from sprung.online.store import FleetCounts, FleetFilter, FleetRow, Place, VehicleRow
 from sprung.results.tables import counted
 from sprung.state import STEPS, AlertState, VehicleState, Verdict
 
@@ -59,8 +59,8 @@ class FleetVehicle(Answer):
     alert_state: str | None = Field(description="state of that alert in the terms of ISA-18.2")
 
     @classmethod
-    def of(cls, row: FleetRow, state: VehicleState) -> "FleetVehicle":
-        """Return a vehicle from its row in the fleet and its state."""
+    def of(cls, state: VehicleState, *, channels: int, is_parked: bool, baseline: int | None) -> "FleetVehicle":
+        """Return a vehicle from its state, and what else its row in the fleet shows."""
         of_state = ("vehicle", "verdict", "severity", "step", "sentence", "health_index", "last_seen", "is_old")
         worst = state.worst
         causes = [alert.cause for alert in state.alerts]
@@ -70,11 +70,11 @@ class FleetVehicle(Answer):
             since=None if worst is None else worst.raised,
             assignee=None if worst is None else worst.assignee,
             alert_state=None if worst is None else worst.state,
-            channels=row.n_channels,
+            channels=channels,
             failing=tuple(cause.removeprefix(_SENSOR) for cause in causes if cause.startswith(_SENSOR)),
             has_lost="lost" in causes,
-            is_parked=row.is_parked,
-            baseline=row.baseline,
+            is_parked=is_parked,
+            baseline=baseline,
         )
 
 
@@ -100,7 +100,13 @@ def vehicles(context: Shared, _: Viewer, wanted: Annotated[WantedVehicles, Query
     last = shown[-1].place if len(rows) > wanted.limit else None
     return FleetPage(
         vehicles=tuple(
-            FleetVehicle.of(row, state_of_row(context, row, alerts.get(row.place.vehicle, []))) for row in shown
+            FleetVehicle.of(
+                state_seen(context, row.place.vehicle, row, alerts.get(row.place.vehicle, [])),
+                channels=row.n_channels,
+                is_parked=row.is_parked,
+                baseline=row.baseline,
+            )
+            for row in shown
         ),
         next=None if last is None else f"{last.severity}~{last.impact!r}~{last.vehicle}",
     )
@@ -130,11 +136,13 @@ def show(request: Request, context: Shared, person: Viewer, wanted: Annotated[Wa
     )
 
 
-def state_of_row(context: Context, row: FleetRow, active: Sequence[AlertState]) -> VehicleState:
-    """Return the state of a vehicle of the fleet."""
+def state_seen(
+    context: Context, vehicle: str, row: FleetRow | VehicleRow, active: Sequence[AlertState]
+) -> VehicleState:
+    """Return the state of a vehicle with its active alerts, by when it was last seen."""
     return vehicle_state(
         context.store,
-        row.place.vehicle,
+        vehicle,
         now=context.clock(),
         silent_after=context.site.alerts.silent_after_minutes,
         last_seen=row.last_seen,

@@ -14,7 +14,6 @@ from sprung.online.store.schema import (
     OBSERVATIONS,
     STATUSES,
     VEHICLES,
-    Document,
     in_steps,
 )
 from sprung.state import SENSOR_WEIGHT, STEP_SIZE, WATCHING
@@ -52,8 +51,6 @@ class FleetRow:
         Whether it was shut down properly.
     baseline
         Version of its present baseline; None without one.
-    status
-        Progress of its analysis; None before the first.
     n_channels
         Number of its channels.
     """
@@ -62,7 +59,6 @@ class FleetRow:
     last_seen: int
     is_parked: bool
     baseline: int | None
-    status: Document | None
     n_channels: int
 
 
@@ -164,17 +160,12 @@ class Fleet(Tables):
                 places += [Place(0, 0.0, row.vehicle) for row in calm]
             latest = select(func.max(BASELINES.c.version)).where(BASELINES.c.vehicle == VEHICLES.c.vehicle)
             columns = [VEHICLES.c[name] for name in ("vehicle", "last_seen", "is_parked", "channels")]
-            query = (
-                select(*columns, latest.scalar_subquery().label("baseline"), STATUSES.c.document.label("status"))
-                .select_from(VEHICLES.outerjoin(STATUSES, STATUSES.c.vehicle == VEHICLES.c.vehicle))
-                .where(VEHICLES.c.vehicle.in_([place.vehicle for place in places]))
+            query = select(*columns, latest.scalar_subquery().label("baseline")).where(
+                VEHICLES.c.vehicle.in_([place.vehicle for place in places])
             )
             known = {row.vehicle: row for row in connection.execute(query)}
         found = ((place, known[place.vehicle]) for place in places)
-        return [
-            FleetRow(place, row.last_seen, row.is_parked, row.baseline, row.status, len(row.channels))
-            for place, row in found
-        ]
+        return [FleetRow(place, row.last_seen, row.is_parked, row.baseline, len(row.channels)) for place, row in found]
 
     def counts(self, *, silent_before: int) -> FleetCounts:
         """Return numbers of vehicles; those not parked whose last message came before a time [UTC ns] are silent."""

@@ -7,13 +7,13 @@ from fastapi import APIRouter, Query, Request, Response
 
 from sprung.online.monitor.histories import observations_of
 from sprung.online.site.access import Viewer
-from sprung.online.site.fleet import FleetVehicle, state_of_row
+from sprung.online.site.fleet import FleetVehicle, state_seen
 from sprung.online.site.rendering import axis_of, path_of, vehicle_page
 from sprung.online.site.shared import LIMITS, Answer, Context, KnownVehicle, Shared
 from sprung.online.site.vehicles.baselines import BaselineEntry
 from sprung.online.site.vehicles.trends import last_body_modes
 from sprung.online.site.vehicles.windows import data_quality
-from sprung.online.store import FleetRow, Place, VehicleRow
+from sprung.online.store import VehicleRow
 from sprung.online.store.schema import DAY
 from sprung.results.documents.monitoring import AlertEntry
 from sprung.state import PartState, VehicleState, Verdict
@@ -112,17 +112,10 @@ def _detail_and_state(context: Context, known: VehicleRow) -> tuple[VehicleDetai
     vehicle = known.vehicle
     active = store.alerts.find(vehicle=vehicle, is_active=True)
     baselines = store.results.baselines(vehicle)
-    row = FleetRow(
-        Place(max((alert.severity for alert in active), default=0), 0.0, vehicle),
-        known.last_seen,
-        known.is_parked,
-        baselines[-1].version if baselines else None,
-        store.results.status(vehicle),
-        len(known.channels),
-    )
-    state = state_of_row(context, row, active)
+    state = state_seen(context, vehicle, known, active)
+    version = baselines[-1].version if baselines else None
     detail = VehicleDetail(
-        summary=FleetVehicle.of(row, state),
+        summary=FleetVehicle.of(state, channels=len(known.channels), is_parked=known.is_parked, baseline=version),
         channels=tuple(dict(known.channels)),
         first_seen=known.first_seen,
         configuration=known.configuration,
