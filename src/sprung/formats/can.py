@@ -7,7 +7,6 @@ piece in which they begin.
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import accumulate
 from os import PathLike
 from pathlib import Path
@@ -19,8 +18,8 @@ from numpy.typing import NDArray
 from sprung._arrays import Booleans, Real
 from sprung._checks import required
 from sprung.errors import FormatError
-from sprung.formats.stated import chosen, distinct, linear, plain
-from sprung.formats.table import Block, Group, Table, stated_column, within
+from sprung.formats.stated import column_group, distinct, linear, plain
+from sprung.formats.table import Block, Group, stated_column, within
 
 _EXTENDED = 1 << 31
 #: Bits of a 29-bit identifier of J1939 that name the group of parameters; below PDU format 240 the second byte is an
@@ -287,22 +286,21 @@ def _group(path: Path, name: str, part: _Part, count: _Count, *, start: int | No
     )
     about = "; ".join(filter(None, (comment, plain(part.message.comment))))
 
-    def open_table(channels: Sequence[str] | None) -> Table:
-        own = chosen(path, columns, channels)
-        signals = [part.signals[columns.index(column)] for column in own]
-        return Table(
-            path,
-            own,
-            "time [s]",
-            partial(_blocks, part, count, signals),
-            row_word=f"frame of {plain(part.message.name)}",
-            start=start,
-            times=partial(_blocks, part, count, ()),
-            comment=about,
-        )
+    def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return _blocks(part, count, [part.signals[k] for k in indices], first, last)
 
-    headings = tuple(column.heading for column in columns)
-    return Group(name, headings, (path, name), open_table, n_rows=count.n_rows)
+    return column_group(
+        path,
+        name,
+        columns,
+        rows,
+        clock=(path, name),
+        n_rows=count.n_rows,
+        time_heading="time [s]",
+        row_word=f"frame of {plain(part.message.name)}",
+        start=start,
+        comment=about,
+    )
 
 
 def _blocks(

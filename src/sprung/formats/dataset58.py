@@ -16,7 +16,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.errors import FormatError
-from sprung.formats.raw import decoded, half_digit, mapped, one_line
+from sprung.formats.stated import decoded, half_digit, mapped, one_line
 
 #: Function type of a time history, and type of an abscissa of time.
 TIME_RESPONSE, TIME = 1, 17

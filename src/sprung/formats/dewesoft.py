@@ -9,8 +9,7 @@ import ctypes
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import ParseError
@@ -21,8 +20,8 @@ from sprung._arrays import Real
 from sprung._checks import required
 from sprung.errors import FormatError
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import chosen, distinct, linear, plain, silenced
-from sprung.formats.table import Block, Column, Group, Table, reported, stated_column
+from sprung.formats.stated import column_group, distinct, linear, plain, silenced
+from sprung.formats.table import Block, Column, Group, reported, stated_column
 
 NAME, EXTRA = "DEWESoft", "dewesoft"
 ENDINGS = (".d7d", ".dxd", ".d7z", ".dxz")
@@ -179,23 +178,23 @@ def _group_name(channels: Sequence[_Channel]) -> str:
 
 def _group(path: Path, name: str, channels: Sequence[_Channel], *, start: int | None, comment: str) -> Group:
     """Return channels of one clock as they are listed and opened."""
-    columns = [channel.column for channel in channels]
 
-    def open_table(names: Sequence[str] | None) -> Table:
-        own = chosen(path, columns, names)
-        wanted = [channels[columns.index(column)] for column in own]
-        return Table(
-            path,
-            own,
-            "time [s]",
-            partial(_blocks, path, wanted),
-            row_word="sample",
-            start=start,
-            comment=comment,
-        )
+    def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return _blocks(path, [channels[k] for k in indices], first, last)
 
-    headings = tuple(column.heading for column in columns)
-    return Group(name, headings, (path, channels[0].clock), open_table, channels[0].sampling_rate, channels[0].n_rows)
+    group = column_group(
+        path,
+        name,
+        [channel.column for channel in channels],
+        rows,
+        clock=(path, channels[0].clock),
+        n_rows=channels[0].n_rows,
+        time_heading="time [s]",
+        start=start,
+        comment=comment,
+        has_times_alone=False,
+    )
+    return replace(group, sampling_rate=channels[0].sampling_rate)
 
 
 def _blocks(path: Path, channels: Sequence[_Channel], first: int = 0, last: int | None = None) -> Iterator[Block]:

@@ -5,13 +5,11 @@ would hold all of them at once.
 """
 
 import logging
-import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -24,8 +22,8 @@ from sprung._arrays import Real
 from sprung._checks import required
 from sprung.errors import FormatError
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import chosen, distinct, plain, silenced
-from sprung.formats.table import Block, Column, Group, Table, reported, stated_column, within
+from sprung.formats.stated import column_group, distinct, plain, silenced
+from sprung.formats.table import Block, Column, Group, reported, stated_column, within
 
 NAME, EXTRA = "IDE", "ide"
 ENDINGS = (".ide",)
@@ -67,16 +65,7 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     if not sensors:
         raise FormatError(f"{path} holds no samples")
     names = distinct([sensor.name for sensor in sensors])
-    return tuple(
-        Group(
-            name,
-            tuple(column.heading for column in sensor.columns),
-            (path, sensor.channel),
-            partial(_table, sensor),
-            n_rows=sensor.n_rows,
-        )
-        for name, sensor in zip(names, sensors, strict=True)
-    )
+    return tuple(_group(name, sensor) for name, sensor in zip(names, sensors, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,22 +155,21 @@ def _comment(document: Any) -> str:
     return ", ".join(filter(None, stated))
 
 
-def _table(sensor: _Sensor, channels: Sequence[str] | None) -> Table:
-    """Return the table of some axes of a sensor."""
-    columns = chosen(sensor.path, sensor.columns, channels)
-    places = [sensor.places[sensor.columns.index(column)] for column in columns]
+def _group(name: str, sensor: _Sensor) -> Group:
+    """Return the axes of a sensor as they are listed and opened."""
 
-    def rows(places: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
-        return within(_rows(sensor, places, first), first, sys.maxsize if last is None else last)
+    def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return within(_rows(sensor, [sensor.places[k] for k in indices], first), first, last)
 
-    return Table(
+    return column_group(
         sensor.path,
-        columns,
-        "time [s]",
-        partial(rows, places),
-        row_word="sample",
+        name,
+        sensor.columns,
+        rows,
+        clock=(sensor.path, sensor.channel),
+        n_rows=sensor.n_rows,
+        time_heading="time [s]",
         start=sensor.start,
-        times=partial(rows, ()),
         comment=sensor.comment,
     )
 

@@ -12,10 +12,9 @@ import numpy as np
 from sprung._arrays import Real
 from sprung.errors import FormatError
 from sprung.formats.clock import neat_rate
-from sprung.formats.raw import decoded, half_digit, mapped, one_line
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import chosen_indices, described, distinct
-from sprung.formats.table import Block, Group, Table, is_number, reported, stated_column, within
+from sprung.formats.stated import column_group, decoded, described, distinct, half_digit, mapped, one_line
+from sprung.formats.table import Block, Group, is_number, reported, stated_column, within
 
 NAME, EXTRA = "a LabVIEW measurement", None
 ENDINGS = (".lvm",)
@@ -252,29 +251,23 @@ def _group(path: Path, name: str, dialect: _Dialect, parts: Sequence[tuple[_Segm
         dialect.comment, *(part.comment for part, _ in parts), "start in local time" if lead.start is not None else ""
     )
 
-    def open_table(channels: Sequence[str] | None) -> Table:
-        chosen = chosen_indices(columns, channels, path=path)
+    def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
+        own = [(part, [part.headings[each[k]] for k in indices]) for part, each in parts]
+        return within(_blocks(path, dialect, own, has_times=has_times), first, last)
 
-        def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-            own = [(part, [part.headings[each[k]] for k in chosen]) for part, each in parts]
-            return within(_blocks(path, dialect, own, has_times=has_times), first, last)
-
-        start = lead.start
-        if start is not None and not has_times:
-            start += round(1e9 * lead.first)
-        return Table(
-            path,
-            tuple(columns[k] for k in chosen),
-            "X_Value [s]" if has_times else None,
-            blocks,
-            row_word="line",
-            sampling_rate=None if has_times else rate,
-            start=start,
-            comment=comment,
-        )
-
-    headings_in_file = tuple(column.heading for column in columns)
-    return Group(name, headings_in_file, name, open_table, None if has_times else rate)
+    return column_group(
+        path,
+        name,
+        columns,
+        rows,
+        clock=name,
+        sampling_rate=None if has_times else rate,
+        time_heading="X_Value [s]" if has_times else None,
+        row_word="line",
+        start=lead.start if lead.start is None or has_times else lead.start + round(1e9 * lead.first),
+        comment=comment,
+        has_times_alone=False,
+    )
 
 
 def _blocks(

@@ -23,8 +23,8 @@ from sprung._checks import required
 from sprung.errors import FormatError
 from sprung.formats.can import Frames, message_groups
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import chosen, distinct, linear, plain, silenced
-from sprung.formats.table import Block, Column, Group, Table, reported, stated_column
+from sprung.formats.stated import column_group, distinct, linear, plain, silenced
+from sprung.formats.table import Block, Column, Group, reported, stated_column
 
 NAME, EXTRA = "MDF", "mdf"
 ENDINGS = (".mf4", ".mdf", ".mf3")
@@ -305,29 +305,22 @@ def _comment(mdf: Any, *, is_local: bool) -> str:
 
 def _group(records: _Records, name: str, start: int | None, comment: str) -> Group:
     """Return a channel group as it is listed and opened."""
-    headings = tuple(column.heading for column in records.columns)
-    opened = partial(_table, records, start, comment)
-    return Group(name, headings, (records.path, records.master), opened, records.sampling_rate, records.n_rows)
 
-
-def _table(records: _Records, start: int | None, comment: str, channels: Sequence[str] | None) -> Table:
-    """Return the table of some channels of a channel group."""
-    columns = chosen(records.path, records.columns, channels)
-    numbers = [records.numbers[records.columns.index(column)] for column in columns]
-
-    def read(wanted: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
-        for row, stamps, values in _pieces(records, wanted, first, last):
+    def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
+        for row, stamps, values in _pieces(records, [records.numbers[k] for k in indices], first, last):
             yield Block(row + 1, stamps, values)
 
-    return Table(
+    return column_group(
         records.path,
-        columns,
-        _TIME_HEADING if records.has_time else None,
-        partial(read, numbers),
-        row_word="record",
+        name,
+        records.columns,
+        rows,
+        clock=(records.path, records.master),
+        n_rows=records.n_rows,
         sampling_rate=records.sampling_rate,
+        time_heading=_TIME_HEADING if records.has_time else None,
+        row_word="record",
         start=start,
-        times=partial(read, ()) if records.has_time else None,
         comment=comment,
     )
 

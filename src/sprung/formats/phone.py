@@ -18,15 +18,13 @@ from numpy.typing import NDArray
 from sprung._arrays import Real
 from sprung.errors import FormatError
 from sprung.formats import csv
-from sprung.formats.raw import decoded, one_line
 from sprung.formats.settings import TIME_UNITS, ReadSettings
-from sprung.formats.stated import chosen_indices, described, distinct
+from sprung.formats.stated import column_group, decoded, described, distinct, one_line
 from sprung.formats.table import (
     MISSING,
     Block,
     Column,
     Group,
-    Table,
     column,
     is_time,
     reported,
@@ -120,19 +118,20 @@ def _named(sensors: Sequence[_Sensor]) -> Iterator[tuple[str, _Sensor]]:
 def _group(path: Path, name: str, sensor: _Sensor, comment: str) -> Group:
     """Return the channels of a sensor."""
 
-    def open_table(channels: Sequence[str] | None) -> Table:
-        chosen = chosen_indices(sensor.columns, channels, path=path)
+    def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
+        values = np.array([sensor.values[k] for k in indices]).reshape(len(indices), sensor.stamps.size)
+        yield from within([Block(1, sensor.stamps, values)], first, last)
 
-        def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-            yield from within([Block(1, sensor.stamps, np.stack([sensor.values[k] for k in chosen]))], first, last)
-
-        return Table(
-            path, tuple(sensor.columns[k] for k in chosen), sensor.time, blocks, row_word="sample", comment=comment
-        )
-
-    headings = tuple(each.heading for each in sensor.columns)
-    clock = sensor.time, sensor.stamps.dtype.str, sensor.stamps.tobytes()
-    return Group(name, headings, hash(clock), open_table, n_rows=sensor.stamps.size)
+    return column_group(
+        path,
+        name,
+        sensor.columns,
+        rows,
+        clock=hash((sensor.time, sensor.stamps.dtype.str, sensor.stamps.tobytes())),
+        n_rows=sensor.stamps.size,
+        time_heading=sensor.time,
+        comment=comment,
+    )
 
 
 def _json_sensors(path: Path) -> tuple[list[_Sensor], str]:

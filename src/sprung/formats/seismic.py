@@ -12,9 +12,8 @@ import numpy as np
 from sprung._arrays import Indices, Real
 from sprung._checks import required
 from sprung.errors import FormatError
-from sprung.formats.raw import mapped, one_line
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import chosen_indices, distinct
+from sprung.formats.stated import chosen_indices, distinct, mapped, one_line
 from sprung.formats.table import Block, Column, Group, Table, reported
 
 NAME, EXTRA = "miniSEED", "seismic"

@@ -8,8 +8,8 @@ import numpy as np
 
 from sprung.errors import FormatError
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import chosen_indices
-from sprung.formats.table import Block, Column, Group, Table, reported
+from sprung.formats.stated import column_group
+from sprung.formats.table import Block, Column, Group, reported
 
 NAME, EXTRA = "SST", None
 ENDINGS = (".sst",)
@@ -49,23 +49,15 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
         raise FormatError(f"{path} cannot be read as SST: it states {rate} Hz and holds {n_rows} samples")
     columns = tuple(Column(name, name, unit="counts") for name in _NAMES)
 
-    def open_table(channels: Sequence[str] | None) -> Table:
-        chosen = chosen_indices(columns, channels, path=path)
+    def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return _blocks(path, list(indices), first, n_rows if last is None else min(last, n_rows))
 
-        def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-            return _blocks(path, list(chosen), first, n_rows if last is None else min(last, n_rows))
-
-        return Table(
-            path,
-            tuple(columns[k] for k in chosen),
-            None,
-            blocks,
-            row_word="sample",
-            sampling_rate=float(rate),
-            start=seconds * 10**9 if _PLAUSIBLE[0] <= seconds <= _PLAUSIBLE[1] else None,
-        )
-
-    return (Group(path.name, _NAMES, path.name, open_table, float(rate), n_rows),)
+    start = seconds * 10**9 if _PLAUSIBLE[0] <= seconds <= _PLAUSIBLE[1] else None
+    return (
+        column_group(
+            path, path.name, columns, rows, clock=path.name, n_rows=n_rows, sampling_rate=float(rate), start=start
+        ),
+    )
 
 
 def _blocks(path: Path, chosen: list[int], first: int, end: int) -> Iterator[Block]:

@@ -1,19 +1,47 @@
-"""Channels of formats that state everything about them: distinct names, plain texts, a choice by name."""
+"""What a file states: its bytes as text, distinct names, calibrations, and groups of channels chosen by name."""
 
 import io
 import logging
+import mmap
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 from sprung.errors import FormatError
-from sprung.formats.raw import one_line
-from sprung.formats.table import Column, index_of, spellings
+from sprung.formats.table import Block, Column, Group, Table, index_of, spellings
 
 #: Longest name or text that is taken from a file; damaged files may state longer ones.
 _MAX_NAME = 120
 _MAX_TEXT = 1000
+
+
+@contextmanager
+def mapped(path: Path) -> Iterator[mmap.mmap]:
+    """Map a file, of which only the parts that are used are read."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        yield content
+
+
+def decoded(raw: bytes) -> str:
+    """Return text; bytes that are not UTF-8 are Latin-1."""
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
+
+
+def one_line(text: str) -> str:
+    """Return a text as one line of printable characters."""
+    return " ".join("".join(character if character.isprintable() else " " for character in text).split())
+
+
+def half_digit(number: str) -> float:
+    """Return half of the last digit of a printed number, such as 5e-11 for 1.52588E-05."""
+    mantissa, _, exponent = number.lower().partition("e")
+    return 0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
 
 
 def plain(text: object, longest: int = _MAX_TEXT) -> str:
@@ -42,11 +70,6 @@ def linear(factor: float, offset: float) -> str:
     if (factor, offset) == (1, 0):
         return ""
     return f"{factor:.9g} * raw" + (f" {'-' if offset < 0 else '+'} {abs(offset):.9g}" if offset else "")
-
-
-def chosen(path: Path, columns: Sequence[Column], names: Sequence[str] | None) -> tuple[Column, ...]:
-    """Return the columns of some channels, in that order; None: all. Raises as `chosen_indices`."""
-    return tuple(columns[index] for index in chosen_indices(columns, names, path=path))
 
 
 def chosen_indices(columns: Sequence[Column], channels: Sequence[str] | None, *, path: Path) -> list[int]:
@@ -86,3 +109,56 @@ def silenced(*loggers: str) -> Iterator[None]:
     finally:
         for log, disabled in before.items():
             log.disabled = disabled
+
+
+class RowsOf(Protocol):
+    """Function that yields rows of the channels at some indices; of none, only the time stamps."""
+
+    def __call__(self, indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
+        """Yield the rows from `first` to before `last`, counted from 0 (None: to the end), in blocks."""
+
+
+def column_group(
+    path: Path,
+    name: str,
+    columns: Sequence[Column],
+    rows: RowsOf,
+    *,
+    clock: Hashable,
+    n_rows: int | None = None,
+    sampling_rate: float | None = None,
+    time_heading: str | None = None,
+    row_word: str = "sample",
+    start: int | None = None,
+    comment: str = "",
+    has_times_alone: bool = True,
+) -> Group:
+    """Return a group whose table holds the channels that are wanted.
+
+    Further parameters are as of `Group` and `Table`; `has_times_alone`: whether the times of no channel cost less than
+    those of all.
+
+    Raises
+    ------
+    FormatError
+        When it is opened: if there are no columns.
+    ParameterError
+        When it is opened: if there is no column of a channel.
+    """
+
+    def open_table(channels: Sequence[str] | None) -> Table:
+        indices = chosen_indices(columns, channels, path=path)
+        return Table(
+            path,
+            tuple(columns[index] for index in indices),
+            time_heading,
+            partial(rows, indices),
+            row_word,
+            sampling_rate,
+            start,
+            partial(rows, ()) if time_heading and has_times_alone else None,
+            comment,
+        )
+
+    headings = tuple(column.heading for column in columns)
+    return Group(name, headings, clock, open_table, sampling_rate, n_rows)

@@ -9,9 +9,8 @@ import numpy as np
 
 from sprung._checks import required
 from sprung.errors import FormatError
-from sprung.formats.indexed import column_group
 from sprung.formats.settings import TIME_UNITS, ReadSettings
-from sprung.formats.stated import distinct, linear, plain, silenced
+from sprung.formats.stated import column_group, distinct, linear, plain, silenced
 from sprung.formats.table import Block, Column, Group, is_time, reported, stated_column
 
 NAME = "TDMS"

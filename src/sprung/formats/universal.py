@@ -22,9 +22,8 @@ from sprung.formats.dataset58 import (
     header,
     values_of,
 )
-from sprung.formats.raw import mapped, one_line
 from sprung.formats.settings import TIME_UNITS, ReadSettings
-from sprung.formats.stated import chosen_indices, described, distinct
+from sprung.formats.stated import chosen_indices, described, distinct, mapped, one_line
 from sprung.formats.table import (
     Block,
     Column,

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from sprung._arrays import Real
 from sprung.errors import FormatError
-from sprung.formats.raw import decoded, mapped, one_line
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import chosen_indices, described
-from sprung.formats.table import Block, Column, Group, Table, reported
+from sprung.formats.stated import column_group, decoded, described, mapped, one_line
+from sprung.formats.table import Block, Column, Group, reported
 
 NAME, EXTRA = "WAV", None
 ENDINGS = (".wav", ".wave", ".rf64", ".bwf")
@@ -72,25 +71,21 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
         Column(name, name, unit=_UNIT) for name in (f"channel_{k}" for k in range(1, header.n_channels + 1))
     )
 
-    def open_table(channels: Sequence[str] | None) -> Table:
-        chosen = chosen_indices(columns, channels, path=path)
+    def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return _blocks(path, header, indices, (first, last))
 
-        def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-            return _blocks(path, header, chosen, (first, last))
-
-        return Table(
-            path,
-            tuple(columns[k] for k in chosen),
-            None,
-            blocks,
-            row_word="sample",
-            sampling_rate=header.sampling_rate,
-            start=header.start,
-            comment=header.comment,
-        )
-
-    names = tuple(column.name for column in columns)
-    return (Group(path.name, names, path.name, open_table, header.sampling_rate, header.n_samples),)
+    group = column_group(
+        path,
+        path.name,
+        columns,
+        rows,
+        clock=path.name,
+        n_rows=header.n_samples,
+        sampling_rate=header.sampling_rate,
+        start=header.start,
+        comment=header.comment,
+    )
+    return (group,)
 
 
 def _chunks(content: mmap.mmap, order: str) -> Iterator[tuple[bytes, int, int]]:
