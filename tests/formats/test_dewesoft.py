@@ -76,7 +76,7 @@ def test_channels_that_the_library_refuses_are_named(path):
 
 
 def test_any_rows_are_those_of_all_rows(path, monkeypatch):
-    monkeypatch.setattr(dewesoft, "_PIECE_ROWS", 1000)
+    monkeypatch.setattr("sprung.formats.table.PIECE_ROWS", 1000)
     table = table_of(path, "100 Hz", ["CNT 0", "GPSvel"])
     whole = joined(table)
     for first, last in ((0, 1), (990, 1010), (9579, None), (9000, 20_000)):

@@ -96,7 +96,7 @@ def test_a_failing_reader_gives_a_sentence_and_the_next_file_is_read(groups_of, 
 
 def test_a_reader_that_waits_for_ever_is_ended(groups_of, monkeypatch) -> None:
     groups_of("")  # the process is running
-    monkeypatch.setattr(isolation, "LEAST_TIME", 0.3)
+    monkeypatch.setattr(isolation, "LIMITS", isolation.Limits(time=0.3))
     with pytest.raises(FormatError, match=r"run\.odd cannot be read: its reader took too long"):
         values(groups_of("wait"))
 

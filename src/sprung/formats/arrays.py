@@ -20,6 +20,7 @@ from sprung.formats.table import (
     Table,
     chosen_columns,
     is_time,
+    row_pieces,
     stated_column,
     time_column,
     written_headings,
@@ -36,7 +37,6 @@ _UNITS = ("units", "unit")
 _COMMENTS, _CALIBRATIONS = ("comments",), ("calibrations",)
 # A time array of some of the channels: their common prefix, "t" or "time", and perhaps its unit.
 _PREFIXED_TIME = re.compile(rf"(?P<prefix>.+_)(t|time|timestamp)(_({'|'.join(TIME_UNITS)}))?", re.IGNORECASE)
-_BLOCK_ROWS = 1 << 16
 
 
 class Array(Protocol):
@@ -236,10 +236,8 @@ class _Source:
             raise FormatError(f"{path}: {self.stamped!r} has {stamps.size} time stamps for {n_rows} samples")
 
         def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-            end = n_rows if last is None else min(last, n_rows)
-            for begin in range(first, end, _BLOCK_ROWS):
-                part = slice(begin, min(begin + _BLOCK_ROWS, end))
-                yield Block(1 + begin, None if stamps is None else stamps[part], _values(wanted, part))
+            for part in row_pieces(n_rows, first, last):
+                yield Block(1 + part.start, None if stamps is None else stamps[part], _values(wanted, part))
 
         return Table(
             path,

@@ -43,17 +43,14 @@ class _Limits:
     piece: int = 1 << 16  # samples within which the drift of a clock does not matter; over a day it does
     line: int = 1000  # stamps that show a rate and its jitter
     rate_change: float = 1.05  # ratio of rates of such stretches that exceeds any drift of clocks
+    counters: tuple[float, ...] = (2.0**16, 2.0**24, 2.0**32)  # ranges of counters, after which they begin again
+    day: float = 86_400e9  # that of the time of day [ns]
+    edge: float = 1 / 16  # part at the ends of a range where a clock begins again
+    epoch: tuple[float, float] = (1e9, 4.1e9)  # seconds from 1970 to 2001 and to 2100: other stamps count from a start
     crowding: float = 0.5  # smallest distance of two stamps: splines through crowded samples oscillate
 
 
 _LIMITS = _Limits()
-#: Ranges of counters, that of the time of day [ns], and the part at its ends where a clock wraps around.
-_COUNTERS = (2.0**16, 2.0**24, 2.0**32)
-_DAY = 86_400e9
-_EDGE = 1 / 16
-#: Smallest stamps that only count from 1970, with their nanoseconds; seconds from 1970 to 2001 and to 2100.
-_EPOCHS = ((1e18, 1), (1e15, 10**3), (1e12, 10**6), (1e9, 10**9))
-_EPOCH_SECONDS = (1e9, 4.1e9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,10 +95,10 @@ def time_scale(stamps: NDArray[Any], unit: float | None = None) -> TimeScale:
     if stamps.dtype.kind in "mM":
         return TimeScale(origin, 1e-9, origin if stamps.dtype.kind == "M" else None)
     if unit is not None:
-        is_epoch = unit < 1 and _EPOCH_SECONDS[0] <= origin * unit < _EPOCH_SECONDS[1]
+        is_epoch = unit < 1 and _LIMITS.epoch[0] <= origin * unit < _LIMITS.epoch[1]
         return TimeScale(origin, unit, round(origin * round(unit * 1e9)) if is_epoch else None)
-    for threshold, nanoseconds in _EPOCHS:
-        if abs(origin) >= threshold:
+    for nanoseconds in (1, 10**3, 10**6, 10**9):
+        if abs(origin) * nanoseconds >= _LIMITS.epoch[0] * 1e9:
             return TimeScale(origin, nanoseconds * 1e-9, round(origin * nanoseconds))
     return TimeScale(origin, 1.0)
 
@@ -123,8 +120,8 @@ def unwrapped(blocks: Iterable[Block]) -> Iterator[Block]:
         before = np.concatenate([numbers[:1] if last is None else [last], numbers[:-1]])
         offsets = np.full(numbers.size, offset, dtype=numbers.dtype)
         for index in np.flatnonzero(numbers < before):
-            for period in (_DAY,) if stamps.dtype.kind == "m" else _COUNTERS:
-                if (1 - _EDGE) * period < before[index] < period and 0 <= numbers[index] < _EDGE * period:
+            for period in (_LIMITS.day,) if stamps.dtype.kind == "m" else _LIMITS.counters:
+                if (1 - _LIMITS.edge) * period < before[index] < period and 0 <= numbers[index] < _LIMITS.edge * period:
                     offsets[index:] += numbers.dtype.type(period)
                     break
         last, offset = numbers[-1], offsets[-1]

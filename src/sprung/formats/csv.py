@@ -59,13 +59,21 @@ NAME = "text"
 EXTRA = None
 ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz", ".csv.zip", ".tsv.zip", ".txt.zip")
 
-_HEAD_BYTES = 1 << 18
-_HEAD_LINES = 5000
-#: The first piece is short, for those who want the first rows only.
-_FIRST_BYTES = 1 << 20
-_PIECE_BYTES = 1 << 23
-_TAIL_BYTES = 1 << 16
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+
+
+@dataclass(frozen=True, slots=True)
+class _Limits:
+    """Parts of a file that are read at once."""
+
+    head: int = 1 << 18  # first bytes, which show the layout
+    head_lines: int = 5000  # lines within them
+    first: int = 1 << 20  # bytes of the first piece: short, for those who want the first rows only
+    piece: int = 1 << 23  # bytes of all others, and of the longest line
+    tail: int = 1 << 16  # last bytes, in which a last line that was cut off is found
+
+
+_LIMITS = _Limits()
 #: Date-time that is read as it is.
 _ISO = re.compile(r"\d{4}-\d\d-\d\d([ T]\d\d:\d\d(:\d\d(\.\d*)?)?)?\s*(?P<zone>Z|[+-]\d\d(:?\d\d)?)?")
 _COMMENTED = re.compile(rb"(?m)^[ \t]*(#|%|//)")
@@ -254,17 +262,17 @@ def _unpacked(path: Path) -> Iterator[IO[bytes]]:
 def _first_lines(path: Path) -> list[bytes]:
     """Return the complete first lines of a file, with their ends."""
     with reported(path, "text"), _open(path) as file:
-        head = file.read(_HEAD_BYTES)
+        head = file.read(_LIMITS.head)
     if not head:
         raise FormatError(f"{path} is empty")
     if b"\0" in head:
         raise FormatError(f"{path} holds binary data, not text in UTF-8 or Latin-1: export it as CSV in UTF-8")
-    lines = head.split(b"\n", _HEAD_LINES)
+    lines = head.split(b"\n", _LIMITS.head_lines)
     complete = [line + b"\n" for line in lines[:-1]]
-    if len(head) < _HEAD_BYTES and len(lines) <= _HEAD_LINES and lines[-1]:
+    if len(head) < _LIMITS.head and len(lines) <= _LIMITS.head_lines and lines[-1]:
         complete.append(lines[-1])
     if not complete:
-        raise FormatError(f"{path}, line 1 is longer than {_HEAD_BYTES} bytes: this is not a table")
+        raise FormatError(f"{path}, line 1 is longer than {_LIMITS.head} bytes: this is not a table")
     return complete
 
 
@@ -275,7 +283,7 @@ def _end(path: Path, layout: Layout) -> int | None:
     size = path.stat().st_size
     with path.open("rb") as file:
         is_utf_16 = file.read(2) in _UTF_16
-        file.seek(max(0, size - _TAIL_BYTES))
+        file.seek(max(0, size - _LIMITS.tail))
         tail = file.read()
     last = tail[tail.rfind(b"\n") + 1 :]
     begin = size - len(last)
@@ -324,9 +332,9 @@ def _stamps(table: Any, time: _TextTime) -> Any:
 
 def _pieces(file: IO[bytes], offset: int, end: int | None) -> Iterator[bytes]:
     """Yield the bytes from `offset` to before `end`; recoded files give pieces of any length."""
-    place, size = 0, _FIRST_BYTES
+    place, size = 0, _LIMITS.first
     while piece := file.read(size):
-        size = _PIECE_BYTES
+        size = _LIMITS.piece
         first = max(0, offset - place)
         last = len(piece) if end is None else max(0, end - place)
         place += len(piece)
@@ -343,9 +351,9 @@ def _texts(path: Path, pieces: Iterator[bytes], line: int) -> Iterator[tuple[int
     for piece in pieces:
         text = rest + piece
         end = text.rfind(b"\n") + 1
-        if end == 0 and len(piece) >= _PIECE_BYTES:
+        if end == 0 and len(piece) >= _LIMITS.piece:
             raise FormatError(
-                f"{path}, line {line} is longer than {_PIECE_BYTES} bytes: not tabular from line {line} on"
+                f"{path}, line {line} is longer than {_LIMITS.piece} bytes: not tabular from line {line} on"
             )
         lines, rest = text[:end], text[end:]
         yield from _without_comments(line, lines)

@@ -16,7 +16,8 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.errors import FormatError
-from sprung.formats.stated import decoded, half_digit, mapped, one_line
+from sprung.formats.stated import decoded, half_digit, mapped, one_line, whole_lines
+from sprung.formats.table import PIECE_ROWS
 
 #: Function type of a time history, and type of an abscissa of time.
 TIME_RESPONSE, TIME = 1, 17
@@ -51,8 +52,6 @@ _WIDTHS = {_SINGLE: 13, _DOUBLE: 20}
 _ABSCISSA_WIDTH = 13
 _IEEE = 2
 _BYTE_ORDERS = {1: "<", 2: ">"}
-_PIECE_BYTES = 1 << 18
-_BATCH = 1 << 16
 _NONE = ("", "NONE")
 
 
@@ -295,11 +294,11 @@ def _batches(rows: Iterator[Real]) -> Iterator[Real]:
     waiting: list[Real] = []
     for piece in rows:
         waiting.append(piece)
-        if sum(map(len, waiting)) >= _BATCH:
+        if sum(map(len, waiting)) >= PIECE_ROWS:
             whole = np.concatenate(waiting)
-            full = len(whole) - len(whole) % _BATCH
-            for begin in range(0, full, _BATCH):
-                yield whole[begin : begin + _BATCH]
+            full = len(whole) - len(whole) % PIECE_ROWS
+            for begin in range(0, full, PIECE_ROWS):
+                yield whole[begin : begin + PIECE_ROWS]
             waiting = [whole[full:]]
     if waiting:
         yield np.concatenate(waiting)
@@ -309,8 +308,8 @@ def _binary_rows(content: mmap.mmap, function: Function, first: int, last: int) 
     """Yield rows of abscissa and value, or of the value alone."""
     abscissa, value = function.binary or ("", "")
     kind = np.dtype([("value", value)] if function.is_even else [("abscissa", abscissa), ("value", value)])
-    for begin in range(first, min(last, function.n_values), _BATCH):
-        count = min(_BATCH, last - begin, function.n_values - begin)
+    for begin in range(first, min(last, function.n_values), PIECE_ROWS):
+        count = min(PIECE_ROWS, last - begin, function.n_values - begin)
         offset = function.begin + begin * kind.itemsize
         rows = np.frombuffer(content[offset : offset + count * kind.itemsize], dtype=kind)
         yield np.column_stack([rows[name].astype(np.float64) for name in kind.names or ()])
@@ -320,7 +319,7 @@ def _text_rows(path: Path, content: mmap.mmap, function: Function) -> Iterator[R
     """Yield rows of abscissa and value, or of the value alone, up to the declared number."""
     n_columns = 1 if function.is_even else 2
     left, rest = function.n_values, np.empty(0)
-    for begin, lines in _lines(content, function.begin, function.end):
+    for begin, lines in whole_lines(content, function.begin, function.end):
         try:
             numbers = np.concatenate([rest, _numbers(lines, function)])
         except ValueError as error:
@@ -331,16 +330,6 @@ def _text_rows(path: Path, content: mmap.mmap, function: Function) -> Iterator[R
         yield numbers[: n_rows * n_columns].reshape(n_rows, n_columns)
         if not left:
             return
-
-
-def _lines(content: mmap.mmap, begin: int, end: int) -> Iterator[tuple[int, bytes]]:
-    """Yield pieces of whole lines with their offsets."""
-    while begin < end:
-        until = min(end, begin + _PIECE_BYTES)
-        if until < end:
-            until = content.rfind(b"\n", begin, until) + 1 or until
-        yield begin, content[begin:until]
-        begin = until
 
 
 def _numbers(lines: bytes, function: Function) -> Real:

@@ -21,14 +21,13 @@ from sprung._checks import required
 from sprung.errors import FormatError
 from sprung.formats.settings import ReadSettings
 from sprung.formats.stated import column_group, distinct, linear, plain, silenced
-from sprung.formats.table import Block, Column, Group, reported, stated_column
+from sprung.formats.table import Block, Column, Group, reported, row_pieces, stated_column
 
 NAME, EXTRA = "DEWESoft", "dewesoft"
 ENDINGS = (".d7d", ".dxd", ".d7z", ".dxz")
 
 _SIGNATURE, _ARCHIVE = b"MULTI_STREAM_FILE_VER", b"PK\x03\x04"
 _NAME_IN_ARCHIVE = slice(30, 286)
-_PIECE_ROWS = 1 << 16
 #: Types of channels with times of their own, and with one value in all; largest type of data that is a real number.
 _ASYNCHRONOUS, _SINGLE_VALUE, _LARGEST_REAL = 1, 2, 8
 #: Days from 1899-12-30, from which the format counts, to 1970; a day in ns.
@@ -199,10 +198,8 @@ def _group(path: Path, name: str, channels: Sequence[_Channel], *, start: int | 
 
 def _blocks(path: Path, channels: Sequence[_Channel], first: int = 0, last: int | None = None) -> Iterator[Block]:
     """Yield some samples of channels of one clock."""
-    until = min(channels[0].n_rows, sys.maxsize if last is None else last)
     with _opened(path) as (library, file):
-        for row in range(first, until, _PIECE_ROWS):
-            count = min(until - row, _PIECE_ROWS)
-            with reported(path, f"DEWESoft file at sample {row + 1}"):
-                read = [_read(library, file, channel.index, row, count) for channel in channels]
-            yield Block(row + 1, read[0][0], np.stack([values for _, values in read]))
+        for part in row_pieces(channels[0].n_rows, first, last):
+            with reported(path, f"DEWESoft file at sample {part.start + 1}"):
+                read = [_read(library, file, channel.index, part.start, part.stop - part.start) for channel in channels]
+            yield Block(part.start + 1, read[0][0], np.stack([values for _, values in read]))

@@ -21,9 +21,19 @@ _UNITS = ("unit", "units", "Unit", "Units")
 _COMMENTS = ("comment", "description", "Comment", "Description")
 _CALIBRATIONS = ("calibration", "Calibration", "sensitivity", "Sensitivity")
 _RATES = ("sampling_rate", "fs", "fs_Hz", "rate")
-_MOST_DATASETS, _DEEPEST = 10_000, 20
-# Largest ratio of a block to its compressed bytes (deflate), and size below which it does not matter.
-_MOST_COMPRESSED, _SMALL_BYTES = 1100, 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class _Limits:
+    """What a recording does not exceed."""
+
+    datasets: int = 10_000  # folders and datasets
+    depth: int = 20  # folders within folders
+    compression: int = 1100  # ratio of a block to its compressed bytes: that of deflate is at most 1032
+    small: int = 1 << 20  # bytes below which the ratio does not matter
+
+
+_LIMITS = _Limits()
 
 
 def recognises(head: bytes) -> bool:
@@ -76,7 +86,7 @@ def stored(path: Path, dataset: Any) -> Stored:
     if dataset.external or dataset.is_virtual:
         raise FormatError(f"{path}: dataset {dataset.name!r} lies in another file: copy the values into this one")
     declared, present = dataset.size * dataset.dtype.itemsize, dataset.id.get_storage_size()
-    if declared > _MOST_COMPRESSED * present + _SMALL_BYTES:
+    if declared > _LIMITS.compression * present + _LIMITS.small:
         raise FormatError(
             f"{path}: dataset {dataset.name!r} declares {declared} bytes of values, but stores {present}: check that "
             "the file is complete"
@@ -112,8 +122,8 @@ def _folders(path: Path, file: Any) -> Iterator[tuple[str, Any]]:
         prefix, folder, depth = waiting.pop(0)
         for name, item in own_items(path, folder):
             seen += 1
-            if seen > _MOST_DATASETS or depth > _DEEPEST:
-                raise FormatError(f"{path} holds more than {_MOST_DATASETS} folders: this is not a recording")
+            if seen > _LIMITS.datasets or depth > _LIMITS.depth:
+                raise FormatError(f"{path} holds more than {_LIMITS.datasets} folders: this is not a recording")
             if isinstance(item, h5py.Group):
                 yield f"{prefix}{name}", item
                 waiting.append((f"{prefix}{name}/", item, depth + 1))
@@ -132,7 +142,7 @@ def _arrays(path: Path, folder: Any) -> Arrays:
         name = _text(item.attrs, ("name",)) or link
         if item.dtype.kind in "biuf":
             values[name] = stored(path, item)
-        elif item.dtype.kind in "OSU" and item.size < _MOST_DATASETS:
+        elif item.dtype.kind in "OSU" and item.size < _LIMITS.datasets:
             values[name] = _texts(item)
         for key, names in (("units", _UNITS), ("comments", _COMMENTS), ("calibrations", _CALIBRATIONS)):
             text = _text(item.attrs, names)

@@ -31,11 +31,19 @@ from sprung.errors import FormatError, SprungError
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Block, Column, Group, Table, reported
 
-#: Memory [bytes] that a reader may take in addition to what Python needs: at least this, or this multiple of the file.
-LEAST_MEMORY, MEMORY_PER_BYTE = 1 << 30, 20
-#: Time [s] that a reader may take for one answer: at least this, and longer for a large file [s/byte].
-LEAST_TIME, TIME_PER_BYTE = 60.0, 1e-6
-_LARGEST_LINE = 1 << 26
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a reader may take for one answer."""
+
+    memory: int = 1 << 30  # memory [bytes] for a small file, in addition to what Python needs
+    memory_per_byte: int = 20  # the same for a large one, over its size: decompression and double precision
+    time: float = 60.0  # time [s] for a small file: the import of a library on a busy machine
+    time_per_byte: float = 1e-6  # further time [s] for each byte: a slow disk
+    line: int = 1 << 26  # bytes of a message without its blobs
+
+
+LIMITS = Limits()
 
 
 def isolated_groups(module: str, path: Path, settings: ReadSettings) -> tuple[Group, ...]:
@@ -116,8 +124,8 @@ class _Reader:
             process = self._running()
             size = path.stat().st_size if path.exists() else 0
             try:
-                _write(process.stdin, {**request, "memory": max(LEAST_MEMORY, MEMORY_PER_BYTE * size)}, [])
-                answer, blobs = _read(process.stdout, patience=LEAST_TIME + TIME_PER_BYTE * size)
+                _write(process.stdin, {**request, "memory": max(LIMITS.memory, LIMITS.memory_per_byte * size)}, [])
+                answer, blobs = _read(process.stdout, patience=LIMITS.time + LIMITS.time_per_byte * size)
             except TimeoutError:
                 self._stop()
                 raise FormatError(
@@ -200,7 +208,7 @@ def _read(stream: IO[bytes] | None, *, patience: float | None = None) -> tuple[d
         raise OSError("the pipe is closed")
     if patience is not None and not select([stream], [], [], patience)[0]:
         raise TimeoutError
-    line = stream.readline(_LARGEST_LINE)
+    line = stream.readline(LIMITS.line)
     if not line.endswith(b"\n"):
         raise EOFError
     message = json.loads(line)
@@ -324,7 +332,7 @@ def _serve() -> None:
         except EOFError:
             return
         try:
-            _limit_memory(request.get("memory", LEAST_MEMORY))
+            _limit_memory(request["memory"])
             answer, blobs = child.answer(request)
         except SprungError as error:
             answer, blobs = {"error": type(error).__name__, "message": str(error)}, []

@@ -13,7 +13,7 @@ from sprung._arrays import Real
 from sprung.errors import FormatError
 from sprung.formats.clock import neat_rate
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import column_group, decoded, described, distinct, half_digit, mapped, one_line
+from sprung.formats.stated import column_group, decoded, described, distinct, half_digit, mapped, one_line, whole_lines
 from sprung.formats.table import Block, Group, is_number, reported, stated_column, within
 
 NAME, EXTRA = "a LabVIEW measurement", None
@@ -22,8 +22,7 @@ ENDINGS = (".lvm",)
 _SIGNATURE = b"LabVIEW Measurement"
 _END_OF_HEADER = b"***End_of_Header***"
 _SEPARATORS = {"tab": "\t", "comma": ",", "semicolon": ";"}
-_LONGEST_LINE = 1 << 20
-_PIECE_BYTES = 1 << 20
+_LONGEST_LINE = 1_048_576
 _DATE = re.compile(r"(\d{4})/(\d\d?)/(\d\d?)")
 _TIME = re.compile(r"(\d\d?):(\d\d):(\d\d)(?:[.,](\d+))?")
 _NOTES = ("Description", "Notes", "Project", "Test_Name", "Test_Series", "Test_Numbers", "UUT_Name", "Model_Number")
@@ -307,19 +306,10 @@ def _check_times(path: Path, headings: Sequence[_Heading], xs: Sequence[Real]) -
 
 def _pieces(content: mmap.mmap, segment: _Segment) -> Iterator[tuple[int, bytes]]:
     """Yield pieces of whole lines, each with the number of its first one."""
-    line = 1 + sum(
-        content[begin : min(begin + _PIECE_BYTES, segment.begin)].count(b"\n")
-        for begin in range(0, segment.begin, _PIECE_BYTES)
-    )
-    begin = segment.begin
-    while begin < segment.end:
-        until = min(segment.end, begin + _PIECE_BYTES)
-        if until < segment.end:
-            until = content.rfind(b"\n", begin, until) + 1 or until
-        piece = content[begin:until]
+    line = 1 + sum(piece.count(b"\n") for _, piece in whole_lines(content, 0, segment.begin))
+    for _, piece in whole_lines(content, segment.begin, segment.end):
         yield line, piece
         line += piece.count(b"\n")
-        begin = until
 
 
 def _numbers(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sprung.errors import FormatError
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import (
+    PIECE_ROWS,
     Block,
     Column,
     Group,
@@ -33,8 +34,7 @@ ENDINGS = (".parquet", ".pq")
 
 # Name that pandas gives to an index without a name; it is the time if it holds date-times.
 _INDEX = "__index_level_0__"
-_BATCH_ROWS = 1 << 16
-_BUFFER_BYTES = 1 << 20
+_BUFFER_BYTES = 1_048_576
 
 
 def recognises(head: bytes) -> bool:
@@ -122,7 +122,7 @@ def _blocks(path: Path, columns: tuple[Column, ...], time: str | None, first: in
             if end > first and (last is None or end - size < last)
         ]
         row = ends[chosen[0]] - sizes[chosen[0]] if chosen else 0
-        for batch in file.iter_batches(batch_size=_BATCH_ROWS, row_groups=chosen, columns=wanted):
+        for batch in file.iter_batches(batch_size=PIECE_ROWS, row_groups=chosen, columns=wanted):
             begin = max(0, first - row)
             end = batch.num_rows if last is None else min(batch.num_rows, last - row)
             if begin < end:

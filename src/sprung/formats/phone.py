@@ -39,12 +39,6 @@ ENDINGS = (".json", ".zip")
 _RECORDS = re.compile(rb"(\xef\xbb\xbf)?\s*\[\s*\{[^{}]*\"(sensor|seconds_elapsed)\"")
 _ZIP = b"PK\x03\x04"
 _BETWEEN = re.compile(r"[\s,]*")
-_PIECE = 1 << 20
-_LONGEST_RECORD = 1 << 16
-_LARGEST_ARCHIVE = 1 << 30
-_MOST_MEMBERS = 1000
-_MOST_SENSORS = 500
-_MOST_COLUMNS = 500
 _NANOSECONDS, _SECONDS = "time", "seconds_elapsed"
 _NOT_CHANNELS = {"sensor", _NANOSECONDS, _SECONDS}
 #: Units of Sensor Logger by sensor and value; those that depend on the phone's settings are left open.
@@ -57,6 +51,21 @@ _UNITS = {
     ("barometer", "pressure"): "mbar",
     ("batterytemp", "temperature"): "degC",
 }
+
+
+@dataclass(frozen=True, slots=True)
+class _Limits:
+    """What a recording of a phone does not exceed; other files would take memory without end."""
+
+    piece: int = 1 << 20  # characters that are read at once
+    record: int = 1 << 16  # characters of a record, or of a description in an archive
+    archive: int = 1 << 30  # bytes of text in an archive: the numbers are held in memory
+    members: int = 1000  # files in an archive
+    sensors: int = 500  # of one phone
+    columns: int = 500  # values of one sensor
+
+
+_LIMITS = _Limits()
 
 
 @dataclass(slots=True)
@@ -143,8 +152,8 @@ def _json_sensors(path: Path) -> tuple[list[_Sensor], str]:
         if name.lower() == "metadata":
             metadata = record
             continue
-        if name not in series and len(series) == _MOST_SENSORS:
-            raise FormatError(f"{path} names more than {_MOST_SENSORS} sensors: this is not a recording of a phone")
+        if name not in series and len(series) == _LIMITS.sensors:
+            raise FormatError(f"{path} names more than {_LIMITS.sensors} sensors: this is not a recording of a phone")
         series.setdefault(name, _Series()).add(record)
     is_android = str(metadata.get("platform", "")).lower() == "android"
     sensors = [each.sensor(name, is_android=is_android) for name, each in series.items()]
@@ -155,12 +164,12 @@ def _records(path: Path) -> Iterator[Mapping[str, Any]]:
     """Yield the records of a JSON list without reading it as a whole."""
     decoder = json.JSONDecoder()
     with path.open(encoding="utf-8-sig") as file:
-        text, n_before = file.read(_PIECE), 0
+        text, n_before = file.read(_LIMITS.piece), 0
         position = text.index("[") + 1
         while True:
             between = _BETWEEN.match(text, position)
             position = between.end() if between else position
-            if len(text) - position < _LONGEST_RECORD and (piece := file.read(_PIECE)):
+            if len(text) - position < _LIMITS.record and (piece := file.read(_LIMITS.piece)):
                 n_before += position
                 text, position = text[position:] + piece, 0
                 continue
@@ -174,10 +183,10 @@ def _records(path: Path) -> Iterator[Mapping[str, Any]]:
                     f"{path}, character {n_before + position}: this is not a record of a sensor ({problem}): the file "
                     "is damaged or incomplete"
                 ) from None
-            if not isinstance(record, dict) or end - position > _LONGEST_RECORD:
+            if not isinstance(record, dict) or end - position > _LIMITS.record:
                 raise FormatError(
                     f"{path}, character {n_before + position}: this is not a record of a sensor: records have up to "
-                    f"{_LONGEST_RECORD} characters"
+                    f"{_LIMITS.record} characters"
                 )
             yield record
             position = end
@@ -195,7 +204,7 @@ class _Series:
         """Add one record; what is not a number is missing."""
         self._times.append(_integer(record.get(_NANOSECONDS)))
         for name, value in record.items():
-            if name in self._columns or len(self._columns) < _MOST_COLUMNS:
+            if name in self._columns or len(self._columns) < _LIMITS.columns:
                 values = self._columns.setdefault(name, array("d"))
                 values.extend([np.nan] * (self._n_records - len(values)))
                 values.append(_number(value))
@@ -259,7 +268,7 @@ def _tables(path: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
     """
     members = archive.infolist()
     tables = [each for each in members if each.filename.lower().endswith((".csv", ".txt", ".tsv"))]
-    if len(members) > _MOST_MEMBERS or sum(each.file_size for each in tables) > _LARGEST_ARCHIVE:
+    if len(members) > _LIMITS.members or sum(each.file_size for each in tables) > _LIMITS.archive:
         raise FormatError(
             f"{path} holds {len(members)} files of {sum(each.file_size for each in members)} bytes: unpack it, and "
             "read its tables one by one"
@@ -350,7 +359,7 @@ def _timed(path: Path, name: str, columns: Mapping[str, NDArray[Any]], starts: R
 def _rows(archive: zipfile.ZipFile, ending: str) -> list[list[str]]:
     """Return the rows of a description in the archive, without its header; none without such a member."""
     for member in archive.infolist():
-        if member.filename.lower().endswith(ending) and member.file_size <= _LONGEST_RECORD:
+        if member.filename.lower().endswith(ending) and member.file_size <= _LIMITS.record:
             text = decoded(archive.read(member))
             delimiter = next((character for character in ";\t" if character in text.partition("\n")[0]), ",")
             return list(text_fields.reader(io.StringIO(text), delimiter=delimiter))

@@ -14,7 +14,7 @@ from sprung._checks import required
 from sprung.errors import FormatError
 from sprung.formats.settings import ReadSettings
 from sprung.formats.stated import chosen_indices, distinct, mapped, one_line
-from sprung.formats.table import Block, Column, Group, Table, reported
+from sprung.formats.table import Block, Column, Group, Table, reported, row_pieces
 
 NAME, EXTRA = "miniSEED", "seismic"
 ENDINGS = (".mseed", ".miniseed", ".ms3", ".msd", ".seed")
@@ -24,7 +24,6 @@ _VERSION_2 = re.compile(rb"[0-9 \0]{6}[DRQM][ \0]")
 _TOLERANCE = 0.5
 #: Difference of sample times, in intervals, up to which channels have one clock.
 _SAME_PHASE = 0.05
-_BATCH = 1 << 16
 _UNIT = "counts"
 
 
@@ -199,10 +198,8 @@ def _parts(stretches: Sequence[_Stretch], first: int, last: int | None) -> Itera
     """Yield row, first and last sample and stretch of pieces of the rows from `first` to before `last`."""
     row = 0
     for stretch in stretches:
-        begin = max(0, first - row)
-        end = stretch.n_samples if last is None else min(stretch.n_samples, last - row)
-        for piece in range(begin, end, _BATCH):
-            yield row + piece, piece, min(piece + _BATCH, end), stretch
+        for part in row_pieces(stretch.n_samples, max(0, first - row), None if last is None else last - row):
+            yield row + part.start, part.start, part.stop, stretch
         row += stretch.n_samples
 
 

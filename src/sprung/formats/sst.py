@@ -9,7 +9,7 @@ import numpy as np
 from sprung.errors import FormatError
 from sprung.formats.settings import ReadSettings
 from sprung.formats.stated import column_group
-from sprung.formats.table import Block, Column, Group, reported
+from sprung.formats.table import Block, Column, Group, reported, row_pieces
 
 NAME, EXTRA = "SST", None
 ENDINGS = (".sst",)
@@ -18,7 +18,6 @@ ENDINGS = (".sst",)
 _HEADER = struct.Struct("<3sBHHq")
 _NAMES = ("fork", "shock")
 _BYTES_PER_ROW = 4
-_BLOCK_ROWS = 1 << 18
 #: Times from 2001 to 2100: loggers without a clock write others.
 _PLAUSIBLE = (978_307_200, 4_102_444_800)
 
@@ -50,7 +49,7 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     columns = tuple(Column(name, name, unit="counts") for name in _NAMES)
 
     def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
-        return _blocks(path, list(indices), first, n_rows if last is None else min(last, n_rows))
+        return _blocks(path, list(indices), row_pieces(n_rows, first, last))
 
     start = seconds * 10**9 if _PLAUSIBLE[0] <= seconds <= _PLAUSIBLE[1] else None
     return (
@@ -60,11 +59,11 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     )
 
 
-def _blocks(path: Path, chosen: list[int], first: int, end: int) -> Iterator[Block]:
+def _blocks(path: Path, chosen: list[int], pieces: Iterator[slice]) -> Iterator[Block]:
     """Yield the samples of some channels, counted from 1."""
     with reported(path, NAME), path.open("rb") as file:
-        for begin in range(first, end, _BLOCK_ROWS):
-            file.seek(_HEADER.size + begin * _BYTES_PER_ROW)
-            raw = file.read((min(begin + _BLOCK_ROWS, end) - begin) * _BYTES_PER_ROW)
+        for piece in pieces:
+            file.seek(_HEADER.size + piece.start * _BYTES_PER_ROW)
+            raw = file.read((piece.stop - piece.start) * _BYTES_PER_ROW)
             counts = np.frombuffer(raw, dtype="<u2").reshape(-1, len(_NAMES))
-            yield Block(begin + 1, None, counts.T[chosen].astype(np.float64))
+            yield Block(piece.start + 1, None, counts.T[chosen].astype(np.float64))

@@ -15,6 +15,8 @@ from sprung.formats.table import Block, Column, Group, Table, index_of, spelling
 
 #: Longest name or text that is taken from a file; damaged files may state longer ones.
 _MAX_NAME = 120
+#: Bytes of text that are parsed at once.
+_PIECE_BYTES = 1_048_576
 _MAX_TEXT = 1000
 
 
@@ -23,6 +25,16 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
     """Map a file, of which only the parts that are used are read."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         yield content
+
+
+def whole_lines(content: mmap.mmap, begin: int, end: int) -> Iterator[tuple[int, bytes]]:
+    """Yield pieces of whole lines between two offsets, each with its offset."""
+    while begin < end:
+        until = min(end, begin + _PIECE_BYTES)
+        if until < end:
+            until = content.rfind(b"\n", begin, until) + 1 or until
+        yield begin, content[begin:until]
+        begin = until
 
 
 def decoded(raw: bytes) -> str:

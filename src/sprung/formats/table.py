@@ -27,6 +27,8 @@ MISSING = (
     *("null", "NULL", "None", "nil", "-", "--", "---"),
 )
 
+#: Rows that are read at once: 0.5 MB a channel.
+PIECE_ROWS = 65_536
 _NO_UNIT = ("", "-")
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*(?P<bracket>[\[(])(?P<unit>[^\[\]()]*)[\])]\s*")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(inf|infinity|nan)", re.IGNORECASE)
@@ -172,6 +174,14 @@ def within(blocks: Iterable[Block], first: int, last: int | None) -> Iterator[Bl
         row = end
         if last is not None and row >= last:
             return
+
+
+def row_pieces(n_rows: int, first: int, last: int | None, *, size: int | None = None) -> Iterator[slice]:
+    """Yield slices of at most `size` (None: `PIECE_ROWS`) of `n_rows` rows, from `first` to before `last`."""
+    end = n_rows if last is None else min(last, n_rows)
+    step = size or PIECE_ROWS
+    for begin in range(first, end, step):
+        yield slice(begin, min(begin + step, end))
 
 
 def split_heading(heading: str) -> tuple[str, str | None, bool]:

@@ -11,7 +11,7 @@ from sprung._checks import required
 from sprung.errors import FormatError
 from sprung.formats.settings import TIME_UNITS, ReadSettings
 from sprung.formats.stated import column_group, distinct, linear, plain, silenced
-from sprung.formats.table import Block, Column, Group, is_time, reported, stated_column
+from sprung.formats.table import Block, Column, Group, is_time, reported, row_pieces, stated_column
 
 NAME = "TDMS"
 EXTRA = "tdms"
@@ -19,7 +19,7 @@ ENDINGS = (".tdms",)
 
 _SIGNATURE = b"TDSm"
 #: Rows that are read at once: npTDMS reads the whole chunk in which they lie.
-_PIECE_ROWS = 1 << 20
+_PIECE_ROWS = 1_048_576
 #: Loggers of npTDMS that print warnings on damaged files.
 _LOGGERS = tuple(f"nptdms.{name}" for name in ("reader", "tdms_segment", "base_segment", "scaling", "types", "tdms"))
 #: Bytes at the head of a segment, and the size in it where the logger never wrote one.
@@ -217,14 +217,12 @@ def _group(
     time_place = None if time is None else (time.group_name, time.name)
 
     def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
-        end = n_rows if last is None else min(last, n_rows)
         with _opened(path) as tdms:
-            for row in range(first, end, _PIECE_ROWS):
-                part = slice(row, min(end, row + _PIECE_ROWS))
-                values = np.empty((len(indices), part.stop - row))
+            for part in row_pieces(n_rows, first, last, size=_PIECE_ROWS):
+                values = np.empty((len(indices), part.stop - part.start))
                 for place, index in zip(values, indices, strict=True):
                     place[:] = _samples(tdms, places[index], part)
-                yield Block(row + 1, None if time_place is None else _samples(tdms, time_place, part), values)
+                yield Block(part.start + 1, None if time_place is None else _samples(tdms, time_place, part), values)
 
     return column_group(
         path,

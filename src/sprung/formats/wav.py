@@ -16,7 +16,7 @@ from sprung._arrays import Real
 from sprung.errors import FormatError
 from sprung.formats.settings import ReadSettings
 from sprung.formats.stated import column_group, decoded, described, mapped, one_line
-from sprung.formats.table import Block, Column, Group, reported
+from sprung.formats.table import Block, Column, Group, reported, row_pieces
 
 NAME, EXTRA = "WAV", None
 ENDINGS = (".wav", ".wave", ".rf64", ".bwf")
@@ -25,7 +25,6 @@ _FORMS = {b"RIFF": "<", b"RIFX": ">", b"RF64": "<", b"BW64": "<"}
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 #: Size of a chunk that is stated elsewhere, or was unknown when the file was written.
 _UNKNOWN_SIZE = 0xFFFFFFFF
-_BLOCK_SAMPLES = 1 << 18
 _MOST_CHUNKS = 10_000
 _LONGEST_TEXT = 1 << 16
 _UNIT = "full scale"
@@ -72,7 +71,7 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     )
 
     def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
-        return _blocks(path, header, indices, (first, last))
+        return _blocks(path, header, indices, row_pieces(header.n_samples, first, last))
 
     group = column_group(
         path,
@@ -198,18 +197,14 @@ def _start(date: str, time: str, samples: int, rate: float) -> int | None:
     return None
 
 
-def _blocks(path: Path, header: _Header, chosen: Sequence[int], extent: tuple[int, int | None]) -> Iterator[Block]:
+def _blocks(path: Path, header: _Header, chosen: Sequence[int], pieces: Iterator[slice]) -> Iterator[Block]:
     """Yield the samples of some channels, counted from 1."""
-    first, last = extent
-    end = header.n_samples if last is None else min(last, header.n_samples)
     frame = header.width * header.n_channels
-    step = max(1, _BLOCK_SAMPLES // header.n_channels)
     with reported(path, NAME), mapped(path) as content:
-        for begin in range(first, end, step):
-            until = min(begin + step, end)
-            raw = content[header.begin + begin * frame : header.begin + until * frame]
+        for piece in pieces:
+            raw = content[header.begin + piece.start * frame : header.begin + piece.stop * frame]
             frames = np.frombuffer(raw, dtype=np.uint8).reshape(-1, header.n_channels, header.width)
-            yield Block(begin + 1, None, np.stack([_values(frames[:, k], header) for k in chosen]))
+            yield Block(piece.start + 1, None, np.stack([_values(frames[:, k], header) for k in chosen]))
 
 
 def _values(raw: NDArray[np.uint8], header: _Header) -> Real:
