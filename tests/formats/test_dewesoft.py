@@ -1,14 +1,13 @@
 """A test drive of DEWESoft, whose library reads some channels and refuses others."""
 
 import locale
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from sprung.errors import FormatError, MissingPackageError, ParameterError
+from sprung.errors import FormatError, ParameterError
 from sprung.formats import ReadSettings, dewesoft, groups, read, read_blocks
 from sprung.formats.table import join
 
@@ -108,9 +107,3 @@ def test_other_bytes_give_a_sentence(tmp_path, content):
     (tmp_path / "run.d7d").write_bytes(content)
     with pytest.raises(FormatError, match=r"run\.d7d "):
         read(tmp_path / "run.d7d")
-
-
-def test_without_the_package_the_message_says_what_to_install(path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "dwdatareader", None)
-    with pytest.raises(MissingPackageError, match=r"pip install 'sprung\[dewesoft\]'"):
-        dewesoft.groups(path, ReadSettings())

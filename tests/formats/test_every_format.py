@@ -11,8 +11,21 @@ import pytest
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 
-from sprung.errors import FormatError, ParameterError, SprungError
-from sprung.formats import ENDINGS, FORMATS, WRITERS, read, read_blocks, write
+from sprung.errors import FormatError, MissingPackageError, ParameterError, SprungError
+from sprung.formats import (
+    ENDINGS,
+    FORMATS,
+    WRITERS,
+    ReadSettings,
+    dewesoft,
+    ide,
+    mdf,
+    read,
+    read_blocks,
+    seismic,
+    tdms,
+    write,
+)
 from sprung.recording import QUANTITIES, Channel, Gap, Recording
 
 RELAXED = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -159,6 +172,27 @@ def test_empty_missing_and_folder(tmp_path: Path, ending) -> None:
     for name, message in (("empty", "is empty"), ("missing", "there is no such file"), ("folder", "is not a file")):
         with pytest.raises(FormatError, match=f"{name}{ending}.* {message}"):
             read(tmp_path / f"{name}{ending}")
+
+
+@pytest.mark.parametrize(
+    ("module", "package", "head"),
+    [
+        (mdf, "asammdf", b"MDF     "),
+        (tdms, "nptdms", b"TDSm" + bytes(24)),
+        (ide, "idelib", b"\x1a\x45\xdf\xa3mide"),
+        (dewesoft, "dwdatareader", b"MULTI_STREAM_FILE_VER"),
+        (seismic, "pymseed", b""),
+    ],
+)
+def test_without_the_package_the_message_says_what_to_install(
+    tmp_path: Path, monkeypatch, module, package, head
+) -> None:
+    for name in {package, *(name for name in sys.modules if name.startswith(f"{package}."))}:
+        monkeypatch.setitem(sys.modules, name, None)
+    path = tmp_path / f"run{module.ENDINGS[0]}"
+    path.write_bytes(head)
+    with pytest.raises(MissingPackageError, match=rf"reading .* pip install 'sprung\[{module.EXTRA}\]'"):
+        module.groups(path, ReadSettings())
 
 
 def test_unknown_format_lists_the_known_endings(tmp_path: Path) -> None:

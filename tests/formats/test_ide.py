@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from sprung.errors import FormatError, MissingPackageError, ParameterError
+from sprung.errors import FormatError, ParameterError
 from sprung.formats import ReadSettings, groups, ide, read
 from sprung.formats.table import join
 
@@ -163,13 +163,6 @@ def test_other_bytes_give_a_sentence(tmp_path, content):
     (tmp_path / "run.ide").write_bytes(content)
     with pytest.raises(FormatError, match=r"run\.ide "):
         read(tmp_path / "run.ide")
-
-
-def test_without_the_package_the_message_says_what_to_install(path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "idelib.importer", None)
-    monkeypatch.setitem(sys.modules, "idelib", None)
-    with pytest.raises(MissingPackageError, match=r"pip install 'sprung\[ide\]'"):
-        ide.groups(path, ReadSettings())
 
 
 def test_the_logging_of_the_program_stays_as_it_is(monkeypatch):

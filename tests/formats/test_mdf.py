@@ -1,6 +1,5 @@
 """MDF files: written here by asammdf, and those of real loggers next to what they hold."""
 
-import sys
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 from asammdf import MDF, Signal
 
-from sprung.errors import FormatError, MissingPackageError, ParameterError
+from sprung.errors import FormatError, ParameterError
 from sprung.formats import ReadSettings, groups, mdf, read, read_blocks
 from sprung.formats.table import join
 
@@ -193,12 +192,6 @@ def test_other_bytes_give_a_sentence(tmp_path, content):
     (tmp_path / "run.mf4").write_bytes(content)
     with pytest.raises(FormatError, match=r"run\.mf4 "):
         read(tmp_path / "run.mf4")
-
-
-def test_without_the_package_the_message_says_what_to_install(path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "asammdf", None)
-    with pytest.raises(MissingPackageError, match=r"pip install 'sprung\[mdf\]'"):
-        mdf.groups(path, ReadSettings())
 
 
 def test_the_converted_drive_equals_its_twin(real_file):

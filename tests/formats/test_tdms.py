@@ -1,14 +1,13 @@
 """TDMS files: written here by npTDMS and byte by byte, read as npTDMS reads them."""
 
 import struct
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from sprung.errors import FormatError, MissingPackageError
+from sprung.errors import FormatError
 from sprung.formats import ReadSettings, groups, read, read_blocks, tdms
 from sprung.formats.table import join
 
@@ -234,9 +233,3 @@ def test_too_many_scales_give_a_sentence(tmp_path):
         writer.write_segment([ChannelObject("g", "a", np.arange(9.0), {"NI_Number_Of_Scales": 2**31 - 1})])
     with pytest.raises(FormatError, match=r"run\.tdms cannot be read"):
         groups(tmp_path / "run.tdms")
-
-
-def test_without_the_package_the_message_says_what_to_install(path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "nptdms", None)
-    with pytest.raises(MissingPackageError, match=r"pip install 'sprung\[tdms\]'"):
-        tdms.groups(path, ReadSettings())
