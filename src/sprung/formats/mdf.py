@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from traceback import walk_tb
 from typing import Any
 
 import numpy as np
@@ -32,9 +31,7 @@ ENDINGS = (".mf4", ".mdf", ".mf3")
 _SIGNATURES = (b"MDF     ", b"UnFinMF ")
 _TIME_HEADING = "time [s]"
 #: Bytes of records that are read at once.
-_PIECE_BYTES = 1 << 23
-#: Largest ratio of bytes before and after compression (deflate).
-_MOST_COMPRESSED = 1032
+_PIECE_BYTES = 8_388_608
 #: Data types of integers and floating-point numbers, by the generation of the format.
 _NUMBERS = {3: frozenset({0, 1, 2, 3, *range(9, 17)}), 4: frozenset(range(6))}
 #: Kinds of channels with one value in each record: values, masters and virtual ones.
@@ -114,30 +111,12 @@ def _opened(path: Path) -> Iterator[Any]:
     """Open a file with asammdf; whatever it raises becomes a sentence."""
     asammdf = required("asammdf", purpose="reading MDF files", extra="mdf")
     with reported(path, "MDF file"), silenced("asammdf"):
-        try:
-            mdf = asammdf.MDF(path, process_bus_logging=False)
-        except Exception as error:
-            _close_unread(error)
-            raise
+        mdf = asammdf.MDF(path, process_bus_logging=False)
     try:
         mdf.configure(read_fragment_size=_PIECE_BYTES)
         yield mdf
     finally:
         mdf.close()
-
-
-def _close_unread(error: Exception) -> None:
-    """Close the readers that failed to open a file: their destructors would complain about what they never read."""
-    for frame, _ in walk_tb(error.__traceback__):
-        reader: Any = frame.f_locals.get("self")
-        if hasattr(reader, "_tempfile"):
-            for name in ("header", "identification", "_file"):
-                if not hasattr(reader, name):
-                    setattr(reader, name, None)
-            reader.close()
-        stream = frame.f_locals.get("file_stream")
-        if stream is not None:
-            stream.close()
 
 
 def _generation(mdf: Any) -> int:
@@ -149,7 +128,6 @@ def _records(path: Path, mdf: Any, index: int) -> _Records:
     """Return a channel group."""
     group = mdf.groups[index]
     n_rows = int(group.channel_group.cycles_nr)
-    _check_size(path, int(group.channel_group.samples_byte_nr), n_rows)
     owner = index
     if getattr(group.channel_group, "cg_master_index", None) is not None:
         owner = int(group.channel_group.cg_master_index)
@@ -175,15 +153,6 @@ def _records(path: Path, mdf: Any, index: int) -> _Records:
         rate,
         tuple(frames) if {_FRAME_FIELDS[0], _FRAME_FIELDS[3]} <= {name for name, _ in frames} else (),
     )
-
-
-def _check_size(path: Path, record_bytes: int, n_rows: int) -> None:
-    """Raise if a header declares more than a file of this size can hold, however well compressed."""
-    if record_bytes * max(n_rows, 1) > _MOST_COMPRESSED * path.stat().st_size:
-        raise FormatError(
-            f"{path} cannot be read as MDF (a header declares {n_rows} records of {record_bytes} bytes): check "
-            "that the file is complete"
-        )
 
 
 def _check_place(path: Path, mdf: Any, group: Any, number: int) -> None:
