@@ -17,7 +17,7 @@ import numpy as np
 from sprung._arrays import Real
 from sprung.errors import FormatError
 from sprung.formats.stated import decoded, half_digit, mapped, one_line, whole_lines
-from sprung.formats.table import PIECE_ROWS
+from sprung.formats.table import PIECE_ROWS, Block, rebatch
 
 #: Function type of a time history, and type of an abscissa of time.
 TIME_RESPONSE, TIME = 1, 17
@@ -278,7 +278,8 @@ def values_of(
     """
     rows = _binary_rows(content, function, first, last) if function.binary else _text_rows(path, content, function)
     done = first if function.binary else 0
-    for batch in _batches(rows):
+    for block in rebatch((Block(1, None, piece.T) for piece in rows), PIECE_ROWS):
+        batch = block.values.T
         wanted = batch[max(0, first - done) : max(0, last - done)]
         done += len(batch)
         if len(wanted):
@@ -287,21 +288,6 @@ def values_of(
             return
     if done < function.n_values:
         raise _error(path, function.number, f"declares {function.n_values} values, but holds {done}")
-
-
-def _batches(rows: Iterator[Real]) -> Iterator[Real]:
-    """Yield the same rows in batches of one size, so that channels stay in step."""
-    waiting: list[Real] = []
-    for piece in rows:
-        waiting.append(piece)
-        if sum(map(len, waiting)) >= PIECE_ROWS:
-            whole = np.concatenate(waiting)
-            full = len(whole) - len(whole) % PIECE_ROWS
-            for begin in range(0, full, PIECE_ROWS):
-                yield whole[begin : begin + PIECE_ROWS]
-            waiting = [whole[full:]]
-    if waiting:
-        yield np.concatenate(waiting)
 
 
 def _binary_rows(content: mmap.mmap, function: Function, first: int, last: int) -> Iterator[Real]:

@@ -196,7 +196,8 @@ def _write(stream: IO[bytes] | None, message: Mapping[str, Any], blobs: Sequence
     """Write a message."""
     if stream is None:
         raise OSError("the pipe is closed")
-    stream.write(json.dumps({**message, "sizes": [len(blob) for blob in blobs]}).encode() + b"\n")
+    line = json.dumps({**message, "sizes": [len(blob) for blob in blobs]}, default=_number)
+    stream.write(line.encode() + b"\n")
     for blob in blobs:
         stream.write(blob)
     stream.flush()
@@ -272,7 +273,7 @@ class _Child:
         stamps = block.stamps
         stated = {
             "is_last": False,
-            "first_row": int(block.first_row),
+            "first_row": block.first_row,
             "n_channels": block.values.shape[0],
             "n_rows": block.values.shape[1],
             "stamps": "" if stamps is None else stamps.dtype.str,
@@ -283,29 +284,24 @@ class _Child:
 
 def _stated_group(group: Group) -> dict[str, Any]:
     """Return a group as JSON."""
-    return {
-        "name": group.name,
-        "headings": group.headings,
-        "clock": repr(group.clock),
-        "sampling_rate": None if group.sampling_rate is None else float(group.sampling_rate),
-        "n_rows": None if group.n_rows is None else int(group.n_rows),
-    }
+    names = ("name", "headings", "sampling_rate", "n_rows")
+    return {"clock": repr(group.clock), **{name: getattr(group, name) for name in names}}
 
 
 def _stated_table(table: Table) -> dict[str, Any]:
     """Return what is known of a table without its rows."""
+    names = ("time_heading", "row_word", "sampling_rate", "start", "time_factor", "notes", "comment")
     return {
         "columns": [asdict(column) for column in table.columns],
-        "time_heading": table.time_heading,
-        "row_word": table.row_word,
-        "sampling_rate": None if table.sampling_rate is None else float(table.sampling_rate),
-        "start": None if table.start is None else int(table.start),
         "has_times": table.times is not None,
         "has_others": table.others is not None,
-        "time_factor": table.time_factor,
-        "notes": table.notes,
-        "comment": table.comment,
+        **{name: getattr(table, name) for name in names},
     }
+
+
+def _number(value: np.generic) -> Any:
+    """Return a number of NumPy as JSON."""
+    return value.item()
 
 
 def _limit_memory(extra: int) -> None:
