@@ -42,7 +42,6 @@ _WITHOUT_BYTES = {3: frozenset[int](), 4: frozenset({3, 6})}
 _TIME, _LOCAL_TIME = 1, 1
 #: Event of a bus that is decoded; flag of groups of events on any bus.
 _FRAMES = "CAN_DataFrame"
-_VARIABLE_LENGTH, _LONGEST_FRAME = 1, 64
 _FRAME_FIELDS = tuple(f"{_FRAMES}.{field}" for field in ("ID", "IDE", "BusChannel", "DataBytes", "DataLength"))
 _IDENTIFIER, _LARGEST_STANDARD = np.uint32(0x1FFFFFFF), 0x7FF
 _BUS_EVENT_FLAG = 2
@@ -362,7 +361,9 @@ def _frames(records: _Records, first: int = 0) -> Iterator[Frames]:
 def _frames_of(mdf: Any, records: _Records, fragment: Any, stamps: Real) -> Frames:
     """Return the CAN frames in a piece."""
     values = {
-        name.removeprefix(f"{_FRAMES}."): _raw(mdf, records.index, number, fragment, stamps.size)
+        name.removeprefix(f"{_FRAMES}."): mdf.get(
+            group=records.index, index=number, data=fragment, raw=True, samples_only=True
+        )[0]
         for name, number in records.frames
     }
     ids = values["ID"].astype(np.uint32)
@@ -372,25 +373,3 @@ def _frames_of(mdf: Any, records: _Records, fragment: Any, stamps: Real) -> Fram
     buses = values.get("BusChannel", np.zeros(stamps.size)).astype(np.uint8)
     identifiers = (ids & _IDENTIFIER) | (extended.astype(np.uint32) << np.uint32(31))
     return Frames(stamps, buses, identifiers, payload, n_bytes)
-
-
-def _raw(mdf: Any, group: int, number: int, fragment: Any, n_records: int) -> NDArray[Any]:
-    """Return the raw values of a channel of frames in a piece; bytes have shape (records, bytes)."""
-    if mdf.groups[group].channels[number].channel_type != _VARIABLE_LENGTH:
-        return mdf.get(group=group, index=number, data=fragment, raw=True, samples_only=True)[0]
-    # The compiled code of asammdf trusts the places of values of variable length; these check them.
-    first = mdf.groups[group].channels[number].byte_offset
-    records = np.frombuffer(fragment.data, np.uint8).reshape(n_records, -1)
-    places = records[:, first : first + 8].copy().view("<u8")[:, 0].astype(np.int64)
-    loaded = mdf._mdf._load_signal_data(
-        group=mdf.groups[group], index=number, offsets=(int(places[0]), int(places[-1]))
-    )
-    content = np.frombuffer(loaded, np.uint8)
-    places -= places[0]
-    if places.min() < 0 or places.max() + 4 > content.size:
-        raise ValueError("a place of bytes is outside the file")
-    lengths = content[places[:, None] + np.arange(4)].view("<u4")[:, 0].astype(np.int64)
-    if (places + 4 + lengths).max() > content.size:
-        raise ValueError("bytes end outside the file")
-    within = np.arange(min(int(lengths.max()), _LONGEST_FRAME))
-    return content[np.minimum(places[:, None] + 4 + within, content.size - 1)]
