@@ -27,6 +27,7 @@ from sprung.diagnosis import SensorFault as SensorFault
 from sprung.diagnosis import Size as Size
 from sprung.diagnosis import Trend as Trend
 from sprung.diagnosis import TypeBaseline as TypeBaseline
+from sprung.diagnosis import compare as compare
 from sprung.diagnosis import detectable as detectable
 from sprung.diagnosis import diagnose as diagnose
 from sprung.diagnosis import learn as learn
@@ -107,6 +108,7 @@ from sprung.recording import Gap as Gap
 from sprung.recording import Recording as Recording
 from sprung.results.documents import BounceDocument as BounceDocument
 from sprung.results.documents import CalibrationDocument as CalibrationDocument
+from sprung.results.documents import ComparisonDocument as ComparisonDocument
 from sprung.results.documents import CornersDocument as CornersDocument
 from sprung.results.documents import DiagnosisDocument as DiagnosisDocument
 from sprung.results.documents import Document as Document

@@ -107,6 +107,7 @@ def _application() -> typer.Typer:
         measured.plan,
         measured.road,
         measured.ride,
+        diagnosis.compare,
         reproduce.reproduce,
     ):
         application.command()(command)

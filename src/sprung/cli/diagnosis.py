@@ -179,6 +179,47 @@ def diagnose(
         raise DataError(f"no window was usable: {tables.why_unusable(result, normal)}")
 
 
+@reads_files
+def compare(
+    files: Files,
+    *,
+    others: Annotated[list[Path], option("FILE", "Drive of the second set; may be repeated.", "--with")],
+    vehicle: VehicleFile,
+    reading: "ReadSettings",
+    allow_missing: AllowMissing = False,
+    window: Minutes = 5.0,
+    false_alarms: Annotated[
+        float, option("P", "Probability that an unchanged vehicle is called different.", panel=INPUT)
+    ] = 0.01,
+    json: Json = None,
+) -> None:
+    """Compare two sets of drives of one vehicle: what differs, by how much, and what would have been found."""
+    from sprung import diagnosis
+    from sprung.results import tables
+    from sprung.results.documents import comparison_document
+    from sprung.vehicles import read_vehicle
+
+    check_file("--json", json, inputs=[*files, *others, vehicle])
+    description = read_vehicle(vehicle)
+    may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
+    with progress_bar() as report:
+        first, second = (
+            observed(
+                windows_of(each, reading=reading, minutes=window, report=report),
+                description,
+                allow_missing=may_lack,
+                report=report,
+            )
+            for each in (files, others)
+        )
+        result = diagnosis.compare(first, second, false_alarms=false_alarms)
+    if write_result(comparison_document(result), json):
+        parts = tables.diagnosis_tables(result, ())
+        show(tables.diagnosis_in_words(result), *parts, [*result.notes, *written([], json)])
+    if result.detection is None and not result.sensor_faults:
+        raise DataError(f"no window was usable: {tables.why_unusable(result, result.baseline)}")
+
+
 def _calibration(
     parts: "Callable[[], Iterator[tuple[float, Recording]]]",
     vehicle: "Vehicle",

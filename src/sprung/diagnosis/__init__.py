@@ -11,6 +11,7 @@ from sprung.diagnosis.changes import (
     false_discoveries,
 )
 from sprung.diagnosis.channel_faults import SensorFault
+from sprung.diagnosis.comparison import compare
 from sprung.diagnosis.detectability import detectable
 from sprung.diagnosis.findings import (
     SEVERITIES,
@@ -69,6 +70,7 @@ __all__ = [
     "Trend",
     "TypeBaseline",
     "Verdict",
+    "compare",
     "compare_with_type",
     "detect",
     "detectable",

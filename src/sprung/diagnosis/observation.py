@@ -447,7 +447,7 @@ def fit_drive(
         As from `sprung.likelihood.fit_corners`.
     """
     records = list(each_recording(recordings))
-    own = IdentificationSettings(has_road_modes=False, refine=False, allow_missing=allow_missing)
+    own = IdentificationSettings(has_road_modes=False, refine=False, allow_missing=allow_missing, kind="random")
     try:
         modes = cov_ssi(records, settings=own, vehicle=vehicle).modes
     except (DataError, IdentificationError):

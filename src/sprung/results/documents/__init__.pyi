@@ -18,7 +18,9 @@ from sprung.results.documents.corners import read_calibration as read_calibratio
 from sprung.results.documents.corners import read_corners as read_corners
 from sprung.results.documents.corners import write_calibration as write_calibration
 from sprung.results.documents.corners import write_corners as write_corners
+from sprung.results.documents.diagnosis import ComparisonDocument as ComparisonDocument
 from sprung.results.documents.diagnosis import DiagnosisDocument as DiagnosisDocument
+from sprung.results.documents.diagnosis import comparison_document as comparison_document
 from sprung.results.documents.diagnosis import detectable_document as detectable_document
 from sprung.results.documents.diagnosis import detection_document as detection_document
 from sprung.results.documents.diagnosis import diagnosis_document as diagnosis_document

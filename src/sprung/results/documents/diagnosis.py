@@ -329,6 +329,32 @@ def diagnosis_document(
     )
 
 
+class ComparisonDocument(Document):
+    """Two sets of windows compared: changes of the second from the first."""
+
+    schema_name: Literal["sprung.compare/1"] = Field(alias="schema")
+    vehicle: str | None
+    n_windows: tuple[int, int]
+    false_alarms: float
+    verdict: Verdict
+    detectable: dict[str, float]
+    findings: tuple[Annotated[Finding, Computed("sentence", "string")], ...]
+    sensor_faults: tuple[SensorFault, ...]
+    notes: tuple[str, ...]
+
+
+def comparison_document(comparison: Diagnosis) -> ComparisonDocument:
+    """Return a comparison of two sets of windows as `sprung.compare/1`; `comparison` is from `sprung.compare`."""
+    baseline = comparison.baseline
+    return document_from(
+        ComparisonDocument,
+        comparison,
+        vehicle=None if baseline is None else baseline.vehicle,
+        n_windows=(0 if baseline is None else baseline.n_windows, len(comparison.observations)),
+        detectable=detectable_document(comparison.detectable),
+    )
+
+
 def write_diagnosis(diagnosis: Diagnosis, path: str | Path, *, modes: Iterable[ModeChange] = ()) -> None:
     """Write a diagnosis as a JSON file, `sprung.diagnosis/1`.
 

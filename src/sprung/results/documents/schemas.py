@@ -12,7 +12,7 @@ from sprung.errors import FormatError, ParameterError
 from sprung.results.documents.baseline import BaselineDocument, TypeBaselineDocument
 from sprung.results.documents.bounce import BounceDocument
 from sprung.results.documents.corners import CalibrationDocument, CornersDocument
-from sprung.results.documents.diagnosis import DiagnosisDocument
+from sprung.results.documents.diagnosis import ComparisonDocument, DiagnosisDocument
 from sprung.results.documents.document import Document, checked, read_fields, schema_of
 from sprung.results.documents.fleet import (
     FleetDocument,
@@ -48,6 +48,7 @@ _KINDS: tuple[type[Document], ...] = (
     BaselineDocument,
     BounceDocument,
     CalibrationDocument,
+    ComparisonDocument,
     CornersDocument,
     DiagnosisDocument,
     ExportDocument,
