@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks.certified.records import Decay, Record
+from benchmarks.certified.records import Decay, Friction, Record
 from benchmarks.certified.systems import Array, noise_factor, velocities
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm, solve_discrete_lyapunov
@@ -192,3 +192,24 @@ def decay_bound(record: Decay) -> Bound:
     slopes = np.array([slope(motion, at, typical, k).real.ravel() for k in range(len(at))]) / record.noise
     deviations = np.sqrt(np.diag(np.linalg.inv(slopes @ slopes.T)))
     return Bound(deviations[:n], deviations[n : 2 * n])
+
+
+def friction_bound(record: Friction) -> tuple[Bound, float]:
+    """Return the bounds of frequency, damping ratio and sticking displacement: unknown gains, offsets and start too."""
+    frequency, damping, shapes, _ = record.system.modal()
+    gains = shapes[:, 0] / shapes[0, 0]
+    n = len(gains)
+
+    def motion(parameters: Array) -> Complex:
+        f, xi, sticking, late, *rest = parameters
+        factors, offsets = np.array(rest[:n]), np.array(rest[n:])
+        moved = record.motion(f, xi, sticking, factors)
+        # A later start is the motion less its velocity times the delay: that vanishes at the turn itself.
+        shifted = moved - late * np.gradient(moved, 1 / record.rate, axis=1)
+        return (shifted + offsets[:, None]).astype(complex)
+
+    at = np.concatenate([[frequency[0], damping[0], record.sticking, 0.0], gains, np.zeros(n)])
+    typical = np.concatenate([[0.01 * frequency[0], 0.1 * damping[0], 0.1 * record.sticking, 1e-2], gains, [1e-3] * n])
+    slopes = np.array([slope(motion, at, typical, k).real.ravel() for k in range(len(at))]) / record.noise
+    deviations = np.sqrt(np.diag(np.linalg.inv(slopes @ slopes.T)))
+    return Bound(deviations[:1], deviations[1:2]), float(deviations[2])

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.certified import bounds, car
-from benchmarks.certified.records import COUNTS, RECORDS, Decay, Record
+from benchmarks.certified.records import COUNTS, RECORDS, Decay, Friction, Record
 from benchmarks.certified.systems import Array
 
 HERE = Path(__file__).parent
@@ -64,9 +64,12 @@ def answer(name: str) -> dict[str, Any]:
     return _drive_answer() if name == "car-drive" else _modal_answer(name, RECORDS[name])
 
 
-def _modal_answer(name: str, record: Record | Decay) -> dict[str, Any]:
-    system = record.system
-    if isinstance(record, Decay):
+def _modal_answer(name: str, record: Record | Decay | Friction) -> dict[str, Any]:
+    system, friction = record.system, {}
+    if isinstance(record, Friction):
+        bound, of_sticking = bounds.friction_bound(record)
+        friction = {"sticking": {"value": record.sticking, "bound": float(f"{of_sticking:.4g}")}}
+    elif isinstance(record, Decay):
         bound = bounds.decay_bound(record)
     else:
         bound = (bounds.exact_bound if record.n_samples < _SHORT else bounds.modal_bound)(record)
@@ -89,6 +92,7 @@ def _modal_answer(name: str, record: Record | Decay) -> dict[str, Any]:
             bound.damping_ratio,
         ),
         "tones": [tone.frequency for tone in record.tones],
+        **friction,
     }
 
 

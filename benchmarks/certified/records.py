@@ -108,6 +108,50 @@ class Decay:
         return motion + self.noise * rng.standard_normal(motion.shape)
 
 
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """Free swing of one mass with viscous damping and dry friction, read by displacement sensors with white noise.
+
+    `sticking` is the friction force over the stiffness [m], `begin` the first turn [m]. Between two turns the motion is
+    linear around the sticking displacement on the side from which it comes; it ends at the first turn within it.
+    """
+
+    title: str
+    system: System
+    sticking: float
+    begin: float
+    rate: float
+    n_samples: int
+    noise: float
+    seed: int
+    quantity: tuple[str, str] = ("displacement", "m")
+    tones: tuple[Tone, ...] = field(default=(), init=False)
+
+    def motion(self, frequency: float, damping: float, sticking: float, gains: Array) -> Array:
+        """Return the exact displacements of the sensors, shape (channels, n)."""
+        omega = 2 * np.pi * frequency
+        turning = omega * np.sqrt(1 - damping**2)
+        time, half, turn = np.arange(self.n_samples) / self.rate, np.pi / turning, self.begin
+        motion, start = np.empty(self.n_samples), 0.0
+        while abs(turn) > sticking and start <= time[-1]:
+            centre = sticking * np.sign(turn)
+            part = (time >= start) & (time < start + half)
+            after = time[part] - start
+            wave = np.cos(turning * after) + damping * omega / turning * np.sin(turning * after)
+            motion[part] = centre + (turn - centre) * np.exp(-damping * omega * after) * wave
+            turn = centre - (turn - centre) * np.exp(-damping * omega * half)
+            start += half
+        motion[time >= start] = turn
+        return np.outer(gains, motion)
+
+    def samples(self, realisation: int = 0) -> Array:
+        """Return the samples, shape (channels, n); realisation 0 is the certified one."""
+        rng = np.random.default_rng((self.seed, realisation))
+        frequency, damping, shapes, _ = self.system.modal()
+        motion = self.motion(float(frequency[0]), float(damping[0]), self.sticking, shapes[:, 0] / shapes[0, 0])
+        return motion + self.noise * rng.standard_normal(motion.shape)
+
+
 def white(level: float, n: int) -> tuple[Noise, ...]:
     """Return the same white noise for n sensors."""
     return (Noise(level),) * n
@@ -151,7 +195,7 @@ TOWER = with_modes([3.00, 3.06, 4.50], [0.010, 0.012, 0.015], rotation(0.6, 0.3)
 DAMPED = with_modes([1.20, 2.60, 4.30], [0.20, 0.15, 0.10], rotation(0.5, 0.7), rotation(0.5, 0.7))
 LIGHT = with_modes([2.5, 4.1, 6.7], [0.003, 0.003, 0.003], rotation(0.5, 0.6), np.eye(3))
 
-RECORDS: Mapping[str, Record | Decay] = {
+RECORDS: Mapping[str, Record | Decay | Friction] = {
     "chain-snr10": Record("Chain of three masses, SNR 10", CHAIN, accelerations, 100.0, 6000, white(0.1, 3), 1),
     "chain-snr05": Record("The same chain, SNR 0.5", CHAIN, accelerations, 100.0, 6000, white(2.0, 3), 2),
     "close-modes": Record(
@@ -189,5 +233,15 @@ RECORDS: Mapping[str, Record | Decay] = {
         1500,
         2e-4,
         11,
+    ),
+    "friction": Friction(
+        "Swing of one mass with viscous damping and dry friction",
+        with_modes([1.5], [0.08], np.eye(1), np.array([[1.0], [-0.6]])),
+        1.5e-3,
+        20e-3,
+        100.0,
+        400,
+        1e-4,
+        12,
     ),
 }

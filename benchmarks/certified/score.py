@@ -98,6 +98,8 @@ def sprung_score(name: str, realisation: int) -> Score:
     for samples, heads in counted(name, realisation):
         channels = tuple(sprung.Channel(head, "speed" if head == "speed" else answer["quantity"]) for head in heads)
         recordings.append(sprung.Recording(samples, answer["sampling_rate"], channels))
+    if "sticking" in answer:
+        return _friction_score(answer, recordings)
     vehicle = _vehicle(answer) if "corners" in answer else None
     modes = sprung.cov_ssi(recordings, vehicle=vehicle).modes
     scored = score(answer, "sprung", modes.natural_frequency, modes.damping_ratio)
@@ -109,6 +111,19 @@ def sprung_score(name: str, realisation: int) -> Score:
         certified = answer["corners"][str(component.corner)][str(component.kind)]
         errors.append(float(np.log(value / certified["value"]) / certified["relative_bound"]))
     return replace(scored, corner_errors=tuple(errors))
+
+
+def _friction_score(answer: dict[str, Any], recordings: Sequence[Any]) -> Score:
+    """Return the score of the swing between two turns; the error of the friction is another one."""
+    import sprung
+
+    fit = sprung.bounce(recordings).tests[0].frictions[0]
+    if fit is None:
+        return score(answer, "sprung", np.zeros(0), np.zeros(0))
+    scored = score(answer, "sprung", np.array([fit.natural_frequency]), np.array([fit.damping_ratio]))
+    error = (fit.sticking[0] - answer["sticking"]["value"]) / answer["sticking"]["bound"]
+    within = scored.n_within if abs(error) <= CLOSE else 0
+    return replace(scored, n_within=within, errors=(*scored.errors, float(error)))
 
 
 def _vehicle(answer: dict[str, Any]) -> Any:

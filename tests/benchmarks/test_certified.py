@@ -52,8 +52,8 @@ def samples(file: str) -> np.ndarray:
     return np.loadtxt(io.StringIO(text), delimiter=",", skiprows=1).T
 
 
-def test_there_are_twelve_records_and_they_are_small() -> None:
-    assert len(ANSWERS) == 12
+def test_there_are_thirteen_records_and_they_are_small() -> None:
+    assert len(ANSWERS) == 13
     assert sum(path.stat().st_size for path in (ANSWERS[0].parents[1] / "data").iterdir()) < 2e6
 
 
@@ -156,7 +156,7 @@ def test_spectra_hold_the_power_of_the_samples(certified: Any) -> None:
     np.testing.assert_allclose(np.diag(shapes @ power @ shapes.T), rms**2, rtol=1e-10)
 
 
-@pytest.mark.parametrize("name", ["chain-snr10", "short", "free-decay", "correlated-noise"])
+@pytest.mark.parametrize("name", ["chain-snr10", "short", "free-decay", "friction", "correlated-noise"])
 def test_files_are_what_the_seeds_give(certified: Any, name: str) -> None:
     """Another library of linear algebra may round a sample the other way."""
     ((file, drawn, _),) = certified.make.record_files(name)

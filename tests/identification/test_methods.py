@@ -303,3 +303,23 @@ def test_records_of_one_logger_by_slightly_different_clocks_are_one_condition() 
     for settings in (IdentificationSettings(), IdentificationSettings(decimate_to=100.0)):
         modes = METHODS["cov"]([runs[0], late], settings=settings).modes
         assert modes.natural_frequency == pytest.approx([7.01, 19.65, 28.39], rel=0.01)
+
+
+def test_free_motion_is_recognised_and_fitted_as_such() -> None:
+    """A decay from the first sample on, and one after a push: exact poles within chance; random motion stays random."""
+    poles = 2 * np.pi * np.array([3.0, 7.5]) * (1j * np.sqrt(1 - 0.02**2) - 0.02)
+    shapes = np.array([[1.0, 0.6], [-0.5, 1.0]])
+    time = np.arange(1500) / 50
+    decay = (shapes.T @ np.exp(poles[:, None] * time)).real
+    channels = (Channel("a", "displacement"), Channel("b", "displacement"))
+    noise = 1e-3 * np.random.default_rng(2).standard_normal(decay.shape)
+    whole = cov_ssi(Recording(decay + noise, 50.0, channels))
+    assert set(whole.sources) == {"free_response"}
+    np.testing.assert_allclose(whole.modes.natural_frequency, [3.0, 7.5], rtol=1e-3)
+    np.testing.assert_allclose(whole.modes.damping_ratio, 0.02, rtol=0.02)
+    assert any("free motion" in note for note in whole.notes)
+    as_random = cov_ssi(Recording(decay + noise, 50.0, channels), settings=IdentificationSettings(kind="random"))
+    assert "free_response" not in as_random.sources
+    masses = chain()
+    run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    assert set(cov_ssi(run).sources) == {"ssi"}

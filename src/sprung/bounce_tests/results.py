@@ -26,7 +26,7 @@ class BounceRules:
     #: Most modes of a test.
     max_modes: int = 4
     #: Largest RMS that free modes may leave of the motion where noise explains no more; largest smallest damping ratio.
-    max_linear_residual: float = 0.17
+    max_linear_residual: float = 0.25
     max_damping: float = 0.75
     #: RMS of what linear modes leave, over the motion and over the noise at rest, from which friction is tried.
     nonlinear: float = 0.01

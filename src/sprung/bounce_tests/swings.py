@@ -38,7 +38,7 @@ def tested(run: Recording, number: int, transient: Transient) -> BounceTest:
     with_friction = None if is_linear else _with_friction(run, number, transient)
     if with_friction is not None and with_friction.is_significant:
         return with_friction
-    if with_friction is None and transient.unexplained > _by_noise(RULES.hopeless, transient):
+    if with_friction is None and transient.unexplained > max(RULES.hopeless, RULES.beyond_noise * transient.noise):
         raise DataError("it does not swing freely")
     try:
         fit = fit_free_response(part, band=_band(run, transient), max_modes=RULES.max_modes)
@@ -110,7 +110,9 @@ def _swing(run: Recording, group: tuple[int, ...], transient: Transient) -> tupl
     prominence = 0.1 * np.ptp(smooth)
     side = 1 if np.ptp([smooth.max(), smooth[-1]]) > np.ptp([smooth.min(), smooth[-1]]) else -1
     turns, others = (find_peaks(sign * smooth, prominence=prominence)[0] for sign in (side, -side))
-    turns = turns[turns >= np.argmax(side * smooth)] if turns.size else turns
+    if first == 0 and side * largest[0] > 0.97 * np.max(side * largest):  # released where the record begins
+        turns = np.concatenate([[0], turns])
+    turns = turns[turns >= np.argmax(side * smooth)] if turns.size and turns[0] > 0 else turns
     stops = others[_at_stop(smooth[others], run.samples[row])] if order == 0 else others[:0]
     turns = turns[turns > stops.max(initial=-1)]
     best = None

@@ -99,6 +99,14 @@ def identify(
             rich_help_panel=_SIZES,
         ),
     ] = True,
+    kind: Annotated[
+        Literal["auto", "random", "free"],
+        typer.Option(
+            help="random: stationary random motion. free: free motion after pushes, drops or releases. auto: free where"
+            " records are quiet but for motions that die away.",
+            rich_help_panel=_PREPARATION,
+        ),
+    ] = "auto",
     band: Annotated[
         tuple[float, float] | None,
         option("LO HI", "Lowest and highest natural frequency, in Hz.", panel=_PREPARATION),
@@ -165,6 +173,7 @@ def identify(
         block_rows=block_rows,
         max_order=max_order,
         refine=refine,
+        kind=kind,
     )
     picked = _frequencies(pick)
     source = str(files[0]) if len(files) == 1 else f"{len(files)} files"

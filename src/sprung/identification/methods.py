@@ -7,19 +7,23 @@ from types import MappingProxyType
 from sprung._checks import check_one_of, check_type
 from sprung.errors import DataError, IdentificationError, ParameterError
 from sprung.identification import steps
+from sprung.identification.free_response import FreeFit, fit_free_response
 from sprung.identification.records import Progress, RunningRecords
 from sprung.identification.results import CorrelationSummary, Identification
 from sprung.identification.roving import group_by_setup
 from sprung.identification.settings import ACS, COSS, COV, FDD, KINDS, PLSCF, IdentificationSettings, Method
 from sprung.identification.setups import identify_setups
 from sprung.identification.stabilisation import StabilityCriteria
+from sprung.identification.transients import free_parts
 from sprung.modal import Modes
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Chain, Quarter, Vehicle
 from sprung.vehicles.labels import labelled, plausibility_notes
 from sprung.vehicles.sensor_layout import layout_notes
-from sprung.vehicles.usable import AnyVehicle
+from sprung.vehicles.usable import AnyVehicle, output_channels, usable
 
+#: Least share of the motion that free modes explain in records that are taken for free motion.
+_FREE = 0.95
 #: Largest relative change of the damping ratio between polynomial orders.
 _DAMPING_OF_POLYNOMIALS = 0.4
 #: Steps from correlated records to modes by stabilisation diagrams.
@@ -435,10 +439,41 @@ def _identified(
             on_progress=on_progress,
         )
     report = on_progress or steps.no_report
+    free = _free_fit(given, wanted, vehicle)
     draft = steps.correlate(method, given, settings=wanted, vehicle=vehicle, report=report)
+    if free is not None:
+        return steps.finished(steps.fit_free_motion(draft, free))
     for step in sequence:
         draft = step(draft)
     return steps.finished(draft)
+
+
+def _free_fit(
+    given: Recording | Iterable[Recording], settings: IdentificationSettings, vehicle: AnyVehicle | None
+) -> FreeFit | None:
+    """Return the fit of records of free motion; None for random motion, or an iterator, which is read only once."""
+    if settings.kind == "random" or not isinstance(given, Recording | Sequence):
+        return None
+    is_certain = settings.kind == "free"
+    try:
+        runs = [
+            run.select(output_channels(run, vehicle))
+            for run in (
+                usable(each, vehicle=vehicle, allow_missing=settings.allow_missing)
+                for each in ([given] if isinstance(given, Recording) else given)
+            )
+        ]
+        parts = [] if any(run.gaps for run in runs) else free_parts(runs, is_certain=is_certain)
+        fit = fit_free_response(parts, band=settings.band) if parts else None
+    except DataError:
+        if is_certain:
+            raise
+        return None
+    if fit is None or (not is_certain and fit.explained < _FREE):
+        if is_certain:
+            raise DataError("no motion that dies away was found: --kind random, or see sprung bounce")
+        return None
+    return fit
 
 
 @dataclass(frozen=True, eq=False, slots=True)

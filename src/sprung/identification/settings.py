@@ -6,7 +6,7 @@ from types import MappingProxyType
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import check_number, check_type
+from sprung._checks import check_number, check_one_of, check_type
 from sprung.errors import ParameterError
 from sprung.identification.ladders import BlockRowLadder, Ladder
 from sprung.identification.stabilisation import THESIS_CRITERIA, StabilityCriteria
@@ -92,6 +92,9 @@ class IdentificationSettings:
         identification.
     refine
         Whether modes are refined to the largest likelihood of the records' spectra.
+    kind
+        "random" for records of stationary random motion, "free" for free motion after pushes, drops or releases;
+        "auto": free where records are quiet but for motions that begin suddenly, die away, and are those of free modes.
     has_road_modes
         Whether bounce, pitch, roll and wheel hop of a vehicle on a road are those of the vehicle file fitted to the
         spectra, where the speed is recorded: SSI misses some of them, as the rear wheels repeat the road of the front
@@ -122,6 +125,7 @@ class IdentificationSettings:
     criteria: StabilityCriteria = field(default_factory=StabilityCriteria)
     harmonics: tuple[Harmonic, ...] | None = None
     refine: bool = True
+    kind: str = "auto"
     has_road_modes: bool = True
     has_own_levels: bool = False
     allow_missing: bool = False
@@ -129,6 +133,7 @@ class IdentificationSettings:
     def __post_init__(self) -> None:
         if self.band is not None and not 0 <= self.band[0] < self.band[1]:
             raise ParameterError(f"band {self.band[0]:g} to {self.band[1]:g} Hz must rise from 0 or more")
+        check_one_of("kind", self.kind, ("auto", "random", "free"))
         for name in ("decimate_to", "segment"):
             if getattr(self, name) is not None:
                 check_number(name, getattr(self, name), above=0)

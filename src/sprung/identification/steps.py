@@ -10,6 +10,7 @@ from sprung.errors import IdentificationError
 from sprung.identification.contribution import complete_shapes, significant
 from sprung.identification.correlation import Correlations, average
 from sprung.identification.fdd import find_bells, modes_of_bells
+from sprung.identification.free_response import FreeFit
 from sprung.identification.levels import (
     RULES,
     LevelTrends,
@@ -343,6 +344,21 @@ def refine(draft: Draft) -> Draft:
     spectra = records.lines.scaled(1 / records.plan.preparation.scales)
     refined, refinement = refined_by_spectra(draft.modes, spectra, records.channels, harmonics=records.harmonics)
     return replace(draft, modes=with_known_deviations(refined, draft.summary.average), refinement=refinement)
+
+
+def fit_free_motion(draft: Draft, fit: FreeFit) -> Draft:
+    """Take the modes of free motion in place of those of random motion."""
+    draft = draft.noted(
+        "the records are free motion after pushes, drops or releases: modes are those of the free response"
+        " (--kind random for modes of random motion)"
+    )
+    subset = SubsetModes(
+        None, draft.measured.segments.n_segments, fit.modes, (), np.zeros((len(fit.modes), 0), dtype=np.intp)
+    )
+    modes = labelled(fit.modes, draft.measured.channels, vehicle=draft.vehicle)
+    members, sources = np.arange(len(modes))[:, None], ("free_response",) * len(modes)
+    draft = replace(draft, modes=modes, subsets=(subset,), members=members, sources=sources)
+    return draft.noted(*_notes_on_modes(modes, None))
 
 
 def fit_peaks(draft: Draft) -> Draft:

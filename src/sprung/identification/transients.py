@@ -1,5 +1,6 @@
 """Pushes, drops and releases in a recording: where motion dies away, and from where on it is free."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,14 @@ class TransientRules:
     min_windows: float = 1.2
     #: Rise of the level over its minimum since the peak before from which another motion begins.
     rise: float = 3.0
+    #: Level below which a record is quiet, over its peak, and least share of such samples of a record of free motion.
+    quiet: float = 0.08
+    min_quiet: float = 0.4
+    #: Fall of the level, from the first sixth to the last, of a record that is one decay.
+    fall_of_record: float = 5.0
+    #: Most motions in a record of free motion, and most windows of each that are fitted.
+    max_motions: int = 20
+    max_windows: float = 60.0
     #: Windows of rest that are fitted after the end of a motion.
     rest: int = 1
     #: Starts of free motion that are tried, from a window before the peak of the level to two after it.
@@ -161,6 +170,36 @@ def _events(level: Real, edge: float, width: int) -> list[tuple[int, int]]:
             events.append((first, int(lowest if is_again else k)))
             first, lowest, highest = (lowest, k, value) if is_again else (-1, 0, 0.0)
     return [*events, (first, level.size - 1)] if first >= 0 else events
+
+
+def free_parts(recordings: Sequence[Recording], *, is_certain: bool = False) -> list[Recording]:
+    """Return the parts of records in which motion is free; none where they are records of random motion.
+
+    Parameters
+    ----------
+    recordings
+        Channels of motion, without missing values or gaps.
+    is_certain
+        Whether the records are known to be of free motion; otherwise most of each must be quiet, or its level must fall
+        from the beginning to the end.
+    """
+    parts = []
+    for recording in recordings:
+        level, window = motion_level(recording)
+        blocks = np.array([np.mean(block) for block in np.array_split(level, 6)])
+        falls = bool(np.all(np.diff(blocks) < 0)) and blocks[0] > RULES.fall_of_record * blocks[-1]
+        if not is_certain and np.mean(level < RULES.quiet) < RULES.min_quiet and not falls:
+            return []
+        found = find_transients(recording)
+        if not 0 < len(found) <= RULES.max_motions:
+            return []
+        rate = recording.sampling_rate
+        longest = RULES.max_windows * window
+        for each in found:
+            until = min(each.end, each.begin + longest) if not falls else recording.duration
+            begin = 0.0 if each.onset == 0 else each.begin  # the record begins with free motion
+            parts.append(recording.part(round(begin * rate), round(until * rate)))
+    return parts
 
 
 def _unexplained(recording: Recording, begin: int, end: int, scale: Real, window: float) -> float:

@@ -55,7 +55,7 @@ _SHORTEST = 120.0
 #: Length of the segments of a window that is not complete [s]: short enough for many of them after two minutes.
 _SEGMENT = 10.0
 #: Identification of a complete window, also for its page, and what that of an incomplete one has in common with it.
-IDENTIFICATION = IdentificationSettings(has_road_modes=False, refine=False, allow_missing=True)
+IDENTIFICATION = IdentificationSettings(has_road_modes=False, refine=False, allow_missing=True, kind="random")
 #: Share of standstill in a window above which it is the stated reason for an inconclusive window.
 _MOST_STANDING = 0.5
 #: Note while a vehicle that deviates from its type is not learnt from.

@@ -205,7 +205,7 @@ class LevelTrend(Document):
 class MergedMode(IdentifiedMode):
     """A mode with the method that gave it, its share in the rigid-body motions, and its values in each subset."""
 
-    source: Literal["ssi", "plscf", "fdd", "road_likelihood"] = "ssi"
+    source: Literal["ssi", "plscf", "fdd", "road_likelihood", "free_response"] = "ssi"
     participation: Participation | None
     subsets: tuple[SubsetValues | None, ...]
     level_trend: LevelTrend | None = None
@@ -335,6 +335,7 @@ def identification_document(
     """
     check_type("identification", identification, Identification)
     settings = identification.effective_settings
+    kept = {name: value for name, value in plain(settings).items() if (name, value) != ("kind", "auto")}
     lifter = None if settings.lifter is None else {"kind": type(settings.lifter).__name__, **plain(settings.lifter)}
     setups = identification.setups
     return document_from(
@@ -348,7 +349,7 @@ def identification_document(
             for subset in identification.subsets
         ],
         refinement=None if identification.refinement is None else _refinement(identification.refinement),
-        settings={**plain(settings), "lifter": lifter},
+        settings={**kept, "lifter": lifter},
         setups=None if setups is None else _setups(setups),
     )
 

@@ -23,7 +23,13 @@ _MAX_WORDS, _MAX_FAMILIES = 6, 8
 #: Largest number of reasons given if no mode was found.
 _MAX_REASONS = 3
 #: Methods that give modes, in a table.
-_SOURCES = {"ssi": "SSI", "plscf": "pLSCF", "fdd": "FDD", "road_likelihood": "vehicle on its road"}
+_SOURCES = {
+    "ssi": "SSI",
+    "plscf": "pLSCF",
+    "fdd": "FDD",
+    "road_likelihood": "vehicle on its road",
+    "free_response": "free motion",
+}
 #: Meaning of the columns of `modes_table`.
 _MODES_CAPTION = (
     "± standard deviation; stable: share of the model orders with this mode; shape: channels above"
