@@ -103,6 +103,7 @@ def kit_of(vehicle: Vehicle, name: str) -> Vehicle:
     ParameterError
         If there is no such kit.
     """
+    check_type("vehicle", vehicle, Vehicle)
     check_one_of("kit", name, ("four", "three", "two", "imu"))
     if name == "imu":
         rates = [("pitch_rate", (0.0, 1.0, 0.0)), ("roll_rate", (1.0, 0.0, 0.0))]
@@ -300,6 +301,7 @@ def best_places(
     ----------
     V. V. Fedorov, Theory of Optimal Experiments, Academic Press, 1972 (exchange of points).
     """
+    check_type("vehicle", vehicle, Vehicle)
     check_number("n_sensors", n_sensors, at_least=1, at_most=len(candidates))
     conditions = drive or ExpectedDrive()
     known: dict[frozenset[str], float] = {}

@@ -239,6 +239,7 @@ def rank_fleet(
     ('car-2', ['car-2'])
     """
     check_number("rate", rate, above=0, at_most=1)
+    check_type("windows", windows, Mapping, advice="{'bus-17': sprung.observe(recordings, vehicle), ..}")
     baselines, every = baselines or {}, {vehicle: tuple(own) for vehicle, own in windows.items()}
     found = {vehicle: detect(baselines[vehicle], own) for vehicle, own in every.items() if vehicle in baselines}
     detections = {vehicle: detection for vehicle, detection in found.items() if detection is not None}

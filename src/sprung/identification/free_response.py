@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sprung._arrays import Complex, Real
-from sprung._checks import check_type, freeze
+from sprung._checks import freeze
 from sprung.errors import DataError
 from sprung.likelihood.free_response import FreeLines, FreeResponse, free_lines, poles_of, realised_poles
 from sprung.likelihood.modal import ModalParameters
 from sprung.likelihood.search import scored
 from sprung.modal import Modes, unit_shapes
-from sprung.recording import Recording
+from sprung.recording import Recording, each_recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,9 +126,7 @@ def fit_free_response(
     >>> fit.modes.natural_frequency.round(2), fit.modes.damping_ratio.round(2)
     (array([1.5]), array([0.2]))
     """
-    runs = [recordings] if isinstance(recordings, Recording) else list(recordings)
-    for run in runs:
-        check_type("recordings", run, Recording, advice="sprung.read(path)")
+    runs = list(each_recording(recordings))
     lines = free_lines(runs, band=band or (0.0, 0.4 * runs[0].sampling_rate))
     starts = _starts(lines, most=max_modes or RULES.max_modes)
     nearest = sorted(starts, key=lambda start: start.criterion)[: RULES.n_refined]

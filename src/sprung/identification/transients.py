@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sprung._arrays import Real
+from sprung._checks import check_type
 from sprung.identification.free_response import unexplained
 from sprung.recording import Recording
 
@@ -120,6 +121,7 @@ def find_transients(recording: Recording) -> tuple[Transient, ...]:
     A motion is a part above the edge of the level whose peak is not far below the largest one. It is free from the
     first start on from which modes leave hardly more than they leave of a later one (`unexplained`).
     """
+    check_type("recording", recording, Recording)
     level, window = motion_level(recording)
     rate, width = recording.sampling_rate, round(window * recording.sampling_rate)
     edge = max(RULES.edge, min(RULES.edge_over_quiet * float(np.quantile(level, 0.1)), 1 / RULES.min_fall))

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from sprung._arrays import Complex, Real
+from sprung._checks import check_type
 from sprung.likelihood.corners import CornerFit, fitted_structure, is_structural
 from sprung.likelihood.surface import RoadInputs
 from sprung.vehicles import Component, Structure
@@ -112,6 +113,7 @@ def plate_tests(fit: CornerFit) -> dict[str, PlateTest]:
     >>> [round(tests[corner].phase_shift, -1) for corner in ("rear_left", "rear_right")]
     [40.0, 70.0]
     """
+    check_type("fit", fit, CornerFit)
     nominal = fit.structure()
     standing = tyres(nominal)
     is_on_road = any(isinstance(block, RoadInputs) for block in fit.model.blocks)

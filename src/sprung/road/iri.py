@@ -7,7 +7,7 @@ from scipy import signal
 from scipy.interpolate import CubicSpline
 
 from sprung._arrays import Complex, Real
-from sprung._checks import check_number
+from sprung._checks import check_number, check_type
 from sprung.errors import DataError
 
 
@@ -138,6 +138,7 @@ def roughness_index(heights: Real, *, spacing: float, stretch: float = 100.0) ->
     >>> roughness_index(0.01 * np.sin(2 * np.pi * x / 10), spacing=0.05).round(1).tolist()
     [5.0, 5.0, 5.0, 5.0]
     """
+    check_type("heights", heights, np.ndarray, advice="an array of heights in m")
     n_points = round(check_number("stretch", stretch, above=spacing) / spacing)
     if heights.size < n_points:
         raise DataError(f"a profile of {heights.size * spacing:.0f} m is shorter than a stretch of {stretch:g} m")

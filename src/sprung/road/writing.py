@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
+from sprung._checks import check_type
 from sprung.errors import DataError, ParameterError
 from sprung.road.survey import RoadSurvey
 
@@ -32,6 +33,7 @@ def write_survey(survey: RoadSurvey, path: str | Path) -> None:
     ParameterError
         If the ending is another one.
     """
+    check_type("survey", survey, RoadSurvey, advice="sprung.survey_road(recording, vehicle)")
     target = Path(path)
     ending = target.suffix.lower()
     if ending not in {".geojson", ".gpx", ".csv"}:

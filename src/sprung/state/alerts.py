@@ -94,6 +94,7 @@ class AlertState:
 
         Examples
         --------
+        >>> from dataclasses import replace
         >>> alert = AlertState("bus-17", "front_left.spring", 700, "softer", raised=0)
         >>> alert.state, replace(alert, is_acknowledged=True).state, replace(alert, shelved_until=60).state
         ('unacknowledged', 'acknowledged', 'shelved')
