@@ -7,7 +7,6 @@ import pytest
 
 from sprung.calibration import DataSheet, described, tyre_stiffness
 from sprung.calibration.data_sheet import tyre_size
-from sprung.calibration.draft import explicit, file_numbers, with_widths
 from sprung.errors import ParameterError
 from sprung.vehicles import parse_vehicle, structure, vehicle_from_text, vehicle_text
 
@@ -47,18 +46,6 @@ def test_guesses_are_within_their_width_of_a_measured_car(hatchback) -> None:
             entry = guess[f"{where}.{field}"]
             assert abs(getattr(axle, field) - entry.value) < 2 * entry.std
     assert tyre_stiffness("205/55R16") == pytest.approx(191e3, rel=0.2)
-
-
-def test_the_rubber_of_the_dampers_is_a_guess_that_drives_correct() -> None:
-    """16 times the spring, within a factor of 2, as calibration takes it; a file without it keeps its rigid dampers."""
-    vehicle = described(DataSheet(**SHEET))
-    numbers = {number.name: number for number in with_widths(file_numbers(explicit(vehicle), ()), explicit(vehicle))}
-    for where, axle in zip(("front", "rear"), vehicle.axle, strict=True):
-        assert axle.damper_bushing_stiffness == pytest.approx(16 * axle.spring_stiffness, rel=1e-3)
-        assert numbers[f"{where}.damper_bushing_stiffness"].std == pytest.approx(0.7, rel=0.01)
-    rigid = tuple(axle.model_copy(update={"damper_bushing_stiffness": None}) for axle in vehicle.axle)
-    without = file_numbers(explicit(vehicle.model_copy(update={"axle": rigid})), ())
-    assert not any("bushing" in number.name for number in without)
 
 
 def test_deviations_of_guesses_have_three_digits() -> None:

@@ -14,7 +14,7 @@ CASES = [
     for name, kind in (("zafira", "road"), ("y25", "rail"), ("scale-bogie", "rig"))
     for group in ("components", "payload", "unsprung", "sensors", "inputs", "class_roughness", "noise")
     if (group, kind) != ("class_roughness", "rig")
-] + [(group, "zafira", "road") for group in ("tracks", "elements", "driving", "side_forces", "seats")]
+] + [(group, "zafira", "road") for group in ("tracks", "elements", "driving")]
 
 
 @pytest.fixture(params=CASES, ids="-".join)
@@ -103,15 +103,11 @@ def test_a_fitted_structure_moves_as_its_terms_do(case, somewhere) -> None:
     _, model = case
     parameters = somewhere(model, size=0.05)
     parameters[model.rows("sensors")] = 0
-    parameters[model.rows("side_forces", "seats")] += 0.1  # a mass and a height above 0
     fitted = vehicle_terms(model, fitted_structure(model, parameters))
     expected = transfer(model.terms(parameters)).matrix[..., : len(model.structure.inputs)]
     assert transfer(fitted).matrix == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
 
 
 def vehicle_terms(model, vehicle):
-    """The terms of a nominal structure; coordinates beyond the model's are read by no sensor."""
-    added = len(vehicle.coordinates) - len(model.structure.coordinates)
-    layout = replace(model.layout, motion=np.pad(model.layout.motion, [(0, 0), (0, added)]))
-    own = replace(model, structure=vehicle, layout=layout, blocks=model.blocks[-1:])
-    return own.terms(model.blocks[-1].start)
+    """The terms of a nominal structure."""
+    return replace(model, structure=vehicle, blocks=model.blocks[-1:]).terms(model.blocks[-1].start)

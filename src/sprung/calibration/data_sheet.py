@@ -18,8 +18,6 @@ _UNSPRUNG = 0.028
 _PITCH, _ROLL = 0.88, 0.52
 #: Stiffness of the anti-roll bars of front and rear axle over that of one spring.
 _BARS = (0.3, 0.15)
-#: Stiffness of the rubber that holds a damper over that of one spring: 400 kN/m of a car.
-_BUSHING = 16.0
 #: Standard deviations of ln of the guesses.
 _STD = {
     "spring_stiffness": 0.2,
@@ -27,7 +25,6 @@ _STD = {
     "tyre_stiffness": 0.15,
     "unsprung_mass": 0.15,
     "anti_roll_stiffness": 0.5,
-    "damper_bushing_stiffness": 0.7,
     "pitch_inertia": 0.1,
     "roll_inertia": 0.15,
 }
@@ -242,7 +239,6 @@ def _axle(sheet: DataSheet, index: int, x: float, corner: _Corner) -> Axle:
         damping=round(2 * sheet.damping_ratio * math.sqrt(spring * load)),
         tyre_stiffness=round(tyre),
         anti_roll_stiffness=round(_BARS[index] * spring),
-        damper_bushing_stiffness=round(_BUSHING * spring),
     )
 
 
@@ -255,7 +251,6 @@ def _widths(body: Body, axles: tuple[Axle, ...], sheet: DataSheet) -> tuple[Lear
         "tyre_stiffness": f"size {sheet.tyre} at {sheet.pressure / 1e5:.2g} bar",
         "unsprung_mass": "usual share of the mass" if sheet.unsprung_masses is None else "data sheet",
         "anti_roll_stiffness": "usual share of the spring",
-        "damper_bushing_stiffness": "usual multiple of the spring",
     }
     entries = []
     for where, axle, frequency in zip(("front", "rear"), axles, frequencies, strict=True):

@@ -218,7 +218,6 @@ class Widths:
     wheel: float = 0.07
     inertia: float = 0.1
     bar: float = 0.3
-    bushing: float = 0.7
     gain: float = 0.03
     #: Centre of gravity, places of sensors and of mounted masses [m].
     centre: float = 0.05
@@ -363,11 +362,7 @@ def _wheels(draft: Draft) -> Iterator[VehicleNumber]:
     names = corner_names(len(draft.vehicle.axle))[::2]
     for index, (axle, left) in enumerate(zip(draft.vehicle.axle, names, strict=True)):
         where = left.removesuffix("_left")
-        for name, std, unit in (
-            ("unsprung_mass", WIDTHS.wheel, "kg"),
-            ("anti_roll_stiffness", WIDTHS.bar, "N/m"),
-            ("damper_bushing_stiffness", WIDTHS.bushing, "N/m"),
-        ):
+        for name, std, unit in (("unsprung_mass", WIDTHS.wheel, "kg"), ("anti_roll_stiffness", WIDTHS.bar, "N/m")):
             if getattr(axle, name) and axle.wheelset_mass is None:
                 yield _entry(("axle", index, name), f"{where}.{name}", std=std, unit=unit)
 

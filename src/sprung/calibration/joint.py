@@ -218,8 +218,6 @@ _REPLACED = frozenset({"components", "elements", "sensors", "unsprung"})
 #: Parameters of the road that are the vehicle's: the ratio of the delays between the axles, a matter of wheelbase and
 #: speedometer.
 DELAY = "delay"
-#: Parameters beside the file's numbers that all windows of a vehicle have in common.
-_OF_VEHICLE = frozenset({DELAY, "roll_height", "cornering_stiffness"})
 #: Noise of a channel at the start of a search over its power.
 _NOISE = 0.01
 
@@ -353,9 +351,9 @@ def window_model(
 
 
 def joint_of(models: Sequence[Model]) -> JointModel:
-    """Return the joint model of windows of one vehicle: numbers of the file, delays and side forces are shared."""
+    """Return the joint model of windows of one vehicle: the numbers of the file and the delays are shared."""
     numbers = next(block for block in models[0].blocks if isinstance(block, FileNumbers))
-    return joint_model(models, shared={*numbers.names, *_OF_VEHICLE})
+    return joint_model(models, shared={*numbers.names, DELAY})
 
 
 def scaled_start(joint: JointModel) -> Real:

@@ -348,11 +348,7 @@ def _fitted_conditions(fit: CornerFit) -> dict[str, float]:
     """Return the conditions that a fit estimates."""
     layout = {name: estimate["value"] for name, estimate in fit.payload.items()}
     for block, own in fit.model.by_block(fit.parameters):
-        layout |= block.values(own) if block.group in {"tracks", "seats"} else {}
-    if {"payload_mass", "seat_mass"} <= set(layout):  # what a load does at low frequency, on seats or not
-        mass, x, y = layout["seat_mass"], layout["seat_x"], layout["seat_y"]
-        parts = {"mass": mass, "x_moment": -mass * x, "y_moment": mass * y, "product": -mass * x * y}
-        layout |= {f"payload_{name}": layout[f"payload_{name}"] + part for name, part in parts.items()}
+        layout |= block.values(own) if block.group == "tracks" else {}
     fitted = {"model_error": fit.model_error, "segments": float(fit.n_segments)}
     if "roughness" in fit.inputs:
         fitted["roughness"] = fit.inputs["roughness"]

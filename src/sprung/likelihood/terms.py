@@ -28,9 +28,6 @@ class Terms:
         Dynamic stiffness of each element [N/m], shape (elements, grid).
     mass
         Mass matrix, in kg and kg m^2, shape (n, n).
-    apparent_mass
-        Mass that loads the structure by frequency, such as a load on a spring of its own, shape (grid, n, n) or (1, n,
-        n).
     forces
         Generalised force of one unit of each input that acts as a force, shape (n, inputs).
     motion
@@ -50,8 +47,8 @@ class Terms:
 
     Notes
     -----
-    With D(f) = -w^2 (M + apparent mass) + sum over elements z d d^T and B(f) = forces + sum z d foot^T (w = 2 pi f, z
-    the dynamic stiffness, d the elongations):
+    With D(f) = -w^2 M + sum over elements z d d^T and B(f) = forces + sum z d foot^T (w = 2 pi f, z the dynamic
+    stiffness, d the elongations):
 
         H = reduction diag(channel response) (-w^2 motion D^-1 B + feedthrough),    S = H S_inputs H^H + noise,
 
@@ -69,7 +66,6 @@ class Terms:
     reduction: Real
     stiffness: Complex
     mass: Real
-    apparent_mass: Complex
     forces: Real
     motion: Real
     feedthrough: Real
@@ -106,7 +102,6 @@ def nominal_terms(structure: Structure, layout: RigidLayout, spectra: ClassSpect
         reduction=layout.reduction,
         stiffness=np.array([element.dynamic_stiffness(s) for element in structure.elements]),
         mass=structure.mass,
-        apparent_mass=np.zeros((1, *structure.mass.shape), dtype=np.complex128),
         forces=structure.forces,
         motion=layout.motion,
         feedthrough=np.zeros((len(layout.names), n_inputs)),

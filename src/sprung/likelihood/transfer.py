@@ -54,8 +54,8 @@ class Transfer:
         response = (self.force_response @ d)[:, :, None] * (foot - d @ self.displacements)[:, None, :]
         return self.change_by_transfer(stiffness[:, None, None] * response)
 
-    def change_by_mass(self, mass: Real | Complex) -> Real:
-        """Return dS for a change of the mass, (n, n), or the apparent mass, (grid, n, n): dH = w^2 L dM X."""
+    def change_by_mass(self, mass: Real) -> Real:
+        """Return dS for a change of the mass matrix: dH = w^2 L dM X."""
         return self.change_by_transfer(
             _squared(self.terms)[:, None, None] * (self.force_response @ mass @ self.displacements)
         )
@@ -113,7 +113,6 @@ class TermGradients:
 
         stiffness           2 (foot^T E d - d^T G d)
         mass                2 w^2 G^T, summed over the frequencies
-        apparent_mass       2 w^2 G^T
         forces              2 E^T, summed over the frequencies
         motion              -2 w^2 (X Q reduction diag(channel response))^T, summed over the frequencies
         feedthrough         2 (Q reduction diag(channel response))^T, summed over the frequencies
@@ -147,11 +146,6 @@ class TermGradients:
     def mass(self) -> Complex:
         """Gradient with respect to the mass matrix, shape (n, n)."""
         return 2 * np.einsum("f,fji->ij", _squared(self.transfer.terms), self.fed_back)
-
-    @property
-    def apparent_mass(self) -> Complex:
-        """Gradient with respect to the apparent mass, shape (grid, n, n)."""
-        return 2 * _squared(self.transfer.terms)[:, None, None] * self.fed_back.swapaxes(-1, -2)
 
     @property
     def forces(self) -> Complex:
@@ -197,9 +191,7 @@ def transfer(terms: Terms) -> Transfer:
     response functions).
     """
     squared = _squared(terms)[:, None, None]
-    dynamic = _summed(terms.stiffness, terms.elongations, terms.elongations) - squared * (
-        terms.mass + terms.apparent_mass
-    )
+    dynamic = _summed(terms.stiffness, terms.elongations, terms.elongations) - squared * terms.mass
     drive = _summed(terms.stiffness, terms.elongations, terms.feet) + terms.forces
     reduced = _reduced(terms)
     rows = reduced @ terms.motion

@@ -7,7 +7,6 @@ import numpy as np
 
 from sprung._checks import check_number, check_one_of
 from sprung.errors import ParameterError
-from sprung.likelihood.apparent_mass import Seats, side_forces
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.components import FreeComponents, free_components
 from sprung.likelihood.coordinates import RigidLayout
@@ -147,18 +146,10 @@ def vehicle_model(
         bars = [element.owner for element in nominal.elements if element.part == "anti_roll"]
         blocks += [wheels] if kind == "road" and wheels.parts else []
         blocks += [stiffness_scales(nominal, bars, std=_ANTI_ROLL)] if kind == "road" and bars else []
-        blocks += _beside_the_file(spectra, vehicle, nominal) if kind == "road" else []
     if settings.has_free_sensors:
         blocks += [sensor_positions(nominal, layout), SensorDelays(layout, layout.names)]
     blocks += _inputs(spectra, vehicle, nominal, kind)
     return Model(nominal, layout, spectra, (*blocks, SensorNoise(layout)))
-
-
-def _beside_the_file(spectra: ClassSpectra, vehicle: Vehicle, nominal: Structure) -> list[ParameterBlock]:
-    """Parameter blocks of what moves with a body on a road and is in no vehicle file: side forces, people on seats."""
-    wheelbase, track = vehicle.axle[0].x - vehicle.axle[-1].x, 2 * vehicle.axle[0].half_track
-    speed = float(np.average(spectra.speeds, weights=spectra.counts))
-    return [side_forces(nominal, wheelbase, speed), Seats(nominal, wheelbase, track)]
 
 
 def _inputs(spectra: ClassSpectra, vehicle: Vehicle, nominal: Structure, kind: Kind) -> list[ParameterBlock]:

@@ -313,33 +313,6 @@ class Structure:
         row = body_row(self.coordinates, x=x, y=y, shapes=self.shapes)
         return replace(self, mass=self.mass + mass * np.outer(row, row))
 
-    def with_coordinate(self, name: str, element: Element, *, mass: float, motion: Real) -> "Structure":
-        """Return the structure with one more coordinate, the last one, which no sensor reads.
-
-        Parameters
-        ----------
-        name
-            Name of the coordinate.
-        element
-            What holds it; its elongation has one entry more than there are coordinates.
-        mass
-            Mass that moves with it [kg].
-        motion
-            Displacement of this mass for one unit of each coordinate, shape (n + 1,).
-        """
-        last, outputs = [(0, 1)], self.outputs
-        readings = (
-            np.pad(matrix, [(0, 0), *last]) for matrix in (outputs.acceleration, outputs.velocity, outputs.displacement)
-        )
-        return replace(
-            self,
-            coordinates=(*self.coordinates, name),
-            mass=np.pad(self.mass, last * 2) + mass * np.outer(motion, motion),
-            elements=(*(replace(one, elongation=np.pad(one.elongation, last)) for one in self.elements), element),
-            forces=np.pad(self.forces, [*last, (0, 0)]),
-            outputs=Outputs(outputs.channels, *readings),
-        )
-
     def modes(self) -> ExactModes:
         """Return the exact modes as observed by the sensors."""
         return modes(self.system, self.outputs)
