@@ -1,7 +1,7 @@
 """Public names of a package with their docstrings: the directive `public-names`.
 
 The argument is a package whose `__all__` is shown, without names that `sprung` itself exports; or `sprung` with the
-option `homes`, the places of its names (`sprung._NAMES`). A public name that no page shows fails the build.
+option `homes`, the modules that its stub takes names from. A public name that no page shows fails the build.
 """
 
 import importlib
@@ -9,6 +9,7 @@ import inspect
 import pkgutil
 import re
 from functools import cache
+from pathlib import Path
 from types import ModuleType
 from typing import Any, ClassVar
 
@@ -29,8 +30,14 @@ from sphinx.util.typing import stringify_annotation
 
 import sprung
 
-#: Public names of `sprung` by the module that they come from.
-NAMES: dict[str, str] = vars(sprung)["_NAMES"]
+#: Public names of `sprung` by the module that they come from, of its stub.
+NAMES: dict[str, list[str]] = {}
+for _home, _name in re.findall(
+    r"^from sprung\.(\S+) import \w+ as (\w+)",
+    Path(sprung.__file__).with_suffix(".pyi").read_text("utf-8"),
+    re.MULTILINE,
+):
+    NAMES.setdefault(_home, []).append(_name)
 
 #: Types of arrays by the type of their entries, and how a signature spells them out.
 _ARRAYS = {"float64": "Real", "complex128": "Complex", "int64": "Indices", "bool": "Booleans"}
@@ -54,7 +61,7 @@ def packages() -> list[str]:
 def public_names(package: str, homes: list[str] | None = None) -> list[str]:
     """Return the names that the page of a package shows."""
     if package == "sprung":
-        return [name for home in homes or NAMES for name in NAMES[home].split()]
+        return [name for home in homes or NAMES for name in NAMES[home]]
     module = importlib.import_module(package)
     taken = {id(getattr(sprung, name)) for name in sprung.__all__}
     return [name for name in module.__all__ if id(getattr(module, name)) not in taken]
@@ -62,7 +69,7 @@ def public_names(package: str, homes: list[str] | None = None) -> list[str]:
 
 def _comment(package: str, name: str, value: object) -> str:
     """Return the comment `#:` above a value, in whatever module of the package assigns it."""
-    homes = [home for home, names in NAMES.items() if name in names.split()]
+    homes = [home for home, names in NAMES.items() if name in names]
     pending = [importlib.import_module(where) for where in (package, *(f"sprung.{home}" for home in homes))]
     while pending:
         module = pending.pop(0)
