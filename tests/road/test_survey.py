@@ -57,7 +57,8 @@ def test_the_index_is_that_of_the_profile(profiles, road_class, speed) -> None:
         tracks = [getattr(stretch, side) for stretch in survey.stretches[1:]][: true.size]
         index, std = (np.array([getattr(track, name) for track in tracks]) for name in ("iri", "iri_std"))
         assert np.sqrt(np.mean((index / true - 1) ** 2)) < 0.05
-        assert np.mean(np.abs(index - true) < 1.96 * std) > 0.9
+        assert np.mean(np.abs(index - true) < 2.58 * std) > 0.9  # the vehicle's error is common to a drive
+        assert np.mean(std / index) < 0.04
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from sprung.errors import DataError
 from sprung.likelihood import CornerFit, CornerSettings
 from sprung.likelihood.fitting import FitSetup
 from sprung.likelihood.spectra import SLOWEST, ClassSpectra, between_updates
-from sprung.likelihood.transfer import transfer
+from sprung.likelihood.transfer import Transfer, transfer
 from sprung.recording import Recording
 from sprung.vehicles.window import Window
 
@@ -57,6 +57,9 @@ class RoadProfile:
         Density of the error of the heights over temporal frequency, shape (2, speeds, frequencies) [m^2/Hz].
     frequencies, at_speeds
         Frequencies [Hz] and speeds [m/s] of that density.
+    sensitivity
+        Derivatives of the logarithm of the density of the heights with the vehicle's uncertain parameters, each times
+        its standard deviation and independent of the others, at the median speed, shape (parameters, 2, frequencies).
     """
 
     heights: Real
@@ -66,10 +69,11 @@ class RoadProfile:
     missing_density: Real
     frequencies: Real
     at_speeds: Real
+    sensitivity: Real
 
     def __post_init__(self) -> None:
         freeze(self, times=1, speeds=1, frequencies=1, at_speeds=1)
-        freeze(self, heights=2, missing_density=3)
+        freeze(self, heights=2, missing_density=3, sensitivity=3)
         freeze(self, is_valid=1, dtype=np.bool_)
 
     @property
@@ -129,6 +133,7 @@ def road_profile(windows: Sequence[Window], fit: CornerFit) -> RoadProfile:
         inverse.missing,
         inverse.frequencies,
         inverse.speeds,
+        inverse.sensitivity(float(np.median(np.concatenate(speeds)))),
     )
 
 
@@ -173,32 +178,60 @@ class Inverse:
         low, high = 0.9 * SLOWEST, 70.0
         n_speeds = 1 + int(np.log(high / low) / np.log(SETTINGS.speed_step))
         self.speeds: Real = np.geomspace(low, high, n_speeds)
-        self._weights, self.missing = self._solved(window, fit, n_padded / rate)
+        self._fit, self._window, self._length = fit, window, n_padded / rate
+        response = self._response(fit.parameters, self.speeds)
+        of_front = response.driven[:, :, :2]
+        weights = of_front @ np.linalg.inv(self._spectra(response))
+        explained = np.einsum("cfki,cfki->kcf", weights, of_front.conj()).real
+        own = np.einsum("cfkk->kcf", response.terms.inputs[:, :, :2, :2]).real
+        self._weights = weights[:, 1:-1]
+        self.missing: Real = np.maximum(own - explained, 0.0)[:, :, 1:-1]
 
-    def _solved(self, window: Window, fit: CornerFit, length: float) -> tuple[Complex, Real]:
-        """Return the Wiener weights (speeds, frequencies, tracks, coordinates), and the density of the error."""
-        setup = FitSetup(window.vehicle, fit.model.structure, self._layout, CornerSettings(), "road")
-        size, n_speeds = len(self._layout.rows), self.speeds.size
+    def _response(self, values: Real, speeds: Real) -> Transfer:
+        """Return the response of the vehicle with fitted parameters at given speeds, and its two neighbours'."""
+        fit = self._fit
+        setup = FitSetup(self._window.vehicle, fit.model.structure, self._layout, CornerSettings(), "road")
+        size, n_speeds = len(self._layout.rows), speeds.size
         spectra = ClassSpectra(
             frequencies=self.frequencies,
             counts=np.ones(n_speeds),
-            speeds=self.speeds,
+            speeds=speeds,
             spreads=np.full(n_speeds, (SETTINGS.speed_step - 1) / 2),
             matrices=np.broadcast_to(np.eye(size, dtype=np.complex128), (n_speeds, self.frequencies.size, size, size)),
-            segment_length=length,
+            segment_length=self._length,
             weights=np.ones((n_speeds, self.frequencies.size)),
         )
         model = setup.model(spectra)
-        known = dict(zip(fit.model.names, fit.parameters, strict=True))
+        known = dict(zip(fit.model.names, values, strict=True))
         parameters = np.array([0.0 if name.startswith("class_") else known.get(name, 0.0) for name in model.names])
-        response = transfer(model.terms(parameters))
+        return transfer(model.terms(parameters))
+
+    def _spectra(self, response: Transfer) -> Complex:
+        """Return the spectra of the motion with the least error of the model, shape (speeds, frequencies, n, n)."""
         S = response.spectral_matrix
-        S = S + SETTINGS.model_error**2 * np.einsum("cfii->cfi", S)[..., None] * np.eye(size)
-        of_front = response.driven[:, :, :2]
-        weights = of_front @ np.linalg.inv(S)
-        explained = np.einsum("cfki,cfki->kcf", weights, of_front.conj()).real
-        own = np.einsum("cfkk->kcf", response.terms.inputs[:, :, :2, :2]).real
-        return weights[:, 1:-1], np.maximum(own - explained, 0.0)[:, :, 1:-1]
+        return S + SETTINGS.model_error**2 * np.einsum("cfii->cfi", S)[..., None] * np.eye(S.shape[-1])
+
+    def sensitivity(self, speed: float) -> Real:
+        """Return the derivatives of the logarithm of the heights' density with independent unit errors of the fit.
+
+        The measured motion stays, and the weights follow the vehicle: d ln(W S W^H), by differences of one standard
+        deviation along the principal axes of the covariance of the vehicle's parameters.
+        """
+        fit = self._fit
+        rows = np.array([row for row, name in enumerate(fit.model.names) if not name.startswith("class_")])
+        variances, axes = np.linalg.eigh(fit.covariance[np.ix_(rows, rows)])
+        speeds = np.array([speed])
+        S = self._spectra(self._response(fit.parameters, speeds))
+
+        def density(step: Real) -> Real:
+            values = fit.parameters.copy()
+            values[rows] += step
+            response = self._response(values, speeds)
+            weights = response.driven[:, :, :2] @ np.linalg.inv(self._spectra(response))
+            return np.einsum("cfki,cfij,cfkj->kf", weights, S, weights.conj()).real[:, 1:-1]
+
+        steps = axes * np.sqrt(np.maximum(variances, 0.0))
+        return np.array([np.log(density(step) / density(-step)) / 2 for step in steps.T])
 
     def along(self, motion: Recording, speed: Real) -> _Along | None:
         """Return the heights along a stretch without a gap; None if it is too short or slow."""

@@ -33,8 +33,6 @@ class SurveySettings:
     band: tuple[float, float] = (0.05, 1.0)
     #: Length over which the size of the golden car's motion is independent [m].
     independent: float = 2.0
-    #: Relative standard deviation of the index by errors of the vehicle's masses, stiffnesses and damping.
-    vehicle: float = 0.015
     #: Wavelengths of events [m]; smallest depth [m], and smallest one over the scatter of the heights in 50 m.
     event: tuple[float, float] = (0.3, 3.0)
     depth: float = 0.008
@@ -176,8 +174,10 @@ def survey_road(
     -----
     First the vehicle is fitted to the drive, then the profile of the road follows from its motion (`road_profile`), and
     from it the International Roughness Index, whose square is increased by the share of the golden car's motion that
-    the density of the error takes away. Roughness and class are the mean of G(n) (n / n0)^2 between wavelengths of 20
-    and 1 m. An event is a height of 8 mm and five times the scatter around it, in wavelengths of 0.3 to 3 m.
+    the density of the error takes away. Its standard deviation has two parts: that error, and the uncertain parameters
+    of the fitted vehicle, which all stretches of a drive have in common. Roughness and class are the mean of G(n) (n /
+    n0)^2 between wavelengths of 20 and 1 m. An event is a height of 8 mm and five times the scatter around it, in
+    wavelengths of 0.3 to 3 m.
 
     References
     ----------
@@ -272,7 +272,9 @@ def _roughness(profile: RoadProfile, slopes: Real, side: int, part: slice, speed
     share = missing / max(float(np.mean(slopes[inside] ** 2)), 1e-300)
     index = 1000 * found * np.sqrt(1 + share)
     n_independent = max(1.0, (inside.stop - inside.start) * profile.spacing / SETTINGS.independent)
-    std = index * np.hypot(SETTINGS.vehicle, np.sqrt(share / n_independent))
+    gain = np.abs(GOLDEN_CAR.response(n)) ** 2 * n**-_WAVINESS
+    of_fit = profile.sensitivity[:, side] @ (gain / gain.sum()) / 2
+    std = index * np.sqrt(share / n_independent + np.sum(of_fit**2))
     roughness, waviness = _fitted_spectrum(profile.heights[side, part], profile.spacing, n, density)
     return TrackRoughness(float(index), float(std), roughness, waviness, road_class_of(roughness))
 
