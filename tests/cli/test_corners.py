@@ -113,6 +113,18 @@ def test_every_command_refuses_a_recording_that_lacks_a_sensor(sprung, drive, mi
     assert "--allow-missing" in outcome.err
 
 
+@pytest.mark.parametrize("command", [("corners",), ("calibrate", "--out", "v.toml")], ids=lambda command: command[0])
+def test_exchanged_names_are_refused(sprung, drive, command, monkeypatch) -> None:
+    files, car = drive
+    exchanged = car.with_name("exchanged.toml")
+    text = car.read_text().replace('"acc_fl"', '"?"').replace('"acc_fr"', '"acc_fl"').replace('"?"', '"acc_fr"')
+    exchanged.write_text(text)
+    monkeypatch.chdir(exchanged.parent)
+    outcome = sprung(command[0], files, "--vehicle", exchanged, *command[1:])
+    assert outcome.code == 3
+    assert "sensors are swapped, acc_fr with acc_fl or acc_rl with acc_rr: correct the names" in outcome.err
+
+
 @pytest.mark.slow
 def test_without_a_sensor_every_output_says_so(sprung, drive, misnamed, tmp_path) -> None:
     notes = [

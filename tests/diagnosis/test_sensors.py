@@ -8,6 +8,7 @@ import pytest
 
 from sprung.diagnosis import observe_window, sensor_faults
 from sprung.diagnosis.channel_faults import KINDS
+from sprung.diagnosis.observation import fit_drive
 from sprung.diagnosis.sensors import check_sensors, speed_fault
 from sprung.errors import DataError
 from sprung.identification.records import without_dead_parts
@@ -85,6 +86,37 @@ def test_a_fault_is_named_with_its_channel(car, run, kind, channel) -> None:
     assert (channel, kind) in {(fault.channel, fault.kind) for fault in found}
     if kind != "swapped":
         assert len(found) == 1
+
+
+@pytest.mark.parametrize("amplitude", [1.3, 2.8])
+def test_a_tone_in_one_channel_alone_is_hum(car, run, amplitude) -> None:
+    rms = float(run.samples[run.index("acc_fl")].std())
+    broken = with_hum(
+        run, channel="acc_fl", amplitude=amplitude * rms, frequency=17.0, generator=np.random.default_rng(1)
+    )
+    assert [(fault.channel, fault.kind) for fault in sensor_faults(broken, car)] == [("acc_fl", "hum")]
+
+
+def test_a_tone_in_all_channels_is_no_fault(car, run) -> None:
+    """As of an engine, or of wheels out of balance at a constant speed; at one corner 14 dB stronger."""
+    rms = float(run.samples[run.index("acc_fl")].std())
+    shaken, generator = run, np.random.default_rng(1)
+    for name, share in (("acc_fl", 1.0), ("acc_fr", 0.2), ("acc_rl", 0.2), ("acc_rr", 0.2)):
+        shaken = with_hum(shaken, channel=name, amplitude=2.0 * share * rms, frequency=17.0, generator=generator)
+    assert "hum" not in {fault.kind for fault in sensor_faults(shaken, car)}
+
+
+def test_contradictions_are_refused_before_a_fit_and_other_faults_noted(car, run) -> None:
+    short = run.part(0, 60 * round(run.sampling_rate))
+    with pytest.raises(DataError, match="acc_fl with acc_fr or acc_rl with acc_rr: correct the names"):
+        fit_drive(swapped(short, first="acc_fl", second="acc_fr"), car)
+    with pytest.raises(DataError, match="acc_rr is inverted: correct"):
+        fit_drive(inverted(short, channel="acc_rr"), car)
+    rms = float(run.samples[run.index("acc_fl")].std())
+    generator = np.random.default_rng(1)
+    humming = with_hum(short, channel="acc_fl", amplitude=2 * rms, frequency=17.0, generator=generator)
+    notes = fit_drive(humming, car).notes
+    assert any(note.startswith("acc_fl has hum: 17.1 Hz") for note in notes)
 
 
 def test_jumps_as_on_the_edge_of_a_pothole_are_no_spikes(car) -> None:

@@ -68,3 +68,12 @@ def test_a_weak_damper_is_seen_with_its_interval() -> None:
         assert abs(test.damping_ratio - damping) < 3.5 * test.damping_ratio_std
         assert abs(test.wheel_damping_ratio - wheel) < 3.5 * test.wheel_damping_ratio_std
     assert tests["rear_left"].asymmetry > PLATE.asymmetry_limit
+
+
+def test_an_axle_that_carries_no_body_has_figures() -> None:
+    """As a fit to a recording with a wrong sign leaves it: the body on its spring is then faster than the wheel."""
+    vehicle = structure(CAR)
+    mass = vehicle.mass.copy()
+    mass[0, 0] = 1e-3 * mass[0, 0]
+    corner = Corner(replace(vehicle, mass=mass), tyres(vehicle)["front_left"])
+    assert np.all(np.isfinite(corner.figures(*corner.extremes())))

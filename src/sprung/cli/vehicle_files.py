@@ -98,10 +98,12 @@ def calibrate(
     from sprung.calibration import CalibrationSettings
     from sprung.calibration import calibrate as calibrated
     from sprung.diagnosis import windows
+    from sprung.diagnosis.sensors import refuse_wrong_sensors
     from sprung.formats import read_records
     from sprung.results import tables
     from sprung.results.documents import calibration_document
     from sprung.vehicles import read_vehicle, write_vehicle
+    from sprung.vehicles.window import window_of
 
     check_file("--out", out, inputs=files)
     check_outputs(json=json, page=None, figures=figures, inputs=[*files, vehicle])
@@ -111,6 +113,7 @@ def calibrate(
     with progress_bar() as report:
         recordings = read_records(files, settings=reading, on_progress=report)
         parts = [part for _, part in windows(recordings, length=60 * window)]
+        refuse_wrong_sensors(window_of(part, description, allow_missing=may_lack) for part in parts)
         report(f"calibrating on {len(parts)} windows", 0.5)
         result = calibrated(parts, description, settings=settings, allow_missing=may_lack)
         source = ", ".join(path.name for path in files)

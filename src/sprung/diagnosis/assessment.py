@@ -360,7 +360,7 @@ def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) ->
     valid = [observation for observation in conclusive if not observation.sensor_faults]
     notes = []
     if len(valid) < len(conclusive):
-        causes = {f"{f.channel} is {f.kind.replace('_', ' ')}" for window in conclusive for f in window.sensor_faults}
+        causes = {fault.statement for window in conclusive for fault in window.sensor_faults}
         notes.append(
             f"{len(conclusive) - len(valid)} of {len(conclusive)} windows were excluded because "
             f"{' and '.join(sorted(causes))}; the suspension is not monitored until this is repaired"

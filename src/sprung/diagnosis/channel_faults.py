@@ -39,6 +39,11 @@ class SensorFault:
     kind: str
     detail: str
 
+    @property
+    def statement(self) -> str:
+        """Channel and kind, such as "acc_fl is wrong gain" or "acc_fl has hum"."""
+        return f"{self.channel} {'has' if self.kind == 'hum' else 'is'} {self.kind.replace('_', ' ')}"
+
 
 @dataclass(frozen=True, slots=True)
 class ChannelLimits:
@@ -52,6 +57,10 @@ class ChannelLimits:
     #: Mains frequencies [Hz], and power of a mains line over the median of its neighbourhood.
     mains: tuple[float, ...] = (50.0, 60.0)
     hum: float = 12.0
+    #: Power of a line of any frequency over that of the rest of its channel, and over that of the same line in the
+    #: loudest peer: no wheel or engine shakes one corner alone.
+    line_of_channel: float = 0.5
+    line_of_peers: float = 30.0
     #: Half width of a line, and inner and outer half width of its neighbourhood [Hz].
     line: float = 0.8
     neighbourhood: tuple[float, float] = (1.5, 8.0)
@@ -226,7 +235,7 @@ def spiking(channels: Channels) -> dict[int, str]:
 
 
 def hum(channels: Channels) -> dict[int, str]:
-    """Find mains lines."""
+    """Find mains lines, and lines of any frequency that dominate one channel and are not in two or more others."""
     power, frequencies = channels.spectra.densities, channels.spectra.frequencies
     nearest, farthest = LIMITS.neighbourhood
     details = {}
@@ -238,6 +247,14 @@ def hum(channels: Channels) -> dict[int, str]:
         ratio = power[:, distance < LIMITS.line].max(axis=1) / np.median(power[:, around], axis=1)
         for row in np.flatnonzero(ratio > LIMITS.hum):
             details[int(row)] = f"{mains:.0f} Hz stands {10 * np.log10(ratio[row]):.0f} dB out"
+    for channel, spectrum in enumerate(power):
+        place = frequencies[np.argmax(spectrum)]
+        is_line = np.abs(frequencies - place) < LIMITS.line
+        line, peers = spectrum[is_line].sum(), power[np.ix_(channels.peers(channel), is_line)].sum(axis=1)
+        dominates = line > LIMITS.line_of_channel * spectrum[~is_line].sum()
+        if peers.size >= 2 and dominates and line > LIMITS.line_of_peers * peers.max():
+            louder = 10 * np.log10(line / peers.max())
+            details.setdefault(channel, f"{place:.3g} Hz is {louder:.0f} dB louder than in the others")
     return details
 
 

@@ -10,7 +10,13 @@ from sprung._checks import check_type, freeze
 from sprung._display import Tabular, counted, in_short, listed
 from sprung.diagnosis.channel_faults import MISSING, SensorFault
 from sprung.diagnosis.residuals import RESIDUALS, ResidualStatistics, residual_statistics
-from sprung.diagnosis.sensors import exchanged_opposites, valid_part
+from sprung.diagnosis.sensors import (
+    CONTRADICTIONS,
+    describe_contradictions,
+    exchanged_opposites,
+    refuse_wrong_sensors,
+    valid_part,
+)
 from sprung.errors import DataError, IdentificationError, ParameterError
 from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import CornerFit, CornerSettings, fit_corners
@@ -305,6 +311,9 @@ def observe_window(
     check_type("vehicle", vehicle, Vehicle)
     placed = window_of(recording, vehicle, allow_missing=allow_missing)
     window, check = valid_part(placed, settings=settings)
+    wrong = [fault for fault in check.faults if fault.kind in CONTRADICTIONS]
+    if wrong and not window.outputs:
+        return _observation(time, window, check.faults, reason=describe_contradictions(wrong))
     try:
         fit = fit_windows([window], settings=settings)
     except (DataError, ParameterError) as error:
@@ -440,12 +449,14 @@ def fit_drive(
     Raises
     ------
     DataError, ParameterError
-        As from `sprung.likelihood.fit_corners`.
+        As from `sprung.likelihood.fit_corners`; a DataError also if a sensor is inverted, or two are swapped.
     """
     records = list(each_recording(recordings))
+    notes = refuse_wrong_sensors(window_of(record, vehicle, allow_missing=allow_missing) for record in records)
     own = IdentificationSettings(has_road_modes=False, refine=False, allow_missing=allow_missing, kind="random")
     try:
         modes = cov_ssi(records, settings=own, vehicle=vehicle).modes
     except (DataError, IdentificationError):
         modes = None
-    return fit_corners(records, vehicle, settings=settings, modes=modes, allow_missing=allow_missing)
+    fit = fit_corners(records, vehicle, settings=settings, modes=modes, allow_missing=allow_missing)
+    return replace(fit, notes=(*notes, *fit.notes))

@@ -1,5 +1,6 @@
 """Sensor checks of a window: failing channels, which are excluded before the suspension is assessed."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -50,6 +51,10 @@ class FitLimits:
 
 
 LIMITS = FitLimits()
+
+
+#: Faults by which a recording and a vehicle file contradict each other about what a channel measures.
+CONTRADICTIONS = ("inverted", "swapped")
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +157,36 @@ def check_sensors(window: Window) -> SensorCheck:
     for fault in against_body:
         faults.setdefault(fault.channel, fault)
     return SensorCheck(tuple(faults.values()), 0.0 if faults else disagreement)
+
+
+def refuse_wrong_sensors(windows: Iterable[Window]) -> tuple[str, ...]:
+    """Refuse windows with inverted or swapped sensors, whose fit would be that of another vehicle.
+
+    Other faults are returned as notes, one sentence each.
+
+    Parameters
+    ----------
+    windows
+        Windows before a fit; those of less than half a minute cannot be checked.
+
+    Raises
+    ------
+    DataError
+        If a sensor is inverted, or two are swapped.
+    """
+    faults = [fault for window in windows for fault in check_sensors(window).faults]
+    wrong = [fault for fault in faults if fault.kind in CONTRADICTIONS]
+    if wrong:
+        raise DataError(describe_contradictions(wrong))
+    return tuple(dict.fromkeys(f"{fault.statement}: {fault.detail}; its samples were used" for fault in faults))
+
+
+def describe_contradictions(faults: Sequence[SensorFault]) -> str:
+    """Return one sentence about inverted or swapped sensors, and what to do."""
+    words = dict.fromkeys(
+        f"sensors are swapped, {fault.detail}" if fault.kind == "swapped" else fault.statement for fault in faults
+    )
+    return f"{'; '.join(words)}: correct the names, places or directions of the vehicle file"
 
 
 def valid_part(window: Window, *, settings: CornerSettings | None = None) -> tuple[Window, SensorCheck]:

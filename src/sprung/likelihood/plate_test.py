@@ -175,13 +175,13 @@ class Corner:
         self._structure = structure
         self._tyre = tyre
         parts: Mapping[Component, float] = structure.components()
-        self._spring = parts[Component(tyre.owner, "spring")]
+        self.spring = parts[Component(tyre.owner, "spring")]
         self._damper = parts[Component(tyre.owner, "damper")]
         wheel = np.flatnonzero(tyre.elongation)
-        self._unsprung = float(structure.mass[wheel[0], wheel[0]])
+        self.unsprung = float(structure.mass[wheel[0], wheel[0]])
         #: Static contact force [N].
         self.load: Final = self._static_load()
-        self._sprung = max(self.load / _GRAVITY - self._unsprung, 1e-3 * self._unsprung)
+        self.sprung = max(self.load / _GRAVITY - self.unsprung, 1e-3 * self.unsprung)
 
     def _static_load(self) -> float:
         """Return the static contact force [N]."""
@@ -202,8 +202,8 @@ class Corner:
 
     def extremes(self) -> tuple[float, float]:
         """Return the frequencies [Hz] of the smallest phase shift and of the largest contact force."""
-        body, wheel = (np.sqrt(self._spring / mass) / (2 * np.pi) for mass in (self._sprung, self._unsprung))
-        frequencies = np.arange(body, PLATE.highest + PLATE.step, PLATE.step)
+        body, wheel = (np.sqrt(self.spring / mass) / (2 * np.pi) for mass in (self.sprung, self.unsprung))
+        frequencies = np.arange(min(body, wheel), PLATE.highest + PLATE.step, PLATE.step)
         force = self.force(frequencies)
         smallest = int(np.argmin(np.abs(np.angle(force[frequencies <= wheel]))))
         return float(frequencies[smallest]), float(frequencies[np.argmax(np.abs(force))])
@@ -214,6 +214,6 @@ class Corner:
         return [
             float(np.degrees(np.abs(np.angle(at_phase)))),
             max(0.0, 1 - PLATE.amplitude * float(np.abs(at_force)) / self.load),
-            self._damper / (2 * float(np.sqrt(self._spring * self._sprung))),
-            self._damper / (2 * float(np.sqrt((self._spring + self._tyre.stiffness) * self._unsprung))),
+            self._damper / (2 * float(np.sqrt(self.spring * self.sprung))),
+            self._damper / (2 * float(np.sqrt((self.spring + self._tyre.stiffness) * self.unsprung))),
         ]

@@ -671,7 +671,7 @@ def _are_alike(block: Block, last: Block) -> bool:
 
 def fault_in_words(fault: SensorFault) -> str:
     """Return the fault of a sensor, such as "sensor acc_fl is dead: it is constant"."""
-    return f"sensor {fault.channel} is {fault.kind.replace('_', ' ')}: {fault.detail}"
+    return f"sensor {fault.statement}: {fault.detail}"
 
 
 def _reservations(observation: Observation) -> str:

@@ -121,9 +121,7 @@ def diagnosis_in_words(diagnosis: Diagnosis) -> list[str]:
     """
     sentences = [line for finding in diagnosis.findings for line in (finding.sentence, trend_in_words(finding.trend))]
     sentences = sentences or [verdict_in_words(diagnosis)]
-    sentences += [
-        f"sensor {fault.channel} is {fault.kind.replace('_', ' ')}: {fault.detail}" for fault in diagnosis.sensor_faults
-    ]
+    sentences += [f"sensor {fault.statement}: {fault.detail}" for fault in diagnosis.sensor_faults]
     if diagnosis.detection is None:
         return sentences
     numbers = f"ln evidence {diagnosis.detection.evidence[-1]:.1f}; alarm threshold {diagnosis.detection.threshold:.1f}"
