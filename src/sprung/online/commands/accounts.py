@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sprung.cli.options import Json, option
-from sprung.cli.output import show, write_result, written
 from sprung.errors import ParameterError
-from sprung.online.commands.stores import DEFAULT_STORE, StoreUrl, Who, existing_store, group
+from sprung.online.commands.stores import DEFAULT_STORE, Found, StoreUrl, Who, group, on_store
 
 if TYPE_CHECKING:
     from sprung.online.store import Store
 
+Person = Annotated[str, typer.Argument(metavar="NAME", help="Name of the person.", show_default=False)]
 Role = Annotated[
     str,
     option("ROLE", "viewer (reads), engineer (also acts on alerts and baselines) or admin (also manages accounts)."),
 ]
 
 
-def list_accounts(*, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
+@on_store
+def list_accounts(store: "Store") -> Found:
     """List accounts by name."""
-    with existing_store(store) as opened:
-        _print_accounts(opened, json)
+    return _accounts(store)
 
 
 accounts_application = group(list_accounts, "List the people who may log in; sub-commands add and remove them.")
@@ -32,7 +32,7 @@ accounts_application = group(list_accounts, "List the people who may log in; sub
 
 @accounts_application.command("add")
 def add_account(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the person.", show_default=False)],
+    name: Person,
     *,
     role: Role = "viewer",
     password_file: Annotated[
@@ -49,29 +49,23 @@ def add_account(
     password = _password(password_file)
     with open_store(store) as opened:
         site.add_account(opened, name, role, password, who=who, now=time.time_ns())
-        _print_accounts(opened, json)
+        _accounts(opened).print(json)
 
 
 @accounts_application.command("remove")
-def remove_account(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the person.", show_default=False)],
-    *,
-    store: StoreUrl = DEFAULT_STORE,
-    who: Who,
-    json: Json = None,
-) -> None:
+@on_store
+def remove_account(store: "Store", name: Person, *, who: str) -> Found:
     """Remove an account; its sessions end."""
     from sprung.online import site
 
-    with existing_store(store) as opened:
-        site.remove_account(opened, name, who=who, now=time.time_ns())
-        _print_accounts(opened, json)
+    site.remove_account(store, name, who=who, now=time.time_ns())
+    return _accounts(store)
 
 
-def list_tokens(*, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
+@on_store
+def list_tokens(store: "Store") -> Found:
     """List tokens, the oldest first."""
-    with existing_store(store) as opened:
-        _print_tokens(opened, json)
+    return _tokens(store)
 
 
 tokens_application = group(
@@ -80,37 +74,37 @@ tokens_application = group(
 
 
 @tokens_application.command("add")
+@on_store
 def add_token(
+    store: "Store",
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the program.", show_default=False)],
     *,
     role: Role = "viewer",
     days: Annotated[float | None, option("D", "Days until the token expires; omit for no expiry.")] = None,
-    store: StoreUrl = DEFAULT_STORE,
-    who: Who,
-    json: Json = None,
-) -> None:
+    who: str,
+) -> Found:
     """Create a token for a program, and print its secret, which is not stored."""
     from sprung.online import site
 
-    with existing_store(store) as opened:
-        number, secret = site.add_token(opened, name, role, days=days, who=who, now=time.time_ns())
-        _print_tokens(opened, json, made=(number, secret))
+    number, secret = site.add_token(store, name, role, days=days, who=who, now=time.time_ns())
+    found = _tokens(store)
+    found.document["tokens"][-1]["secret"] = secret
+    return found._replace(sentences=[f"secret of token {number}, shown only once: {secret}"])
 
 
 @tokens_application.command("remove")
+@on_store
 def remove_token(
+    store: "Store",
     number: Annotated[int, typer.Argument(metavar="NUMBER", help="Token number.", show_default=False)],
     *,
-    store: StoreUrl = DEFAULT_STORE,
-    who: Who,
-    json: Json = None,
-) -> None:
+    who: str,
+) -> Found:
     """Revoke a token."""
     from sprung.online import site
 
-    with existing_store(store) as opened:
-        site.remove_token(opened, number, who=who, now=time.time_ns())
-        _print_tokens(opened, json)
+    site.remove_token(store, number, who=who, now=time.time_ns())
+    return _tokens(store)
 
 
 def _password(file: Path | None) -> str:
@@ -126,27 +120,21 @@ def _password(file: Path | None) -> str:
     return text.split("\n", 1)[0].rstrip("\r")
 
 
-def _print_accounts(store: "Store", json: str | None) -> None:
-    """Print accounts as a table, as JSON, or both."""
+def _accounts(store: "Store") -> Found:
+    """Return the accounts."""
     from sprung.results import tables
 
     entries = [{"name": row.name, "role": row.role, "created": row.created} for row in store.accounts.all()]
     document = {"schema": "sprung.accounts/1", "accounts": entries}
-    if write_result(document, json):
-        empty = ["no accounts: the monitor serves this machine only, and anybody on it may act"]
-        show(tables.accounts_table(document) if entries else empty, written([], json))
+    empty = ["no accounts: the monitor serves this machine only, and anybody on it may act"]
+    return Found(document, [tables.accounts_table(document) if entries else empty])
 
 
-def _print_tokens(store: "Store", json: str | None, *, made: tuple[int, str] | None = None) -> None:
-    """Print tokens as a table, as JSON, or both, with the secret of a new one."""
+def _tokens(store: "Store") -> Found:
+    """Return the tokens."""
     from sprung.results import tables
 
     facts = ("name", "role", "created", "created_by", "expires")
     entries = [{"number": row.id, **{name: getattr(row, name) for name in facts}} for row in store.accounts.tokens()]
-    for entry in entries:
-        if made is not None and entry["number"] == made[0]:
-            entry["secret"] = made[1]
     document = {"schema": "sprung.tokens/1", "tokens": entries}
-    if write_result(document, json):
-        secret = [] if made is None else [f"secret of token {made[0]}, shown only once: {made[1]}"]
-        show(tables.tokens_table(document) if entries else ["no tokens"], [*secret, *written([], json)])
+    return Found(document, [tables.tokens_table(document) if entries else ["no tokens"]])

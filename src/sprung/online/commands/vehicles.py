@@ -10,7 +10,7 @@ from sprung.cli.checks import check_file
 from sprung.cli.options import OUTPUT, Json, Since, Until, option
 from sprung.cli.output import progress_bar, show, write_pieces, write_result, written
 from sprung.errors import ParameterError
-from sprung.online.commands.stores import DEFAULT_STORE, StoreUrl, Who, existing_store, group
+from sprung.online.commands.stores import DEFAULT_STORE, Found, StoreUrl, existing_store, group, on_store
 
 if TYPE_CHECKING:
     from sprung.online.store import Store
@@ -21,12 +21,12 @@ _PAGES = (".html", ".htm", ".pdf")
 VehicleName = Annotated[str, typer.Argument(metavar="ID", help="Name of the vehicle.", show_default=False)]
 
 
-def list_vehicles(*, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
+@on_store
+def list_vehicles(store: "Store") -> Found:
     """List the monitored vehicles and the open requests."""
     from sprung.online.monitor.requests import open_request_in_words
 
-    with existing_store(store) as opened:
-        _print_vehicles(opened, json, [open_request_in_words(row) for row in opened.requests.open_commands()])
+    return _vehicles(store, *map(open_request_in_words, store.requests.open_commands()))
 
 
 application = group(
@@ -36,104 +36,96 @@ application = group(
 
 
 @application.command()
+@on_store
 def rank(
+    store: "Store",
     *,
     rate: Annotated[float, option("SHARE", "Expected share of healthy vehicles among those that deviate.")] = 0.05,
-    store: StoreUrl = DEFAULT_STORE,
-    json: Json = None,
-) -> None:
+) -> Found:
     """Rank the vehicles of each type (same vehicle file) by how much they deviate from the others."""
     from sprung.online.monitor.operations import NO_VEHICLES, ranking_document
     from sprung.results import tables
 
-    with existing_store(store) as opened:
-        document = ranking_document(opened, rate=rate)
-    if write_result(document, json):
-        notes = document["notes"] or ([] if document["types"] else [NO_VEHICLES])
-        show(*tables.fleet_tables(document), notes, written([], json))
+    document = ranking_document(store, rate=rate)
+    notes = document["notes"] or ([] if document["types"] else [NO_VEHICLES])
+    return Found(document, tables.fleet_tables(document), notes)
 
 
 @application.command()
+@on_store
 def quarantine(
+    store: "Store",
     vehicle: Annotated[str, typer.Argument(metavar="[ID]", help="Name of the vehicle.", show_default=False)] = "",
     *,
     again: Annotated[
         bool, typer.Option("--again", help="Analyse the frames again with this version; nothing is stored.")
     ] = False,
-    store: StoreUrl = DEFAULT_STORE,
-    json: Json = None,
-) -> None:
+) -> Found:
     """List frames and states that could not be analysed and were quarantined, such as after an upgrade."""
     from sprung.online.monitor.operations import quarantine_document
     from sprung.results import tables
 
-    with existing_store(store) as opened:
-        document = quarantine_document(opened, vehicle=vehicle, is_analysed=again)
-    if write_result(document, json):
-        table = tables.quarantine_table(document)
-        show(table if document["quarantined"] else ["nothing is quarantined"], written([], json))
+    document = quarantine_document(store, vehicle=vehicle, is_analysed=again)
+    table = tables.quarantine_table(document)
+    return Found(document, [table if document["quarantined"] else ["nothing is quarantined"]])
 
 
 @application.command()
+@on_store
 def learn(
+    store: "Store",
     vehicle: VehicleName,
     *,
     reason: Annotated[str, option("TEXT", "Reason, such as 'new dampers'; required.", show_default=False)] = "",
-    store: StoreUrl = DEFAULT_STORE,
-    who: Who,
-    json: Json = None,
-) -> None:
+    who: str,
+) -> Found:
     """Learn a new baseline of a vehicle, such as after maintenance."""
     from sprung.online.monitor.operations import relearn
     from sprung.online.monitor.requests import relearning_in_words
 
-    with existing_store(store) as opened:
-        relearn(opened, vehicle, reason=reason, who=who, now=time.time_ns())
-        _print_vehicles(opened, json, [relearning_in_words(vehicle, reason)])
+    relearn(store, vehicle, reason=reason, who=who, now=time.time_ns())
+    return _vehicles(store, relearning_in_words(vehicle, reason))
 
 
 @application.command("rollback")
+@on_store
 def roll_back(
+    store: "Store",
     vehicle: VehicleName,
     *,
     version: Annotated[int | None, option("N", "Earlier version to return to; required.", min=1)] = None,
     reason: Annotated[
         str, option("TEXT", "Reason, such as 'learnt with a broken spring'; required.", show_default=False)
     ] = "",
-    store: StoreUrl = DEFAULT_STORE,
-    who: Who,
-    json: Json = None,
-) -> None:
+    who: str,
+) -> Found:
     """Return to an earlier baseline of a vehicle; it becomes the newest version."""
     from sprung.online.monitor.operations import roll_back
     from sprung.online.monitor.requests import rolling_back_in_words
 
     if version is None:
         raise ParameterError("give --version N, the baseline to return to: the page of the vehicle lists them")
-    with existing_store(store) as opened:
-        roll_back(opened, vehicle, version=version, reason=reason, who=who, now=time.time_ns())
-        _print_vehicles(opened, json, [rolling_back_in_words(vehicle, version, reason)])
+    roll_back(store, vehicle, version=version, reason=reason, who=who, now=time.time_ns())
+    return _vehicles(store, rolling_back_in_words(vehicle, version, reason))
 
 
 @application.command()
+@on_store
 def raw(
+    store: "Store",
     vehicle: VehicleName,
     *,
     minutes: Annotated[float, option("M", "Minutes to look back.", min=0)] = 30.0,
     wait: Annotated[float, option("SECONDS", "Longest wait for the samples; the request stays open.", min=0)] = 60.0,
-    store: StoreUrl = DEFAULT_STORE,
-    who: Who,
-    json: Json = None,
-) -> None:
+    who: str,
+) -> Found:
     """Request the latest samples of a vehicle whose box identifies on board."""
     from sprung.online.monitor.operations import request_samples
     from sprung.online.monitor.requests import wait_for_samples
 
-    with existing_store(store) as opened:
-        number = request_samples(opened, vehicle, minutes=minutes, who=who, now=time.time_ns())
-        with progress_bar() as report:
-            sentence = wait_for_samples(opened, number, timeout=wait, on_progress=report)
-        _print_vehicles(opened, json, [sentence])
+    number = request_samples(store, vehicle, minutes=minutes, who=who, now=time.time_ns())
+    with progress_bar() as report:
+        return _vehicles(store, wait_for_samples(store, number, timeout=wait, on_progress=report))
 
 
 @application.command()
@@ -200,13 +192,12 @@ def report(
         show([content.verdict, *written([] if out is None else [out], json)])
 
 
-def _print_vehicles(store: "Store", json: str | None, sentences: list[str]) -> None:
-    """Print vehicles as a table with sentences under it, as JSON, or both."""
+def _vehicles(store: "Store", *sentences: str) -> Found:
+    """Return the vehicles, with sentences under their table."""
     from sprung.online.monitor.operations import NO_VEHICLES, vehicles_document
     from sprung.results import tables
 
     now = time.time_ns()
     document = vehicles_document(store, now=now)
-    if write_result(document, json):
-        table = tables.vehicles_table(document, now=now)
-        show(table if document["vehicles"] else [NO_VEHICLES], [*sentences, *written([], json)])
+    table = tables.vehicles_table(document, now=now)
+    return Found(document, [table if document["vehicles"] else [NO_VEHICLES]], sentences)
