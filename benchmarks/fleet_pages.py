@@ -134,6 +134,7 @@ def vehicle(k: int) -> dict[str, object]:
         "description": "x" * 2000,
         "channels": [[name, "m/s^2"] for name in ("acc_fl", "acc_fr", "acc_rl", "acc_rr")],
         "first_seen": NOW - 90 * 24 * HOUR,
+        "is_parked": False,
         "last_seen": NOW - (48 * HOUR if k % 100 == 3 else k % 60 * SECOND),
     }
 

@@ -6,21 +6,7 @@ from dataclasses import asdict, replace
 from functools import cache
 from typing import Any
 
-from sqlalchemy import (
-    ColumnElement,
-    Select,
-    Table,
-    Update,
-    and_,
-    bindparam,
-    case,
-    func,
-    literal,
-    not_,
-    or_,
-    select,
-    update,
-)
+import sqlalchemy as sa
 
 from sprung.online.store.database import Tables
 from sprung.online.store.schema import (
@@ -56,47 +42,43 @@ class Alerts(Tables):
 
     def row(self, number: int) -> AlertState | None:
         """Return the alert of a number; None if there is none."""
-        return self._database.row(AlertState, select(ALERTS).where(ALERTS.c.number == number))
+        return self._database.row(AlertState, sa.select(ALERTS).where(ALERTS.c.number == number))
 
     def rows(self, numbers: Collection[int]) -> dict[int, AlertState]:
         """Return the alerts of some numbers, by number."""
         wanted = list(numbers)
         rows: list[AlertState] = []
         for first in range(0, len(wanted), _MAX_VALUES):
-            query = select(ALERTS).where(ALERTS.c.number.in_(wanted[first : first + _MAX_VALUES]))
+            query = sa.select(ALERTS).where(ALERTS.c.number.in_(wanted[first : first + _MAX_VALUES]))
             rows += self._database.rows(AlertState, query)
         return {row.number: row for row in rows}
 
     def page(self, wanted: AlertFilter, *, after: AlertPlace | None = None, limit: int) -> list[AlertState]:
         """Return alerts, the most severe first, then the oldest, from the one that follows a place on."""
-        query = select(ALERTS).where(*_conditions(wanted))
+        query = sa.select(ALERTS).where(*_conditions(wanted))
         if after is not None:
-            is_next = or_(
-                ALERTS.c.severity < after.severity,
-                and_(ALERTS.c.severity == after.severity, ALERTS.c.raised > after.raised),
-                and_(ALERTS.c.severity == after.severity, ALERTS.c.raised == after.raised, ALERTS.c.number > after.id),
-            )
-            query = query.where(is_next)
+            place = sa.tuple_(-ALERTS.c.severity, ALERTS.c.raised, ALERTS.c.number)
+            query = query.where(place > sa.tuple_(-after.severity, after.raised, after.id))
         query = query.order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.number).limit(limit)
         return self._database.rows(AlertState, query)
 
     def counts(self, wanted: AlertFilter) -> dict[tuple[str, int], int]:
         """Return the number of alerts by state and step of severity, 0 to 4."""
-        state = case(*((condition, literal(name)) for name, condition in _STATES.items()), else_=literal(""))
-        step = case(*((ALERTS.c.severity <= STEP_SIZE * (k + 1), k) for k in range(4)), else_=4)
-        query = select(state.label("state"), step.label("step")).where(*_conditions(wanted)).subquery()
-        counted = select(query.c.state, query.c.step, func.count()).group_by(query.c.state, query.c.step)
+        state = sa.case(*((condition, sa.literal(name)) for name, condition in _STATES.items()), else_=sa.literal(""))
+        step = sa.case(*((ALERTS.c.severity <= STEP_SIZE * (k + 1), k) for k in range(4)), else_=4)
+        query = sa.select(state.label("state"), step.label("step")).where(*_conditions(wanted)).subquery()
+        counted = sa.select(query.c.state, query.c.step, sa.func.count()).group_by(query.c.state, query.c.step)
         with self._database.reading() as connection:
             return {(name, number): count for name, number, count in connection.execute(counted)}
 
     def n_active(self) -> int:
         """Return the number of active alerts."""
-        return self._database.scalar(select(func.count()).where(ALERTS.c.is_active)) or 0
+        return self._database.scalar(sa.select(sa.func.count()).where(ALERTS.c.is_active)) or 0
 
     def of_vehicles(self, vehicles: Sequence[str]) -> dict[str, list[AlertState]]:
         """Return the active alerts of some vehicles, the most severe first, by vehicle."""
         found: dict[str, list[AlertState]] = {}
-        query = select(ALERTS).where(ALERTS.c.vehicle.in_(vehicles), ALERTS.c.is_active)
+        query = sa.select(ALERTS).where(ALERTS.c.vehicle.in_(vehicles), ALERTS.c.is_active)
         for row in self._database.rows(AlertState, query.order_by(ALERTS.c.severity.desc(), ALERTS.c.number)):
             found.setdefault(row.vehicle, []).append(row)
         return found
@@ -141,23 +123,23 @@ class Alerts(Tables):
         of_alert = ALERTS.c.number == alert_id
         entry = {"alert": alert_id, "time": now, "what": what, "who": "", "comment": comment}
         with self._database.writing() as connection:
-            after = connection.execute(select(ALERTS.c.assignee, ALERTS.c.shelved_until).where(of_alert)).mappings()
+            after = connection.execute(sa.select(ALERTS.c.assignee, ALERTS.c.shelved_until).where(of_alert)).mappings()
             connection.execute(ALERT_HISTORY.insert(), entry | dict(after.one()))
 
     def history(self, alert_id: int) -> list[HistoryRow]:
         """Return the history of an alert, oldest event first."""
-        query = select(ALERT_HISTORY).where(ALERT_HISTORY.c.alert == alert_id).order_by(ALERT_HISTORY.c.id)
+        query = sa.select(ALERT_HISTORY).where(ALERT_HISTORY.c.alert == alert_id).order_by(ALERT_HISTORY.c.id)
         return self._database.rows(HistoryRow, query)
 
     def shelved(self, *, until: int) -> list[AlertState]:
         """Return the alerts whose shelving ends at a time at the latest."""
-        query = select(ALERTS).where(ALERTS.c.shelved_until <= until).order_by(ALERTS.c.number)
+        query = sa.select(ALERTS).where(ALERTS.c.shelved_until <= until).order_by(ALERTS.c.number)
         return self._database.rows(AlertState, query)
 
     @contextmanager
     def locked(self, vehicle: str, cause: str) -> Iterator[AlertState | None]:
         """Yield an alert, None if there is none; what is stored in the context is one transaction, before any other."""
-        query = select(ALERTS).where(ALERTS.c.vehicle == vehicle, ALERTS.c.cause == cause).with_for_update()
+        query = sa.select(ALERTS).where(ALERTS.c.vehicle == vehicle, ALERTS.c.cause == cause).with_for_update()
         with self._database.together(), self._database.writing() as connection:
             row = connection.execute(query).mappings().first()
             yield None if row is None else AlertState(**row)
@@ -165,7 +147,7 @@ class Alerts(Tables):
     @contextmanager
     def locked_of(self, vehicle: str) -> Iterator[list[AlertState]]:
         """Yield all alerts of a vehicle; what is stored in the context is one transaction, before any other."""
-        query = select(ALERTS).where(ALERTS.c.vehicle == vehicle).order_by(ALERTS.c.number).with_for_update()
+        query = sa.select(ALERTS).where(ALERTS.c.vehicle == vehicle).order_by(ALERTS.c.number).with_for_update()
         with self._database.together(), self._database.writing() as connection:
             yield [AlertState(**row) for row in connection.execute(query).mappings()]
 
@@ -221,11 +203,11 @@ class Alerts(Tables):
             return {row.sender: row.last_error or "" for row in connection.execute(_given_up())}
 
 
-def _conditions(wanted: AlertFilter) -> list[ColumnElement[bool]]:
+def _conditions(wanted: AlertFilter) -> list[sa.ColumnElement[bool]]:
     """Return the conditions of a filter; alerts in their first hold-off are none yet."""
-    conditions: list[ColumnElement[bool]] = [ALERTS.c["count"] > 0]
+    conditions: list[sa.ColumnElement[bool]] = [ALERTS.c["count"] > 0]
     if wanted.states:
-        conditions.append(or_(*(_STATES[name] for name in wanted.states)))
+        conditions.append(sa.or_(*(_STATES[name] for name in wanted.states)))
     if wanted.steps:
         conditions.append(in_steps(ALERTS.c.severity, wanted.steps))
     if wanted.vehicle:
@@ -235,52 +217,52 @@ def _conditions(wanted: AlertFilter) -> list[ColumnElement[bool]]:
     return conditions
 
 
-def _is_open(table: Table) -> ColumnElement[bool]:
+def _is_open(table: sa.Table) -> sa.ColumnElement[bool]:
     """Return the condition for notifications or deliveries that are neither sent nor given up."""
-    return and_(table.c.sent.is_(None), table.c.given_up.is_(None))
+    return sa.and_(table.c.sent.is_(None), table.c.given_up.is_(None))
 
 
 _IS_SHELVED, _IS_ACKNOWLEDGED = ALERTS.c.shelved_until.is_not(None), ALERTS.c.is_acknowledged
 #: Condition of each state in the terms of ISA-18.2; shelving takes precedence.
-_STATES: dict[str, ColumnElement[bool]] = {
+_STATES: dict[str, sa.ColumnElement[bool]] = {
     "shelved": _IS_SHELVED,
     **{
-        name: and_(not_(_IS_SHELVED), active, acknowledged)
+        name: sa.and_(sa.not_(_IS_SHELVED), active, acknowledged)
         for name, active, acknowledged in (
-            ("unacknowledged", ALERTS.c.is_active, not_(_IS_ACKNOWLEDGED)),
+            ("unacknowledged", ALERTS.c.is_active, sa.not_(_IS_ACKNOWLEDGED)),
             ("acknowledged", ALERTS.c.is_active, _IS_ACKNOWLEDGED),
-            ("returned to normal, unacknowledged", not_(ALERTS.c.is_active), not_(_IS_ACKNOWLEDGED)),
-            ("normal", not_(ALERTS.c.is_active), _IS_ACKNOWLEDGED),
+            ("returned to normal, unacknowledged", sa.not_(ALERTS.c.is_active), sa.not_(_IS_ACKNOWLEDGED)),
+            ("normal", sa.not_(ALERTS.c.is_active), _IS_ACKNOWLEDGED),
         )
     },
 }
 
 # Statements are built once: building one takes longer than running it.
 _COUNTED = (
-    update(NOTIFICATIONS)
-    .where(NOTIFICATIONS.c.id == bindparam("counted"))
-    .values(attempts=NOTIFICATIONS.c.attempts + 1, last_error=bindparam("last_error"))
+    sa.update(NOTIFICATIONS)
+    .where(NOTIFICATIONS.c.id == sa.bindparam("counted"))
+    .values(attempts=NOTIFICATIONS.c.attempts + 1, last_error=sa.bindparam("last_error"))
 )
-_N_OPEN = select(func.count()).where(_is_open(NOTIFICATIONS))
+_N_OPEN = sa.select(sa.func.count()).where(_is_open(NOTIFICATIONS))
 
 
 @cache
-def _alerts(*conditions: str) -> Select[Any]:
+def _alerts(*conditions: str) -> sa.Select[Any]:
     """Return the query for alerts of which some columns have given values."""
-    query = select(ALERTS).order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.number)
-    return query.where(*(ALERTS.c[name] == bindparam(name) for name in conditions))
+    query = sa.select(ALERTS).order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.number)
+    return query.where(*(ALERTS.c[name] == sa.bindparam(name) for name in conditions))
 
 
 @cache
-def _next() -> Select[Any]:
+def _next() -> sa.Select[Any]:
     """Return the query for the notification that `sender` is to send next at the time `now`."""
-    of_sender = and_(DELIVERIES.c.notification == NOTIFICATIONS.c.id, DELIVERIES.c.sender == bindparam("sender"))
-    next_attempt = func.coalesce(DELIVERIES.c.next_attempt, 0)
-    is_due = or_(next_attempt <= bindparam("now"), next_attempt > bindparam("tomorrow"))
-    attempts = func.coalesce(DELIVERIES.c.attempts, 0).label("attempts")
+    of_sender = sa.and_(DELIVERIES.c.notification == NOTIFICATIONS.c.id, DELIVERIES.c.sender == sa.bindparam("sender"))
+    next_attempt = sa.func.coalesce(DELIVERIES.c.next_attempt, 0)
+    is_due = sa.or_(next_attempt <= sa.bindparam("now"), next_attempt > sa.bindparam("tomorrow"))
+    attempts = sa.func.coalesce(DELIVERIES.c.attempts, 0).label("attempts")
     columns = [NOTIFICATIONS.c[name] for name in ("id", "alert", "created", "document")]
     return (
-        select(*columns, attempts, *(DELIVERIES.c[name] for name in _PROGRESS))
+        sa.select(*columns, attempts, *(DELIVERIES.c[name] for name in _PROGRESS))
         .select_from(NOTIFICATIONS.outerjoin(DELIVERIES, of_sender))
         .where(_is_open(NOTIFICATIONS), _is_open(DELIVERIES), is_due)
         .order_by(attempts, NOTIFICATIONS.c.id)
@@ -289,30 +271,30 @@ def _next() -> Select[Any]:
 
 
 @cache
-def _given_up() -> Select[Any]:
+def _given_up() -> sa.Select[Any]:
     """Return the query for senders that gave up what they settled last, with the reasons."""
     latest = (
-        select(DELIVERIES.c.sender, func.max(DELIVERIES.c.given_up).label("given_up"))
+        sa.select(DELIVERIES.c.sender, sa.func.max(DELIVERIES.c.given_up).label("given_up"))
         .group_by(DELIVERIES.c.sender)
-        .having(func.max(DELIVERIES.c.given_up) > func.coalesce(func.max(DELIVERIES.c.sent), -1))
+        .having(sa.func.max(DELIVERIES.c.given_up) > sa.func.coalesce(sa.func.max(DELIVERIES.c.sent), -1))
         .subquery()
     )
-    is_latest = and_(DELIVERIES.c.sender == latest.c.sender, DELIVERIES.c.given_up == latest.c.given_up)
-    return select(DELIVERIES.c.sender, DELIVERIES.c.last_error).join(latest, is_latest)
+    is_latest = sa.and_(DELIVERIES.c.sender == latest.c.sender, DELIVERIES.c.given_up == latest.c.given_up)
+    return sa.select(DELIVERIES.c.sender, DELIVERIES.c.last_error).join(latest, is_latest)
 
 
 @cache
-def _closed(*, is_one: bool) -> Update:
+def _closed(*, is_one: bool) -> sa.Update:
     """Return the statement that closes notifications that all `senders` have settled, at the time `now`.
 
     They are closed as given up if any of them gave up, else as sent. With `is_one` only the notification `closed`.
     """
-    is_of_senders = DELIVERIES.c.sender.in_(bindparam("senders", expanding=True))
-    of_senders = and_(DELIVERIES.c.notification == NOTIFICATIONS.c.id, is_of_senders)
-    n_settled = select(func.count()).where(of_senders, not_(_is_open(DELIVERIES))).scalar_subquery()
-    n_given_up = select(func.count()).where(of_senders, DELIVERIES.c.given_up.is_not(None)).scalar_subquery()
-    closed = update(NOTIFICATIONS).where(_is_open(NOTIFICATIONS), n_settled >= bindparam("n_senders"))
+    is_of_senders = DELIVERIES.c.sender.in_(sa.bindparam("senders", expanding=True))
+    of_senders = sa.and_(DELIVERIES.c.notification == NOTIFICATIONS.c.id, is_of_senders)
+    n_settled = sa.select(sa.func.count()).where(of_senders, sa.not_(_is_open(DELIVERIES))).scalar_subquery()
+    n_given_up = sa.select(sa.func.count()).where(of_senders, DELIVERIES.c.given_up.is_not(None)).scalar_subquery()
+    closed = sa.update(NOTIFICATIONS).where(_is_open(NOTIFICATIONS), n_settled >= sa.bindparam("n_senders"))
     if is_one:
-        closed = closed.where(NOTIFICATIONS.c.id == bindparam("closed"))
-    now = bindparam("now", type_=NOTIFICATIONS.c.sent.type)
-    return closed.values(sent=case((n_given_up == 0, now)), given_up=case((n_given_up > 0, now)))
+        closed = closed.where(NOTIFICATIONS.c.id == sa.bindparam("closed"))
+    now = sa.bindparam("now", type_=NOTIFICATIONS.c.sent.type)
+    return closed.values(sent=sa.case((n_given_up == 0, now)), given_up=sa.case((n_given_up > 0, now)))

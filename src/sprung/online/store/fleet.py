@@ -2,9 +2,9 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from sqlalchemy import ColumnElement, FromClause, Select, Subquery, and_, case, exists, func, not_, or_, select
+from sqlalchemy import ColumnElement, Subquery, and_, case, exists, func, not_, or_, select, tuple_
 
 from sprung.online.store.database import Tables
 from sprung.online.store.schema import (
@@ -148,24 +148,28 @@ class Fleet(Tables):
         limit
             Largest number of vehicles.
         """
+        worst = _worst()
+        severity, impact = func.coalesce(worst.c.severity, 0), func.coalesce(worst.c.impact, 0.0)
+        place = (-severity, -impact, VEHICLES.c.vehicle)
+        baseline = select(func.max(BASELINES.c.version)).where(BASELINES.c.vehicle == VEHICLES.c.vehicle)
+        columns = [VEHICLES.c[name] for name in ("vehicle", "last_seen", "is_parked", "channels")]
+        query = select(*columns, severity.label("severity"), impact.label("impact"))
+        query = query.add_columns(baseline.scalar_subquery().label("baseline"))
+        query = query.outerjoin(worst, worst.c.vehicle == VEHICLES.c.vehicle).where(*_conditions(wanted, severity))
+        if after is not None:
+            query = query.where(tuple_(*place) > tuple_(-after.severity, -after.impact, after.vehicle))
         with self._database.reading() as connection:
-            places: list[Place] = []
-            if after is None or after.severity:
-                alerted = connection.execute(_alerted(wanted, after).limit(limit))
-                places = [Place(row.severity, float(row.impact), row.vehicle) for row in alerted]
-            if len(places) < limit and _may_be_calm(wanted):
-                # Those without alerts follow by name, in the order of the primary key.
-                name = after.vehicle if after is not None and not after.severity else ""
-                calm = connection.execute(_calm(wanted, name).limit(limit - len(places)))
-                places += [Place(0, 0.0, row.vehicle) for row in calm]
-            latest = select(func.max(BASELINES.c.version)).where(BASELINES.c.vehicle == VEHICLES.c.vehicle)
-            columns = [VEHICLES.c[name] for name in ("vehicle", "last_seen", "is_parked", "channels")]
-            query = select(*columns, latest.scalar_subquery().label("baseline")).where(
-                VEHICLES.c.vehicle.in_([place.vehicle for place in places])
+            rows = connection.execute(query.order_by(*place).limit(limit)).all()
+        return [
+            FleetRow(
+                Place(row.severity, float(row.impact), row.vehicle),
+                last_seen=row.last_seen,
+                is_parked=row.is_parked,
+                baseline=row.baseline,
+                n_channels=len(row.channels),
             )
-            known = {row.vehicle: row for row in connection.execute(query)}
-        found = ((place, known[place.vehicle]) for place in places)
-        return [FleetRow(place, row.last_seen, row.is_parked, row.baseline, len(row.channels)) for place, row in found]
+            for row in rows
+        ]
 
     def counts(self, *, silent_before: int) -> FleetCounts:
         """Return numbers of vehicles; those not parked whose last message came before a time [UTC ns] are silent."""
@@ -226,61 +230,30 @@ def _worst() -> Subquery:
     )
 
 
-def _alerted(wanted: FleetFilter, after: Place | None) -> Select[Any]:
-    """Return the query for places of vehicles with active alerts, in their order."""
-    worst = _worst()
-    vehicle, severity, impact = worst.c.vehicle, worst.c.severity, worst.c.impact
-    of_vehicle = and_(ALERTS.c.vehicle == vehicle, ALERTS.c.is_active)
-    query = select(vehicle, severity, impact).where(exists().where(VEHICLES.c.vehicle == vehicle))
-    query = query.where(*_conditions(wanted, vehicle))
-    if wanted.steps:
-        query = query.where(in_steps(severity, [step for step in wanted.steps if step >= 0]))
-    if wanted.assignee is not None:
-        query = query.where(exists().where(of_vehicle, ALERTS.c.assignee == wanted.assignee))
-    if wanted.is_unacknowledged:
-        query = query.where(exists().where(of_vehicle, _is_open()))
-    if after is not None:
-        is_equal = and_(severity == after.severity, impact == after.impact)
-        is_later = or_(
-            severity < after.severity,
-            and_(severity == after.severity, impact < after.impact),
-            and_(is_equal, vehicle > after.vehicle),
-        )
-        query = query.where(is_later)
-    return query.order_by(severity.desc(), impact.desc(), vehicle)
-
-
 def _is_open() -> ColumnElement[bool]:
     """Return the condition for active alerts that are neither acknowledged nor shelved."""
     return and_(ALERTS.c.is_active, not_(ALERTS.c.is_acknowledged), ALERTS.c.shelved_until.is_(None))
 
 
-def _may_be_calm(wanted: FleetFilter) -> bool:
-    """Return whether vehicles without active alerts may be wanted."""
-    has_step = not wanted.steps or -1 in wanted.steps
-    return has_step and wanted.assignee is None and not wanted.is_unacknowledged
-
-
-def _calm(wanted: FleetFilter, after: str) -> Select[Any]:
-    """Return the query for vehicles without active alerts whose names come after another, by name."""
-    vehicle = VEHICLES.c.vehicle
-    has_alert = exists().where(ALERTS.c.vehicle == vehicle, ALERTS.c.is_active)
-    return select(vehicle).where(vehicle > after, not_(has_alert), *_conditions(wanted, vehicle)).order_by(vehicle)
-
-
-def _conditions(wanted: FleetFilter, vehicle: ColumnElement[str]) -> list[ColumnElement[bool]]:
-    """Return the conditions of a filter that vehicles with and without alerts can meet."""
-    conditions: list[ColumnElement[bool]] = []
+def _conditions(wanted: FleetFilter, severity: ColumnElement[int]) -> list[ColumnElement[bool]]:
+    """Return the conditions of a filter, with the greatest severity of the active alerts of a vehicle."""
+    vehicle, conditions = VEHICLES.c.vehicle, []
+    of_vehicle = and_(ALERTS.c.vehicle == vehicle, ALERTS.c.is_active)
     if wanted.text:
         conditions.append(vehicle.icontains(wanted.text, autoescape=True))
+    if wanted.steps:
+        conditions.append(in_steps(severity, wanted.steps))
+    if wanted.assignee is not None:
+        conditions.append(exists().where(of_vehicle, ALERTS.c.assignee == wanted.assignee))
+    if wanted.is_unacknowledged:
+        conditions.append(exists().where(of_vehicle, _is_open()))
     if wanted.is_learning:
         conditions.append(exists().where(STATUSES.c.vehicle == vehicle, STATUSES.c.is_learning))
     if wanted.silent_before is not None:
-        of_vehicle = VEHICLES.alias()
-        conditions.append(exists().where(of_vehicle.c.vehicle == vehicle, _is_silent(wanted.silent_before, of_vehicle)))
+        conditions.append(_is_silent(wanted.silent_before))
     return conditions
 
 
-def _is_silent(before: int, vehicles: FromClause = VEHICLES) -> ColumnElement[bool]:
+def _is_silent(before: int) -> ColumnElement[bool]:
     """Return the condition for vehicles that should have sent since a time."""
-    return and_(vehicles.c.last_seen < before, not_(vehicles.c.is_parked))
+    return and_(VEHICLES.c.last_seen < before, not_(VEHICLES.c.is_parked))

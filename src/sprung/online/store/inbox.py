@@ -6,20 +6,7 @@ Frames whose analysis fails, and states that cannot be read, are quarantined for
 from collections.abc import Collection, Container, Iterator, Mapping, Sequence
 from typing import Any
 
-from sqlalchemy import (
-    ColumnElement,
-    Connection,
-    Table,
-    and_,
-    bindparam,
-    delete,
-    func,
-    literal,
-    or_,
-    select,
-    tuple_,
-    update,
-)
+import sqlalchemy as sa
 
 from sprung.online.store.database import Tables
 from sprung.online.store.schema import (
@@ -43,18 +30,18 @@ _STRIDE = 1000
 #: Bytes of frames that are read together, and rows that the database hands over together.
 _MAX_BYTES, _ROWS = 8 << 20, 16
 _ADVANCE = (
-    update(CURSORS)
-    .where(CURSORS.c.vehicle == bindparam("of_vehicle"), CURSORS.c.boot == bindparam("of_boot"))
-    .values(contiguous=bindparam("reached"), updated=bindparam("now"))
+    sa.update(CURSORS)
+    .where(CURSORS.c.vehicle == sa.bindparam("of_vehicle"), CURSORS.c.boot == sa.bindparam("of_boot"))
+    .values(contiguous=sa.bindparam("reached"), updated=sa.bindparam("now"))
 )
 # Statements that are made once take a third of the time.
 _AFTER = (
-    FRAMES.c.vehicle == bindparam("of_vehicle"),
-    FRAMES.c.boot == bindparam("of_boot"),
-    FRAMES.c.seq > bindparam("after"),
+    FRAMES.c.vehicle == sa.bindparam("of_vehicle"),
+    FRAMES.c.boot == sa.bindparam("of_boot"),
+    FRAMES.c.seq > sa.bindparam("after"),
 )
-_FOLLOWING = select(FRAMES.c.seq).where(*_AFTER).order_by(FRAMES.c.seq).limit(_STRIDE)
-_N_ARRIVED = select(func.count()).where(*_AFTER, FRAMES.c.seq <= bindparam("last"))
+_FOLLOWING = sa.select(FRAMES.c.seq).where(*_AFTER).order_by(FRAMES.c.seq).limit(_STRIDE)
+_N_ARRIVED = sa.select(sa.func.count()).where(*_AFTER, FRAMES.c.seq <= sa.bindparam("last"))
 #: Kind of a state; the others are those of frames.
 _STATE = "state"
 #: Largest size of what is kept of one vehicle [bytes]; what was quarantined first is deleted first.
@@ -76,38 +63,38 @@ class Inbox(Tables):
 
     def seen(self, times: Mapping[str, int]) -> None:
         """Store when vehicles were last seen; those without a description are ignored."""
-        of_vehicle = and_(VEHICLES.c.vehicle == bindparam("of"), VEHICLES.c.last_seen < bindparam("now"))
+        of_vehicle = sa.and_(VEHICLES.c.vehicle == sa.bindparam("of"), VEHICLES.c.last_seen < sa.bindparam("now"))
         rows = [{"of": vehicle, "now": now} for vehicle, now in sorted(times.items())]
         if rows:
             with self._database.writing() as connection:
-                connection.execute(update(VEHICLES).where(of_vehicle).values(last_seen=bindparam("now")), rows)
+                connection.execute(sa.update(VEHICLES).where(of_vehicle).values(last_seen=sa.bindparam("now")), rows)
 
     def vehicles(self) -> list[VehicleRow]:
         """Return the vehicles in order of their names."""
-        return self._database.rows(VehicleRow, select(VEHICLES).order_by(VEHICLES.c.vehicle))
+        return self._database.rows(VehicleRow, sa.select(VEHICLES).order_by(VEHICLES.c.vehicle))
 
     def vehicle(self, vehicle: str) -> VehicleRow | None:
         """Return a vehicle; None if it has no description."""
-        return self._database.row(VehicleRow, select(VEHICLES).where(VEHICLES.c.vehicle == vehicle))
+        return self._database.row(VehicleRow, sa.select(VEHICLES).where(VEHICLES.c.vehicle == vehicle))
 
     def n_vehicles(self) -> int:
         """Return the number of vehicles."""
-        return self._database.scalar(select(func.count()).select_from(VEHICLES)) or 0
+        return self._database.scalar(sa.select(sa.func.count()).select_from(VEHICLES)) or 0
 
     def last_seen(self) -> dict[str, int]:
         """Return when each vehicle was last seen."""
         with self._database.reading() as connection:
-            rows = connection.execute(select(VEHICLES.c.vehicle, VEHICLES.c.last_seen).order_by(VEHICLES.c.vehicle))
+            rows = connection.execute(sa.select(VEHICLES.c.vehicle, VEHICLES.c.last_seen).order_by(VEHICLES.c.vehicle))
             return {row.vehicle: row.last_seen for row in rows}
 
     def parked(self) -> set[str]:
         """Return the vehicles that were shut down properly."""
-        return set(self._database.scalars(select(VEHICLES.c.vehicle).where(VEHICLES.c.is_parked)))
+        return set(self._database.scalars(sa.select(VEHICLES.c.vehicle).where(VEHICLES.c.is_parked)))
 
     def park(self, vehicle: str, *, is_parked: bool) -> None:
         """Store whether a vehicle was shut down properly."""
         with self._database.writing() as connection:
-            connection.execute(update(VEHICLES).where(VEHICLES.c.vehicle == vehicle).values(is_parked=is_parked))
+            connection.execute(sa.update(VEHICLES).where(VEHICLES.c.vehicle == vehicle).values(is_parked=is_parked))
 
     def add_frames(
         self, frames: Sequence[StoredFrame], *, now: int, new: list[StoredFrame] | None = None
@@ -206,7 +193,7 @@ class Inbox(Tables):
                 if after.contiguous > before.contiguous
             ]
             if moved:
-                connection.execute(_ADVANCE.values(lost=bindparam("lost")), moved)
+                connection.execute(_ADVANCE.values(lost=sa.bindparam("lost")), moved)
         return progress
 
     def cursor(self, vehicle: str, boot: int) -> Cursor:
@@ -221,8 +208,8 @@ class Inbox(Tables):
 
     def open_boots(self, vehicle: str, *, limit: int) -> list[int]:
         """Return at most `limit` boots of a vehicle that are not analysed up to where they are complete, ascending."""
-        is_open = or_(CURSORS.c.done < CURSORS.c.contiguous, CURSORS.c.contiguous < 0)
-        query = select(CURSORS.c.boot).where(CURSORS.c.vehicle == vehicle, is_open).order_by(CURSORS.c.boot)
+        is_open = sa.or_(CURSORS.c.done < CURSORS.c.contiguous, CURSORS.c.contiguous < 0)
+        query = sa.select(CURSORS.c.boot).where(CURSORS.c.vehicle == vehicle, is_open).order_by(CURSORS.c.boot)
         return list(self._database.scalars(query.limit(limit)))
 
     def pending(self, vehicle: str, boot: int, *, after: int, limit: int) -> list[StoredFrame]:
@@ -231,10 +218,10 @@ class Inbox(Tables):
         Of large frames they are fewer: the last one ends the first 8 MiB.
         """
         key = (vehicle, boot)
-        complete = select(CURSORS.c.contiguous).where(_of(CURSORS, key)).scalar_subquery()
-        ready = and_(_of(FRAMES, key), FRAMES.c.seq > after, FRAMES.c.seq <= complete)
+        complete = sa.select(CURSORS.c.contiguous).where(_of(CURSORS, key)).scalar_subquery()
+        ready = sa.and_(_of(FRAMES, key), FRAMES.c.seq > after, FRAMES.c.seq <= complete)
         columns = (FRAMES.c[name] for name in StoredFrame._fields)
-        query = select(*columns).where(ready).order_by(FRAMES.c.seq).limit(limit)
+        query = sa.select(*columns).where(ready).order_by(FRAMES.c.seq).limit(limit)
         frames: list[StoredFrame] = []
         n_bytes = 0
         with (
@@ -250,10 +237,10 @@ class Inbox(Tables):
 
     def boots(self, vehicle: str) -> list[int]:
         """Return the boots of a vehicle with frames in the inbox, ascending."""
-        query = select(FRAMES.c.boot).distinct().where(FRAMES.c.vehicle == vehicle).order_by(FRAMES.c.boot)
+        query = sa.select(FRAMES.c.boot).distinct().where(FRAMES.c.vehicle == vehicle).order_by(FRAMES.c.boot)
         return list(self._database.scalars(query))
 
-    def _locked(self, connection: Connection, ends: Mapping[Key, int], now: int) -> dict[Key, Cursor]:
+    def _locked(self, connection: sa.Connection, ends: Mapping[Key, int], now: int) -> dict[Key, Cursor]:
         """Return cursors, created if missing; on PostgreSQL other writers of them wait from here on.
 
         Frames up to `ends` of boots whose progress was deleted are repeats of what was analysed long ago, and count as
@@ -262,10 +249,10 @@ class Inbox(Tables):
         fresh = {"contiguous": -1, "done": -1, "lost": 0, "updated": now}
         rows = [{"vehicle": vehicle, "boot": boot, **fresh} for vehicle, boot in ends]
         connection.execute(self._database.insert(CURSORS).on_conflict_do_nothing(), rows)
-        cursors = _cursors(connection, tuple_(CURSORS.c.vehicle, CURSORS.c.boot).in_(list(ends)), is_locked=True)
+        cursors = _cursors(connection, sa.tuple_(CURSORS.c.vehicle, CURSORS.c.boot).in_(list(ends)), is_locked=True)
         for key in _forgotten(connection, {key: end for key, end in ends.items() if _may_be_old(cursors[key], end)}):
             values = {"contiguous": ends[key], "done": ends[key], "updated": now}
-            connection.execute(update(CURSORS).where(_of(CURSORS, key)).values(values))
+            connection.execute(sa.update(CURSORS).where(_of(CURSORS, key)).values(values))
             cursors[key] = Cursor(ends[key], ends[key], cursors[key].lost, now)
         return cursors
 
@@ -275,24 +262,26 @@ def _may_be_old(cursor: Cursor, end: int) -> bool:
     return cursor.contiguous == cursor.done < end
 
 
-def _forgotten(connection: Connection, keys: Collection[Key]) -> list[Key]:
+def _forgotten(connection: sa.Connection, keys: Collection[Key]) -> list[Key]:
     """Return the vehicles and boots whose progress was deleted."""
     if not keys:
         return []
     vehicles = {vehicle for vehicle, _ in keys}
-    rows = connection.execute(select(FORGOTTEN).where(FORGOTTEN.c.vehicle.in_(vehicles)))
+    rows = connection.execute(sa.select(FORGOTTEN).where(FORGOTTEN.c.vehicle.in_(vehicles)))
     newest = {row.vehicle: row.boot for row in rows}
     return [key for key in keys if key[1] <= newest.get(key[0], -1)]
 
 
-def _of(table: Table, key: Key) -> ColumnElement[bool]:
+def _of(table: sa.Table, key: Key) -> sa.ColumnElement[bool]:
     """Return the condition for the rows of one boot of a vehicle."""
-    return and_(table.c.vehicle == key[0], table.c.boot == key[1])
+    return sa.and_(table.c.vehicle == key[0], table.c.boot == key[1])
 
 
-def _cursors(connection: Connection, *conditions: ColumnElement[bool], is_locked: bool = False) -> dict[Key, Cursor]:
+def _cursors(
+    connection: sa.Connection, *conditions: sa.ColumnElement[bool], is_locked: bool = False
+) -> dict[Key, Cursor]:
     """Return cursors by vehicle and boot."""
-    query = select(CURSORS).where(*conditions).order_by(CURSORS.c.vehicle, CURSORS.c.boot)
+    query = sa.select(CURSORS).where(*conditions).order_by(CURSORS.c.vehicle, CURSORS.c.boot)
     rows = connection.execute(query.with_for_update() if is_locked else query)
     return {(row.vehicle, row.boot): Cursor(row.contiguous, row.done, row.lost, row.updated) for row in rows}
 
@@ -304,21 +293,23 @@ def _run(batch: Container[int], *, after: int) -> int:
     return after
 
 
-def _followed(connection: Connection, reached: Mapping[Key, int]) -> list[Key]:
+def _followed(connection: sa.Connection, reached: Mapping[Key, int]) -> list[Key]:
     """Return the vehicles and boots whose next frame arrived earlier."""
     following = [(vehicle, boot, seq + 1) for (vehicle, boot), seq in reached.items() if seq < LARGEST]
     columns = FRAMES.c.vehicle, FRAMES.c.boot, FRAMES.c.seq
-    rows = connection.execute(select(*columns).where(tuple_(*columns).in_(following)))
+    rows = connection.execute(sa.select(*columns).where(sa.tuple_(*columns).in_(following)))
     return [(row.vehicle, row.boot) for row in rows]
 
 
-def _advances(connection: Connection, ends: Mapping[Key, int]) -> Iterator[tuple[Key, int, int, int]]:
+def _advances(connection: sa.Connection, ends: Mapping[Key, int]) -> Iterator[tuple[Key, int, int, int]]:
     """Yield key, last frame that may be lost, number of frames up to it, and end of the unbroken run after it."""
-    later = select(FRAMES.c.seq).where(
+    later = sa.select(FRAMES.c.seq).where(
         FRAMES.c.vehicle == CURSORS.c.vehicle, FRAMES.c.boot == CURSORS.c.boot, FRAMES.c.seq > CURSORS.c.contiguous
     )
     columns = CURSORS.c.vehicle, CURSORS.c.boot
-    rows = connection.execute(select(*columns, CURSORS.c.contiguous).where(tuple_(*columns).in_(ends), later.exists()))
+    rows = connection.execute(
+        sa.select(*columns, CURSORS.c.contiguous).where(sa.tuple_(*columns).in_(ends), later.exists())
+    )
     waiting = {(row.vehicle, row.boot): row.contiguous for row in rows}
     followed = set(_followed(connection, {key: ends[key] for key in waiting}))
     for key, last in ends.items():
@@ -331,7 +322,7 @@ def _advances(connection: Connection, ends: Mapping[Key, int]) -> Iterator[tuple
         yield key, last, n_arrived, reached
 
 
-def _unbroken(connection: Connection, key: Key, *, after: int) -> int:
+def _unbroken(connection: sa.Connection, key: Key, *, after: int) -> int:
     """Return the end of the unbroken run of frames that follows `after`."""
     while True:
         following = connection.scalars(_FOLLOWING, {"of_vehicle": key[0], "of_boot": key[1], "after": after})
@@ -362,13 +353,13 @@ class Quarantine(Tables):
         StoreError
             If the store cannot write; nothing is moved then.
         """
-        chosen = and_(FRAMES.c.vehicle == vehicle, FRAMES.c.boot == boot, FRAMES.c.seq.between(first, last))
+        chosen = sa.and_(FRAMES.c.vehicle == vehicle, FRAMES.c.boot == boot, FRAMES.c.seq.between(first, last))
         names = StoredFrame._fields
-        rows = select(*(FRAMES.c[name] for name in names), literal(reason), literal(now)).where(chosen)
+        rows = sa.select(*(FRAMES.c[name] for name in names), sa.literal(reason), sa.literal(now)).where(chosen)
         insert = self._database.insert(QUARANTINE).from_select([*names, "reason", "stored"], rows)
         with self._database.writing() as connection:
             connection.execute(insert.on_conflict_do_nothing())
-            moved = connection.execute(delete(FRAMES).where(chosen)).rowcount
+            moved = connection.execute(sa.delete(FRAMES).where(chosen)).rowcount
             _limit(connection, vehicle)
         return moved
 
@@ -382,7 +373,7 @@ class Quarantine(Tables):
         """
         chosen = SNAPSHOTS.c.vehicle == vehicle
         with self._database.writing() as connection:
-            row = connection.execute(select(SNAPSHOTS).where(chosen)).mappings().first()
+            row = connection.execute(sa.select(SNAPSHOTS).where(chosen)).mappings().first()
             if row is None:
                 return False
             values = {"kind": _STATE, "t0": now, "payload": row["document"], "reason": reason, "stored": now}
@@ -391,31 +382,31 @@ class Quarantine(Tables):
             )
             keys = [column.name for column in QUARANTINE.primary_key]
             connection.execute(insert.on_conflict_do_update(index_elements=keys, set_=values))
-            connection.execute(delete(SNAPSHOTS).where(chosen))
+            connection.execute(sa.delete(SNAPSHOTS).where(chosen))
             _limit(connection, vehicle)
         return True
 
     def vehicles(self) -> list[str]:
         """Return the vehicles of which something was quarantined, by name."""
-        query = select(QUARANTINE.c.vehicle).distinct().order_by(QUARANTINE.c.vehicle)
+        query = sa.select(QUARANTINE.c.vehicle).distinct().order_by(QUARANTINE.c.vehicle)
         return list(self._database.scalars(query))
 
     def find(self, vehicle: str) -> list[QuarantineRow]:
         """Return what was quarantined of a vehicle, in order of boots and sequence numbers."""
-        query = select(QUARANTINE).where(QUARANTINE.c.vehicle == vehicle).order_by(*QUARANTINE.primary_key)
+        query = sa.select(QUARANTINE).where(QUARANTINE.c.vehicle == vehicle).order_by(*QUARANTINE.primary_key)
         return self._database.rows(QuarantineRow, query)
 
 
-def _limit(connection: Connection, vehicle: str) -> None:
+def _limit(connection: sa.Connection, vehicle: str) -> None:
     """Delete what was quarantined first, down to the largest size."""
     key = (QUARANTINE.c.boot, QUARANTINE.c.seq, QUARANTINE.c.kind)
-    of_vehicle: ColumnElement[bool] = QUARANTINE.c.vehicle == vehicle
+    of_vehicle: sa.ColumnElement[bool] = QUARANTINE.c.vehicle == vehicle
     newest_first = (QUARANTINE.c.stored.desc(), *(column.desc() for column in key))
-    sizes = select(*key, func.length(QUARANTINE.c.payload)).where(of_vehicle).order_by(*newest_first)
+    sizes = sa.select(*key, sa.func.length(QUARANTINE.c.payload)).where(of_vehicle).order_by(*newest_first)
     total, beyond = 0, []
     for *place, size in connection.execute(sizes):
         total += size
         if total > _MAX_QUARANTINED:
             beyond.append(tuple(place))
     for start in range(0, len(beyond), 500):
-        connection.execute(delete(QUARANTINE).where(of_vehicle, tuple_(*key).in_(beyond[start : start + 500])))
+        connection.execute(sa.delete(QUARANTINE).where(of_vehicle, sa.tuple_(*key).in_(beyond[start : start + 500])))

@@ -1,6 +1,7 @@
 """Results of analysis: observations, modes, findings, baselines, and the state to continue from."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partialmethod
 from typing import Any, Literal
 
 from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, delete, func, not_, select, tuple_, update
@@ -77,49 +78,49 @@ class Results(Tables):
                     self._put_snapshot(connection, each, each.snapshot)
             self._put_statuses(connection, {each.vehicle: each.status for each in every if each.status is not None})
 
-    def observations(
-        self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
+    def _entries(
+        self,
+        table: Table,
+        vehicle: str,
+        *where: ColumnElement[bool],
+        since: int | None = None,
+        until: int | None = None,
+        limit: int | None = None,
     ) -> list[Entry]:
-        """Return the observations of a vehicle in order of time, from `since` to `until`, at most the last `limit`."""
-        return self._entries(OBSERVATIONS, vehicle, since, limit, until=until)
+        """Return documents in order of time, from `since` to `until`, at most the last `limit`."""
+        newest_first = (column.desc() for column in (table.c.t0, *reversed(table.primary_key.columns)))
+        columns = (table.c[name] for name in Entry.__dataclass_fields__)
+        query = select(*columns).where(table.c.vehicle == vehicle, *where, *_within(table, since, until))
+        return self._database.rows(Entry, query.order_by(*newest_first).limit(limit))[::-1]
 
-    def modes(
-        self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
-    ) -> list[Entry]:
-        """Return the modes of a vehicle in order of time, from `since` to `until`, at most the last `limit`."""
-        return self._entries(MODES, vehicle, since, limit, until=until)
-
-    def findings(
-        self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
-    ) -> list[Entry]:
-        """Return the findings on a vehicle in order of time, from `since` to `until`, at most the last `limit`."""
-        return self._entries(FINDINGS, vehicle, since, limit, until=until)
+    #: Observations, modes and findings of a vehicle in order of time, as `_entries` takes `since`, `until` and `limit`.
+    observations: partialmethod[list[Entry]] = partialmethod(_entries, OBSERVATIONS)
+    modes: partialmethod[list[Entry]] = partialmethod(_entries, MODES)
+    findings: partialmethod[list[Entry]] = partialmethod(_entries, FINDINGS)
 
     def last_modes(
         self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
     ) -> list[Entry]:
         """Return the modes of a vehicle as `modes` does, of each window only those identified last."""
         last = select(MODES.c.boot, func.max(MODES.c.number)).where(MODES.c.vehicle == vehicle)
-        for end in (None if since is None else MODES.c.t0 >= since, None if until is None else MODES.c.t0 <= until):
-            last = last if end is None else last.where(end)
-        is_last = tuple_(MODES.c.boot, MODES.c.number).in_(last.group_by(MODES.c.boot, MODES.c.t0))
-        return self._entries(MODES, vehicle, since, limit, until=until, where=(is_last,))
+        last = last.where(*_within(MODES, since, until)).group_by(MODES.c.boot, MODES.c.t0)
+        is_last = tuple_(MODES.c.boot, MODES.c.number).in_(last)
+        return self._entries(MODES, vehicle, is_last, since=since, until=until, limit=limit)
 
     def observation(self, vehicle: str, boot: int, number: int) -> Entry | None:
         """Return the observation of one window; None if there is none."""
         where = OBSERVATIONS.c.boot == boot, OBSERVATIONS.c.number == number
-        return next(iter(self._entries(OBSERVATIONS, vehicle, None, 1, where=where)), None)
+        return next(iter(self._entries(OBSERVATIONS, vehicle, *where)), None)
 
     def first_observation(self, vehicle: str, *, after: int) -> Entry | None:
         """Return the first observation of a vehicle that begins after a time; None if there is none."""
         first = select(func.min(OBSERVATIONS.c.t0)).where(OBSERVATIONS.c.vehicle == vehicle, OBSERVATIONS.c.t0 > after)
-        where = (OBSERVATIONS.c.t0 == first.scalar_subquery(),)
-        return next(iter(self._entries(OBSERVATIONS, vehicle, None, 1, where=where)), None)
+        is_first = OBSERVATIONS.c.t0 == first.scalar_subquery()
+        return next(iter(self._entries(OBSERVATIONS, vehicle, is_first, limit=1)), None)
 
     def findings_of(self, vehicle: str, boot: int, number: int) -> list[Entry]:
         """Return the findings of one window."""
-        where = FINDINGS.c.boot == boot, FINDINGS.c.number == number
-        return self._entries(FINDINGS, vehicle, None, None, where=where)
+        return self._entries(FINDINGS, vehicle, FINDINGS.c.boot == boot, FINDINGS.c.number == number)
 
     def n_observations(self, vehicle: str) -> int:
         """Return the number of observations of a vehicle."""
@@ -182,10 +183,8 @@ class Results(Tables):
         place = (table.c.t0, *(column for column in reversed(table.primary_key.columns) if column.name != "vehicle"))
         columns = [table.c[name] for name in Entry.__dataclass_fields__]
         query = select(*columns, *(column.label(f"at_{column.name}") for column in place)).order_by(*place).limit(size)
-        query = query.where(table.c.vehicle == vehicle)
-        if until is not None:
-            query = query.where(table.c.t0 <= until)
-        following = query if since is None else query.where(table.c.t0 >= since)
+        query = query.where(table.c.vehicle == vehicle, *_within(table, None, until))
+        following = query.where(*_within(table, since, None))
         while True:
             with self._database.reading() as connection:
                 rows = connection.execute(following).all()
@@ -222,25 +221,11 @@ class Results(Tables):
             ]
             connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_=new), rows)
 
-    def _entries(
-        self,
-        table: Table,
-        vehicle: str,
-        since: int | None,
-        limit: int | None,
-        *,
-        until: int | None = None,
-        where: Sequence[ColumnElement[bool]] = (),
-    ) -> list[Entry]:
-        """Return documents in order of time."""
-        newest_first = (column.desc() for column in (table.c.t0, *reversed(table.primary_key.columns)))
-        columns = (table.c[name] for name in Entry.__dataclass_fields__)
-        query = select(*columns).where(table.c.vehicle == vehicle, *where).order_by(*newest_first).limit(limit)
-        if since is not None:
-            query = query.where(table.c.t0 >= since)
-        if until is not None:
-            query = query.where(table.c.t0 <= until)
-        return self._database.rows(Entry, query)[::-1]
+
+def _within(table: Table, since: int | None, until: int | None) -> list[ColumnElement[bool]]:
+    """Return the conditions for documents about a period."""
+    begun = [] if since is None else [table.c.t0 >= since]
+    return begun if until is None else [*begun, table.c.t0 <= until]
 
 
 def _mark_done(connection: Connection, progress: Progress) -> None:

@@ -10,23 +10,7 @@ from heapq import heapify, heappop, heappush
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import (
-    BigInteger,
-    ColumnElement,
-    Connection,
-    Select,
-    Table,
-    and_,
-    bindparam,
-    delete,
-    exists,
-    func,
-    literal,
-    not_,
-    or_,
-    select,
-    tuple_,
-)
+import sqlalchemy as sa
 
 from sprung.link.archive import reported
 from sprung.online.store.database import Database
@@ -107,59 +91,59 @@ def delete_older(database: Database, ages: Ages, *, limit: int) -> int:
     return n_deleted
 
 
-def conditions() -> Mapping[str, ColumnElement[bool]]:
+def conditions() -> Mapping[str, sa.ColumnElement[bool]]:
     """Return the condition for the rows to delete of each table not in `KEPT`, by the names of `Ages`."""
-    results, audit, boots = (bindparam(field.name, type_=BigInteger) for field in fields(Ages))
+    results, audit, boots = (sa.bindparam(field.name, type_=sa.BigInteger) for field in fields(Ages))
     # By both times, so that results of an old recording that is replayed stay as long as others.
     entries = {
-        table.name: and_(table.c.stored < results, table.c.t0 < results) for table in (OBSERVATIONS, MODES, FINDINGS)
+        table.name: sa.and_(table.c.stored < results, table.c.t0 < results) for table in (OBSERVATIONS, MODES, FINDINGS)
     }
     newer = BASELINES.alias()
-    is_replaced = exists().where(newer.c.vehicle == BASELINES.c.vehicle, newer.c.version > BASELINES.c.version)
-    is_of_active_alert = exists().where(
+    is_replaced = sa.exists().where(newer.c.vehicle == BASELINES.c.vehicle, newer.c.version > BASELINES.c.version)
+    is_of_active_alert = sa.exists().where(
         ALERTS.c.number == ALERT_HISTORY.c.alert, ALERTS.c.is_active, ALERTS.c.raised <= ALERT_HISTORY.c.time
     )
     return {
         **entries,
-        "baselines": and_(BASELINES.c.created < results, is_replaced),
-        "notifications": or_(NOTIFICATIONS.c.sent < results, NOTIFICATIONS.c.given_up < results),
+        "baselines": sa.and_(BASELINES.c.created < results, is_replaced),
+        "notifications": sa.or_(NOTIFICATIONS.c.sent < results, NOTIFICATIONS.c.given_up < results),
         "commands": COMMANDS.c.done < results,
         "quarantine": QUARANTINE.c.stored < results,
-        "alert_history": and_(ALERT_HISTORY.c.time < audit, not_(is_of_active_alert)),
+        "alert_history": sa.and_(ALERT_HISTORY.c.time < audit, sa.not_(is_of_active_alert)),
         "audit": AUDIT.c.time < audit,
         "sessions": SESSIONS.c.expires < results,
-        "cursors": and_(CURSORS.c.updated < boots, _is_finished()),
+        "cursors": sa.and_(CURSORS.c.updated < boots, _is_finished()),
     }
 
 
-def _is_finished() -> ColumnElement[bool]:
+def _is_finished() -> sa.ColumnElement[bool]:
     """Return the condition for the progress of boots that the analysis has left behind.
 
     The stored state is that of a later boot, which is analysed only after all frames of the boots before it, as its box
     states their number; and no frame of the boot waits.
     """
-    is_left = exists().where(SNAPSHOTS.c.vehicle == CURSORS.c.vehicle, SNAPSHOTS.c.boot > CURSORS.c.boot)
-    waits = exists().where(FRAMES.c.vehicle == CURSORS.c.vehicle, FRAMES.c.boot == CURSORS.c.boot)
-    return and_(CURSORS.c.contiguous == CURSORS.c.done, is_left, not_(waits))
+    is_left = sa.exists().where(SNAPSHOTS.c.vehicle == CURSORS.c.vehicle, SNAPSHOTS.c.boot > CURSORS.c.boot)
+    waits = sa.exists().where(FRAMES.c.vehicle == CURSORS.c.vehicle, FRAMES.c.boot == CURSORS.c.boot)
+    return sa.and_(CURSORS.c.contiguous == CURSORS.c.done, is_left, sa.not_(waits))
 
 
 @cache
-def _old_rows() -> Mapping[str, Select[Any]]:
+def _old_rows() -> Mapping[str, sa.Select[Any]]:
     """Return the query for the keys of rows to delete of each table, which takes longer to build than to run."""
     return {
-        name: select(*METADATA.tables[name].primary_key.columns).where(condition).limit(_BATCH)
+        name: sa.select(*METADATA.tables[name].primary_key.columns).where(condition).limit(_BATCH)
         for name, condition in conditions().items()
     }
 
 
-def _delete_some(database: Database, name: str, old: Select[Any], ages: Ages) -> int:
+def _delete_some(database: Database, name: str, old: sa.Select[Any], ages: Ages) -> int:
     """Delete some rows of a table in one transaction, and return their number."""
     table = METADATA.tables[name]
     keys = table.primary_key.columns
     with database.writing() as connection:
         rows = [tuple(row) for row in connection.execute(old, asdict(ages))]
         if rows:
-            connection.execute(delete(table).where(tuple_(*keys).in_(rows)))
+            connection.execute(sa.delete(table).where(sa.tuple_(*keys).in_(rows)))
         if rows and table is CURSORS:
             put = database.insert(FORGOTTEN)
             is_later = put.excluded.boot > FORGOTTEN.c.boot
@@ -216,33 +200,33 @@ def contents_of(database: Database) -> Contents:
     """Return the contents of a store."""
     with database.reading() as connection:
         oldest = [
-            connection.scalar(select(func.min(table.c.stored)).where(table.c.stored > 0))
+            connection.scalar(sa.select(sa.func.min(table.c.stored)).where(table.c.stored > 0))
             for table in (OBSERVATIONS, MODES, FINDINGS)
         ]
         return Contents(
             tuple(_count(connection, table) for _, table in sorted(METADATA.tables.items())),
             min((time for time in oldest if time is not None), default=None),
             _name(connection),
-            str(connection.scalar(select(SCHEMA.c.version))),
+            str(connection.scalar(sa.select(SCHEMA.c.version))),
         )
 
 
 def n_windows_since(database: Database, time: int) -> int:
     """Return the number of windows analysed since a time (UTC ns), at most `MAX_COUNTED`."""
-    rows = select(literal(1)).select_from(OBSERVATIONS).where(OBSERVATIONS.c.stored >= time).limit(MAX_COUNTED)
+    rows = sa.select(sa.literal(1)).select_from(OBSERVATIONS).where(OBSERVATIONS.c.stored >= time).limit(MAX_COUNTED)
     with database.reading() as connection:
-        return connection.scalar(select(func.count()).select_from(rows.subquery())) or 0
+        return connection.scalar(sa.select(sa.func.count()).select_from(rows.subquery())) or 0
 
 
-def _count(connection: Connection, table: Table) -> Counted:
+def _count(connection: sa.Connection, table: sa.Table) -> Counted:
     """Return the number of rows of a table."""
-    rows = select(literal(1)).select_from(table).limit(MAX_COUNTED + 1)
-    n_rows = connection.scalar(select(func.count()).select_from(rows.subquery())) or 0
+    rows = sa.select(sa.literal(1)).select_from(table).limit(MAX_COUNTED + 1)
+    n_rows = connection.scalar(sa.select(sa.func.count()).select_from(rows.subquery())) or 0
     stay = KEPT.get(table.name) or AGE_KEYS.get(table.name, "keep.results_days")
     return Counted(table.name, min(n_rows, MAX_COUNTED), n_rows > MAX_COUNTED, stay)
 
 
-def _name(connection: Connection) -> str:
+def _name(connection: sa.Connection) -> str:
     """Return program and version of a database."""
     version = connection.dialect.server_version_info or ()
     name = {"sqlite": "SQLite", "postgresql": "PostgreSQL"}[connection.dialect.name]

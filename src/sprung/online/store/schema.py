@@ -10,25 +10,7 @@ from dataclasses import dataclass, field
 from types import UnionType
 from typing import Any, NamedTuple, TypeAlias, get_args, get_type_hints
 
-from sqlalchemy import (
-    BigInteger,
-    Boolean,
-    Column,
-    ColumnElement,
-    ForeignKey,
-    ForeignKeyConstraint,
-    Index,
-    Integer,
-    LargeBinary,
-    MetaData,
-    Table,
-    Text,
-    TypeDecorator,
-    UniqueConstraint,
-    and_,
-    false,
-    or_,
-)
+import sqlalchemy as sa
 from sqlalchemy.schema import SchemaItem
 
 from sprung.errors import ParameterError, SprungError
@@ -57,10 +39,10 @@ class ReservationLostError(SprungError):
     """The store is no longer reserved for this monitor, which must stop; nothing was written."""
 
 
-class Json(TypeDecorator[Any]):
+class Json(sa.TypeDecorator[Any]):
     """JSON values as text, so that both databases refuse NaN and infinities, and keep the order of names."""
 
-    impl = Text
+    impl = sa.Text
     cache_ok = True
 
     def process_bind_param(self, value: Any, dialect: Any) -> str | None:
@@ -72,10 +54,10 @@ class Json(TypeDecorator[Any]):
         return None if value is None else json.loads(value)
 
 
-class Packed(TypeDecorator[Any]):
+class Packed(sa.TypeDecorator[Any]):
     """JSON values as compressed text: a mark, and deflate with the words of most documents."""
 
-    impl = LargeBinary
+    impl = sa.LargeBinary
     cache_ok = True
 
     def process_bind_param(self, value: Any, dialect: Any) -> bytes | None:
@@ -451,34 +433,34 @@ class VerdictRow:
     id: int | None = None
 
 
-METADATA = MetaData()
+METADATA = sa.MetaData()
 
 # SQLite counts up only what is called INTEGER; that has 64 bits there.
-_INTEGER = BigInteger().with_variant(Integer, "sqlite")
+_INTEGER = sa.BigInteger().with_variant(sa.Integer, "sqlite")
 
 
 #: Type of the column for a field of some type; what is in none of them is JSON.
-_TYPES: dict[Any, Any] = {int: _INTEGER, str: Text, bool: Boolean, bytes: LargeBinary}
+_TYPES: dict[Any, Any] = {int: _INTEGER, str: sa.Text, bool: sa.Boolean, bytes: sa.LargeBinary}
 
 
-def _key(name: str, kind: type[Text] | BigInteger) -> Column[object]:
+def _key(name: str, kind: type[sa.Text] | sa.BigInteger) -> sa.Column[object]:
     """Return a column of a primary key that is always given."""
-    return Column(name, kind, primary_key=True, autoincrement=False)
+    return sa.Column(name, kind, primary_key=True, autoincrement=False)
 
 
-def _identity(name: str = "id") -> Column[object]:
+def _identity(name: str = "id") -> sa.Column[object]:
     """Return the column that numbers the rows."""
-    return Column(name, _INTEGER, primary_key=True, autoincrement=True)
+    return sa.Column(name, _INTEGER, primary_key=True, autoincrement=True)
 
 
-def _of_alert() -> ForeignKeyConstraint:
+def _of_alert() -> sa.ForeignKeyConstraint:
     """Return the condition that the alert of a row exists."""
-    return ForeignKeyConstraint(["alert"], ["alerts.number"])
+    return sa.ForeignKeyConstraint(["alert"], ["alerts.number"])
 
 
-def _table(name: str, row: type, *more: SchemaItem, keys: tuple[str, ...] = ()) -> Table:
+def _table(name: str, row: type, *more: SchemaItem, keys: tuple[str, ...] = ()) -> sa.Table:
     """Return a table whose columns are the fields of a kind of rows; without keys `id` or `number` numbers them."""
-    columns: list[Column[Any]] = []
+    columns: list[sa.Column[Any]] = []
     for name_of, hint in get_type_hints(row).items():
         kind = get_args(hint)[0] if isinstance(hint, UnionType) else hint
         if name_of in keys:
@@ -487,32 +469,32 @@ def _table(name: str, row: type, *more: SchemaItem, keys: tuple[str, ...] = ()) 
             columns.append(_identity(name_of))
         else:
             is_optional = isinstance(hint, UnionType) or hint is Any
-            columns.append(Column(name_of, _TYPES.get(kind, Json), nullable=is_optional))
-    return Table(name, METADATA, *columns, *more)
+            columns.append(sa.Column(name_of, _TYPES.get(kind, Json), nullable=is_optional))
+    return sa.Table(name, METADATA, *columns, *more)
 
 
 VEHICLES = _table("vehicles", VehicleRow, keys=("vehicle",))
 #: Frames that arrived and are not yet analysed.
 FRAMES = _table("frames", StoredFrame, keys=("vehicle", "boot", "seq"))
-CURSORS = _table("cursors", Cursor, _key("vehicle", Text), _key("boot", _INTEGER))
+CURSORS = _table("cursors", Cursor, _key("vehicle", sa.Text), _key("boot", _INTEGER))
 #: Newest boot of a vehicle whose progress was deleted: frames of it and of earlier boots are repeats.
-FORGOTTEN = Table("forgotten", METADATA, _key("vehicle", Text), Column("boot", _INTEGER, nullable=False))
+FORGOTTEN = sa.Table("forgotten", METADATA, _key("vehicle", sa.Text), sa.Column("boot", _INTEGER, nullable=False))
 
 
-def _entries(name: str, *more: Column[object]) -> Table:
+def _entries(name: str, *more: sa.Column[object]) -> sa.Table:
     """Return a table of documents, each about a numbered stretch of time."""
-    return Table(
+    return sa.Table(
         name,
         METADATA,
-        _key("vehicle", Text),
+        _key("vehicle", sa.Text),
         _key("boot", _INTEGER),
         _key("number", _INTEGER),
         *more,
-        Column("t0", _INTEGER, nullable=False),
-        Column("document", Packed, nullable=False),
-        Column("stored", _INTEGER, nullable=False),
-        Index(f"{name}_in_time", "vehicle", "t0"),
-        Index(f"{name}_stored", "stored"),
+        sa.Column("t0", _INTEGER, nullable=False),
+        sa.Column("document", Packed, nullable=False),
+        sa.Column("stored", _INTEGER, nullable=False),
+        sa.Index(f"{name}_in_time", "vehicle", "t0"),
+        sa.Index(f"{name}_stored", "stored"),
     )
 
 
@@ -526,68 +508,68 @@ SNAPSHOTS = _table("snapshots", Snapshot, keys=("vehicle",))
 #: Frames whose analysis fails, and states that cannot be read (kind "state"), with the reason.
 QUARANTINE = _table("quarantine", QuarantineRow, keys=("vehicle", "boot", "seq", "kind"))
 #: Progress of the analysis of each vehicle, for people.
-STATUSES = Table(
+STATUSES = sa.Table(
     "statuses",
     METADATA,
-    _key("vehicle", Text),
-    Column("document", Json, nullable=False),
-    Column("is_learning", Boolean, nullable=False, server_default=false()),
+    _key("vehicle", sa.Text),
+    sa.Column("document", Json, nullable=False),
+    sa.Column("is_learning", sa.Boolean, nullable=False, server_default=sa.false()),
 )
 ALERTS = _table(
     "alerts",
     AlertState,
-    UniqueConstraint("vehicle", "cause", name="alerts_by_cause"),
-    Index("alerts_active", "is_active", "vehicle", "severity", "cause"),
+    sa.UniqueConstraint("vehicle", "cause", name="alerts_by_cause"),
+    sa.Index("alerts_active", "is_active", "vehicle", "severity", "cause"),
 )
-ALERT_HISTORY = _table("alert_history", HistoryRow, _of_alert(), Index("alert_history_of_alert", "alert"))
+ALERT_HISTORY = _table("alert_history", HistoryRow, _of_alert(), sa.Index("alert_history_of_alert", "alert"))
 #: Notifications: `sent` when every sender had passed them on, `given_up` when the last one settled and any gave up;
 #: `attempts` and `last_error` are those of all senders.
-NOTIFICATIONS = Table(
+NOTIFICATIONS = sa.Table(
     "notifications",
     METADATA,
     _identity(),
-    Column("alert", _INTEGER, nullable=False),
+    sa.Column("alert", _INTEGER, nullable=False),
     _of_alert(),
-    Column("created", _INTEGER, nullable=False),
-    Column("document", Json, nullable=False),
-    Column("sent", _INTEGER),
-    Column("attempts", _INTEGER, nullable=False),
-    Column("last_error", Text),
-    Column("given_up", _INTEGER),
-    Index("notifications_sent", "sent"),
+    sa.Column("created", _INTEGER, nullable=False),
+    sa.Column("document", Json, nullable=False),
+    sa.Column("sent", _INTEGER),
+    sa.Column("attempts", _INTEGER, nullable=False),
+    sa.Column("last_error", sa.Text),
+    sa.Column("given_up", _INTEGER),
+    sa.Index("notifications_sent", "sent"),
 )
 #: Progress of each sender with a notification: what one has passed on it does not send again after a restart.
 DELIVERIES = _table(
     "deliveries",
     Delivery,
     _key("notification", _INTEGER),
-    _key("sender", Text),
-    ForeignKeyConstraint(["notification"], ["notifications.id"], ondelete="CASCADE"),
+    _key("sender", sa.Text),
+    sa.ForeignKeyConstraint(["notification"], ["notifications.id"], ondelete="CASCADE"),
 )
 AUDIT = _table("audit", AuditRow)
 #: Requests of operators to the running monitor.
-COMMANDS = _table("commands", CommandRow, Index("commands_done", "done"))
+COMMANDS = _table("commands", CommandRow, sa.Index("commands_done", "done"))
 #: Verdicts of the workshop on alerts, and the work that was done.
-VERDICTS = _table("verdicts", VerdictRow, _of_alert(), Index("verdicts_of_alert", "alert"))
+VERDICTS = _table("verdicts", VerdictRow, _of_alert(), sa.Index("verdicts_of_alert", "alert"))
 #: People who may log in; the password only as a salted hash.
 ACCOUNTS = _table("accounts", AccountRow, keys=("name",))
 #: Browsers that are logged in, by the hash of their secret.
-SESSIONS = Table(
+SESSIONS = sa.Table(
     "sessions",
     METADATA,
-    _key("digest", Text),
-    Column("account", Text, ForeignKey("accounts.name", ondelete="CASCADE"), nullable=False),
-    Column("created", _INTEGER, nullable=False),
-    Column("expires", _INTEGER, nullable=False),
+    _key("digest", sa.Text),
+    sa.Column("account", sa.Text, sa.ForeignKey("accounts.name", ondelete="CASCADE"), nullable=False),
+    sa.Column("created", _INTEGER, nullable=False),
+    sa.Column("expires", _INTEGER, nullable=False),
 )
 #: Programs that may use the interface, by the hash of their secret.
-TOKENS = _table("tokens", TokenRow, UniqueConstraint("digest"))
+TOKENS = _table("tokens", TokenRow, sa.UniqueConstraint("digest"))
 #: Version of these tables in a store, one row: `SCHEMA_VERSION` of the program that made it.
-SCHEMA = Table("schema_version", METADATA, Column("version", Integer, primary_key=True, autoincrement=False))
+SCHEMA = sa.Table("schema_version", METADATA, sa.Column("version", sa.Integer, primary_key=True, autoincrement=False))
 SCHEMA_VERSION = 1
 
 
-def in_steps(severity: ColumnElement[int], steps: Iterable[int]) -> ColumnElement[bool]:
-    """Return the condition for severities of some steps, 0 to 4."""
+def in_steps(severity: sa.ColumnElement[int], steps: Iterable[int]) -> sa.ColumnElement[bool]:
+    """Return the condition for severities of some steps, 0 to 4; -1 for a severity of 0."""
     ranges = ((STEP_SIZE * step, STEP_SIZE * (step + 1)) for step in steps)
-    return or_(false(), *(and_(severity > low, severity <= high) for low, high in ranges))
+    return sa.or_(sa.false(), *(sa.and_(severity > low, severity <= high) for low, high in ranges))
