@@ -8,11 +8,10 @@ import pytest
 
 from sprung._arrays import Real
 from sprung.diagnosis import Baseline, Observation, learn
-from sprung.diagnosis.scatter import typical_nuisance
-from sprung.vehicles import Component
+from sprung.diagnosis.scatter import shared_covariance
+from sprung.vehicles import Component, read_vehicle, structure
 
-CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
-COMPONENTS = tuple(Component(corner, kind) for corner in CORNERS for kind in ("spring", "damper", "tyre"))
+COMPONENTS = tuple(structure(read_vehicle("zafira")).components())
 COVARIANCE = 0.012**2 * (np.eye(12) + 0.3)
 ENDS = {"spring": 0.004, "damper": 0.006, "tyre": 0.003}
 NO_CHANGE: Mapping[str, float] = {}
@@ -26,7 +25,7 @@ def drawn_values(generator: np.random.Generator, covariance: Real) -> Real:
 def drawn_window(
     generator: np.random.Generator, time: float, change: Mapping[str, float] = NO_CHANGE, **fields: Any
 ) -> Observation:
-    values = drawn_values(generator, COVARIANCE + typical_nuisance(COMPONENTS, ENDS))
+    values = drawn_values(generator, COVARIANCE + shared_covariance(COMPONENTS, ENDS))
     for name, size in change.items():
         values[COMPONENTS.index(Component.parse(name))] += np.log1p(size)
     conditions = {

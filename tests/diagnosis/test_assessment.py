@@ -1,4 +1,4 @@
-"""Diagnoses of windows drawn from their own model, and of simulated drives."""
+"""Diagnoses of windows drawn from their own model, and of a bogie on its rig."""
 
 from dataclasses import replace
 from functools import cache
@@ -10,15 +10,7 @@ from sprung.diagnosis import Observation, ResidualTest, SensorFault, assessment,
 from sprung.diagnosis.changes import Candidate, Detection, Size
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.errors import ParameterError
-from sprung.simulation import (
-    FEW_POTHOLES,
-    REALISTIC_SUSPENSION,
-    Payload,
-    RigRun,
-    RoadConditions,
-    RoadDrive,
-    simulate_drive,
-)
+from sprung.simulation import RigRun, simulate_drive
 from sprung.vehicles import Component, parse_fault, read_vehicle
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
@@ -37,10 +29,24 @@ def test_change_is_found_at_its_corner_with_its_size_and_onset(faulty, baseline,
     assert finding.corner.replace("_", "-") in finding.sentence
 
 
-def test_both_sides_of_an_axle_are_one_finding(faulty, baseline) -> None:
-    (finding,) = diagnose(faulty(5, {"rear_left.damper": -0.2, "rear_right.damper": -0.2}), baseline).findings
-    assert (finding.corner, finding.component) == ("rear", "damper")
-    assert finding.change == pytest.approx(-0.2, abs=0.04)
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        ({"rear_left.damper": -0.2, "rear_right.damper": -0.2}, "rear.damper"),
+        ({f"{corner}.spring": -0.5 for corner in CORNERS}, "all.spring"),
+        (
+            {"front_left.spring": -0.1, "rear_right.tyre": 0.12, "front_right.damper": -0.15, "rear_left.tyre": -0.1},
+            "unmodelled",
+        ),
+        # cold dampers and a payload
+        ({f"{corner}.damper": 0.25 for corner in CORNERS} | {f"{corner}.spring": -0.12 for corner in CORNERS}, None),
+    ],
+)
+def test_a_change_of_several_parts_is_one_finding_or_none(faulty, baseline, change, found) -> None:
+    findings = diagnose(faulty(5, change), baseline).findings
+    assert [finding.hypothesis for finding in findings] == ([] if found is None else [found])
+    for low, high in (finding.interval for finding in findings if finding.interval is not None):
+        assert low <= min(change.values()) <= high
 
 
 @pytest.mark.parametrize(
@@ -120,12 +126,6 @@ def test_a_second_opinion_that_disagrees_makes_the_diagnosis_inconclusive(health
     assert doubtful.notes.count(doubtful.doubts[0]) == 1
 
 
-def test_several_parts_at_once_are_unmodelled(faulty, baseline) -> None:
-    change = {"front_left.spring": -0.1, "rear_right.tyre": 0.12, "front_right.damper": -0.15, "rear_left.tyre": -0.1}
-    (finding,) = diagnose(faulty(5, change), baseline).findings
-    assert finding.component == "unmodelled"
-
-
 def test_a_part_is_named_though_an_imperfect_file_leaves_a_rest(faulty, baseline) -> None:
     """What an unknown engine does to the fit: the right part, and a little of everything else."""
     rest = {"front_left.damper": 0.04, "front_right.tyre": -0.04, "rear_right.spring": 0.03, "rear_right.tyre": 0.024}
@@ -150,26 +150,10 @@ def test_a_second_part_is_named_only_where_it_explains_what_the_first_does_not()
             (left, 20.0, 300.0, (first,)),
         ]
         every = tuple(Candidate(*one, 0.0, (0.0, 0.0)) for one in candidates)
-        return assessment._best_two(Detection(np.zeros(3), np.full(3, 110.0), 109.0, 10.8, every, 0.0, {}))[
-            0
-        ].hypothesis
+        return assessment._best_two(Detection(np.zeros(3), np.full(3, 110.0), 109.0, 10.8, every, {}))[0].hypothesis
 
     assert named(1213.0, 1190.0) == right
     assert named(1213.0, 900.0) == tyres
-
-
-def test_more_than_usual_at_all_corners_is_one_finding(faulty, baseline) -> None:
-    (finding,) = diagnose(faulty(5, {f"{corner}.spring": -0.5 for corner in CORNERS}), baseline).findings
-    assert (finding.corner, finding.component) == ("all", "spring")
-    assert finding.sentence.startswith("all springs ")
-    assert finding.interval is not None
-    assert finding.interval[0] <= -0.5 <= finding.interval[1]
-
-
-def test_what_moves_all_corners_gives_no_finding(faulty, baseline) -> None:
-    """Cold dampers and a payload: all of a kind by the same factor."""
-    change = {f"{corner}.damper": 0.25 for corner in CORNERS} | {f"{corner}.spring": -0.12 for corner in CORNERS}
-    assert diagnose(faulty(5, change), baseline).findings == ()
 
 
 def test_conditions_outside_the_baseline_are_not_taken_for_a_change(window) -> None:
@@ -189,11 +173,6 @@ def test_conditions_outside_the_baseline_are_not_taken_for_a_change(window) -> N
     assert any("roughness far from that of the baseline" in note for note in found.notes)
     smooth = diagnose([at(np.exp(-8 - 3 * 1.4), k) for k in range(24)], baseline)
     assert any("roughness far from that of the baseline" in note for note in smooth.notes)
-
-
-def test_conditions_outside_the_baseline_are_noted(healthy, baseline) -> None:
-    far = [replace(one, conditions={**one.conditions, "payload": 900.0}) for one in healthy(3, seed=8)]
-    assert any("payload far from that of the baseline" in note for note in diagnose(far, baseline).notes)
 
 
 def test_sensor_faults_never_become_findings(faulty, baseline) -> None:
@@ -242,17 +221,6 @@ def test_windows_with_a_dead_sensor_are_noted_as_not_monitored(healthy, faulty, 
     assert note.startswith("6 of 8 windows were excluded because acc_fl is dead; the suspension is not monitored")
 
 
-def test_without_a_baseline_limits_are_wide(faulty) -> None:
-    change = {"front_left.spring": -0.3}
-    found = diagnose(faulty(3, change, before=0))
-    assert any("no baseline" in note for note in found.notes)
-    (finding,) = found.findings
-    assert (finding.corner, finding.component) == ("front_left", "spring")
-    assert finding.interval is not None
-    assert finding.interval[1] - finding.interval[0] > 0.06
-    assert diagnose(faulty(3, {"front_left.spring": -0.05}, before=0)).findings == ()
-
-
 def test_without_a_baseline_what_no_part_explains_is_the_vehicle_file(faulty) -> None:
     """A file with another car's numbers: all over the place, and the same from the first window on."""
     change = {"front_left.spring": 0.6, "front_right.damper": -0.5, "rear_left.tyre": 0.5, "rear_right.damper": 0.7}
@@ -264,36 +232,11 @@ def test_without_a_baseline_what_no_part_explains_is_the_vehicle_file(faulty) ->
 
 
 @cache
-def window_of_a_car(seed: int, fault: str = "") -> Observation:
-    """Ten minutes over a road B to D with payload and warm dampers, nonlinear."""
-    car, generator = read_vehicle("zafira"), np.random.default_rng(seed)
-    settings = RoadDrive(
-        road=RoadConditions(str(generator.choice(["B", "C", "D"])), potholes=FEW_POTHOLES),
-        payload=Payload(float(generator.uniform(0, 300))),
-        suspension=replace(REALISTIC_SUSPENSION, temperature=float(generator.uniform(0, 40))),
-        snr=50.0,
-        faults=(parse_fault(fault),) if fault else (),
-    )
-    return observe_window(simulate_drive(car, settings, seed=seed).recording, car, time=600.0 * seed)
-
-
-@cache
 def window_of_a_bogie(seed: int, fault: str = "") -> Observation:
     """Two minutes on the rig."""
     bogie, faults = read_vehicle("scale-bogie"), (parse_fault(fault),) if fault else ()
     settings = RigRun(duration=120.0, speed=(5.6, 5.8), snr=50.0, faults=faults)
     return observe_window(simulate_drive(bogie, settings, seed=seed).recording, bogie, time=600.0 * seed)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fault", ["front_right.tyre=-0.3", "rear_left.damper=-0.1"])
-def test_simulated_drives(fault) -> None:
-    """The right corner within two windows."""
-    normal = learn([window_of_a_car(seed) for seed in range(6)])
-    assert diagnose([window_of_a_car(seed) for seed in range(6, 9)], normal).is_healthy
-    (finding,) = diagnose([window_of_a_car(seed, fault) for seed in (20, 21)], normal).findings
-    assert f"{finding.corner}.{finding.component}" == fault.partition("=")[0]
-    assert finding.change == pytest.approx(parse_fault(fault).change, abs=0.04)
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ import pytest
 
 from sprung.diagnosis import ChangeDetector, detectable, diagnose, learn
 from sprung.diagnosis.baseline import CONDITIONS
-from sprung.diagnosis.detectability import detectable_changes
 from sprung.diagnosis.ratios import Compared, Hypotheses, evidence_of, ratios_of, scores_of
 from sprung.errors import ParameterError
 from sprung.vehicles import Component
@@ -53,22 +52,6 @@ def test_a_change_of_the_size_stated_by_a_baseline_is_found_with_95_percent_powe
     drawn = [vehicle(baseline, generator)(n_windows, change) for _ in range(600)]
     alerts = sum(evidence_of(ratios_of(each, hypotheses), hypotheses) >= THRESHOLD for each in drawn)
     assert (0.93 if n_learnt > 6 else 0.9) <= alerts / 600 <= 0.975
-
-
-@pytest.mark.slow
-def test_windows_state_what_others_like_them_would_find(healthy) -> None:
-    """The size from twelve healthy windows, in twelve others of the same vehicle."""
-    baseline = learn(healthy(12))
-    hypotheses = Hypotheses.of(baseline.components)
-    generator = np.random.default_rng(6)
-    alerts = 0
-    for k in range(300):
-        scores = vehicle(baseline, generator)
-        still = scores(12, np.zeros(12))
-        sizes = detectable_changes(still, hypotheses, threshold=THRESHOLD, unexplained=still.rest)
-        changed = scores(12, -sizes * np.eye(12)[k % 12])
-        alerts += evidence_of(ratios_of(changed, hypotheses), hypotheses) >= THRESHOLD
-    assert 0.92 <= alerts / 300 <= 0.98
 
 
 def test_more_windows_and_less_scatter_find_smaller_changes(baseline) -> None:

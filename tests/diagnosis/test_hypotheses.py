@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis.hypotheses import Hypothesis, hypotheses_of, log_prior
-from sprung.vehicles import Component
+from sprung.vehicles import Component, read_vehicle, structure
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
-COMPONENTS = tuple(Component(corner, kind) for corner in CORNERS for kind in ("spring", "damper", "tyre"))
+COMPONENTS = tuple(structure(read_vehicle("zafira")).components())
 PAIR = Hypothesis("pair", "front_left", "tyre", Component("rear_right", "damper"))
 
 

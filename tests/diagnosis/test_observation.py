@@ -17,12 +17,13 @@ from sprung.diagnosis import (
     with_missing_as_faults,
 )
 from sprung.diagnosis import observation as observation_module
-from sprung.errors import ParameterError
+from sprung.diagnosis.observation import fit_drive
+from sprung.errors import IdentificationError, ParameterError
+from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import fit_corners
 from sprung.recording import Channel, Recording
 from sprung.simulation import RailDrive, RoadConditions, RoadDrive, dead, simulate_drive
-from sprung.vehicles import read_vehicle, window
-from sprung.vehicles.sensor_layout import with_layout
+from sprung.vehicles import read_vehicle
 
 #: 2026-11-21, UTC ns.
 BEGUN = 1_795_219_200_000_000_000
@@ -58,18 +59,6 @@ def test_conditions_of_a_conclusive_window(observations) -> None:
     conditions = observations[0].conditions
     assert {"roughness", "payload", "speed", "standing", "model_error", "segments"} <= conditions.keys()
     assert conditions["roughness"] == pytest.approx(256e-6, rel=0.2)  # G(n0) of class C, ISO 8608, geometric mean
-
-
-def test_sensors_are_placed_once(car, run, monkeypatch) -> None:
-    calls, place = [], with_layout
-
-    def counted(recording, sensors, **options):
-        calls.append(recording)
-        return place(recording, sensors, **options)
-
-    monkeypatch.setattr(window, "with_layout", counted)
-    observe_window(dead(run.part(0, 24_000), channel="acc_rl"), car)
-    assert len(calls) == 1
 
 
 def test_a_window_that_lacks_a_sensor_is_refused_or_says_so(car, run) -> None:
@@ -215,12 +204,11 @@ def test_a_window_that_is_explained_badly_is_inconclusive(fitted_as, share, mode
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 3, 7])
-def test_a_window_of_another_vehicle_is_inconclusive_whatever_its_rounding(car, seed) -> None:
+def test_a_window_of_another_vehicle_is_inconclusive(car) -> None:
     """A wagon with the file of a car: the fit has many optima, and rounding chooses one with a third of the data."""
-    run = simulate_drive(read_vehicle("y25"), RailDrive(snr=50.0), seed=200).recording
-    rounding = 1 + 1e-12 * np.random.default_rng(seed).standard_normal(run.samples.shape)
-    assert not observe_window(replace(run, samples=run.samples * rounding), car).is_conclusive
+    assert not observe_window(
+        simulate_drive(read_vehicle("y25"), RailDrive(snr=50.0), seed=200).recording, car
+    ).is_conclusive
 
 
 def test_conditions_of_an_inconclusive_window(car) -> None:
@@ -239,3 +227,20 @@ def test_conditions_of_an_inconclusive_window(car) -> None:
     assert found.conditions["standing"] == pytest.approx(0.25, abs=0.01)
     assert found.conditions["temperature"] == pytest.approx(21.5)
     assert found.conditions["turning"] == pytest.approx(0.2)
+
+
+def test_modes_of_a_drive_are_a_start_of_its_fit_and_a_check(car, run, monkeypatch) -> None:
+    part = run.part(0, run.n_samples // 5)
+    modes = cov_ssi(part, settings=IdentificationSettings(has_road_modes=False, refine=False), vehicle=car).modes
+    expected, fit = fit_corners(part, car, modes=modes), fit_drive(part, car)
+    np.testing.assert_array_equal(fit.log_ratios, expected.log_ratios)
+    np.testing.assert_array_equal(fit.from_modes, expected.from_modes)
+    assert fit.from_modes is not None
+
+    def no_modes(*_, **__):
+        raise IdentificationError("no mode")
+
+    monkeypatch.setattr(observation_module, "cov_ssi", no_modes)
+    without = fit_drive([part], car)
+    np.testing.assert_array_equal(without.log_ratios, fit_corners(part, car).log_ratios)
+    assert without.from_modes is None

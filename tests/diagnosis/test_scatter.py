@@ -3,14 +3,10 @@
 import numpy as np
 import pytest
 
-from sprung.diagnosis.scatter import FreeDegrees, Scatter, directions, kinds_of, regression, typical_nuisance
-from sprung.vehicles import Component
+from sprung.diagnosis.scatter import FreeDegrees, Scatter, directions, kinds_of, regression, shared_covariance
+from sprung.vehicles import Component, read_vehicle, structure
 
-COMPONENTS = tuple(
-    Component(corner, kind)
-    for corner in ("front_left", "front_right", "rear_left", "rear_right")
-    for kind in ("spring", "damper", "tyre")
-)
+COMPONENTS = tuple(structure(read_vehicle("zafira")).components())
 
 
 def test_a_mean_alone_takes_one_degree_of_freedom_and_a_free_slope_another() -> None:
@@ -73,7 +69,7 @@ def test_kinds_with_different_numbers_of_axles() -> None:
     some = components(*SPRINGS, "front_left.damper", "front_right.damper")
     _, ends, _ = directions(some)
     assert kinds_of(ends, some) == ["spring"]
-    nuisance = typical_nuisance(some, {"spring": 0.008, "damper": 0.012})
+    nuisance = shared_covariance(some, {"spring": 0.008, "damper": 0.012})
     assert nuisance[4, 5] == pytest.approx(0.25**2)  # all dampers together
     assert nuisance[0, 2] == pytest.approx(0.08**2 - (0.008 / 2) ** 2)  # together, and against each other
     assert np.linalg.eigvalsh(nuisance).min() > -1e-12

@@ -69,12 +69,27 @@ FAULTS = {
 }
 
 
-def test_every_kind_is_tried() -> None:
-    assert set(FAULTS) == set(KINDS)
+def tilted(run):
+    """A vertical accelerometer that leans by 3 degrees reads a twentieth of the lateral acceleration of every bend."""
+    white = np.fft.rfft(np.random.default_rng(3).standard_normal(run.n_samples))
+    bends = np.fft.irfft(white * (np.fft.rfftfreq(run.n_samples, 1 / run.sampling_rate) < 0.06), run.n_samples)
+    samples = run.samples.copy()
+    samples[run.index("acc_fr")] += np.sin(np.radians(3.0)) * 2.5 * bends / bends.std()
+    return replace(run, samples=samples)
 
 
-def test_healthy_sensors_have_no_faults(car, run) -> None:
+def on_edges(run):
+    """The edge of a pothole on a smooth road moves one sensor by its own standard deviation within two samples."""
+    height = 1.2 * run.samples[1].std()
+    return spiking(run, channel="acc_fr", rate=0.1, height=height, generator=np.random.default_rng(2))
+
+
+def test_harmless_motion_is_no_fault(car, run) -> None:
+    smooth = simulate_drive(car, RoadDrive(road=RoadConditions("A"), duration=120.0), seed=4).recording
     assert sensor_faults(run, car) == ()
+    assert sensor_faults(tilted(run), car) == ()
+    assert sensor_faults(on_edges(smooth), car) == ()
+    assert set(FAULTS) == set(KINDS)
 
 
 @pytest.mark.parametrize("channel", ["acc_fr", "acc_rl"])
@@ -119,28 +134,6 @@ def test_contradictions_are_refused_before_a_fit_and_other_faults_noted(car, run
     assert any(note.startswith("acc_fl has hum: 17.1 Hz") for note in notes)
 
 
-def test_jumps_as_on_the_edge_of_a_pothole_are_no_spikes(car) -> None:
-    """On a smooth road the edge of a pothole moves one sensor by its own standard deviation within two samples."""
-    smooth = simulate_drive(car, RoadDrive(road=RoadConditions("A"), duration=120.0), seed=4).recording
-    edges = spiking(
-        smooth, channel="acc_fr", rate=0.1, height=1.2 * smooth.samples[1].std(), generator=np.random.default_rng(2)
-    )
-    assert sensor_faults(edges, car) == ()
-
-
-def test_a_tilted_sensor_in_bends_does_not_drift(car, run) -> None:
-    """A vertical accelerometer that leans by 3 degrees reads a twentieth of the lateral acceleration of every bend."""
-    generator = np.random.default_rng(3)
-    bends = np.fft.irfft(np.fft.rfft(generator.standard_normal(run.n_samples)) * _below(run, 0.06), run.n_samples)
-    samples = run.samples.copy()
-    samples[run.index("acc_fr")] += np.sin(np.radians(3.0)) * 2.5 * bends / bends.std()
-    assert sensor_faults(replace(run, samples=samples), car) == ()
-
-
-def _below(run, frequency):
-    return np.fft.rfftfreq(run.n_samples, 1 / run.sampling_rate) < frequency
-
-
 def test_noise_in_the_band_of_the_body_is_seen_in_the_residual(car, run) -> None:
     half = 0.5 * run.samples[1].std()
     generator = np.random.default_rng(1)
@@ -149,18 +142,14 @@ def test_noise_in_the_band_of_the_body_is_seen_in_the_residual(car, run) -> None
     assert (fault.channel, fault.kind) == ("acc_fr", "noisy")
 
 
-@pytest.mark.parametrize(("gain", "delay"), [(0.8, 0.0), (1.3, 0.0), (1.0, 4e-3), (1.0, 30e-3)])
+@pytest.mark.parametrize(("gain", "delay"), [(0.8, 0.0), (1.3, 0.0), (1.0, 4e-3), (1.0, 30e-3), (1.0, -0.01)])
 def test_size_of_gain_and_delay(car, run, gain, delay) -> None:
     is_gain = delay == 0
     wrong = scaled(run, channel="acc_fl", factor=gain) if is_gain else delayed(run, channel="acc_fl", delay=delay)
     (fault,) = sensor_faults(wrong, car)
     number = float(fault.detail.split()[0])
-    assert number == pytest.approx(gain if delay == 0 else 1e3 * delay, rel=0.07)
-
-
-def test_an_early_channel_is_called_early(car, run) -> None:
-    (fault,) = sensor_faults(delayed(run, channel="acc_fl", delay=-0.01), car)
-    assert (fault.kind, fault.detail) == ("time_shifted", "10.0 ms early")
+    assert number == pytest.approx(gain if is_gain else 1e3 * abs(delay), rel=0.07)
+    assert is_gain or fault.detail.endswith("early" if delay < 0 else "late")
 
 
 def test_a_recording_of_speed_alone_is_refused(car, run) -> None:
@@ -237,13 +226,6 @@ def test_a_standing_car_and_a_rig_have_no_speed_to_be_wrong(car, run) -> None:
     assert speed_fault(window_of(with_speed(run, 0.0), car.model_copy(update={"kind": "rig"}))) is None
     shaken = replace(run, samples=generator.standard_normal(run.samples.shape))
     assert speed_fault(window_of(with_speed(shaken, 0.0), car)) is None
-
-
-@pytest.mark.slow
-def test_diagonal_sensors_exchanged_are_seen_by_the_delay(car, run) -> None:
-    found = observe_window(swapped(run, first="acc_fl", second="acc_rr"), car)
-    assert {fault.kind for fault in found.sensor_faults} == {"swapped"}
-    assert not found.is_conclusive
 
 
 @pytest.mark.slow

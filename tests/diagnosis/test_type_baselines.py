@@ -17,13 +17,9 @@ from sprung.diagnosis import (
 from sprung.diagnosis.scatter import directions
 from sprung.diagnosis.type_baselines import PRODUCTION_SCATTER
 from sprung.errors import DataError, ParameterError
-from sprung.vehicles import Component
+from sprung.vehicles import Component, read_vehicle, structure
 
-COMPONENTS = tuple(
-    Component(corner, kind)
-    for corner in ("front_left", "front_right", "rear_left", "rear_right")
-    for kind in ("spring", "damper", "tyre")
-)
+COMPONENTS = tuple(structure(read_vehicle("zafira")).components())
 PAIRS, ENDS, TOGETHER = directions(COMPONENTS)
 OF_FIT = 0.012**2 * (np.eye(12) + 0.3)
 LOSS = float(np.log(0.8))

@@ -1,6 +1,6 @@
 """From windows of driving to findings: sensor checks, baseline, change tests, localisation, advice."""
 
-from sprung.diagnosis.assessment import MAX_UNDETECTED, diagnose, diagnosis_of, doubt_about
+from sprung.diagnosis.assessment import MAX_UNDETECTED, compare, diagnose, diagnosis_of, doubt_about
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.changes import (
     Candidate,
@@ -11,7 +11,6 @@ from sprung.diagnosis.changes import (
     false_discoveries,
 )
 from sprung.diagnosis.channel_faults import SensorFault
-from sprung.diagnosis.comparison import compare
 from sprung.diagnosis.detectability import detectable
 from sprung.diagnosis.findings import (
     SEVERITIES,
@@ -33,6 +32,7 @@ from sprung.diagnosis.observation import (
     windows,
     with_missing_as_faults,
 )
+from sprung.diagnosis.ranking import RankedVehicle, rank_fleet
 from sprung.diagnosis.residuals import (
     ResidualReference,
     ResidualStatistics,
@@ -43,8 +43,9 @@ from sprung.diagnosis.residuals import (
 )
 from sprung.diagnosis.sensors import sensor_faults
 from sprung.diagnosis.trends import Trend, trend
-from sprung.diagnosis.type_baselines import TypeBaseline, learn_type, nominal_type
-from sprung.diagnosis.type_comparison import RankedVehicle, compare_with_type, rank_fleet
+from sprung.diagnosis.type_baselines import TypeBaseline, nominal_type
+from sprung.diagnosis.type_comparison import compare_with_type
+from sprung.diagnosis.type_learning import learn_type
 
 __all__ = [
     "LEARNING_WINDOWS",

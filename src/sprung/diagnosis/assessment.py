@@ -1,16 +1,17 @@
 """From windows and a baseline to a diagnosis: health assessment of ISO 13374."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sprung._checks import check_each, check_type
+from sprung._checks import check_each, check_number, check_type
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
-from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, Size
+from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection
 from sprung.diagnosis.channel_faults import SensorFault
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, time_in_words
 from sprung.diagnosis.hypotheses import Hypothesis
+from sprung.diagnosis.learning import learn
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import RESIDUALS, ResidualTest, residual_test
 from sprung.diagnosis.trends import current_sizes, trend
@@ -29,26 +30,24 @@ class NamingRules:
     #: Share of what an unmodelled change explains that a part must explain to be named in its place.
     mostly: float = 0.8
     #: Apparent change of another part for a unit change of one (both ln), by nonlinearity and errors of the file:
-    #: standard deviation. The second part of a pair must change by this many standard deviations of it and of chance.
+    #: standard deviation.
     leak: float = 0.1
+    #: Number of standard deviations, of this and of chance, by which the second part of a pair must change.
     clearly: float = 3.0
     #: Share of what the better part of a pair explains alone that the other one must add to it.
     more: float = 0.1
-    #: Margin around the range of a condition in the baseline within which a window is comparable, relative to that
-    #: range, and its least size in units of the condition.
+    #: Margin around the range of a condition in the baseline within which a window is comparable, over that range.
     room: float = 0.5
+    #: Smallest margin, in units of the condition.
     min_room: float = 0.2
+    #: Smallest number of windows of the first set of a comparison: their scatter is then widened by Student's t.
+    min_compared: int = 2
 
 
 RULES = NamingRules()
 
 #: Change of a part that must be detectable for "no change detected" to be said.
 MAX_UNDETECTED = 0.2
-#: Doubt where windows differ from a vehicle file, without a baseline, and no part explains it.
-_OTHER_VEHICLE = (
-    "the windows differ from the vehicle file in a way that no single part explains: the file does not describe this "
-    "vehicle; calibrate it on healthy drives, or learn a baseline"
-)
 
 
 def diagnose(
@@ -115,25 +114,24 @@ def diagnose(
             check_type(name, value, kind)
     every = tuple(check_each("observations", observations, Observation))
     vehicle = vehicle_of(every)
-    if baseline is not None and vehicle and baseline.vehicle and vehicle != baseline.vehicle:
-        raise ParameterError(
-            f"the windows are of the vehicle {vehicle!r}, the baseline is of {baseline.vehicle!r}: give that of "
-            f"{vehicle!r}, or learn one"
-        )
-    if baseline is None:
-        conclusive = (observation for observation in every if observation.is_conclusive)
-        first = next(conclusive, None)
-        if first is None:
-            return _inconclusive(every, false_alarms)
-        of_type = nominal_type(first.components, name=vehicle) if type_baseline is None else type_baseline
-        if not any(observation.components == of_type.components for observation in every):
-            raise ParameterError("the components differ from those of the type's baseline: fit the same ones")
-        detection = compare_with_type(every, of_type, false_alarms=false_alarms, windows_per_day=windows_per_day)
-        return _diagnosis(every, of_type.baseline(every), detection, false_alarms)
-    detector = ChangeDetector(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day)
-    for observation in every:
-        detector.update(observation)
-    return diagnosis_of(detector)
+    if baseline is not None:
+        if vehicle and baseline.vehicle and vehicle != baseline.vehicle:
+            raise ParameterError(
+                f"the windows are of the vehicle {vehicle!r}, the baseline is of {baseline.vehicle!r}: give that of "
+                f"{vehicle!r}, or learn one"
+            )
+        detector = ChangeDetector(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day)
+        for window in every:
+            detector.update(window)
+        return diagnosis_of(detector)
+    components = next((window.components for window in every if window.is_conclusive), None)
+    if components is None:
+        return _diagnosis(every, None, None, false_alarms)
+    of_type = nominal_type(components, name=vehicle) if type_baseline is None else type_baseline
+    if not any(window.components == of_type.components for window in every):
+        raise ParameterError("the components differ from those of the type's baseline: fit the same ones")
+    detection = compare_with_type(every, of_type, false_alarms=false_alarms, windows_per_day=windows_per_day)
+    return _diagnosis(every, of_type.baseline(every), detection, false_alarms)
 
 
 def diagnosis_of(detector: ChangeDetector) -> Diagnosis:
@@ -169,30 +167,86 @@ def diagnosis_of(detector: ChangeDetector) -> Diagnosis:
     'no_change_detected'
     """
     every = detector.observations
-    if not any(observation.is_conclusive for observation in every):
-        return _inconclusive(every, detector.false_alarms)
-    return _diagnosis(every, detector.baseline, detector.detection, detector.false_alarms)
+    baseline = detector.baseline if any(window.is_conclusive for window in every) else None
+    return _diagnosis(every, baseline, detector.detection, detector.false_alarms)
+
+
+def compare(before: Iterable[Observation], after: Iterable[Observation], *, false_alarms: float = 0.01) -> Diagnosis:
+    """Return whether two sets of windows of one vehicle differ, where, and by how much.
+
+    Parameters
+    ----------
+    before, after
+        Windows of each set, before and after what may have changed the vehicle.
+    false_alarms
+        Probability that two sets of an unchanged vehicle are called different, above 0.
+
+    Returns
+    -------
+    Diagnosis
+        That of the second set with a baseline of the first alone: findings are changes of the second from the first,
+        and `detectable` is the smallest change that would have been found.
+
+    Raises
+    ------
+    DataError
+        If the first set has fewer than two usable windows.
+    ParameterError
+        If a number is out of range, or the windows are of several vehicles.
+
+    Notes
+    -----
+    The test is `ChangeDetector`. With few windows in the first set, its mean and scatter are uncertain, and a change
+    has to be larger to be found: that is part of the baseline (`learn`).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((10, 12))
+    >>> values[5:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> result = compare(windows[:5], windows[5:])
+    >>> result.verdict, str(result.findings[0].corner), result.findings[0].component
+    ('change', 'front_left', 'spring')
+    """
+    check_number("false_alarms", false_alarms, above=0)
+    later = list(check_each("after", after, Observation))
+    first = learn(before, min_windows=RULES.min_compared, reason="first set of a comparison")
+    # One comparison is one day: the rate of false alarms per day is the probability for the whole set.
+    result = diagnose(later, first, false_alarms=false_alarms, windows_per_day=max(len(later), 1))
+    return replace(result, notes=(f"compared with {first.n_windows} windows of the first set", *result.notes))
 
 
 def _diagnosis(
-    every: tuple[Observation, ...], baseline: Baseline, detection: Detection | None, false_alarms: float
+    every: tuple[Observation, ...], baseline: Baseline | None, detection: Detection | None, false_alarms: float
 ) -> Diagnosis:
-    """Return the diagnosis of windows, some of them conclusive, by their comparison with a baseline."""
-    compared = [observation for observation in every if baseline.accepts(observation)]
-    is_alert = detection is not None and detection.is_alert
-    findings = _findings(detection, compared, baseline) if detection is not None and is_alert else ()
-    is_other = baseline.n_windows == 0 and any(finding.component == "unmodelled" for finding in findings)
-    findings = () if is_other else findings
-    tests = _residual_tests(every, baseline)
-    opinion, is_contradicted = _second_opinion(tests, is_changed=bool(findings))
+    """Return the diagnosis of windows by their comparison with a baseline; None if no window is conclusive."""
+    faults: dict[tuple[str, str], SensorFault] = {}
+    for fault in (fault for window in every for fault in window.sensor_faults):
+        faults.setdefault((fault.channel, fault.kind), fault)
+    notes, first_faults = _window_notes(every), tuple(faults.values())
+    if baseline is None:
+        return Diagnosis((), first_faults, None, every, notes, None, false_alarms)
+    compared = [window for window in every if baseline.accepts(window)]
+    findings = () if detection is None else _findings(detection, compared, baseline)
     doubts = []
     if detection is not None and baseline.n_windows == 0:
         doubts.append("no baseline: compared with the vehicle file, and left with right, with wide limits")
+        if any(finding.component == "unmodelled" for finding in findings):
+            findings = ()
+            doubts.append(
+                "the windows differ from the vehicle file in a way that no single part explains: the file does not "
+                "describe this vehicle; calibrate it on healthy drives, or learn a baseline"
+            )
     elif detection is not None and doubt_about(detection.detectable):
         doubts.append(doubt_about(detection.detectable))
-    doubts += [_OTHER_VEHICLE] if is_other else []
+    tests = _residual_tests(every, baseline)
+    opinion, is_contradicted = _second_opinion(tests, is_changed=bool(findings))
     notes = (
-        *_window_notes(every),
+        *notes,
         *_exclusion_notes(every, baseline),
         *baseline.notes,
         *_condition_notes(baseline, compared),
@@ -201,8 +255,7 @@ def _diagnosis(
         *doubts,
     )
     doubts += opinion if is_contradicted else []
-    faults = _distinct_faults(every)
-    return Diagnosis(findings, faults, detection, every, notes, baseline, false_alarms, tests, tuple(doubts))
+    return Diagnosis(findings, first_faults, detection, every, notes, baseline, false_alarms, tests, tuple(doubts))
 
 
 def doubt_about(detectable: Mapping[Component, float]) -> str:
@@ -226,21 +279,6 @@ def doubt_about(detectable: Mapping[Component, float]) -> str:
     )
 
 
-def _inconclusive(observations: tuple[Observation, ...], false_alarms: float) -> Diagnosis:
-    """Return the diagnosis of windows none of which is conclusive."""
-    faults = _distinct_faults(observations)
-    return Diagnosis((), faults, None, observations, _window_notes(observations), None, false_alarms)
-
-
-def _distinct_faults(observations: Sequence[Observation]) -> tuple[SensorFault, ...]:
-    """Return the first fault of each channel and kind."""
-    faults: dict[tuple[str, str], SensorFault] = {}
-    for observation in observations:
-        for fault in observation.sensor_faults:
-            faults.setdefault((fault.channel, fault.kind), fault)
-    return tuple(faults.values())
-
-
 def _residual_tests(observations: Sequence[Observation], baseline: Baseline) -> dict[float, ResidualTest]:
     """Return the residual tests of windows with valid sensors, the reference's channels and known conditions."""
     reference = baseline.residuals
@@ -257,49 +295,41 @@ def _residual_tests(observations: Sequence[Observation], baseline: Baseline) -> 
 
 def _second_opinion(tests: Mapping[float, ResidualTest], *, is_changed: bool) -> tuple[list[str], bool]:
     """Return a note on the result of the residual test, and whether most windows differ."""
+    different = sum(test.is_different for test in tests.values())
+    is_contradicted = different > len(tests) / 2
     if not tests:
         return [], False
-    different = sum(test.is_different for test in tests.values())
+    doubt = ""
+    if is_changed and not different:
+        doubt = ": it does not confirm the finding"
+    if not is_changed and is_contradicted:
+        doubt = ": it disagrees, no change of springs, dampers or tyres was detected"
     sentence = (
         f"second opinion without the vehicle file (subspace residuals): {different} of {len(tests)} windows differ "
-        f"from those of the baseline (p < {RESIDUALS.different:g})"
+        f"from those of the baseline (p < {RESIDUALS.different:g}){doubt}"
     )
-    is_contradicted = different > len(tests) / 2
-    if is_changed and not different:
-        sentence += ": it does not confirm the finding"
-    if not is_changed and is_contradicted:
-        sentence += ": it disagrees, no change of springs, dampers or tyres was detected"
     return [sentence], is_contradicted
 
 
 def _findings(detection: Detection, observations: Sequence[Observation], baseline: Baseline) -> tuple[Finding, ...]:
-    """Return the findings of the hypothesis to name: one for each of its changes, one for an unmodelled change."""
+    """Return the findings of an alert: one for each change of the hypothesis to name, one for an unmodelled change."""
+    if not detection.is_alert:
+        return ()
     best, second = _best_two(detection)
     is_close = best.log_evidence - second.log_evidence < RULES.close and second.hypothesis.scope != "else"
-    runner_up = _words(second) if is_close else ""
+    onset = best.onset, best.onset_interval, _words(second) if is_close else ""
     if not best.sizes:
-        level = SEVERITIES[2]
-        return (
-            Finding(
-                *(best.hypothesis.corner, best.hypothesis.component, None, None, None, *level[1:]),
-                *(best.onset, best.onset_interval, runner_up, None),
-            ),
-        )
-    sizes = current_sizes(best, observations, baseline)
-    return tuple(
-        Finding(
-            *(change.corner, change.component, size.change, size.interval, size.score, *_severity(size)),
-            *(best.onset, best.onset_interval, runner_up),
-            trend(best, observations, baseline, since=best.onset, number=number),
-        )
-        for number, (change, size) in enumerate(zip(best.hypothesis.changes, sizes, strict=True))
-    )
-
-
-def _severity(size: Size) -> tuple[str, int, str]:
-    """Return severity in a word and as a number, and advice, by the certain part of a change."""
-    certain = min(map(abs, size.interval)) if size.interval[0] * size.interval[1] > 0 else 0.0
-    return next(level[1:] for level in SEVERITIES if certain >= level[0])
+        without_size, severity = (None, None, None), SEVERITIES[2][1:]
+        return (Finding(best.hypothesis.corner, best.hypothesis.component, *without_size, *severity, *onset, None),)
+    findings = []
+    for number, size in enumerate(current_sizes(best, observations, baseline)):
+        change = best.hypothesis.changes[number]
+        certain = min(map(abs, size.interval)) if size.interval[0] * size.interval[1] > 0 else 0.0
+        severity = next(level[1:] for level in SEVERITIES if certain >= level[0])
+        course = trend(best, observations, baseline, since=best.onset, number=number)
+        size_of_it = size.change, size.interval, size.score
+        findings.append(Finding(change.corner, change.component, *size_of_it, *severity, *onset, course))
+    return tuple(findings)
 
 
 def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:

@@ -11,19 +11,32 @@ from sprung._checks import freeze, frozen_array
 from sprung._display import Savable, Tabular, counted, in_short, listed
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import ResidualReference
-from sprung.diagnosis.scatter import FRONT_REAR_STD, directions, typical_nuisance
+from sprung.diagnosis.scatter import FRONT_REAR_STD, directions, shared_covariance
 from sprung.errors import ParameterError
 from sprung.vehicles import Component
 
 #: Conditions on which components may depend, and one unit of each: kg, ln of the road's roughness, m/s, K.
 CONDITIONS = {"payload": 100.0, "roughness": 1.4, "speed": 5.0, "temperature": 10.0}
-#: Standard deviations of the change of ln values with one unit of a condition, before any window: of each component by
-#: itself, and of all components of a kind together. The oil of a damper loses up to 1 % of its damping per kelvin.
-_SLOPE = 0.01
-_SLOPES_TOGETHER = {"payload": 0.05, "roughness": 0.05, "speed": 0.05, "temperature": 0.1}
-#: Model error of the windows above which a note states that the vehicle file is in error, and up to which values can be
-#: compared with the vehicle file itself.
-_IMPERFECT, _TRUSTED = 0.25, 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class BaselineSettings:
+    """What is known of a vehicle before any window, and of its file."""
+
+    #: Standard deviation of the change of a component's ln value with one unit of a condition.
+    slope: float = 0.01
+    #: Standard deviation of the change of all components of a kind together with one unit of each of `CONDITIONS`: the
+    #: oil of a damper loses up to 1 % of its damping per kelvin.
+    common_slopes: tuple[float, ...] = (0.05, 0.05, 0.05, 0.1)
+    #: Largest distance from the middle of a condition that counts, in units.
+    farthest: float = 5.0
+    #: Model error of the windows above which a note states that the vehicle file is in error.
+    imperfect: float = 0.25
+    #: Model error up to which values can be compared with the vehicle file itself.
+    trusted: float = 0.15
+
+
+SETTINGS = BaselineSettings()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -136,7 +149,7 @@ class Baseline(Tabular, Savable):
             if self.missing
             else ()
         )
-        if self.model_error < _IMPERFECT:
+        if self.model_error < SETTINGS.imperfect:
             return without
         return (
             *without,
@@ -151,8 +164,8 @@ class Baseline(Tabular, Savable):
         The effect of a failing sensor on a fit is unknown. Without a learnt baseline, the vehicle file must also
         explain the window well.
         """
-        is_sound = observation.is_conclusive and not observation.sensor_faults and self.has_sensors_of(observation)
-        return is_sound and observation.components == self.components and self.is_trusted_on(observation)
+        is_alike = observation.components == self.components and self.has_sensors_of(observation)
+        return observation.is_valid and is_alike and self.is_trusted_on(observation)
 
     def has_sensors_of(self, observation: Observation) -> bool:
         """Return whether a window lacks the same sensors as those that the baseline was learnt from, if it was."""
@@ -160,7 +173,7 @@ class Baseline(Tabular, Savable):
 
     def is_trusted_on(self, observation: Observation) -> bool:
         """Return whether the baseline was learnt from windows, or the vehicle file explains this one well."""
-        return self.n_windows > 0 or observation.conditions.get("model_error", 0.0) <= _TRUSTED
+        return self.n_windows > 0 or observation.conditions.get("model_error", 0.0) <= SETTINGS.trusted
 
     def residual(self, observation: Observation) -> Real:
         """Return the deviation of a window from the normal state under its conditions, ln values, shape (components,).
@@ -187,7 +200,7 @@ class Baseline(Tabular, Savable):
         own = np.sqrt(np.maximum(np.diag(observation.covariance) / np.diag(self.reported), 1.0))
         covariance = self.covariance * np.outer(own, own) + self.nuisance
         if "temperature" in self.centre and "temperature" not in observation.conditions:
-            covariance = covariance + typical_nuisance(self.components, FRONT_REAR_STD)
+            covariance = covariance + shared_covariance(self.components, FRONT_REAR_STD)
         return np.asarray(covariance, dtype=np.float64)
 
     def units(self, observation: Observation) -> Real:
@@ -241,7 +254,7 @@ def slope_covariances(components: tuple[Component, ...]) -> list[Real]:
     """Return the covariance of the slopes with each condition before any window, each (components, components)."""
     _, _, together = directions(components)
     own, alike = np.eye(len(components)), together.T @ together
-    return [_SLOPE**2 * own + _SLOPES_TOGETHER[name] ** 2 * alike for name in CONDITIONS]
+    return [SETTINGS.slope**2 * own + common**2 * alike for common in SETTINGS.common_slopes]
 
 
 def units_of(observation: Observation, centre: dict[str, float]) -> Real:
@@ -263,7 +276,7 @@ def units_of(observation: Observation, centre: dict[str, float]) -> Real:
             units.append(float(np.log(value / centre[name])) / unit)
         else:
             units.append((value - centre[name]) / unit)
-    return np.asarray(np.clip(np.array(units), -5.0, 5.0), dtype=np.float64)
+    return np.asarray(np.clip(np.array(units), -SETTINGS.farthest, SETTINGS.farthest), dtype=np.float64)
 
 
 def medians(observations: Sequence[Observation]) -> dict[str, float]:

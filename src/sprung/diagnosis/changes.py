@@ -17,14 +17,24 @@ from sprung.diagnosis.ratios import Compared, Hypotheses, Ratios, compare, evide
 from sprung.modal import INTERVAL_95
 from sprung.vehicles import Component
 
-#: Share of the size of a change [ln] that friction hides from a linear model, and its standard deviation. An imperfect
-#: file adds a share of its model error. On 14 faults of two simulated nonlinear cars, sizes were 1 to 6 % (springs),
-#: 5 to 11 % (dampers) and -2 to 2 % (tyres) too small.
-_HIDDEN = {"spring": 0.03, "damper": 0.06, "tyre": 0.0}
-_SCALE = {"spring": 0.025, "damper": 0.05, "tyre": 0.012}
-_OF_MODEL_ERROR = 0.5
-#: Number of pairs among the candidates: those of the largest likelihood.
-_MAX_PAIRS = 5
+#: Share of the size of a change [ln] that friction hides from a linear model: on 14 faults of two simulated nonlinear
+#: cars, sizes were 1 to 6 % (springs), 5 to 11 % (dampers) and -2 to 2 % (tyres) too small.
+HIDDEN = {"spring": 0.03, "damper": 0.06, "tyre": 0.0}
+#: Standard deviation of this share.
+HIDDEN_STD = {"spring": 0.025, "damper": 0.05, "tyre": 0.012}
+
+
+@dataclass(frozen=True, slots=True)
+class CandidateSettings:
+    """Settings of the candidates of a change test."""
+
+    #: Share of the model error that adds to the standard deviation of a size, over the size.
+    of_model_error: float = 0.5
+    #: Number of pairs among the candidates: those of the largest likelihood.
+    max_pairs: int = 5
+
+
+CANDIDATES = CandidateSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +113,6 @@ class Detection:
         ln of the value of the e-detector at which it raises an alert.
     candidates
         All hypotheses but most pairs, of which the five likeliest are kept; the most probable first.
-    first_alert
-        Time of the first window with an alert [s]; None without one.
     detectable
         Smallest relative loss of each component that, present in all of these windows, would have been found with 95 %
         power: 0.07 for 7 %.
@@ -115,13 +123,18 @@ class Detection:
     e_value: float
     threshold: float
     candidates: tuple[Candidate, ...]
-    first_alert: float | None
     detectable: dict[Component, float]
 
     @property
     def is_alert(self) -> bool:
         """Whether the alert is active after the last window."""
         return bool(self.evidence.size and self.evidence[-1] >= self.threshold)
+
+    @property
+    def first_alert(self) -> float | None:
+        """Time of the first window with an alert [s]; None without one."""
+        above = np.flatnonzero(self.evidence >= self.threshold)
+        return float(self.times[above[0]]) if above.size else None
 
 
 class ChangeDetector:
@@ -246,7 +259,6 @@ class ChangeDetector:
         table = self._table_of(len(self._compared)) if self._table is None else self._table
         times = np.array([window.time for window in self._compared])
         candidates = self._candidates(table)
-        above = np.flatnonzero(self.evidence >= self.threshold)
         unexplained = table.scores.rest - (candidates[0].explained if self.is_alert else 0.0)
         found = detectable_changes(table.scores, self._hypotheses, threshold=self.threshold, unexplained=unexplained)
         return Detection(
@@ -255,7 +267,6 @@ class ChangeDetector:
             e_value=float(self._evidence[-1] - np.log(len(times))),
             threshold=self.threshold,
             candidates=candidates,
-            first_alert=float(times[above[0]]) if above.size else None,
             detectable=dict(zip(self.baseline.components, losses(found), strict=True)),
         )
 
@@ -263,7 +274,7 @@ class ChangeDetector:
         """Return the candidates, the most probable first."""
         values = self._hypotheses.values
         order = np.argsort(-(logsumexp(table.logs, axis=0) + self._hypotheses.log_prior)).tolist()
-        unlikely = [row for row in order if values[row].scope == "pair"][_MAX_PAIRS:]
+        unlikely = [row for row in order if values[row].scope == "pair"][CANDIDATES.max_pairs :]
         return tuple(self._candidate(table, row) for row in order if row not in unlikely)
 
     def _candidate(self, table: Ratios, row: int) -> Candidate:
@@ -446,8 +457,8 @@ def size_of(kind: str, size: float, deviation: float, model_error: float) -> Siz
     model_error
         Model error of the windows.
     """
-    scale = np.hypot(_SCALE.get(kind, 0.05), _OF_MODEL_ERROR * model_error)
-    size, deviation = (value / (1 - _HIDDEN.get(kind, 0.0)) for value in (size, deviation))
+    scale = np.hypot(HIDDEN_STD.get(kind, 0.05), CANDIDATES.of_model_error * model_error)
+    size, deviation = (value / (1 - HIDDEN.get(kind, 0.0)) for value in (size, deviation))
     half = INTERVAL_95 * np.hypot(deviation, scale * size)
     interval = float(np.expm1(size - half)), float(np.expm1(size + half))
     return Size(float(np.expm1(size)), interval, abs(size) / deviation)

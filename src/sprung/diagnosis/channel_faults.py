@@ -1,9 +1,9 @@
 """Faults that show in a channel alone, or in comparison with others of its quantity.
 
-A check takes channels and returns the size of the fault in words, by row of the channels that have it.
+A check takes channels and yields their faults.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,7 +14,6 @@ from sprung._arrays import Booleans, Real
 from sprung.recording import Recording
 from sprung.signals import data_faults
 from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
-from sprung.vehicles import Sensor
 from sprung.vehicles.window import Window
 
 #: Kind of a sensor whose channel the samples lack, which only the monitor takes for a fault.
@@ -49,36 +48,44 @@ class SensorFault:
 class ChannelLimits:
     """Limits of the checks of single channels."""
 
-    #: Length of segments of spectra [s], and smallest number of them for checks of spectra.
+    #: Length of segments of spectra [s].
     segment: float = 2.048
+    #: Smallest number of segments for checks of spectra.
     min_segments: int = 4
     #: Jump and return within a sample that matters where other channels do not jump, in standard deviations.
     spike: float = 2.0
-    #: Mains frequencies [Hz], and power of a mains line over the median of its neighbourhood.
+    #: Mains frequencies [Hz].
     mains: tuple[float, ...] = (50.0, 60.0)
+    #: Power of a mains line over the median of its neighbourhood.
     hum: float = 12.0
-    #: Power of a line of any frequency over that of the rest of its channel, and over that of the same line in the
-    #: loudest peer: no wheel or engine shakes one corner alone.
+    #: Power of a line of any frequency over that of the rest of its channel.
     line_of_channel: float = 0.5
+    #: Its power over that of the same line in the loudest peer: no wheel or engine shakes one corner alone.
     line_of_peers: float = 30.0
-    #: Half width of a line, and inner and outer half width of its neighbourhood [Hz].
+    #: Half width of a line [Hz].
     line: float = 0.8
+    #: Inner and outer half width of the neighbourhood of a line [Hz].
     neighbourhood: tuple[float, float] = (1.5, 8.0)
-    #: Power of a channel's top band over that of its loudest peer, and edges of that band over half the sampling rate.
+    #: Power of a channel's top band over that of its loudest peer.
     noise: float = 12.0
+    #: Edges of the top band over half the sampling rate.
     top: tuple[float, float] = (0.6, 0.9)
-    #: Standard deviation of a channel's mean over blocks, relative to its peers and over its own standard deviation,
-    #: and over that of the peers; without peers, the slopes of the road move it too.
+    #: Standard deviation of a channel's mean over blocks, relative to its peers, over its own standard deviation.
     drift: float = 0.08
+    #: The same over that of the peers.
     drift_of_peers: float = 2.5
+    #: The same over its own standard deviation without peers: the slopes of the road move it too.
     drift_alone: float = 0.5
-    #: Cosines over a window that count as slow, and least share of them in the variance of a drift: a random walk has
-    #: 87 % there, what a tilted accelerometer reads in bends 5 to 30 %.
+    #: Cosines over a window that count as slow.
     slow_terms: int = 4
+    #: Smallest share of them in the variance of a drift: a random walk has 87 %, what a tilted accelerometer reads in
+    #: bends 5 to 30 %.
     slow_share: float = 0.5
-    #: Least length of a block [s], most and fewest blocks.
+    #: Smallest length of a block [s].
     block: float = 5.0
+    #: Largest number of blocks.
     max_blocks: int = 60
+    #: Smallest number of blocks.
     min_blocks: int = 6
 
 
@@ -103,10 +110,39 @@ class Channels:
     is_moving: Booleans
     carriers: tuple[str, ...]
 
+    @classmethod
+    def of(cls, window: Window) -> "Channels":
+        """Return the channels of motion of a window; all samples count if the vehicle never moves."""
+        recording = window.recording
+        is_moving = np.ones(recording.n_samples, dtype=np.bool_)
+        if window.speed is not None:
+            is_fast = recording.samples[recording.index(window.speed)] > data_faults.MOVING
+            is_moving = is_fast if is_fast.any() else is_moving
+        sensors = {sensor.channel: sensor for sensor in window.vehicle.sensor}
+        carriers = tuple(
+            "suspension" if sensor.between else "wheel" if sensor.on.startswith("wheel") else sensor.on
+            for sensor in (sensors[name] for name in window.outputs)
+        )
+        return cls(recording.select(window.outputs), is_moving, carriers)
+
+    def fault(self, row: int, kind: str, detail: str) -> SensorFault:
+        """Return a fault of a channel."""
+        return SensorFault(self.recording.names[row], kind, detail)
+
+    def take(self, rows: Sequence[int]) -> "Channels":
+        """Return only some rows."""
+        names = [self.recording.names[row] for row in rows]
+        return Channels(self.recording.select(names), self.is_moving, tuple(self.carriers[row] for row in rows))
+
     @cached_property
-    def have_runs(self) -> tuple[bool, ...]:
-        """Whether each channel may be stuck or clipped, or has missing values."""
-        return tuple(map(data_faults.has_runs, self.recording.samples))
+    def rows_with_runs(self) -> list[int]:
+        """Rows that may be stuck or clipped, or have missing values."""
+        return [row for row, values in enumerate(self.recording.samples) if data_faults.has_runs(values)]
+
+    @cached_property
+    def breaks(self) -> list[int]:
+        """Indices of the first samples after gaps."""
+        return [gap.index for gap in self.recording.gaps]
 
     @cached_property
     def samples(self) -> Real:
@@ -137,87 +173,59 @@ class Channels:
         enough = LIMITS.min_segments * LIMITS.segment * self.recording.sampling_rate
         return bool(self.carriers) and self.samples.shape[1] >= enough
 
-    def peers(self, row: int) -> list[int]:
-        """Return the rows of the other channels of the same quantity on the same kind of part."""
+    @cached_property
+    def peers(self) -> list[list[int]]:
+        """Rows of the other channels of the same quantity on the same kind of part, for each channel."""
         kinds = [(c.quantity, carrier) for c, carrier in zip(self.recording.channels, self.carriers, strict=True)]
-        return [k for k, kind in enumerate(kinds) if kind == kinds[row] and k != row]
+        return [[k for k, kind in enumerate(kinds) if kind == own and k != row] for row, own in enumerate(kinds)]
 
-    def take(self, rows: Sequence[int]) -> "Channels":
-        """Return only some rows."""
-        names = [self.recording.names[row] for row in rows]
-        return Channels(self.recording.select(names), self.is_moving, tuple(self.carriers[row] for row in rows))
-
-
-def channels_of_motion(window: Window) -> Channels:
-    """Return the channels of motion of a window; all samples count if the vehicle never moves."""
-    recording = window.recording
-    is_moving = np.ones(recording.n_samples, dtype=np.bool_)
-    if window.speed is not None:
-        is_fast = recording.samples[recording.index(window.speed)] > data_faults.MOVING
-        is_moving = is_fast if is_fast.any() else is_moving
-    sensors = {sensor.channel: sensor for sensor in window.vehicle.sensor}
-    carriers = tuple(_carrier(sensors[name]) for name in window.outputs)
-    return Channels(recording.select(window.outputs), is_moving, carriers)
+    @cached_property
+    def rests(self) -> dict[int, tuple[str, bool]]:
+        """Rows that rest for a second or more on the move: where, in words, and whether at 0 to rounding."""
+        rests, rate = {}, self.recording.sampling_rate
+        for row in self.rows_with_runs:
+            own, values = self.recording.samples[row], self.samples[row]
+            rest = data_faults.rest_of(own, rate, breaks=self.breaks, is_moving=self.is_moving)
+            if rest.is_fault(rate):
+                share = 100 * rest.share
+                how_long = "throughout" if share >= 99.5 else f"for {share:.0f} % of the time"
+                is_zero = rest.is_at_zero(float(np.std(values[np.isfinite(values)])))
+                rests[row] = f"stays at {rest.value:.4g} {how_long}", is_zero
+        return rests
 
 
-def _carrier(sensor: Sensor) -> str:
-    """Return the kind of part that a sensor is on."""
-    return "suspension" if sensor.between else "wheel" if sensor.on.startswith("wheel") else sensor.on
-
-
-def dead(channels: Channels) -> dict[int, str]:
+def dead(channels: Channels) -> Iterator[SensorFault]:
     """Find channels of which nearly all values are missing, or that rest at 0."""
-    details = {row: rest for row, (rest, is_zero) in _rests(channels).items() if is_zero}
     for row, values in enumerate(channels.samples):
         missing = data_faults.missing_share(values)
+        rest, is_zero = channels.rests.get(row, ("", False))
         if missing > data_faults.DEAD_SHARE:
-            details[row] = f"{100 * missing:.0f} % of its values are missing"
-    return details
+            yield channels.fault(row, "dead", f"{100 * missing:.0f} % of its values are missing")
+        elif is_zero:
+            yield channels.fault(row, "dead", rest)
 
 
-def stuck(channels: Channels) -> dict[int, str]:
+def stuck(channels: Channels) -> Iterator[SensorFault]:
     """Find channels that rest at a value other than 0."""
-    return {row: rest for row, (rest, is_zero) in _rests(channels).items() if not is_zero}
+    for row, (rest, is_zero) in channels.rests.items():
+        if not is_zero:
+            yield channels.fault(row, "stuck", rest)
 
 
-def _rests(channels: Channels) -> dict[int, tuple[str, bool]]:
-    """Return the channels that rest for a second or more on the move: where, in words, and whether at 0 to rounding."""
-    recording = channels.recording
-    breaks = [gap.index for gap in recording.gaps]
-    rests = {}
-    for row in np.flatnonzero(channels.have_runs).tolist():
-        rate = recording.sampling_rate
-        rest = data_faults.rest_of(recording.samples[row], rate, breaks=breaks, is_moving=channels.is_moving)
-        if rest.is_fault(rate):
-            share = 100 * rest.share
-            how_long = "throughout" if share >= 99.5 else f"for {share:.0f} % of the time"
-            values = channels.samples[row]
-            is_zero = rest.is_at_zero(float(np.std(values[np.isfinite(values)])))
-            rests[row] = f"stays at {rest.value:.4g} {how_long}", is_zero
-    return rests
-
-
-def clipped(channels: Channels) -> dict[int, str]:
+def clipped(channels: Channels) -> Iterator[SensorFault]:
     """Find channels that are cut off at their limits, also while the vehicle stands."""
-    breaks = [gap.index for gap in channels.recording.gaps]
-    shares = {
-        row: data_faults.clipped_share(channels.recording.samples[row], breaks=breaks)
-        for row in np.flatnonzero(channels.have_runs).tolist()
-    }
-    return {
-        row: f"{100 * share:.2g} % of its samples at the limit"
-        for row, share in shares.items()
-        if share > data_faults.CLIPPED_SHARE
-    }
+    for row in channels.rows_with_runs:
+        share = data_faults.clipped_share(channels.recording.samples[row], breaks=channels.breaks)
+        if share > data_faults.CLIPPED_SHARE:
+            yield channels.fault(row, "clipped", f"{100 * share:.2g} % of its samples at the limit")
 
 
-def spiking(channels: Channels) -> dict[int, str]:
+def spiking(channels: Channels) -> Iterator[SensorFault]:
     """Find single samples that jump and return while no other channel does."""
     samples = channels.complete
     every_bend, every_size = data_faults.bends(samples)
-    details = {}
     for row, (bend, size) in enumerate(zip(every_bend, every_size, strict=True)):
-        peers = channels.peers(row)
+        peers = channels.peers[row]
         # A pothole moves all sensors; without another of its quantity, only a jump that no body performs is a spike.
         places = np.flatnonzero((np.abs(size[1:-1]) > data_faults.SPIKE) & data_faults.returns(size)) + 1
         if not places.size:
@@ -230,80 +238,75 @@ def spiking(channels: Channels) -> dict[int, str]:
             is_alone = jump > data_faults.NO_BODY
         count = data_faults.count_apart(places[is_alone])
         if count >= data_faults.FEWEST_SPIKES:
-            details[row] = f"{count} spikes"
-    return details
+            yield channels.fault(row, "spiking", f"{count} spikes")
 
 
-def hum(channels: Channels) -> dict[int, str]:
+def hum(channels: Channels) -> Iterator[SensorFault]:
     """Find mains lines, and lines of any frequency that dominate one channel and are not in two or more others."""
     power, frequencies = channels.spectra.densities, channels.spectra.frequencies
     nearest, farthest = LIMITS.neighbourhood
-    details = {}
-    for mains in LIMITS.mains:
-        if mains > 0.95 * frequencies[-1]:
-            continue
+    for mains in (mains for mains in LIMITS.mains[::-1] if mains <= 0.95 * frequencies[-1]):
         distance = np.abs(frequencies - mains)
         around = (distance > nearest) & (distance < farthest)
         ratio = power[:, distance < LIMITS.line].max(axis=1) / np.median(power[:, around], axis=1)
-        for row in np.flatnonzero(ratio > LIMITS.hum):
-            details[int(row)] = f"{mains:.0f} Hz stands {10 * np.log10(ratio[row]):.0f} dB out"
-    for channel, spectrum in enumerate(power):
+        for row in np.flatnonzero(ratio > LIMITS.hum).tolist():
+            yield channels.fault(row, "hum", f"{mains:.0f} Hz stands {10 * np.log10(ratio[row]):.0f} dB out")
+    for row, spectrum in enumerate(power):
         place = frequencies[np.argmax(spectrum)]
         is_line = np.abs(frequencies - place) < LIMITS.line
-        line, peers = spectrum[is_line].sum(), power[np.ix_(channels.peers(channel), is_line)].sum(axis=1)
+        line, peers = spectrum[is_line].sum(), power[np.ix_(channels.peers[row], is_line)].sum(axis=1)
         dominates = line > LIMITS.line_of_channel * spectrum[~is_line].sum()
         if peers.size >= 2 and dominates and line > LIMITS.line_of_peers * peers.max():
             louder = 10 * np.log10(line / peers.max())
-            details.setdefault(channel, f"{place:.3g} Hz is {louder:.0f} dB louder than in the others")
-    return details
+            yield channels.fault(row, "hum", f"{place:.3g} Hz is {louder:.0f} dB louder than in the others")
 
 
-def noisy(channels: Channels) -> dict[int, str]:
+def noisy(channels: Channels) -> Iterator[SensorFault]:
     """Find channels whose top band is far above that of the others of their quantity, at least two."""
     power, frequencies = channels.spectra.densities, channels.spectra.frequencies
     low, high = (edge * frequencies[-1] for edge in LIMITS.top)
     noise = np.median(power[:, (frequencies > low) & (frequencies < high)], axis=1)
-    details = {}
-    for row in range(len(noise)):
-        peers = noise[channels.peers(row)]
+    for row, rows in enumerate(channels.peers):
+        peers = noise[rows]
         if peers.size >= 2 and noise[row] > LIMITS.noise * peers.max():
-            details[row] = f"noise {10 * np.log10(noise[row] / np.median(peers)):.0f} dB above the others"
-    return details
+            decibels = 10 * np.log10(noise[row] / np.median(peers))
+            yield channels.fault(row, "noisy", f"noise {decibels:.0f} dB above the others")
 
 
-def drifting(channels: Channels) -> dict[int, str]:
+def drifting(channels: Channels) -> Iterator[SensorFault]:
     """Find channels whose mean moves slowly away from that of two or more others of their quantity, or moves alone."""
     samples = channels.complete
     n_blocks = min(LIMITS.max_blocks, int(samples.shape[1] / (LIMITS.block * channels.recording.sampling_rate)))
     if n_blocks < LIMITS.min_blocks:
-        return {}
+        return
     means = samples[:, : samples.shape[1] // n_blocks * n_blocks].reshape(len(samples), n_blocks, -1).mean(axis=2)
-    peers = [rows if len(rows) >= 2 else [] for rows in map(channels.peers, range(len(samples)))]
+    peers = [rows if len(rows) >= 2 else [] for rows in channels.peers]
     away = [own - (np.median(means[rows], axis=0) if rows else 0.0) for own, rows in zip(means, peers, strict=True)]
     power = dct(np.array(away), norm="ortho")[:, 1:] ** 2 / n_blocks
     wander, slow = np.sqrt(power.sum(axis=1)), np.sqrt(power[:, : LIMITS.slow_terms].sum(axis=1))
-    details = {}
     for row, rows in enumerate(peers):
         least = (LIMITS.drift if rows else LIMITS.drift_alone) * samples[row].std()
         is_far = wander[row] > least and (not rows or wander[row] > LIMITS.drift_of_peers * np.median(wander[rows]))
         if is_far and slow[row] ** 2 > LIMITS.slow_share * wander[row] ** 2:
-            details[row] = f"its mean wanders by {wander[row]:.2g} (std) in the window"
-    return details
+            yield channels.fault(row, "drifting", f"its mean wanders by {wander[row]:.2g} (std) in the window")
 
 
-#: Kind of fault and the check that finds it. The first fault of a channel counts; spectra are computed for the channels
-#: without a fault of the first group. Checks against the rigid body follow (`rigid_body_faults`).
-CHECKS_OF_SAMPLES = {"dead": dead, "stuck": stuck, "clipped": clipped}
-CHECKS_OF_SPECTRA = {"spiking": spiking, "hum": hum, "noisy": noisy, "drifting": drifting}
+#: Checks in the order in which their faults count; spectra are computed for the channels without a fault of the first
+#: group. Checks against the rigid body follow (`rigid_body_faults`).
+CHECKS_OF_SAMPLES = (dead, stuck, clipped)
+CHECKS_OF_SPECTRA = (spiking, hum, noisy, drifting)
 #: Kinds of faults that all checks find, each a word of `SensorFault.kind`.
-KINDS = (*CHECKS_OF_SAMPLES, *CHECKS_OF_SPECTRA, "inverted", "swapped", "wrong_gain", "time_shifted")
+KINDS = (
+    *("dead", "stuck", "clipped", "spiking", "hum", "noisy", "drifting"),
+    *("inverted", "swapped", "wrong_gain", "time_shifted"),
+)
 
 
-def faults_by(checks: Mapping[str, Callable[[Channels], dict[int, str]]], channels: Channels) -> dict[str, SensorFault]:
+def faults_by(
+    checks: Iterable[Callable[[Channels], Iterator[SensorFault]]], channels: Channels
+) -> dict[str, SensorFault]:
     """Return the first fault that checks find in each channel, by its name."""
     faults: dict[str, SensorFault] = {}
-    for kind, check in checks.items():
-        for row, detail in check(channels).items():
-            name = channels.recording.names[row]
-            faults.setdefault(name, SensorFault(name, kind, detail))
+    for fault in (fault for check in checks for fault in check(channels)):
+        faults.setdefault(fault.channel, fault)
     return faults

@@ -14,10 +14,19 @@ from sprung.vehicles import Component
 
 #: Probability of an alert after a change of the size stated.
 POWER = 0.95
-#: Steps of Newton's method on the evidence, which is nearly linear in the square of the size.
-_STEPS = 6
-#: Number of terms of the evidence (onsets and hypotheses) that count at the threshold.
-_LARGEST = 96
+
+
+@dataclass(frozen=True, slots=True)
+class DetectabilitySettings:
+    """Search for the smallest change that is found."""
+
+    #: Steps of Newton's method on the evidence, which is nearly linear in the square of the size.
+    steps: int = 6
+    #: Number of terms of the evidence (onsets and hypotheses) that count at the threshold.
+    largest: int = 96
+
+
+SEARCH = DetectabilitySettings()
 
 
 def detectable_changes(
@@ -74,7 +83,7 @@ def detectable_changes(
     )
     squares = 2 * threshold * variance / known
     terms = terms.largest(squares)
-    for _ in range(_STEPS):
+    for _ in range(SEARCH.steps):
         evidence, slopes = terms.evidence(squares)
         squares = np.maximum(squares + (threshold - evidence) / slopes, squares / 4)
     limit = np.sqrt(squares * known / variance)[:, 0]
@@ -110,9 +119,9 @@ class _Terms:
 
     def largest(self, squares: Real) -> "_Terms":
         """Return the largest terms only."""
-        if self.gain.shape[1] <= _LARGEST:
+        if self.gain.shape[1] <= SEARCH.largest:
             return self
-        columns = np.argpartition(-self.logs(squares), _LARGEST, axis=1)[:, :_LARGEST]
+        columns = np.argpartition(-self.logs(squares), SEARCH.largest, axis=1)[:, : SEARCH.largest]
         gain, chance, offsets = (
             np.take_along_axis(values, columns, axis=1) for values in (self.gain, self.chance, self.offsets)
         )

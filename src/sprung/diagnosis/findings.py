@@ -300,7 +300,7 @@ def mode_changes(
         if component.kind == finding.component and finding.corner in {component.corner, component.axle, "all"}:
             after[component] = before.get(component, 1.0) * (1 + finding.change)
     healthy, changed = (nominal.changed(factors).modes() for factors in (before, after))
-    valid = [window for window in observations if window.is_conclusive and not window.sensor_faults]
+    valid = [window for window in observations if window.is_valid]
     earlier = [window for window in valid if window.time < finding.since]
     later = [window for window in valid if window.time >= finding.since]
     changes = []

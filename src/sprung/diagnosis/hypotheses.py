@@ -9,10 +9,28 @@ import numpy as np
 from sprung._arrays import Real
 from sprung.vehicles import Component
 
-#: Prior shares of one or two components, both of an axle, all corners, and an unmodelled change.
-_SHARES = {"parts": 0.78, "axle": 0.15, "all": 0.02, "else": 0.05}
-#: ln of the prior probability of two given components over that of a given single one.
-_LOG_PAIR = -3.0
+
+@dataclass(frozen=True, slots=True)
+class ChangePriors:
+    """What is known of a change before any window. The shares of the scopes add up to 1."""
+
+    #: Share of changes of one or two components.
+    parts: float = 0.78
+    #: Share of changes of both sides of an axle.
+    axle: float = 0.15
+    #: Share of changes of all corners.
+    all_corners: float = 0.02
+    #: Share of unmodelled changes.
+    unmodelled: float = 0.05
+    #: ln of the probability of two given components over that of a given single one.
+    log_pair: float = -3.0
+    #: Standard deviation of the size of a change, ln values.
+    size: float = 0.15
+    #: Standard deviation of an unmodelled change, ln values of each component.
+    unmodelled_size: float = 0.04
+
+
+PRIORS = ChangePriors()
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +111,8 @@ def log_prior(hypotheses: Sequence[Hypothesis]) -> Real:
 
     Those of one scope are equally probable, and a given pair is e^3 times less probable than a given single component.
     """
-    scopes = [hypothesis.scope for hypothesis in hypotheses]
-    weights = np.array([np.exp(_LOG_PAIR) if scope == "pair" else 1.0 for scope in scopes])
-    shares = np.array(["parts" if scope in {"single", "pair"} else scope for scope in scopes])
-    totals = {share: float(np.sum(weights[shares == share])) for share in set(shares.tolist())}
-    return np.log([_SHARES[share] * weight / totals[share] for share, weight in zip(shares, weights, strict=True)])
+    shares = {"parts": PRIORS.parts, "axle": PRIORS.axle, "all": PRIORS.all_corners, "else": PRIORS.unmodelled}
+    weights = np.array([np.exp(PRIORS.log_pair) if each.scope == "pair" else 1.0 for each in hypotheses])
+    groups = np.array(["parts" if each.scope in {"single", "pair"} else each.scope for each in hypotheses])
+    totals = {group: float(np.sum(weights[groups == group])) for group in shares}
+    return np.log([shares[group] * weight / totals[group] for group, weight in zip(groups, weights, strict=True)])

@@ -1,7 +1,7 @@
 """Learning the baseline of a vehicle from its windows."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -22,12 +22,23 @@ from sprung.diagnosis.scatter import ROUNDS, FreeDegrees, Scatter, regression
 from sprung.diagnosis.type_baselines import TypeBaseline
 from sprung.errors import DataError, ParameterError
 
-#: Usual number of windows that a baseline is learnt from, and the smallest that must be usable.
+#: Usual number of windows that a baseline is learnt from.
 LEARNING_WINDOWS = 12
-MIN_WINDOWS = LEARNING_WINDOWS // 2
-_MIN_WITH_TYPE = 2
-#: Probability that a healthy window is left out of learning.
-_SUSPECT = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class LearningSettings:
+    """Settings of the learning of a baseline."""
+
+    #: Smallest number of windows that must be usable.
+    min_windows: int = LEARNING_WINDOWS // 2
+    #: The same with the baseline of a type.
+    min_with_type: int = 2
+    #: Probability that a healthy window is left out of learning.
+    suspect: float = 1e-3
+
+
+SETTINGS = LearningSettings()
 
 
 def learn(
@@ -110,14 +121,14 @@ def learn(
     (12, True)
     """
     if min_windows is None:
-        min_windows = MIN_WINDOWS if type_baseline is None else _MIN_WITH_TYPE
+        min_windows = SETTINGS.min_windows if type_baseline is None else SETTINGS.min_with_type
     check_number("min_windows", min_windows, at_least=2)
     for name, value, kind in (("previous", previous, Baseline), ("type_baseline", type_baseline, TypeBaseline)):
         if value is not None:
             check_type(name, value, kind)
     every = list(check_each("observations", observations, Observation))
     vehicle = vehicle_of(every)
-    valid = [window for window in every if window.is_conclusive and not window.sensor_faults]
+    valid = [window for window in every if window.is_valid]
     common = [
         window for window in valid if (window.components, window.missing) == (valid[0].components, valid[0].missing)
     ]
@@ -133,7 +144,7 @@ def learn(
         worst = int(np.argmax([_distance(baseline, window) for window in common]))
         others = [*common[:worst], *common[worst + 1 :]]
         of_others, size = _estimated(others, type_baseline), len(baseline.components)
-        limit = size * stats.f.isf(_SUSPECT / len(common), size, of_others.degrees_of_freedom)
+        limit = size * stats.f.isf(SETTINGS.suspect / len(common), size, of_others.degrees_of_freedom)
         if _distance(of_others, common[worst]) <= limit:
             break
         common = others

@@ -57,9 +57,9 @@ class WindowLimits:
     min_segments: int = 40
     #: Largest model error.
     model_error: float = 1.0
-    #: Share of the spectra left out for lines above which the fit may have chosen what it explains, and largest model
-    #: error of such a window.
+    #: Share of the spectra left out for lines above which the fit may have chosen what it explains.
     many_lines: float = 0.25
+    #: Largest model error of such a window.
     model_error_between_lines: float = 0.25
 
 
@@ -133,6 +133,11 @@ class Observation(Tabular):
     def is_conclusive(self) -> bool:
         """Whether the window has estimates."""
         return not self.reason
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether the window has estimates, and no sensor fails."""
+        return self.is_conclusive and not self.sensor_faults
 
     def without_segments(self) -> "Observation":
         """Return the observation with residual statistics reduced to what a comparison needs."""
@@ -318,13 +323,10 @@ def observe_window(
         fit = fit_windows([window], settings=settings)
     except (DataError, ParameterError) as error:
         return _observation(time, window, check.faults, reason=str(error))
-    if not check.faults and not check.disagreement:
-        exchanged = exchanged_opposites(window, fit, settings)
-        if exchanged:
-            return _observation(time, window, exchanged, reason="sensors are exchanged")
-    reason = _reason(fit, check.disagreement)
+    exchanged = () if check.faults or check.disagreement else exchanged_opposites(window, fit, settings)
+    reason = "sensors are exchanged" if exchanged else _reason(fit, check.disagreement)
     if reason:
-        return _observation(time, window, check.faults, reason=reason)
+        return _observation(time, window, exchanged or check.faults, reason=reason)
     modes = fit.modes()
     body = zip(modes.labels, modes.natural_frequency.tolist(), modes.damping_ratio.tolist(), strict=True)
     return replace(

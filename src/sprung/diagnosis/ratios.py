@@ -8,7 +8,7 @@ from scipy.special import logsumexp
 
 from sprung._arrays import Indices, Real
 from sprung.diagnosis.baseline import Baseline
-from sprung.diagnosis.hypotheses import Hypothesis, hypotheses_of, log_prior
+from sprung.diagnosis.hypotheses import PRIORS, Hypothesis, hypotheses_of, log_prior
 from sprung.diagnosis.observation import Observation
 from sprung.vehicles import Component
 
@@ -55,10 +55,6 @@ def compare(baseline: Baseline, observation: Observation) -> Compared:
         np.concatenate([[1.0], baseline.units(observation)]),
         np.asarray(np.linalg.inv(baseline.covariance_of(observation)), dtype=np.float64),
     )
-
-
-#: Standard deviation of the size of a fault, ln values, before any window; of an unmodelled change, per component.
-_SIZE, _UNMODELLED = 0.15, 0.04
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -241,7 +237,7 @@ def explained_by(score: Real, information: Real, hypotheses: Hypotheses) -> tupl
     tuple
         What is explained, shape (.., windows, hypotheses), and volumes, shape (windows, hypotheses).
     """
-    lines, between, spread = hypotheses.directions, 1 / _SIZE**2, 1 / _UNMODELLED**2
+    lines, between, spread = hypotheses.directions, 1 / PRIORS.size**2, 1 / PRIORS.unmodelled_size**2
     known, each, a, b, c = _informations(information, hypotheses)
     first, second = hypotheses.pairs
     one, two = score[..., first], score[..., second]
@@ -252,9 +248,9 @@ def explained_by(score: Real, information: Real, hypotheses: Hypotheses) -> tupl
         (one * (one * (b + between) - two * c) + two * (two * (a + between) - one * c)) / determinant,
     ]
     volumes = [
-        np.log1p(known * _SIZE**2) / 2,
+        np.log1p(known * PRIORS.size**2) / 2,
         np.linalg.slogdet(each / spread)[1][:, None] / 2,
-        np.log(determinant * _SIZE**4) / 2,
+        np.log(determinant * PRIORS.size**4) / 2,
     ]
     return np.concatenate(explained, axis=-1), np.concatenate(volumes, axis=-1)
 
@@ -263,7 +259,7 @@ def _informations(information: Real, hypotheses: Hypotheses) -> tuple[Real, Real
     """Return the information of single sizes, of an unmodelled change with its prior, and of each pair: a, b and c."""
     lines, (first, second) = hypotheses.directions, hypotheses.pairs
     known = np.einsum("hi,wij,hj->wh", lines, information, lines)
-    each = information + np.eye(information.shape[-1]) / _UNMODELLED**2
+    each = information + np.eye(information.shape[-1]) / PRIORS.unmodelled_size**2
     return known, each, information[:, first, first], information[:, second, second], information[:, first, second]
 
 
@@ -281,7 +277,7 @@ def dimensions_of(information: Real, hypotheses: Hypotheses) -> Real:
     -----
     tr K (K + C^-1)^-1 with the information K and the prior covariance C of the sizes.
     """
-    between = 1 / _SIZE**2
+    between = 1 / PRIORS.size**2
     known, each, a, b, c = _informations(information, hypotheses)
     of_pairs = (a * (b + between) + b * (a + between) - 2 * c**2) / ((a + between) * (b + between) - c**2)
     of_all = np.einsum("wij,wji->w", information, np.linalg.inv(each))[:, None]

@@ -24,20 +24,25 @@ class ResidualSettings:
 
     #: Share of the energy of the block Hankel matrix that the model order explains.
     explained: float = 0.999
-    #: Largest number of directions of the residual that are tested, and segments for each.
+    #: Largest number of directions of the residual that are tested.
     max_directions: int = 40
+    #: Smallest number of segments for each direction.
     segments_each: int = 4
-    #: Smallest standard deviation of ln statistic from window to window, and its weight in windows.
+    #: Smallest standard deviation of ln statistic from window to window.
     min_scatter: float = 0.15
+    #: Its weight in windows.
     prior_windows: float = 1.0
-    #: Smallest number of windows of a reference, and p-value below which an outlying window is left out of it.
+    #: Smallest number of windows of a reference.
     min_windows: int = 3
+    #: p-value below which an outlying window is left out of the reference.
     suspect: float = 0.005
-    #: Rate at which the windows of a vehicle are compared [Hz], and p-value below which one differs.
+    #: Rate at which the windows of a vehicle are compared [Hz].
     vehicle_rate: float = 25.0
+    #: p-value below which a window differs.
     different: float = 1e-3
-    #: Length of a segment [s] and block rows of the Hankel matrix, unless stated.
+    #: Length of a segment [s], unless stated.
     segment: float = 5.0
+    #: Block rows of the Hankel matrix, unless stated.
     block_rows: int = 6
 
 
@@ -333,8 +338,7 @@ def residual_test(reference: ResidualReference, window: ResidualStatistics) -> R
             f"the window has the channels {', '.join(window.channels)} at {window.sampling_rate:g} Hz, the reference "
             f"{', '.join(reference.channels)} at {reference.sampling_rate:g} Hz: select the same ones"
         )
-    residual = _residuals(_hankel(window.mean)[None], reference.null_space)[0]
-    statistic = _statistic(residual, window.n_segments, reference.whitening)
+    statistic = _statistic(_hankel(window.mean), window.n_segments, reference.null_space, reference.whitening)
     spread = reference.scatter * np.sqrt(1 + 1 / reference.n_windows)
     score = (np.log(statistic) - reference.mean) / spread
     return ResidualTest(statistic, float(stdtr(reference.n_windows - 1, -score)))
@@ -353,7 +357,7 @@ def _estimate(matrices: Sequence[Real], n_channels: int) -> tuple[Real, Real]:
     explained = np.cumsum(values**2) / np.sum(values**2)
     order = min(int(np.searchsorted(explained, RESIDUALS.explained)) + 1, len(left) - n_channels)
     null_space = left[:, order:]
-    residuals = _residuals(every, null_space)
+    residuals = (null_space.T @ every).reshape(len(every), -1)
     away = residuals - residuals.mean(axis=0)
     count = max(1, min(RESIDUALS.max_directions, len(away) // RESIDUALS.segments_each))
     return null_space, _whitening(away, count)
@@ -380,15 +384,9 @@ def _scatter(logs: Real, least: float) -> float:
 def _statistic_against_others(matrices: Sequence[Real], row: int, n_channels: int) -> float:
     """Return the statistic of a window against the null space and whitening of the others."""
     null_space, whitening = _estimate([*matrices[:row], *matrices[row + 1 :]], n_channels)
-    residuals = _residuals(matrices[row], null_space)
-    return _statistic(residuals.mean(axis=0), len(residuals), whitening)
+    return _statistic(matrices[row].mean(axis=0), len(matrices[row]), null_space, whitening)
 
 
-def _residuals(matrices: Real, null_space: Real) -> Real:
-    """Return vec(S^T H) of each matrix."""
-    return (null_space.T @ matrices).reshape(len(matrices), -1)
-
-
-def _statistic(residual: Real, n_segments: int, whitening: Real) -> float:
-    """Return the mean square of the whitened mean residual, times the number of segments."""
-    return float(n_segments * np.mean((whitening @ residual) ** 2))
+def _statistic(matrix: Real, n_segments: int, null_space: Real, whitening: Real) -> float:
+    """Return the mean square of the whitened residual vec(S^T H) of a mean matrix, times the number of segments."""
+    return float(n_segments * np.mean((whitening @ (null_space.T @ matrix).ravel()) ** 2))

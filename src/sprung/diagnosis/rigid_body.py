@@ -18,32 +18,40 @@ from sprung.vehicles.structure import FLEXIBLE_SHAPES
 class RigidBodyLimits:
     """Limits of the comparison with a rigid body; shares are those of the residual that something explains."""
 
-    #: Smallest power of the residual over the mean power of the channels for a fault of one channel, and for a
-    #: disagreement of several.
+    #: Smallest power of the residual over the mean power of the channels for a fault of one channel.
     residual: float = 2e-4
+    #: The same for a disagreement of several channels.
     disagreement: float = 1e-3
     #: Error of places [m] that is no reason to refuse a window.
     place: float = 0.25
-    #: Share of one faulty channel, its ratio to that of any other channel, and to the share that other signs, gains,
-    #: places and delays of several channels explain; least of these shares for a disagreement.
+    #: Share of one faulty channel.
     explained: float = 0.4
+    #: Its ratio to that of any other channel.
     over_others: float = 1.1
+    #: Its ratio to the share that other signs, gains, places and delays of several channels explain.
     over_together: float = 0.9
+    #: Smallest share of several channels for a disagreement.
     together: float = 0.7
-    #: Share of a channel with noise of its own, and its ratio to that of any other channel.
+    #: Share of a channel with noise of its own.
     alone: float = 0.03
+    #: Its ratio to that of any other channel.
     far_over_others: float = 5.0
     #: Residual after an exchange of two channels, over that before, below which they are swapped.
     swapped: float = 0.05
-    #: Lowest frequency of the comparison [Hz]; its highest one over half the sampling rate, and over the highest
-    #: natural frequency of bounce, pitch and roll: a car's body twists at 18 to 30 Hz, and moves little of that below.
+    #: Lowest frequency of the comparison [Hz].
     lowest: float = 0.5
+    #: Its highest frequency over half the sampling rate.
     over_rate: float = 0.5
+    #: Its highest frequency over the highest natural frequency of bounce, pitch and roll: a car's body twists at 18 to
+    #: 30 Hz, and moves little of that below.
     over_body: float = 2.0
-    #: Deviation of a gain from 1 and delay [s] that are tolerated; longest delay sought [s], in steps of 0.25 ms.
+    #: Deviation of a gain from 1 that is tolerated.
     gain: float = 0.03
+    #: Delay that is tolerated [s].
     delay: float = 1.5e-3
+    #: Longest delay sought [s].
     longest_delay: float = 0.1
+    #: Number of delays sought, in steps of 0.25 ms.
     delays: int = 801
     #: Share of 1/G that neither gain nor delay explains above which a channel is noisy.
     unexplained: float = 0.3

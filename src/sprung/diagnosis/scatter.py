@@ -1,6 +1,6 @@
 """Scatter of windows about their mean: as they report it, as they show it, and common changes of a kind."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -11,38 +11,49 @@ from sprung._arrays import Real
 from sprung._checks import frozen_array
 from sprung.vehicles import Component
 
-#: Usual common change of all components of a kind from window to window (payload, temperature, road), where the
-#: temperature is unknown; that which is left where it is known; and that of front against rear, in ln values.
+#: Common change of all components of a kind from window to window (payload, temperature, road), ln values, where the
+#: temperature is unknown.
 COMMON = {"spring": 0.08, "damper": 0.25, "tyre": 0.06}
+#: The part of it that is left where the temperature is known.
 COMMON_AT_A_TEMPERATURE = {"spring": 0.04, "damper": 0.06, "tyre": 0.03}
+#: Common change of front against rear, ln values.
 FRONT_REAR_STD = {"spring": 0.008, "damper": 0.012, "tyre": 0.005}
 
 
-def typical_nuisance(
-    components: tuple[Component, ...], ends: dict[str, float], together: dict[str, float] | None = None
+def shared_covariance(
+    components: tuple[Component, ...],
+    front_rear: Mapping[str, float],
+    common: Mapping[str, float] = COMMON,
+    *,
+    left_right: Mapping[str, float] | None = None,
 ) -> Real:
-    """Return the covariance of the common changes of components from window to window.
+    """Return the covariance of what components of a kind share, from window to window or from vehicle to vehicle.
 
     Parameters
     ----------
     components
         Springs, dampers and tyres.
-    ends
+    front_rear
         Standard deviation between front and rear of each kind, ln values.
-    together
-        Standard deviation of all components of each kind together, ln values; None: `COMMON`.
+    common
+        Standard deviation of all components of each kind together, ln values.
+    left_right
+        Standard deviation of ln(left / right) of each kind; None: 0.
 
     Returns
     -------
     numpy.ndarray
-        Covariance, shape (components, components): all components of a kind by the same factor, and the axles against
-        each other.
+        Covariance, shape (components, components): all components of a kind by the same factor, the axles against each
+        other, and left against right.
     """
-    _, between, alike = directions(components)
-    stds = COMMON if together is None else together
-    of_ends = np.array([ends.get(kind, max(ends.values())) for kind in kinds_of(between, components)])
-    of_all = np.array([stds.get(kind, 0.2) for kind in kinds_of(alike, components)])
-    return np.asarray((between.T * of_ends**2) @ between + (alike.T * of_all**2) @ alike, dtype=np.float64)
+    pairs, ends, together = directions(components)
+    of_ends = np.array([front_rear.get(kind, max(front_rear.values())) for kind in kinds_of(ends, components)])
+    of_all = np.array([common.get(kind, 0.2) for kind in kinds_of(together, components)])
+    covariance = (ends.T * of_ends**2) @ ends + (together.T * of_all**2) @ together
+    if left_right is not None:
+        of_pairs = np.array([left_right[kind] for kind in kinds_of(pairs, components)]) / 2
+        covariance = covariance + (pairs.T * of_pairs**2) @ pairs
+    return np.asarray(covariance, dtype=np.float64)
 
 
 @lru_cache(maxsize=64)
@@ -90,9 +101,11 @@ class ScatterWeights:
 
     #: Scatter that windows report, in degrees of freedom of all pairs.
     reported: float = 1.0
-    #: In windows: the scatter of all pairs for one of them, the typical one of front against rear and of all of a kind.
+    #: Scatter of all pairs for one of them, in windows.
     pairs: float = 4.0
+    #: Typical scatter of front against rear, in windows.
     front_rear: float = 8.0
+    #: Typical scatter of all of a kind together, in windows.
     common: float = 4.0
     #: Probability at which a variance with few degrees of freedom is widened to the quantile of the common one.
     tail: float = 1e-5
@@ -179,7 +192,7 @@ class Scatter:
     @property
     def nuisance(self) -> Real:
         """Covariance of common changes."""
-        return typical_nuisance(self.components, self.front_rear_std, self.common_std)
+        return shared_covariance(self.components, self.front_rear_std, self.common_std)
 
     @property
     def whole(self) -> Real:

@@ -10,8 +10,8 @@ from sprung._arrays import Real
 from sprung.diagnosis.channel_faults import (
     CHECKS_OF_SAMPLES,
     CHECKS_OF_SPECTRA,
+    Channels,
     SensorFault,
-    channels_of_motion,
     faults_by,
 )
 from sprung.diagnosis.rigid_body import rigid_body_faults
@@ -33,20 +33,22 @@ class FitLimits:
     missing: float = 0.5
     #: Duration of a constant speed after which it is doubted [s]: no driver keeps a speed exactly for as long.
     constant_speed: float = 120.0
-    #: RMS of a driving body's acceleration [m/s^2] in a band [Hz]: exceeded on the best of roads, but not under an
-    #: idling engine.
+    #: RMS of a driving body's acceleration [m/s^2], exceeded on the best of roads, but not under an idling engine.
     driving: float = 0.1
+    #: Band of this acceleration [Hz].
     body: tuple[float, float] = (0.5, 10.0)
-    #: A speed is wrong if the delay between the axles gives another one, by more than this factor, in more than this
-    #: share of the segments.
+    #: A speed is wrong if the delay between the axles gives another one by more than this factor.
     speed_factor: float = 1.25
+    #: Share of the segments in which it has to.
     wrong_share: float = 0.25
-    #: Shaking on a rig is ruled out by the least share of segments with a speed and by the model error.
+    #: Smallest share of segments with a speed: shaking on a rig has fewer.
     share_with_speed: float = 0.75
+    #: Largest model error with such a speed: shaking on a rig has a larger one.
     model_error: float = 1.0
-    #: Model error above which an exchange is tried, and ln of how much more likely it must make the nominal vehicle:
-    #: with an engine that the file lacks, 180 kg at 11 Hz, 640 where sensors are exchanged.
+    #: Model error above which an exchange is tried.
     suspect: float = 0.3
+    #: ln of how much more likely an exchange must make the nominal vehicle: 640 where sensors are exchanged on a car
+    #: whose file lacks an engine of 180 kg at 11 Hz.
     more_likely: float = 100.0
 
 
@@ -144,7 +146,7 @@ def check_sensors(window: Window) -> SensorCheck:
     """
     if not window.vehicle.sensor or not window.outputs:
         raise DataError("the recording has none of the vehicle file's motion sensors: give accelerations")
-    channels = channels_of_motion(window)
+    channels = Channels.of(window)
     faults = faults_by(CHECKS_OF_SAMPLES, channels)
     every = enumerate(zip(channels.recording.names, channels.samples, strict=True))
     channels = channels.take(

@@ -11,12 +11,20 @@ from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.ratios import Compared, compare
 from sprung.modal import INTERVAL_95
 
-#: Relative change at which a part is due, for forecasts.
-_LIMIT = 0.3
-#: Smallest number of windows for a trend.
-_FEWEST = 4
-#: Standard deviations of its slope that a trend must differ from 0 by, for the end of the line to be the size.
-_CLEARLY = 2.6
+
+@dataclass(frozen=True, slots=True)
+class TrendRules:
+    """When a change grows, and when it is due."""
+
+    #: Relative change at which a part is due, for forecasts.
+    limit: float = 0.3
+    #: Smallest number of windows for a trend.
+    min_windows: int = 4
+    #: Standard deviations of its slope that a trend must differ from 0 by, for the end of the line to be the size.
+    clearly: float = 2.6
+
+
+RULES = TrendRules()
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +53,19 @@ class _Line:
     slope_std: float
     last: float
     last_std: float
+
+    @property
+    def trend(self) -> Trend:
+        """Growth of the change, and when the ends of the line's interval reach the limit."""
+        half, doubt = INTERVAL_95 * self.slope_std, INTERVAL_95 * self.last_std
+        interval = self.slope - half, self.slope + half
+        low, high = map(float, np.expm1(interval))
+        if interval[0] * interval[1] <= 0 or self.last * self.slope <= 0:
+            return Trend(float(np.expm1(self.slope)), (low, high), None)
+        distance = abs(np.log1p(np.copysign(RULES.limit, self.slope))) - abs(self.last)
+        slow, fast = sorted(map(abs, interval))
+        hours = max(0.0, float(distance - doubt)) / fast, max(0.0, float(distance + doubt)) / slow
+        return Trend(float(np.expm1(self.slope)), (low, high), hours)
 
 
 def trend(
@@ -102,13 +123,7 @@ def trend(
     (-0.3, True)
     """
     lines = _lines(candidate, _compared(observations, baseline), baseline, since=since)
-    if not lines:
-        return None
-    line = lines[number]
-    half = INTERVAL_95 * line.slope_std
-    interval = line.slope - half, line.slope + half
-    low, high = map(float, np.expm1(interval))
-    return Trend(float(np.expm1(line.slope)), (low, high), _hours_to_limit(line, interval))
+    return lines[number].trend if lines else None
 
 
 def current_sizes(candidate: Candidate, observations: Sequence[Observation], baseline: Baseline) -> tuple[Size, ...]:
@@ -136,7 +151,7 @@ def current_sizes(candidate: Candidate, observations: Sequence[Observation], bas
     model_error = float(np.median([window.model_error for window in windows]))
     return tuple(
         size_of(change.component, line.last, line.last_std, model_error)
-        if abs(line.slope) > _CLEARLY * line.slope_std
+        if abs(line.slope) > RULES.clearly * line.slope_std
         else size
         for change, line, size in zip(candidate.hypothesis.changes, lines, candidate.sizes, strict=True)
     )
@@ -151,7 +166,7 @@ def _lines(candidate: Candidate, windows: Sequence[Compared], baseline: Baseline
     """Return the line of each change of a candidate; none with too few windows, or for an unmodelled change."""
     directions = candidate.hypothesis.directions(baseline.components)
     windows = [window for window in windows if window.time >= since]
-    if len(windows) < _FEWEST or not len(directions):
+    if len(windows) < RULES.min_windows or not len(directions):
         return []
     hours = np.array([window.time - windows[-1].time for window in windows]) / 3600
     lines = [np.kron([1.0, hour], directions.T) for hour in hours]
@@ -177,13 +192,3 @@ def _lines(candidate: Candidate, windows: Sequence[Compared], baseline: Baseline
         last_std, slope_std = (float(np.sqrt(scatter * covariance[row, row])) for row in (k, count + k))
         result.append(_Line(float(estimate[count + k]), slope_std, float(estimate[k]), last_std))
     return result
-
-
-def _hours_to_limit(line: _Line, interval: tuple[float, float]) -> tuple[float, float] | None:
-    """Return the earliest and latest time at which the line reaches the limit [h]; None if it does not."""
-    if interval[0] * interval[1] <= 0 or line.last * line.slope <= 0:
-        return None
-    distance = abs(np.log1p(np.copysign(_LIMIT, line.slope))) - abs(line.last)
-    doubt = INTERVAL_95 * line.last_std
-    fast, slow = max(map(abs, interval)), min(map(abs, interval))
-    return max(0.0, float(distance - doubt)) / fast, max(0.0, float(distance + doubt)) / slow
