@@ -1,7 +1,8 @@
 """Models of a car with every block of parameters, and spectra that they give themselves."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -16,13 +17,10 @@ from sprung.likelihood import (
     MassParameter,
     Model,
     ParameterBlock,
-    PositionParameter,
     RailInputs,
     RigInputs,
     RoadInputs,
-    SensorDelays,
     SensorNoise,
-    SensorPositions,
     rigid_layout,
     unsprung_masses,
     vehicle_model,
@@ -32,7 +30,7 @@ from sprung.likelihood.spectra import onto_grid, through_window
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, term_gradients, transfer
 from sprung.likelihood.whittle import minus_log_likelihood
-from sprung.vehicles import MountedMass, Sensor, Structure, Vehicle, read_vehicle, structure
+from sprung.vehicles import MountedMass, Sensor, Vehicle, read_vehicle, structure
 
 SEGMENT = 5.12
 
@@ -51,36 +49,27 @@ def _classes(n_coordinates: int, *, counts: float = 9.0, n_classes: int = 6) -> 
     return ClassSpectra(f, np.full(n_classes, counts), speeds, spreads, unit, SEGMENT, np.full(unit.shape[:2], counts))
 
 
-def _road_blocks(vehicle: Vehicle, nominal: Structure, spectra: ClassSpectra) -> tuple[RoadInputs, ClassRoughness]:
-    """A road and its classes."""
-    positions = np.repeat([axle.x for axle in vehicle.axle], 2)
-    return RoadInputs(spectra, positions, np.array([1.0, -1.0, 1.0, -1.0])), ClassRoughness(spectra.counts.size)
-
-
 def _road_model(
     vehicle: Vehicle,
     *,
     spectra: ClassSpectra | None = None,
     parts: tuple[MassParameter, ...] = (),
-    inputs: Callable[[Vehicle, Structure, ClassSpectra], Sequence[ParameterBlock]] = _road_blocks,
-    sensors: bool = False,
+    kind: Literal["road", "rail", "rig"] = "road",
 ) -> Model:
-    """The model of a vehicle on a road with all its corners free."""
+    """The model of a vehicle with all its corners free, and its inputs as parameters."""
     nominal = structure(vehicle)
     layout = rigid_layout(nominal)
     spectra = _classes(len(layout.rows)) if spectra is None else spectra
     free = tuple(component for component in nominal.components() if component.side)
-    blocks: list[ParameterBlock] = [FreeComponents(nominal, free)]
-    if parts:
-        blocks.append(AddedMass(parts))
-    if sensors:
-        ahead = np.zeros(layout.motion.shape)
-        ahead[0, nominal.coordinates.index("pitch")] = -1.0
-        blocks += [
-            SensorPositions((PositionParameter("ahead", ahead),)),
-            SensorDelays(layout, layout.names[1:2], std=0.01),
-        ]
-    return Model(nominal, layout, spectra, (*blocks, *inputs(vehicle, nominal, spectra), SensorNoise(layout)))
+    blocks: list[ParameterBlock] = [FreeComponents(nominal, free), *([AddedMass(parts)] if parts else [])]
+    if kind == "rig":
+        blocks.append(RigInputs(spectra, nominal.inputs, 1e-7))
+    else:
+        surface = RoadInputs if kind == "road" else RailInputs
+        positions = np.repeat([axle.x for axle in vehicle.axle], 2)
+        road = surface(spectra, positions, np.array([1.0, -1.0, 1.0, -1.0]))
+        blocks += [road, ClassRoughness(spectra.counts.size)]
+    return Model(nominal, layout, spectra, (*blocks, SensorNoise(layout)))
 
 
 def _with_data(
@@ -111,52 +100,18 @@ def _somewhere(model: Model, seed: int = 0, size: float = 0.1) -> Real:
 
 
 def _with_engine(car: Vehicle) -> Vehicle:
-    """The car with an anti-roll bar, an engine on mounts that has a sensor of its own, and sensors above the floor."""
+    """The car with an anti-roll bar, bushings, an engine on mounts with a sensor, a gyroscope and raised sensors."""
     engine = MountedMass(mass=180.0, x=1.1, y=0.1, frequency=11.0, damping_ratio=0.08)
-    axles = (car.axle[0].model_copy(update={"anti_roll_stiffness": 10e3}), *car.axle[1:])
+    front = {"anti_roll_stiffness": 10e3, "damper_bushing_stiffness": 60e3}
+    axles = (car.axle[0].model_copy(update=front), *car.axle[1:])
     sensors = [
         sensor.model_copy(update={"position": (sensor.position[0], sensor.position[1], 0.3)})
         for sensor in car.sensor
         if sensor.position is not None
     ]
     on_engine = Sensor(channel="acc_engine", quantity="acceleration", unit="m/s^2", on="mounted_mass_1")
-    return car.model_copy(update={"mounted_mass": (engine,), "axle": axles, "sensor": (*sensors, on_engine)})
-
-
-def _imu() -> tuple[Sensor, ...]:
-    """Sensors of a six-axis inertial measurement unit ahead of the centre of gravity."""
-    place, up, ahead, left = (0.3, 0.1, 0.2), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-    rates = (("wx", ahead), ("wy", left), ("wz", up))
-    return (
-        Sensor(channel="az", quantity="acceleration", unit="g", position=place, direction=up),
-        Sensor(channel="ax", quantity="acceleration", unit="g", position=place, direction=ahead),
-        *(Sensor(channel=name, quantity="angular_velocity", unit="deg/s", direction=axis) for name, axis in rates),
-    )
-
-
-@pytest.fixture(params=["plain", "bushed", "loaded", "imu", "sensors", "rail", "rig"])
-def model(request: pytest.FixtureRequest, car: Vehicle) -> Model:
-    """Models with every block of parameters."""
-    if request.param == "bushed":
-        axles = tuple(axle.model_copy(update={"damper_bushing_stiffness": 60e3}) for axle in car.axle)
-        return _road_model(car.model_copy(update={"axle": axles}))
-    if request.param == "loaded":
-        mass = np.zeros((7, 7))
-        mass[0, 0], mass[0, 1], mass[1, 0] = 100.0, -50.0, -50.0
-        return _road_model(car, parts=(MassParameter("load", mass, 1.0),))
-    if request.param == "rail":
-        return _road_model(car, inputs=_rail_blocks)
-    if request.param == "rig":
-        return _road_model(car, inputs=lambda _, nominal, spectra: [RigInputs(spectra, nominal.inputs, 1e-7)])
-    if request.param == "sensors":
-        return _road_model(car, sensors=True)
-    return _road_model(car.model_copy(update={"sensor": _imu()}) if request.param == "imu" else car)
-
-
-def _rail_blocks(vehicle: Vehicle, nominal: Structure, spectra: ClassSpectra) -> tuple[RailInputs, ClassRoughness]:
-    """A track and its classes."""
-    road, by_class = _road_blocks(vehicle, nominal, spectra)
-    return RailInputs(spectra, road.positions, road.sides, contact_length=0.01), by_class
+    roll = Sensor(channel="wx", quantity="angular_velocity", unit="deg/s", direction=(1.0, 0.0, 0.0))
+    return car.model_copy(update={"mounted_mass": (engine,), "axle": axles, "sensor": (*sensors, on_engine, roll)})
 
 
 @pytest.fixture(scope="session")

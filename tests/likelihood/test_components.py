@@ -1,12 +1,10 @@
 """Springs, dampers and tyres as parameters."""
 
-import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.likelihood import FreeComponents
 from sprung.likelihood.components import free_components
-from sprung.vehicles import parse_fault, structure, with_faults
+from sprung.vehicles import structure
 
 
 def test_kinds_and_single_components_are_chosen_by_name(car) -> None:
@@ -29,16 +27,3 @@ def test_a_component_that_the_vehicle_does_not_have_is_not_free(car) -> None:
     undamped = car.model_copy(update={"axle": axles})
     free = free_components(structure(undamped), undamped, ("damper",))
     assert list(map(str, free)) == ["front_left.damper", "front_right.damper"]
-
-
-def test_fitted_components_are_those_of_a_vehicle_with_faults(car) -> None:
-    nominal = structure(car)
-    block = FreeComponents(nominal, free_components(nominal, car, None))
-    parameters = np.zeros(12)
-    parameters[block.names.index("rear_left.spring")] = np.log(0.7)
-    parameters[block.names.index("front_right.tyre")] = np.log(1.2)
-    faults = [parse_fault("rear_left.spring=-0.3"), parse_fault("front_right.tyre=0.2")]
-    faulty = with_faults(nominal, faults)
-    np.testing.assert_allclose(block.fitted(parameters, nominal).modes().poles, faulty.modes().poles, rtol=1e-12)
-    expected = {str(component): value for component, value in faulty.components().items()}
-    assert block.values(parameters) == pytest.approx(expected)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.likelihood import CornerSettings, rigid_layout, vehicle_model
+from sprung.likelihood import rigid_layout
 from sprung.likelihood.driving import Driving, driving
 from sprung.likelihood.terms import nominal_terms
 from sprung.likelihood.transfer import transfer
@@ -59,17 +59,3 @@ def test_densities_are_powers_of_the_frequency(car, terms) -> None:
 def test_a_chain_has_no_driver() -> None:
     with pytest.raises(ParameterError, match="pitch and roll"):
         driving(chain(), 2.5)
-
-
-@pytest.mark.slow
-def test_corners_come_out_under_braking_and_cornering(car, classes, recovered) -> None:
-    """Exact spectra of a lively driver: components, payload and driving are identified together."""
-    nominal = structure(car)
-    layout = rigid_layout(nominal)
-    model = vehicle_model(classes(len(layout.rows)), layout, car, nominal, settings=CornerSettings(), kind="road")
-    model = replace(model, blocks=tuple(block for block in model.blocks if block.group != "unsprung"))  # the scale
-    truth = model.start.copy()
-    truth[model.rows("driving")] = np.log(0.3), np.log(0.5), 3.5, 2.5
-    truth[model.names.index("rear_left.spring")] = -0.2
-    rows = model.rows("components", "payload", "driving")
-    assert recovered(model, truth)[rows] == pytest.approx(truth[rows], abs=1e-6)

@@ -24,19 +24,9 @@ def test_a_fit_reports_what_was_expected() -> None:
         assert np.all(np.abs(ratios - 1) < 0.25), name
 
 
-def test_contrasts_shrink_with_the_root_of_time() -> None:
-    short, long = (expected_fit(CAR, ExpectedDrive(minutes=minutes)).contrast_std for minutes in (20.0, 80.0))
-    assert np.array(list(short.values())) / list(long.values()) == pytest.approx(2.0, rel=0.05)
-
-
 def test_a_vehicle_without_speed_is_less_certain() -> None:
     known, unknown = (expected_fit(CAR, ExpectedDrive(has_speed=each)) for each in (True, False))
     assert all(unknown.std[part] >= known.std[part] - 1e-12 for part in known.components)
-
-
-def test_both_sides_have_one_contrast() -> None:
-    stds = {str(part): std for part, std in expected_fit(CAR).contrast_std.items()}
-    assert stds["front_left.spring"] == pytest.approx(stds["front_right.spring"], rel=1e-9)
 
 
 def test_speeds_that_fall_are_refused() -> None:

@@ -5,12 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.likelihood import ClassRoughness, CornerSettings, RailInputs, RoadInputs, rigid_layout, vehicle_model
-from sprung.likelihood.search import minimised
-from sprung.likelihood.spectra import through_window
+from sprung.likelihood import ClassRoughness, RailInputs, RoadInputs, rigid_layout
 from sprung.likelihood.surface import road_deviations
 from sprung.likelihood.terms import nominal_terms
-from sprung.likelihood.transfer import transfer
 from sprung.vehicles import structure
 
 AHEAD = np.array([1.2, 1.2, -1.6, -1.6])
@@ -99,42 +96,6 @@ def test_a_deviation_scales_the_density_of_a_road(spectra, inputs) -> None:
     straight, curved = (inputs(road, road_parameters(deviations=(a, 0, 0, 0, 0, 0))) for a in (0.0, 2.0))
     n = spectra.grid / spectra.speeds[1]
     assert (curved / straight)[1, :, 2, 1].real == pytest.approx(np.exp(2 * road_deviations(n)[0]))
-
-
-def raised_cosines(n, *, per_kilometre, depth, length):
-    """Density of potholes (1 - cos(2 pi x / length)) / 2 at random places: twice their rate times |transform|^2."""
-    lengths = np.linspace(length[0], length[1], 41)[:, None, None] * (1 + 1e-9)
-    transform = np.sin(np.pi * n * lengths) / (2 * np.pi * n * (1 - (n * lengths) ** 2))
-    mean_square = (depth[1] ** 3 - depth[0] ** 3) / (3 * (depth[1] - depth[0]))
-    return 2e-3 * per_kilometre * mean_square * np.mean(np.abs(transform) ** 2, axis=0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("speeds", [np.geomspace(5.5, 20, 6), np.array([14.0])])
-def test_a_smooth_road_with_potholes_leaves_the_corners_alone(car, classes, speeds) -> None:
-    """A road of class A with five potholes per kilometre, three of ten over both tracks; exact spectra.
-
-    A straight line for the spectrum makes the springs 10 % too soft and the car 10 % too light.
-    """
-    nominal = structure(car)
-    layout = rigid_layout(nominal)
-    spectra = classes(len(layout.rows), n_classes=speeds.size, counts=120.0 / speeds.size)
-    spectra = replace(spectra, speeds=speeds)
-    model = vehicle_model(spectra, layout, car, nominal, settings=CornerSettings(), kind="road")
-    parameters = model.start.copy()
-    parameters[model.rows("noise")] -= 6.0
-    parameters[model.names.index("roughness")] = np.log(16e-6)
-    terms = model.terms(parameters)
-    n = spectra.grid / speeds[:, None]
-    own, potholes = 16e-6 * (n / 0.1) ** -2, raised_cosines(n, per_kilometre=5.0, depth=(0.01, 0.04), length=(0.4, 1.2))
-    on_one, on_both = own + 0.65 * potholes, own * np.exp(-1.5 * n) + 0.3 * potholes
-    scale = np.where(np.not_equal.outer(SIDES, SIDES), (on_both / own * np.exp(1.5 * n))[..., None, None], 0.0)
-    scale += np.where(np.equal.outer(SIDES, SIDES), (on_one / own)[..., None, None], 0.0)
-    matrices = through_window(transfer(replace(terms, inputs=terms.inputs * scale)).spectral_matrix)
-    model = replace(model, spectra=replace(spectra, matrices=matrices))
-    fit = minimised(model, model.scaled_start())
-    assert np.abs(fit[model.rows("components")]).max() < 0.06
-    assert abs(fit[model.names.index("payload_mass")]) < 0.03
 
 
 def test_a_wheel_averages_waves_as_long_as_its_contact(spectra, inputs) -> None:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sprung._arrays import Complex
-from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.transfer import classes_times, sum_of_products, times_classes, transfer
 from sprung.vehicles import frequency_response, structure
 
@@ -46,21 +45,6 @@ def test_gradient_of_a_term_is_the_finite_difference(term, on_a_road, misfit, gr
     assert np.sum(gradient * change).real == pytest.approx((above - below) / 2, rel=1e-4)
 
 
-@pytest.mark.parametrize("term", ["mass", "motion"])
-def test_change_by_a_term_is_the_finite_difference(term, on_a_road) -> None:
-    _, terms = on_a_road
-    value = getattr(terms, term)
-    change = np.random.default_rng(3).standard_normal(value.shape)
-    change = change + change.T if term == "mass" else change
-    step = 1e-5 * np.abs(value).mean()
-    above, below = (
-        transfer(replace(terms, **{term: value + sign * step * change})).spectral_matrix for sign in (1, -1)
-    )
-    derivative = getattr(transfer(terms), f"change_by_{term}")(change)
-    difference = real_coordinates((above - below) / (2 * step))
-    assert np.abs(derivative - difference).max() < 1e-5 * np.abs(difference).max()
-
-
 def with_measured_input(terms, *, density=0.3):
     """Terms with one more input, which moves no wheel and is independent of the road."""
     measured = np.pad(terms.measured_inputs, ((0, 0), (0, 0), (0, 1), (0, 1)))
@@ -77,18 +61,6 @@ def test_a_measured_input_that_a_channel_reads_adds_its_spectrum(on_a_road) -> N
     both = transfer(more).spectral_matrix
     expected = transfer(terms).spectral_matrix + 0.3 * column[:, :, None] * column[:, None, :].conj()
     assert both == pytest.approx(expected, rel=1e-9, abs=1e-12)
-
-
-@pytest.mark.parametrize("term", ["forces", "feedthrough"])
-def test_gradient_of_what_a_measured_input_does_is_the_finite_difference(term, on_a_road, misfit, gradients_of) -> None:
-    model, terms = on_a_road
-    terms = with_measured_input(terms)
-    change = np.zeros(getattr(terms, term).shape)
-    change[:, -1] = np.random.default_rng(3).standard_normal(len(change)) * (1e3 if term == "forces" else 1.0)
-    at, step = replace(terms, **{term: getattr(terms, term) + change}), 1e-4
-    above, below = (misfit(model, replace(at, **{term: getattr(at, term) + k * step * change})) for k in (1, -1))
-    gradient = getattr(gradients_of(model, at), term)
-    assert np.sum(gradient * change).real == pytest.approx((above - below) / (2 * step), rel=1e-5)
 
 
 def test_products_with_all_classes_are_those_of_each() -> None:

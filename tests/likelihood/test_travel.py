@@ -43,16 +43,6 @@ def test_exact_spectra_give_the_components_back(car, sensors) -> None:
     assert fitted[components] == pytest.approx(truth[components], abs=2e-3)
 
 
-def test_all_masses_and_stiffnesses_in_proportion_give_the_same_travels(car) -> None:
-    """Without forces the scale of the masses is unknown: it is that of the unsprung masses of the file."""
-    vehicle = with_sensors(car, TRAVELS)
-    nominal = structure(vehicle)
-    heavy = replace(nominal.changed(dict.fromkeys(nominal.components(), 1.2)), mass=1.2 * nominal.mass)
-    modes, others = nominal.modes(), heavy.modes()
-    np.testing.assert_allclose(others.poles, modes.poles, rtol=1e-9)
-    np.testing.assert_allclose(heavy.discretised(200.0).feedthrough, nominal.discretised(200.0).feedthrough, atol=1e-9)
-
-
 @pytest.mark.slow
 def test_a_drive_with_four_travels_alone(car) -> None:
     vehicle = with_sensors(car, TRAVELS)

@@ -7,6 +7,7 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.likelihood import CornerSettings, rigid_layout, vehicle_model
+from sprung.likelihood.payload import payload
 from sprung.likelihood.search import minimised
 from sprung.vehicles import read_vehicle, structure
 
@@ -57,6 +58,36 @@ def test_an_anti_roll_bar_off_the_file_does_not_scale_the_whole_vehicle(with_bar
     assert free.max() < 0.1
     assert held.mean() > 0.15
     assert free.mean() < held.mean() / 2
+
+
+def _load_behind_on_the_right(model):
+    """100 kg off both axes, and a track 2.5 dB rougher on that side."""
+    x, y = -1.3, -0.4
+    point = 100.0 * np.array([1.0, -x, y, x**2, y**2, -x * y])
+    loads = point / [part.unit for part in payload(model.structure).parts]
+    return {"right_over_left": np.log(10) * 2.5 / 20, **dict(zip(LOADS, loads, strict=True))}
+
+
+def _lively_driver(_):
+    exponents = {"braking_exponent": 3.5, "cornering_exponent": 2.5}
+    return {"braking": np.log(0.3), "cornering": np.log(0.5), "rear_left.spring": -0.2, **exponents}
+
+
+LOADS = [f"payload_{name}" for name in ("mass", "x_moment", "y_moment", "pitch_inertia", "roll_inertia", "product")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("changes", [_load_behind_on_the_right, _lively_driver])
+def test_corners_come_out_of_exact_spectra_with_loads_tracks_and_driving(car, classes, recovered, changes) -> None:
+    nominal = structure(car)
+    layout = rigid_layout(nominal)
+    model = vehicle_model(classes(len(layout.rows)), layout, car, nominal, settings=CornerSettings(), kind="road")
+    model = replace(model, blocks=tuple(block for block in model.blocks if block.group != "unsprung"))  # the scale
+    truth = model.start.copy()
+    for name, value in changes(model).items():
+        truth[model.names.index(name)] = value
+    rows = model.rows("components", "payload", "tracks", "driving")
+    assert recovered(model, truth)[rows] == pytest.approx(truth[rows], abs=1e-6)
 
 
 def test_sensors_are_free_where_the_settings_say_so(classes) -> None:

@@ -10,6 +10,14 @@ from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 from sprung.vehicles import Structure
 
+#: Logarithm at which a power is cut off, as good as infinite.
+_LARGEST = 100.0
+
+
+def powers(logarithms: Real) -> Real:
+    """Return powers for their logarithms, none of them beyond what numbers hold."""
+    return np.exp(np.minimum(logarithms, _LARGEST))
+
 
 class ParameterBlock(Protocol):
     """Parameters of one kind, and what they contribute to the spectral matrix of a vehicle.
@@ -35,7 +43,8 @@ class ParameterBlock(Protocol):
 
     @property
     def start(self) -> Real:
-        """Centre of the prior, shape (parameters,)."""
+        """Centre of the prior, shape (parameters,); 0 unless the block states another one."""
+        return np.zeros(len(self.names))
 
     @property
     def prior_std(self) -> Real:

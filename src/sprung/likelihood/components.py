@@ -45,18 +45,13 @@ class FreeComponents(ParameterBlock):
         return tuple(map(str, self.components))
 
     @property
-    def start(self) -> Real:
-        """Nominal values."""
-        return np.zeros(len(self.components))
-
-    @property
     def prior_std(self) -> Real:
         """The same for all components."""
         return np.full(len(self.components), self.log_std)
 
     def contribute(self, parameters: Real, terms: Terms) -> Terms:
         """Return the terms with the dynamic stiffness of the elements."""
-        s, factor = _s(terms), self._factors(parameters)
+        s, factor = terms.s, self._factors(parameters)
         stiffness = [
             element.dynamic_stiffness(
                 s, spring=factor.get(spring, 1.0), damper=factor.get(damper, 1.0) if damper else 1.0
@@ -95,7 +90,7 @@ class FreeComponents(ParameterBlock):
 
     def _changes(self, parameters: Real, terms: Terms) -> Iterator[tuple[int, int, Complex]]:
         """Yield row of a parameter, number of an element, and the derivative of the element's dynamic stiffness."""
-        s, factor = _s(terms), self._factors(parameters)
+        s, factor = terms.s, self._factors(parameters)
         rows = {component: row for row, component in enumerate(self.components)}
         for number, element in enumerate(self.structure.elements):
             spring, damper = element.components
@@ -133,8 +128,3 @@ def free_components(nominal: Structure, vehicle: Vehicle, names: tuple[str, ...]
             known = ", ".join(map(str, every))
             raise ParameterError(f"free component {name!r} is none of spring, damper, tyre, {known}")
     return tuple(component for component in every if {component.kind, str(component)} & set(names))
-
-
-def _s(terms: Terms) -> Complex:
-    """Complex angular frequencies i w of the model, shape (grid,)."""
-    return np.asarray(2j * np.pi * terms.frequencies, dtype=np.complex128)

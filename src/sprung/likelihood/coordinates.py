@@ -11,10 +11,19 @@ from sprung.vehicles import Structure
 
 #: Usual noise of sensors by the order of the time derivative that they measure [m or rad, per s, per s^2].
 TYPICAL_NOISE = (1e-4, 1e-3, 1e-2)
-#: Smallest vertical direction cosine of an accelerometer that is used: others also measure braking and gravity.
-_LEAST_VERTICAL = 0.7
-#: Directions whose singular value is less than this share of the largest are left out.
-_WEAKEST = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class LayoutLimits:
+    """Limits of what sensors observe."""
+
+    #: Smallest vertical direction cosine of an accelerometer that is used: others also measure braking and gravity.
+    vertical: float = 0.7
+    #: Directions whose singular value is less than this share of the largest are left out.
+    weakest: float = 1e-3
+
+
+LIMITS = LayoutLimits()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -105,7 +114,7 @@ def rigid_layout(structure: Structure) -> RigidLayout:
     sizes = np.array([np.abs(matrix).sum(axis=1) for matrix in matrices])
     orders = np.argmax(sizes, axis=0)
     upright = [
-        channel.direction is None or abs(channel.direction[2]) >= _LEAST_VERTICAL for channel in outputs.channels
+        channel.direction is None or abs(channel.direction[2]) >= LIMITS.vertical for channel in outputs.channels
     ]
     observed = np.flatnonzero((sizes.max(axis=0, initial=0.0) > 0) & (upright | (orders < 2)))
     if not observed.size:
@@ -116,7 +125,7 @@ def rigid_layout(structure: Structure) -> RigidLayout:
     T = np.sum(matrices, axis=0)[observed]
     weights = 1 / np.array(TYPICAL_NOISE)[orders]
     U, S, _ = np.linalg.svd(weights[:, None] * T, full_matrices=False)
-    kept = U[:, S / S[0] > _WEAKEST]
+    kept = U[:, S / S[0] > LIMITS.weakest]
     mix, names = _as_motions(kept.T @ (weights[:, None] * T), structure.coordinates)
     noise = np.einsum("ic,jc->cij", mix @ kept.T, mix @ kept.T)
     reduction = mix @ (kept.T * weights)

@@ -13,11 +13,20 @@ from sprung.vehicles import Component, ExactModes, Structure
 
 #: A parameter is identifiable if the data reduce the standard deviation of its prior to this share or less.
 IDENTIFIABLE = 0.5
-#: Factor between a fitted spring or tyre and its nominal value, on both sides of an axle, that no car of the vehicle
-#: file has; and between left and right.
-_IMPLAUSIBLE = 1.5
-#: Step of the numerical derivatives of the modes, over the standard deviation of the prior.
-_STEP = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class CornerLimits:
+    """Limits of fitted corners."""
+
+    #: Factor between fitted springs or tyres and nominal on both sides of an axle, and between left and right, that no
+    #: car of the vehicle file has.
+    implausible: float = 1.5
+    #: Step of the numerical derivatives of the modes, over the standard deviation of the prior.
+    step: float = 1e-4
+
+
+LIMITS = CornerLimits()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -141,7 +150,7 @@ class CornerFit(Tabular, Savable, Drawable):
             weight = np.array(weights)
             covariance = self.covariance[np.ix_(*2 * (self.model.rows("components")[pair],))]
             size, std = float(weight @ self.log_ratios[pair]), float(np.sqrt(weight @ covariance @ weight))
-            if abs(size) > np.log(_IMPLAUSIBLE) + std:
+            if abs(size) > np.log(LIMITS.implausible) + std:
                 beyond[name] = float(np.exp(size))
         return beyond
 
@@ -219,7 +228,7 @@ class CornerFit(Tabular, Savable, Drawable):
         modes = self.modes()
         derivatives = np.zeros((2, self.parameters.size, modes.poles.size))
         for row in np.flatnonzero(is_structural(self.model)):
-            step = _STEP * self.model.prior_std[row]
+            step = LIMITS.step * self.model.prior_std[row]
             above, below = (self._poles_near(modes.poles, int(row), sign * step) for sign in (1, -1))
             derivatives[0, row] = (np.abs(above) - np.abs(below)) / (4 * np.pi * step)
             derivatives[1, row] = (-above.real / np.abs(above) + below.real / np.abs(below)) / (2 * step)

@@ -7,22 +7,30 @@ import numpy as np
 
 from sprung._arrays import Booleans, Real
 from sprung.errors import ParameterError
-from sprung.likelihood.blocks import ParameterBlock
+from sprung.likelihood.blocks import ParameterBlock, powers
 from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 from sprung.vehicles import Structure
 
-#: Frequency at which the densities of the accelerations are stated [Hz].
-_REFERENCE = 1.0
-#: Usual height of the centre of gravity above the ground, over the wheelbase.
-_HEIGHT = 0.2
-#: ln of the density at the reference frequency for a calm driver [(m/s^2)^2/Hz], and its standard deviation.
-_LEVEL, _LEVEL_STD = np.log(1e-2), 4.0
-#: Usual exponent of a density, and its standard deviation.
-_EXPONENT, _EXPONENT_STD = 3.0, 1.0
-#: Logarithm at which a level is cut off, as good as infinite.
-_LARGEST = 100.0
+
+@dataclass(frozen=True, slots=True)
+class DriverPrior:
+    """What is known of a driver before any data."""
+
+    #: ln of the density of an acceleration at 1 Hz for a calm driver [(m/s^2)^2/Hz].
+    level: float = float(np.log(1e-2))
+    #: Its standard deviation: large, so that the data decide.
+    level_std: float = 4.0
+    #: Exponent of the density: between a step of the acceleration (2) and a ramp (4).
+    exponent: float = 3.0
+    #: Its standard deviation.
+    exponent_std: float = 1.0
+    #: Height of the centre of gravity above the ground, over the wheelbase.
+    height: float = 0.2
+
+
+PRIOR = DriverPrior()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -68,12 +76,12 @@ class Driving(ParameterBlock):
     @property
     def start(self) -> Real:
         """A calm driver."""
-        return np.array([_LEVEL, _LEVEL, _EXPONENT, _EXPONENT])
+        return np.array([PRIOR.level, PRIOR.level, PRIOR.exponent, PRIOR.exponent])
 
     @property
     def prior_std(self) -> Real:
         """Large for the levels, so that the data decide."""
-        return np.array([_LEVEL_STD, _LEVEL_STD, _EXPONENT_STD, _EXPONENT_STD])
+        return np.array([PRIOR.level_std, PRIOR.level_std, PRIOR.exponent_std, PRIOR.exponent_std])
 
     @property
     def is_log_power(self) -> Booleans:
@@ -121,13 +129,13 @@ class Driving(ParameterBlock):
 
     def _densities(self, parameters: Real, terms: Terms) -> Real:
         """Densities of both accelerations, shape (2, grid)."""
-        levels = np.exp(np.minimum(parameters[:2], _LARGEST))
+        levels = powers(parameters[:2])
         colours = np.exp(-parameters[2:, None] * self._log_frequencies(terms))
         return np.asarray(levels[:, None] * colours, dtype=np.float64)
 
     def _log_frequencies(self, terms: Terms) -> Real:
-        """Ln of the frequency over the reference, shape (grid,)."""
-        return np.asarray(np.log(terms.frequencies / _REFERENCE), dtype=np.float64)
+        """Ln of the frequency over 1 Hz, shape (grid,)."""
+        return np.asarray(np.log(terms.frequencies), dtype=np.float64)
 
 
 def driving(structure: Structure, wheelbase: float) -> Driving:
@@ -150,4 +158,4 @@ def driving(structure: Structure, wheelbase: float) -> Driving:
     >>> round(block.height, 2), block.names[:2]
     (0.56, ('braking', 'cornering'))
     """
-    return Driving(structure, _HEIGHT * wheelbase)
+    return Driving(structure, PRIOR.height * wheelbase)

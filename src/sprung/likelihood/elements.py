@@ -13,9 +13,6 @@ from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 from sprung.vehicles import Element, Structure
 
-#: Standard deviation of ln of a stiffness in a vehicle file.
-_STIFFNESS = 0.3
-
 
 @dataclass(frozen=True, slots=True)
 class ElementParameter:
@@ -80,11 +77,6 @@ class ElementScales(ParameterBlock):
         return tuple(part.name for part in self.parts)
 
     @property
-    def start(self) -> Real:
-        """Nominal values."""
-        return np.zeros(len(self.parts))
-
-    @property
     def prior_std(self) -> Real:
         """Standard deviations of the parameters."""
         return np.array([part.std for part in self.parts])
@@ -138,7 +130,7 @@ class ElementScales(ParameterBlock):
 
     def _elements(self, parameters: Real, terms: Terms) -> Iterator[tuple[int, Complex, list[tuple[int, Complex]]]]:
         """Yield each element's number, its dynamic stiffness, and rows of its parameters with the derivatives."""
-        s = np.asarray(2j * np.pi * terms.frequencies, dtype=np.complex128)
+        s = terms.s
         for number, element in enumerate(self.structure.elements):
             rows = [(row, part) for row, part in enumerate(self.parts) if part.owner in _names(element)]
             if rows:
@@ -156,7 +148,7 @@ def _names(element: Element) -> tuple[str, str]:
     return element.owner, f"{element.owner}.{element.part}"
 
 
-def stiffness_scales(structure: Structure, owners: Sequence[str], *, std: float = _STIFFNESS) -> ElementScales:
+def stiffness_scales(structure: Structure, owners: Sequence[str], *, std: float = 0.3) -> ElementScales:
     """Return the stiffness of elements as parameters, around the file's values.
 
     Parameters

@@ -12,7 +12,8 @@ from sprung.errors import ParameterError
 from sprung.likelihood.coordinates import TYPICAL_NOISE, rigid_layout
 from sprung.likelihood.corners import IDENTIFIABLE
 from sprung.likelihood.fitting import FitSetup
-from sprung.likelihood.spectra import CLASS_WIDTH, OVERCOUNT, OVERLAP, SLOWEST, ClassSpectra
+from sprung.likelihood.spectra import CLASS_WIDTH, OVERLAP, SLOWEST, ClassSpectra
+from sprung.likelihood.uncertainty import expected_covariance
 from sprung.likelihood.vehicle import CornerSettings, default_choices
 from sprung.likelihood.whittle import Model
 from sprung.vehicles import Component, Vehicle, structure
@@ -118,8 +119,6 @@ def _other_side(corner: str) -> str:
 NOISE = MappingProxyType({"acceleration": 1e-3, "angular_velocity": 1e-4, "displacement": 1e-5})
 #: Quantities by the order of the time derivative of the motion that they are.
 QUANTITIES = ("displacement", "angular_velocity", "acceleration")
-#: Spread of the speed within a class, relative.
-_SPREAD = CLASS_WIDTH / np.sqrt(12)
 #: Standard deviation of ln of the delay between the axles without a speed.
 _UNKNOWN_DELAY = 0.3
 
@@ -176,9 +175,7 @@ def expected_fit(
     std = model.prior_std.copy()
     if not drive.has_speed and "delay" in model.names:
         std[model.names.index("delay")] = _UNKNOWN_DELAY
-    information, prior = model.information(parameters), np.diag(1 / std**2)
-    bread = np.linalg.inv(information + prior)
-    covariance = bread @ (OVERCOUNT * information + prior) @ bread
+    covariance = expected_covariance(model.information(parameters), std)
     rows = model.rows("components")
     return ExpectedFit(model.components, covariance[np.ix_(rows, rows)], settings.prior_std)
 
@@ -201,7 +198,7 @@ def _model(
         frequencies=frequencies,
         counts=counts,
         speeds=(edges[1:] + edges[:-1]) / 2,
-        spreads=np.full(n_classes, _SPREAD),
+        spreads=np.full(n_classes, CLASS_WIDTH / np.sqrt(12)),
         matrices=np.broadcast_to(np.eye(size, dtype=np.complex128), (n_classes, frequencies.size, size, size)),
         segment_length=length,
         weights=np.broadcast_to(counts[:, None], (n_classes, frequencies.size)),

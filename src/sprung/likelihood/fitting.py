@@ -30,7 +30,7 @@ from sprung.likelihood.vehicle import (
     CornerSettings,
     Kind,
     default_choices,
-    highest_of_body,
+    lowest_of_lines,
     vehicle_model,
     with_sensors,
 )
@@ -41,24 +41,34 @@ from sprung.vehicles import Structure, Vehicle
 from sprung.vehicles.labels import MOTIONS
 from sprung.vehicles.window import Window, window_of
 
-#: Lowest frequency at which lines are sought on a road or track, over that of the highest mode of the body: misfit
-#: below it may be the body's own motion.
-_OVER_BODY = 1.5
-#: Number of alternating fits and estimates of the speed, if it is missing.
-_ROUNDS = 3
-#: Largest number of lines that a note names.
-_MOST_NAMED = 6
-#: Relative misfit of the spectra above which a note states an error of the model.
-_IMPERFECT = 0.1
-#: Tempering below which the first fit may be a local minimum, and ln of the broken spring of a further start.
-_DOUBTFUL, _BROKEN = 0.3, -1.2
-#: Smallest roughness of a class over the common one; its inverse is the largest.
-_LEAST_LEVEL = 1e-3
-#: Width of the speed classes of the first fit.
-_COARSE = 0.1
-#: Tempering of the first fit; largest number of fits after it, each with the lines and the tempering of the one before;
-#: and relative change of the tempering at which they end.
-_FIRST, _MOST_FITS, _SETTLED = 0.1, 4, 0.1
+
+@dataclass(frozen=True, slots=True)
+class FitRules:
+    """Order and ends of the fits to a drive, and what their notes state."""
+
+    #: Width of the speed classes of the first fit.
+    coarse: float = 0.1
+    #: Tempering of the first fit.
+    first: float = 0.1
+    #: Tempering below which the first fit may be a local minimum.
+    doubtful: float = 0.3
+    #: ln of the broken spring with which the search then starts again.
+    broken: float = -1.2
+    #: Largest number of fits after the first one, each with the lines and the tempering of the one before.
+    max_fits: int = 4
+    #: Relative change of the tempering at which they end.
+    settled: float = 0.1
+    #: Smallest roughness of a class over the common one at the start; its inverse is the largest.
+    min_level: float = 1e-3
+    #: Number of alternating fits and estimates of the speed, if it is missing.
+    rounds: int = 3
+    #: Relative misfit of the spectra above which a note states an error of the model.
+    imperfect: float = 0.1
+    #: Largest number of lines that a note names.
+    max_named: int = 6
+
+
+RULES = FitRules()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -214,7 +224,7 @@ def fit_windows(
         fit = _fit(segments, setup, starts)
         return replace(fit, from_modes=check, speed_delay=delay, notes=(*layout, *fit.notes, *_delay_note(delay)))
     known = _with_speeds(segments, setup)
-    for _ in range(_ROUNDS - 1):
+    for _ in range(RULES.rounds - 1):
         fit = _fit(known, setup, starts)
         known = _with_speeds(segments, setup, fit.parameters)
     fit = _fit(known, setup, starts)
@@ -334,16 +344,16 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
     (22, True)
     """
     model, parameters = _start(segments, setup, starts)
-    limited, power = segments, _FIRST
+    limited, power = segments, RULES.first
     lines: tuple[SpectralLine, ...] = ()
-    for _ in range(_MOST_FITS):
+    for _ in range(RULES.max_fits):
         last_lines, last_power = lines, power
         limited = _with_limited_amplitudes(segments, model, parameters)
         lines = _lines(model, parameters, setup)
         untempered = _weighted(setup.at_classes(limited, width=CLASS_WIDTH), tempering=1.0, lines=lines)
         power = tempering(untempered, parameters)
         model = _weighted(untempered, tempering=power, lines=lines)
-        if lines == last_lines and abs(power - last_power) < _SETTLED * last_power:
+        if lines == last_lines and abs(power - last_power) < RULES.settled * last_power:
             break
         parameters = minimised(model, parameters)
     return _result(model, parameters, limited, lines)
@@ -351,10 +361,10 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
 
 def _start(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) -> tuple[Model, Real]:
     """Return the model with speed classes of full width, tempered as at first, and where its search starts."""
-    coarse = setup.at_classes(segments, width=_COARSE)
-    rough = _weighted(coarse, tempering=_FIRST)
+    coarse = setup.at_classes(segments, width=RULES.coarse)
+    rough = _weighted(coarse, tempering=RULES.first)
     end = _rough_fit(rough, _weighted(coarse, tempering=1.0), starts)
-    model = _weighted(setup.at_classes(segments, width=CLASS_WIDTH), tempering=_FIRST)
+    model = _weighted(setup.at_classes(segments, width=CLASS_WIDTH), tempering=RULES.first)
     parameters = _carried_over(rough, end, model)
     if model.objective(parameters)[0] == TOO_FAR:
         return model, model.scaled_start()
@@ -368,7 +378,7 @@ def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real]) -> Real:
         return rough.objective(parameters)[0]
 
     end = minimised(rough, min((rough.scaled_start(start) for start in (None, *starts)), key=misfit))
-    if tempering(untempered, end) >= _DOUBTFUL:
+    if tempering(untempered, end) >= RULES.doubtful:
         return end
     broken = min(_broken_springs(rough), key=misfit)
     return min((end, minimised(rough, broken)), key=misfit)
@@ -391,14 +401,13 @@ def _lines(model: Model, parameters: Real, setup: FitSetup) -> tuple[SpectralLin
     """Return the lines that stand out of a fit, if the settings mask them."""
     if not setup.settings.has_lines_masked:
         return ()
-    lowest = 0.0 if setup.kind == "rig" else _OVER_BODY * highest_of_body(setup.nominal)
-    return residual_lines(model, parameters, lowest=lowest)
+    return residual_lines(model, parameters, lowest=lowest_of_lines(setup.nominal, setup.kind))
 
 
 def _broken_springs(model: Model) -> list[Real]:
     """Return further starts of the search: vehicles with one spring each far softer."""
     springs = [row for row, component in enumerate(model.components) if component.kind == "spring"]
-    return [model.scaled_start(_BROKEN * np.eye(len(model.components))[row]) for row in springs]
+    return [model.scaled_start(RULES.broken * np.eye(len(model.components))[row]) for row in springs]
 
 
 def _carried_over(coarse: Model, parameters: Real, model: Model) -> Real:
@@ -408,9 +417,8 @@ def _carried_over(coarse: Model, parameters: Real, model: Model) -> Real:
     levels = model.rows("class_roughness")
     carried[levels] = 0.0
     if levels.size:
-        ratio = np.einsum("cfij,cfji->c", np.linalg.inv(model.matrix(carried)), model.spectra.matrices).real
-        mean = ratio / (model.spectra.frequencies.size * len(model.layout.rows))
-        carried[levels] = np.log(np.clip(np.nan_to_num(mean, nan=1.0), _LEAST_LEVEL, 1 / _LEAST_LEVEL))
+        mean = model.relative_power(carried).mean(axis=1)
+        carried[levels] = np.log(np.clip(np.nan_to_num(mean, nan=1.0), RULES.min_level, 1 / RULES.min_level))
     return carried
 
 
@@ -434,7 +442,7 @@ def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:
     if weak:
         verb, stay = ("is", "its estimate stays") if len(weak) == 1 else ("are", "their estimates stay")
         notes.append(f"{', '.join(weak)} {verb} not identifiable from this run and these sensors; {stay} near nominal")
-    if fit.model_error > _IMPERFECT:
+    if fit.model_error > RULES.imperfect:
         notes.append(
             f"the fitted spectra deviate {100 * fit.model_error:.0f} % more than chance allows: the vehicle has a "
             "moving part that the vehicle file lacks; differences between corners and from a baseline are more "
@@ -443,9 +451,9 @@ def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:
     notes += _implausibility_notes(fit)
     if lines:
         places = ", ".join(
-            f"{line.place:.3g} {'per m' if line.follows_speed else 'Hz'}" for line in lines[:_MOST_NAMED]
+            f"{line.place:.3g} {'per m' if line.follows_speed else 'Hz'}" for line in lines[: RULES.max_named]
         )
-        more = f" and {len(lines) - _MOST_NAMED} more" if len(lines) > _MOST_NAMED else ""
+        more = f" and {len(lines) - RULES.max_named} more" if len(lines) > RULES.max_named else ""
         notes.append(f"left out for lines of wheels, engine or mains: {places}{more}")
     if fit.n_rejected:
         notes.append(
@@ -462,7 +470,7 @@ def _implausibility_notes(fit: CornerFit) -> list[str]:
         notes.append(
             f"implausible values: {values} on both sides; calibrate the vehicle file on healthy drives, or complete it"
         )
-    if fit.uneven_axles and fit.model_error > _IMPERFECT:
+    if fit.uneven_axles and fit.model_error > RULES.imperfect:
         values = ", ".join(f"{name} {ratio:.2g}" for name, ratio in fit.uneven_axles.items())
         notes.append(
             f"left over right beyond production scatter: {values}; a fault, or what the vehicle file lacks: compare "

@@ -8,9 +8,6 @@ from sprung.likelihood.coordinates import RigidLayout
 from sprung.modal import Modes
 from sprung.vehicles import Component, Structure
 
-#: Usual relative error of an identified pole.
-_POLE = 0.02
-
 
 def corners_from_modes(
     modes: Modes,
@@ -19,6 +16,7 @@ def corners_from_modes(
     components: tuple[Component, ...],
     *,
     prior_std: float = 0.7,
+    pole_error: float = 0.02,
 ) -> Real:
     """Return ln(value / nominal value) of components from poles and mode shapes.
 
@@ -34,6 +32,8 @@ def corners_from_modes(
         Components to fit; those that the modes do not determine stay near nominal.
     prior_std
         Standard deviation of ln(value / nominal value) before any mode.
+    pole_error
+        Relative error of an identified pole.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def corners_from_modes(
     where C(s) and K(s) hold wheels, mounted masses and tyres by elimination: with the dynamic stiffness D(s) in blocks
     of the body (b) and the others (o), the Schur complement gives (D_bb - D_bo D_oo^-1 D_ob) q = 0. With tyres much
     stiffer than springs these are the M^-1 K and M^-1 C of the thesis. Least squares over all modes, weighted for an
-    error of 2 % of a pole, and over the prior.
+    error of a pole, and over the prior.
 
     References
     ----------
@@ -94,9 +94,10 @@ def corners_from_modes(
 
     def errors(logarithms: Real) -> Real:
         residuals = [logarithms / prior_std]
+        changed = structure.changed(dict(zip(components, np.exp(logarithms).tolist(), strict=True)))
         for pole, motion in zip(poles, motions, strict=True):
-            reduced = _reduced(_dynamic_stiffness(structure, components, logarithms, complex(pole)), body)
-            force = (reduced @ motion) / size / (2 * np.abs(pole) ** 2 * _POLE)
+            reduced = _reduced(_dynamic_stiffness(changed, complex(pole)), body)
+            force = (reduced @ motion) / size / (2 * np.abs(pole) ** 2 * pole_error)
             residuals += [force.real, force.imag]
         return np.concatenate(residuals)
 
@@ -105,19 +106,11 @@ def corners_from_modes(
     return least_squares(errors, np.zeros(len(components)), method="trf").x
 
 
-def _dynamic_stiffness(
-    structure: Structure, components: tuple[Component, ...], logarithms: Real, pole: complex
-) -> Complex:
+def _dynamic_stiffness(structure: Structure, pole: complex) -> Complex:
     """D(s) = M s^2 + C(s) s + K at a pole."""
-    factors = dict(zip(components, np.exp(logarithms).tolist(), strict=True))
-    total = structure.mass * pole**2
-    for element in structure.elements:
-        spring, damper = element.components
-        stiffness = element.dynamic_stiffness(
-            pole, spring=factors.get(spring, 1.0), damper=1.0 if damper is None else factors.get(damper, 1.0)
-        )
-        total = total + stiffness * np.outer(element.elongation, element.elongation)
-    return np.asarray(total, dtype=np.complex128)
+    stiffness = np.array([element.dynamic_stiffness(pole) for element in structure.elements])
+    D = structure.elongations
+    return np.asarray(structure.mass * pole**2 + (D.T * stiffness) @ D, dtype=np.complex128)
 
 
 def _reduced(stiffness: Complex, kept: list[int]) -> Complex:

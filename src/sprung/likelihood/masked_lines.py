@@ -8,10 +8,22 @@ from sprung._arrays import Booleans, Real
 from sprung.likelihood.spectra import ClassSpectra
 from sprung.likelihood.whittle import Model
 
-#: Smallest excess of a line over its neighbourhood, in standard deviations of chance and relative to it.
-_SCORE, _EXCESS = 6.0, 0.25
-#: Half width of a line and distance of its neighbourhood on either side, in steps of the search: half spectral lines.
-_HALF_WIDTH, _NEIGHBOURHOOD = 2, 6
+
+@dataclass(frozen=True, slots=True)
+class LineLimits:
+    """When misfit is a line."""
+
+    #: Smallest excess of a line over its neighbourhood, in standard deviations of chance.
+    score: float = 6.0
+    #: Smallest excess of a line relative to its neighbourhood.
+    excess: float = 0.25
+    #: Half width of a line in steps of the search: half spectral lines.
+    half_width: int = 2
+    #: Distance of its neighbourhood on either side, in steps.
+    neighbourhood: int = 6
+
+
+LIMITS = LineLimits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +91,7 @@ def residual_lines(model: Model, parameters: Real, *, lowest: float = 0.0) -> tu
     [(0.5, True)]
     """
     spectra = model.spectra
-    ratio = np.einsum("cfij,cfji->cf", np.linalg.inv(model.matrix(parameters)), spectra.matrices).real
-    ratio /= len(model.layout.rows)
+    ratio = model.relative_power(parameters)
     weights = spectra.counts[:, None] * (spectra.frequencies > lowest) * len(model.layout.rows)
     frequencies = np.broadcast_to(spectra.frequencies, ratio.shape)
     step = 0.5 / spectra.segment_length
@@ -101,15 +112,16 @@ def _peaks(places: Real, ratio: Real, weights: Real, step: float) -> list[float]
     bins = np.floor(places / step).astype(np.intp).ravel()
     total = np.bincount(bins, weights.ravel())
     mean = np.bincount(bins, (weights * ratio).ravel()) / np.maximum(total, 1.0)
-    window = np.ones(2 * _HALF_WIDTH + 1)
+    window = np.ones(2 * LIMITS.half_width + 1)
     count = np.convolve(total, window, "same")
     mean_ratio = np.convolve(total * mean, window, "same") / np.maximum(count, 1.0)
-    apart = _HALF_WIDTH + _NEIGHBOURHOOD
+    apart = LIMITS.half_width + LIMITS.neighbourhood
     padded = np.pad(mean_ratio, apart, mode="edge")
     base = np.maximum(padded[: -2 * apart], padded[2 * apart :])
     excess = np.where(count > 0, mean_ratio - base, 0.0)
-    stands_out = (excess > _SCORE * mean_ratio / np.sqrt(np.maximum(count, 1.0))) & (excess > _EXCESS * base)
-    neighbours = np.lib.stride_tricks.sliding_window_view(np.pad(excess, _HALF_WIDTH, mode="edge"), window.size)
+    chance = mean_ratio / np.sqrt(np.maximum(count, 1.0))
+    stands_out = (excess > LIMITS.score * chance) & (excess > LIMITS.excess * base)
+    neighbours = np.lib.stride_tricks.sliding_window_view(np.pad(excess, LIMITS.half_width, mode="edge"), window.size)
     is_highest = excess == neighbours.max(axis=1)
     return [float((k + 0.5) * step) for k in np.flatnonzero(stands_out & is_highest)]
 

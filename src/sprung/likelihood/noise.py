@@ -6,16 +6,11 @@ from typing import ClassVar
 import numpy as np
 
 from sprung._arrays import Booleans, Real
-from sprung.likelihood.blocks import ParameterBlock
+from sprung.likelihood.blocks import ParameterBlock, powers
 from sprung.likelihood.coordinates import RigidLayout
 from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
-
-#: Usual noise density over that of the layout [1/Hz], and standard deviation of its logarithm.
-_USUAL, _STD = 1e-2, 5.0
-#: Logarithm at which a noise density is cut off, as good as infinite.
-_LARGEST = 100.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -26,6 +21,10 @@ class SensorNoise(ParameterBlock):
     ----------
     layout
         Channels, their orders, and the covariance of the coordinates for noise of the usual size on each.
+    usual
+        Density of the noise before any data, over the usual variance of the layout [1/Hz].
+    std
+        Standard deviation of its logarithm: large, so that the data decide.
 
     Notes
     -----
@@ -34,6 +33,8 @@ class SensorNoise(ParameterBlock):
     """
 
     layout: RigidLayout
+    usual: float = 1e-2
+    std: float = 5.0
 
     group: ClassVar[str] = "noise"
 
@@ -44,13 +45,13 @@ class SensorNoise(ParameterBlock):
 
     @property
     def start(self) -> Real:
-        """A hundredth of the usual variance in one Hz."""
-        return np.full(len(self.layout.noise), np.log(_USUAL))
+        """The usual density of every channel."""
+        return np.full(len(self.layout.noise), np.log(self.usual))
 
     @property
     def prior_std(self) -> Real:
-        """Large, so that the data decide."""
-        return np.full(len(self.layout.noise), _STD)
+        """The same for all channels."""
+        return np.full(len(self.layout.noise), self.std)
 
     @property
     def is_log_power(self) -> Booleans:
@@ -81,4 +82,4 @@ class SensorNoise(ParameterBlock):
         """Density of each channel's noise over its usual variance, as an acceleration, shape (channels, grid)."""
         pulsation = 2 * np.pi * terms.frequencies
         colours = pulsation ** (2 * (2 - self.layout.orders[:, None]))
-        return np.asarray(np.exp(np.minimum(parameters, _LARGEST))[:, None] * colours, dtype=np.float64)
+        return np.asarray(powers(parameters)[:, None] * colours, dtype=np.float64)

@@ -13,12 +13,6 @@ from sprung.likelihood.transfer import TermGradients, Transfer
 from sprung.vehicles import Structure
 from sprung.vehicles.labels import MOTIONS
 
-#: Standard deviations of masses and inertias, and of moments and the product of inertia, over the size of the body's
-#: own.
-_INERTIA, _MOMENT = 0.2, 0.1
-#: Standard deviation of the unsprung masses of an axle over nominal.
-_UNSPRUNG = 0.07
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MassParameter:
@@ -65,11 +59,6 @@ class AddedMass(ParameterBlock):
         return tuple(part.name for part in self.parts)
 
     @property
-    def start(self) -> Real:
-        """Zero added mass."""
-        return np.zeros(len(self.parts))
-
-    @property
     def prior_std(self) -> Real:
         """Standard deviations of the parts."""
         return np.array([part.std for part in self.parts])
@@ -108,19 +97,22 @@ class UnsprungMass(AddedMass):
     group: ClassVar[str] = "unsprung"
 
 
-def payload(nominal: Structure) -> AddedMass:
+def payload(nominal: Structure, *, std: float = 0.2, moment_std: float = 0.1) -> AddedMass:
     """Return mass, moments and inertias of a payload on the body.
 
     Parameters
     ----------
     nominal
         Vehicle with bounce, pitch and roll of a body.
+    std
+        Standard deviation of mass and inertias over the body's own.
+    moment_std
+        Standard deviation of the moments m x and m y over the root of mass times inertia, and of the product of
+        inertia -m x y over the root of the pitch inertia times the roll inertia.
 
     Notes
     -----
-    Each is relative to the body's own: standard deviation 0.2 for mass and inertias, 0.1 for the moments m x and m y
-    relative to the root of mass times inertia, and 0.1 for the product of inertia -m x y relative to the root of the
-    pitch inertia times the roll inertia. A mass m at (x, y) adds m r r^T with r = [1, -x, y] for bounce, pitch and
+    Each is relative to the body's own. A mass m at (x, y) adds m r r^T with r = [1, -x, y] for bounce, pitch and
     roll. A load off both axes of the body couples pitch with roll: without the product it would appear as springs
     that differ from corner to corner.
 
@@ -156,11 +148,11 @@ def payload(nominal: Structure) -> AddedMass:
     ):
         matrix, size = np.zeros((n, n)), float(sizes[first] * sizes[second])
         matrix[rows[first], rows[second]] = matrix[rows[second], rows[first]] = size
-        parts.append(MassParameter(name, matrix, _INERTIA if first == second else _MOMENT, unit=size))
+        parts.append(MassParameter(name, matrix, std if first == second else moment_std, unit=size))
     return AddedMass(tuple(parts))
 
 
-def unsprung_masses(nominal: Structure, *, std: float = _UNSPRUNG) -> UnsprungMass:
+def unsprung_masses(nominal: Structure, *, std: float = 0.07) -> UnsprungMass:
     """Return the unsprung masses of each axle, equal on both sides, as parameters.
 
     Parameters

@@ -27,9 +27,8 @@ class PlateSettings:
     highest: float = 25.0
     #: Step of the frequencies [Hz].
     step: float = 0.05
-    #: Smallest phase shift of a suspension that passes [degrees], and smallest adhesion that is called fair.
+    #: Smallest phase shift of a suspension that passes [degrees].
     phase_limit: float = 35.0
-    adhesion_limit: float = 0.4
     #: Largest difference of left and right, of the larger one.
     asymmetry_limit: float = 0.3
 

@@ -6,17 +6,13 @@ from typing import ClassVar
 import numpy as np
 
 from sprung._arrays import Booleans, Real
-from sprung.likelihood.blocks import ParameterBlock
+from sprung.likelihood.blocks import ParameterBlock, powers
 from sprung.likelihood.spectra import ClassSpectra
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 
 #: Frequency at which the levels are stated [Hz].
 _REFERENCE = 10.0
-#: Standard deviations of ln of a level and of the exponent.
-_LEVEL, _EXPONENT = 10.0, 1.0
-#: Logarithm at which a level is cut off, as good as infinite.
-_LARGEST = 100.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -31,6 +27,8 @@ class RigInputs(ParameterBlock):
         Names of the inputs, left and right of each axle, front to rear.
     usual_level
         Usual density of the displacement of a roller [m^2/Hz].
+    level_std, exponent_std
+        Standard deviations of ln of a level and of the exponent before any data.
 
     Notes
     -----
@@ -41,6 +39,8 @@ class RigInputs(ParameterBlock):
     spectra: ClassSpectra
     inputs: tuple[str, ...]
     usual_level: float = 1e-12
+    level_std: float = 10.0
+    exponent_std: float = 1.0
 
     group: ClassVar[str] = "inputs"
 
@@ -68,7 +68,7 @@ class RigInputs(ParameterBlock):
     @property
     def prior_std(self) -> Real:
         """Large, so that the data decide."""
-        return np.append(np.full(len(self.parts), _LEVEL), _EXPONENT)
+        return np.append(np.full(len(self.parts), self.level_std), self.exponent_std)
 
     @property
     def is_log_power(self) -> Booleans:
@@ -111,7 +111,7 @@ class RigInputs(ParameterBlock):
 
     def _levels(self, parameters: Real) -> Real:
         """Levels of the parts [m^2/Hz]."""
-        return np.exp(np.minimum(parameters[:-1], _LARGEST))
+        return powers(parameters[:-1])
 
     def _colour(self, parameters: Real) -> Real:
         """Density over that at the reference frequency, shape (grid,)."""

@@ -1,6 +1,7 @@
 """Search for the parameters at which the likelihood is largest."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import islice
 from typing import Protocol
 
@@ -9,22 +10,51 @@ import numpy as np
 from sprung._arrays import Real
 from sprung.likelihood.whittle import TOO_FAR
 
-#: Length of a step, in standard deviations, after which the information is computed again, and how often at most.
-_FAR, _MOST_FAR = 3.0, 5
-#: Steps after which the information is computed again in any case; largest number of steps.
-_STALE, _MOST_STEPS = 25, 300
-#: The search ends where the slope is below this value in standard deviations, or a step gains less than this share of
-#: the total gain.
-_SLOPE, _GAIN = 1e-2, 1e-8
-#: Share of the gain by the slope that a step must reach; bounds of its shortening, and shortest step.
-_SUFFICIENT, _SHORTER, _SHORTEST = 1e-4, (0.1, 0.5), 1e-6
-#: Fisher scoring ends at this squared slope in standard deviations, or after this number of steps; the search after it,
-#: of at most that number, has converged below that squared slope.
-_SCORED, _MOST_SCORES, _MOST_AFTER_SCORES, _CONVERGED = 1e-4, 4, 40, 1e-2
-#: Shortest step of Fisher scoring, as a share of the full one.
-_SHORTEST_SCORE = 0.05
-#: Least curvature along a step over the largest possible, for an update of the curvature.
-_CURVED = 1e-10
+
+@dataclass(frozen=True, slots=True)
+class DescentSettings:
+    """Settings of the search by BFGS."""
+
+    #: Largest number of steps.
+    max_steps: int = 300
+    #: Length of a step, in standard deviations, after which the information is computed again.
+    far: float = 3.0
+    #: Largest number of times that a long step calls for new information.
+    max_far: int = 5
+    #: Steps after which the information is computed again in any case.
+    stale: int = 25
+    #: Slope at which the search ends, in standard deviations.
+    slope: float = 1e-2
+    #: Share of the total gain below which a step ends the search.
+    gain: float = 1e-8
+    #: Share of the gain by the slope that a step must reach.
+    sufficient: float = 1e-4
+    #: Bounds of the shortening of a step.
+    shorter: tuple[float, float] = (0.1, 0.5)
+    #: Shortest step.
+    shortest: float = 1e-6
+    #: Least curvature along a step over the largest possible, for an update of the curvature.
+    curved: float = 1e-10
+
+
+@dataclass(frozen=True, slots=True)
+class ScoringSettings:
+    """Settings of Fisher scoring."""
+
+    #: Squared slope in standard deviations at which scoring ends.
+    scored: float = 1e-4
+    #: Largest number of steps.
+    max_steps: int = 4
+    #: Shortest step, as a share of the full one.
+    shortest: float = 0.05
+    #: Largest number of steps of the search after it.
+    max_after: int = 40
+    #: Squared slope below which that search has converged.
+    converged: float = 1e-2
+
+
+DESCENT = DescentSettings()
+SCORING = ScoringSettings()
 
 
 class Likelihood(Protocol):
@@ -97,21 +127,21 @@ def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
     """
     parameters = start
     value, slope = model.objective(parameters)
-    for _ in range(_MOST_SCORES):
+    for _ in range(SCORING.max_steps):
         step, squared = _score_step(model, parameters, slope)
-        if squared < _SCORED:
+        if squared < SCORING.scored:
             return parameters, True
         length, new_value, new_slope = _shortened(model, parameters, step, value, squared)
-        if length < _SHORTEST_SCORE:
+        if length < SCORING.shortest:
             break
         parameters, value, slope = parameters + length * step, new_value, new_slope
-    for point in islice(descent(model, parameters), _MOST_AFTER_SCORES):
+    for point in islice(descent(model, parameters), SCORING.max_after):
         parameters = point
     value, slope = model.objective(parameters)
     step, squared = _score_step(model, parameters, slope)
-    if _SCORED <= squared < _CONVERGED:
+    if SCORING.scored <= squared < SCORING.converged:
         parameters = parameters + _shortened(model, parameters, step, value, squared)[0] * step
-    return parameters, squared < _CONVERGED
+    return parameters, squared < SCORING.converged
 
 
 def _score_step(model: Likelihood, parameters: Real, slope: Real) -> tuple[Real, float]:
@@ -151,10 +181,10 @@ def descent(model: Likelihood, start: Real) -> Iterator[Real]:
     value, slope = model.objective(parameters)
     first = value
     factor, inverse = preconditioner(model, parameters), np.eye(start.size)
-    for _ in range(_MOST_STEPS):
+    for _ in range(DESCENT.max_steps):
         direction = -inverse @ (factor.T @ slope)
         descent_rate = -float((factor.T @ slope) @ direction)
-        if descent_rate < _SLOPE**2:
+        if descent_rate < DESCENT.slope**2:
             return
         length, new_value, new_slope = _shortened(model, parameters, factor @ direction, value, descent_rate)
         if length == 0.0:
@@ -163,10 +193,10 @@ def descent(model: Likelihood, start: Real) -> Iterator[Real]:
         parameters = parameters + factor @ step
         gain, value, slope, age = value - new_value, new_value, new_slope, age + 1
         yield parameters
-        if gain < _GAIN * (first - value):
+        if gain < DESCENT.gain * (first - value):
             return
-        is_far = bool(np.linalg.norm(step) > _FAR) and n_renewed < _MOST_FAR
-        if is_far or age == _STALE:
+        is_far = bool(np.linalg.norm(step) > DESCENT.far) and n_renewed < DESCENT.max_far
+        if is_far or age == DESCENT.stale:
             factor, inverse, age, n_renewed = preconditioner(model, parameters), np.eye(start.size), 0, n_renewed + 1
         else:
             inverse = _updated(inverse, step, change, is_first=age == 1)
@@ -177,12 +207,12 @@ def _shortened(
 ) -> tuple[float, float, Real]:
     """Return length, value and slope of a step that decreases the objective enough; length 0 without any."""
     length = 1.0
-    while length > _SHORTEST:
+    while length > DESCENT.shortest:
         new_value, slope = model.objective(parameters + length * direction)
-        if new_value <= value - _SUFFICIENT * length * descent_rate:
+        if new_value <= value - DESCENT.sufficient * length * descent_rate:
             return length, new_value, slope
         at_minimum = length * descent_rate / (2 * (new_value - value + length * descent_rate))  # of the parabola
-        low, high = _SHORTER
+        low, high = DESCENT.shorter
         length *= low if new_value == TOO_FAR else min(max(at_minimum, low), high)
     return 0.0, value, np.zeros_like(parameters)
 
@@ -190,7 +220,7 @@ def _shortened(
 def _updated(inverse: Real, step: Real, change: Real, *, is_first: bool) -> Real:
     """Return the inverse curvature with that along a step (BFGS); unchanged where the curvature is not positive."""
     curvature = float(step @ change)
-    if curvature <= _CURVED * np.linalg.norm(step) * np.linalg.norm(change):
+    if curvature <= DESCENT.curved * np.linalg.norm(step) * np.linalg.norm(change):
         return inverse
     if is_first:
         inverse = inverse * (curvature / float(change @ change))

@@ -13,9 +13,6 @@ from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 from sprung.vehicles import Structure
 
-#: Usual error of a sensor's position [m] and of its time [s].
-_POSITION, _DELAY = 0.1, 2e-3
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PositionParameter:
@@ -49,7 +46,7 @@ class SensorPositions(ParameterBlock):
     """
 
     parts: tuple[PositionParameter, ...]
-    std: float = _POSITION
+    std: float = 0.1
 
     group: ClassVar[str] = "sensors"
 
@@ -57,11 +54,6 @@ class SensorPositions(ParameterBlock):
     def names(self) -> tuple[str, ...]:
         """Names of the coordinates of the positions."""
         return tuple(part.name for part in self.parts)
-
-    @property
-    def start(self) -> Real:
-        """Positions as the vehicle file states them."""
-        return np.zeros(len(self.parts))
 
     @property
     def prior_std(self) -> Real:
@@ -104,7 +96,7 @@ class SensorDelays(ParameterBlock):
 
     layout: RigidLayout
     channels: tuple[str, ...]
-    std: float = _DELAY
+    std: float = 2e-3
 
     group: ClassVar[str] = "sensors"
 
@@ -112,11 +104,6 @@ class SensorDelays(ParameterBlock):
     def names(self) -> tuple[str, ...]:
         """Name of each channel, and "_lag"."""
         return tuple(f"{channel}_lag" for channel in self.channels)
-
-    @property
-    def start(self) -> Real:
-        """No delay."""
-        return np.zeros(len(self.channels))
 
     @property
     def prior_std(self) -> Real:
@@ -127,7 +114,7 @@ class SensorDelays(ParameterBlock):
         """Return the terms with the channels delayed."""
         delays = np.zeros(len(self.layout.names))
         delays[_rows(self.layout, self.channels)] = parameters
-        delayed = terms.channel_response * np.exp(-2j * np.pi * terms.frequencies[:, None] * delays)
+        delayed = terms.channel_response * np.exp(-terms.s[:, None] * delays)
         return replace(terms, channel_response=delayed)
 
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
@@ -142,7 +129,7 @@ class SensorDelays(ParameterBlock):
 
     def _changes(self, terms: Terms) -> Complex:
         """Derivative of each channel's frequency response with respect to its delay, shape (grid, channels)."""
-        return np.asarray(-2j * np.pi * terms.frequencies[:, None] * terms.channel_response, dtype=np.complex128)
+        return np.asarray(-terms.s[:, None] * terms.channel_response, dtype=np.complex128)
 
 
 def _is_upright(nominal: Structure, layout: RigidLayout, row: int) -> bool:

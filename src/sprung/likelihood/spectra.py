@@ -25,11 +25,25 @@ SLOWEST = 3.0
 #: steady, the steadiest ones are used up to the second value.
 STEADY, UNSTEADIEST = 0.02, 0.12
 _ENOUGH = 60
-#: Shortest time between updates of a slow speed channel [s], quantile of the times between changes that is one, largest
-#: departure from whole periods and share of such departures, and fewest changes.
-_SLOW_UPDATE, _SHORT_GAP, _IRREGULAR, _FEWEST_UPDATES = 0.1, 0.1, 0.1, 10
 #: Width of a speed class, relative to its speed.
 CLASS_WIDTH = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateLimits:
+    """When a speed channel is updated slowly."""
+
+    #: Shortest time between updates [s].
+    slow: float = 0.1
+    #: Quantile of the times between changes that is one update.
+    quantile: float = 0.1
+    #: Largest departure from whole periods, and share of such departures.
+    irregular: float = 0.1
+    #: Smallest number of changes.
+    min_updates: int = 10
+
+
+UPDATES = UpdateLimits()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -303,12 +317,13 @@ def between_updates(values: Real, sampling_rate: float) -> Real:
     (zero-order hold).
     """
     changes = 1 + np.flatnonzero(np.diff(values))
-    if changes.size < _FEWEST_UPDATES:
+    if changes.size < UPDATES.min_updates:
         return values
     gaps = np.diff(changes)
-    period = float(np.quantile(gaps, _SHORT_GAP))
+    period = float(np.quantile(gaps, UPDATES.quantile))
     counts = np.maximum(np.rint(gaps / period), 1)
-    if period < _SLOW_UPDATE * sampling_rate or np.mean(np.abs(gaps / period - counts) > _IRREGULAR) > _IRREGULAR:
+    is_irregular = np.mean(np.abs(gaps / period - counts) > UPDATES.irregular) > UPDATES.irregular
+    if is_irregular or period < UPDATES.slow * sampling_rate:
         return values
     period = float(gaps.sum() / counts.sum())
     updates = np.concatenate([[max(changes[0] - period, 0)], *_updates(changes, counts, period)])

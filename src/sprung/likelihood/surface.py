@@ -13,16 +13,25 @@ from sprung.likelihood.spectra import ClassSpectra
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 
-#: Standard deviation of ln of the delays over those of speed and geometry.
-_DELAY = 0.03
-#: Standard deviation of ln of a speed class' roughness over the common one.
-_CLASS = 0.5
 #: Spatial frequency n0 at which the roughness of a surface is stated [1/m] (ISO 8608).
 REFERENCE = 0.1
-#: Deviation of a road's spectrum from the straight line: lowest and highest knot [1/m], number of knots, standard
-#: deviation of ln of the density, and length over ln n at which it is correlated by e^(-1/2).
-_LOWEST, _HIGHEST, _N_KNOTS = 0.02, 8.0, 8
-_SIZE, _REACH = 0.7, 1.2
+
+
+@dataclass(frozen=True, slots=True)
+class DeviationPrior:
+    """Deviation of a road's spectrum from the straight line before any data."""
+
+    #: Lowest and highest knot [1/m].
+    knots: tuple[float, float] = (0.02, 8.0)
+    #: Number of knots.
+    n_knots: int = 8
+    #: Standard deviation of ln of the density.
+    size: float = 0.7
+    #: Length over ln n at which it is correlated by e^(-1/2).
+    reach: float = 1.2
+
+
+DEVIATIONS = DeviationPrior()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -92,6 +101,8 @@ class SurfaceInputs(ParameterBlock):
     group: ClassVar[str] = "inputs"
     #: Usual value and standard deviation of ln of the roughness and of each parameter of the form, by name.
     usual: ClassVar[dict[str, tuple[float, float]]]
+    #: Standard deviation of ln of the delays over those of speed and geometry.
+    delay_std: ClassVar[float] = 0.03
     #: Names of the parameters that are logarithms of their values.
     logarithms: ClassVar[frozenset[str]]
 
@@ -122,7 +133,7 @@ class SurfaceInputs(ParameterBlock):
     @property
     def prior_std(self) -> Real:
         """Large, so that the data decide, except for the delay."""
-        return np.array([*(std for _, std in self.usual.values()), _DELAY])
+        return np.array([*(std for _, std in self.usual.values()), self.delay_std])
 
     @property
     def is_log_power(self) -> Booleans:
@@ -230,7 +241,7 @@ class RoadInputs(SurfaceInputs):
     usual: ClassVar[dict[str, tuple[float, float]]] = {
         "roughness": (np.log(256e-6), 5.0),
         "waviness": (2.0, 0.3),
-        **{f"deviation_{number}": (0.0, 1.0) for number in range(1, _N_KNOTS - 1)},
+        **{f"deviation_{number}": (0.0, 1.0) for number in range(1, DEVIATIONS.n_knots - 1)},
         "coherence_length": (np.log(1.5), 1.0),
         "coherence_power": (0.0, 0.3),
     }
@@ -313,10 +324,11 @@ def road_deviations(n: Real) -> Real:
     C. E. Rasmussen and C. K. I. Williams, Gaussian Processes for Machine Learning, MIT Press, 2006, section 4.3
     (eigenfunctions of kernels).
     """
-    knots = np.linspace(np.log(_LOWEST), np.log(_HIGHEST), _N_KNOTS)
-    covariance = _SIZE**2 * np.exp(-(np.subtract.outer(knots, knots) ** 2) / (2 * _REACH**2))
+    lowest, highest = np.log(DEVIATIONS.knots)
+    knots = np.linspace(lowest, highest, DEVIATIONS.n_knots)
+    covariance = DEVIATIONS.size**2 * np.exp(-(np.subtract.outer(knots, knots) ** 2) / (2 * DEVIATIONS.reach**2))
     line = np.stack([np.ones_like(knots), knots], axis=1)
-    curved = np.eye(_N_KNOTS) - line @ np.linalg.pinv(line)
+    curved = np.eye(len(knots)) - line @ np.linalg.pinv(line)
     variances, components = np.linalg.eigh(curved @ covariance @ curved)
     at_knots = (components * np.sqrt(np.maximum(variances, 0.0)) * np.sign(components[-1]))[:, :1:-1]
     spline = CubicSpline(knots, at_knots, bc_type="natural")
@@ -331,6 +343,8 @@ class ClassRoughness(ParameterBlock):
     ----------
     n_classes
         Number of speed classes.
+    std
+        Standard deviation of ln of the roughness of each over the common one before any data.
 
     Notes
     -----
@@ -338,6 +352,7 @@ class ClassRoughness(ParameterBlock):
     """
 
     n_classes: int
+    std: float = 0.5
 
     group: ClassVar[str] = "class_roughness"
 
@@ -347,14 +362,9 @@ class ClassRoughness(ParameterBlock):
         return tuple(f"class_{number}" for number in range(self.n_classes))
 
     @property
-    def start(self) -> Real:
-        """The common roughness."""
-        return np.zeros(self.n_classes)
-
-    @property
     def prior_std(self) -> Real:
         """The same for all classes."""
-        return np.full(self.n_classes, _CLASS)
+        return np.full(self.n_classes, self.std)
 
     def contribute(self, parameters: Real, terms: Terms) -> Terms:
         """Return the terms with the inputs of each class scaled."""

@@ -74,6 +74,16 @@ class Terms:
     measured_inputs: Complex
     noise: Complex
 
+    @property
+    def s(self) -> Complex:
+        """Complex angular frequencies i w, shape (grid,)."""
+        return np.asarray(2j * np.pi * self.frequencies, dtype=np.complex128)
+
+    @property
+    def squared(self) -> Real:
+        """Squared angular frequencies w^2, shape (grid,)."""
+        return np.asarray((2 * np.pi * self.frequencies) ** 2, dtype=np.float64)
+
 
 def nominal_terms(structure: Structure, layout: RigidLayout, spectra: ClassSpectra) -> Terms:
     """Return the terms of a nominal vehicle with perfect sensors, inputs of 0 and no noise.

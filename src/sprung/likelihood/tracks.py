@@ -11,9 +11,6 @@ from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 
-#: Standard deviation of ln of the right track's amplitude over the left one's (2.6 dB).
-_LEVEL = 0.3
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TrackLevels(ParameterBlock):
@@ -24,7 +21,7 @@ class TrackLevels(ParameterBlock):
     sides
         1 for a wheel on the left, -1 on the right, shape (inputs,).
     std
-        Standard deviation of the level about 0 before any data.
+        Standard deviation of the level about 0 before any data: 2.6 dB.
 
     Notes
     -----
@@ -34,7 +31,7 @@ class TrackLevels(ParameterBlock):
     """
 
     sides: Real
-    std: float = _LEVEL
+    std: float = 0.3
 
     group: ClassVar[str] = "tracks"
 
@@ -45,11 +42,6 @@ class TrackLevels(ParameterBlock):
     def names(self) -> tuple[str, ...]:
         """Right over left."""
         return ("right_over_left",)
-
-    @property
-    def start(self) -> Real:
-        """Equal tracks."""
-        return np.zeros(1)
 
     @property
     def prior_std(self) -> Real:

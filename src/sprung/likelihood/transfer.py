@@ -57,18 +57,18 @@ class Transfer:
     def change_by_mass(self, mass: Real) -> Real:
         """Return dS for a change of the mass matrix: dH = w^2 L dM X."""
         return self.change_by_transfer(
-            _squared(self.terms)[:, None, None] * (self.force_response @ mass @ self.displacements)
+            self.terms.squared[:, None, None] * (self.force_response @ mass @ self.displacements)
         )
 
     def change_by_motion(self, motion: Real) -> Real:
         """Return dS for a change of the channels' readings of motion: dH = -w^2 reduction diag(.) dmotion X."""
-        read = -_squared(self.terms)[:, None, None] * (motion @ self.displacements)
+        read = -self.terms.squared[:, None, None] * (motion @ self.displacements)
         return self.change_by_transfer(_reduced(self.terms) @ read)
 
     def change_by_channel(self, channel: int, response: Complex) -> Real:
         """Return dS for a change of the frequency response of a channel, shape (grid,)."""
         terms = self.terms
-        read = -_squared(terms)[:, None] * (terms.motion[channel] @ self.displacements) + terms.feedthrough[channel]
+        read = -terms.squared[:, None] * (terms.motion[channel] @ self.displacements) + terms.feedthrough[channel]
         return self.change_by_transfer(
             terms.reduction[:, channel][:, None] * (response[:, None] * read)[:, None, :],
         )
@@ -145,7 +145,7 @@ class TermGradients:
     @property
     def mass(self) -> Complex:
         """Gradient with respect to the mass matrix, shape (n, n)."""
-        return 2 * np.einsum("f,fji->ij", _squared(self.transfer.terms), self.fed_back)
+        return 2 * np.einsum("f,fji->ij", self.transfer.terms.squared, self.fed_back)
 
     @property
     def forces(self) -> Complex:
@@ -157,7 +157,7 @@ class TermGradients:
         """Gradient with respect to the channels' readings of motion, shape (channels, n)."""
         terms = self.transfer.terms
         sensed = self.transfer.displacements @ self.driven @ _reduced(terms)
-        return -2 * np.einsum("f,fnk->kn", _squared(terms), sensed)
+        return -2 * np.einsum("f,fnk->kn", terms.squared, sensed)
 
     @property
     def feedthrough(self) -> Complex:
@@ -168,7 +168,7 @@ class TermGradients:
     def channel_response(self) -> Complex:
         """Gradient with respect to the frequency response of the channels, shape (grid, channels)."""
         terms = self.transfer.terms
-        read = -_squared(terms)[:, None, None] * (terms.motion @ self.transfer.displacements) + terms.feedthrough
+        read = -terms.squared[:, None, None] * (terms.motion @ self.transfer.displacements) + terms.feedthrough
         return 2 * np.einsum("fku,fuk->fk", read, self.driven @ terms.reduction)
 
 
@@ -190,7 +190,7 @@ def transfer(terms: Terms) -> Transfer:
     D. J. Ewins, Modal Testing: Theory, Practice and Application, 2nd edition, Research Studies Press, 2000 (frequency
     response functions).
     """
-    squared = _squared(terms)[:, None, None]
+    squared = terms.squared[:, None, None]
     dynamic = _summed(terms.stiffness, terms.elongations, terms.elongations) - squared * terms.mass
     drive = _summed(terms.stiffness, terms.elongations, terms.feet) + terms.forces
     reduced = _reduced(terms)
@@ -251,11 +251,6 @@ def _driven(terms: Terms, adjoint: Complex) -> Complex:
     if not terms.measured_inputs.size:
         return driven
     return np.concatenate([driven, classes_times(terms.measured_inputs, adjoint[..., n_wheels:, :])], axis=-2)
-
-
-def _squared(terms: Terms) -> Real:
-    """Squared angular frequencies, shape (grid,)."""
-    return np.asarray((2 * np.pi * terms.frequencies) ** 2, dtype=np.float64)
 
 
 def _reduced(terms: Terms) -> Complex:

@@ -1,5 +1,7 @@
 """Uncertainty of a fit: misfit of the spectra, tempering of the likelihood, weights of segments, covariance."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from sprung._arrays import Complex, Real
@@ -7,12 +9,20 @@ from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.spectra import CLASS_WIDTH, OVERCOUNT, ClassSpectra, SegmentSpectra, speed_classes
 from sprung.likelihood.whittle import Model
 
-#: A segment counts for at most this many times the median power, about three standard deviations of chance.
-_MOST_POWER = 1.2
-#: Variance of the mean relative power of n half-overlapping segments, times n.
-_CHANCE = 1.06
-#: Correlation of the misfit below which two frequencies are taken as independent.
-_UNCORRELATED = 0.1
+
+@dataclass(frozen=True, slots=True)
+class MisfitSettings:
+    """Settings of weights and tempering."""
+
+    #: A segment counts for at most this many times the median power, about three standard deviations of chance.
+    max_power: float = 1.2
+    #: Variance of the mean relative power of n half-overlapping segments, times n.
+    chance: float = 1.06
+    #: Correlation of the misfit below which two frequencies are taken as independent.
+    uncorrelated: float = 0.1
+
+
+SETTINGS = MisfitSettings()
 
 
 def segment_weights(model: Model, parameters: Real, segments: SegmentSpectra, *, width: float = CLASS_WIDTH) -> Real:
@@ -50,7 +60,7 @@ def segment_weights(model: Model, parameters: Real, segments: SegmentSpectra, *,
     squares = np.mean(np.abs(_whitened_segments(model, parameters, segments, width)) ** 2, axis=2)
     is_used = model.spectra.weights[speed_classes(segments.speeds, width=width)] > 0
     power = np.sum(squares * is_used, axis=1) / np.maximum(is_used.sum(axis=1), 1)
-    return np.minimum(1.0, _MOST_POWER * np.median(power) / power)
+    return np.minimum(1.0, SETTINGS.max_power * np.median(power) / power)
 
 
 def parameter_covariance(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
@@ -88,15 +98,34 @@ def parameter_covariance(model: Model, parameters: Real, segments: SegmentSpectr
     """
     whitened = model.whitened_derivatives(parameters)
     rows = whitened.reshape(parameters.size, -1)
-    information, prior = rows @ rows.T, np.diag(1 / model.prior_std**2)
-    bread = np.linalg.inv(information + prior)
-    expected = bread @ (OVERCOUNT * information + prior) @ bread
+    information = rows @ rows.T
+    expected = expected_covariance(information, model.prior_std)
     scores = _scores(model, parameters, segments, whitened)
+    bread = np.linalg.inv(information + np.diag(1 / model.prior_std**2))
     observed = bread @ _score_covariance(scores) @ bread
     n, p = scores.shape
     share = n / (n + 2.0 * p)
     scale = np.sqrt(np.maximum(1.0, share * np.diag(observed) / np.diag(expected) + (1 - share)))
     return expected * np.outer(scale, scale)
+
+
+def expected_covariance(information: Real, prior_std: Real) -> Real:
+    """Return the covariance of parameters by the model, A (c I + P) A with A = (I + P)^-1, c for overlapping segments.
+
+    Parameters
+    ----------
+    information
+        Fisher information I without the prior, shape (parameters, parameters).
+    prior_std
+        Standard deviations of the prior, P = diag(1 / prior_std^2), shape (parameters,).
+
+    References
+    ----------
+    As for `parameter_covariance`.
+    """
+    prior = np.diag(1 / prior_std**2)
+    bread = np.linalg.inv(information + prior)
+    return np.asarray(bread @ (OVERCOUNT * information + prior) @ bread, dtype=np.float64)
 
 
 def power_misfit(model: Model, parameters: Real) -> tuple[Real, float]:
@@ -146,7 +175,7 @@ def excess_power(matrices: Complex, spectra: ClassSpectra) -> tuple[Real, float]
     counts = (spectra.counts[:, None] * (spectra.weights > 0))[:, None, :]
     total = counts.sum(axis=0)
     misfit = np.sum(counts * (measured / fitted - 1), axis=0) / np.maximum(total, 1.0)
-    return misfit, float(np.mean(misfit[:, total[0] > 0] ** 2) - np.mean(_CHANCE / total[total > 0]))
+    return misfit, float(np.mean(misfit[:, total[0] > 0] ** 2) - np.mean(SETTINGS.chance / total[total > 0]))
 
 
 def tempering(model: Model, parameters: Real) -> float:
@@ -191,7 +220,7 @@ def _correlated_frequencies(misfit: Real) -> float:
     reach = 1.0
     for lag in range(1, misfit.shape[1] // 2):
         correlation = float(np.sum(misfit[:, lag:] * misfit[:, :-lag]) / np.sum(misfit**2))
-        if correlation < _UNCORRELATED:
+        if correlation < SETTINGS.uncorrelated:
             break
         reach += 2 * correlation
     return reach

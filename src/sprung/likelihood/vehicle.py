@@ -25,18 +25,31 @@ from sprung.vehicles.labels import MOTIONS
 
 Kind = Literal["road", "rail", "rig"]
 
-#: Lower end of the band over the lowest natural frequency of the nominal vehicle, upper end over the highest, and the
-#: largest ratio of the two ends.
-_BELOW, _ABOVE, _WIDEST = 0.4, 1.7, 33.0
-#: Highest frequency over the sampling rate.
-_HIGHEST = 0.4
-#: Periods of the nominal vehicle's slowest mode in a segment.
-_PERIODS = 7.5
-#: Standard deviation of ln of an anti-roll bar's stiffness over that of the vehicle file: known exactly, it alone would
-#: fix the scale that all masses and stiffnesses have in common.
-_ANTI_ROLL = 0.1
-#: Length over which a wheel averages a rail [m].
-_RAIL_CONTACT = 0.01
+
+@dataclass(frozen=True, slots=True)
+class DefaultChoices:
+    """Choices of a fit that follow from the nominal vehicle."""
+
+    #: Lower end of the band over the lowest natural frequency of the nominal vehicle.
+    below: float = 0.4
+    #: Upper end of the band over the highest wheel hop.
+    above: float = 1.7
+    #: Largest ratio of the two ends.
+    widest: float = 33.0
+    #: Highest frequency over the sampling rate.
+    highest: float = 0.4
+    #: Periods of the slowest mode in a segment.
+    periods: float = 7.5
+    #: Lowest frequency of lines over that of the highest mode of the body.
+    lines_over_body: float = 1.5
+    #: Standard deviation of ln of an anti-roll bar's stiffness over that of the vehicle file: known exactly, it alone
+    #: would fix the scale that all masses and stiffnesses have in common.
+    anti_roll: float = 0.1
+    #: Length over which a wheel averages a rail [m].
+    rail_contact: float = 0.01
+
+
+DEFAULTS = DefaultChoices()
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +158,7 @@ def vehicle_model(
         wheels = unsprung_masses(nominal)
         bars = [element.owner for element in nominal.elements if element.part == "anti_roll"]
         blocks += [wheels] if kind == "road" and wheels.parts else []
-        blocks += [stiffness_scales(nominal, bars, std=_ANTI_ROLL)] if kind == "road" and bars else []
+        blocks += [stiffness_scales(nominal, bars, std=DEFAULTS.anti_roll)] if kind == "road" and bars else []
     if settings.has_free_sensors:
         blocks += [sensor_positions(nominal, layout), SensorDelays(layout, layout.names)]
     blocks += _inputs(spectra, vehicle, nominal, kind)
@@ -165,7 +178,7 @@ def _inputs(spectra: ClassSpectra, vehicle: Vehicle, nominal: Structure, kind: K
             TrackLevels(sides),
             driving(nominal, positions[0] - positions[-1]),
         ]
-    return [RailInputs(spectra, positions, sides, contact_length=_RAIL_CONTACT), by_class]
+    return [RailInputs(spectra, positions, sides, contact_length=DEFAULTS.rail_contact), by_class]
 
 
 def default_choices(
@@ -188,9 +201,10 @@ def default_choices(
     0.4 times the sampling rate; 7.5 periods of the slowest mode.
     """
     slowest = float(nominal.modes().natural_frequency[0])
-    low = _BELOW * slowest
-    high = min(_ABOVE * float(np.nanmax(wheel_hop_frequencies(vehicle))), _WIDEST * low, _HIGHEST * sampling_rate)
-    return settings.band or (low, high), settings.segment or _PERIODS / slowest
+    low = DEFAULTS.below * slowest
+    hop = DEFAULTS.above * float(np.nanmax(wheel_hop_frequencies(vehicle)))
+    high = min(hop, DEFAULTS.widest * low, DEFAULTS.highest * sampling_rate)
+    return settings.band or (low, high), settings.segment or DEFAULTS.periods / slowest
 
 
 def with_sensors(nominal: Structure, names: tuple[str, ...]) -> Structure:
@@ -204,6 +218,11 @@ def with_sensors(nominal: Structure, names: tuple[str, ...]) -> Structure:
         outputs.displacement[rows],
     )
     return replace(nominal, outputs=kept)
+
+
+def lowest_of_lines(nominal: Structure, kind: Kind) -> float:
+    """Return the lowest frequency of lines [Hz]: on a road or track, misfit below it may be the body's own motion."""
+    return 0.0 if kind == "rig" else DEFAULTS.lines_over_body * highest_of_body(nominal)
 
 
 def highest_of_body(nominal: Structure) -> float:

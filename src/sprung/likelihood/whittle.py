@@ -82,9 +82,14 @@ class Model:
         parameters = self.start.copy()
         if components is not None:
             parameters[self.rows("components")] = components
-        ratio = np.einsum("cfij,cfji->cf", np.linalg.inv(self.matrix(parameters)), self.spectra.matrices).real
-        shift = np.log(np.median(np.average(ratio / len(self.layout.rows), axis=0, weights=self.spectra.counts)))
+        power = np.average(self.relative_power(parameters), axis=0, weights=self.spectra.counts)
+        shift = np.log(np.median(power))
         return parameters + shift * np.concatenate([block.is_log_power for block in self.blocks])
+
+    def relative_power(self, parameters: Real) -> Real:
+        """Return tr(S^-1 S^) / coordinates: the power of the data over the model's, shape (classes, frequencies)."""
+        ratio = np.einsum("cfij,cfji->cf", np.linalg.inv(self.matrix(parameters)), self.spectra.matrices).real
+        return np.asarray(ratio / len(self.layout.rows), dtype=np.float64)
 
     def terms(self, parameters: Real) -> Terms:
         """Return the terms of the spectral matrix with the contributions of all blocks."""
