@@ -8,6 +8,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung._checks import check_number, check_one_of, check_type
+from sprung.calibration.data_sheet import accelerometer, gyroscope
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, prior_information
 from sprung.diagnosis.detectability import detectable
 from sprung.diagnosis.learning import LEARNING_WINDOWS
@@ -107,29 +108,17 @@ def kit_of(vehicle: Vehicle, name: str) -> Vehicle:
     check_one_of("kit", name, ("four", "three", "two", "imu"))
     if name == "imu":
         rates = [("pitch_rate", (0.0, 1.0, 0.0)), ("roll_rate", (1.0, 0.0, 0.0))]
-        upright = _accelerometer("acc_z", 0.0, 0.0)
-        sensors = [upright, *(_gyroscope(channel, direction) for channel, direction in rates)]
+        upright = accelerometer("acc_z", 0.0, 0.0)
+        sensors = [upright, *(gyroscope(channel, direction) for channel, direction in rates)]
     else:
         corners = [
-            _accelerometer(f"acc_{end}{side}", axle.x, sign * axle.half_track)
+            accelerometer(f"acc_{end}{side}", axle.x, sign * axle.half_track)
             for (end, axle), (side, sign) in product(
                 (("f", vehicle.axle[0]), ("r", vehicle.axle[-1])), (("l", 1.0), ("r", -1.0))
             )
         ]
         sensors = {"four": corners, "three": corners[:3], "two": [corners[0], corners[3]]}[name]
     return vehicle.model_copy(update={"sensor": tuple(sensors)})
-
-
-def _accelerometer(channel: str, x: float, y: float) -> Sensor:
-    return Sensor(
-        channel=channel, quantity="acceleration", unit="m/s^2", position=(x, y, 0.0), direction=(0.0, 0.0, 1.0)
-    )
-
-
-def _gyroscope(channel: str, direction: tuple[float, float, float]) -> Sensor:
-    return Sensor(
-        channel=channel, quantity="angular_velocity", unit="rad/s", position=(0.0, 0.0, 0.0), direction=direction
-    )
 
 
 def plan(vehicle: Vehicle, *, drive: ExpectedDrive | None = None, false_alarms: float = 1e-3) -> KitPlan:
@@ -268,7 +257,7 @@ def candidates(vehicle: Vehicle) -> tuple[Sensor, ...]:
         for number, axle in enumerate(vehicle.axle, start=1)
         for name, side in (("left", 1.0), ("middle", 0.0), ("right", -1.0))
     ]
-    return tuple(_accelerometer(*place) for place in (*places, ("acc_middle", 0.0, 0.0)))
+    return tuple(accelerometer(*place) for place in (*places, ("acc_middle", 0.0, 0.0)))
 
 
 def best_places(

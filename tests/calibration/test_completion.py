@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sprung.calibration import CalibrationSettings, calibrate, chosen_windows, is_imperfect
+from sprung.calibration import CalibrationSettings, calibrate
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 from sprung.simulation import RoadDrive, simulate_drive
@@ -83,15 +83,3 @@ def test_channels_that_are_combinations_of_others_are_refused(hatchback) -> None
     drive = simulate_drive(given, RoadDrive(duration=120.0, sampling_rate=100.0), seed=1)
     with pytest.raises(DataError, match="exact combinations of others: give measured drives, or simulate"):
         calibrate([drive.recording], given, settings=CalibrationSettings(most_mounts=0, has_modes=False))
-
-
-def test_windows_are_spread_over_the_drives() -> None:
-    assert chosen_windows(3) == {0, 1, 2}
-    assert chosen_windows(31) == {0, 15, 30}
-
-
-def test_a_file_is_imperfect_by_the_median_of_its_windows() -> None:
-    assert is_imperfect([0.02, 0.3, 0.4])
-    assert not is_imperfect([0.02, 0.03, 0.9])
-    assert not is_imperfect([])
-    assert is_imperfect([float("inf"), float("inf"), 0.02])

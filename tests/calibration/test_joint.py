@@ -12,8 +12,7 @@ from sprung.calibration.draft import (
     sensor_numbers,
     with_widths,
 )
-from sprung.calibration.joint import fitted, joint_model, scaled_start
-from sprung.errors import ParameterError
+from sprung.calibration.joint import fitted, scaled_start
 from sprung.vehicles.sections import LearntNumber
 
 CHANNELS = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
@@ -79,20 +78,6 @@ def test_a_prior_that_windows_share_counts_once(places_and_lags) -> None:
     assert joint.objective(parameters)[0] == pytest.approx(sum(own) - deviation @ deviation / 2, rel=1e-12)
 
 
-def test_windows_of_one_vehicle_add_their_information(places_and_lags) -> None:
-    joint, parameters, _ = places_and_lags
-    by_window = [model.information(joint.of_window(number, parameters)) for number, model in enumerate(joint.models)]
-    row = joint.names.index("acc_fl.x")
-    places = [int(np.flatnonzero(rows == row)[0]) for rows in joint.rows]
-    total = sum(information[place, place] for information, place in zip(by_window, places, strict=True))
-    assert joint.information(parameters)[row, row] == pytest.approx(total)
-
-
-def test_no_window_is_refused() -> None:
-    with pytest.raises(ParameterError, match="no window was given"):
-        joint_model([], shared=())
-
-
 def every(draft):
     return (*component_numbers(draft, std=0.7), *file_numbers(draft, CHANNELS))
 
@@ -124,7 +109,7 @@ def test_the_centre_of_gravity_moves_against_all_else(hatchback) -> None:
 
 def test_a_late_channel_lags_and_a_larger_scale_reads_less(hatchback) -> None:
     draft = explicit(hatchback)
-    late = draft.with_sensor("acc_fr", delay=5e-3, scale=2.0)
+    late = draft.with_value(("sensor", 1, "delay"), 5e-3).with_value(("sensor", 1, "scale"), 2.0)
     response = channel_responses(late, draft, CHANNELS, np.array([10.0]))[0]
     assert response[0] == 1
     assert response[1] == pytest.approx(0.5 * np.exp(-2j * np.pi * 10 * 5e-3))

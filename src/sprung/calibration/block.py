@@ -60,11 +60,6 @@ class FileNumbers(ParameterBlock):
         return tuple(number.name for number in self.numbers)
 
     @property
-    def start(self) -> Real:
-        """Numbers as given."""
-        return np.zeros(len(self.numbers))
-
-    @property
     def prior_std(self) -> Real:
         """Standard deviations of the numbers."""
         return np.array([number.std for number in self.numbers])
@@ -73,7 +68,7 @@ class FileNumbers(ParameterBlock):
         """Return the terms of the vehicle with the numbers."""
         draft = moved(self.draft, self.numbers, parameters)
         vehicle = draft.structure()
-        s = _s(terms.frequencies)
+        s = terms.s
         responses = channel_responses(draft, self.draft, self.layout.names, terms.frequencies)
         return replace(
             terms,
@@ -90,7 +85,7 @@ class FileNumbers(ParameterBlock):
         """Return the gradient: 2 Re sum over frequencies of tr(E dB) - tr(G dD) - w^2 tr(dR X Q reduction)."""
         terms = gradients.transfer.terms
         sensed = gradients.transfer.displacements @ gradients.driven @ terms.reduction
-        sensed = sensed * ((2 * np.pi * terms.frequencies) ** 2)[:, None, None]
+        sensed = sensed * terms.squared[:, None, None]
         gradient = np.zeros(len(self.numbers))
         for row, change in enumerate(self._changes(parameters, terms)):
             if change.stiffness is not None:
@@ -105,7 +100,7 @@ class FileNumbers(ParameterBlock):
     def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
         X, L = response.displacements, response.force_response
-        squared = ((2 * np.pi * response.terms.frequencies) ** 2)[:, None, None]
+        squared = response.terms.squared[:, None, None]
         derivatives = []
         for change in self._changes(parameters, response.terms):
             dH = np.zeros_like(response.matrix)

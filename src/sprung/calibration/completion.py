@@ -1,6 +1,7 @@
 """Completion of a vehicle file from the windows of healthy drives, and its result."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -13,11 +14,10 @@ from sprung.calibration.draft import (
     COMPONENT_FIELDS,
     Draft,
     VehicleNumber,
+    added_numbers,
     component_numbers,
     explicit,
     file_numbers,
-    mode_numbers,
-    mounted_numbers,
     moved,
     sensor_numbers,
     with_widths,
@@ -44,8 +44,37 @@ from sprung.vehicles import Component, Vehicle, corner_names
 from sprung.vehicles.sections import FlexibleMode, LearntNumber
 from sprung.vehicles.window import Window, window_of
 
-#: Gain in ln evidence that counts as an improvement: far more than chance, as models are never perfect.
-CONVINCING = 10.0
+#: Largest number of windows of a calibration that a baseline asks for.
+CALIBRATION_WINDOWS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class CompletionRules:
+    """What counts as learnt, as wrong, and as a part that a vehicle file lacks."""
+
+    #: Gain in ln evidence that counts as an improvement: far more than chance, as models are never perfect.
+    convincing: float = 10.0
+    #: Share of the prior's standard deviation to which the drives reduce that of a number that they determine.
+    identifiable: float = 0.5
+    #: Median model error of windows above which a vehicle file is imperfect.
+    imperfect: float = 0.1
+    #: Share of a combination of channels, each of unit power, below which it is a rounding error.
+    rounding: float = 1e-9
+    #: Error of the place of a sensor that matters [m].
+    wrong_place: float = 0.04
+    #: Error of a gain that matters (ln), and of a direction cosine.
+    wrong_gain: float = 0.03
+    #: Error of a delay that matters [s].
+    wrong_delay: float = 1.5e-3
+    #: Frequencies between which a mass is on mounts [Hz]: below it is part of the body, above it is fixed to it.
+    mounts: tuple[float, float] = (4.0, 30.0)
+    #: Frequencies of the flexible modes that are tried [Hz].
+    mode_frequencies: tuple[float, ...] = (14.0, 17.0, 20.0, 24.0, 29.0, 35.0)
+    #: Damping ratio of these modes.
+    mode_damping: float = 0.06
+
+
+RULES = CompletionRules()
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,33 +167,11 @@ class Calibration(Tabular, Savable, Drawable):
     @property
     def is_better(self) -> bool:
         """Whether the completed file explains the windows better than the given one, far beyond chance."""
-        return self.evidence_gain > CONVINCING
+        return self.evidence_gain > RULES.convincing
 
     def number(self, name: str) -> CalibratedNumber:
         """Return a learnt number by its name; KeyError if it was not free."""
         return {number.name: number for number in self.learnt}[name]
-
-
-#: A number is identifiable if the drives reduce its standard deviation to this share of the prior's or less.
-_IDENTIFIABLE = 0.5
-#: Median model error of windows above which a vehicle file is imperfect.
-_IMPERFECT = 0.1
-#: Reason why a calibration fails.
-_INCONSISTENT = "the windows are not consistent with the vehicle file: check signs, places and units of the sensors"
-_WITHOUT_NOISE = (
-    "calibration needs channels with noise of their own, but some of these are exact combinations of others: "
-    "give measured drives, or simulate drives with noise (`--snr 10000`)"
-)
-#: Share of a combination of channels, each of unit power, below which it is a rounding error.
-_ROUNDING = 1e-9
-#: Largest number of windows of a calibration that a baseline asks for.
-CALIBRATION_WINDOWS = 3
-#: Errors of sensors that matter: places [m], gains (ln), delays [s], direction cosines.
-_WRONG = {"x": 0.04, "y": 0.04, "scale": 0.03, "delay": 1.5e-3, "direction_x": 0.03, "direction_y": 0.03}
-#: Frequencies between which a mass is on mounts [Hz]: below it is part of the body, above it is fixed to it.
-_MOUNTS = (4.0, 30.0)
-#: Flexible modes that are tried: frequencies [Hz] and damping ratio.
-_MODE_FREQUENCIES, _MODE_DAMPING = (14.0, 17.0, 20.0, 24.0, 29.0, 35.0), 0.06
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,10 +315,30 @@ def calibrated(
     (1, False)
     """
     settings = settings or CalibrationSettings()
-    try:
+    with _refusal(windows):
         return _completion(as_given(windows, vehicle, settings.corners), vehicle, settings)
+
+
+@contextmanager
+def _refusal(windows: Sequence[WindowSpectra]) -> Iterator[None]:
+    """Refuse windows whose matrices become singular in a fit."""
+    try:
+        yield
     except np.linalg.LinAlgError:
-        raise DataError(_reason(windows)) from None
+        pass
+    else:
+        return
+    for window in windows:
+        values = window.segments.values.reshape(-1, window.segments.values.shape[-1])
+        spread = np.linalg.svd(values / np.linalg.norm(values, axis=0), compute_uv=False)
+        if spread[-1] < RULES.rounding:
+            raise DataError(
+                "calibration needs channels with noise of their own, but some of these are exact combinations of "
+                "others: give measured drives, or simulate drives with noise (`--snr 10000`)"
+            )
+    raise DataError(
+        "the windows are not consistent with the vehicle file: check signs, places and units of the sensors"
+    )
 
 
 def as_given(windows: tuple[WindowSpectra, ...], vehicle: Vehicle, corners: CornerSettings) -> JointFit:
@@ -335,7 +362,7 @@ def _completion(given: JointFit, vehicle: Vehicle, settings: CalibrationSettings
     free = given.free
     fit = extended_fit(given, _free(free.windows, free.draft, settings.corners, vehicle))
     fit, notes = _with_additions(fit, vehicle, settings)
-    learnt = learnt_numbers(fit, vehicle)
+    learnt = learnt_numbers(fit)
     before, after = ([misfit_in(one, k, window.rigid) for k, window in enumerate(free.windows)] for one in (given, fit))
     frequencies = [window.segments.frequencies for window in free.windows]
     n_segments = [window.segments.speeds.size for window in free.windows]
@@ -369,7 +396,7 @@ def is_imperfect(model_errors: Sequence[float]) -> bool:
     >>> is_imperfect([0.02, 0.03, 0.4]), is_imperfect([0.02, 0.3, 0.4])
     (False, True)
     """
-    return bool(model_errors) and float(np.median(model_errors)) > _IMPERFECT
+    return bool(model_errors) and float(np.median(model_errors)) > RULES.imperfect
 
 
 def has_misplaced_sensors(given: JointFit) -> bool:
@@ -390,8 +417,9 @@ def has_misplaced_sensors(given: JointFit) -> bool:
     sensors = sensor_numbers(draft, given.free.windows[0].layout.names)
     numbers = with_widths((*given.free.numbers, *sensors), draft)
     steps, gain = expected_steps(FreeVehicle(given.free.windows, draft, numbers, corners), given)
-    largest = max((abs(steps[number.name]) / _WRONG[number.field] for number in sensors), default=0.0)
-    return gain > CONVINCING and largest > 1
+    wrong = {"x": RULES.wrong_place, "y": RULES.wrong_place, "delay": RULES.wrong_delay}
+    errors = [abs(steps[number.name]) / wrong.get(number.field, RULES.wrong_gain) for number in sensors]
+    return gain > RULES.convincing and max(errors, default=0.0) > 1
 
 
 def chosen_windows(n_windows: int) -> frozenset[int]:
@@ -444,14 +472,12 @@ def calibrated_if_imperfect(
     if not windows:
         return None
     settings = CalibrationSettings()
-    try:
+    with _refusal(windows):
         given = as_given(windows, vehicle, settings.corners)
         if not (is_imperfect(model_errors) or has_misplaced_sensors(given)):
             return None
         calibration = _completion(given, vehicle, settings)
-    except np.linalg.LinAlgError:
-        raise DataError(_reason(windows)) from None
-    return calibration if calibration.is_better else None
+        return calibration if calibration.is_better else None
 
 
 def usable_spectra(recordings: Iterable[Recording], vehicle: Vehicle) -> tuple[WindowSpectra, ...]:
@@ -494,13 +520,8 @@ def _components(draft: Draft, corners: CornerSettings) -> tuple[VehicleNumber, .
 
 def _free(spectra: tuple[WindowSpectra, ...], draft: Draft, corners: CornerSettings, given: Vehicle) -> FreeVehicle:
     """Return windows with all that is free of a vehicle."""
-    numbers = (
-        *_components(draft, corners),
-        *mounted_numbers(draft, given=given),
-        *mode_numbers(draft, given=given),
-        *file_numbers(draft, spectra[0].layout.names),
-    )
-    return FreeVehicle(spectra, draft, with_widths(numbers, draft), corners)
+    others = *added_numbers(draft, given=given), *file_numbers(draft, spectra[0].layout.names)
+    return FreeVehicle(spectra, draft, with_widths((*_components(draft, corners), *others), draft), corners)
 
 
 def _with_additions(fit: JointFit, given: Vehicle, settings: CalibrationSettings) -> tuple[JointFit, list[str]]:
@@ -513,57 +534,52 @@ def _with_additions(fit: JointFit, given: Vehicle, settings: CalibrationSettings
         fit = _with_mode(fit, "torsion", given, notes)
     for _ in range(settings.most_mounts):
         mount, promise = likely_mount(fit)
-        if mount is None or promise < CONVINCING:
+        richer, gain = _richer(fit, None if mount is None else with_mount(fit.free.draft, mount), promise, given)
+        if richer is fit:
             break
-        richer, gain = _richer(fit, with_mount(fit.free.draft, mount), given)
-        mount = completed(richer).mounted_mass[-1]
-        if gain < CONVINCING or not _MOUNTS[0] < mount.frequency < _MOUNTS[1]:
+        added = completed(richer).mounted_mass[-1]
+        if not RULES.mounts[0] < added.frequency < RULES.mounts[1]:
             break
         fit = richer
         notes.append(
-            f"a mass of {mount.mass:.0f} kg on mounts of {mount.frequency:.3g} Hz at x = {mount.x:.2f} m explains what "
+            f"a mass of {added.mass:.0f} kg on mounts of {added.frequency:.3g} Hz at x = {added.x:.2f} m explains what "
             f"the vehicle file does not (ln evidence {gain:.0f})"
         )
     return (_with_mode(fit, "bending", given, notes) if settings.has_modes else fit), notes
 
 
 def _with_mode(fit: JointFit, shape: Literal["torsion", "bending"], given: Vehicle, notes: list[str]) -> JointFit:
-    """Return the fit with a flexible mode of the body if the drives show it; a sentence on it is added to the notes."""
-    mode, promise = None, 0.0
-    if shape not in {mode.shape for mode in given.flexible_mode}:
-        mode, promise = _likely_mode(fit, shape, given)
-    if mode is None or promise < CONVINCING:
-        return fit
-    richer, gain = _richer(fit, with_mode(fit.free.draft, mode), given)
-    if gain < CONVINCING:
-        return fit
-    frequency = completed(richer).flexible_mode[-1].frequency
-    notes.append(
-        f"a {shape} mode of the body at {frequency:.3g} Hz explains what the vehicle file does not "
-        f"(ln evidence {gain:.0f})"
-    )
-    return richer
+    """Return the fit with a flexible mode of the body if the drives show it; a sentence on it is added to the notes.
 
-
-def _likely_mode(
-    fit: JointFit, shape: Literal["torsion", "bending"], given: Vehicle
-) -> tuple[FlexibleMode | None, float]:
-    """Return the flexible mode that raises the likelihood of a fit most, all else unchanged, and the gain in ln."""
-    best, least = None, fit.joint.value(fit.parameters)
-    first = least
-    for frequency in _MODE_FREQUENCIES:
-        mode = FlexibleMode(shape=shape, frequency=frequency, damping_ratio=_MODE_DAMPING)
+    The mode is the one that raises the likelihood of the fit most, all else unchanged.
+    """
+    if shape in {mode.shape for mode in given.flexible_mode}:
+        return fit
+    first = least = fit.joint.objective(fit.parameters)[0]
+    best = None
+    for frequency in RULES.mode_frequencies:
+        mode = FlexibleMode(shape=shape, frequency=frequency, damping_ratio=RULES.mode_damping)
         draft = with_mode(fit.free.draft, mode)
         value = evaluated(_free(fit.free.windows, draft, fit.free.settings, given), fit)
         if value < least:
-            best, least = mode, value
-    return best, (first - least) / OVERCOUNT
+            best, least = draft, value
+    richer, gain = _richer(fit, best, (first - least) / OVERCOUNT, given)
+    if richer is not fit:
+        frequency = completed(richer).flexible_mode[-1].frequency
+        notes.append(
+            f"a {shape} mode of the body at {frequency:.3g} Hz explains what the vehicle file does not "
+            f"(ln evidence {gain:.0f})"
+        )
+    return richer
 
 
-def _richer(fit: JointFit, draft: Draft, given: Vehicle) -> tuple[JointFit, float]:
-    """Return the fit of a draft with one part more, and its gain in ln evidence under its own weights."""
+def _richer(fit: JointFit, draft: Draft | None, promise: float, given: Vehicle) -> tuple[JointFit, float]:
+    """Return the fit of a draft with one part more and its gain in ln evidence; the old fit if that is too little."""
+    if draft is None or promise < RULES.convincing:
+        return fit, 0.0
     richer = extended_fit(fit, _free(fit.free.windows, draft, fit.free.settings, given))
-    return richer, _evidence_gain(richer, fit)
+    gain = _evidence_gain(richer, fit)
+    return (richer, gain) if gain >= RULES.convincing else (fit, 0.0)
 
 
 def _evidence_gain(fit: JointFit, poorer: JointFit) -> float:
@@ -594,7 +610,7 @@ def _mean_misfit(misfits: Sequence[Real], frequencies: Sequence[Real], n_segment
     return np.asarray(np.average(alike, axis=0, weights=n_segments), dtype=np.float64)
 
 
-def learnt_numbers(fit: JointFit, vehicle: Vehicle) -> tuple[CalibratedNumber, ...]:
+def learnt_numbers(fit: JointFit) -> tuple[CalibratedNumber, ...]:
     """Return the numbers of a vehicle that were free in a fit, with their standard deviations.
 
     Raises
@@ -606,56 +622,31 @@ def learnt_numbers(fit: JointFit, vehicle: Vehicle) -> tuple[CalibratedNumber, .
     variances = np.diag(joint.covariance(fit.parameters))
     if not np.all(variances > 0):
         raise np.linalg.LinAlgError("the covariance is not positive definite")
-    std = np.sqrt(variances)
-    rows = {name: row for row, name in enumerate(joint.names)}
-    places = [rows[number.name] for number in fit.free.numbers]
-    ends = zip(fit.free.numbers, fit.parameters[places].tolist(), std[places].tolist(), strict=True)
-    n_mounts, known = len(vehicle.mounted_mass), {mode.shape for mode in vehicle.flexible_mode}
-    new = (
-        *(f"mounted_mass_{number}." for number in range(n_mounts + 1, len(given.vehicle.mounted_mass) + 1)),
-        *(f"{mode.shape}." for mode in given.vehicle.flexible_mode if mode.shape not in known),
+    stds, parameters = (
+        dict(zip(joint.names, each.tolist(), strict=True)) for each in (np.sqrt(variances), fit.parameters)
     )
-    learnt = [
-        _learnt(number, given, parameter, deviation, is_new=number.name.startswith(new))
-        for number, parameter, deviation in ends
-    ]
-    if DELAY in rows:
-        row = rows[DELAY]
-        of_prior, before = float(joint.prior_std[row]), given.vehicle.speed_scale
-        scale = before * float(np.exp(-fit.parameters[row]))
-        is_identifiable = bool(std[row] < _IDENTIFIABLE * of_prior)
+    learnt = []
+    for number in fit.free.numbers:
+        before, std = given.value_at(number.place), stds[number.name]
+        value = number.value(before, parameters[number.name])
         learnt.append(
             CalibratedNumber(
-                "speed_scale", "speed", "", before, scale, scale * float(std[row]), of_prior, is_identifiable
+                name=number.name,
+                group=number.group,
+                unit=number.unit,
+                nominal_value=None if number.is_new else before,
+                value=value,
+                std=number.std_of_value(value, std),
+                prior_std=number.std_of_value(before, number.std),
+                is_identifiable=std < RULES.identifiable * number.std,
             )
         )
+    if DELAY in parameters:
+        before, std, prior = given.vehicle.speed_scale, stds[DELAY], float(joint.prior_std[joint.names.index(DELAY)])
+        scale = before * float(np.exp(-parameters[DELAY]))
+        is_identifiable = std < RULES.identifiable * prior
+        learnt.append(CalibratedNumber("speed_scale", "speed", "", before, scale, scale * std, prior, is_identifiable))
     return tuple(learnt)
-
-
-def _reason(windows: Sequence[WindowSpectra]) -> str:
-    """Return why windows cannot be fitted."""
-    for window in windows:
-        values = window.segments.values.reshape(-1, window.segments.values.shape[-1])
-        spread = np.linalg.svd(values / np.linalg.norm(values, axis=0), compute_uv=False)
-        if spread[-1] < _ROUNDING:
-            return _WITHOUT_NOISE
-    return _INCONSISTENT
-
-
-def _learnt(number: VehicleNumber, draft: Draft, parameter: float, std: float, *, is_new: bool) -> CalibratedNumber:
-    """Return a number with its learnt value."""
-    given = draft.value_at(number.place)
-    value = number.value(given, parameter)
-    return CalibratedNumber(
-        name=number.name,
-        group=number.group,
-        unit=number.unit,
-        nominal_value=None if is_new else given,
-        value=value,
-        std=number.std_of_value(value, std),
-        prior_std=number.std_of_value(given, number.std),
-        is_identifiable=std < _IDENTIFIABLE * number.std,
-    )
 
 
 def completed(fit: JointFit) -> Vehicle:
@@ -663,16 +654,14 @@ def completed(fit: JointFit) -> Vehicle:
     own = fit.joint.of_window(0, fit.parameters)[: len(fit.free.numbers)]
     draft = moved(fit.free.draft, fit.free.numbers, own)
     corners = corner_names(len(draft.vehicle.axle))
-    for index in range(len(draft.vehicle.axle)):
-        axle, sides = draft.vehicle.axle[index], corners[2 * index : 2 * index + 2]
+    for index, sides in enumerate(zip(corners[::2], corners[1::2], strict=True)):
         for name, (kind, _) in COMPONENT_FIELDS.items():
-            value = getattr(axle, name)
             factors = [draft.factors.get(Component(corner, kind), 1.0) for corner in sides]
-            if value:
-                draft = draft.with_entry("axle", index, **{name: value * float(np.sqrt(np.prod(factors)))})
-    return draft.with_fields(
-        speed_scale=draft.vehicle.speed_scale * float(np.exp(-fit.values().get(DELAY, 0.0)))
-    ).vehicle
+            if getattr(draft.vehicle.axle[index], name):
+                place = ("axle", index, name)
+                draft = draft.with_value(place, draft.value_at(place) * float(np.sqrt(np.prod(factors))))
+    scale = float(np.exp(-fit.values().get(DELAY, 0.0)))
+    return draft.with_fields(speed_scale=draft.vehicle.speed_scale * scale).vehicle
 
 
 def _with_sources(vehicle: Vehicle, learnt: Sequence[CalibratedNumber], n_windows: int) -> Vehicle:

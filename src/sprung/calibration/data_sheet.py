@@ -3,43 +3,53 @@
 import math
 import re
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from sprung._checks import check_number, check_one_of, check_type
 from sprung.errors import ParameterError
 from sprung.vehicles import Axle, Body, Sensor, Vehicle
 from sprung.vehicles.sections import LearntNumber
 
-#: Usual pressure of a car's tyre [Pa], and vertical stiffness over pressure times sqrt(width x diameter).
-_PRESSURE, _PER_PRESSURE = 230e3, 2.7
-#: Share of each wheel with hub and half of its links and springs in the mass of a car.
-_UNSPRUNG = 0.028
-#: Pitch: squared radius of gyration over the product of the axles' distances; roll: over the squared half track width.
-_PITCH, _ROLL = 0.88, 0.52
-#: Stiffness of the anti-roll bars of front and rear axle over that of one spring.
-_BARS = (0.3, 0.15)
-#: Standard deviations of ln of the guesses.
-_STD = {
-    "spring_stiffness": 0.2,
-    "damping": 0.3,
-    "tyre_stiffness": 0.15,
-    "unsprung_mass": 0.15,
-    "anti_roll_stiffness": 0.5,
-    "pitch_inertia": 0.1,
-    "roll_inertia": 0.15,
-}
-#: Standard deviation of the share of the front axle.
-_SHARE = 0.02
+
+@dataclass(frozen=True, slots=True)
+class SheetRules:
+    """Usual values of what a data sheet does not state."""
+
+    #: Pressure of a car's tyre [Pa].
+    pressure: float = 230e3
+    #: Vertical stiffness of a tyre over pressure times sqrt(width x diameter).
+    per_pressure: float = 2.7
+    #: Share of each wheel with hub and half of its links and springs in the mass of a car.
+    unsprung: float = 0.028
+    #: Pitch: squared radius of gyration over the product of the axles' distances.
+    pitch: float = 0.88
+    #: Roll: squared radius of gyration over the squared half track width.
+    roll: float = 0.52
+    #: Stiffness of the anti-roll bars of front and rear axle over that of one spring.
+    bars: tuple[float, float] = (0.3, 0.15)
+
+
+RULES = SheetRules()
+
+
+@dataclass(frozen=True, slots=True)
+class GuessWidths:
+    """Standard deviations of ln of the guesses, by the field of the vehicle file."""
+
+    spring_stiffness: float = 0.2
+    damping: float = 0.3
+    tyre_stiffness: float = 0.15
+    unsprung_mass: float = 0.15
+    anti_roll_stiffness: float = 0.5
+    pitch_inertia: float = 0.1
+    roll_inertia: float = 0.15
+    #: Standard deviation of the share of the front axle.
+    front_share: float = 0.02
+
+
+WIDTHS = GuessWidths()
 _SIZE = re.compile(r"(\d{3})/(\d{2,3})\s*Z?R\s*(\d{2}(?:\.\d)?)C?", re.IGNORECASE)
 Sensors = Literal["corners", "imu", "travel"]
-
-
-class _Corner(NamedTuple):
-    """Sprung mass above a wheel, mass of the wheel [kg], stiffness of the tyre [N/m]."""
-
-    load: float
-    unsprung: float
-    tyre: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +94,7 @@ class DataSheet:
     ride_frequencies: tuple[float, float] = (1.2, 1.4)
     damping_ratio: float = 0.28
     unsprung_masses: tuple[float, float] | None = None
-    pressure: float = _PRESSURE
+    pressure: float = RULES.pressure
     sensors: Sensors = "corners"
     name: str = "car"
 
@@ -121,7 +131,7 @@ def tyre_size(text: str) -> tuple[float, float]:
     return width / 1000, round(rim * 0.0254 + 2 * width * aspect / 1e5, 6)
 
 
-def tyre_stiffness(tyre: str, *, pressure: float = _PRESSURE) -> float:
+def tyre_stiffness(tyre: str, *, pressure: float = RULES.pressure) -> float:
     """Return the usual vertical stiffness of a tyre [N/m], with an error of about 15 %.
 
     Parameters
@@ -149,7 +159,7 @@ def tyre_stiffness(tyre: str, *, pressure: float = _PRESSURE) -> float:
     [224, 272]
     """
     width, diameter = tyre_size(tyre)
-    return _PER_PRESSURE * pressure * math.sqrt(width * diameter)
+    return RULES.per_pressure * pressure * math.sqrt(width * diameter)
 
 
 def described(sheet: DataSheet) -> Vehicle:
@@ -192,19 +202,19 @@ def described(sheet: DataSheet) -> Vehicle:
     1.2
     """
     check_type("sheet", sheet, DataSheet)
-    unsprung = sheet.unsprung_masses or (_UNSPRUNG * sheet.mass, _UNSPRUNG * sheet.mass)
-    loads = [sheet.mass * share - 2 * mass for share, mass in zip(_shares(sheet), unsprung, strict=True)]
+    unsprung = sheet.unsprung_masses or (RULES.unsprung * sheet.mass, RULES.unsprung * sheet.mass)
+    shares = sheet.front_share, 1 - sheet.front_share
+    loads = [sheet.mass * share - 2 * mass for share, mass in zip(shares, unsprung, strict=True)]
     sprung = sum(loads)
     places = (sheet.wheelbase * loads[1] / sprung, -sheet.wheelbase * loads[0] / sprung)
-    tyre = tyre_stiffness(sheet.tyre, pressure=sheet.pressure)
     axles = tuple(
-        _axle(sheet, index, place, _Corner(load / 2, mass, tyre))
+        _axle(sheet, index, place, load / 2, mass)
         for index, (place, load, mass) in enumerate(zip(places, loads, unsprung, strict=True))
     )
     body = Body(
         mass=round(sprung, 1),
-        pitch_inertia=round(_PITCH * sprung * places[0] * -places[1], 1),
-        roll_inertia=round(_ROLL * sprung * (sheet.track / 2) ** 2, 1),
+        pitch_inertia=round(RULES.pitch * sprung * places[0] * -places[1], 1),
+        roll_inertia=round(RULES.roll * sprung * (sheet.track / 2) ** 2, 1),
     )
     return Vehicle(
         name=sheet.name,
@@ -212,22 +222,17 @@ def described(sheet: DataSheet) -> Vehicle:
         body=body,
         axle=axles,
         sensor=_sensors(sheet, places),
-        learnt=_widths(body, axles, sheet),
+        learnt=_guesses(body, axles, sheet),
     )
 
 
-def _shares(sheet: DataSheet) -> tuple[float, float]:
-    """Return the shares of both axles in the mass."""
-    return sheet.front_share, 1 - sheet.front_share
-
-
-def _axle(sheet: DataSheet, index: int, x: float, corner: _Corner) -> Axle:
-    """Return the front or rear axle."""
-    load, unsprung, tyre = corner
-    ride = (2 * math.pi * sheet.ride_frequencies[index]) ** 2 * load
+def _axle(sheet: DataSheet, index: int, x: float, load: float, unsprung: float) -> Axle:
+    """Return the front or rear axle, by the sprung mass above a wheel and the mass of the wheel [kg]."""
+    tyre, frequency = tyre_stiffness(sheet.tyre, pressure=sheet.pressure), sheet.ride_frequencies[index]
+    ride = (2 * math.pi * frequency) ** 2 * load
     if ride > tyre / 2:
         raise ParameterError(
-            f"ride_frequencies={sheet.ride_frequencies[index]:g} Hz of {load:.0f} kg on a wheel need a stiffness of "
+            f"ride_frequencies={frequency:g} Hz of {load:.0f} kg on a wheel need a stiffness of "
             f"{ride:.3g} N/m, but the tyre has {tyre:.3g} N/m: correct mass, tyre or frequencies"
         )
     spring = ride * tyre / (tyre - ride)
@@ -238,62 +243,61 @@ def _axle(sheet: DataSheet, index: int, x: float, corner: _Corner) -> Axle:
         spring_stiffness=round(spring),
         damping=round(2 * sheet.damping_ratio * math.sqrt(spring * load)),
         tyre_stiffness=round(tyre),
-        anti_roll_stiffness=round(_BARS[index] * spring),
+        anti_roll_stiffness=round(RULES.bars[index] * spring),
     )
 
 
-def _widths(body: Body, axles: tuple[Axle, ...], sheet: DataSheet) -> tuple[LearntNumber, ...]:
-    """Return the standard deviations of the guesses."""
-    frequencies = sheet.ride_frequencies
-    sources = {
-        "spring_stiffness": "ride frequency {frequency:g} Hz",
-        "damping": f"damping ratio {sheet.damping_ratio:g}",
-        "tyre_stiffness": f"size {sheet.tyre} at {sheet.pressure / 1e5:.2g} bar",
-        "unsprung_mass": "usual share of the mass" if sheet.unsprung_masses is None else "data sheet",
-        "anti_roll_stiffness": "usual share of the spring",
-    }
-    entries = []
-    for where, axle, frequency in zip(("front", "rear"), axles, frequencies, strict=True):
-        for field, source in sources.items():
-            value = float(getattr(axle, field))
-            words = f"guess: {source.format(frequency=frequency)}"
-            std = _rounded(_STD[field] * value)
-            entries.append(LearntNumber(name=f"{where}.{field}", value=value, std=std, source=words))
+def _guesses(body: Body, axles: tuple[Axle, ...], sheet: DataSheet) -> tuple[LearntNumber, ...]:
+    """Return the guesses with their standard deviations and sources."""
+    guesses = []
+    for where, axle, frequency in zip(("front", "rear"), axles, sheet.ride_frequencies, strict=True):
+        sources = {
+            "spring_stiffness": f"ride frequency {frequency:g} Hz",
+            "damping": f"damping ratio {sheet.damping_ratio:g}",
+            "tyre_stiffness": f"size {sheet.tyre} at {sheet.pressure / 1e5:.2g} bar",
+            "unsprung_mass": "usual share of the mass" if sheet.unsprung_masses is None else "data sheet",
+            "anti_roll_stiffness": "usual share of the spring",
+        }
+        guesses += [(where, field, getattr(axle, field), source) for field, source in sources.items()]
     for field in ("pitch_inertia", "roll_inertia"):
-        value = float(getattr(body, field))
-        std = _rounded(_STD[field] * value)
-        entries.append(LearntNumber(name=f"body.{field}", value=value, std=std, source="guess: radius of gyration"))
-    std = round(_SHARE * sheet.wheelbase, 4)
-    entries.append(LearntNumber(name="body.centre_x", value=0.0, std=std, source="guess: share of the front axle"))
-    return tuple(entries)
-
-
-def _rounded(deviation: float) -> float:
-    """Return a standard deviation to three significant digits."""
-    return float(f"{deviation:.3g}")
+        guesses.append(("body", field, getattr(body, field), "radius of gyration"))
+    widths = [float(f"{getattr(WIDTHS, field) * value:.3g}") for _, field, value, _ in guesses]
+    guesses.append(("body", "centre_x", 0.0, "share of the front axle"))
+    widths.append(round(WIDTHS.front_share * sheet.wheelbase, 4))
+    return tuple(
+        LearntNumber(name=f"{where}.{field}", value=float(value), std=std, source=f"guess: {source}")
+        for (where, field, value, source), std in zip(guesses, widths, strict=True)
+    )
 
 
 def _sensors(sheet: DataSheet, places: tuple[float, float]) -> tuple[Sensor, ...]:
     """Return the sensors of the usual layouts."""
     corners = {
-        f"{end}{side}": (round(x, 4), sign * sheet.track / 2, 0.0)
+        f"{end}{side}": (round(x, 4), sign * sheet.track / 2)
         for end, x in zip("fr", places, strict=True)
         for side, sign in (("l", 1.0), ("r", -1.0))
     }
     if sheet.sensors == "corners":
-        upright = (0.0, 0.0, 1.0)
-        return tuple(
-            Sensor(channel=f"acc_{corner}", quantity="acceleration", unit="m/s^2", position=place, direction=upright)
-            for corner, place in corners.items()
-        )
+        return tuple(accelerometer(f"acc_{corner}", *place) for corner, place in corners.items())
     if sheet.sensors == "travel":
         names = {"fl": "front_left", "fr": "front_right", "rl": "rear_left", "rr": "rear_right"}
         return tuple(
             Sensor(channel=f"travel_{corner}", quantity="travel", unit="m", between=names[corner]) for corner in corners
         )
-    middle = (0.0, 0.0, 0.0)
     return (
-        Sensor(channel="acc_z", quantity="acceleration", unit="m/s^2", position=middle, direction=(0.0, 0.0, 1.0)),
-        Sensor(channel="gyro_x", quantity="angular_velocity", unit="rad/s", position=middle, direction=(1.0, 0.0, 0.0)),
-        Sensor(channel="gyro_y", quantity="angular_velocity", unit="rad/s", position=middle, direction=(0.0, 1.0, 0.0)),
+        accelerometer("acc_z", 0.0, 0.0),
+        gyroscope("gyro_x", (1.0, 0.0, 0.0)),
+        gyroscope("gyro_y", (0.0, 1.0, 0.0)),
     )
+
+
+def accelerometer(channel: str, x: float, y: float) -> Sensor:
+    """Return an accelerometer on the body that measures upwards."""
+    place, upright = (x, y, 0.0), (0.0, 0.0, 1.0)
+    return Sensor(channel=channel, quantity="acceleration", unit="m/s^2", position=place, direction=upright)
+
+
+def gyroscope(channel: str, direction: tuple[float, float, float]) -> Sensor:
+    """Return a gyroscope at the centre of gravity."""
+    centre = (0.0, 0.0, 0.0)
+    return Sensor(channel=channel, quantity="angular_velocity", unit="rad/s", position=centre, direction=direction)

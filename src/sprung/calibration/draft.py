@@ -1,7 +1,9 @@
 """A vehicle file in the course of its completion, and the numbers of it that drives can teach."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -10,9 +12,11 @@ from sprung.vehicles import Component, Sensor, Structure, Vehicle, corner_names,
 
 #: Group of the numbers of sensors, which leave the motion of the vehicle as it is.
 SENSORS = "sensors"
-#: Where a number is in a draft: field of the body, entry of a table with its field, channel of a sensor with its field
-#: and axis, component of a corner, or the centre of gravity.
-Place = tuple[str | int | Component, ...]
+#: Where a number is in a draft: a component of a corner, or the fields and indices that lead to it in the vehicle file,
+#: such as ("axle", 0, "damping"); none for the centre of gravity.
+Place = Component | tuple[str | int, ...]
+#: Vectors of a sensor that are not stated.
+_VECTORS = MappingProxyType({"position": (0.0, 0.0, 0.0), "direction": (0.0, 0.0, 1.0)})
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -39,52 +43,20 @@ class Draft:
         """Return the sensor of a channel."""
         return next(sensor for sensor in self.vehicle.sensor if sensor.channel == channel)
 
-    def with_sensor(self, channel: str, **values: object) -> "Draft":
-        """Return the draft with fields of one sensor replaced."""
-        sensors = tuple(
-            sensor.model_copy(update=values) if sensor.channel == channel else sensor for sensor in self.vehicle.sensor
-        )
-        return self.with_fields(sensor=sensors)
-
-    def with_entry(self, table: str, index: int, **values: object) -> "Draft":
-        """Return the draft with fields of one entry of a table such as "axle" replaced."""
-        entries = list(getattr(self.vehicle, table))
-        entries[index] = entries[index].model_copy(update=values)
-        return self.with_fields(**{table: tuple(entries)})
-
     def value_at(self, place: Place) -> float:
         """Return a number of the draft."""
-        match place:
-            case ("factors", Component() as component):
-                return self.factors.get(component, 1.0)
-            case ("body", str(name)):
-                return float(getattr(self.vehicle.body, name))
-            case ("sensor", str(channel), str(name)):
-                return float(getattr(self.sensor(channel), name))
-            case ("sensor", str(channel), str(name), int(axis)):
-                return float(self._vector(channel, name)[axis])
-            case (str(table), int(index), str(name)):
-                return float(getattr(getattr(self.vehicle, table)[index], name))
-        return 0.0  # the centre of gravity is the origin
+        if isinstance(place, Component):
+            return self.factors.get(place, 1.0)
+        part: Any = self.vehicle if place else 0.0  # the centre of gravity is the origin
+        for key in place:
+            part = _part(part, key)
+        return float(part)
 
     def with_value(self, place: Place, value: float) -> "Draft":
         """Return the draft with another number."""
-        match place:
-            case ("factors", Component() as component):
-                return replace(self, factors={**self.factors, component: value})
-            case ("body", str(name)):
-                return self.with_body(**{name: value})
-            case ("sensor", str(channel), str(name)):
-                return self.with_sensor(channel, **{name: value})
-            case ("sensor", str(channel), str(name), int(axis)):
-                vector = self._vector(channel, name)
-                return self.with_sensor(channel, **{name: (*vector[:axis], value, *vector[axis + 1 :])})
-            case (str(table), int(index), str(name)):
-                return self.with_entry(table, index, **{name: value})
-        return self.ahead(value)
-
-    def _vector(self, channel: str, name: str) -> tuple[float, ...]:
-        return getattr(self.sensor(channel), name) or (0.0, 0.0, 1.0 if name == "direction" else 0.0)
+        if isinstance(place, Component):
+            return replace(self, factors={**self.factors, place: value})
+        return replace(self, vehicle=_with_part(self.vehicle, place, value)) if place else self.ahead(value)
 
     def ahead(self, distance: float) -> "Draft":
         """Return the draft with the body's centre of gravity moved ahead: all else is farther back from it."""
@@ -100,13 +72,28 @@ class Draft:
         }
         return self.with_fields(sensor=sensors, **tables)
 
-    def with_body(self, **values: object) -> "Draft":
-        """Return the draft with fields of the body replaced."""
-        return self.with_fields(body=self.vehicle.body.model_copy(update=values))
-
     def with_fields(self, **values: object) -> "Draft":
         """Return the draft with fields of the vehicle replaced."""
         return replace(self, vehicle=self.vehicle.model_copy(update=values))
+
+
+def _part(whole: Any, key: str | int) -> Any:
+    """Return a field of a table, or an entry of several."""
+    if isinstance(key, int):
+        return whole[key]
+    value = getattr(whole, key)
+    return _VECTORS[key] if value is None and key in _VECTORS else value
+
+
+def _with_part(whole: Any, place: tuple[str | int, ...], value: float) -> Any:
+    """Return a table, or several, with the number at a place replaced."""
+    if not place:
+        return value
+    key, *deeper = place
+    changed = _with_part(_part(whole, key), tuple(deeper), value)
+    if isinstance(key, int):
+        return (*whole[:key], changed, *whole[key + 1 :])
+    return whole.model_copy(update={key: changed})
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -118,7 +105,7 @@ class VehicleNumber:
     name
         Place of the number, such as "front.spring_stiffness", "acc_fl.x" or "mounted_mass_1.frequency".
     group
-        Kind of number: "components", "sides", "body", "wheels", "sensors", "mounted_masses".
+        Kind of number: "components", "sides", "body", "wheels", "sensors", "mounted_masses", "modes".
     std
         Standard deviation before any data: of ln(value / given value) or of the value.
     is_log
@@ -131,6 +118,8 @@ class VehicleNumber:
         Components of corners that it multiplies, if that is all it changes.
     channel
         Channel of the sensor that it belongs to; empty for others.
+    is_new
+        Whether it belongs to a part that the given file lacks.
     """
 
     name: str
@@ -141,6 +130,7 @@ class VehicleNumber:
     unit: str = ""
     components: tuple[Component, ...] = ()
     channel: str = ""
+    is_new: bool = False
 
     @property
     def field(self) -> str:
@@ -213,19 +203,33 @@ def motion_of(channels: Sequence[str], vehicle: Structure) -> Real:
 class Widths:
     """Standard deviations of numbers before any drive: of ln(value / given value) where no unit is stated."""
 
-    #: A corner over its axle (manufacturing tolerance), wheels, inertias, anti-roll bars and gains of sensors.
+    #: A corner over its axle (manufacturing tolerance).
     side: float = 0.05
+    #: Unsprung mass.
     wheel: float = 0.07
+    #: Inertias of the body.
     inertia: float = 0.1
+    #: Stiffness of anti-roll bars.
     bar: float = 0.3
+    #: Gains of sensors.
     gain: float = 0.03
-    #: Centre of gravity, places of sensors and of mounted masses [m].
+    #: Centre of gravity [m].
     centre: float = 0.05
+    #: Places of sensors [m].
     place: float = 0.1
-    mass_place: float = 0.2
-    #: Delays of sensors [s], and directions of gyroscopes (direction cosine: 2 degrees).
+    #: Delays of sensors [s].
     delay: float = 2e-3
+    #: Directions of gyroscopes (direction cosine: 2 degrees).
     tilt: float = 0.035
+    #: Masses on mounts: mass, frequency, damping ratio, place [m].
+    mount_mass: float = 0.3
+    mount_frequency: float = 0.15
+    mount_damping: float = 0.5
+    mount_place: float = 0.2
+    #: Flexible modes: frequency, damping ratio, modal mass.
+    mode_frequency: float = 0.1
+    mode_damping: float = 0.4
+    mode_mass: float = 0.25
     #: Factor for a mass or mode that the file lacks.
     new: float = 2.0
     #: Smallest width in a later calibration over the first one.
@@ -233,15 +237,50 @@ class Widths:
 
 
 WIDTHS = Widths()
-#: Mounted masses and flexible modes of the body: widths of their fields.
-_MOUNTED = {"mass": 0.3, "frequency": 0.15, "damping_ratio": 0.5}
-_FLEXIBLE = {"frequency": 0.1, "damping_ratio": 0.4, "mass": 0.25}
 #: Fields of an axle that make the components of its corners.
 COMPONENT_FIELDS = {
     "spring_stiffness": ("spring", "N/m"),
     "damping": ("damper", "N s/m"),
     "tyre_stiffness": ("tyre", "N/m"),
 }
+#: Fields of tables that can be learnt where the file states them, with their widths and units.
+_WHEELS = {"unsprung_mass": (WIDTHS.wheel, "kg"), "anti_roll_stiffness": (WIDTHS.bar, "N/m")}
+_MOUNTED = {
+    "mass": (WIDTHS.mount_mass, "kg"),
+    "frequency": (WIDTHS.mount_frequency, "Hz"),
+    "damping_ratio": (WIDTHS.mount_damping, ""),
+    "x": (WIDTHS.mount_place, "m"),
+    "y": (WIDTHS.mount_place, "m"),
+}
+_FLEXIBLE = {
+    "frequency": (WIDTHS.mode_frequency, "Hz"),
+    "damping_ratio": (WIDTHS.mode_damping, ""),
+    "mass": (WIDTHS.mode_mass, "kg"),
+}
+
+
+def _axles(draft: Draft) -> Iterator[tuple[str, tuple[str, str]]]:
+    """Yield the name of each axle, and of its left and right corner."""
+    corners = corner_names(len(draft.vehicle.axle))
+    for left, right in zip(corners[::2], corners[1::2], strict=True):
+        yield left.removesuffix("_left"), (left, right)
+
+
+def _entries(
+    draft: Draft,
+    place: tuple[str, int],
+    name: str,
+    group: str,
+    fields: Mapping[str, tuple[float, str]],
+    *,
+    is_new: bool = False,
+) -> Iterator[VehicleNumber]:
+    """Yield fields of an entry of a table as numbers: places [m] in any case, others where they are not 0."""
+    for own, (std, unit) in fields.items():
+        is_log, where = unit != "m", (*place, own)
+        if not is_log or _part(_part(_part(draft.vehicle, place[0]), place[1]), own):
+            width = (WIDTHS.new if is_new else 1.0) * std
+            yield VehicleNumber(f"{name}.{own}", group, width, is_log, where, unit, is_new=is_new)
 
 
 def component_numbers(draft: Draft, *, std: float) -> tuple[VehicleNumber, ...]:
@@ -255,17 +294,12 @@ def component_numbers(draft: Draft, *, std: float) -> tuple[VehicleNumber, ...]:
         Standard deviation of ln(value / given value) of an axle's.
     """
     numbers = []
-    corners = corner_names(len(draft.vehicle.axle))
-    for index, axle in enumerate(draft.vehicle.axle):
-        left, right = corners[2 * index : 2 * index + 2]
-        for name, (kind, unit) in COMPONENT_FIELDS.items():
-            if getattr(axle, name):
-                both = Component(left, kind), Component(right, kind)
-                of_axle = _entry(("axle", index, name), f"{left.removesuffix('_left')}.{name}", std=std, unit=unit)
-                numbers.append(replace(of_axle, components=both))
-                for one in both:
-                    place = ("factors", one)
-                    numbers.append(VehicleNumber(str(one), "sides", WIDTHS.side, True, place, components=(one,)))
+    fields = {name: (std, unit) for name, (_, unit) in COMPONENT_FIELDS.items()}
+    for index, (axle, corners) in enumerate(_axles(draft)):
+        for number in _entries(draft, ("axle", index), axle, "components", fields):
+            both = tuple(Component(corner, COMPONENT_FIELDS[number.field][0]) for corner in corners)
+            sides = (VehicleNumber(str(one), "sides", WIDTHS.side, True, one, components=(one,)) for one in both)
+            numbers += [replace(number, components=both), *sides]
     return tuple(numbers)
 
 
@@ -279,39 +313,60 @@ def file_numbers(draft: Draft, channels: Sequence[str]) -> tuple[VehicleNumber, 
     channels
         Channels that were recorded.
     """
-    return (*_body(), *_wheels(draft), *sensor_numbers(draft, channels))
+    inertias = (
+        VehicleNumber(f"body.{name}", "body", WIDTHS.inertia, True, ("body", name), "kg m2")
+        for name in ("pitch_inertia", "roll_inertia")
+    )
+    wheels = (
+        number
+        for index, (axle, _) in enumerate(_axles(draft))
+        if draft.vehicle.axle[index].wheelset_mass is None
+        for number in _entries(draft, ("axle", index), axle, "wheels", _WHEELS)
+    )
+    centre = VehicleNumber("body.centre_x", "body", WIDTHS.centre, False, (), "m")
+    return (*inertias, centre, *wheels, *sensor_numbers(draft, channels))
 
 
-def mounted_numbers(draft: Draft, *, given: Vehicle) -> tuple[VehicleNumber, ...]:
-    """Return mass, frequency, damping and place of the mounted masses; those that `given` lacks are less known."""
-    numbers = []
-    for index, mass in enumerate(draft.vehicle.mounted_mass):
-        where, factor = f"mounted_mass_{index + 1}", 1.0 if index < len(given.mounted_mass) else WIDTHS.new
-        for name, unit in (("mass", "kg"), ("frequency", "Hz"), ("damping_ratio", "")):
-            if getattr(mass, name) > 0:
-                numbers.append(
-                    _entry(("mounted_mass", index, name), f"{where}.{name}", std=factor * _MOUNTED[name], unit=unit)
-                )
-        for name in ("x", "y"):
-            place = ("mounted_mass", index, name)
-            numbers.append(_entry(place, f"{where}.{name}", std=factor * WIDTHS.mass_place, unit="m", is_log=False))
-    return tuple(numbers)
-
-
-def mode_numbers(draft: Draft, *, given: Vehicle) -> tuple[VehicleNumber, ...]:
-    """Return frequency, damping and modal mass of the flexible modes; those that `given` lacks are less known."""
+def added_numbers(draft: Draft, *, given: Vehicle) -> Iterator[VehicleNumber]:
+    """Yield numbers of masses on mounts and of flexible modes; those that `given` lacks are less known."""
+    for index in range(len(draft.vehicle.mounted_mass)):
+        place, name, is_new = ("mounted_mass", index), f"mounted_mass_{index + 1}", index >= len(given.mounted_mass)
+        yield from _entries(draft, place, name, "mounted_masses", _MOUNTED, is_new=is_new)
     known = {mode.shape for mode in given.flexible_mode}
-    numbers = []
     for index, mode in enumerate(draft.vehicle.flexible_mode):
-        factor = 1.0 if mode.shape in known else WIDTHS.new
-        for name, unit in (("frequency", "Hz"), ("damping_ratio", ""), ("mass", "kg")):
-            if getattr(mode, name):
-                entry, std = ("flexible_mode", index, name), factor * _FLEXIBLE[name]
-                numbers.append(_entry(entry, f"{mode.shape}.{name}", std=std, unit=unit))
+        place, is_new = ("flexible_mode", index), mode.shape not in known
+        yield from _entries(draft, place, mode.shape, "modes", _FLEXIBLE, is_new=is_new)
+
+
+def sensor_numbers(draft: Draft, channels: Sequence[str]) -> tuple[VehicleNumber, ...]:
+    """Return places, scales, directions and delays of the sensors of motion."""
+    numbers: list[VehicleNumber] = []
+    for index, sensor in enumerate(draft.vehicle.sensor):
+        if sensor.channel not in channels or not sensor.is_motion:
+            continue
+        axes = (0, 1) if sensor.on == "body" and sensor.between is None else ()
+        if sensor.quantity in {"angular_velocity", "angle"}:
+            across = [axis for axis in axes if abs((sensor.direction or _VECTORS["direction"])[axis]) < 0.5]
+            vectors = [(f"direction_{'xy'[axis]}", WIDTHS.tilt, ("direction", axis), "") for axis in across]
+        else:
+            vectors = [("xy"[axis], WIDTHS.place, ("position", axis), "m") for axis in axes]
+        own = [*vectors, ("scale", WIDTHS.gain, ("scale",), ""), ("delay", WIDTHS.delay, ("delay",), "s")]
+        numbers += [
+            VehicleNumber(
+                name=f"{sensor.channel}.{name}",
+                group=SENSORS,
+                std=std,
+                is_log=name == "scale",
+                place=("sensor", index, *field_of),
+                unit=unit,
+                channel=sensor.channel,
+            )
+            for name, std, field_of, unit in own
+        ]
     return tuple(numbers)
 
 
-def with_widths(numbers: Sequence[VehicleNumber], draft: Draft) -> tuple[VehicleNumber, ...]:
+def with_widths(numbers: Iterable[VehicleNumber], draft: Draft) -> tuple[VehicleNumber, ...]:
     """Return numbers with the standard deviations that the file's table [[learnt]] states, if any.
 
     A file from a data sheet says how good its guesses are, an earlier calibration how well it knew a number; drives may
@@ -329,47 +384,3 @@ def with_widths(numbers: Sequence[VehicleNumber], draft: Draft) -> tuple[Vehicle
 def _relative(number: VehicleNumber, draft: Draft, std: float) -> float:
     """Return the standard deviation of a number's parameter for that of its value."""
     return std / abs(draft.value_at(number.place)) if number.is_log else std
-
-
-def sensor_numbers(draft: Draft, channels: Sequence[str]) -> tuple[VehicleNumber, ...]:
-    """Return places, scales, directions and delays of the sensors of motion."""
-    numbers: list[VehicleNumber] = []
-    for sensor in draft.vehicle.sensor:
-        if sensor.channel not in channels or not sensor.is_motion:
-            continue
-        name, axes = sensor.channel, (0, 1) if sensor.on == "body" and sensor.between is None else ()
-        entries = [("scale", WIDTHS.gain, True, (), ""), ("delay", WIDTHS.delay, False, (), "s")]
-        if sensor.quantity in {"angular_velocity", "angle"}:
-            across = [axis for axis in axes if abs((sensor.direction or (0, 0, 1))[axis]) < 0.5]
-            vectors = [(f"direction_{'xy'[axis]}", WIDTHS.tilt, False, ("direction", axis), "") for axis in across]
-        else:
-            vectors = [("xy"[axis], WIDTHS.place, False, ("position", axis), "m") for axis in axes]
-        for last, std, is_log, of_vector, unit in (*vectors, *entries):
-            place = ("sensor", name, *(of_vector or (last,)))
-            numbers.append(VehicleNumber(f"{name}.{last}", SENSORS, std, is_log, place, unit, channel=name))
-    return tuple(numbers)
-
-
-def _body() -> Iterator[VehicleNumber]:
-    """Yield inertias and centre of gravity of the body."""
-    for name in ("pitch_inertia", "roll_inertia"):
-        yield VehicleNumber(f"body.{name}", "body", WIDTHS.inertia, True, ("body", name), "kg m2")
-    yield VehicleNumber("body.centre_x", "body", WIDTHS.centre, False, ("centre",), "m")
-
-
-def _wheels(draft: Draft) -> Iterator[VehicleNumber]:
-    """Yield unsprung masses and anti-roll bars."""
-    names = corner_names(len(draft.vehicle.axle))[::2]
-    for index, (axle, left) in enumerate(zip(draft.vehicle.axle, names, strict=True)):
-        where = left.removesuffix("_left")
-        for name, std, unit in (("unsprung_mass", WIDTHS.wheel, "kg"), ("anti_roll_stiffness", WIDTHS.bar, "N/m")):
-            if getattr(axle, name) and axle.wheelset_mass is None:
-                yield _entry(("axle", index, name), f"{where}.{name}", std=std, unit=unit)
-
-
-def _entry(entry: tuple[str, int, str], name: str, *, std: float, unit: str, is_log: bool = True) -> VehicleNumber:
-    """Return a field of an entry of a table as a number: table, index, field."""
-    group = "mounted_masses" if entry[0] == "mounted_mass" else "wheels"
-    group = "modes" if entry[0] == "flexible_mode" else group
-    group = "components" if entry[2] in COMPONENT_FIELDS else group
-    return VehicleNumber(name, group, std, is_log, entry, unit)

@@ -1,6 +1,6 @@
 """Joint fit of windows, rough and then full, and what its misfit asks for: masses on mounts and flexible modes."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -10,10 +10,10 @@ from sprung._arrays import Real
 from sprung.calibration.draft import Draft, VehicleNumber
 from sprung.calibration.joint import JointModel, WindowSpectra, fitted, joint_of, scaled_start, window_model
 from sprung.likelihood import (
+    ClassSpectra,
     CornerSettings,
     Model,
     RigidLayout,
-    SegmentSpectra,
     SpectralLine,
     class_spectra,
     residual_lines,
@@ -23,21 +23,29 @@ from sprung.likelihood.masked_lines import without_lines
 from sprung.likelihood.spectra import OVERCOUNT, through_window
 from sprung.likelihood.transfer import Transfer, transfer
 from sprung.likelihood.uncertainty import excess_power, segment_weights, tempering
-from sprung.likelihood.vehicle import highest_of_body
-from sprung.vehicles import MountedMass, Vehicle, body_row
+from sprung.likelihood.vehicle import lowest_of_lines
+from sprung.vehicles import MountedMass, body_row
 from sprung.vehicles.models import modal_mass
 from sprung.vehicles.sections import FlexibleMode
 
-#: Tempering of the first fit, and number of fits after it.
-_FIRST, _FULL_FITS = 0.1, 2
-#: Width of the speed classes: what is learnt of a vehicle needs none as narrow as a fit of the corners.
-_WIDTH = 0.1
-#: Lowest frequency at which lines are sought over that of the highest mode of the body.
-_OVER_BODY = 1.5
-#: Largest ln of the roughness of a class over the common one at the start.
-_ROUGHEST = 7.0
-#: Smallest tempering: below it a window would say nothing.
-_WEAKEST = 0.01
+
+@dataclass(frozen=True, slots=True)
+class JointSettings:
+    """Settings of a joint fit."""
+
+    #: Tempering of the first fit.
+    first: float = 0.1
+    #: Number of fits after it.
+    full_fits: int = 2
+    #: Width of the speed classes: what is learnt of a vehicle needs none as narrow as a fit of the corners.
+    width: float = 0.1
+    #: Largest ln of the roughness of a class over the common one at the start.
+    roughest: float = 7.0
+    #: Smallest tempering: below it a window would say nothing.
+    weakest: float = 0.01
+
+
+SETTINGS = JointSettings()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -122,10 +130,10 @@ def joint_fit(free: FreeVehicle, *, start: Mapping[str, float] | None = None) ->
     As `sprung.likelihood.fit_segments`: a first fit with a tenth of the weight, then full ones, each with the lines,
     amplitudes and tempering that follow from the one before.
     """
-    weighting = tuple(Weighting(np.ones(window.segments.speeds.size), (), _FIRST) for window in free.windows)
+    weighting = tuple(Weighting(np.ones(window.segments.speeds.size), (), SETTINGS.first) for window in free.windows)
     joint = _joint(free, weighting)
     fit = JointFit(free, joint, fitted(joint, _with_roughness(joint, _started(joint, start or {}))), weighting)
-    for _ in range(_FULL_FITS):
+    for _ in range(SETTINGS.full_fits):
         weighting = _weightings(fit)
         joint = _joint(free, weighting)
         fit = JointFit(free, joint, fitted(joint, fit.parameters), weighting)
@@ -169,31 +177,31 @@ def _joint(free: FreeVehicle, weighting: Sequence[Weighting]) -> JointModel:
     """Return the joint model of weighted windows in usual speed classes."""
     models = []
     for window, weights in zip(free.windows, weighting, strict=True):
-        spectra = class_spectra(_limited(window, weights.amplitudes), width=_WIDTH)
-        counted = weights.tempering * spectra.weights * without_lines(spectra, weights.lines)
-        tempered = replace(spectra, weights=counted)
-        models.append(window_model(tempered, window, free.draft, free.numbers, free.settings))
+        spectra = _weighted(window, weights)
+        models.append(window_model(spectra, window, free.draft, free.numbers, free.settings))
     return joint_of(models)
 
 
-def _limited(window: WindowSpectra, amplitudes: Real) -> SegmentSpectra:
-    """Return the segments of a window with their amplitudes limited."""
-    return replace(window.segments, values=window.segments.values * amplitudes[:, None, None])
+def _weighted(window: WindowSpectra, weights: Weighting) -> ClassSpectra:
+    """Return the mean spectra of a window with its weights."""
+    limited = replace(window.segments, values=window.segments.values * weights.amplitudes[:, None, None])
+    spectra = class_spectra(limited, width=SETTINGS.width)
+    counted = weights.tempering * spectra.weights * without_lines(spectra, weights.lines)
+    return replace(spectra, weights=counted)
 
 
 def _weightings(fit: JointFit) -> tuple[Weighting, ...]:
     """Return the weights of the windows that follow from a fit."""
     settings, weighting = fit.free.settings, []
-    highest = highest_of_body(fit.free.draft.structure())
+    vehicle = fit.free.draft.structure()
     for number, (window, model) in enumerate(zip(fit.free.windows, fit.joint.models, strict=True)):
         parameters = fit.joint.of_window(number, fit.parameters)
-        amplitudes = np.sqrt(segment_weights(model, parameters, window.segments, width=_WIDTH))
-        lowest = 0.0 if window.kind == "rig" else _OVER_BODY * highest
+        amplitudes = np.sqrt(segment_weights(model, parameters, window.segments, width=SETTINGS.width))
+        lowest = lowest_of_lines(vehicle, window.kind)
         lines = residual_lines(model, parameters, lowest=lowest) if settings.has_lines_masked else ()
-        spectra = class_spectra(_limited(window, amplitudes), width=_WIDTH)
-        untempered = replace(spectra, weights=spectra.weights * without_lines(spectra, lines))
-        power = tempering(replace(model, spectra=untempered), parameters)
-        weighting.append(Weighting(amplitudes, lines, max(_WEAKEST, power)))
+        untempered = Weighting(amplitudes, lines, 1.0)
+        power = tempering(replace(model, spectra=_weighted(window, untempered)), parameters)
+        weighting.append(replace(untempered, tempering=max(SETTINGS.weakest, power)))
     return tuple(weighting)
 
 
@@ -211,17 +219,15 @@ def _with_roughness(joint: JointModel, parameters: Real) -> Real:
     for number, (model, rows) in enumerate(zip(joint.models, joint.rows, strict=True)):
         levels = model.rows("class_roughness")
         if levels.size:
-            fitted_matrices = model.matrix(joint.of_window(number, parameters))
-            ratio = np.einsum("cfij,cfji->c", np.linalg.inv(fitted_matrices), model.spectra.matrices).real
-            mean = ratio / (model.spectra.frequencies.size * len(model.layout.rows))
-            parameters[rows[levels]] = np.clip(np.log(np.maximum(mean, 1e-9)), -_ROUGHEST, _ROUGHEST)
+            mean = model.relative_power(joint.of_window(number, parameters)).mean(axis=1)
+            parameters[rows[levels]] = np.clip(np.log(np.maximum(mean, 1e-9)), -SETTINGS.roughest, SETTINGS.roughest)
     return parameters
 
 
 def evaluated(free: FreeVehicle, fit: JointFit) -> float:
     """Return the objective of windows at the parameters and weights of a fit, further parameters at their start."""
     joint = _joint(free, fit.weighting)
-    return joint.value(_started(joint, fit.values()))
+    return joint.objective(_started(joint, fit.values()))[0]
 
 
 def expected_steps(free: FreeVehicle, fit: JointFit) -> tuple[dict[str, float], float]:
@@ -286,10 +292,23 @@ def misfit_in(fit: JointFit, number: int, layout: RigidLayout) -> tuple[Real, fl
     return misfit, float(np.sqrt(max(0.0, excess)))
 
 
-#: Frequencies [Hz] and damping ratio of the masses that are tried: engines are at 6 to 16 Hz, exhausts and tanks above.
-_FREQUENCIES, _DAMPING = tuple(np.geomspace(5.0, 25.0, 14).tolist()), 0.08
-#: Range of a new mass over that of the body, and largest share of the body's pitch inertia that it takes along.
-_LEAST, _MOST, _MOST_INERTIA = 0.02, 0.2, 0.4
+@dataclass(frozen=True, slots=True)
+class MountSettings:
+    """Masses on mounts that are tried."""
+
+    #: Lowest and highest frequency [Hz]: engines are at 6 to 16 Hz, exhausts and tanks above.
+    frequencies: tuple[float, float] = (5.0, 25.0)
+    #: Number of frequencies.
+    n_frequencies: int = 14
+    #: Damping ratio.
+    damping_ratio: float = 0.08
+    #: Smallest and largest mass over that of the body.
+    masses: tuple[float, float] = (0.02, 0.2)
+    #: Largest share of the body's pitch inertia that the mass takes along.
+    max_inertia: float = 0.4
+
+
+MOUNTS = MountSettings()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -329,7 +348,10 @@ def likely_mount(fit: JointFit) -> tuple[MountedMass | None, float]:
     windows = [_at_optimum(joint, number, fit.parameters) for number in range(len(joint.models))]
     precision = joint.information(fit.parameters) + np.diag(1 / joint.prior_std**2)
     best, most = None, 0.0
-    for candidate in _candidates(vehicle):
+    places = (vehicle.axle[0].x, 0.0, vehicle.axle[-1].x)
+    frequencies = np.geomspace(*MOUNTS.frequencies, MOUNTS.n_frequencies).tolist()
+    for frequency, place in product(frequencies, places):
+        candidate = MountedMass(mass=1.0, x=place, frequency=frequency, damping_ratio=MOUNTS.damping_ratio)
         score, own, cross = 0.0, 0.0, np.zeros(fit.parameters.size)
         for window, rows in zip(windows, joint.rows, strict=True):
             derivative = _derivative(window, candidate)
@@ -338,7 +360,8 @@ def likely_mount(fit: JointFit) -> tuple[MountedMass | None, float]:
             np.add.at(cross, rows, window.whitened @ derivative)
         left = own - float(cross @ np.linalg.solve(precision, cross))
         if left > 0 and score < 0 and score**2 / left > most:
-            mass = float(np.clip(-score / left, _LEAST * vehicle.body.mass, _MOST * vehicle.body.mass))
+            lightest, heaviest = MOUNTS.masses
+            mass = float(np.clip(-score / left, lightest * vehicle.body.mass, heaviest * vehicle.body.mass))
             best, most = candidate.model_copy(update={"mass": mass}), score**2 / left
     return best, most / 2 / OVERCOUNT
 
@@ -349,22 +372,16 @@ def with_mount(draft: Draft, mount: MountedMass) -> Draft:
     left = body.mass - mount.mass
     centre = -mount.mass * mount.x / left  # of the body that is left
     taken = mount.mass * mount.x**2 + left * centre**2
-    pitch = (body.pitch_inertia or 0.0) - min(taken, _MOST_INERTIA * (body.pitch_inertia or 0.0))
+    pitch = (body.pitch_inertia or 0.0) - min(taken, MOUNTS.max_inertia * (body.pitch_inertia or 0.0))
     mounted = draft.with_fields(mounted_mass=(*draft.vehicle.mounted_mass, mount))
-    return mounted.ahead(centre).with_body(mass=left, pitch_inertia=pitch)
+    ahead = mounted.ahead(centre)
+    return ahead.with_fields(body=body.model_copy(update={"mass": left, "pitch_inertia": pitch}))
 
 
 def with_mode(draft: Draft, mode: FlexibleMode) -> Draft:
     """Return the draft with a flexible mode of the body, its modal mass stated."""
     complete = mode.model_copy(update={"mass": mode.mass or modal_mass(draft.vehicle, mode)})
     return draft.with_fields(flexible_mode=(*draft.vehicle.flexible_mode, complete))
-
-
-def _candidates(vehicle: Vehicle) -> Iterator[MountedMass]:
-    """Yield masses of 1 kg over the places and frequencies that are tried."""
-    places = (vehicle.axle[0].x, 0.0, vehicle.axle[-1].x)
-    for frequency, place in product(_FREQUENCIES, places):
-        yield MountedMass(mass=1.0, x=place, frequency=frequency, damping_ratio=_DAMPING)
 
 
 def _at_optimum(joint: JointModel, number: int, parameters: Real) -> _Window:

@@ -1,6 +1,6 @@
 """Windows of one vehicle: spectra of all channels, models of them, and their fit with shared parameters."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +9,7 @@ from sprung._arrays import Indices, Real
 from sprung._checks import freeze
 from sprung.calibration.block import FileNumbers
 from sprung.calibration.draft import Draft, VehicleNumber
-from sprung.errors import DataError, ParameterError
+from sprung.errors import DataError
 from sprung.likelihood import (
     ClassSpectra,
     CornerSettings,
@@ -23,17 +23,36 @@ from sprung.likelihood import (
 from sprung.likelihood.fitting import FitSetup
 from sprung.likelihood.spectra import OVERCOUNT, delayed_speeds, segment_speeds, steady_segments
 from sprung.likelihood.speed_delay import DELAYS, speed_delay
+from sprung.likelihood.uncertainty import expected_covariance
 from sprung.likelihood.vehicle import Kind, default_choices, with_sensors
-from sprung.likelihood.whittle import TOO_FAR, minus_log_likelihood
+from sprung.likelihood.whittle import TOO_FAR
 from sprung.vehicles import Vehicle, structure
 from sprung.vehicles.window import Window
 
-#: Largest number of steps of a search, and gain of a Newton step below which it ends.
-_MOST_STEPS, _SETTLED = 40, 0.03
-#: Damping of the first step of a search, its factor after a step that failed and after one that succeeded, and its end.
-_DAMPING, _MORE, _LESS, _STUCK = 1e-3, 10.0, 0.2, 1e8
-#: Longest step in standard deviations of the prior.
-_FARTHEST = 2.0
+
+@dataclass(frozen=True, slots=True)
+class SearchSettings:
+    """Settings of the search for the joint parameters."""
+
+    #: Largest number of steps.
+    max_steps: int = 40
+    #: Gain of a Newton step below which the search ends.
+    settled: float = 0.03
+    #: Damping of the first step.
+    damping: float = 1e-3
+    #: Factor of the damping after a step that failed.
+    more: float = 10.0
+    #: Factor of the damping after a step that succeeded.
+    less: float = 0.2
+    #: Damping at which the search ends.
+    stuck: float = 1e8
+    #: Longest step in standard deviations of the prior.
+    farthest: float = 2.0
+    #: Noise of a channel at the start over its power.
+    noise: float = 0.01
+
+
+SEARCH = SearchSettings()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -85,17 +104,6 @@ class JointModel:
             np.add.at(gradient, rows, slope - apart / model.prior_std)
         return value, gradient
 
-    def value(self, parameters: Real) -> float:
-        """Return the objective without its gradient."""
-        deviation = (parameters - self.start) / self.prior_std
-        value = float(deviation @ deviation) / 2
-        for model, rows in zip(self.models, self.rows, strict=True):
-            try:
-                value += minus_log_likelihood(model.matrix(parameters[rows]), model.spectra)[0]
-            except np.linalg.LinAlgError:
-                return TOO_FAR
-        return value
-
     def information(self, parameters: Real) -> Real:
         """Return the Fisher information of all windows without the prior, shape (parameters, parameters)."""
         information = np.zeros((parameters.size, parameters.size))
@@ -108,10 +116,8 @@ class JointModel:
         return np.asarray(parameters[self.rows[number]], dtype=np.float64)
 
     def covariance(self, parameters: Real) -> Real:
-        """Return the covariance A (c I + P) A of the parameters, A = (I + P)^-1, c for the overlap of the segments."""
-        information, prior = self.information(parameters), np.diag(1 / self.prior_std**2)
-        bread = np.linalg.inv(information + prior)
-        return np.asarray(bread @ (OVERCOUNT * information + prior) @ bread, dtype=np.float64)
+        """Return the covariance of the parameters, as `expected_covariance`."""
+        return expected_covariance(self.information(parameters), self.prior_std)
 
     def log_evidence(self, parameters: Real) -> float:
         """Return ln of the probability of the data, the parameters averaged over their prior; Laplace's approximation.
@@ -131,38 +137,6 @@ class JointModel:
         scale = np.outer(self.prior_std, self.prior_std)
         gain = np.eye(parameters.size) + scale * self.information(parameters) / OVERCOUNT
         return -of_data - of_prior - float(np.linalg.slogdet(gain)[1]) / 2
-
-
-def joint_model(models: Sequence[Model], *, shared: Collection[str]) -> JointModel:
-    """Return the joint model of windows.
-
-    Parameters
-    ----------
-    models
-        Model of each window, at least one.
-    shared
-        Names of the parameters that all windows have in common; the others are each window's own.
-
-    Raises
-    ------
-    ParameterError
-        If there is no model.
-    """
-    if not models:
-        raise ParameterError("no window was given, but one is needed: give drives of the vehicle")
-    numbers: dict[str, int] = {}
-    start: list[float] = []
-    prior_std: list[float] = []
-    rows = []
-    for window, model in enumerate(models):
-        own = [name if name in shared else f"window_{window}.{name}" for name in model.names]
-        for name, centre, std in zip(own, model.start.tolist(), model.prior_std.tolist(), strict=True):
-            if name not in numbers:
-                numbers[name] = len(numbers)
-                start.append(centre)
-                prior_std.append(std)
-        rows.append(np.array([numbers[name] for name in own], dtype=np.intp))
-    return JointModel(tuple(models), tuple(rows), tuple(numbers), np.array(start), np.array(prior_std))
 
 
 def fitted(joint: JointModel, start: Real) -> Real:
@@ -191,24 +165,24 @@ def fitted(joint: JointModel, start: Real) -> Real:
     D. W. Marquardt, An algorithm for least-squares estimation of nonlinear parameters, Journal of the Society for
     Industrial and Applied Mathematics 11 (1963), 431-441.
     """
-    parameters, damping = start, _DAMPING
+    parameters, damping = start, SEARCH.damping
     value, gradient = joint.objective(parameters)
     if value == TOO_FAR:
         raise np.linalg.LinAlgError("the likelihood does not exist at the start of the search")
-    for _ in range(_MOST_STEPS):
+    for _ in range(SEARCH.max_steps):
         information = joint.information(parameters) + np.diag(1 / joint.prior_std**2)
         while True:
             step = -np.linalg.solve(information + damping * np.diag(np.diag(information)), gradient)
-            step *= min(1.0, _FARTHEST / np.max(np.abs(step) / joint.prior_std))
+            step *= min(1.0, SEARCH.farthest / np.max(np.abs(step) / joint.prior_std))
             end, slope = joint.objective(parameters + step)
             if end < value:
                 break
-            damping *= _MORE
-            if damping > _STUCK or -gradient @ step < _SETTLED:
+            damping *= SEARCH.more
+            if damping > SEARCH.stuck or -gradient @ step < SEARCH.settled:
                 return parameters
         gain = value - end
-        parameters, value, gradient, damping = parameters + step, end, slope, damping * _LESS
-        if gain < _SETTLED:
+        parameters, value, gradient, damping = parameters + step, end, slope, damping * SEARCH.less
+        if gain < SEARCH.settled:
             break
     return parameters
 
@@ -218,8 +192,6 @@ _REPLACED = frozenset({"components", "elements", "sensors", "unsprung"})
 #: Parameters of the road that are the vehicle's: the ratio of the delays between the axles, a matter of wheelbase and
 #: speedometer.
 DELAY = "delay"
-#: Noise of a channel at the start of a search over its power.
-_NOISE = 0.01
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -351,9 +323,25 @@ def window_model(
 
 
 def joint_of(models: Sequence[Model]) -> JointModel:
-    """Return the joint model of windows of one vehicle: the numbers of the file and the delays are shared."""
-    numbers = next(block for block in models[0].blocks if isinstance(block, FileNumbers))
-    return joint_model(models, shared={*numbers.names, DELAY})
+    """Return the joint model of windows of one vehicle: the numbers of the file and the delays are shared.
+
+    Parameters
+    ----------
+    models
+        Model of each window, at least one.
+    """
+    shared = {DELAY, *(name for block in models[0].blocks if isinstance(block, FileNumbers) for name in block.names)}
+    priors: dict[str, tuple[float, float]] = {}
+    names = []
+    for window, model in enumerate(models):
+        own = [name if name in shared else f"window_{window}.{name}" for name in model.names]
+        names.append(own)
+        for name, prior in zip(own, zip(model.start.tolist(), model.prior_std.tolist(), strict=True), strict=True):
+            priors.setdefault(name, prior)
+    numbers = {name: number for number, name in enumerate(priors)}
+    rows = tuple(np.array([numbers[name] for name in own], dtype=np.intp) for own in names)
+    start, prior_std = np.array(list(priors.values())).T
+    return JointModel(tuple(models), rows, tuple(priors), start, prior_std)
 
 
 def scaled_start(joint: JointModel) -> Real:
@@ -377,4 +365,4 @@ def _usual_noise(model: Model) -> Real:
         return np.asarray(model.scaled_start()[model.rows("noise")], dtype=np.float64)
     colours = (2 * np.pi * spectra.frequencies[:, None]) ** (2 * (2 - layout.orders))
     power = np.einsum("cfii->fi", spectra.matrices).real / spectra.counts.size
-    return np.log(_NOISE * np.median(power / colours, axis=0))
+    return np.log(SEARCH.noise * np.median(power / colours, axis=0))
