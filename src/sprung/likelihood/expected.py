@@ -94,9 +94,10 @@ class ExpectedFit:
     def contrast_std(self) -> dict[Component, float]:
         """Expected standard deviation of the ratio of each component to that on the other side of its axle."""
         rows = {component: row for row, component in enumerate(self.components)}
-        stds = {}
+        stds, swap = {}, {"left": "right", "right": "left"}
         for component, row in rows.items():
-            other = rows.get(replace(component, corner=_other_side(component.corner)))
+            words = [swap.get(word, word) for word in component.corner.split("_")]
+            other = rows.get(replace(component, corner="_".join(words)))
             if other is not None and other != row:
                 contrast = np.zeros(len(rows))
                 contrast[[row, other]] = 1.0, -1.0
@@ -107,12 +108,6 @@ class ExpectedFit:
     def is_identifiable(self) -> dict[Component, bool]:
         """Whether the drives determine each component, as `CornerFit.is_identifiable`."""
         return {component: std < IDENTIFIABLE * self.prior_std for component, std in self.std.items()}
-
-
-def _other_side(corner: str) -> str:
-    """Return the corner on the other side of the axle."""
-    swap = {"left": "right", "right": "left"}
-    return "_".join(swap.get(word, word) for word in corner.split("_"))
 
 
 #: Noise densities of sensors by quantity, per root of Hz: accelerometers of 100 ug, gyroscopes of 0.005 degrees/s.

@@ -222,12 +222,18 @@ def fit_windows(
     layout = dict.fromkeys(note for window in windows for note in window.notes)
     if has_speed:
         fit = _fit(segments, setup, starts)
-        return replace(fit, from_modes=check, speed_delay=delay, notes=(*layout, *fit.notes, *_delay_note(delay)))
-    known = _with_speeds(segments, setup)
-    for _ in range(RULES.rounds - 1):
+        late: tuple[str, ...] = ()
+        if delay is not None and delay.value:
+            direction = "late" if delay.value > 0 else "early"
+            late = (
+                f"the speed channel is {abs(delay.value):.1f} s {direction} (± {delay.std:.1f} s), which is corrected",
+            )
+        return replace(fit, from_modes=check, speed_delay=delay, notes=(*layout, *fit.notes, *late))
+    parameters = None
+    for _ in range(RULES.rounds):
+        known = with_estimated_speeds(segments, lambda speeds: setup.at_speeds(segments, speeds), parameters)
         fit = _fit(known, setup, starts)
-        known = _with_speeds(segments, setup, fit.parameters)
-    fit = _fit(known, setup, starts)
+        parameters = fit.parameters
     low, high = known.speeds.min(), known.speeds.max()
     note = f"the speed was not recorded: {low:.3g} to {high:.3g} m/s, from the delay between the axles"
     return replace(fit, notes=(*layout, *fit.notes, note), from_modes=check)
@@ -250,19 +256,6 @@ def _prepare(
     delay = speed_delay(segments, means, variations, lambda speeds: setup.at_speeds(segments, speeds))
     speeds, spreads = segment_speeds(records, speed, length, delay=delay.value)
     return setup, steady_segments(segments, speeds, spreads), True, delay
-
-
-def _delay_note(delay: SpeedDelay | None) -> tuple[str, ...]:
-    """Return a note on a speed channel that is late or early."""
-    if delay is None or not delay.value:
-        return ()
-    direction = "late" if delay.value > 0 else "early"
-    return (f"the speed channel is {abs(delay.value):.1f} s {direction} (± {delay.std:.1f} s), which is corrected",)
-
-
-def _with_speeds(segments: SegmentSpectra, setup: FitSetup, parameters: Real | None = None) -> SegmentSpectra:
-    """Return the segments whose speed follows from the delay between the axles, with that speed."""
-    return with_estimated_speeds(segments, lambda speeds: setup.at_speeds(segments, speeds), parameters)
 
 
 def _fit(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) -> CornerFit:
@@ -344,19 +337,25 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
     (22, True)
     """
     model, parameters = _start(segments, setup, starts)
-    limited, power = segments, RULES.first
+    limited, power, lowest = segments, RULES.first, lowest_of_lines(setup.nominal, setup.kind)
     lines: tuple[SpectralLine, ...] = ()
     for _ in range(RULES.max_fits):
         last_lines, last_power = lines, power
-        limited = _with_limited_amplitudes(segments, model, parameters)
-        lines = _lines(model, parameters, setup)
+        limits = np.sqrt(segment_weights(model, parameters, segments))[:, None, None]
+        limited = replace(segments, values=segments.values * limits)
+        if setup.settings.has_lines_masked:
+            lines = residual_lines(model, parameters, lowest=lowest)
         untempered = _weighted(setup.at_classes(limited, width=CLASS_WIDTH), tempering=1.0, lines=lines)
         power = tempering(untempered, parameters)
         model = _weighted(untempered, tempering=power, lines=lines)
         if lines == last_lines and abs(power - last_power) < RULES.settled * last_power:
             break
         parameters = minimised(model, parameters)
-    return _result(model, parameters, limited, lines)
+    covariance = parameter_covariance(model, parameters, limited)
+    misfit, excess = power_misfit(model, parameters)
+    counts, error = (model.spectra.n_segments, segments.n_rejected), float(np.sqrt(max(0.0, excess)))
+    fit = CornerFit(model, parameters, covariance, misfit, error, *counts, notes=())
+    return replace(fit, notes=_notes(fit, lines))
 
 
 def _start(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) -> tuple[Model, Real]:
@@ -380,8 +379,10 @@ def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real]) -> Real:
     end = minimised(rough, min((rough.scaled_start(start) for start in (None, *starts)), key=misfit))
     if tempering(untempered, end) >= RULES.doubtful:
         return end
-    broken = min(_broken_springs(rough), key=misfit)
-    return min((end, minimised(rough, broken)), key=misfit)
+    broken = RULES.broken * np.eye(len(rough.components))
+    springs = [row for row, component in enumerate(rough.components) if component.kind == "spring"]
+    start = min((rough.scaled_start(broken[row]) for row in springs), key=misfit)
+    return min((end, minimised(rough, start)), key=misfit)
 
 
 def _weighted(model: Model, *, tempering: float, lines: tuple[SpectralLine, ...] = ()) -> Model:
@@ -389,25 +390,6 @@ def _weighted(model: Model, *, tempering: float, lines: tuple[SpectralLine, ...]
     spectra = model.spectra
     weights = tempering * spectra.counts[:, None] * without_lines(spectra, lines)
     return replace(model, spectra=replace(spectra, weights=weights))
-
-
-def _with_limited_amplitudes(segments: SegmentSpectra, model: Model, parameters: Real) -> SegmentSpectra:
-    """Return the segments, with the amplitude of far more powerful ones limited."""
-    limits = np.sqrt(segment_weights(model, parameters, segments))[:, None, None]
-    return replace(segments, values=segments.values * limits)
-
-
-def _lines(model: Model, parameters: Real, setup: FitSetup) -> tuple[SpectralLine, ...]:
-    """Return the lines that stand out of a fit, if the settings mask them."""
-    if not setup.settings.has_lines_masked:
-        return ()
-    return residual_lines(model, parameters, lowest=lowest_of_lines(setup.nominal, setup.kind))
-
-
-def _broken_springs(model: Model) -> list[Real]:
-    """Return further starts of the search: vehicles with one spring each far softer."""
-    springs = [row for row, component in enumerate(model.components) if component.kind == "spring"]
-    return [model.scaled_start(RULES.broken * np.eye(len(model.components))[row]) for row in springs]
 
 
 def _carried_over(coarse: Model, parameters: Real, model: Model) -> Real:
@@ -420,19 +402,6 @@ def _carried_over(coarse: Model, parameters: Real, model: Model) -> Real:
         mean = model.relative_power(carried).mean(axis=1)
         carried[levels] = np.log(np.clip(np.nan_to_num(mean, nan=1.0), RULES.min_level, 1 / RULES.min_level))
     return carried
-
-
-def _result(
-    model: Model, parameters: Real, segments: SegmentSpectra, lines: tuple[SpectralLine, ...] = ()
-) -> CornerFit:
-    """Return the fit with its covariance and notes."""
-    covariance = parameter_covariance(model, parameters, segments)
-    misfit, excess = power_misfit(model, parameters)
-    model_error = float(np.sqrt(max(0.0, excess)))
-    fit = CornerFit(
-        model, parameters, covariance, misfit, model_error, model.spectra.n_segments, segments.n_rejected, notes=()
-    )
-    return replace(fit, notes=_notes(fit, lines))
 
 
 def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:

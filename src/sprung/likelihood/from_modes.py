@@ -116,8 +116,6 @@ def _dynamic_stiffness(structure: Structure, pole: complex) -> Complex:
 def _reduced(stiffness: Complex, kept: list[int]) -> Complex:
     """Dynamic stiffness of some coordinates with no force on the others, D_bb - D_bo D_oo^-1 D_ob."""
     others = [row for row in range(len(stiffness)) if row not in kept]
-    if not others:
-        return stiffness[np.ix_(kept, kept)]
     coupling = stiffness[np.ix_(kept, others)]
     return stiffness[np.ix_(kept, kept)] - coupling @ np.linalg.solve(
         stiffness[np.ix_(others, others)], stiffness[np.ix_(others, kept)]

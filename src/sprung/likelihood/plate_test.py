@@ -1,7 +1,7 @@
 """Figures of the suspension tests of periodic inspections, from a vehicle fitted to a drive."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -132,26 +132,14 @@ def plate_tests(fit: CornerFit) -> dict[str, PlateTest]:
         ]
         derivatives[:, :, row] = (np.array(moved) - values) / step
     stds = np.sqrt(np.einsum("cfp,pq,cfq->cf", derivatives, fit.covariance, derivatives))
-    return _with_asymmetry(dict(zip(standing, map(_test, values, stds), strict=True)))
-
-
-def _test(values: Real, stds: Real) -> PlateTest:
-    names = [field.name for field in fields(PlateTest)]
-    pairs = [number for pair in zip(values.tolist(), stds.tolist(), strict=True) for number in pair]
-    return PlateTest(**dict(zip(names, pairs, strict=False)))
-
-
-def _with_asymmetry(tests: dict[str, PlateTest]) -> dict[str, PlateTest]:
-    """Return the tests with the differences from left to right."""
-    compared = {}
-    for corner, test in tests.items():
+    dampings = dict(zip(standing, values[:, 2].tolist(), strict=True))
+    tests = {}
+    for corner, own, own_stds in zip(standing, values.tolist(), stds.tolist(), strict=True):
         end, _, side = corner.rpartition("_")
-        other = tests.get(f"{end}_{'right' if side == 'left' else 'left'}", test)
-        larger = max(test.damping_ratio, other.damping_ratio)
-        pairs = {field.name: getattr(test, field.name) for field in fields(PlateTest)}
-        asymmetry = abs(test.damping_ratio - other.damping_ratio) / larger if other is not test else float("nan")
-        compared[corner] = PlateTest(**{**pairs, "asymmetry": asymmetry})
-    return compared
+        damping, other = own[2], dampings.get(f"{end}_{'right' if side == 'left' else 'left'}", float("nan"))
+        pairs = [number for pair in zip(own, own_stds, strict=True) for number in pair]
+        tests[corner] = replace(PlateTest(*pairs), asymmetry=abs(damping - other) / max(damping, other))
+    return tests
 
 
 def tyres(structure: Structure) -> dict[str, Element]:

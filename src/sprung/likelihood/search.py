@@ -94,10 +94,7 @@ def minimised(model: Likelihood, start: Real) -> Real:
     ----------
     J. Nocedal and S. J. Wright, Numerical Optimization, 2nd edition, Springer, 2006, chapter 6.
     """
-    parameters = start
-    for point in descent(model, start):
-        parameters = point
-    return parameters
+    return [start, *descent(model, start)][-1]
 
 
 def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
@@ -135,8 +132,7 @@ def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
         if length < SCORING.shortest:
             break
         parameters, value, slope = parameters + length * step, new_value, new_slope
-    for point in islice(descent(model, parameters), SCORING.max_after):
-        parameters = point
+    parameters = [parameters, *islice(descent(model, parameters), SCORING.max_after)][-1]
     value, slope = model.objective(parameters)
     step, squared = _score_step(model, parameters, slope)
     if SCORING.scored <= squared < SCORING.converged:

@@ -326,7 +326,8 @@ def between_updates(values: Real, sampling_rate: float) -> Real:
     if is_irregular or period < UPDATES.slow * sampling_rate:
         return values
     period = float(gaps.sum() / counts.sum())
-    updates = np.concatenate([[max(changes[0] - period, 0)], *_updates(changes, counts, period)])
+    between = (start + period * np.arange(count) for start, count in zip(changes, [*counts, 1], strict=True))
+    updates = np.concatenate([[max(changes[0] - period, 0)], *between])
     held = values[np.minimum(np.rint(updates).astype(np.intp), values.size - 1)]
     return np.interp(np.arange(values.size), updates, held)
 
@@ -482,21 +483,10 @@ def onto_grid(weights: Complex) -> Complex:
 
 def speed_classes(speeds: Real, *, width: float = CLASS_WIDTH) -> Indices:
     """Return the number of each segment's class, from 0 in the order of speed; unknown speeds are one class."""
-    return np.unique(_class_numbers(speeds, width), return_inverse=True)[1]
-
-
-def _class_numbers(speeds: Real, width: float) -> Indices:
-    """Number of each segment's class on a fixed scale of speeds."""
     numbers = np.zeros(speeds.size, dtype=np.intp)
     known = np.isfinite(speeds)
     numbers[known] = np.floor(np.log(speeds[known]) / np.log1p(width)).astype(np.intp)
-    return numbers
-
-
-def _updates(changes: Indices, counts: Real, period: float) -> Iterator[Real]:
-    """Yield the times of the updates [samples] from each change to before the next one."""
-    for start, count in zip(changes, [*counts, 1], strict=True):
-        yield start + period * np.arange(count)
+    return np.unique(numbers, return_inverse=True)[1]
 
 
 def _stretches(recordings: Iterable[Recording], segment_length: float) -> Iterator[tuple[Recording, slice]]:

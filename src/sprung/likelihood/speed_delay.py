@@ -223,11 +223,6 @@ def speed_delay(segments: SegmentSpectra, speeds: Real, spreads: Real, model_at:
     total = -0.5 * (delays / LIMITS.prior) ** 2
     for own, at_speeds in zip(speeds.T, by_speed, strict=True):
         total += np.interp(np.interp(delays, DELAYS, own), grid, at_speeds)
-    return _peak(delays, total)
-
-
-def _peak(delays: Real, total: Real) -> SpeedDelay:
-    """Return mean and standard deviation of the posterior over the delays; a mean of 0 where 0 is as likely."""
     if np.argmax(total) in {0, total.size - 1}:
         return SpeedDelay()
     posterior = np.exp(total - total.max())

@@ -102,7 +102,9 @@ def parameter_covariance(model: Model, parameters: Real, segments: SegmentSpectr
     expected = expected_covariance(information, model.prior_std)
     scores = _scores(model, parameters, segments, whitened)
     bread = np.linalg.inv(information + np.diag(1 / model.prior_std**2))
-    observed = bread @ _score_covariance(scores) @ bread
+    centred = scores - scores.mean(axis=0)
+    neighbours = centred[1:].T @ centred[:-1] / 2
+    observed = bread @ (centred.T @ centred + neighbours + neighbours.T) @ bread
     n, p = scores.shape
     share = n / (n + 2.0 * p)
     scale = np.sqrt(np.maximum(1.0, share * np.diag(observed) / np.diag(expected) + (1 - share)))
@@ -251,10 +253,3 @@ def _scores(model: Model, parameters: Real, segments: SegmentSpectra, whitened: 
         derivatives = whitened[:, number].reshape(len(parameters), -1)
         scores[members] = coordinates[members].reshape(members.size, -1) @ derivatives.T
     return scores
-
-
-def _score_covariance(scores: Real) -> Real:
-    """Sum of the outer products of the scores, with those of neighbours weighted by a half."""
-    centred = scores - scores.mean(axis=0)
-    neighbours = centred[1:].T @ centred[:-1] / 2
-    return np.asarray(centred.T @ centred + neighbours + neighbours.T, dtype=np.float64)
