@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sprung.diagnosis.scatter import FreeDegrees, Scatter, directions, kinds_of, regression, shared_covariance
+from sprung.diagnosis.scatter import Deviations, Scatter, directions, kinds_of, regression, shared_covariance
 from sprung.vehicles import Component, read_vehicle, structure
 
 COMPONENTS = tuple(structure(read_vehicle("zafira")).components())
@@ -12,8 +12,9 @@ COMPONENTS = tuple(structure(read_vehicle("zafira")).components())
 def test_a_mean_alone_takes_one_degree_of_freedom_and_a_free_slope_another() -> None:
     rows = np.column_stack([np.ones(8), np.arange(8.0) - 3.5])
     direction, covariance = np.eye(12)[0], np.eye(12)
-    assert FreeDegrees(rows, covariance, [1e-9 * np.eye(12)]).of(direction) == pytest.approx(7)
-    assert FreeDegrees(rows, covariance, [1e9 * np.eye(12)]).of(direction) == pytest.approx(6)
+    for prior, left in ((1e-9, 7), (1e9, 6)):
+        deviations = Deviations(np.zeros((8, 12)), rows, covariance, [prior * np.eye(12)])
+        assert deviations.degrees(direction) == pytest.approx(left)
 
 
 def test_regression_without_a_prior_is_least_squares() -> None:
@@ -40,13 +41,13 @@ def test_many_windows_give_their_own_scatter(ratio) -> None:
     truth = ratio**2 * reported + 0.03**2 * ends.T @ ends + 0.05**2 * together.T @ together
     away = generator.standard_normal((2000, 12)) @ np.linalg.cholesky(truth).T
     usual = Scatter.typical(COMPONENTS, reported, with_temperature=True)
-    learnt = usual.learnt(away, FreeDegrees(np.ones((2000, 1)), usual.whole, []))
+    learnt = usual.learnt(Deviations(away, np.ones((2000, 1)), usual.whole, []))
     np.testing.assert_allclose(learnt.scales, ratio, rtol=0.06)
     np.testing.assert_allclose(list(learnt.front_rear_std.values()), 0.03, rtol=0.1)
     np.testing.assert_allclose(list(learnt.common_std.values()), 0.05, rtol=0.1)
     np.testing.assert_allclose(np.diag(pairs @ learnt.whole @ pairs.T), np.diag(pairs @ truth @ pairs.T), rtol=0.1)
     unknown = Scatter.typical(COMPONENTS, reported, with_temperature=False)
-    kept = unknown.learnt(away, FreeDegrees(np.ones((2000, 1)), usual.whole, []))
+    kept = unknown.learnt(Deviations(away, np.ones((2000, 1)), usual.whole, []))
     assert kept.common_std == unknown.common_std
 
 

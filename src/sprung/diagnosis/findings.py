@@ -311,14 +311,14 @@ def mode_changes(
         match = int(np.argmax(likeness - distance))
         changes.append(
             ModeChange(
-                label,
-                (float(healthy.natural_frequency[row]), float(changed.natural_frequency[match])),
-                (float(healthy.damping_ratio[row]), float(changed.damping_ratio[match])),
-                float(likeness[match]),
-                tuple(healthy.channels),
-                np.abs(unit_shapes(np.array([healthy.mode_shapes[row], changed.mode_shapes[match]]))),
-                _measured(earlier, label),
-                _measured(later, label),
+                label=label,
+                frequency=(float(healthy.natural_frequency[row]), float(changed.natural_frequency[match])),
+                damping=(float(healthy.damping_ratio[row]), float(changed.damping_ratio[match])),
+                mac=float(likeness[match]),
+                channels=tuple(healthy.channels),
+                shapes=np.abs(unit_shapes(np.array([healthy.mode_shapes[row], changed.mode_shapes[match]]))),
+                measured_before=_measured(earlier, label),
+                measured_since=_measured(later, label),
             )
         )
     return tuple(changes)

@@ -18,7 +18,7 @@ from sprung.diagnosis.baseline import (
 )
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.residuals import RESIDUALS, ResidualReference, learn_reference
-from sprung.diagnosis.scatter import ROUNDS, FreeDegrees, Scatter, regression
+from sprung.diagnosis.scatter import ROUNDS, Deviations, Scatter, regression
 from sprung.diagnosis.type_baselines import TypeBaseline
 from sprung.errors import DataError, ParameterError
 
@@ -175,10 +175,9 @@ def _estimated(windows: Sequence[Observation], of_type: TypeBaseline | None) -> 
     scatter = typical
     for _ in range(ROUNDS):
         coefficients, _ = regression(rows, values, scatter.whole, prior, prior_mean)
-        away = values - rows @ coefficients
-        free = FreeDegrees(rows, scatter.whole, slope_covariances(components))
-        scatter = typical.learnt(away, free)
-    scatter = typical.learnt(away, free, is_widened=True)
+        deviations = Deviations(values - rows @ coefficients, rows, scatter.whole, slope_covariances(components))
+        scatter = typical.learnt(deviations)
+    scatter = typical.learnt(deviations, is_widened=True)
     # Means and slopes are as uncertain as the windows that they are from: by the widened scatter.
     _, information = regression(rows, values, scatter.whole, prior, prior_mean)
     return Baseline(

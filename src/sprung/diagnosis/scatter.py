@@ -115,11 +115,13 @@ WEIGHTS = ScatterWeights()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class FreeDegrees:
-    """Degrees of freedom that a regression on conditions leaves to the windows.
+class Deviations:
+    """Deviations of windows from a regression on conditions, and the degrees of freedom that it leaves to them.
 
     Parameters
     ----------
+    values
+        Deviation of each window, ln values, shape (windows, components).
     rows
         Explanatory values of each window, shape (windows, coefficients): 1 for its vehicle, and last the conditions.
     covariance
@@ -128,11 +130,12 @@ class FreeDegrees:
         Covariance of the slopes with each condition before any window.
     """
 
+    values: Real
     rows: Real
     covariance: Real
     slope_covariances: Sequence[Real]
 
-    def of(self, direction: Real) -> float:
+    def degrees(self, direction: Real) -> float:
         """Return the degrees of freedom of a direction, shape (components,); at least 1.
 
         Notes
@@ -199,21 +202,19 @@ class Scatter:
         """Covariance of a window."""
         return np.asarray(self.covariance + self.nuisance, dtype=np.float64)
 
-    def learnt(self, away: Real, free: FreeDegrees, *, is_widened: bool = False) -> "Scatter":
+    def learnt(self, deviations: Deviations, *, is_widened: bool = False) -> "Scatter":
         """Return the scatter that windows show, shrunk to this one.
 
         Parameters
         ----------
-        away
-            Residuals of a regression, shape (windows, components).
-        free
-            Degrees of freedom that it left.
+        deviations
+            Deviations of the windows from a regression.
         is_widened
             Whether variances with few degrees of freedom are widened to what their Student's t implies.
         """
         pairs, ends, together = directions(self.components)
-        squares = np.sum((away @ pairs.T) ** 2, axis=0) / np.diag(pairs @ self.covariance @ pairs.T)
-        left = np.array([free.of(row) for row in pairs])
+        squares = np.sum((deviations.values @ pairs.T) ** 2, axis=0) / np.diag(pairs @ self.covariance @ pairs.T)
+        left = np.array([deviations.degrees(row) for row in pairs])
         degrees = float(np.sum(left)) + self.degrees_of_freedom
         common = (float(np.sum(squares)) + self.degrees_of_freedom) / degrees
         weight = WEIGHTS.pairs + self.degrees_of_freedom / max(len(pairs), 1)
@@ -221,29 +222,16 @@ class Scatter:
         if is_widened:
             own = own * _widening(left + weight, degrees)
         scaled = replace(self, scales=self.scales * np.sqrt(pairs.T**2 @ own), degrees_of_freedom=degrees)
-        scaled = replace(
-            scaled,
-            front_rear_std=scaled._beyond_chance(
-                away, free, ends, weight=WEIGHTS.front_rear, usual=self.front_rear_std, is_widened=is_widened
-            ),
-        )
+        ends_std = scaled._beyond_chance(deviations, ends, self.front_rear_std, WEIGHTS.front_rear, is_widened)
+        scaled = replace(scaled, front_rear_std=ends_std)
         if not self.has_temperature:
             return scaled
         means = together / together.sum(axis=1, keepdims=True)
-        common_changes = scaled._beyond_chance(
-            away, free, means, weight=WEIGHTS.common, usual=self.common_std, is_widened=is_widened
-        )
-        return replace(scaled, common_std=common_changes)
+        common_std = scaled._beyond_chance(deviations, means, self.common_std, WEIGHTS.common, is_widened)
+        return replace(scaled, common_std=common_std)
 
     def _beyond_chance(
-        self,
-        away: Real,
-        free: FreeDegrees,
-        rows: Real,
-        *,
-        weight: float,
-        usual: dict[str, float],
-        is_widened: bool,
+        self, deviations: Deviations, rows: Real, usual: dict[str, float], weight: float, is_widened: bool
     ) -> dict[str, float]:
         """Return the standard deviation of each kind along directions: beyond the fits' own, and the usual one.
 
@@ -254,8 +242,8 @@ class Scatter:
             of_kind = rows[[name == kind for name in kinds_of(rows, self.components)]]
             if not len(of_kind):
                 continue
-            left = float(np.mean([free.of(row) for row in of_kind]))
-            own = float(np.mean(np.sum((away @ of_kind.T) ** 2, axis=0))) / left
+            left = float(np.mean([deviations.degrees(row) for row in of_kind]))
+            own = float(np.mean(np.sum((deviations.values @ of_kind.T) ** 2, axis=0))) / left
             chance = float(np.mean(np.diag(of_kind @ self.covariance @ of_kind.T)))
             share = left / (left + weight)
             variance = share * max(0.0, own - chance) + (1 - share) * usual[kind] ** 2

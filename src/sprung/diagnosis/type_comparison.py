@@ -213,15 +213,10 @@ class TypeComparison:
     def candidates(self) -> tuple[Candidate, ...]:
         """Return what may be different from the type, the most likely first."""
         half = stats.t.isf(0.025, self.degrees) if np.isfinite(self.degrees) else INTERVAL_95
+        numbers = np.stack([self.evidence(self.residual), self.sizes(self.residual), self.stds], axis=1).tolist()
         candidates = [
             Candidate(hypothesis, log, (size / std) ** 2, (_size(size, std, half),), self.times[0], self.times)
-            for hypothesis, log, size, std in zip(
-                self.hypotheses,
-                self.evidence(self.residual).tolist(),
-                self.sizes(self.residual).tolist(),
-                self.stds.tolist(),
-                strict=True,
-            )
+            for hypothesis, (log, size, std) in zip(self.hypotheses, numbers, strict=True)
         ]
         explained, count = float(self.residual @ self.inverse @ self.residual), len(self.residual)
         is_normal = np.isinf(self.degrees)

@@ -11,7 +11,7 @@ from sprung._arrays import Real
 from sprung._checks import check_each, check_type
 from sprung.diagnosis.baseline import medians, ranges, slope_covariances, units_of
 from sprung.diagnosis.observation import Observation
-from sprung.diagnosis.scatter import ROUNDS, FreeDegrees, Scatter, directions, kinds_of, regression
+from sprung.diagnosis.scatter import ROUNDS, Deviations, Scatter, directions, kinds_of, regression
 from sprung.diagnosis.type_baselines import (
     MIN_VEHICLES,
     OTHER_SCATTER,
@@ -124,7 +124,7 @@ class Fleet:
         for _ in range(ROUNDS):
             slopes, _ = regression(inside @ units, inside @ values, scatter.whole, prior)
             away = inside @ (values - units @ slopes)
-            scatter = usual.learnt(away, FreeDegrees(np.column_stack([owner, units]), scatter.whole, before))
+            scatter = usual.learnt(Deviations(away, np.column_stack([owner, units]), scatter.whole, before))
         within = replace(
             nominal_type(components, name=""),
             slopes=slopes.T,
