@@ -209,7 +209,8 @@ def bytes_stored(recorded: Recorded, folder: Path, *, hours: int = 50) -> dict[s
     """Return bytes of the store per vehicle-hour by table and index, from outcomes stored over and over."""
     import sqlite3
 
-    from sprung.online.monitor import AlertBook, Site
+    from sprung.online.monitor import Site
+    from sprung.online.monitor.alert_book import AlertBook
     from sprung.online.monitor.ledger import Ledger
     from sprung.online.store import StoredFrame, open_store
 

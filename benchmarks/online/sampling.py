@@ -62,7 +62,7 @@ OF_STATION: tuple[Place, ...] = (
     ("insert", ("store/inbox.py:add_frames",)),
     ("read back", ("store/inbox.py:pending",)),
     ("settle, commit", ("monitor/dispatch.py:settle", "monitor/dispatch.py:flush")),
-    ("upkeep", ("monitor/upkeep.py",)),
+    ("housekeeping", ("monitor/housekeeping.py",)),
     ("receive, decode, acknowledge", ("monitor/intake.py",)),
     ("give", ("monitor/dispatch.py:give",)),
     ("leases, follow", ("monitor/station.py:_follow",)),

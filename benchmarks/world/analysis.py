@@ -9,7 +9,7 @@ from chance import Chance
 
 from sprung.diagnosis import Observation, SensorFault
 from sprung.link import Header, checked_map, decode
-from sprung.online.monitor.engine import Event, Identified, Observed
+from sprung.online.monitor.events import Event, Identified, Observed
 from sprung.online.monitor.jobs import Failure, Opening, Outcome, VehicleStatus, failed
 from sprung.recording import Channel, Recording
 

@@ -17,7 +17,7 @@ from vehicle import BEGUN
 
 from sprung.online.alerts import Message, SendError
 from sprung.online.monitor import Site, Station, station
-from sprung.online.monitor.postman import PostOffice
+from sprung.online.monitor.notifier import NotificationService
 from sprung.online.store import Store, StoreError, database, open_store
 
 SENDERS = ("mail", "webhook")
@@ -45,8 +45,8 @@ class Unthreaded:
     def close(self) -> None: ...
 
 
-class Unhurried(PostOffice):
-    """Postmen without threads: the world lets them send."""
+class Unhurried(NotificationService):
+    """Notifiers without threads: the world lets them send."""
 
     def open(self) -> None:
         self.resume()
@@ -113,7 +113,7 @@ class Monitor:
             self._guarded(self._station.step)
 
     def post(self) -> None:
-        """Let the postman send what is due."""
+        """Let the notifiers send what is due."""
         if self._station is not None:
             self._guarded(partial(self._post, self._station))
 
@@ -152,7 +152,7 @@ class Monitor:
         for sender in SENDERS:
             running._heartbeats.on_heartbeat(f"post {sender}")
         with suppress(StoreError):  # as the thread that does this otherwise
-            running._post.send()
+            running._notifications.send()
 
     def _guarded(self, act: Callable[[], None]) -> None:
         """Do something that may end the monitor."""
@@ -169,7 +169,7 @@ def new_station(
 ) -> Station:
     """Return a station without threads."""
     with (
-        patch.object(station, "PostOffice", Unhurried),
+        patch.object(station, "NotificationService", Unhurried),
         patch.object(station, "senders_of", lambda *_: senders),
     ):
         return Station(

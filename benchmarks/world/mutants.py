@@ -11,12 +11,14 @@ from sqlalchemy import delete
 
 from sprung.link import Key, Sending, Spool, checked_map, message, parse_topic, topic
 from sprung.link import spool as spool_module
+from sprung.link.windows import FrameOrder
 from sprung.online.monitor import failures
 from sprung.online.monitor.alert_book import AlertBook
+from sprung.online.monitor.context import Context
 from sprung.online.monitor.dispatch import Dispatch
+from sprung.online.monitor.frame_cache import FrameCache
 from sprung.online.monitor.intake import Intake
-from sprung.online.monitor.postman import Postman
-from sprung.online.monitor.streams import Handover, Stream
+from sprung.online.monitor.notifier import Notifier
 from sprung.online.store import Store, StoredFrame, StoreError, inbox
 from sprung.online.store.inbox import Inbox, Quarantine
 from sprung.online.store.results import Results
@@ -68,14 +70,14 @@ def acknowledges_before_it_stores() -> Patches:
 def acknowledges_one_too_many() -> Patches:
     init = Intake.__init__
 
-    def mutant(self: Intake, store: Store, publish: Callable[[str, bytes], object], **options: Any) -> None:
+    def mutant(self: Intake, context: Context, publish: Callable[[str, bytes], object], **options: Any) -> None:
         def generous(name: str, payload: bytes) -> object:
             document = checked_map(payload)
             if name.endswith("/ack"):
                 document[Key.SEQ] += 1
             return publish(name, message(document))
 
-        init(self, store, generous, **options)
+        init(self, context, generous, **options)
 
     yield patch.object(Intake, "__init__", mutant)
 
@@ -146,15 +148,15 @@ def goes_on_with_a_worker_ahead_of_the_store() -> Patches:
             try:
                 settle(self, outcome)
             except StoreError:
-                stream = self._streams[outcome.vehicle]
-                stream.dispatched |= {max(stream.contiguous): max(stream.contiguous.values())}
+                order = self._vehicles[outcome.vehicle].order
+                order.dispatched |= {max(order.contiguous): max(order.contiguous.values())}
                 raise
 
     yield patch.object(Dispatch, "settle", mutant)
 
 
 def does_not_wait_for_the_boot_before() -> Patches:
-    yield patch.object(Stream, "_is_ready", lambda _self, _first: True)
+    yield patch.object(FrameOrder, "_is_ready", lambda _self, _first: True)
 
 
 def accepts_torn_records() -> Patches:
@@ -217,7 +219,8 @@ def takes_an_acknowledgement_for_all_boots() -> Patches:
 
 
 def records_messages_as_sent_before_it_sends_them() -> Patches:
-    def mutant(self: Postman, *, now: int) -> bool:
+    def mutant(self: Notifier) -> bool:
+        now = self._context.clock()
         row = self._store.alerts.next_notification(self.name, now=now)
         if row is None:
             return False
@@ -225,33 +228,33 @@ def records_messages_as_sent_before_it_sends_them() -> Patches:
         self._attempt(row)
         return True
 
-    yield patch.object(Postman, "send", mutant)
+    yield patch.object(Notifier, "send", mutant)
 
 
 def sends_messages_without_recording_it() -> Patches:
-    settle = Postman._settle
+    settle = Notifier._settle
 
-    def mutant(self: Postman, row: Any, error: str, now: int) -> None:
+    def mutant(self: Notifier, row: Any, error: str, now: int) -> None:
         settle(self, row, error or ("" if now // 10**7 % 3 else "forgotten"), now)
 
-    yield patch.object(Postman, "_settle", mutant)
+    yield patch.object(Notifier, "_settle", mutant)
 
 
 def hands_over_past_what_memory_lacks() -> Patches:
-    def mutant(self: Handover, vehicle: str, boot: int, *, after: int, until: int, limit: int) -> list[StoredFrame]:
-        of_boot = self._frames.get(vehicle, {}).get(boot, {})
-        return [frame for seq, frame in sorted(of_boot.items()) if after < seq <= until][:limit]
+    def mutant(self: FrameCache, vehicle: str, boot: int, *, after: int, until: int, limit: int) -> list[StoredFrame]:
+        held = sorted(self._frames.get(vehicle, {}).items())
+        return [frame for (of, seq), frame in held if of == boot and after < seq <= until][:limit]
 
-    yield patch.object(Handover, "following", mutant)
+    yield patch.object(FrameCache, "following", mutant)
 
 
 def hands_over_repeats() -> Patches:
-    def mutant(self: Handover, vehicle: str, boot: int, *, after: int, until: int, limit: int) -> list[StoredFrame]:
-        of_boot = self._frames.get(vehicle, {}).get(boot, {})
-        return [frame for seq, frame in sorted(of_boot.items()) if seq <= until][:limit]
+    def mutant(self: FrameCache, vehicle: str, boot: int, *, after: int, until: int, limit: int) -> list[StoredFrame]:
+        held = sorted(self._frames.get(vehicle, {}).items())
+        return [frame for (of, seq), frame in held if of == boot and seq <= until][:limit]
 
-    yield patch.object(Handover, "following", mutant)
-    yield patch.object(Handover, "release", lambda *_: None)
+    yield patch.object(FrameCache, "following", mutant)
+    yield patch.object(FrameCache, "release", lambda *_: None)
 
 
 def forgets_losses() -> Patches:

@@ -9,8 +9,9 @@ from tests.diagnosis.conftest import drawn_window
 
 from sprung.diagnosis import Observation, SensorFault, diagnose, learn
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, operations
-from sprung.online.monitor.engine import Observed
+from sprung.online.monitor import operations
+from sprung.online.monitor.alert_book import AlertBook
+from sprung.online.monitor.events import Observed
 from sprung.online.store import Progress, Store, StoredFrame
 from sprung.recording import Channel, Recording
 from sprung.results.documents import baseline_document, finding_document, observation_document

@@ -10,7 +10,7 @@ from tests.journeys import depot
 from tests.online.site.conftest import PASSWORD
 
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook
+from sprung.online.monitor.alert_book import AlertBook
 
 pytestmark = pytest.mark.slow
 

@@ -8,11 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sprung.errors import FormatError, ParameterError
-from sprung.link import (
-    Header,
-    Key,
-    decode,
-)
+from sprung.link import Header, Key, decode, parse_topic
 from sprung.link.messages import LARGEST, check_vehicle, checked_map, message
 
 
@@ -101,3 +97,9 @@ def test_messages_have_a_least_and_a_largest_size(size) -> None:
 def test_what_is_no_map_is_refused(document) -> None:
     with pytest.raises(FormatError, match="not a single CBOR map"):
         checked_map(sealed(cbor2.dumps(document).ljust(4, b"\x00")))
+
+
+@pytest.mark.parametrize("name", ["", "sprung/v1/car", "sprung/v2/car/raw", "sprung/v1/car/raw/x", "sprung/v1/../raw"])
+def test_other_topics_are_refused(name) -> None:
+    with pytest.raises(FormatError, match="it must be sprung/v1/VEHICLE/WHAT"):
+        parse_topic(name)

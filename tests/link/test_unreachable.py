@@ -4,7 +4,6 @@ import gc
 import socket
 import ssl
 import threading
-import time
 
 import pytest
 
@@ -68,18 +67,6 @@ def test_each_cause_is_named_apart(made, monkeypatch: pytest.MonkeyPatch, error,
         made("mqtt://broker.example").open(timeout=0.5)
 
 
-@pytest.mark.parametrize("error", [REFUSED, NO_HOST])
-def test_what_a_second_attempt_would_not_change_is_not_waited_for(made, monkeypatch: pytest.MonkeyPatch, error) -> None:
-    def fail(*_, **__):
-        raise error
-
-    monkeypatch.setattr(socket, "create_connection", fail)
-    begun = time.monotonic()
-    with pytest.raises(LinkError):
-        made("mqtt://broker.example").open(timeout=30.0)
-    assert time.monotonic() - begun < 5.0
-
-
 def test_refusal_of_a_real_port(made, free_port) -> None:
     with pytest.raises(LinkError, match=rf"127.0.0.1:{free_port} cannot be reached \(connection refused\)"):
         made(f"mqtt://127.0.0.1:{free_port}").open(timeout=30.0)
@@ -97,13 +84,6 @@ def test_patience_waits_for_a_broker_that_is_not_there_yet(made, mosquitto) -> N
     later.join()
     assert link.is_connected
     assert not link.problem
-
-
-def test_patience_has_an_end(made, free_port) -> None:
-    begun = time.monotonic()
-    with pytest.raises(LinkError, match="connection refused"):
-        made(f"mqtt://127.0.0.1:{free_port}").open(timeout=0.5, is_patient=True)
-    assert time.monotonic() - begun >= 0.5
 
 
 def test_one_who_listens_and_says_nothing(made) -> None:

@@ -212,9 +212,9 @@ class Baseline(Tabular, Savable):
 
 
 def freeze_shapes(value: object, what: str, **shapes: tuple[int, ...]) -> None:
-    """Make arrays of a value read-only; a message refuses those of another shape, or that are not finite."""
+    """Make arrays of a value read-only, row by row; a message refuses those of another shape, or not finite."""
     for name, shape in shapes.items():
-        array = frozen_array(name, getattr(value, name), ndim=len(shape))
+        array = frozen_array(name, np.ascontiguousarray(getattr(value, name)), ndim=len(shape))
         if array.shape != shape or not np.all(np.isfinite(array)):
             raise ParameterError(f"{name} of {what} must be {shape} finite numbers: learn it again")
         object.__setattr__(value, name, array)

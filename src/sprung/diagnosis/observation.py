@@ -116,6 +116,8 @@ class Observation(Tabular):
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        # Row by row, as when it is read from a document: the order in memory shows in the last digit of sums.
+        object.__setattr__(self, "covariance", np.ascontiguousarray(self.covariance))
         freeze(self, log_ratios=1, covariance=2)
 
     def __repr__(self) -> str:

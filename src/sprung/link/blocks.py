@@ -1,9 +1,9 @@
 """Blocks of samples in order of time: recordings, or frames of the link."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -13,34 +13,6 @@ from sprung.recording import Channel, Gap, Recording
 
 #: Longest time between blocks that is not a gap, in samples; clocks of loggers jitter.
 _TOLERANCE = 2.5
-
-
-class Block(Protocol):
-    """Samples of several channels; a `Recording` is one."""
-
-    @property
-    def samples(self) -> Real:
-        """Samples in SI units, shape (channels, samples)."""
-
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        """Channel of each row."""
-
-    @property
-    def sampling_rate(self) -> float:
-        """Sampling rate [Hz]."""
-
-    @property
-    def n_samples(self) -> int:
-        """Number of samples of each channel."""
-
-    @property
-    def start(self) -> int | None:
-        """Time of the first sample, UTC ns; None if unknown."""
-
-    @property
-    def gaps(self) -> tuple[Gap, ...]:
-        """Gaps in time within the samples."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -84,6 +56,10 @@ class FrameBlock:
         return ()
 
 
+#: Samples of several channels in order of time.
+Block: TypeAlias = Recording | FrameBlock
+
+
 def frame_block(frame: Frame, quantities: Mapping[str, str]) -> FrameBlock:
     """Return a frame as a block; `quantities` of the channels as the box announced them.
 
@@ -105,6 +81,26 @@ def frame_block(frame: Frame, quantities: Mapping[str, str]) -> FrameBlock:
 def _channels(names: tuple[str, ...], quantities: tuple[str, ...]) -> tuple[Channel, ...]:
     """Return channels, shared by all frames that have them: a window holds hundreds."""
     return tuple(Channel(name, quantity) for name, quantity in zip(names, quantities, strict=True))
+
+
+def plain_channels(channels: Iterable[Channel]) -> list[list[Any]]:
+    """Return channels as plain values."""
+    return [[channel.name, channel.quantity, channel.position, channel.direction] for channel in channels]
+
+
+def restored_channels(plain: Iterable[Sequence[Any]]) -> tuple[Channel, ...]:
+    """Return the channels of plain values."""
+    return tuple(
+        Channel(name, quantity, tuple(position) if position else None, tuple(direction) if direction else None)
+        for name, quantity, position, direction in plain
+    )
+
+
+def part_of(block: Block, first: int, last: int) -> Block:
+    """Return the samples of a block from one to before another."""
+    if first == 0 and last == block.n_samples:
+        return block
+    return Recording(block.samples, block.sampling_rate, block.channels, block.start, block.gaps).part(first, last)
 
 
 def joined(blocks: Sequence[Block]) -> Recording:

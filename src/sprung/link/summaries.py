@@ -19,7 +19,7 @@ from sprung.identification import (
 from sprung.identification.correlation import Correlations
 from sprung.identification.plscf import PolynomialLadder
 from sprung.identification.stabilisation import StabilityCriteria
-from sprung.recording import Channel
+from sprung.link.blocks import plain_channels, restored_channels
 from sprung.signals.cepstrum import Exponential, ShortPass
 from sprung.signals.harmonics import harmonic_from_dict
 
@@ -43,7 +43,7 @@ def summary_document(summary: CorrelationSummary) -> dict[str, Any]:
     room = int(_ROOM / sum(4 * average.values.size for average in averages)) - 1
     return {
         "method": summary.method,
-        "channels": [[c.name, c.quantity, c.position, c.direction] for c in summary.channels],
+        "channels": plain_channels(summary.channels),
         "settings": settings,
         "plan": {
             "preparation": asdict(plan.preparation) | {"notes": []},
@@ -97,10 +97,7 @@ def summary_from_document(document: Mapping[str, Any]) -> CorrelationSummary:
             method=str(document["method"]),
             settings=IdentificationSettings(**settings),
             plan=plan,
-            channels=tuple(
-                Channel(name, quantity, _tuple(position), _tuple(direction))
-                for name, quantity, position, direction in document["channels"]
-            ),
+            channels=restored_channels(document["channels"]),
             subsets=tuple(zip(levels, correlations, strict=True)),
             average=averages[0],
             harmonics=tuple(map(harmonic_from_dict, document["harmonics"])),

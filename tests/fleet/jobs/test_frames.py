@@ -12,7 +12,7 @@ from sprung.errors import FormatError
 from sprung.fleet.lake import recording_of, window_of_recording
 from sprung.link import Frame, Key, decode, encode, frame_block, message, quantised
 from sprung.link import windows as link_windows
-from sprung.link.windows import FrameOrder, WindowAssembly
+from sprung.link.windows import FrameInbox, WindowAssembly
 from sprung.online.monitor import MonitorSettings, Observed, VehicleMonitor
 from sprung.vehicles import read_vehicle
 
@@ -179,29 +179,29 @@ class TestWindowAssembly:
         assert "too large" in next(iter(assembly.refused))
 
 
-class TestFrameOrder:
+class TestFrameInbox:
     @staticmethod
     def taken(order):
         return [(decode(payload).boot, decode(payload).seq) for payload in order.ready()]
 
     def test_frames_wait_for_earlier_ones_and_boots_for_the_previous_boot(self):
         frames = drive()
-        order = FrameOrder(CAR)
+        order = FrameInbox(CAR)
         for payload in frames[1:]:
             order.add(payload)
         assert self.taken(order) == []
-        order = FrameOrder(CAR, order.waiting, order.state)
+        order = FrameInbox(CAR, order.waiting, order.state)
         order.add(frames[0])
         assert self.taken(order) == [(boot, seq) for boot, count in enumerate((9, 30, 14)) for seq in range(count)]
 
     def test_frames_stated_as_lost_are_not_waited_for(self):
-        order = FrameOrder(CAR)
+        order = FrameInbox(CAR)
         for seq in (0, 1, 5, 6):
             order.add(frame(3, seq, start=START + seq))
         order.add(frame(4, 0, start=START + 9, previous=(3, 8)))
         assert self.taken(order) == [(3, 0), (3, 1)]
         order.add(message({Key.VERSION: 1, "boots": [], "lost": [[3, 2, 4, 3, 0, 0]]}))
-        order = FrameOrder(CAR, order.waiting, order.state)
+        order = FrameInbox(CAR, order.waiting, order.state)
         assert self.taken(order) == [(3, 5), (3, 6)]
         order.add(message({Key.VERSION: 1, "boots": [], "lost": [[3, 7, 7, 1, 0, 0]]}))
         assert self.taken(order) == [(4, 0)]
@@ -211,7 +211,7 @@ class TestFrameOrder:
 
     def test_a_gap_is_lost_when_many_frames_wait_behind_it(self, monkeypatch):
         monkeypatch.setattr(link_windows, "MAX_WAITING", 10)
-        order = FrameOrder(CAR)
+        order = FrameInbox(CAR)
         for seq in range(100, 110):
             order.add(frame(2, seq, start=START + seq, n_samples=2))
         assert self.taken(order) == []
@@ -223,7 +223,7 @@ class TestFrameOrder:
 
     def test_boots_long_ago_are_forgotten_and_stay_analysed(self, monkeypatch):
         monkeypatch.setattr(link_windows, "MAX_BOOTS", 3)
-        order = FrameOrder(CAR)
+        order = FrameInbox(CAR)
         for boot in range(6):
             order.add(frame(boot, 0, start=START + boot, n_samples=2))
         assert len(self.taken(order)) == 6
@@ -233,7 +233,7 @@ class TestFrameOrder:
         assert self.taken(order) == [(6, 0)]
 
     def test_reports_of_on_board_identification_keep_their_place(self):
-        order = FrameOrder(CAR)
+        order = FrameInbox(CAR)
         order.add(frame(0, 0, start=START))
         order.add(frame(0, 2, start=START))
         order.add(message({Key.VERSION: 1, Key.VEHICLE: CAR, Key.KIND: "corr", Key.BOOT: 0, Key.SEQ: 1, Key.START: 1}))

@@ -107,13 +107,6 @@ def test_a_box_that_starts_without_samples_announces_what_it_did_before(car) -> 
     assert car.step() == [first], "the channels of the first samples count"
 
 
-def test_other_channels_after_a_restart_are_announced_with_the_first_samples(car) -> None:
-    car.drive("acc_fl")
-    car.restart()
-    car.drive("acc_fr")
-    assert [list(checked_map(payload)["quantities"]) for payload in car.step()] == [["acc_fl"], ["acc_fr"]]
-
-
 def test_an_announcement_is_repeated_until_the_monitor_has_it(car) -> None:
     car.drive("acc_fl")
     (first,) = car.step()
@@ -128,30 +121,6 @@ def test_an_announcement_is_repeated_until_the_monitor_has_it(car) -> None:
     assert len(car.step(PATIENCE)) == 5
     car.link.confirm(first)
     assert len(car.step(PATIENCE)) == 5
-
-
-class Failing(Disk):
-    """A disk that cannot be written for a while."""
-
-    is_full = False
-
-    def write(self, handle, data):
-        if self.is_full:
-            raise OSError(28, "No space left on device")
-        return super().write(handle, data)
-
-
-def test_what_a_full_disk_could_not_keep_is_kept_later(tmp_path: Path) -> None:
-    disk = Failing()
-    car = Car(tmp_path, disk)
-    disk.is_full = True
-    car.drive("acc_fl")
-    (first,) = car.step()
-    disk.is_full = False
-    car.step(PATIENCE)
-    car.restart()
-    assert car.step() == [first]
-    car.box.close()
 
 
 @pytest.mark.parametrize("damaged", [b"", b"\xff", b"[1]", b'{"acc_fl": 1}', b"{"])

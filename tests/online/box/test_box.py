@@ -32,9 +32,6 @@ class Monitor:
         )
         self.link.open(timeout=10.0)
 
-    def hear(self, name, payload):
-        self.heard.append((name, payload))
-
     def of(self, what):
         return [payload for name, payload in list(self.heard) if name.endswith("/" + what)]
 
@@ -113,24 +110,6 @@ def test_a_box_goes_on_where_it_stopped(broker, tmp_path: Path) -> None:
     again.close()
 
 
-def test_a_boot_that_was_dropped_whole_is_declared(broker, monitor, tmp_path: Path) -> None:
-    """The frames of the boot after it wait for it, and no file mentions it any more."""
-    for seconds in (20.0, 40.0, 0.0):
-        spool = Spool(tmp_path / "spool", is_synced=False, most_bytes=16_000)
-        box = box_of(broker, tmp_path, spool=spool)
-        if seconds:
-            for block in blocks_of(run(seconds=seconds)):
-                box.take(block)
-            box.close()
-    oldest = decode(next(payload for _, _, payload in spool.frames()))
-    assert (oldest.boot, oldest.previous) == (1, (0, 20))
-    box.open(timeout=10.0)
-    until(lambda: monitor.of("state"), box)
-    boots = checked_map(monitor.of("state")[-1])["boots"]
-    assert [[boot, first] for boot, first, _ in boots] == [[0, 20], [1, oldest.seq], [2, 0]]
-    box.close()
-
-
 def test_a_block_that_no_frame_can_hold_is_cut(broker, tmp_path: Path) -> None:
     spool = Spool(tmp_path / "spool", is_synced=False)
     box = box_of(broker, tmp_path, spool=spool)
@@ -207,17 +186,6 @@ def test_a_request_that_comes_again_is_answered_again_and_sends_nothing_twice(br
     ring.close()
 
 
-def test_a_box_that_sends_all_samples_says_so_when_it_is_asked_for_them(broker, monitor, tmp_path: Path) -> None:
-    box = box_of(broker, tmp_path)
-    box.open(timeout=10.0)
-    for block in blocks_of(run(seconds=5.0)):
-        box.take(block)
-    answer = asked(monitor, box, seconds=(0, 5))
-    assert (answer["frames"], box.n_waiting) == (0, 5)
-    assert "the box sends all samples as they come" in answer["reason"]
-    box.close()
-
-
 def test_a_monitor_of_another_version_is_a_problem_that_is_said(broker, monitor, tmp_path: Path) -> None:
     box = box_of(broker, tmp_path)
     box.open(timeout=10.0)
@@ -287,11 +255,6 @@ def test_a_source_that_stalls_keeps_no_samples_in_memory(tmp_path: Path) -> None
     one.now = 20.0
     one.box.step()
     assert one.frames() == [(0.0, 3.0)]
-
-
-def test_frames_have_a_sensible_length() -> None:
-    with pytest.raises(ParameterError, match="frame_seconds"):
-        BoxSettings("car-1", "", frame_seconds=61.0)
 
 
 @pytest.mark.parametrize("name", ["monitor", "monitor-2", "viewer", "viewer-17"])

@@ -99,13 +99,6 @@ def test_what_is_no_signal_is_passed_over(database) -> None:
     assert said[0].endswith("check that the database is that of this bus")
 
 
-def test_extended_ids_and_units_that_are_unknown(database) -> None:
-    stream = [message(database, "LONG", k / 10, raw=k) for k in range(20)]
-    (first, _) = from_can(stream, database, names=["raw"], sampling_rate=10.0)
-    assert first.channels[0].unit == ""
-    assert np.allclose(first.samples[0], np.arange(10), atol=1e-5)
-
-
 def test_stamps_that_do_not_count_from_1970(database) -> None:
     stream = drive(database, start=17.0)
     blocks = list(from_can(stream, database, names=["acc_fl"], sampling_rate=100.0, start=lambda: TODAY))

@@ -3,7 +3,7 @@
 import gzip
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +19,6 @@ def recording(n_samples=1000, *, rate=200.0, start=START, gaps=(), seed=1):
     samples = np.random.default_rng(seed).normal(size=(2, n_samples))
     channels = (Channel("acc_fl", "acceleration"), Channel("speed", "speed"))
     return Recording(samples, rate, channels, start, gaps)
-
-
-def starts(blocks: Iterable[Recording]) -> list[float]:
-    """Return the times of blocks after START [s]."""
-    return [(block.start - START) / 1e9 for block in blocks if block.start is not None]
 
 
 def text(n_samples, *, first=0.0, rate=100.0, pause=0.0):
@@ -106,13 +101,6 @@ def test_broken_files_are_named_and_skipped(tmp_path: Path) -> None:
     assert "c.csv, line 3, column 'a': 'x' is not a number" in folder.problems["c.csv"]
     assert "d.csv has no time column" in folder.problems["d.csv"]
     assert folder.problems["e.csv"] == ""
-
-
-def test_files_of_a_folder_without_time_follow_each_other(tmp_path: Path) -> None:
-    folder = Folder(tmp_path, sampling_rate=100.0)
-    folder.put("a.csv", "a\n" + "1\n" * 100, age=60)
-    folder.put("b.csv", "a\n" + "2\n" * 100, age=60)
-    assert starts(folder.blocks) == [0, 1]
 
 
 def test_file_or_folder_that_is_taken_away(tmp_path: Path) -> None:

@@ -1,9 +1,7 @@
 """Sensors that publish on topics, by way of a private broker."""
 
 import json
-import shutil
 import socket
-import subprocess
 import threading
 import time
 
@@ -16,7 +14,6 @@ from sprung.online.box import from_mqtt
 from sprung.recording import Recording
 
 TODAY = 1_700_000_000
-PROGRAM = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
 
 
 def free_port():
@@ -25,9 +22,9 @@ def free_port():
         return one.getsockname()[1]
 
 
-def is_open(port):
-    with socket.socket() as one:
-        return one.connect_ex(("127.0.0.1", port)) == 0
+@pytest.fixture(scope="module")
+def broker(mosquitto):
+    return Address.parse(mosquitto().address)
 
 
 def until(condition, *, timeout=20.0):
@@ -36,20 +33,6 @@ def until(condition, *, timeout=20.0):
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.02)
-
-
-@pytest.fixture(scope="module")
-def broker(tmp_path_factory: pytest.TempPathFactory):
-    """Return the address of a broker of these tests' own."""
-    if PROGRAM is None:
-        pytest.skip("no mosquitto on this machine: install it to test the source from MQTT")
-    port = free_port()
-    settings = tmp_path_factory.mktemp("broker") / "mosquitto.conf"
-    settings.write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\npersistence false\nlog_dest none\n")
-    with subprocess.Popen([PROGRAM, "-c", str(settings)], stderr=subprocess.DEVNULL) as process:
-        until(lambda: is_open(port))
-        yield Address("127.0.0.1", port)
-        process.terminate()
 
 
 def received(broker, messages, *, names, rate=100.0, **options):

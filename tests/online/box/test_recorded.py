@@ -27,17 +27,12 @@ def file_of(tmp_path):
     return written
 
 
-def test_files_with_a_start_keep_it(file_of) -> None:
-    times = replay_times([file_of("a.parquet", NOW - 10**15)], now=NOW)
-    assert (times.status, times.in_words) == (TIME_SET, [])
-
-
 def test_files_without_a_start_end_now(file_of) -> None:
     paths = [file_of("a.parquet"), file_of("b.parquet", NOW - 10**15), file_of("c.csv")]
     times = replay_times(paths, now=NOW)
     assert times.start == pytest.approx(NOW - 120 * SECOND, abs=SECOND)
     assert times.status == TIME_UNKNOWN
-    assert times.in_words == [
+    assert times.notes == [
         f"no start time in {paths[0]} and 1 other file: samples count from 2026-11-20 23:58 UTC on, so that they end "
         "now; give --start TIME for the time of recording"
     ]
@@ -48,7 +43,7 @@ def test_a_given_start_counts(file_of, text) -> None:
     times = replay_times([file_of("a.parquet")], now=NOW, start=text)
     assert times.start == NOW - (39 * 3600 + 1800) * SECOND
     assert times.status == TIME_SET
-    assert times.in_words[0].endswith("samples count from 2026-11-19 08:30 UTC on, as given")
+    assert times.notes[0].endswith("samples count from 2026-11-19 08:30 UTC on, as given")
 
 
 def test_a_start_that_is_no_time_is_refused() -> None:

@@ -58,18 +58,6 @@ def test_sine_from_irregular_times_is_off_by_no_more_than_straight_lines_are() -
     assert np.abs(found[0] - sine(frequency, times + 5_000_000)).max() > 3 * bound  # one sample late is seen
 
 
-def test_slow_channel_next_to_a_fast_one() -> None:
-    rate, slow = 200.0, 10.0
-    fast_seconds, slow_seconds = np.arange(2000) / rate, 0.003 + np.arange(100) / slow
-    stream = steady("fast", fast_seconds, sine(5.0, stamps(fast_seconds)))
-    stream += steady("speed", slow_seconds, sine(0.2, stamps(slow_seconds)))
-    times, found = joined(fed(Regular(["fast", "speed"], rate), sorted(stream, key=lambda item: item[0])))
-    assert np.abs(found[0] - sine(5.0, times)).max() < 1e-6
-    inside = (times > stamps([0.003])[0]) & (times < stamps([slow_seconds[-1]])[0])
-    assert np.abs(found[1] - sine(0.2, times))[inside].max() < (2 * np.pi * 0.2) ** 2 * 0.1**2 / 8
-    assert np.isnan(found[1][~inside]).all()
-
-
 def test_values_that_are_slower_than_the_limit_need_a_longer_one() -> None:
     stream = steady("a", np.arange(0, 10.0), np.arange(10.0))
     assert np.isfinite(joined(fed(Regular(["a"], 10.0), stream))[1]).sum() == 10
@@ -101,14 +89,6 @@ def test_clock_that_steps(step) -> None:
     assert max(block.n_samples for block in blocks) == 100
 
 
-def test_clock_that_is_set_from_1970() -> None:
-    before = [(7_000_000_000 + k * 10_000_000, {"a": k}) for k in range(120)]
-    later = [(TODAY + k * 10_000_000, {"a": k}) for k in range(120, 400)]
-    times, found = joined(fed(Regular(["a"], 100.0), before + later))
-    assert np.array_equal(found[0], np.arange(400.0))
-    assert np.array_equal(times, [when for when, _ in before + later])
-
-
 @pytest.mark.parametrize("wrong", [0, TODAY - HOUR, TODAY + HOUR, 1 << 62, -5, 10**30])
 def test_a_time_that_is_wrong_once_does_no_harm(wrong) -> None:
     stream = [(TODAY + k * 10_000_000, {"a": k}) for k in range(400)]
@@ -128,13 +108,6 @@ def test_senders_whose_clocks_contradict_each_other() -> None:
     assert (np.diff(times) == 10_000_000).all()
 
 
-def test_times_that_go_back_a_little_are_left_out() -> None:
-    stream = [(TODAY + k * 10_000_000, {"a": k}) for k in range(300)]
-    late = [*stream[:150], (TODAY + 1_300_000_000, {"a": -1e6}), stream[149], *stream[150:]]
-    regular = Regular(["a"], 100.0)
-    assert np.array_equal(joined(fed(regular, late))[1][0], np.arange(300.0))
-
-
 def test_channels_may_come_late() -> None:
     """Those of one time in any order within a second."""
     seconds = np.arange(1000) / 100
@@ -144,19 +117,6 @@ def test_channels_may_come_late() -> None:
     found = joined(fed(Regular(["a", "b"], 100.0), stream))[1]
     assert np.array_equal(found[0], np.arange(1000.0))
     assert np.array_equal(found[1], -np.arange(1000.0))
-
-
-def test_bursts() -> None:
-    """Ten values at a time, 1 microsecond apart, ten bursts a second; and all with the same time."""
-    seconds = np.repeat(np.arange(100) / 10, 10) + np.tile(np.arange(10) * 1e-6, 100)
-    blocks = fed(Regular(["a"], 50.0), steady("a", seconds, np.repeat(np.arange(100.0), 10)))
-    times, found = joined(blocks)
-    assert np.abs(found[0] - (times - TODAY) / 1e8).max() < 1e-3
-    regular = Regular(["a"], 50.0)
-    times, found = joined(
-        fed(regular, steady("a", np.repeat(np.arange(100) / 10, 10), np.repeat(np.arange(100.0), 10)))
-    )
-    assert np.allclose(found[0], (times - TODAY) / 1e8)
 
 
 def test_missing_and_impossible_values_are_missing() -> None:
@@ -226,9 +186,3 @@ def test_stamps_that_are_rounded_lose_nothing() -> None:
     stream = [(round(second * 1e9), {"a": value}) for second, value in zip(seconds, values, strict=True)]
     found = joined(fed(Regular(["a"], 200.0), stream))[1][0]
     assert np.allclose(found, values, atol=1e-3, equal_nan=True)
-
-
-def test_last_value_may_be_early_by_a_rounding() -> None:
-    """At the end of a block too, of which it would be the first sample of the next."""
-    stream = [(TODAY + k * 5_000_000 - (200 if k == 200 else 0), {"a": k}) for k in range(201)]
-    assert np.allclose(joined(fed(Regular(["a"], 200.0), stream))[1][0], np.arange(201), atol=1e-3)

@@ -2,13 +2,11 @@
 
 import itertools
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sprung.errors import FormatError, ParameterError
 from sprung.formats import ReadSettings, read, write
 from sprung.online.box import after, blocks_of, from_files, from_simulator, paced
 from sprung.recording import Channel, Gap, Recording
@@ -57,11 +55,6 @@ def test_blocks_end_at_gaps() -> None:
     assert_same(blocks, whole)
 
 
-def test_blocks_have_a_length_above_zero() -> None:
-    with pytest.raises(ParameterError, match="length=0 must be above 0"):
-        list(blocks_of(recording(), length=0))
-
-
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
 @pytest.mark.parametrize("gaps", [(), (Gap(700, 2.5), Gap(150_000, 90.0))])
 def test_blocks_of_a_file_are_the_file(tmp_path: Path, ending, gaps) -> None:
@@ -74,18 +67,6 @@ def test_blocks_of_a_file_are_the_file(tmp_path: Path, ending, gaps) -> None:
     blocks = list(from_files([path], start=0))
     assert_same(blocks, whole)
     assert sum(block.n_samples != 200 for block in blocks) <= len(gaps) + 1
-
-
-def test_several_files_have_their_own_times(tmp_path: Path) -> None:
-    parts = [recording(500, seed=1), recording(700, seed=2, start=START + 60 * 10**9)]
-    paths = [tmp_path / "a.csv", tmp_path / "b.parquet"]
-    for part, path in zip(parts, paths, strict=True):
-        write(part, path)
-    blocks = list(from_files(paths, start=5, settings=ReadSettings(channels=["speed"])))
-    for part in parts:
-        begin = (part.start - START) / 1e9
-        mine = [block for block, start in zip(blocks, starts(blocks), strict=True) if begin <= start < begin + 10]
-        assert_same(mine, part.select(["speed"]))
 
 
 def starts(blocks: Iterable[Recording]) -> list[float]:
@@ -113,11 +94,6 @@ def test_files_without_time_follow_each_other(tmp_path: Path) -> None:
     assert starts(blocks) == pytest.approx([0, 1, 1.5])
 
 
-def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match=r"absent.csv: there is no such file"):
-        list(from_files([tmp_path / "absent.csv"], start=0))
-
-
 @pytest.mark.parametrize("rate", [100.0, 200.0, 333.0, 1000 / 3])
 def test_a_stop_anywhere_loses_and_repeats_nothing(rate) -> None:
     """The time is where the last sample that was kept ends, with an interval in whole nanoseconds, as in frames."""
@@ -129,16 +105,6 @@ def test_a_stop_anywhere_loses_and_repeats_nothing(rate) -> None:
         assert np.array_equal(found, whole.samples[:, n_kept:])
         if blocks:
             assert blocks[0].start == pytest.approx(times(whole)[n_kept], abs=1)
-
-
-def test_everything_comes_after_no_time_and_after_the_clock_went_back() -> None:
-    blocks = list(blocks_of(recording()))
-    assert list(after(blocks, None)) == blocks
-    unknown = [replace(block, start=None) for block in blocks]
-    assert list(after(unknown, START + 10**9)) == unknown
-    back = [*blocks, *[replace(block, start=START + (k - 3600) * 10**9) for k, block in enumerate(blocks)]]
-    assert len(list(after(back, START + 2 * 10**9))) == 3 + 5
-    assert list(after(blocks, START + 10**12)) == []
 
 
 class Clock:
@@ -176,14 +142,6 @@ def test_pace_is_kept_when_work_takes_time() -> None:
     for _ in paced(blocks_of(recording(1000)), 10.0, clock=clock, sleep=clock.sleep):
         clock.now += 1.0
     assert clock.slept == pytest.approx([0.1])
-
-
-def test_pace_of_none_and_of_nonsense() -> None:
-    clock = Clock()
-    assert len(list(paced(blocks_of(recording()), None, clock=clock, sleep=clock.sleep))) == 5
-    assert clock.slept == []
-    with pytest.raises(ParameterError, match="pace=0 must be above 0"):
-        list(paced([], 0.0, clock=clock, sleep=clock.sleep))
 
 
 def test_simulator_is_the_same_every_time_and_goes_on() -> None:

@@ -7,7 +7,8 @@ from tests.diagnosis.conftest import COMPONENTS, drawn_window
 
 from sprung.diagnosis import Observation, SensorFault, learn
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, operations
+from sprung.online.monitor import operations
+from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.store import Progress, Store, StoredFrame
 from sprung.results.documents import baseline_document, observation_document
 

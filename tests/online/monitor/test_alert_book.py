@@ -4,7 +4,8 @@ import numpy as np
 
 import sprung
 from sprung.online.alerts import AlertSettings
-from sprung.online.monitor import AlertBook, Observed
+from sprung.online.monitor import Observed
+from sprung.online.monitor.alert_book import AlertBook
 from sprung.vehicles import Component
 
 NOW = 1_795_219_200_000_000_000
@@ -20,6 +21,22 @@ def test_problem_that_stays_the_same_is_named_once(store) -> None:
     assert store.alerts.n_open() == 2
     (row,) = store.alerts.find()
     assert [entry.what for entry in store.alerts.history(row.number)] == ["raised", "cleared"]
+
+
+def test_losses_add_up_while_their_alert_is_active_and_begin_anew_afterwards(store) -> None:
+    book = AlertBook(store, AlertSettings())
+
+    def lose(boot, n_frames):
+        book.report_lost("car-1", {boot: n_frames}, begin=NOW, end=NOW + 10**9, now=NOW)
+        (row,) = store.alerts.find()
+        return row
+
+    assert [lose(*lost).evidence["frames"] for lost in ((1, 10), (1, 20), (1, 20), (2, 5))] == [10, 20, 20, 25]
+    assert len(store.alerts.history(1)) == 3, "what is stated again is not counted again"
+    book.clear("car-1", "lost", now=NOW + 1)
+    row = lose(2, 6)
+    assert row.evidence["frames"] == 1
+    assert row.text.startswith("1 frame of car-1, 2026-11-21 00:00 to 00:00 UTC, is lost, as its box had to drop it")
 
 
 COMPONENTS = tuple(

@@ -7,7 +7,8 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, operations
+from sprung.online.monitor import operations
+from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.store import open_store
 
 BEGUN = 1_795_219_200_000_000_000

@@ -115,17 +115,6 @@ def test_programs_of_this_user_find_the_password_and_no_others_get_in(state, fre
     assert list(path.parent.iterdir()) == []
 
 
-def test_a_box_that_waits_for_the_monitor_finds_its_password_later(state, free_port) -> None:
-    link = Link(Address.parse(f"mqtt://127.0.0.1:{free_port}"), "box", topics=[], on_message=lambda *_: None)
-    link.open()
-    try:
-        with open_broker(f"embedded:{free_port}"):
-            link.open(timeout=30.0, is_patient=True)
-            assert link.is_connected
-    finally:
-        link.close()
-
-
 def test_a_password_that_a_killed_monitor_left_is_not_used(state, free_port) -> None:
     with keep_secret(free_port) as secret:
         assert find_secret("127.0.0.1", free_port) == secret

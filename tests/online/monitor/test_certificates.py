@@ -7,7 +7,7 @@ import pytest
 
 from sprung.online.monitor import Site
 from sprung.online.monitor.certificates import Certificate, certificates_of
-from sprung.online.monitor.upkeep import CERTIFICATE
+from sprung.online.monitor.housekeeping import CERTIFICATE
 
 DAY = 86400 * 10**9
 NOW = 1_795_219_200_000_000_000

@@ -1,29 +1,19 @@
 """Which frames a worker gets, and what happens where its jobs fail; the analysis itself is played by hand."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sprung.diagnosis import Baseline, Observation, SensorFault
+from sprung.diagnosis import Baseline, Observation
 from sprung.link import message
-from sprung.online.alerts import AlertSettings
-from sprung.online.monitor import (
-    AlertBook,
-    Failure,
-    MonitorSettings,
-    Observed,
-    Opening,
-    Outcome,
-    Site,
-    VehicleStatus,
-    Workers,
-)
+from sprung.online.monitor import Observed, Site, VehicleStatus, Workers
+from sprung.online.monitor.context import Context
 from sprung.online.monitor.dispatch import Dispatch
+from sprung.online.monitor.jobs import Failure, Opening, Outcome
 from sprung.online.monitor.ledger import Ledger
-from sprung.online.store import Progress, RefusedError, StoredFrame, StoreError
+from sprung.online.store import Progress, RefusedError, StoredFrame
 from sprung.recording import Channel, Recording
 from sprung.results.documents import observation_document
 from sprung.vehicles import Component, read_vehicle, vehicle_text
@@ -72,8 +62,8 @@ def workers():
 @pytest.fixture
 def dispatch(store, workers, timer, tmp_path: Path):
     site = Site.model_validate({"store": f"sqlite:///{tmp_path}/store.sqlite"})
-    ledger = Ledger(site, store, alerts=AlertBook(store, AlertSettings()), clock=lambda: NOW)
-    return Dispatch(store, workers, ledger, MonitorSettings(), timer=timer)
+    context = Context(site, store, lambda: NOW, timer)
+    return Dispatch(context, workers, Ledger(context))
 
 
 def arrive(store, dispatch, vehicle, first, last, *, boot=1) -> None:
@@ -136,103 +126,8 @@ def test_frames_wait_for_the_description_of_their_vehicle(dispatch, workers, sto
     assert workers.opened["car-1"].state is None
 
 
-def test_a_vehicle_has_one_job_at_a_time(dispatch, workers, store) -> None:
-    for vehicle in ("car-1", "car-2"):
-        describe(store, vehicle)
-        arrive(store, dispatch, vehicle, 0, 2)
-    assert dispatch.give() == 2
-    arrive(store, dispatch, "car-1", 2, 4)
-    assert dispatch.give() == 0
-    assert dispatch.figures["sprung_backlog_frames"] == 6
-    dispatch.settle(done("car-1", 2))
-    assert dispatch.give() == 1
-    assert workers.jobs[-1] == ("car-1", [b"2", b"3"], "")
-    assert not dispatch.is_idle
-
-
-def test_frames_that_a_job_left_come_in_the_next_one(dispatch, workers, store) -> None:
-    """A job ends with the frame that completes a window."""
-    describe(store, "car-1")
-    arrive(store, dispatch, "car-1", 0, 4)
-    dispatch.give()
-    dispatch.settle(done("car-1", 3, b"state"))
-    assert store.inbox.cursor("car-1", 1).done == 2
-    dispatch.give()
-    assert workers.jobs[-1] == ("car-1", [b"3"], "")
-
-
 def aside(store, vehicle="car-1"):
     return [(row.kind, row.seq) for row in store.quarantine.find(vehicle)]
-
-
-def test_only_the_frame_that_fails_is_set_aside(dispatch, workers, store) -> None:
-    describe(store, "car-1")
-    arrive(store, dispatch, "car-1", 0, 5)
-    for strike in (1, 2):
-        dispatch.give()
-        assert workers.jobs[-1] == ("car-1", [b"0", b"1", b"2", b"3", b"4"], "")
-        dispatch.settle(failed("car-1", 3))
-        assert not workers.is_open("car-1")
-        assert dispatch.figures["sprung_failures_total"] == strike
-    assert aside(store) == [("raw", 3)]
-    (row,) = store.alerts.find(vehicle="car-1")
-    assert (row.cause, row.is_active) == ("monitor:analysis", True)
-    assert row.text == "frames could not be analysed and were quarantined: it fails"
-    dispatch.give()
-    assert workers.jobs[-1] == ("car-1", [b"0", b"1", b"2", b"4"], "")
-    dispatch.settle(Outcome("car-1", 4, (WINDOW_EVENT,), b"state", VehicleStatus(), seconds=1.5))
-    assert dispatch.figures["sprung_analysis_cpu_seconds_total"] == 1.5
-    assert store.inbox.cursor("car-1", 1).done == 4
-    assert dispatch.figures["sprung_frames_quarantined_total"] == 1
-    assert [row.is_active for row in store.alerts.find(vehicle="car-1")] == [False]
-
-
-def test_a_frame_that_the_store_did_not_set_aside_costs_no_others(dispatch, workers, store, monkeypatch) -> None:
-    describe(store, "car-1")
-    arrive(store, dispatch, "car-1", 0, 5)
-
-    def full(*_: object, **__: object) -> int:
-        raise StoreError("the store is full")
-
-    dispatch.give()
-    dispatch.settle(failed("car-1", 3))
-    dispatch.give()
-    with monkeypatch.context() as patched:
-        patched.setattr(store.quarantine, "put_frames", full)
-        with pytest.raises(StoreError, match="full"):
-            dispatch.settle(failed("car-1", 3))
-    dispatch._backoff.succeed("car-1")
-    dispatch.give()
-    dispatch.settle(failed("car-1", 3))
-    assert aside(store) == [("raw", 3)]
-
-
-def test_failures_in_different_places_set_nothing_aside(dispatch, workers, store, timer) -> None:
-    """As of processes that are killed from outside: the frames are tried again, later each time."""
-    describe(store, "car-1")
-    arrive(store, dispatch, "car-1", 0, 5)
-    for place in (0, 3, 1, 2, 4):
-        timer.now += 300.0
-        assert dispatch.give() == 1
-        dispatch.settle(failed("car-1", place))
-    assert aside(store) == []
-    assert dispatch.give() == 0
-    assert dispatch.figures["sprung_vehicles_waiting"] == 1
-
-
-def test_a_window_that_fails_whatever_frame_completes_it_is_set_aside(dispatch, workers, store) -> None:
-    describe(store, "car-1")
-    arrive(store, dispatch, "car-1", 0, 2)
-    dispatch.give()
-    dispatch.settle(done("car-1", 2, b"state"))
-    arrive(store, dispatch, "car-1", 2, 9)
-    for place in (3, 3, 3):  # of the frames 2 to 8; the third time without frame 5
-        dispatch.give()
-        dispatch.settle(failed("car-1", place))
-    assert aside(store) == [("raw", seq) for seq in (2, 3, 4, 5, 6)]
-    dispatch.give()
-    assert workers.opened["car-1"].state == b"state"
-    assert workers.jobs[-1] == ("car-1", [b"7", b"8"], "")
 
 
 def test_frames_of_windows_that_are_too_large_are_set_aside_at_once(dispatch, workers, store) -> None:
@@ -334,30 +229,6 @@ def test_a_report_that_the_store_refuses_is_set_aside(dispatch, store, monkeypat
     assert store.inbox.cursor("car-1", 1).done == 0
 
 
-def test_a_state_that_the_store_has_opens_the_vehicle_again(dispatch, workers, store) -> None:
-    describe(store, "car-1")
-    arrive(store, dispatch, "car-1", 0, 2)
-    dispatch.give()
-    dispatch.settle(done("car-1", 2, b"state"))
-    describe(store, "car-1", "another text")
-    dispatch.describe("car-1")
-    arrive(store, dispatch, "car-1", 2, 3)
-    dispatch.give()
-    assert workers.opened["car-1"].state == b"state"
-    assert workers.jobs[-1] == ("car-1", [b"2"], "")
-
-
-def test_a_request_to_learn_goes_with_the_next_job(dispatch, workers, store) -> None:
-    describe(store, "car-1")
-    number = store.requests.add_command("anna", "car-1", "learn", "new dampers", now=NOW)
-    arrive(store, dispatch, "car-1", 0, 1)
-    dispatch.relearn(store.requests.command(number))
-    dispatch.give()
-    assert workers.jobs == [("car-1", [b"0"], "new dampers")]
-    dispatch.settle(done("car-1", 1, b"state"))
-    assert store.requests.open_commands() == []
-
-
 def test_a_request_to_roll_back_gives_the_earlier_baseline(dispatch, workers, store, monkeypatch) -> None:
     describe(store, "car-1")
     given = []
@@ -401,30 +272,6 @@ def test_a_request_to_learn_that_comes_during_a_job_waits_for_the_next(dispatch,
     assert store.requests.open_commands() == []
 
 
-def test_a_window_is_not_stored_without_its_alert(dispatch, workers, store, monkeypatch) -> None:
-    """A monitor that ended between the two would never raise the alert: its state is beyond the window."""
-
-    def fail(*_, **__):
-        raise StoreError("the store cannot write")
-
-    describe(store, "car-1")
-    arrive(store, dispatch, "car-1", 0, 2)
-    dead = replace(WINDOW, sensor_faults=(SensorFault("a", "dead", "it is constant"),))
-    event = Observed(0, Recording(np.zeros((1, 2)), 1.0, (Channel("a"),), NOW), dead, None, None)
-    outcome = Outcome("car-1", 2, (event,), b"state", VehicleStatus())
-    dispatch.give()
-    with monkeypatch.context() as patch:
-        patch.setattr(store.alerts, "put", fail)
-        with pytest.raises(StoreError):
-            dispatch.settle(outcome)
-    assert (store.results.observations("car-1"), store.results.snapshot("car-1")) == ([], None)
-    assert store.inbox.cursor("car-1", 1).done == -1
-    dispatch.give()
-    dispatch.settle(outcome)
-    assert [row.cause for row in store.alerts.find(vehicle="car-1", is_active=True)] == ["sensor:a"]
-    assert len(store.results.observations("car-1")) == 1
-
-
 def test_a_learning_vehicle_is_opened_with_the_type_of_the_others(dispatch, workers, store) -> None:
     """After each of its windows, from the state just stored, and no longer once it has a baseline."""
     text = vehicle_text(read_vehicle("zafira"))
@@ -441,56 +288,3 @@ def test_a_learning_vehicle_is_opened_with_the_type_of_the_others(dispatch, work
         assert (of_type.name, of_type.n_vehicles) == ("zafira", 4)
         dispatch.settle(Outcome("car-0", 1, (WINDOW_EVENT,), b"state", VehicleStatus(is_learning=is_learning)))
         assert workers.is_open("car-0") is not is_learning
-
-
-def test_frames_in_memory_and_in_the_store_make_one_run(dispatch, workers, store) -> None:
-    """Those of a vehicle that cannot be analysed yet, and those analysed before, do not stay in memory."""
-    frames = [StoredFrame("car-1", 1, seq, NOW, b"%d" % seq) for seq in range(6)]
-
-    def take(numbers) -> None:
-        dispatch.add("car-1", 1, store.inbox.add_frames([frames[k] for k in numbers], now=NOW)["car-1", 1])
-
-    take([0, 1])
-    dispatch.hold(frames[:2])
-    assert dispatch.give() == 0
-    describe(store, "car-1")
-    dispatch.describe("car-1")
-    dispatch.hold(frames[2:4])
-    take([2, 3])
-    for expected in ([b"0", b"1", b"2", b"3"], [b"4", b"5"]):
-        assert dispatch.give() == 1
-        assert workers.jobs[-1] == ("car-1", expected, "")
-        dispatch.settle(done("car-1", len(expected), b"state"))
-        assert dispatch._handover.n_bytes == 0
-        take([4, 5])
-
-
-def test_an_older_boot_that_comes_late_is_analysed_once_whatever_restarts(dispatch, workers, store, timer) -> None:
-    """A box that lost power may forget which boot was before, so that the next one does not wait for it."""
-
-    def analyse(*expected, state=None) -> None:
-        assert dispatch.give() == 1
-        assert workers.jobs[-1] == ("car-1", list(expected), "")
-        dispatch.settle(done("car-1", len(expected), state))
-
-    def restart() -> None:
-        dispatch.settle(failed("car-1"))
-        timer.now += 300.0
-
-    describe(store, "car-1")
-    arrive(store, dispatch, "car-1", 0, 2, boot=5)
-    analyse(b"0", b"1", state=b"all of boot 5")
-    arrive(store, dispatch, "car-1", 0, 2, boot=3)
-    assert dispatch.give() == 1
-    restart()
-    analyse(b"0", b"1")
-    arrive(store, dispatch, "car-1", 2, 4, boot=5)
-    analyse(b"2", b"3")
-    arrive(store, dispatch, "car-1", 2, 3, boot=3)
-    analyse(b"2", state=b"all of boots 3 and 5")
-    arrive(store, dispatch, "car-1", 4, 5, boot=5)
-    assert dispatch.give() == 1
-    restart()
-    analyse(b"4")
-    cursors = store.inbox.cursors(vehicle="car-1")
-    assert {boot: cursor.done for (_, boot), cursor in cursors.items()} == {3: 2, 5: 3}

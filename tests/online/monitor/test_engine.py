@@ -11,11 +11,9 @@ import pytest
 from sprung.diagnosis import Detection, Diagnosis, diagnose, observe_window
 from sprung.errors import ParameterError
 from sprung.identification import IdentificationSettings, RunningSummary, modes_of_summary
-from sprung.link import decode, frame_block, joined
 from sprung.online.monitor import Identified, MonitorSettings, Observed, VehicleMonitor
 from sprung.recording import Recording
 from sprung.results.documents import diagnosis_document, finding_document, mode_documents, observation_document
-from sprung.vehicles.sensor_layout import quantities_of
 
 #: 2026-11-21, UTC ns.
 BEGUN = 1_795_219_200_000_000_000
@@ -104,19 +102,6 @@ def test_a_channel_that_vanishes_is_a_failing_sensor(car, drive) -> None:
     assert (fault.channel, fault.kind) == ("acc_fl", "missing")
     assert window.observation.is_conclusive
     assert monitor.learning == (0, 4)
-
-
-@pytest.mark.slow
-def test_window_ends_within_a_block(car, drive, alike) -> None:
-    whole = joined([drive(0), drive(1)])
-    monitor = VehicleMonitor(car, settings=MonitorSettings(identify_every=0))
-    events = windows(monitor.update(whole))
-    assert [event.number for event in events] == [0, 1]
-    assert alike(
-        observation_document(events[1].observation),
-        observation_document(observe_window(drive(1), car, time=drive(1).start / 1e9)),
-    )
-    assert monitor.buffered == 0
 
 
 @pytest.mark.slow
@@ -220,31 +205,12 @@ def test_evidence_of_windows_that_are_forgotten_goes(car, drive) -> None:
     assert after.evidence[:2].tolist() == before.evidence[1:].tolist()
 
 
-@pytest.mark.slow
-def test_frames_give_what_their_samples_give(car, drive, frames_of, alike) -> None:
-    run = drive(0)
-    blocks = [frame_block(decode(payload), quantities_of(run, car.sensor)) for payload in frames_of(run)]
-    monitor = VehicleMonitor(car, settings=SETTINGS)
-    (window,) = windows(event for block in blocks for event in monitor.update(block))
-    assert alike(
-        observation_document(window.observation),
-        observation_document(observe_window(joined(blocks), car, time=BEGUN / 1e9)),
-    )
-
-
 def test_other_channels_begin_a_new_window(car, drive) -> None:
     run = drive(0)
     monitor = VehicleMonitor(car, settings=SETTINGS)
     monitor.update(run.part(0, 60_000))
     monitor.update(run.select(run.names[1:]).part(0, 600))
     assert monitor.buffered == pytest.approx(600 / run.n_samples)
-
-
-def test_memory_of_a_vehicle_is_bounded(car, drive, frames_of) -> None:
-    """Ten minutes of 4 accelerations and speed at 200 Hz: frames of 16 bits, below 1.3 MB."""
-    run = drive(0)
-    blocks = [frame_block(decode(payload), quantities_of(run, car.sensor)) for payload in frames_of(run)]
-    assert sum(block.frame.counts.nbytes for block in blocks) < 1.3e6
 
 
 def test_a_recording_that_is_replayed_teaches_once(car, drive) -> None:

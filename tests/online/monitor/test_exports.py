@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import pytest
 from tests.online.monitor.history_store import HOSTILE, VEHICLE, fill, finding
 
 from sprung.errors import ParameterError
-from sprung.online.monitor.exports import FORMATS, WHATS, export, iso_time
+from sprung.online.monitor.exports import FORMATS, WHATS, export
 from sprung.online.store import Progress, open_store
 from sprung.results.periods import Period
 
@@ -107,15 +106,6 @@ def test_a_period_cuts_windows_and_alerts(store) -> None:
     assert frame_of(store, "findings", "parquet", period=period).empty
 
 
-def test_pieces_are_small_and_in_order(store) -> None:
-    pieces = list(store.results.pieces("observations", VEHICLE, size=50))
-    assert [len(piece) for piece in pieces[:-1]] == [50] * (len(pieces) - 1)
-    entries = [entry for piece in pieces for entry in piece]
-    assert entries == store.results.observations(VEHICLE)
-    assert all(one.t0 <= other.t0 for one, other in pairwise(entries))
-    assert len(list(export(store, VEHICLE, "windows"))) == 1 + len(list(store.results.pieces("observations", VEHICLE)))
-
-
 def test_windows_of_one_time_are_neither_lost_nor_doubled(tmp_path) -> None:
     with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
         same = tuple((number, 5, {"place": k}) for number in range(3) for k in range(2))
@@ -150,7 +140,3 @@ def test_what_is_unknown_is_refused(store) -> None:
     ):
         with pytest.raises(ParameterError, match=message):
             export(store, vehicle, what, file_format=file_format)
-
-
-def test_times_are_of_iso_8601() -> None:
-    assert iso_time(1_795_219_200_123_456_789) == "2026-11-21T00:00:00.123456789Z"

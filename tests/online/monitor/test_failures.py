@@ -2,7 +2,7 @@
 
 import pytest
 
-from sprung.online.monitor.failures import Backoff, CircuitBreaker, FailureCounts, Heartbeats, Loop
+from sprung.online.monitor.failures import CircuitBreaker, Failures, Heartbeats, Loop
 from sprung.online.store import RefusedError, StoreError
 
 
@@ -59,16 +59,6 @@ def heartbeats(seconds):
     return Heartbeats(loops, lambda: seconds[0])
 
 
-def test_a_loop_that_turns_is_no_problem(heartbeats, seconds) -> None:
-    for _ in range(100):
-        seconds[0] += 14.0
-        heartbeats.on_heartbeat("station")
-        heartbeats.on_heartbeat("post")
-        assert heartbeats.problems == []
-    seconds[0] += 5.0
-    assert heartbeats.ages == {"station": 5.0, "post": 5.0}
-
-
 def test_loops_that_stand_still_are_named_with_the_time(heartbeats, seconds) -> None:
     seconds[0] += 16.0
     assert heartbeats.problems == ["the loop stands still: restart it (last pass 16 s ago)"]
@@ -79,62 +69,23 @@ def test_loops_that_stand_still_are_named_with_the_time(heartbeats, seconds) -> 
 
 
 def test_the_time_between_attempts_doubles_up_to_five_minutes() -> None:
-    now = [0.0]
-    backoff = Backoff(lambda: now[0])
-    assert backoff.is_due("a")
+    failures = Failures()
     waits = []
     for number in range(1, 14):
-        assert backoff.fail("a") == number
-        begun = now[0]
-        while not backoff.is_due("a"):
-            now[0] += 0.5
-        waits.append(now[0] - begun)
+        assert failures.fail(100.0) == number
+        waits.append(failures.retry_at - 100.0)
     assert waits == [0, 1, 2, 4, 8, 16, 32, 64, 128, 256, 300, 300, 300]
-    assert (backoff.is_due("b"), backoff.n_waiting) == (True, 1)
-
-
-def test_success_starts_anew() -> None:
-    backoff = Backoff(lambda: 0.0)
-    for _ in range(5):
-        backoff.fail("a")
-    assert not backoff.is_due("a")
-    backoff.succeed("a")
-    assert (backoff.is_due("a"), backoff.n_waiting) == (True, 0)
-    assert backoff.fail("a") == 1
-    assert backoff.is_due("a")
+    failures.succeed()
+    assert failures.retry_at < 0
+    assert failures.fail(100.0) == 1
 
 
 def test_a_frame_that_fails_twice_is_left_out_then_the_window_of_a_later_one() -> None:
-    counts = FailureCounts()
-    assert counts.add("car-1", 1, 7, done=4) is None
-    assert counts.add("car-2", 1, 7, done=4) is None
-    assert counts.add("car-1", 1, 7, done=4) == 7
-    counts.leave_out("car-1")
-    assert counts.add("car-1", 1, 9, done=4) == 5
-    assert counts.add("car-1", 1, 9, done=4) == 5, "the store refused"
-    counts.leave_out("car-1")
-    assert counts.add("car-1", 1, 12, done=9) is None, "begun anew"
-
-
-def test_one_failure_before_a_frame_that_was_left_out_costs_no_frame() -> None:
-    counts = FailureCounts()
-    assert [counts.add("car-1", 1, 9, done=4) for _ in range(2)] == [None, 9]
-    counts.leave_out("car-1")
-    assert [counts.add("car-1", 1, 7, done=4) for _ in range(2)] == [None, 7]
-    counts.leave_out("car-1")
-    assert counts.add("car-1", 1, 8, done=4) is None
-    assert counts.add("car-1", 1, 12, done=4) == 5, "a later one"
-
-
-def test_failures_in_different_places_or_of_different_boots_are_no_row() -> None:
-    counts = FailureCounts()
-    places = [(1, 7), (1, 8), (2, 8), (1, 8), (1, 8)]
-    assert [counts.add("car-1", boot, seq, done=-1) for boot, seq in places] == [None] * 4 + [8]
-
-
-def test_a_stored_state_ends_the_row() -> None:
-    counts = FailureCounts()
-    counts.add("car-1", 1, 7, done=-1)
-    counts.forget("car-1")
-    counts.forget("car-9")
-    assert counts.add("car-1", 1, 7, done=-1) is None
+    failures = Failures()
+    assert [failures.fail_on(1, 7, done=4) for _ in range(2)] == [None, 7]
+    failures.leave_out()
+    assert failures.fail_on(1, 6, done=4) is None, "an earlier one, which is analysed again"
+    assert failures.fail_on(1, 9, done=4) == 5
+    assert failures.fail_on(1, 9, done=4) == 5, "the store refused"
+    failures.leave_out()
+    assert failures.fail_on(1, 12, done=9) is None, "begun anew"

@@ -121,14 +121,6 @@ def test_a_fleet_is_ranked_by_its_last_windows(store, car, check_document) -> No
     assert ranking["vehicles"][0]["part"] == "front_right.spring"
 
 
-def test_few_vehicles_without_a_baseline_are_not_ranked(store, car) -> None:
-    fleet(store, car, 4)
-    ranked, notes = rankings(store, rate=0.05)
-    assert ranked == []
-    (note,) = notes
-    assert note.startswith("vehicles of the type zafira are not ranked: 4 vehicles have usable windows")
-
-
 @pytest.mark.parametrize("is_calibrated", [False, True])
 def test_vehicles_with_and_without_baselines_are_one_ranking(store, car, is_calibrated) -> None:
     """One changed since its baseline, one without deviates from its type, one has always deviated: no change."""
@@ -158,7 +150,7 @@ def test_vehicles_with_and_without_baselines_are_one_ranking(store, car, is_cali
 def observed(monkeypatch):
     """Windows that a monitor observes, one after the other, whatever its samples are."""
     queue: list[Observation] = []
-    monkeypatch.setattr("sprung.online.monitor.engine.observe_window", lambda *_, **__: queue.pop(0))
+    monkeypatch.setattr("sprung.online.monitor.assessment.observe_window", lambda *_, **__: queue.pop(0))
     return queue
 
 
@@ -199,12 +191,6 @@ def test_a_faulty_vehicle_is_found_against_its_type_and_does_not_become_normal(c
     assert "deviates from its type" in monitor.note
     monitor.learn_again("spring as ordered")
     assert run(monitor, observed, drawn(20, 4, fault=-0.25))[-1].baseline is not None
-
-
-def test_a_vehicle_without_a_type_learns_as_before(car, observed) -> None:
-    events = run(VehicleMonitor(car, settings=SETTINGS), observed, drawn(20, 4, fault=-0.25))
-    assert [event.diagnosis for event in events] == [None] * 4
-    assert events[-1].baseline is not None
 
 
 def test_the_type_is_in_the_state(car, observed, of_type, alike) -> None:

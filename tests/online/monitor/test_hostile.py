@@ -1,9 +1,6 @@
 """Full and read-only disks, clocks that step, senders that fail: it goes on, says so, and loses nothing."""
 
-import os
-import subprocess
 import zlib
-from pathlib import Path
 
 import cbor2
 import numpy as np
@@ -46,86 +43,6 @@ def test_a_drifting_clock_makes_no_gap(drive, frames_of) -> None:
     frames = [checked_map(payload) for payload in frames_of(drive(0))]
     drifting = [message(one | {4: one[4] + (one[4] - BEGUN) // 10_000}) for one in frames]
     assert joined([frame_block(decode(payload), {}) for payload in drifting]).gaps == ()
-
-
-@pytest.mark.slow
-def test_a_store_that_cannot_write_acknowledges_nothing_and_recovers(
-    bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from sprung.online.store import StoreError
-
-    frames = frames_of(drive(0))
-    one = bench(**WATCH)
-    one.describe()
-    one.work()
-    add = one.store.inbox.add_frames
-
-    def refuse(*_, **__):
-        raise StoreError("the store cannot write: the disk is full: free space")
-
-    monkeypatch.setattr(one.store.inbox, "add_frames", refuse)
-    one.send(frames[:200])
-    assert one.station.problems() == ["the store cannot write: the disk is full: free space"]
-    assert not any(name == topic("car-1", "ack") for name, _ in one.link.published)
-    monkeypatch.setattr(one.store.inbox, "add_frames", add)
-    one.seconds += 2.0
-    one.send(frames)
-    assert one.station.problems() == []
-    assert len(one.store.results.observations("car-1")) == 5
-
-
-@pytest.mark.slow
-def test_a_result_that_cannot_be_stored_is_worked_out_again(
-    bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from sprung.online.store import StoreError
-
-    one = bench(**WATCH)
-    one.describe()
-    commit, left = one.store.results.commit, iter(range(3))
-
-    def refuse(progress):
-        if next(left, None) is not None:
-            raise StoreError("the store cannot write: the disk is full: free space")
-        commit(progress)
-
-    monkeypatch.setattr(one.store.results, "commit", refuse)
-    one.send(frames_of(drive(0)))
-    while next(left, None) is not None or one.store.inbox.cursor("car-1", 1).done < 590:
-        one.seconds += 2.0
-        one.work()
-    found = [(entry.number, entry.t0) for entry in one.store.results.observations("car-1")]
-    assert found == [(k, BEGUN + k * 120 * 10**9) for k in range(5)]
-
-
-@pytest.mark.slow
-def test_a_small_disk_fills_and_is_freed(bench, drive, frames_of, tmp_path: Path) -> None:
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=12m", "tmpfs", str(disk)]
-    if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode != 0:
-        pytest.skip("a small disk can only be mounted by root")
-    try:
-        one = bench(disk, watch={**WATCH["watch"], "window_minutes": 10}, keep={"raw_days": 0, "free_megabytes": 0.1})
-        one.describe()
-        frames = frames_of(drive(0))
-        filler = disk / "filler"
-        room = os.statvfs(disk).f_bavail * os.statvfs(disk).f_frsize
-        filler.write_bytes(bytes(room - 600_000))
-        one.send(frames)
-        assert one.station.problems()
-        acknowledged = [checked_map(payload)[3] for name, payload in one.link.published if name.endswith("/ack")]
-        stored = one.store.inbox.cursor("car-1", 1).contiguous
-        assert max(acknowledged, default=-1) <= stored < 599
-        filler.unlink()
-        for _ in range(3):
-            one.seconds += 60.0
-            one.send(frames)
-        assert one.station.problems() == []
-        assert len(one.store.results.observations("car-1")) == 1
-        one.close()
-    finally:
-        subprocess.run(["umount", "-l", str(disk)], check=True)
 
 
 def test_little_room_is_an_alert_and_stops_taking_in(bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,10 +8,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sprung.link import UPWARDS, Frame, Key, Loss, checked_map, encode, message, topic
+from sprung.link import UPWARDS, Frame, Key, checked_map, encode, message, topic
+from sprung.online.monitor import Site
+from sprung.online.monitor.context import Context
 from sprung.online.monitor.intake import Intake
-from sprung.online.monitor.refusals import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals
-from sprung.online.store import Progress, RefusedError, StoreError
+from sprung.online.monitor.message_queue import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals
+from sprung.online.store import Progress, RefusedError
 from sprung.vehicles import read_vehicle, vehicle_text
 
 ANSWER = {"did": "raw", "boot": 1, "last": 4, "frames": 5, "from": 0, "to": 5, "reason": "r" * 300}
@@ -28,9 +30,15 @@ def refusals():
     return Refusals()
 
 
+def intake_of(store, published, refusals=None):
+    return Intake(
+        Context(Site(), store), lambda name, payload: published.append((name, checked_map(payload))), refusals=refusals
+    )
+
+
 @pytest.fixture
 def intake(store, published, refusals):
-    return Intake(store, lambda name, payload: published.append((name, checked_map(payload))), refusals=refusals)
+    return intake_of(store, published, refusals)
 
 
 def raw(vehicle, boot, seq, *, start=0):
@@ -44,62 +52,11 @@ def state(vehicle, boots):
     return topic(vehicle, "state"), message({0: 1, 2: 1, "boots": boots, "dropped": 0, "is_leaving": False})
 
 
-def test_frames_are_acknowledged_up_to_the_first_that_is_missing(intake, drive, frames_of, published) -> None:
-    frames = frames_of(drive(0))[:5]
-    for taken, contiguous in ((frames[:2], 1), (frames[4:], 1), (frames[2:4], 4), (frames[:1], 4)):
-        arrived = intake.take([(topic("car-1", "raw"), payload) for payload in taken], now=0).arrived
-        assert arrived == {("car-1", 1): contiguous}
-        assert published.pop() == (topic("car-1", "ack"), {Key.VERSION: 1, Key.BOOT: 1, Key.SEQ: contiguous})
-    assert published == []
-    assert intake.figures["sprung_frames_total"] == 6
-
-
-def test_nothing_is_acknowledged_before_the_first_frame_of_a_boot(intake, drive, frames_of, published) -> None:
-    intake.take([(topic("car-1", "raw"), frames_of(drive(0))[3])], now=0)
-    assert published == []
-
-
-def test_a_description_is_reported_whenever_it_comes_as_others_may_have_stored_it(intake) -> None:
-    text = vehicle_text(read_vehicle("zafira"))
-    document = {Key.VERSION: 1, Key.CONFIGURATION: "c", "description": text, "quantities": {"acc_fl": "acceleration"}}
-    meta = (topic("car-1", "meta"), message(document))
-    checksum = int.from_bytes(meta[1][-4:], "little")
-    assert intake.take([meta], now=0).described == {"car-1": checksum}
-    assert intake.take([meta], now=0).described == {"car-1": checksum}
-
-
 def test_a_frame_on_the_topic_of_another_vehicle_is_refused(intake, drive, frames_of, published) -> None:
     taken = intake.take([(topic("car-2", "raw"), frames_of(drive(0))[0])], now=0)
     assert taken.arrived == {}
     assert published == []
     assert intake.figures["sprung_messages_refused_total"] == 1
-
-
-def test_what_monitors_say_of_themselves_is_ignored(intake) -> None:
-    intake.take([(topic("monitor", "state"), b"anything")], now=0)
-    assert intake.figures["sprung_messages_refused_total"] == 0
-
-
-def test_frames_that_a_box_no_longer_has_are_lost(intake, drive, frames_of) -> None:
-    intake.take([(topic("car-1", "raw"), frames_of(drive(0))[5])], now=0)
-    taken = intake.take([(topic("car-1", "state"), message({"boots": [[1, 5, 6]], "is_leaving": True}))], now=1)
-    assert taken.arrived == {("car-1", 1): 5}
-    assert intake.figures["sprung_frames_lost_total"] == 5
-    assert intake.is_parked("car-1")
-    intake.take([(topic("car-1", "state"), message({"boots": []}))], now=2)
-    assert not intake.is_parked("car-1")
-
-
-def test_frames_before_a_loss_that_a_box_still_has_are_not_lost(intake, store, drive, frames_of) -> None:
-    """A disk that refused one frame may hold those before it."""
-    lost = [[1, 4, 4, 1, 10**18, 10**18 + 10**9]]
-    intake.take([(topic("car-1", "state"), message({"boots": [[1, 0, 7]], "lost": lost}))], now=0)
-    assert store.inbox.cursor("car-1", 1).lost == 0
-    frames = [(topic("car-1", "raw"), payload) for place, payload in enumerate(frames_of(drive(0))[:7]) if place != 4]
-    intake.take(frames, now=1)
-    intake.take([(topic("car-1", "state"), message({"boots": [[1, 5, 7]], "lost": lost}))], now=2)
-    cursor = store.inbox.cursor("car-1", 1)
-    assert (cursor.contiguous, cursor.lost) == (6, 1)
 
 
 def test_the_last_thousand_answers_are_kept(intake) -> None:
@@ -118,20 +75,6 @@ def test_a_state_with_impossible_numbers_costs_no_other_message(intake, publishe
     assert intake.take(batch, now=0).arrived == {("car-1", 1): 0, ("car-3", 1): 0}
     assert [name for name, _ in published] == [topic("car-1", "ack"), topic("car-3", "ack")]
     assert refusals.counts == {("car-2", INVALID): 1}
-
-
-def test_a_loss_is_stored_together_with_its_alert(intake, store, published) -> None:
-    """Else a crash between the two acknowledges the loss with the next frame, and its box says no more of it."""
-
-    def crash(*_: Any) -> None:
-        raise StoreError("it ends here")
-
-    stated = {0: 1, 2: 1, "boots": [[1, 2, 2]], "lost": [list(Loss(1, 0, 1, 2))], "is_leaving": False}
-    with pytest.raises(StoreError, match="it ends here"):
-        Intake(store, lambda *_: None, on_lost=crash).take([(topic("car-1", "state"), message(stated))], now=1)
-    intake.take([raw("car-1", 1, 2)], now=2)
-    assert published == []
-    assert store.inbox.cursor("car-1", 1).lost == 0
 
 
 def test_refusals_have_reasons(intake, refusals) -> None:
@@ -171,7 +114,7 @@ NAMES = count()
 def test_any_value_in_any_field_costs_an_honest_vehicle_nothing(store, published, data) -> None:
     honest, intake = (
         f"car-{next(NAMES)}",
-        Intake(store, lambda name, payload: published.append((name, checked_map(payload)))),
+        intake_of(store, published),
     )
     batch = []
     for _ in range(data.draw(st.integers(1, 4))):
@@ -227,22 +170,6 @@ def test_what_the_store_refuses_all_the_same_is_left_out_alone(
     assert intake.figures["sprung_frames_total"] == 8
 
 
-def test_an_error_of_the_store_itself_is_none_of_the_message(intake, store, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(frames, **_):
-        raise StoreError("the store does not answer")
-
-    monkeypatch.setattr(store.inbox, "add_frames", fail)
-    with pytest.raises(StoreError, match="does not answer"):
-        intake.take([raw("car-1", 1, 0), raw("car-2", 1, 0)], now=0)
-
-
-def test_frames_that_came_before_their_state_are_not_lost(intake, store) -> None:
-    batch = [state("car-1", [[1, 3, 4]]), *(raw("car-1", 1, seq) for seq in range(3))]
-    assert intake.take(batch, now=0).arrived == {("car-1", 1): 2}
-    assert store.inbox.cursor("car-1", 1).lost == 0
-    assert len(store.inbox.pending("car-1", 1, after=-1, limit=9)) == 3
-
-
 def test_of_many_boots_the_first_32_count(intake, store) -> None:
     boots = [[boot, 1, 1] for boot in range(1, 1001)]
     taken = intake.take([state("car-1", boots)], now=0)
@@ -270,17 +197,9 @@ def test_a_vehicle_has_at_most_a_thousand_boots_that_wait(intake, store, refusal
     assert refusals.counts == {("car-1", BOOTS): 2}
     assert store.inbox.cursor("car-1", 5).contiguous == 1
     assert store.inbox.cursor("car-2", 1).contiguous == 0
-    again = Intake(store, lambda name, payload: None, refusals=refusals)
+    again = intake_of(store, [], refusals)
     again.take([raw("car-1", 1000, 0)], now=0)
     assert refusals.counts == {("car-1", BOOTS): 3}, "the bound holds after a restart"
     store.results.commit(Progress("car-1", 0, done_seq=0, delete_through_seq=0))
     intake.take([raw("car-1", 1000, 0)], now=0)
     assert store.inbox.cursor("car-1", 1000).contiguous == 0
-
-
-def test_only_new_frames_are_handed_on(intake) -> None:
-    """A repeat of what was analysed long ago must not be analysed again from memory."""
-    first, second = raw("car-1", 1, 0), raw("car-1", 1, 1)
-    assert [frame.seq for frame in intake.take([first], now=0).frames] == [0]
-    assert [frame.seq for frame in intake.take([first, second], now=0).frames] == [1]
-    assert intake.take([first, second], now=0).frames == []

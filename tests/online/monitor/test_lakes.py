@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.fleet.lake import Lake, Outbox, recording_of
+from sprung.fleet.lake import Lake, recording_of
 from sprung.online.monitor import Site, lakes
-from sprung.online.monitor.lakes import LakeWriter, lake_writer
+from sprung.online.monitor.context import Context
+from sprung.online.monitor.lakes import LakeWriter
 from sprung.recording import Channel, Recording
 
 BEGUN = 1_795_219_200 * 10**9
@@ -36,16 +37,9 @@ def clock():
 
 
 @pytest.fixture
-def writer(tmp_path, clock):
-    outbox = Outbox(tmp_path / "outbox", most_bytes=1e9)
-    return LakeWriter(
-        Lake(tmp_path / "lake"),
-        outbox,
-        source="monitor",
-        before=lambda now: now - 30 * DAY,
-        clock=clock.time,
-        timer=lambda: clock.seconds,
-    )
+def writer(tmp_path, clock, store):
+    site = Site.model_validate({"store": f"sqlite:///{tmp_path}/store.sqlite", "keep": {"lake_days": 30.0}})
+    return LakeWriter(Context(site, store, clock.time, lambda: clock.seconds), str(tmp_path / "lake"))
 
 
 def written(tmp_path):
@@ -119,11 +113,10 @@ def test_old_dates_go_and_small_files_become_large_ones_once_a_day(writer, clock
     assert lake.facts.n_windows == 0
 
 
-def test_a_site_without_a_lake_has_no_writer() -> None:
-    assert lake_writer(Site(), clock=int, timer=float) is None
+def test_windows_stay_in_a_lake_as_long_as_results() -> None:
     keep = Site.model_validate({"keep": {"lake": "x", "results_days": 3.0}}).keep
-    assert keep.lake_before(10 * DAY) == 7 * DAY
-    assert keep.model_copy(update={"lake_days": 1.0}).lake_before(10 * DAY) == 9 * DAY
+    assert keep.days_in_lake == 3.0
+    assert keep.model_copy(update={"lake_days": 1.0}).days_in_lake == 1.0
 
 
 def test_a_monitor_writes_its_windows(bench, drive, frames_of, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:

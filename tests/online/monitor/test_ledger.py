@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from sprung.link import Key, message
-from sprung.online.alerts import AlertSettings
-from sprung.online.monitor import AlertBook, Identified, Outcome, Site, VehicleStatus
+from sprung.online.monitor import Identified, Site, VehicleStatus
+from sprung.online.monitor.context import Context
+from sprung.online.monitor.jobs import Outcome
 from sprung.online.monitor.ledger import Ledger
 from sprung.online.store import RefusedError, StoredFrame, StoreError, open_store
 
@@ -23,37 +24,11 @@ def store(sqlite_url):
 @pytest.fixture
 def ledger(store, tmp_path: Path):
     site = Site.model_validate({"store": f"sqlite:///{tmp_path}/store.sqlite"})
-    return Ledger(site, store, alerts=AlertBook(store, AlertSettings()), clock=lambda: NOW)
-
-
-def waiting(store):
-    return [frame.seq for frame in store.inbox.pending("car-1", 1, after=-1, limit=99)]
+    return Ledger(Context(site, store, lambda: NOW))
 
 
 def outcome(*events, state=None) -> Outcome:
     return Outcome("car-1", 3, events, state, VehicleStatus())
-
-
-def test_a_job_without_results_stores_nothing(ledger, store) -> None:
-    assert not ledger.commit(outcome(), 1, 2)
-    assert store.inbox.cursor("car-1", 1).done == -1
-
-
-def test_modes_before_a_complete_window_leave_the_frames(ledger, store) -> None:
-    """A restart analyses them again, and stores the same modes under the same number."""
-    for _ in range(2):
-        assert not ledger.commit(outcome(Identified(4, NOW, ({"natural_frequency": 1.4},))), 1, 2)
-        ledger.flush()
-    (entry,) = store.results.modes("car-1")
-    assert (entry.number, entry.document) == (4, {"modes": [{"natural_frequency": 1.4}], "reason": ""})
-    assert waiting(store) == [0, 1, 2, 3, 4]
-
-
-def test_a_state_replaces_the_frames_that_are_in_it(ledger, store) -> None:
-    assert ledger.commit(outcome(state=b"state"), 1, 2)
-    assert waiting(store) == [3, 4]
-    snapshot = store.results.snapshot("car-1")
-    assert (snapshot.boot, snapshot.seq, snapshot.document) == (1, 2, b"state")
 
 
 @pytest.mark.parametrize(("modes", "n_stored"), [([{"natural_frequency": 1.4}], 1), ([float("nan")], 0)])
@@ -145,21 +120,6 @@ def test_modes_wait_where_the_store_cannot_write_each_alone(ledger, store, monke
     assert [len(stored(store, vehicle)) for vehicle in ("car-1", "car-2", "car-3")] == [1, 0, 0]
     ledger.flush()
     assert [stored(store, vehicle) for vehicle in ("car-1", "car-2", "car-3")] == [[(0, 1.5)]] * 3
-
-
-def test_modes_wait_while_the_store_cannot_write(ledger, store, monkeypatch: pytest.MonkeyPatch) -> None:
-    from sprung.online.store.results import Results
-
-    def full(self, progress, *before) -> None:
-        raise StoreError("the store cannot write")
-
-    ledger.commit(modes_of("car-1", 0, 1.5), 1, 1)
-    with monkeypatch.context() as patch:
-        patch.setattr(Results, "commit", full)
-        with pytest.raises(StoreError):
-            ledger.flush()
-    ledger.flush()
-    assert stored(store, "car-1") == [(0, 1.5)]
 
 
 def test_numbers_are_stored_with_the_digits_that_mean_something(ledger, store) -> None:

@@ -84,18 +84,6 @@ def test_a_description_is_confirmed_once_the_station_goes_by_it(bench, monkeypat
     assert checked_map(payload)["do"] == "described"
 
 
-def test_only_what_was_stored_shows_that_the_store_is_back(bench, drive, frames_of) -> None:
-    one = bench(**WATCH)
-    one.work()
-    one.station._breaker.refuse(StoreError("the store does not answer"))
-    one.seconds += 2.0
-    one.link.on_message(topic("car-1", "health"), b"no message")
-    one.station.step()
-    assert one.station.problems() == ["the store does not answer"]
-    one.send(frames_of(drive(0))[:1])
-    assert one.station.problems() == []
-
-
 def test_jobs_that_never_end_are_a_problem(bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch) -> None:
     one = bench(**WATCH)
     one.describe()
@@ -106,15 +94,3 @@ def test_jobs_that_never_end_are_a_problem(bench, drive, frames_of, monkeypatch:
         one.seconds += 120.5
         one.station.step()
     assert one.station.problems() == ["no analysis job finishes: restart the monitor (last pass 241 s ago)"]
-
-
-def test_the_ages_of_the_last_message_and_window_are_figures(bench, drive, frames_of) -> None:
-    one = bench(**WATCH)
-    one.describe()
-    one.work()
-    assert "sprung_window_age_seconds" not in one.station.figures()
-    one.seconds += 3.0
-    assert one.station.figures()["sprung_message_age_seconds"] == 3.0
-    one.send(frames_of(drive(0))[:130])
-    one.seconds += 5.0
-    assert one.station.figures()["sprung_window_age_seconds"] == 5.0

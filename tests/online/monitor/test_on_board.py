@@ -11,7 +11,7 @@ from sprung.formats import read
 from sprung.identification import summarise
 from sprung.link import Key
 from sprung.link.summaries import summary_document
-from sprung.online.monitor.on_board import archive_correlations, reported_modes
+from sprung.online.monitor.ledger import archive_correlations, reported_modes
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain
 

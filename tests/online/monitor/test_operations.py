@@ -4,7 +4,8 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.online.alerts import AlertSettings
-from sprung.online.monitor import AlertBook, VehicleStatus, operations
+from sprung.online.monitor import VehicleStatus, operations
+from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.store import Progress, StoredFrame, open_store
 
 NOW = 1_795_219_200_000_000_000
@@ -45,14 +46,6 @@ def test_acts_on_an_alert(store) -> None:
     audit = [(row.who, row.act, row.subject, row.time) for row in store.requests.audited()]
     assert audit[0] == ("anna", "ack", "car-1 silent", NOW + 1)
     assert [row[1] for row in audit] == ["ack", "assign", "shelve", "unshelve", "comment"]
-
-
-def test_alerts_that_are_normal_again_are_listed_if_wanted(store) -> None:
-    AlertBook(store, AlertSettings()).clear("car-1", "silent", now=NOW + 1)
-    operations.acknowledge(store, 1, who="anna", now=NOW + 2)
-    assert operations.alerts_document(store)["alerts"] == []
-    assert [entry["state"] for entry in operations.alerts_document(store, is_complete=True)["alerts"]] == ["normal"]
-    assert operations.alerts_document(store, vehicle="car-2", is_complete=True)["alerts"] == []
 
 
 def test_requests(store) -> None:

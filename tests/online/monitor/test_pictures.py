@@ -2,14 +2,12 @@
 
 import struct
 
-import cbor2
 import pytest
 
 from sprung.online.monitor import MonitorSettings, VehicleMonitor
 from sprung.online.monitor.jobs import analyse
 from sprung.online.monitor.vehicle_report import alert_picture
 from sprung.online.store import Progress, StoredFrame, open_store
-from sprung.results.figures import corner_changes_figure
 from sprung.vehicles import vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
 
@@ -41,13 +39,6 @@ def test_an_alert_of_the_suspension_has_a_picture_of_the_corners(store) -> None:
     width, height = struct.unpack(">II", picture[16:24])
     assert 600 < width < 1200
     assert 200 < height < 1000
-
-
-def test_the_picture_dates_the_onset(store, car) -> None:
-    monitor = VehicleMonitor.from_state(car, cbor2.loads(store.results.snapshot("car-1").document))
-    assert monitor.diagnosis is not None
-    figure = corner_changes_figure(monitor.diagnosis, monitor.baseline)
-    assert "mean of 1 windows since 2026-11-21 00:20 UTC" in str([text.get_text() for text in figure.texts])
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ from multiprocessing import Pipe
 import numpy as np
 import pytest
 
-from sprung.online.monitor import Failure, processes
-from sprung.online.monitor.jobs import Limits, failed, limited_memory
+from sprung.online.monitor import processes
+from sprung.online.monitor.jobs import Failure, Limits, failed, limited_memory
 from sprung.online.monitor.processes import Lost, answer, received
 
 
@@ -19,23 +19,6 @@ def pipe():
     yield here, there
     here.close()
     there.close()
-
-
-def test_an_outcome_comes_through(pipe) -> None:
-    here, there = pipe
-    there.send(failed("car-1", "it fails", Failure.QUOTA, n_consumed=3))
-    found = received(here)
-    assert not isinstance(found, Lost)
-    assert found is not None
-    assert (found.vehicle, found.failure, found.n_consumed) == ("car-1", Failure.QUOTA, 3)
-    there.send(None)
-    assert received(here) is None
-
-
-def test_a_process_that_ends_is_lost(pipe) -> None:
-    here, there = pipe
-    there.close()
-    assert received(here) == Lost("the process of its analysis died")
 
 
 def test_an_answer_that_ends_midway_is_lost(pipe) -> None:

@@ -7,7 +7,6 @@ from sprung.diagnosis import Observation, learn
 from sprung.errors import ParameterError
 from sprung.online.monitor import MonitorSettings, VehicleMonitor, operations
 from sprung.online.monitor.histories import restored_baseline
-from sprung.online.monitor.requests import open_request_in_words
 from sprung.online.store import Progress, StoredFrame, open_store
 from sprung.results.documents import baseline_document
 from sprung.vehicles import Component
@@ -45,23 +44,6 @@ def store(sqlite_url):
         yield opened
 
 
-def test_an_earlier_baseline_returns_as_the_newest_version(store) -> None:
-    restored = restored_baseline(store, "car-1", version=1, reason="learnt with a broken spring")
-    assert (restored.version, restored.reason) == (3, "baseline 1 again: learnt with a broken spring")
-    np.testing.assert_array_equal(restored.mean, learnt().mean)
-    assert restored.learning_times == learnt().learning_times
-
-
-def test_a_request_is_stored_with_who_and_why(store) -> None:
-    number = operations.roll_back(store, "car-1", version=1, reason=" broken spring ", who="anna", now=NOW)
-    (command,) = store.requests.open_commands()
-    detail = {"version": 1, "reason": "broken spring"}
-    assert (command.id, command.act, command.who, command.detail) == (number, "roll back", "anna", detail)
-    (entry,) = store.requests.audited()
-    assert (entry.who, entry.act, entry.subject, entry.detail) == ("anna", "roll back", "car-1", detail)
-    assert open_request_in_words(command).startswith("car-1: return to baseline 1 ('broken spring') requested at ")
-
-
 @pytest.mark.parametrize(
     ("fields", "words"),
     [
@@ -76,12 +58,6 @@ def test_what_is_refused(store, fields, words) -> None:
     with pytest.raises(ParameterError, match=words):
         operations.roll_back(store, given.pop("vehicle"), **given, who="anna", now=NOW)
     assert store.requests.open_commands() == []
-
-
-def test_the_present_baseline_ends_a_learning(store) -> None:
-    store.results.commit(Progress("car-1", 1, done_seq=0, status={"is_learning": True}))
-    operations.roll_back(store, "car-1", version=2, reason="asked for by mistake", who="anna", now=NOW)
-    assert len(store.requests.open_commands()) == 1
 
 
 def test_a_baseline_of_another_program_is_not_restored(store) -> None:

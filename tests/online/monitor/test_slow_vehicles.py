@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import Observation
-from sprung.online.monitor import Failure, MonitorSettings, Observed, Opening, Outcome, VehicleStatus, Workers
+from sprung.online.monitor import MonitorSettings, Observed, VehicleStatus, Workers
+from sprung.online.monitor.jobs import Failure, Opening, Outcome
 from sprung.online.monitor.processes import Answer, Lost
 from sprung.recording import Channel, Recording
 from sprung.vehicles import Component
@@ -166,23 +167,6 @@ def test_vehicles_on_a_busy_computer_have_the_whole_limit() -> None:
     assert outcome.error == "its analysis took longer than 180 s"
 
 
-def test_ten_offences_cost_the_neighbours_one() -> None:
-    bench = Bench(1)
-    bench.give("a")
-    bench.processes[0].answer()
-    bench.workers.outcomes()
-    for offence in range(10):
-        bench.give("bad")
-        bench.now += 181.0
-        assert [outcome.vehicle for outcome in bench.workers.outcomes()] == ["bad"]
-        bench.workers.outcomes()
-        assert bench.workers.is_open("a") == (offence > 0)
-        assert bench.give("a") == []
-        bench.processes[1].answer()
-        assert [outcome.vehicle for outcome in bench.workers.outcomes()] == ["a"]
-    assert bench.processes[1].is_alive
-
-
 def test_a_vehicle_whose_jobs_are_long_moves_with_its_state_and_returns_after_three_quick_windows() -> None:
     """Nothing is stopped or analysed again; the processor time counts, and so does a job before the window."""
     bench = Bench(1)
@@ -202,20 +186,6 @@ def test_a_vehicle_whose_jobs_are_long_moves_with_its_state_and_returns_after_th
     bench.give("heavy", state=b"state")
     assert [process.vehicles for process in bench.processes] == [["heavy", "heavy"], ["heavy"]]
     assert bench.workers.figures == {"sprung_vehicles_slow": 0, "sprung_workers_replaced_total": 0}
-
-
-def test_slow_vehicles_wait_for_each_other_only() -> None:
-    bench = Bench(1)
-    for vehicle in ("x", "y"):
-        bench.give(vehicle)
-        bench.workers.outcomes()
-        bench.now += 31.0
-        bench.workers.outcomes()
-        bench.workers.outcomes()
-    assert bench.give("x", "y", "a") == ["y"]
-    assert bench.workers.is_busy
-    bench.processes[-1].answer()
-    assert [process.vehicles for process in bench.processes if process.is_alive] == [["a"], ["x"]]
 
 
 def test_a_state_that_loses_two_processes_is_not_tried_a_third_time(monkeypatch: pytest.MonkeyPatch) -> None:

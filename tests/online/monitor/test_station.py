@@ -1,6 +1,5 @@
 """From frames to the store: each once, in order, whatever the order they come in."""
 
-import json
 import time
 import zlib
 from functools import partial
@@ -10,10 +9,9 @@ import cbor2
 import numpy as np
 import pytest
 
-from sprung.link import Key, checked_map, message, topic
+from sprung.link import checked_map, message, topic
 from sprung.online.alerts import AlertSettings
-from sprung.online.monitor import AlertBook
-from sprung.online.store import StoreError
+from sprung.online.monitor.alert_book import AlertBook
 
 pytestmark = pytest.mark.slow
 
@@ -103,162 +101,11 @@ def test_a_restarted_box_goes_on_in_the_same_window(bench, alike, drive, frames_
     assert alike(contents(one.store), expected)
 
 
-def test_frames_of_a_commit_that_is_reported_as_failed_are_analysed(bench, run_frames) -> None:
-    """Also if their box has lost them meanwhile, and sends them no more."""
-    one = bench(**WATCH)
-    one.describe()
-    add_frames, errors = one.store.inbox.add_frames, [StoreError("disk I/O error")]
-
-    def fails_after_the_commit(*given, **options):
-        arrived = add_frames(*given, **options)
-        if errors:
-            raise errors.pop()
-        return arrived
-
-    one.store.inbox.add_frames = fails_after_the_commit
-    one.send(run_frames[:600])
-    one.look(10.0)
-    assert not errors
-    assert [cursor.contiguous for cursor in one.store.inbox.cursors().values()] == [599]
-    assert len(one.store.results.observations("car-1")) == 1
-
-
-def test_a_boot_does_not_wait_for_one_that_its_box_no_longer_names(bench, run_frames) -> None:
-    """The disk of the box has lost the end of boot 1, and the box has started too often since to remember it."""
-    first = [decoded_again(payload, boot=1, seq=k) for k, payload in enumerate(run_frames[:300])]
-    rest = [decoded_again(payload, boot=20, seq=k, previous=(1, 400)) for k, payload in enumerate(run_frames[400:800])]
-    one = bench(**WATCH)
-    one.describe()
-    one.send(first + rest)
-    for boots, n_waiting in (([], 400), ([[1, 300, -1], [20, 400, -1]], 400), ([[20, 400, -1]], 0)):
-        one.link.on_message(topic("car-1", "state"), message({Key.VERSION: 1, "boots": boots}))
-        one.work()
-        assert one.station.figures()["sprung_backlog_frames"] == n_waiting
-    assert one.store.inbox.cursor("car-1", 1).lost == 100
-    assert one.station.figures()["sprung_frames_lost_total"] == 100
-    assert [entry.boot for entry in one.store.results.observations("car-1")] == [20]
-
-
 def decoded_again(payload, **changes):
     """A frame with other keys."""
     document = checked_map(payload) | {{"boot": 2, "seq": 3, "previous": 15}[k]: v for k, v in changes.items()}
     body = cbor2.dumps({key: list(v) if isinstance(v, tuple) else v for key, v in document.items()})
     return body + zlib.crc32(body).to_bytes(4, "little")
-
-
-def test_a_crash_after_a_window_leaves_no_frames_of_boots_before(bench, run_frames, tmp_path: Path) -> None:
-    """Analysed frames of older boots go after the window's transaction, or when the vehicle is opened again."""
-    first = [decoded_again(payload, boot=1, seq=k) for k, payload in enumerate(run_frames[:400])]
-    rest = [decoded_again(payload, boot=2, seq=k, previous=(1, 400)) for k, payload in enumerate(run_frames[400:700])]
-    one = bench(tmp_path, **WATCH)
-    commit, late = one.store.results.commit, []
-
-    def dies(progress):
-        if progress.boot == 1 and not progress.modes:
-            late.append(progress)
-            raise StoreError("it is dead")
-        commit(progress)
-
-    one.store.results.commit = dies
-    one.describe()
-    one.send(first + rest)
-    assert late
-    assert one.store.inbox.boots("car-1") == [1, 2]
-    one.close()
-    again = bench(tmp_path, **WATCH)
-    again.work()
-    assert again.store.inbox.boots("car-1") == [2]
-    assert [entry.boot for entry in again.store.results.observations("car-1")] == [2]
-
-
-def test_acknowledged_is_what_is_stored(bench, run_frames) -> None:
-    one = bench(**WATCH)
-
-    def acknowledged():
-        acks = [checked_map(payload)[3] for name, payload in one.link.published if name == topic("car-1", "ack")]
-        one.link.published.clear()
-        return acks
-
-    one.send(run_frames[1:3])
-    assert acknowledged() == []
-    one.send(run_frames[:1])
-    assert acknowledged() == [2]
-    one.send(run_frames[1:2])
-    assert acknowledged() == [2]
-    one.link.on_message(topic("car-1", "state"), message({0: 1, 2: 1, "boots": [[1, 10, 12]], "dropped": 7}))
-    one.work()
-    assert acknowledged() == [9]
-    assert one.station.figures()["sprung_frames_lost_total"] == 7
-
-
-def test_messages_that_are_none_are_counted_and_passed_over(bench, run_frames) -> None:
-    one = bench(**WATCH)
-    bad = [("sprung/v1/car-1/raw", b"x" * 50), ("sprung/v1/car-1/raw", run_frames[0][:-1] + b"?"), ("else/where", b"")]
-    bad += [("sprung/v1/other/raw", run_frames[0]), ("sprung/v1/car-1/meta", message({"description": 5}))]
-    bad += [("sprung/v1/car-1/state", message({"boots": [["a", 1]]}))]
-    bad += [("sprung/v1/car-1/meta", message({14: "c", "description": "kind = 1", "quantities": {}}))]
-    for name, payload in bad:
-        one.link.on_message(name, payload)
-    one.send(run_frames[:5])
-    figures = one.station.figures()
-    assert figures["sprung_messages_refused_total"] == 7
-    assert figures["sprung_frames_total"] == 5
-
-
-def test_a_poisoned_vehicle_is_left_out_and_said(bench, run_frames) -> None:
-    """A frame on which the analysis fails: two strikes, an alert until the next window, and the others are analysed."""
-    one = bench(**WATCH)
-    one.describe()
-    one.workers.submit = poisoned(one.workers.submit)
-    one.send(run_frames[:900])
-    one.send([decoded_again(p, boot=1, seq=k) for k, p in enumerate(run_frames[:10])])
-    (row,) = one.store.alerts.find(vehicle="car-1")
-    assert (row.cause, row.is_active) == ("monitor:analysis", False)
-    assert "it is poisoned" in row.text
-    assert [(row.seq, row.reason) for row in one.store.quarantine.find("car-1")] == [(0, "it is poisoned")]
-    (window,) = one.store.results.observations("car-1")
-    assert window.t0 == BEGUN + 10**9
-    assert one.station.figures()["sprung_failures_total"] == 2
-
-
-def poisoned(submit):
-    """Fail at the first two jobs."""
-    from sprung.online.monitor import Outcome, VehicleStatus
-
-    strikes = iter(range(2))
-
-    def tried(vehicle, frames, *, learn=""):
-        if next(strikes, None) is None:
-            return submit(vehicle, frames, learn=learn)
-        inline = submit.__self__
-        inline.done.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "it is poisoned"))
-        return None
-
-    return tried
-
-
-def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run_frames) -> None:
-    """The jobs before the one that fails do not forgive it, or it would be tried for ever."""
-    from sprung.online.monitor import Outcome, VehicleStatus
-
-    one = bench(**WATCH)
-    one.describe()
-    inline = one.workers
-    submit = inline.submit
-
-    def tried(vehicle, frames, *, learn=""):
-        if run_frames[599] not in frames:
-            return submit(vehicle, frames, learn=learn)
-        place = frames.index(run_frames[599])
-        return inline.done.append(Outcome(vehicle, place, (), None, VehicleStatus(), "it is poisoned"))
-
-    inline.submit = tried
-    one.send(run_frames[:1500])
-    assert [(row.kind, row.seq) for row in one.store.quarantine.find("car-1")] == [("raw", 599)]
-    (row,) = one.store.alerts.find(vehicle="car-1")
-    assert row.text == "frames could not be analysed and were quarantined: it is poisoned"
-    assert one.store.results.observations("car-1")[0].t0 == BEGUN
-    assert one.station.figures()["sprung_failures_total"] == 2
 
 
 def test_learning_again_is_asked_for_in_the_store(bench, run_frames) -> None:
@@ -318,10 +165,6 @@ def noted(submit, served, vehicle, frames, *, learn=""):
     """Remember whose turn it was."""
     served.append(vehicle)
     submit(vehicle, frames, learn=learn)
-
-
-def test_contents_are_json(expected) -> None:
-    assert json.loads(json.dumps(expected["observations"][0][1])) == expected["observations"][0][1]
 
 
 def test_a_box_that_identifies_itself(bench, car, drive, tmp_path: Path) -> None:

@@ -11,7 +11,6 @@ from tests.online.monitor.history_store import BEGIN, DAY, DEAD_DAY, HOSTILE, ON
 
 from sprung.diagnosis.baseline import mean_deviation
 from sprung.errors import ParameterError
-from sprung.online.monitor import operations
 from sprung.online.monitor.exports import report_document
 from sprung.online.monitor.histories import read_history
 from sprung.online.monitor.vehicle_report import vehicle_report
@@ -148,23 +147,6 @@ def test_numbers_are_those_of_the_store(store, whole, check_document) -> None:
         "last": first + (PER_DAY - 1) * 600 * NS,
     }
     assert document["reasons"] == {"acc_fl is dead": PER_DAY}
-
-
-def test_the_page_shows_the_numbers_of_its_document(whole, page) -> None:
-    for change in whole.document["changes"]:
-        assert f"<td>{100 * change['change']:+.1f}</td>".replace("-", "−") in page
-    for label, mode in whole.document["modes"].items():
-        assert f'<td class="words">{label}</td>' in page
-        assert f"<td>{mode['natural_frequency']['median']:.3f}</td>" in page
-
-
-def test_alerts_come_with_evidence_history_and_verdicts(store, whole) -> None:
-    spring, sensor = whole.document["alerts"]
-    assert spring["alert"] == operations.alerts_document(store)["alerts"][0]
-    assert spring["evidence"]["change"] == -0.25
-    assert [event["what"] for event in spring["history"]] == ["raised", "acknowledged", "commented"]
-    assert [(each["verdict"], each["action"]) for each in spring["verdicts"]] == [("not looked at", "-no bay free")]
-    assert (sensor["alert"]["cause"], sensor["cleared"]) == ("sensor:acc_fl", (BEGIN + (DEAD_DAY + 1) * DAY) * NS)
 
 
 def test_the_sentence_says_what_matters_in_the_period(store, whole) -> None:

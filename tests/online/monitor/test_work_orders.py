@@ -4,7 +4,7 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.online.alerts import AlertSettings, Report, SendError, reported
-from sprung.online.monitor import AlertBook
+from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.operations import send_work_order, work_order
 
 NOW = 1_795_219_200_000_000_000

@@ -6,8 +6,9 @@ import time
 
 import pytest
 
-from sprung.online.monitor import Failure, MonitorSettings, Observed, Opening, Workers
-from sprung.online.monitor.states import History
+from sprung.online.monitor import MonitorSettings, Observed, Workers
+from sprung.online.monitor.assessment import History
+from sprung.online.monitor.jobs import Failure, Opening
 from sprung.vehicles import vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
 

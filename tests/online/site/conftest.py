@@ -15,7 +15,8 @@ from tests.online.store.conftest import postgresql_server, postgresql_url
 
 from sprung.fleet.lake import AddedFile, Table, file_name
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, Site
+from sprung.online.monitor import Site
+from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.site import Context, add_account, application
 from sprung.online.site import accounts as accounts_module
 from sprung.online.store import Progress, StoredFrame, open_store

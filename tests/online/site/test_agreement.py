@@ -13,7 +13,8 @@ from tests.online.site.conftest import HOUR, NOW
 
 from sprung.diagnosis import SensorFault, diagnose, learn
 from sprung.online.alerts import AlertSettings, MailSender, Transition, addressed, message_of
-from sprung.online.monitor import AlertBook, Observed
+from sprung.online.monitor import Observed
+from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.exports import export, report_document
 from sprung.online.monitor.histories import read_history
 from sprung.online.store import Progress, StoredFrame

@@ -8,7 +8,8 @@ from tests.online.site.conftest import HOUR, NOW, raise_alert
 
 from sprung.diagnosis import Observation
 from sprung.online.alerts import AlertSettings, Report, reported
-from sprung.online.monitor import AlertBook, operations
+from sprung.online.monitor import operations
+from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.alert import PAGE, EvidencePoint, course_of, evidence
 from sprung.online.site.alerts import STATES, WantedAlerts, WantedPage, alerts, counts

@@ -6,7 +6,7 @@ import pytest
 from tests.online.site.conftest import NOW, PASSWORD
 
 from sprung.online.alerts import AlertSettings
-from sprung.online.monitor import AlertBook
+from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.site.alert import _folded
 from sprung.results.documents.monitoring import HistoryEntry
 

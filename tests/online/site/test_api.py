@@ -4,7 +4,7 @@ import pytest
 from tests.online.site.conftest import HOUR, NOW, raise_alert
 
 from sprung.online.alerts import AlertSettings
-from sprung.online.monitor import AlertBook
+from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.store import FleetFilter
 from sprung.state import AlertState, health_index
 

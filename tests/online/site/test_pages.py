@@ -7,7 +7,8 @@ from tests.online.site.conftest import NOW, PASSWORD, ROLES, raise_alert
 from tests.online.site.test_access import ROUTES, VALUES
 
 from sprung.online.alerts import AlertSettings
-from sprung.online.monitor import AlertBook, operations
+from sprung.online.monitor import operations
+from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.site import add_account, add_token
 from sprung.online.site.app import routes_of
 

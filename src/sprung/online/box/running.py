@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from sprung._checks import check_number
 from sprung._display import counted
@@ -264,37 +264,6 @@ class Sent(NamedTuple):
     end: int | None
 
 
-class Sender(Protocol):
-    """Sender of blocks to a monitor: a `Box`."""
-
-    @property
-    def problem(self) -> str:
-        """Problem with the link; empty without one."""
-
-    @property
-    def n_waiting(self) -> int:
-        """Number of frames that are not acknowledged."""
-
-    @property
-    def losses(self) -> Sequence[Loss]:
-        """Frames that were dropped before they were acknowledged."""
-
-    def open(self) -> None:
-        """Connect."""
-
-    def close(self) -> None:
-        """Disconnect."""
-
-    def take(self, recording: Recording, /) -> None:
-        """Accept a block of samples."""
-
-    def step(self) -> None:
-        """Send what is due."""
-
-    def drain(self, *, timeout: float) -> bool:
-        """Return whether all frames are acknowledged within `timeout` [s]."""
-
-
 def box_of(
     name: str,
     vehicle: Vehicle,
@@ -346,7 +315,7 @@ def box_of(
 
 
 def send_live(
-    box: Sender, blocks: Iterable[Recording], *, stopping: threading.Event, on_problem: Callable[[str], None]
+    box: Box, blocks: Iterable[Recording], *, stopping: threading.Event, on_problem: Callable[[str], None]
 ) -> float | None:
     """Send the blocks of a source until it ends and all frames are acknowledged, or until it is stopped.
 
@@ -383,7 +352,7 @@ def send_live(
             taken += block.duration
         while not stopping.is_set() and not box.drain(timeout=1.0):
             pass
-        lost = losses_in_words(box.losses)
+        lost = describe_losses(box.losses)
         if not stopping.is_set():
             if lost:
                 raise DataError(f"{lost}; all others are acknowledged")
@@ -397,7 +366,7 @@ def send_live(
 
 
 def replay(
-    box: Sender,
+    box: Box,
     blocks: Iterable[Recording],
     *,
     pace: float | None,
@@ -441,7 +410,7 @@ def replay(
             end = block.start + round(1e9 * block.duration)
         on_progress(f"{sent / 60:.1f} min sent", 0.5)
     on_progress("waiting for acknowledgements", 0.9)
-    is_drained, lost = box.drain(timeout=patience), losses_in_words(box.losses)
+    is_drained, lost = box.drain(timeout=patience), describe_losses(box.losses)
     if not is_drained:
         after = f"; {lost}" if lost else ""
         waiting = counted(box.n_waiting, "frame")
@@ -454,7 +423,7 @@ def replay(
     return Sent(sent, begin, end)
 
 
-def losses_in_words(losses: Sequence[Loss]) -> str:
+def describe_losses(losses: Sequence[Loss]) -> str:
     """Return the sentence about frames that a box dropped before the monitor had them; empty if there are none."""
     if not losses:
         return ""
@@ -468,7 +437,7 @@ def losses_in_words(losses: Sequence[Loss]) -> str:
     )
 
 
-def _step(box: Sender, stopping: threading.Event, on_problem: Callable[[str], None]) -> None:
+def _step(box: Box, stopping: threading.Event, on_problem: Callable[[str], None]) -> None:
     """Send while samples come in, and report each new problem."""
     problem = ""
     while not stopping.wait(_STEP):

@@ -480,7 +480,7 @@ class ReplayTimes:
         return TIME_UNKNOWN if self.untimed and not self.is_given else TIME_SET
 
     @property
-    def in_words(self) -> list[str]:
+    def notes(self) -> list[str]:
         """Sentence about files without start time; empty if the times are those of the files."""
         if not self.untimed:
             return []

@@ -171,4 +171,4 @@ def replay(
         finally:
             box.close()
     span = "" if sent.begin is None or sent.end is None else f" ({span_in_words(sent.begin, sent.end)})"
-    show([*times.in_words, f"{sent.duration / 60:.1f} min of {vehicle_id}{span} sent and acknowledged"])
+    show([*times.notes, f"{sent.duration / 60:.1f} min of {vehicle_id}{span} sent and acknowledged"])

@@ -184,7 +184,7 @@ def _recipients(site: "Site") -> str:
 
 def _test_senders(site: "Site") -> None:
     """Send test messages, and print the outcome of each."""
-    from sprung.online.monitor.postman import try_senders
+    from sprung.online.monitor.notifier import try_senders
 
     outcomes = try_senders(site.send, now=time.time_ns())
     show([f"{name}: {f'failed: {reason}' if reason else 'sent'}" for name, reason in outcomes.items()])

@@ -24,9 +24,9 @@ VehicleName = Annotated[str, typer.Argument(metavar="ID", help="Name of the vehi
 @on_store
 def list_vehicles(store: "Store") -> Found:
     """List the monitored vehicles and the open requests."""
-    from sprung.online.monitor.requests import open_request_in_words
+    from sprung.online.monitor.requests import describe_request
 
-    return _vehicles(store, *map(open_request_in_words, store.requests.open_commands()))
+    return _vehicles(store, *map(describe_request, store.requests.open_commands()))
 
 
 application = group(
@@ -81,10 +81,10 @@ def learn(
 ) -> Found:
     """Learn a new baseline of a vehicle, such as after maintenance."""
     from sprung.online.monitor.operations import relearn
-    from sprung.online.monitor.requests import relearning_in_words
+    from sprung.online.monitor.requests import describe_relearning
 
     relearn(store, vehicle, reason=reason, who=who, now=time.time_ns())
-    return _vehicles(store, relearning_in_words(vehicle, reason))
+    return _vehicles(store, describe_relearning(vehicle, reason))
 
 
 @application.command("rollback")
@@ -101,12 +101,12 @@ def roll_back(
 ) -> Found:
     """Return to an earlier baseline of a vehicle; it becomes the newest version."""
     from sprung.online.monitor.operations import roll_back
-    from sprung.online.monitor.requests import rolling_back_in_words
+    from sprung.online.monitor.requests import describe_rollback
 
     if version is None:
         raise ParameterError("give --version N, the baseline to return to: the page of the vehicle lists them")
     roll_back(store, vehicle, version=version, reason=reason, who=who, now=time.time_ns())
-    return _vehicles(store, rolling_back_in_words(vehicle, version, reason))
+    return _vehicles(store, describe_rollback(vehicle, version, reason))
 
 
 @application.command()

@@ -7,7 +7,8 @@ from typing import Any
 from sprung._display import counted
 from sprung.diagnosis import Diagnosis, SensorFault, detectable_in_words
 from sprung.online.alerts import AlertSettings, Report, Transition, absent, assess, message_of, reported, shelf_ended
-from sprung.online.monitor.engine import Observed, fault_in_words
+from sprung.online.monitor.assessment import describe_fault
+from sprung.online.monitor.events import Observed
 from sprung.online.store import Store
 from sprung.results.documents import detectable_document, detection_document, finding_document
 from sprung.results.tables import span_in_words
@@ -155,7 +156,7 @@ def _first_of_each_channel(faults: Iterable[SensorFault]) -> list[SensorFault]:
 
 def _of_sensor(vehicle: str, fault: SensorFault) -> Report:
     """Return the report of a sensor fault."""
-    return Report(vehicle, f"sensor:{fault.channel}", _SENSOR, fault_in_words(fault), {"kind": fault.kind})
+    return Report(vehicle, f"sensor:{fault.channel}", _SENSOR, describe_fault(fault), {"kind": fault.kind})
 
 
 def _of_diagnosis(vehicle: str, diagnosis: Diagnosis) -> list[Report]:

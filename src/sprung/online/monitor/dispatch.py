@@ -1,31 +1,24 @@
 """Frames to workers, the vehicle that has waited longest first, and the outcomes of their jobs."""
 
 import logging
-import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 from sprung.diagnosis import Baseline
 from sprung.errors import ParameterError
-from sprung.online.monitor.engine import MonitorSettings, Observed
-from sprung.online.monitor.failures import Backoff, FailureCounts
+from sprung.link.windows import FrameOrder
+from sprung.online.monitor.context import Context
+from sprung.online.monitor.events import Observed
+from sprung.online.monitor.failures import Failures
 from sprung.online.monitor.fleets import VehicleTypes, type_of_others
+from sprung.online.monitor.frame_cache import FrameCache
 from sprung.online.monitor.histories import ROLL_BACK, history_of, restored_baseline
 from sprung.online.monitor.jobs import Failure, Opening, Outcome
 from sprung.online.monitor.ledger import Ledger
-from sprung.online.monitor.states import History
-from sprung.online.monitor.streams import Handover, Queue, Stream
 from sprung.online.monitor.workers import Workers
-from sprung.online.store import (
-    CommandRow,
-    Cursor,
-    RefusedError,
-    Store,
-    StoredFrame,
-    StoreError,
-)
+from sprung.online.store import CommandRow, Cursor, RefusedError, StoredFrame, StoreError
 from sprung.state import VehicleStatus
 
 LOG = logging.getLogger("sprung.monitor")
@@ -34,30 +27,81 @@ LOG = logging.getLogger("sprung.monitor")
 _JOB = 300
 
 
+@dataclass(slots=True)
+class _Vehicle:
+    """Progress of the analysis of a vehicle. Times are UTC ns.
+
+    Parameters
+    ----------
+    order
+        Which of its frames are next.
+    done
+        Sequence number up to which the store has the frames as analysed, by boot.
+    description
+        Vehicle file and channels that it was opened with.
+    waiting_since
+        Time since which its frames wait for a worker; None: none does.
+    job
+        Frames of the job under way; None: there is none.
+    job_since
+        Time since which they waited, where all that waited were given.
+    request
+        Open request for a new or an earlier baseline.
+    request_of_job
+        That of the job under way.
+    status
+        Status after the last job.
+    failures
+        Failures of its analysis.
+    """
+
+    order: FrameOrder = field(default_factory=FrameOrder)
+    done: dict[int, int] = field(default_factory=dict)
+    description: tuple[str, list[Any]] | None = None
+    waiting_since: int | None = None
+    job: Sequence[StoredFrame] | None = None
+    job_since: int | None = None
+    request: CommandRow | None = None
+    request_of_job: CommandRow | None = None
+    status: VehicleStatus | None = None
+    failures: Failures = field(default_factory=Failures)
+
+    @property
+    def position(self) -> tuple[int, int]:
+        """Newest boot of which frames were given to a worker, and the last of them; boot 0 and -1 before the first."""
+        dispatched = self.order.dispatched
+        boot = max((boot for boot, last in dispatched.items() if last >= 0), default=0)
+        return boot, dispatched.get(boot, -1)
+
+    def rewind(self, cursors: Mapping[int, Cursor]) -> None:
+        """Continue from the stored cursors."""
+        self.done = {boot: cursors[boot].done for boot in self.order.contiguous}
+        self.order.dispatched = dict(self.done)
+
+    def covered(self, boot: int) -> dict[int, int]:
+        """Return the last frames, by boot other than this, that the present state covers and the store does not."""
+        dispatched = self.order.dispatched.items()
+        return {other: last for other, last in dispatched if other != boot and last > self.done.get(other, -1)}
+
+
 class Dispatch:
     """Gives the frames of each vehicle to workers, in order, and stores the results.
 
     Parameters
     ----------
-    store
-        Store of frames, descriptions and states.
+    context
+        Store, settings of vehicles that start from scratch, and clocks.
     workers
         Processes that analyse.
     ledger
         Stores results.
-    settings
-        Settings of vehicles that start from scratch.
-    timer
-        Present time [s] of a monotonic clock.
-    clock
-        Present time, UTC ns.
 
     Notes
     -----
     A vehicle has at most one job. If the job fails, the vehicle is opened again from the stored state. A frame on which
-    it fails twice is set aside; if a later frame fails before a state is stored, it is the window that cannot be
-    analysed, and its frames are set aside. A state that cannot be used is set aside, too: the vehicle starts again from
-    the results in the store. A vehicle that cannot be opened for another reason waits, longer after each attempt.
+    it fails twice is quarantined; if a later frame fails before a state is stored, it is the window that cannot be
+    analysed, and its frames are quarantined. So is a state that cannot be used: the vehicle starts again from the
+    results in the store. A vehicle that cannot be opened for another reason waits, longer after each attempt.
 
     The next job is that of the vehicle whose oldest frame has waited longest since it arrived or, so that one vehicle
     with hours of frames does not hold up the others, since its last job.
@@ -65,59 +109,45 @@ class Dispatch:
     Frames are handed over from memory as they are stored; only others are read from the store.
     """
 
-    def __init__(
-        self,
-        store: Store,
-        workers: Workers,
-        ledger: Ledger,
-        settings: MonitorSettings,
-        *,
-        timer: Callable[[], float] = time.monotonic,
-        clock: Callable[[], int] = time.time_ns,
-    ) -> None:
-        self._store = store
+    def __init__(self, context: Context, workers: Workers, ledger: Ledger) -> None:
+        self._store = context.store
+        self._settings = context.site.watch.settings
+        self._clock = context.clock
+        self._timer = context.timer
         self._workers = workers
         self._ledger = ledger
-        self._settings = settings
-        self._clock = clock
-        self._handover = Handover()
-        self._queue = Queue()
-        self._types = VehicleTypes(store)
-        self._waiting_since: dict[str, int] = {}
-        self._job_since: dict[str, int] = {}
-        self._descriptions: dict[str, tuple[str, list[Any]]] = {}
-        self._streams: dict[str, Stream] = {}
-        self._jobs: dict[str, Sequence[StoredFrame]] = {}
-        self._learning: dict[str, CommandRow] = {}
-        self._failure_counts = FailureCounts()
-        self._backoff = Backoff(timer)
-        self._learnt: dict[str, CommandRow | None] = {}
-        self._statuses: dict[str, VehicleStatus] = {}
+        self._cache = FrameCache()
+        self._types = VehicleTypes(context.store)
+        self._vehicles: dict[str, _Vehicle] = {}
+        self._queue: dict[str, int] = {}  # time since which each vehicle is in it
         self._n_failures = 0
         self._seconds = 0.0
 
     @property
     def statuses(self) -> Mapping[str, VehicleStatus]:
         """Status of each vehicle after its last job."""
-        return self._statuses
+        return {name: known.status for name, known in list(self._vehicles.items()) if known.status is not None}
 
     @property
     def is_idle(self) -> bool:
         """Whether no job is under way."""
-        return not self._jobs
+        return all(known.job is None for known in self._vehicles.values())
 
     @property
     def figures(self) -> dict[str, float]:
         """Figures of `sprung.online.monitor.figures.FIGURES` about vehicles, jobs and their results."""
+        vehicles = list(self._vehicles.values())  # figures are read in another thread
+        now = self._clock()
+        waiting = [known.waiting_since for known in vehicles if known.waiting_since is not None]
         return {
             **self._ledger.figures,
             **self._workers.figures,
-            "sprung_vehicles": len(self._streams),
-            "sprung_backlog_frames": self._backlog,
-            "sprung_backlog_age_seconds": self._age,
+            "sprung_vehicles": sum(bool(known.order.contiguous) for known in vehicles),
+            "sprung_backlog_frames": sum(known.order.backlog for known in vehicles),
+            "sprung_backlog_age_seconds": max(0.0, (now - min(waiting, default=now)) / 1e9),
             "sprung_failures_total": self._n_failures,
             "sprung_analysis_cpu_seconds_total": self._seconds,
-            "sprung_vehicles_waiting": self._backoff.n_waiting,
+            "sprung_vehicles_waiting": sum(known.failures.in_row > 1 for known in vehicles),
         }
 
     def follow(self) -> None:
@@ -129,9 +159,9 @@ class Dispatch:
             If the store cannot be used.
         """
         for (vehicle, boot), cursor in self._store.inbox.cursors().items():
-            stream = self._streams.setdefault(vehicle, Stream())
-            if boot not in stream.contiguous:
-                stream.dispatched[boot] = cursor.done
+            order = self._of(vehicle).order
+            if boot not in order.contiguous:
+                order.dispatched[boot] = cursor.done
             self.add(vehicle, boot, cursor.contiguous)
 
     def close(self) -> None:
@@ -140,36 +170,37 @@ class Dispatch:
 
     def add(self, vehicle: str, boot: int, contiguous: int) -> None:
         """Record that the frames of a boot arrived up to a sequence number."""
-        stream = self._streams.setdefault(vehicle, Stream())
-        stream.arrived(boot, contiguous)
-        if stream.has_waiting:
-            self._waiting_since.setdefault(vehicle, self._clock())
+        known = self._of(vehicle)
+        known.order.arrived(boot, contiguous)
+        if known.order.has_waiting and known.waiting_since is None:
+            known.waiting_since = self._clock()
         self._enqueue(vehicle)
 
     def hold(self, frames: Sequence[StoredFrame]) -> None:
         """Hold frames that have just been stored, without repeats, so that they need not be read back."""
-        self._handover.hold(frames)
+        self._cache.hold(frames)
 
     def awaited(self, vehicle: str) -> dict[int, int]:
         """Return the boots of a vehicle of which later ones wait for more frames, and how many frames they had."""
-        return self._streams[vehicle].awaited if vehicle in self._streams else {}
+        return self._vehicles[vehicle].order.awaited if vehicle in self._vehicles else {}
 
     def describe(self, vehicle: str) -> None:
         """Record that a vehicle sent a description: if it is new, frames are analysed again from the stored state."""
         row = self._store.inbox.vehicle(vehicle)
-        if row is not None and self._descriptions.get(vehicle) != (row.description, row.channels):
+        known = self._of(vehicle)
+        if row is not None and known.description != (row.description, row.channels):
             LOG.info("vehicle described", extra={"vehicle": vehicle})
-            self._descriptions[vehicle] = (row.description, row.channels)
+            known.description = (row.description, row.channels)
             self._types.forget()
             self._workers.close_vehicle(vehicle)
-            self._backoff.succeed(vehicle)
+            known.failures.succeed()
             self._enqueue(vehicle)
 
-    def relearn(self, command: CommandRow) -> None:
+    def relearn(self, request: CommandRow) -> None:
         """Let a vehicle change its baseline before its next frames; requests for one vehicle are queued."""
-        self._learning.setdefault(command.vehicle, command)
-        if command.vehicle in self._streams:
-            self._enqueue(command.vehicle)
+        known = self._of(request.vehicle)
+        known.request = known.request or request
+        self._enqueue(request.vehicle)
 
     def give(self) -> int:
         """Give frames to workers, longest waiting vehicle first, and return the number of jobs and reports.
@@ -180,10 +211,10 @@ class Dispatch:
             If the store cannot be used.
         """
         n_given = 0
-        for vehicle in self._queue:
+        for vehicle in sorted(self._queue, key=self._queue.__getitem__):  # of equal times, the first to arrive
             if self._workers.is_busy:
                 break
-            n_given += self._give(vehicle)
+            n_given += self._give(vehicle, self._vehicles[vehicle])
         return n_given
 
     def collect(self, *, timeout: float) -> list[Outcome]:
@@ -220,204 +251,190 @@ class Dispatch:
 
     def _settle(self, outcome: Outcome) -> None:
         """Store the outcome of a job."""
-        vehicle = outcome.vehicle
-        frames = self._jobs.pop(vehicle, ())
-        since = self._job_since.pop(vehicle, None)
-        if since is not None and outcome.n_consumed < len(frames):
-            self._waiting_since[vehicle] = since
+        vehicle, known = outcome.vehicle, self._of(outcome.vehicle)
+        frames = known.job or ()
+        if outcome.n_consumed < len(frames) and known.job_since is not None:
+            known.waiting_since = known.job_since
+        known.job = None
+        known.job_since = None
         if outcome.error:
-            self._fail(outcome, frames)
+            self._fail(outcome, known, frames)
         elif self._workers.is_open(vehicle):  # otherwise it got a new description meanwhile
             try:
-                self._commit(outcome, frames[: outcome.n_consumed])
+                self._commit(outcome, known, frames[: outcome.n_consumed])
             except RefusedError as error:
                 place = max(outcome.n_consumed - 1, 0)
-                self._fail(replace(outcome, n_consumed=place, error=str(error), failure=Failure.FRAME), frames)
+                refused = replace(outcome, n_consumed=place, error=str(error), failure=Failure.FRAME)
+                self._fail(refused, known, frames)
 
-    @property
-    def _backlog(self) -> int:
-        """Number of frames that wait for a worker."""
-        return sum(stream.backlog for stream in list(self._streams.values()))
-
-    @property
-    def _age(self) -> float:
-        """Time since the oldest frame that waits for a worker arrived [s], or a little longer; 0 if none waits."""
-        return max(0.0, (self._clock() - min(self._waiting_since.copy().values(), default=self._clock())) / 1e9)
+    def _of(self, vehicle: str) -> _Vehicle:
+        """Return the progress of a vehicle."""
+        return self._vehicles.setdefault(vehicle, _Vehicle())
 
     def _enqueue(self, vehicle: str) -> None:
         """Let a vehicle wait for a worker if there is anything to give."""
-        if vehicle in self._jobs or vehicle not in self._streams:
+        known = self._of(vehicle)
+        if known.job is not None or not known.order.contiguous:
             return
-        if self._streams[vehicle].has_waiting:
-            self._waiting_since.setdefault(vehicle, self._clock())
-        else:
-            self._waiting_since.pop(vehicle, None)
-            if vehicle not in self._learning:
-                return
-        self._queue.add(vehicle, self._clock())
+        if not known.order.has_waiting:
+            known.waiting_since = None
+        elif known.waiting_since is None:
+            known.waiting_since = self._clock()
+        if known.order.has_waiting or known.request is not None:
+            self._queue.setdefault(vehicle, self._clock())
 
-    def _defer(self, vehicle: str) -> None:
+    def _defer(self, vehicle: str, known: _Vehicle) -> None:
         """Let a vehicle wait for something else: earlier frames, or its description."""
-        self._queue.remove(vehicle)
-        self._waiting_since.pop(vehicle, None)
-        self._handover.forget(vehicle)
+        self._queue.pop(vehicle, None)
+        known.waiting_since = None
+        self._cache.forget(vehicle)
 
     def _pending(self, vehicle: str, boot: int, *, after: int, limit: int) -> list[StoredFrame]:
         """Return frames of a vehicle that follow a sequence number: those in memory, or else in the store."""
-        until = self._streams[vehicle].contiguous[boot]
-        held = self._handover.following(vehicle, boot, after=after, until=until, limit=limit)
+        until = self._vehicles[vehicle].order.contiguous[boot]
+        held = self._cache.following(vehicle, boot, after=after, until=until, limit=limit)
         return held or self._store.inbox.pending(vehicle, boot, after=after, limit=limit)
 
-    def _give(self, vehicle: str) -> bool:
+    def _give(self, vehicle: str, known: _Vehicle) -> bool:
         """Give the next frames of a vehicle to its worker, or store the next report of its box."""
-        stream, workers = self._streams[vehicle], self._workers
-        if not self._backoff.is_due(vehicle):
-            if vehicle in self._waiting_since:
-                self._waiting_since[vehicle] = self._clock()  # for itself, not for a worker
+        if self._timer() < known.failures.retry_at:
+            if known.waiting_since is not None:
+                known.waiting_since = self._clock()  # for itself, not for a worker
             return False
-        if not workers.is_free(vehicle):
+        if not self._workers.is_free(vehicle):
             return False
-        if not (workers.is_open(vehicle) or self._open(vehicle)):
-            self._defer(vehicle)
+        if not (self._workers.is_open(vehicle) or self._open(vehicle, known)):
+            self._defer(vehicle, known)
             return False
-        frames = stream.next_frames(partial(self._pending, vehicle), _JOB)
+        frames = known.order.next_frames(partial(self._pending, vehicle), _JOB)
         if frames and frames[0].kind != "raw":
-            return self._give_report(stream, frames[0])
-        if not frames and vehicle not in self._learning:
-            self._defer(vehicle)
-            return False
-        n_samples = next((k for k, frame in enumerate(frames) if frame.kind != "raw"), len(frames))
-        self._submit(vehicle, frames[:n_samples])
-        return True
-
-    def _give_report(self, stream: Stream, report: StoredFrame) -> bool:
-        """Store a report of a box; first the state of the worker, which holds the frames before it."""
-        if stream.dispatched.get(report.boot, -1) > stream.done.get(report.boot, -1):
-            self._submit(report.vehicle, [])
+            self._give_report(known, frames[0])
+        elif frames or known.request is not None:
+            n_samples = next((k for k, frame in enumerate(frames) if frame.kind != "raw"), len(frames))
+            self._submit(vehicle, known, frames[:n_samples])
         else:
-            try:
-                self._ledger.store_report(report)
-            except RefusedError as error:
-                vehicle, boot, seq = report.vehicle, report.boot, report.seq
-                self._ledger.set_frames_aside(vehicle, boot, seq, seq, reason=str(error))
-                self._ledger.complete(vehicle, boot, seq)
-            stream.complete(report.boot, report.seq)
-            self._handover.release(report.vehicle, report.boot, report.seq)
-            self._queue.remove(report.vehicle)
-            self._enqueue(report.vehicle)
+            self._defer(vehicle, known)
+            return False
         return True
 
-    def _submit(self, vehicle: str, frames: Sequence[StoredFrame]) -> None:
-        """Start a job, which without frames returns the state."""
-        command = self._learning.get(vehicle)
-        self._jobs[vehicle], self._learnt[vehicle] = frames, command
-        self._workers.submit(vehicle, [frame.payload for frame in frames], learn=self._baseline_wanted(command))
-        self._queue.remove(vehicle)
-        if len(frames) >= self._streams[vehicle].backlog:  # what arrives from here on waits from then
-            self._job_since[vehicle] = self._waiting_since.pop(vehicle, self._clock())
-
-    def _baseline_wanted(self, command: CommandRow | None) -> str | Baseline:
-        """Return the reason to learn, or the baseline to return to; empty if the baseline stays."""
-        if command is None:
-            return ""
-        if command.act != ROLL_BACK:
-            return str(command.detail or "maintenance")
+    def _give_report(self, known: _Vehicle, report: StoredFrame) -> None:
+        """Store a report of a box; first the state of the worker, which holds the frames before it."""
+        vehicle, boot, seq = report.vehicle, report.boot, report.seq
+        if known.order.dispatched.get(boot, -1) > known.done.get(boot, -1):
+            self._submit(vehicle, known, [])
+            return
         try:
-            return restored_baseline(self._store, command.vehicle, **command.detail)
+            self._ledger.store_report(report)
+        except RefusedError as error:
+            self._ledger.quarantine_frames(vehicle, boot, seq, seq, reason=str(error))
+            self._ledger.complete(vehicle, boot, seq)
+        known.order.dispatched[boot] = seq
+        known.done[boot] = seq
+        self._cache.release(vehicle, boot, seq)
+        self._queue.pop(vehicle, None)
+        self._enqueue(vehicle)
+
+    def _submit(self, vehicle: str, known: _Vehicle, frames: Sequence[StoredFrame]) -> None:
+        """Start a job, which without frames returns the state."""
+        known.job = frames
+        known.request_of_job = known.request
+        baseline = self._wanted_baseline(known.request)
+        self._workers.submit(vehicle, [frame.payload for frame in frames], learn=baseline)
+        self._queue.pop(vehicle, None)
+        if len(frames) >= known.order.backlog:  # what arrives from here on waits from then
+            known.job_since = known.waiting_since or self._clock()
+            known.waiting_since = None
+
+    def _wanted_baseline(self, request: CommandRow | None) -> str | Baseline:
+        """Return the reason to learn, or the baseline to return to; empty if the baseline stays."""
+        if request is None:
+            return ""
+        if request.act != ROLL_BACK:
+            return str(request.detail or "maintenance")
+        try:
+            return restored_baseline(self._store, request.vehicle, **request.detail)
         except ParameterError as error:
-            LOG.warning("baseline stays", extra={"vehicle": command.vehicle, "reason": str(error)})
+            LOG.warning("baseline stays", extra={"vehicle": request.vehicle, "reason": str(error)})
             return ""
 
-    def _open(self, vehicle: str) -> bool:
+    def _open(self, vehicle: str, known: _Vehicle) -> bool:
         """Give a vehicle to a worker with its stored state; return whether its description is known."""
         row = self._store.inbox.vehicle(vehicle)
         if row is None:
             return False
         snapshot = self._store.results.snapshot(vehicle)
-        stream = self._streams[vehicle]
-        known = self._store.inbox.cursors(vehicle=vehicle)
-        cursors = {boot: known.get((vehicle, boot), Cursor()) for boot in stream.contiguous}
-        stream.rewind(cursors)
-        state, history = None, History()
+        cursors = self._store.inbox.cursors(vehicle=vehicle)
+        known.rewind({boot: cursors.get((vehicle, boot), Cursor()) for boot in known.order.contiguous})
+        opening = Opening(vehicle, row.description, dict(row.channels), None, self._settings)
         if snapshot is not None:
-            state = snapshot.document
+            opening = replace(opening, state=snapshot.document)
         else:
             history = history_of(self._store, vehicle, max_windows=self._settings.most_windows)
-        is_learning = self._is_learning(vehicle, has_state=snapshot is not None)
-        of_type = type_of_others(self._store, vehicle, types=self._types) if is_learning else None
-        self._workers.open(
-            Opening(vehicle, row.description, dict(row.channels), state, self._settings, of_type, history)
-        )
-        self._descriptions[vehicle] = (row.description, row.channels)
+            opening = replace(opening, history=history)
+        if self._is_learning(vehicle, known, has_state=snapshot is not None):
+            opening = replace(opening, type_baseline=type_of_others(self._store, vehicle, types=self._types))
+        self._workers.open(opening)
+        known.description = (row.description, row.channels)
         return True
 
-    def _is_learning(self, vehicle: str, *, has_state: bool) -> bool:
+    def _is_learning(self, vehicle: str, known: _Vehicle, *, has_state: bool) -> bool:
         """Return whether a vehicle learns a baseline, as far as is known."""
-        status = self._statuses.get(vehicle)
-        if status is not None:
-            return status.is_learning
+        if known.status is not None:
+            return known.status.is_learning
         stored = self._store.results.status(vehicle) if has_state else None
         return stored is None or bool(stored.get("is_learning", True))
 
-    def _commit(self, outcome: Outcome, taken: Sequence[StoredFrame]) -> None:
+    def _commit(self, outcome: Outcome, known: _Vehicle, taken: Sequence[StoredFrame]) -> None:
         """Store the results of a job, and the progress of its vehicle."""
-        vehicle = outcome.vehicle
-        stream = self._streams[vehicle]
-        boot, seq = (taken[-1].boot, taken[-1].seq) if taken else stream.position
-        command, covered = self._learnt.get(vehicle), stream.covered(boot)
+        vehicle, request = outcome.vehicle, known.request_of_job
+        boot, seq = (taken[-1].boot, taken[-1].seq) if taken else known.position
+        covered = known.covered(boot)
         with self._store.together():  # a window and its alerts are stored together or not at all
             is_saved = self._ledger.commit(outcome, boot, seq)
             if is_saved:
-                for other, last in covered:
+                for other, last in covered.items():
                     self._ledger.complete(vehicle, other, last)
                 self._ledger.update_alerts(vehicle, outcome.events)
-                if command is not None:
-                    self._ledger.finish_learning(command.id)
+                if request is not None:
+                    self._ledger.finish_learning(request.id)
         if is_saved:
-            stream.done.update(covered)
-            stream.done[boot] = seq
-            if command is not None:
-                self._learning.pop(vehicle, None)
-            self._failure_counts.forget(vehicle)  # not before: a window that fails begins with jobs that succeed
-            self._backoff.succeed(vehicle)
-        self._statuses[vehicle] = outcome.status
+            known.done |= covered | {boot: seq}
+            if request is not None:
+                known.request = None
+            known.failures.forget_frames()  # not before: a window that fails begins with jobs that succeed
+            known.failures.succeed()
+        known.status = outcome.status
         if taken:
-            stream.dispatched[boot] = seq
-            self._handover.release(vehicle, boot, seq)
+            known.order.dispatched[boot] = seq
+            self._cache.release(vehicle, boot, seq)
         is_window = any(isinstance(event, Observed) for event in outcome.events)
         # Opened again, from the state just stored, with the baseline of its type as it is now, or in another process.
         is_learning = is_window and outcome.status.is_learning and self._types.has_type(vehicle)
         if is_learning or (outcome.state is not None and self._workers.is_misplaced(vehicle)):
             self._workers.close_vehicle(vehicle)
 
-    def _fail(self, outcome: Outcome, frames: Sequence[StoredFrame]) -> None:
+    def _fail(self, outcome: Outcome, known: _Vehicle, frames: Sequence[StoredFrame]) -> None:
         """Leave out what a job failed on, if it failed there repeatedly; the vehicle is opened again after a while."""
         vehicle, reason = outcome.vehicle, outcome.error
         if outcome.failure is Failure.QUOTA and frames:
             last = frames[max(outcome.n_consumed, 1) - 1]
-            self._ledger.set_frames_aside(vehicle, last.boot, frames[0].seq, last.seq, reason=reason)
-            self._handover.forget(vehicle)
-            self._streams[vehicle].dispatched[last.boot] = last.seq
+            self._ledger.quarantine_frames(vehicle, last.boot, frames[0].seq, last.seq, reason=reason)
+            self._cache.forget(vehicle)
+            known.order.dispatched[last.boot] = last.seq
             return
         self._n_failures += 1
         LOG.warning("analysis failed", extra={"vehicle": vehicle, "reason": reason})
         self._workers.close_vehicle(vehicle)
-        number = self._backoff.fail(vehicle)
-        if outcome.failure is Failure.STATE and self._ledger.set_state_aside(vehicle, reason=reason):
-            self._backoff.succeed(vehicle)
+        n_failures = known.failures.fail(self._timer())
+        if outcome.failure is Failure.STATE and self._ledger.quarantine_state(vehicle, reason=reason):
+            known.failures.succeed()
         elif outcome.failure is Failure.FRAME and frames:
-            self._count_failure(vehicle, frames[min(outcome.n_consumed, len(frames) - 1)], reason)
-        elif number > 1:
+            frame = frames[min(outcome.n_consumed, len(frames) - 1)]
+            first = known.failures.fail_on(frame.boot, frame.seq, done=known.done.get(frame.boot, -1))
+            if first is not None:
+                self._ledger.quarantine_frames(vehicle, frame.boot, first, frame.seq, reason=reason)
+                known.failures.leave_out()  # not before: the store may have refused
+                self._cache.forget(vehicle)
+                known.failures.succeed()
+        elif n_failures > 1:
             self._ledger.warn(vehicle, "monitor:opening", f"frames wait, as the vehicle cannot be opened: {reason}")
-
-    def _count_failure(self, vehicle: str, frame: StoredFrame, reason: str) -> None:
-        """Set a frame aside on which jobs failed repeatedly, or the window in which one was set aside before."""
-        first = self._failure_counts.add(
-            vehicle, frame.boot, frame.seq, done=self._streams[vehicle].done.get(frame.boot, -1)
-        )
-        if first is None:
-            return
-        self._ledger.set_frames_aside(vehicle, frame.boot, first, frame.seq, reason=reason)
-        self._failure_counts.leave_out(vehicle)  # not before: the store may have refused
-        self._handover.forget(vehicle)
-        self._backoff.succeed(vehicle)

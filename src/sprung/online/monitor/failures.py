@@ -1,6 +1,7 @@
 """What the monitor does about failures: of the analysis, of attempts, of the store and of its own loops."""
 
 import logging
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
@@ -16,90 +17,58 @@ LOG = logging.getLogger("sprung.monitor")
 _LONGEST_WAIT = 300.0
 #: Time for which intake stops after the store could not write [s].
 _PAUSE = 2.0
-#: Failures in one place after which its frame is set aside.
+#: Failures in one place after which its frame is quarantined.
 _MAX_FAILURES = 2
 
 
-class Backoff:
-    """Delays further attempts: not after the first failure, then by 1, 2, 4 .. 300 s.
-
-    Parameters
-    ----------
-    timer
-        Present time [s] of a monotonic clock.
-    """
-
-    def __init__(self, timer: Callable[[], float]) -> None:
-        self._timer = timer
-        self._n_failures: dict[str, int] = {}
-        self._until: dict[str, float] = {}
-
-    @property
-    def n_waiting(self) -> int:
-        """Number of names that failed more than once in a row."""
-        return sum(number > 1 for number in list(self._n_failures.values()))
-
-    def is_due(self, name: str) -> bool:
-        """Return whether the next attempt may be made."""
-        return name not in self._until or self._timer() >= self._until[name]
-
-    def fail(self, name: str) -> int:
-        """Record a failure, and return the number of failures in a row."""
-        number = self._n_failures[name] = self._n_failures.get(name, 0) + 1
-        wait = min(2.0 ** min(number - 2, 30), _LONGEST_WAIT) if number > 1 else 0.0
-        self._until[name] = self._timer() + wait
-        return number
-
-    def succeed(self, name: str) -> None:
-        """Record a success."""
-        self._n_failures.pop(name, None)
-        self._until.pop(name, None)
-
-
 @dataclass(slots=True)
-class _Failures:
-    """Failures of a vehicle since its last stored state.
+class Failures:
+    """Failures of the analysis of a vehicle: in a row, and since its last stored state.
 
     Parameters
     ----------
+    in_row
+        Number of failures in a row.
+    retry_at
+        Time of the next attempt on a monotonic clock [s].
     place
         Boot and sequence number of the frame of the last failure.
     count
         Number of failures there in a row.
     left_out
-        Boot and sequence number of the last frame that was set aside; None: none was.
+        Boot and sequence number of the last frame that was quarantined; None: none was.
+
+    Notes
+    -----
+    The next attempt is made at once after the first failure, and then after 1, 2, 4 .. 300 s.
+
+    A frame on which the analysis fails twice is quarantined. If a later frame fails before a state is stored, it is the
+    window that cannot be analysed, and its frames are quarantined. A failure on an earlier one, which is analysed
+    again, is a first failure.
     """
 
+    in_row: int = 0
+    retry_at: float = -math.inf
     place: tuple[int, int] = (-1, -1)
     count: int = 0
     left_out: tuple[int, int] | None = None
 
-    @property
-    def is_of_window(self) -> bool:
-        """Whether the last failure is behind a frame that was set aside."""
-        return self.left_out is not None and self.place > self.left_out
+    def fail(self, now: float) -> int:
+        """Postpone the next attempt, and return the number of failures in a row."""
+        self.in_row += 1
+        self.retry_at = now + (min(2.0 ** min(self.in_row - 2, 30), _LONGEST_WAIT) if self.in_row > 1 else 0.0)
+        return self.in_row
 
+    def succeed(self) -> None:
+        """Allow the next attempt at once."""
+        self.in_row = 0
+        self.retry_at = -math.inf
 
-class FailureCounts:
-    """Failures of all vehicles since their last stored states.
-
-    Notes
-    -----
-    A frame on which the analysis fails twice is set aside. If a later frame fails before a state is stored, it is the
-    window that cannot be analysed, and its frames are set aside. A failure on an earlier one, which is analysed again,
-    is a first failure.
-    """
-
-    def __init__(self) -> None:
-        self._of: dict[str, _Failures] = {}
-
-    def add(self, vehicle: str, boot: int, seq: int, *, done: int) -> int | None:
+    def fail_on(self, boot: int, seq: int, *, done: int) -> int | None:
         """Record a failure on a frame.
 
         Parameters
         ----------
-        vehicle
-            Name of the vehicle.
         boot, seq
             Boot and sequence number of the frame.
         done
@@ -108,26 +77,31 @@ class FailureCounts:
         Returns
         -------
         int or None
-            First sequence number of those to set aside, which end at the frame; None: it is tried again.
+            First sequence number of those to quarantine, which end at the frame; None: it is tried again.
         """
-        failures = self._of.setdefault(vehicle, _Failures())
-        failures.count = failures.count + 1 if (boot, seq) == failures.place else 1
-        failures.place = boot, seq
-        if failures.is_of_window:
+        self.count = self.count + 1 if (boot, seq) == self.place else 1
+        self.place = boot, seq
+        if self._is_of_window:
             return done + 1
-        return seq if failures.count >= _MAX_FAILURES else None
+        return seq if self.count >= _MAX_FAILURES else None
 
-    def leave_out(self, vehicle: str) -> None:
-        """Record that the store has set aside what `add` returned."""
-        failures = self._of[vehicle]
-        if failures.is_of_window:
-            self.forget(vehicle)
+    def leave_out(self) -> None:
+        """Record that the store has quarantined what `fail_on` returned."""
+        if self._is_of_window:
+            self.forget_frames()
         else:
-            failures.left_out = max(failures.place, failures.left_out or failures.place)
+            self.left_out = max(self.place, self.left_out or self.place)
 
-    def forget(self, vehicle: str) -> None:
-        """Reset, as a state was stored."""
-        self._of.pop(vehicle, None)
+    def forget_frames(self) -> None:
+        """Forget on which frames it failed, as a state was stored."""
+        self.place = (-1, -1)
+        self.count = 0
+        self.left_out = None
+
+    @property
+    def _is_of_window(self) -> bool:
+        """Whether the last failure is behind a frame that was quarantined."""
+        return self.left_out is not None and self.place > self.left_out
 
 
 class CircuitBreaker:

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from sprung._arrays import Real
 from sprung.diagnosis import Baseline, Diagnosis, Observation
 from sprung.errors import FormatError, ParameterError, SprungError
-from sprung.online.monitor.engine import MonitorSettings
+from sprung.online.monitor.assessment import History
+from sprung.online.monitor.events import MonitorSettings
 from sprung.online.monitor.jobs import Opening, open_monitor
 from sprung.online.monitor.site import Site
-from sprung.online.monitor.states import History
 from sprung.online.store import (
     BaselineRow,
     Entry,

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from sprung.errors import FormatError, ParameterError
 from sprung.link import (
@@ -24,12 +24,14 @@ from sprung.link import (
     topic,
 )
 from sprung.link.messages import MOST_BOOTS, REPORTS, checksum, count, integer, text
-from sprung.online.monitor.inflow import vehicle_of
-from sprung.online.monitor.refusals import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals
-from sprung.online.store import Cursor, RefusedError, Store, StoredFrame
+from sprung.online.monitor.context import Context
+from sprung.online.monitor.message_queue import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals, vehicle_of
+from sprung.online.store import Cursor, RefusedError, StoredFrame
 from sprung.vehicles import vehicle_from_text
 
 T = TypeVar("T")
+#: Sequence number up to which nothing is missing, by vehicle and boot.
+_Arrived: TypeAlias = dict[tuple[str, int], int]
 
 LOG = logging.getLogger("sprung.monitor")
 
@@ -65,7 +67,7 @@ class Taken:
         Boots of which a box still has or expects frames, by vehicle of the states that name all of them.
     """
 
-    arrived: dict[tuple[str, int], int] = field(default_factory=dict)
+    arrived: _Arrived = field(default_factory=dict)
     described: dict[str, int] = field(default_factory=dict)
     frames: list[StoredFrame] = field(default_factory=list)
     n_messages: int = 0
@@ -81,15 +83,12 @@ class Intake:
 
     Parameters
     ----------
-    store
-        Store of the frames.
+    context
+        Store of the frames, and alerts about lost ones.
     publish
         Function that sends a payload to a topic.
     refusals
         Counts of refused messages; None: its own.
-    on_lost
-        Function of vehicle, number of lost frames by boot, time of the first sample and after the last one (UTC ns, 0
-        where unknown), and present time; called before the loss is acknowledged, and again if that was interrupted.
 
     Notes
     -----
@@ -100,13 +99,14 @@ class Intake:
 
     def __init__(
         self,
-        store: Store,
+        context: Context,
         publish: Callable[[str, bytes], object],
         *,
         refusals: Refusals | None = None,
-        on_lost: Callable[[str, Mapping[int, int], int, int, int], None] = lambda *_: None,
     ) -> None:
-        self._store, self._publish, self._on_lost = store, publish, on_lost
+        self._store = context.store
+        self._alerts = context.alerts
+        self._publish = publish
         self._tally = refusals or Refusals()
         self._lost: Counter[str] = Counter()
         self._counts = {"messages": 0, "frames": 0, "lost": 0}
@@ -202,8 +202,8 @@ class Intake:
             except (FormatError, ParameterError, RefusedError) as error:
                 self._refuse(name, error)
         # Frames first: what arrived is not lost.
-        taken.arrived.update(self._add_frames(frames, taken.frames, now))
-        taken.arrived.update(self._declare_lost(below, dropped, now))
+        taken.arrived |= self._add_frames(frames, taken.frames, now)
+        taken.arrived |= self._declare_lost(below, dropped, now)
         if self._seen and abs(now - self._noted) >= _NOTED_EVERY:
             self._store.inbox.seen(self._seen)
             self._seen, self._noted = {}, now
@@ -213,7 +213,7 @@ class Intake:
                 self._publish(topic(vehicle, "ack"), message(document))
         return taken
 
-    def declare_lost(self, vehicle: str, ends: Mapping[int, int], *, now: int) -> dict[tuple[str, int], int]:
+    def declare_lost(self, vehicle: str, ends: Mapping[int, int], *, now: int) -> _Arrived:
         """Declare missing frames of boots lost, which their box has no longer, and return up to where none is missing.
 
         Parameters
@@ -233,53 +233,62 @@ class Intake:
         below = {(vehicle, boot): end for boot, end in ends.items()}
         return self._declare_lost(below, {vehicle: _Dropped((), 0)}, now)
 
-    def _add_frames(
-        self, frames: Sequence[StoredFrame], new: list[StoredFrame], now: int
-    ) -> dict[tuple[str, int], int]:
-        """Store frames that are not refused, add new ones to `new`, and return up to where none is missing."""
+    def _stored(
+        self, things: Sequence[T], place: Callable[[T], tuple[str, str]], store: Callable[[Sequence[T]], _Arrived]
+    ) -> _Arrived:
+        """Return up to where nothing is missing after storing things of a vehicle and kind.
+
+        Those that the store refuses are left out: all are tried together, then vehicle by vehicle, then one by one.
+        """
         try:
-            arrived = self._store.inbox.add_frames(frames, new=new, now=now)
+            return store(things)
         except RefusedError as error:
-            if len(frames) == 1:
-                self._refuse(topic(frames[0].vehicle, frames[0].kind), error)
+            if len(things) == 1:
+                self._refuse(topic(*place(things[0])), error)
                 return {}
-            arrived = {}
-            for part in _parts(frames, lambda frame: frame.vehicle):
-                arrived.update(self._add_frames(part, new, now))
-            return arrived
-        self._counts["frames"] += len(frames)
+        by_vehicle: dict[str, list[T]] = {}
+        for thing in things:
+            by_vehicle.setdefault(place(thing)[0], []).append(thing)
+        arrived: _Arrived = {}
+        for part in by_vehicle.values() if len(by_vehicle) > 1 else [[thing] for thing in things]:
+            arrived |= self._stored(part, place, store)
         return arrived
+
+    def _add_frames(self, frames: Sequence[StoredFrame], new: list[StoredFrame], now: int) -> _Arrived:
+        """Store frames, add new ones to `new`, and return up to where none is missing."""
+
+        def add(some: Sequence[StoredFrame]) -> _Arrived:
+            arrived = self._store.inbox.add_frames(some, new=new, now=now)
+            self._counts["frames"] += len(some)
+            return arrived
+
+        return self._stored(frames, lambda frame: (frame.vehicle, frame.kind), add)
 
     def _declare_lost(
         self, below: Mapping[tuple[str, int], int], dropped: Mapping[str, "_Dropped"], now: int
-    ) -> dict[tuple[str, int], int]:
+    ) -> _Arrived:
         """Declare frames lost that boxes no longer have, and return up to where nothing is missing.
 
-        Vehicles that the store refuses are left out. Alerts are part of the transaction: the next frame that arrives is
-        acknowledged beyond what is declared lost, and its box then no longer reports it.
+        Alerts are part of the transaction: the next frame that arrives is acknowledged beyond what is declared lost,
+        and its box then no longer reports it.
         """
-        try:
+
+        def declare(lost: Sequence[tuple[tuple[str, int], int]]) -> _Arrived:
             with self._store.together():
-                progress = self._store.inbox.declare_lost(below, now=now)
+                progress = self._store.inbox.declare_lost(dict(lost), now=now)
                 arrived = self._report_lost(progress, dropped, now)
-        except RefusedError as error:
-            if len(below) == 1:
-                self._refuse(topic(next(iter(below))[0], "state"), error)
-                return {}
-            arrived = {}
-            for part in _parts(list(below.items()), lambda entry: entry[0][0]):
-                arrived.update(self._declare_lost(dict(part), dropped, now))
+            for (vehicle, _), (before, after) in progress.items():
+                self._counts["lost"] += after.lost - before.lost
+                self._lost[vehicle] += after.lost - before.lost
             return arrived
-        for (vehicle, _), (before, after) in progress.items():
-            self._counts["lost"] += after.lost - before.lost
-            self._lost[vehicle] += after.lost - before.lost
-        return arrived
+
+        return self._stored(list(below.items()), lambda loss: (loss[0][0], "state"), declare)
 
     def _report_lost(
         self, progress: Mapping[tuple[str, int], tuple[Cursor, Cursor]], dropped: Mapping[str, "_Dropped"], now: int
-    ) -> dict[tuple[str, int], int]:
+    ) -> _Arrived:
         """Report frames that were declared lost, and return up to where nothing is missing."""
-        arrived: dict[tuple[str, int], int] = {}
+        arrived: _Arrived = {}
         counts: dict[str, dict[int, int]] = {}
         for (vehicle, boot), (before, after) in progress.items():
             stated = dropped[vehicle]
@@ -290,7 +299,9 @@ class Intake:
                 counts.setdefault(vehicle, {})[boot] = min(after.lost, stated.n_frames.get(boot, stated.unstated))
         for vehicle, by_boot in counts.items():
             if any(by_boot.values()):
-                self._on_lost(vehicle, by_boot, *span_of(dropped[vehicle].losses), now)
+                # Before the loss is acknowledged, and again if that was interrupted.
+                begin, end = span_of(dropped[vehicle].losses)
+                self._alerts.report_lost(vehicle, by_boot, begin=begin, end=end, now=now)
         return arrived
 
     def _check_boot(self, vehicle: str, boot: int) -> None:
@@ -392,14 +403,6 @@ class _Dropped:
     def n_frames(self) -> dict[int, int]:
         """Number of frames by boot."""
         return {loss.boot: loss.n_frames for loss in self.losses}
-
-
-def _parts(things: Sequence[T], name: Callable[[T], str]) -> list[list[T]]:
-    """Return things of several names split by name, and things of one name split one by one."""
-    names = dict.fromkeys(map(name, things))
-    if len(names) == 1:
-        return [[thing] for thing in things]
-    return [[thing for thing in things if name(thing) == each] for each in names]
 
 
 def _reason(error: Exception) -> str:

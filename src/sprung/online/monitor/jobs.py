@@ -5,15 +5,17 @@ import resource
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
 from sprung.diagnosis import Baseline, TypeBaseline
 from sprung.errors import SprungError
 from sprung.link import FrameBlock, decode, frame_block
-from sprung.online.monitor.engine import Event, MonitorSettings, Observed, Restored, VehicleMonitor
-from sprung.online.monitor.states import History, read_state, state_of_history, write_state
+from sprung.online.monitor.assessment import History
+from sprung.online.monitor.engine import VehicleMonitor
+from sprung.online.monitor.events import Event, MonitorSettings, Observed, Restored
+from sprung.online.monitor.states import read_state, write_state
 from sprung.state import VehicleStatus
 from sprung.vehicles import vehicle_from_text
 
@@ -133,11 +135,13 @@ def open_monitor(opening: Opening) -> tuple[VehicleMonitor, dict[str, str]]:
         If the description cannot be used.
     """
     vehicle = vehicle_from_text(opening.description, source=f"the vehicle file of {opening.vehicle}")
+    of_type = opening.type_baseline
     if opening.state is None:
-        state = state_of_history(vehicle.name, opening.history, asdict(opening.settings))
+        monitor = VehicleMonitor.from_history(
+            vehicle, opening.history, settings=opening.settings, type_baseline=of_type
+        )
     else:
-        state = read_state(opening.state)
-    monitor = VehicleMonitor.from_state(vehicle, state, type_baseline=opening.type_baseline)
+        monitor = VehicleMonitor.from_state(vehicle, read_state(opening.state), type_baseline=of_type)
     return monitor, dict(opening.quantities)
 
 

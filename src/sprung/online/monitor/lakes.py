@@ -3,15 +3,11 @@
 import logging
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from sprung.errors import SprungError
 from sprung.link import Every
-from sprung.online.monitor.site import Site
+from sprung.online.monitor.context import Context
 from sprung.recording import Recording
-
-if TYPE_CHECKING:
-    from sprung.fleet.lake import Lake, Outbox
 
 LOG = logging.getLogger("sprung.monitor")
 
@@ -30,36 +26,26 @@ class LakeWriter:
 
     Parameters
     ----------
-    lake
-        The lake.
-    outbox
-        Windows that wait.
-    source
-        Name of the monitor in the lake.
-    before
-        Function of the present time that returns the time before which dates are deleted, both UTC ns.
-    clock
-        Present time, UTC ns.
-    timer
-        Present time [s] of a monotonic clock.
+    context
+        Settings, and clocks.
+    location
+        Folder or URL of the lake.
     """
 
-    def __init__(
-        self,
-        lake: "Lake",
-        outbox: "Outbox",
-        *,
-        source: str,
-        before: Callable[[int], int],
-        clock: Callable[[], int],
-        timer: Callable[[], float],
-    ) -> None:
-        self._lake, self._outbox, self._source = lake, outbox, source
-        self._before = before
-        self._clock = clock
-        self._moving, self._tidying = Every(_WAIT, timer), Every(_DAY, timer)
+    def __init__(self, context: Context, location: str) -> None:
+        from sprung.fleet.lake import Lake, Outbox
+
+        keep = context.site.keep
+        self._lake = Lake(location)
+        self._outbox = Outbox(context.site.outbox, most_bytes=1e9 * keep.raw_gigabytes)
+        self._source = f"monitor {context.site.name}"
+        self._keep = keep
+        self._clock = context.clock
+        self._moving = Every(_WAIT, context.timer)
+        self._tidying = Every(_DAY, context.timer)
         self._moving.start()
-        self._n_written = self._n_failures = 0
+        self._n_written = 0
+        self._n_failures = 0
         self._reasons: dict[str, str] = {}
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="lake", daemon=True)
@@ -118,7 +104,7 @@ class LakeWriter:
 
     def _tidy(self) -> None:
         """Delete old dates, and compact."""
-        self._lake.prune(before=self._before(self._clock()))
+        self._lake.prune(before=self._keep.before(self._keep.days_in_lake, self._clock()))
         self._lake.compact(most_bytes=_COMPACTED)
 
     def _attempt(self, what: str, act: Callable[[], None]) -> None:
@@ -139,20 +125,3 @@ class LakeWriter:
         """Do what is due until stopped."""
         while not self._stopping.wait(_LOOK):
             self.step()
-
-
-def lake_writer(site: Site, *, clock: Callable[[], int], timer: Callable[[], float]) -> LakeWriter | None:
-    """Return the lake writer of a site; None if it has no lake."""
-    if site.keep.lake is None:
-        return None
-    from sprung.fleet.lake import Lake, Outbox
-
-    outbox = Outbox(site.outbox, most_bytes=1e9 * site.keep.raw_gigabytes)
-    return LakeWriter(
-        Lake(site.keep.lake),
-        outbox,
-        source=f"monitor {site.name}",
-        before=site.keep.lake_before,
-        clock=clock,
-        timer=timer,
-    )

@@ -1,20 +1,22 @@
 """Storage of the analysis: results and progress in one transaction, samples in an archive, alerts."""
 
+import json
 import logging
-from collections.abc import Callable
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from sprung.diagnosis import Baseline
-from sprung.errors import SprungError
-from sprung.link import checked_map
+from sprung.errors import FormatError, SprungError
+from sprung.link import Key, checked_map
 from sprung.link.archive import write_archive
-from sprung.online.monitor.alert_book import AlertBook
-from sprung.online.monitor.engine import Event, Identified, Observed, Restored
+from sprung.link.messages import count
+from sprung.link.summaries import summary_from_document
+from sprung.online.monitor.context import Context
+from sprung.online.monitor.events import Event, Identified, Observed, Restored
 from sprung.online.monitor.jobs import Outcome
-from sprung.online.monitor.on_board import archive_correlations, reported_modes
-from sprung.online.monitor.site import Site
-from sprung.online.store import Progress, RefusedError, Store, StoredFrame, StoreError
-from sprung.recording import Recording
+from sprung.online.monitor.lakes import LakeWriter
+from sprung.online.store import Progress, RefusedError, StoredFrame, StoreError
 from sprung.results.documents import baseline_document, finding_document, observation_document
 
 LOG = logging.getLogger("sprung.monitor")
@@ -32,16 +34,10 @@ class Ledger:
 
     Parameters
     ----------
-    site
-        Settings, including those of the archive.
-    store
-        Store of results and progress.
-    alerts
-        Alerts of all vehicles.
-    clock
-        Present time, UTC ns.
-    keep_window
-        Function that keeps the samples of a window of a vehicle for the lake; None: no lake.
+    context
+        Settings, including those of the archive, store of results and progress, and alerts.
+    lake
+        Lake writer that keeps the samples of windows; None: no lake.
 
     Notes
     -----
@@ -49,20 +45,15 @@ class Ledger:
     analyses their frames again, and stores the same.
     """
 
-    def __init__(
-        self,
-        site: Site,
-        store: Store,
-        *,
-        alerts: AlertBook,
-        clock: Callable[[], int],
-        keep_window: Callable[[str, Recording], None] | None = None,
-    ) -> None:
-        self._keep_window = keep_window
-        self._store, self._alerts, self._clock = store, alerts, clock
+    def __init__(self, context: Context, *, lake: LakeWriter | None = None) -> None:
+        self._store = context.store
+        self._alerts = context.alerts
+        self._clock = context.clock
+        self._samples = context.site.archive
+        self._correlations = context.site.correlations
+        self._lake = lake
         self._warned: dict[tuple[str, str], str] = {}
         self._waiting: list[Progress] = []
-        self._samples, self._correlations = site.archive, site.correlations
         self._n_windows = 0
         self._n_identifications = 0
         self._n_frames_quarantined = 0
@@ -111,8 +102,8 @@ class Ledger:
         now = self._clock()
         for event in windows:
             self._archive(outcome.vehicle, boot, event)
-            if self._keep_window is not None:
-                self._keep_window(outcome.vehicle, event.recording)
+            if self._lake is not None:
+                self._lake.keep(outcome.vehicle, event.recording)
         done = seq if is_saved else -1
         progress = Progress(
             outcome.vehicle,
@@ -132,7 +123,8 @@ class Ledger:
             if len(self._waiting) >= _MOST_WAITING:
                 self.flush()
             return False
-        self._store.results.commit(progress, *self._of(outcome.vehicle))
+        waiting = [each for each in self._waiting if each.vehicle == outcome.vehicle]
+        self._store.results.commit(progress, *waiting)
         self._waiting = [each for each in self._waiting if each.vehicle != outcome.vehicle]
         for change in changes:
             if change.baseline is not None:
@@ -191,8 +183,8 @@ class Ledger:
         """
         self._store.results.commit(Progress(vehicle, boot, done_seq=seq, delete_through_seq=seq))
 
-    def set_frames_aside(self, vehicle: str, boot: int, first: int, last: int, *, reason: str) -> None:
-        """Set the frames of a boot between two sequence numbers aside, and raise an alert.
+    def quarantine_frames(self, vehicle: str, boot: int, first: int, last: int, *, reason: str) -> None:
+        """Quarantine the frames of a boot between two sequence numbers, and raise an alert.
 
         Raises
         ------
@@ -205,8 +197,8 @@ class Ledger:
         )
         self.warn(vehicle, "monitor:analysis", f"frames could not be analysed and were quarantined: {reason}")
 
-    def set_state_aside(self, vehicle: str, *, reason: str) -> bool:
-        """Set the saved state of a vehicle aside, and raise an alert; return whether there was one.
+    def quarantine_state(self, vehicle: str, *, reason: str) -> bool:
+        """Quarantine the saved state of a vehicle, and raise an alert; return whether there was one.
 
         Raises
         ------
@@ -274,10 +266,6 @@ class Ledger:
             )
         )
 
-    def _of(self, vehicle: str) -> list[Progress]:
-        """Return the results of a vehicle that wait."""
-        return [progress for progress in self._waiting if progress.vehicle == vehicle]
-
     def _store_alone(self, progress: Progress) -> None:
         """Store results by themselves, or drop them if the store refuses them."""
         try:
@@ -337,3 +325,45 @@ def _findings(event: Observed) -> list[dict[str, Any]]:
 def _baseline(baseline: Baseline, now: int) -> tuple[int, int, str, dict[str, Any]]:
     """Return version, time, reason and document of a baseline that is in use from now on."""
     return baseline.version, now, baseline.reason, baseline_document(baseline).as_json()
+
+
+def reported_modes(document: Mapping[Any, Any]) -> dict[str, Any]:
+    """Return the modes in a report of a box, in the form of the store.
+
+    Raises
+    ------
+    FormatError
+        If they cannot be written as JSON.
+    """
+    modes = {"modes": document.get("modes"), "reason": document.get("reason"), "is_on_board": True}
+    try:
+        json.dumps(modes, allow_nan=False)  # a report that the store cannot hold would be sent repeatedly
+    except (TypeError, ValueError) as error:
+        raise FormatError(f"modes that cannot be stored: {error}") from None
+    return modes
+
+
+def archive_correlations(document: Mapping[Any, Any], folder: Path, vehicle: str) -> None:
+    """Write the correlations in a report of a box to an archive.
+
+    Raises
+    ------
+    FormatError
+        If they are incomplete.
+    StoreError
+        If the archive cannot be written.
+    """
+    summary = document.get("summary")
+    if not isinstance(summary, Mapping):
+        raise FormatError("a report of correlations without a summary")
+    average = summary_from_document(summary).average
+    write_archive(
+        folder,
+        vehicle,
+        count(document, Key.BOOT),
+        count(document, "number"),
+        count(document, Key.START),
+        samples=average.values.reshape(-1, average.values.shape[-1]),
+        channels=[f"{name}:{reference}" for name in average.channels for reference in average.references],
+        sampling_rate=average.sampling_rate,
+    )

@@ -27,7 +27,7 @@ from sprung.online.alerts import (
     unshelved,
 )
 from sprung.online.monitor.alert_book import AlertBook
-from sprung.online.monitor.engine import Identified, MonitorSettings, Observed
+from sprung.online.monitor.events import Identified, MonitorSettings, Observed
 from sprung.online.monitor.fleets import rankings
 from sprung.online.monitor.histories import (
     LEARN,

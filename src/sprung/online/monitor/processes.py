@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -32,38 +32,6 @@ class Lost(NamedTuple):
 
 #: Answer of a process to each request: an outcome, None if there is none, or that the process is lost.
 Answer = Outcome | Lost | None
-
-
-class Process(Protocol):
-    """Interface of a process that `Workers` needs."""
-
-    @property
-    def pid(self) -> int | None:
-        """Number of the process."""
-
-    @property
-    def is_alive(self) -> bool:
-        """Whether the process runs."""
-
-    @property
-    def seconds(self) -> float:
-        """Processor time of the process so far [s]; 0 if it is unknown."""
-
-    @property
-    def n_consumed(self) -> int:
-        """Number of frames of the present job that are consumed."""
-
-    def send(self, request: object) -> None:
-        """Send a request; it is answered once."""
-
-    def answers(self) -> list[Answer]:
-        """Return the answers that have arrived, the first of which says that the process has started."""
-
-    def kill(self) -> None:
-        """End the process at once."""
-
-    def join(self, timeout: float) -> None:
-        """Wait for the process to end after the request None, then end it."""
 
 
 class WorkerProcess:
@@ -118,11 +86,7 @@ class WorkerProcess:
 
     def answers(self) -> list[Answer]:
         """Return the answers that have arrived, the first of which says that the process has started."""
-        answers = []
-        with suppress(queue.Empty):
-            while True:
-                answers.append(self._answers.get_nowait())
-        return answers
+        return [self._answers.get_nowait() for _ in range(self._answers.qsize())]  # nobody else takes them
 
     def kill(self) -> None:
         """End the process at once."""

@@ -41,7 +41,7 @@ def wait_for_samples(
         on_progress(f"waiting for samples of {row.vehicle}", 0.0)
         time.sleep(_LOOK)
     if row.done is None and not timeout:
-        return open_request_in_words(row)
+        return describe_request(row)
     if row.done is None:
         known = store.inbox.vehicle(row.vehicle)
         seen = "never" if known is None else f"at {time_in_words(known.last_seen)} UTC"
@@ -54,7 +54,7 @@ def wait_for_samples(
     return f"received samples {_span(row.detail)} of {row.vehicle}, {row.detail['frames']} frames"
 
 
-def relearning_in_words(vehicle: str, reason: str) -> str:
+def describe_relearning(vehicle: str, reason: str) -> str:
     """Return the sentence about a request for a new baseline."""
     return (
         f"{vehicle} will relearn its baseline ({reason.strip()!r}) from its next usable windows (learning_windows of"
@@ -62,7 +62,7 @@ def relearning_in_words(vehicle: str, reason: str) -> str:
     )
 
 
-def rolling_back_in_words(vehicle: str, version: int, reason: str) -> str:
+def describe_rollback(vehicle: str, version: int, reason: str) -> str:
     """Return the sentence about a request to return to an earlier baseline."""
     return (
         f"{vehicle} will return to its baseline {version} ({reason.strip()!r}): change detection restarts with its"
@@ -70,7 +70,7 @@ def rolling_back_in_words(vehicle: str, version: int, reason: str) -> str:
     )
 
 
-def open_request_in_words(row: CommandRow) -> str:
+def describe_request(row: CommandRow) -> str:
     """Return the sentence about a request that is not yet done."""
     if row.act == "raw":
         what = f"samples {_span(row.detail)}"

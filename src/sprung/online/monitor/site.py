@@ -1,15 +1,16 @@
 """The site file: settings of a monitor."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from sprung.errors import FormatError, ParameterError
 from sprung.link import Address
-from sprung.online.alerts import AlertSettings, MailSender, ServiceSender, WebhookSender
-from sprung.online.monitor.engine import MonitorSettings
+from sprung.online.alerts import AlertSettings, MailSender, Sender, ServiceSender, WebhookSender
+from sprung.online.monitor.events import MonitorSettings
 from sprung.online.store import check_address
 from sprung.toml import checked, toml_fields
 
@@ -124,36 +125,24 @@ class Keep(_Table):
         None, min_length=1, description="folder or URL of the results of `sprung fleet run`, for a page; left out: none"
     )
 
-    def results_before(self, now: int) -> int:
-        """Return the time before which results are deleted, UTC ns."""
-        return now - round(self.results_days * _DAY)
+    def before(self, days: float, now: int) -> int:
+        """Return the time [UTC ns] some days before the present one."""
+        return now - round(days * _DAY)
 
-    def audit_before(self, now: int) -> int:
-        """Return the time before which the audit trail and the history of alerts are deleted, UTC ns."""
-        return now - round(self.audit_days * _DAY)
-
-    def boots_before(self, now: int) -> int:
-        """Return the time before which the progress of finished starts of boxes is deleted, UTC ns."""
-        return now - round(self.boots_days * _DAY)
-
-    def lake_before(self, now: int) -> int:
-        """Return the time before which windows in the lake are deleted, UTC ns."""
-        return now - round((self.lake_days or self.results_days) * _DAY)
-
-    def raw_before(self, now: int) -> int:
-        """Return the time before which samples are deleted, UTC ns."""
-        return now - round(self.raw_days * _DAY)
+    @property
+    def days_in_lake(self) -> float:
+        """Age at which windows in the lake are deleted [days]."""
+        return self.lake_days or self.results_days
 
 
-class Webhook(_Table):
-    """Notifications by HTTP."""
+class _Recipient(_Table):
+    """Where notifications are sent to, checked when the file is read."""
 
-    url: str = Field(description="address to which `sprung.alert/1` is posted")
-    headers: dict[str, str] = Field({}, description="headers of the request, such as an Authorization")
+    sender_type: ClassVar[Callable[..., Sender]]
 
-    def as_sender(self, name: str) -> WebhookSender:
+    def as_sender(self, name: str) -> Sender:
         """Return the sender."""
-        return WebhookSender(self.url, headers=self.headers, name=name)
+        return self.sender_type(**self.model_dump(), name=name)
 
     @model_validator(mode="after")
     def _can_send(self) -> Self:
@@ -161,9 +150,18 @@ class Webhook(_Table):
         return self
 
 
-class Mail(_Table):
+class Webhook(_Recipient):
+    """Notifications by HTTP."""
+
+    sender_type = WebhookSender
+    url: str = Field(description="address to which `sprung.alert/1` is posted")
+    headers: dict[str, str] = Field({}, description="headers of the request, such as an Authorization")
+
+
+class Mail(_Recipient):
     """Notifications by e-mail."""
 
+    sender_type = MailSender
     host: str = Field(description="mail server")
     port: int = Field(587, description="its port")
     sender: str = Field(description="address of the sender")
@@ -172,29 +170,12 @@ class Mail(_Table):
     password: str | None = Field(None, description="password at the server; left out: none")
     starttls: bool = Field(True, description="whether to encrypt the connection")
 
-    def as_sender(self, name: str) -> MailSender:
-        """Return the sender."""
-        return MailSender(**self.model_dump(), name=name)
 
-    @model_validator(mode="after")
-    def _can_send(self) -> Self:
-        self.as_sender("")
-        return self
-
-
-class Service(_Table):
+class Service(_Recipient):
     """Notifications by a service of apprise."""
 
+    sender_type = ServiceSender
     url: str = Field(description="address of a service as apprise writes it, such as `slack://TOKEN/#channel`")
-
-    def as_sender(self, name: str) -> ServiceSender:
-        """Return the sender."""
-        return ServiceSender(self.url, name=name)
-
-    @model_validator(mode="after")
-    def _can_send(self) -> Self:
-        self.as_sender("")
-        return self
 
 
 class Send(_Table):

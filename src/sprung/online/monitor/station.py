@@ -9,20 +9,18 @@ from contextlib import suppress
 from functools import partial
 
 from sprung.link import UPWARDS, VERSION, Every, Key, Link, message, topic
-from sprung.online.monitor.alert_book import AlertBook
+from sprung.online.monitor.context import Context
 from sprung.online.monitor.dispatch import Dispatch
-from sprung.online.monitor.engine import Observed
+from sprung.online.monitor.events import Observed
 from sprung.online.monitor.failures import CircuitBreaker, Heartbeats, Loop
 from sprung.online.monitor.figures import labelled
-from sprung.online.monitor.inflow import Inflow, vehicle_of
+from sprung.online.monitor.housekeeping import Housekeeping
 from sprung.online.monitor.intake import MONITOR, Intake
-from sprung.online.monitor.lakes import lake_writer
+from sprung.online.monitor.lakes import LakeWriter
 from sprung.online.monitor.ledger import Ledger
-from sprung.online.monitor.postman import PostOffice, senders_of
-from sprung.online.monitor.refusals import OVERLOAD, Refusals
+from sprung.online.monitor.message_queue import OVERLOAD, MessageQueue, Refusals, vehicle_of
+from sprung.online.monitor.notifier import NotificationService, senders_of
 from sprung.online.monitor.site import Site
-from sprung.online.monitor.upkeep import Upkeep
-from sprung.online.monitor.vehicle_report import alert_picture
 from sprung.online.monitor.workers import Workers
 from sprung.online.store import ReservationLostError, Store, StoreError
 from sprung.state import VehicleStatus
@@ -74,73 +72,44 @@ class Station:
         timer: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        self._site = site
+        context = Context(site, store, clock, timer)
         self._store = store
+        self._alerts = context.alerts
         self._clock = clock
         self._timer = timer
         self._sleep = sleep
         self._name = f"{socket.gethostname()}, process {os.getpid()}"
-        self._inflow = Inflow()
+        self._messages = MessageQueue()
         self._refusals = Refusals()
-        self._last_message: float | None = None
-        self._last_window: float | None = None
         self._link = connect(
             topics=[topic("+", what) for what in UPWARDS],
             on_message=self.receive,
             will=(topic(MONITOR, "state"), message({Key.VERSION: VERSION, "is_dead": True})),
         )
         senders = senders_of(site.send, self._link.publish)
-        loops = loops_of(site.watch.seconds_per_job, [sender.name for sender in senders])
-        self._heartbeats = Heartbeats(loops, timer)
-        alerts = self._alerts = AlertBook(store, site.alerts.settings)
+        self._heartbeats = Heartbeats(loops_of(site.watch.seconds_per_job, [one.name for one in senders]), timer)
         self._breaker = CircuitBreaker(timer)
-        self._intake = Intake(
-            store,
-            self._link.publish,
-            refusals=self._refusals,
-            on_lost=lambda vehicle, counts, begin, end, now: alerts.report_lost(
-                vehicle, counts, begin=begin, end=end, now=now
-            ),
-        )
-        self._lake = lake_writer(site, clock=clock, timer=timer)
-        ledger = Ledger(
-            site, store, alerts=alerts, clock=clock, keep_window=None if self._lake is None else self._lake.keep
-        )
-        self._taking_over = Every(_TAKE_OVER, timer)
-        self._checking = Every(_CHECK, timer)
-        self._is_followed = False
-        self._dispatch = Dispatch(
-            store,
-            workers,
-            ledger,
-            site.watch.settings,
-            timer=timer,
-            clock=clock,
-        )
-        self._post = PostOffice(
-            store,
-            senders,
-            clock=clock,
-            link=site.alert_url,
-            picture=partial(alert_picture, store),
-            on_heartbeat=self._heartbeats.on_heartbeat,
-        )
-        self._upkeep = Upkeep(
-            site,
-            store,
-            alerts=alerts,
+        self._intake = Intake(context, self._link.publish, refusals=self._refusals)
+        self._lake = None if site.keep.lake is None else LakeWriter(context, site.keep.lake)
+        self._dispatch = Dispatch(context, workers, Ledger(context, lake=self._lake))
+        self._notifications = NotificationService(context, senders, on_heartbeat=self._heartbeats.on_heartbeat)
+        self._housekeeping = Housekeeping(
+            context,
             intake=self._intake,
             link=self._link,
             breaker=self._breaker,
-            post=self._post,
-            relearn=self._dispatch.relearn,
+            notifications=self._notifications,
+            dispatch=self._dispatch,
             lake=self._lake,
-            clock=clock,
-            timer=timer,
         )
+        self._taking_over = Every(_TAKE_OVER, timer)
+        self._checking = Every(_CHECK, timer)
         self._examining = Every(_EXAMINE, timer)
-        self._overloaded: set[str] = set()
         self._flushing = Every(_FLUSH, timer)
+        self._last_message: float | None = None
+        self._last_window: float | None = None
+        self._overloaded: set[str] = set()
+        self._is_followed = False
         self._is_resting = False
         self._is_active = False
 
@@ -157,7 +126,7 @@ class Station:
     @property
     def is_idle(self) -> bool:
         """Whether all received frames are analysed, except those that wait for earlier frames or a description."""
-        return self._is_resting and self._inflow.is_empty and self._dispatch.is_idle
+        return self._is_resting and self._messages.is_empty and self._dispatch.is_idle
 
     def open(self, *, timeout: float = 0.0) -> None:
         """Continue from the store, and connect; stand by while another monitor works on it, on PostgreSQL.
@@ -181,10 +150,10 @@ class Station:
 
     def _begin(self, timeout: float) -> None:
         """Begin to work on the store."""
-        self._upkeep.open()
+        self._housekeeping.open()
         self._is_active = True
         self._follow()
-        self._post.open()
+        self._notifications.open()
         if self._lake is not None:
             self._lake.open()
         self._link.open(timeout=timeout)
@@ -236,7 +205,7 @@ class Station:
                 self._last_window = self._timer()
         if outcomes or self._dispatch.is_idle:
             self._heartbeats.on_heartbeat("analysis")
-        self._upkeep.step()
+        self._housekeeping.step()
         if self._examining.is_due:
             self._examining.start()
             self._breaker.call(self._examine)
@@ -249,7 +218,7 @@ class Station:
 
     def close(self) -> None:
         """Stop cleanly."""
-        self._post.close()
+        self._notifications.close()
         if self._lake is not None:
             self._lake.close()
         self._link.close()
@@ -257,7 +226,7 @@ class Station:
             self._is_active = False
             with suppress(ReservationLostError), self._store.reservation.fenced():
                 self._breaker.call(self._dispatch.flush)
-                self._upkeep.close()
+                self._housekeeping.close()
             self._store.reservation.release()
             LOG.info("stopped")
         self._dispatch.close()
@@ -265,7 +234,7 @@ class Station:
     def receive(self, name: str, payload: bytes) -> None:
         """Queue a message for the next step; beyond the limit it is dropped, and sent again as unacknowledged."""
         self._last_message = self._timer()
-        if not self._inflow.put(name, payload):
+        if not self._messages.put(name, payload):
             vehicle = vehicle_of(name)
             self._refusals.add(vehicle, OVERLOAD)
             if vehicle and len(self._overloaded) < _MOST_ALERTS:
@@ -279,10 +248,10 @@ class Station:
         return {
             **self._intake.figures,
             **self._dispatch.figures,
-            **self._post.figures,
+            **self._notifications.figures,
             **({} if self._lake is None else self._lake.figures),
             **{name: now - time for name, time in last.items() if time is not None},
-            "sprung_queue_bytes": self._inflow.n_bytes,
+            "sprung_queue_bytes": self._messages.n_bytes,
             "sprung_link_connected": float(self._link.is_connected),
             "sprung_active": float(self._is_active),
             "sprung_store_writable": float(not self._breaker.problem),
@@ -298,7 +267,7 @@ class Station:
         if not self._is_active and self._taking_over.started is not None:
             return []
         broker = "" if self._link.is_connected else self._link.problem or "the broker has not answered yet"
-        inner = (*self._heartbeats.problems, *self._post.problems)
+        inner = (*self._heartbeats.problems, *self._notifications.problems)
         return [sentence for sentence in (broker, self._breaker.problem, *inner) if sentence]
 
     def _follow(self) -> None:
@@ -308,7 +277,7 @@ class Station:
 
     def _take(self) -> int:
         """Store the messages received, and return their number."""
-        if self._inflow.is_empty:
+        if self._messages.is_empty:
             return 0
         taken = self._breaker.call(partial(self._intake.take, self._batch(), now=self._clock()))
         if taken is None:
@@ -344,7 +313,7 @@ class Station:
         """Yield messages, vehicle by vehicle in turn, while their number, their bytes and the time allow it."""
         n_bytes, begun = 0, self._timer()
         for _ in range(_BATCH):
-            message = self._inflow.take()
+            message = self._messages.take()
             if message is None:
                 return
             yield message

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from sprung.diagnosis import Baseline
-from sprung.online.monitor.engine import Observed
+from sprung.online.monitor.events import Observed
 from sprung.online.monitor.jobs import Failure, Limits, Opening, Outcome, failed
-from sprung.online.monitor.processes import Answer, Lost, Process, WorkerProcess
+from sprung.online.monitor.processes import Answer, Lost, WorkerProcess
 
 #: Shares of the limit of a job, in processor time, so that vehicles are not blamed for a computer that is too slow for
 #: all: that of a first offence; above which a vehicle is slow; and after which a job ends with the frame at hand.
@@ -33,7 +33,7 @@ class _Task(NamedTuple):
 class _Worker:
     """A process, its vehicles, and its unanswered requests, the first of which is under way."""
 
-    process: Process
+    process: WorkerProcess
     since: float
     seconds: float = 0.0
     is_for_slow: bool = False
@@ -78,9 +78,11 @@ class Workers:
         clock: Callable[[], float],
         vehicle_bytes: float = math.inf,
         job_bytes: float = math.inf,
-        start: Callable[[Limits, Callable[[], object]], Process] = WorkerProcess,
+        start: Callable[[Limits, Callable[[], object]], WorkerProcess] = WorkerProcess,
     ) -> None:
-        self._limit, self._clock, self._start_process = limit, clock, start
+        self._limit = limit
+        self._clock = clock
+        self._start_process = start
         self._limits = Limits(_SLICE * limit, vehicle_bytes, job_bytes)
         self._answered = threading.Event()
         self._slow: dict[str, int] = {}

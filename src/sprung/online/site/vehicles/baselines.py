@@ -12,7 +12,7 @@ from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.errors import FormatError, ParameterError
 from sprung.online.monitor import VehicleStatus, operations
 from sprung.online.monitor.histories import LEARN, ROLL_BACK, reference_of
-from sprung.online.monitor.requests import rolling_back_in_words
+from sprung.online.monitor.requests import describe_rollback
 from sprung.online.site.access import Engineer, EngineerForm, Viewer
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.rendering import path_of, vehicle_page
@@ -133,7 +133,7 @@ def roll_back(context: Shared, person: Engineer, vehicle: VehicleName, version: 
     """Return to an earlier baseline, which becomes the newest version; the next windows are compared with it."""
     reason, now = given.reason, context.clock()
     number = operations.roll_back(context.store, vehicle, version=version, reason=reason, who=person.name, now=now)
-    return Done(sentence=rolling_back_in_words(vehicle, version, reason), number=number)
+    return Done(sentence=describe_rollback(vehicle, version, reason), number=number)
 
 
 @pages.get("/vehicles/{vehicle}/baseline")

@@ -1,7 +1,8 @@
-"""Messages that wait for intake: bounded in bytes, and taken vehicle by vehicle in turn."""
+"""Messages that wait for intake: bounded in bytes, taken vehicle by vehicle in turn; and counts of those refused."""
 
 import threading
 from collections import deque
+from collections.abc import Mapping
 
 from sprung.errors import FormatError
 from sprung.link import parse_topic
@@ -10,9 +11,15 @@ from sprung.link import parse_topic
 MOST_WAITING, OVERHEAD = 128 << 20, 512
 #: Share of the free bytes that the messages of one vehicle may take.
 _SHARE = 0.25
+#: Reasons why messages are refused: no message of this version, a program of another version, more starts of a box than
+#: are kept, more bytes than wait at once, values that the store cannot hold.
+INVALID, VERSION_UNKNOWN, BOOTS, OVERLOAD, UNSTORABLE = "invalid", "version", "boots", "overload", "unstorable"
+#: Name that stands for all vehicles beyond the first thousand, and for messages without a vehicle.
+OTHERS = "(others)"
+_MOST_VEHICLES = 1000
 
 
-class Inflow:
+class MessageQueue:
     """Queues of messages, one for each vehicle; from any thread.
 
     Parameters
@@ -82,6 +89,39 @@ class Inflow:
             else:
                 del self._queues[vehicle], self._sizes[vehicle]
             return name, payload
+
+
+class Refusals:
+    """Counts refused messages; from any thread.
+
+    Notes
+    -----
+    Only the first 1000 vehicles are counted by name, so that nobody can fill memory or figures with made-up names.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._counts: dict[tuple[str, str], int] = {}
+        self._vehicles: set[str] = set()
+
+    @property
+    def total(self) -> int:
+        """Number of refused messages."""
+        return sum(self.counts.values())
+
+    @property
+    def counts(self) -> Mapping[tuple[str, str], int]:
+        """Number of refused messages by vehicle and reason."""
+        with self._lock:
+            return dict(self._counts)
+
+    def add(self, vehicle: str, reason: str) -> None:
+        """Count a refused message of a vehicle; empty: of no vehicle."""
+        with self._lock:
+            if vehicle and len(self._vehicles) < _MOST_VEHICLES:
+                self._vehicles.add(vehicle)
+            key = (vehicle if vehicle in self._vehicles else OTHERS, reason)
+            self._counts[key] = self._counts.get(key, 0) + 1
 
 
 def vehicle_of(name: str) -> str:

@@ -7,8 +7,7 @@ import pytest
 
 from sprung.link import checked_map, message, topic
 from sprung.online.alerts import AlertSettings
-from sprung.online.monitor import AlertBook
-from sprung.online.monitor.upkeep import Outage
+from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.store import Delivery
 
 BEGUN = 1_795_219_200_000_000_000
@@ -97,15 +96,6 @@ def test_a_request_is_not_lost_while_the_broker_is_away(asking, monkeypatch: pyt
     assert [wish["number"] for wish in wishes(one)] == [number]
 
 
-def test_a_request_outlasts_the_monitor(asking, bench, tmp_path: Path) -> None:
-    one, number = asking
-    look(one)
-    one.close()
-    again = bench(tmp_path)
-    look(again)
-    assert [wish["number"] for wish in wishes(again)] == [number]
-
-
 def test_a_request_is_done_when_all_that_the_box_says_it_sent_has_come(asking, drive, frames_of) -> None:
     one, number = asking
     frames = frames_of(drive(0))[:5]
@@ -133,13 +123,6 @@ def test_an_answer_without_samples_ends_a_request(asking) -> None:
     assert row.detail["reason"] == "the box holds no samples of that time"
 
 
-def test_another_vehicle_cannot_answer(asking) -> None:
-    one, number = asking
-    answer(one, number, vehicle="car-2", last=-1)
-    look(one)
-    assert is_open(one, number)
-
-
 @pytest.mark.parametrize("changes", [{"last": None}, {"boot": "1"}, {"frames": -2}, {"number": [1]}, {"to": 2**63}])
 def test_an_answer_that_is_none_is_refused(asking, changes) -> None:
     one, number = asking
@@ -165,13 +148,11 @@ AWAY = "the broker mqtt://broker:1883 cannot be reached (connection refused): ch
 
 def test_a_broker_that_is_away_is_logged_at_once_every_ten_minutes_and_when_it_is_back(bench, log) -> None:
     one = bench()
-    outage = Outage(one.link, lambda: one.now)
 
     def logged(minutes):
         before = len(log())
         for _ in range(60 * minutes):
-            one.now += SECOND
-            outage.step()
+            look(one)
         return log()[before:]
 
     one.link.is_connected, one.link.problem = False, ""
@@ -182,19 +163,6 @@ def test_a_broker_that_is_away_is_logged_at_once_every_ten_minutes_and_when_it_i
     assert logged(11) == [("WARNING", AWAY)] * 2
     one.link.is_connected, one.link.problem = True, ""
     assert logged(30) == [("INFO", "connected to broker")]
-
-
-def test_a_broker_that_is_away_is_a_problem_of_the_monitor(bench, log) -> None:
-    one = bench()
-    one.link.is_connected, one.link.problem = False, AWAY
-    before = len(log())
-    look(one)
-    assert log()[before:] == [("WARNING", AWAY)]
-    assert one.station.problems() == [AWAY]
-    one.link.is_connected, one.link.problem = True, ""
-    look(one)
-    assert log()[before + 1 :] == [("INFO", "connected to broker")]
-    assert one.station.problems() == []
 
 
 def test_notifications_that_were_given_up_are_an_alert_until_that_sender_delivers(bench, tmp_path: Path) -> None:

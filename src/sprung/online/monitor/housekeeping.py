@@ -1,19 +1,18 @@
 """Periodic housekeeping: silent vehicles, expired shelves, operator commands, retention, disk space."""
 
 import logging
-from collections.abc import Callable
 from datetime import UTC, datetime
 
 from sprung.link import VERSION, Every, Key, Link, message, topic
-from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.certificates import certificates_of
+from sprung.online.monitor.context import Context
+from sprung.online.monitor.dispatch import Dispatch
 from sprung.online.monitor.failures import CircuitBreaker
 from sprung.online.monitor.histories import LEARN, ROLL_BACK
 from sprung.online.monitor.intake import MONITOR, Intake
 from sprung.online.monitor.lakes import LakeWriter
-from sprung.online.monitor.postman import PostOffice
-from sprung.online.monitor.site import Site
-from sprung.online.store import CommandRow, Retention, Store
+from sprung.online.monitor.notifier import NotificationService
+from sprung.online.store import CommandRow, Retention
 
 LOG = logging.getLogger("sprung.monitor")
 
@@ -29,66 +28,56 @@ _ASK, _REMIND = 10.0, 600.0
 _CALM = 3600 * 10**9
 
 
-class Upkeep:
+class Housekeeping:
     """Periodic work that no message of a vehicle triggers.
 
     Parameters
     ----------
-    site
-        Settings.
-    store
-        Store of vehicles, commands and alerts.
-    alerts
-        Alerts of all vehicles.
+    context
+        Settings, store, alerts and clocks.
     intake
         Intake, for parked vehicles and the answers of boxes.
     link
         Connection to the broker.
     breaker
         Circuit breaker that stops intake while the store cannot write.
-    post
+    notifications
         Senders of notifications.
-    relearn
-        Function called with each open request for a new or an earlier baseline.
+    dispatch
+        Analysis, for requests for a new or an earlier baseline.
     lake
         Lake writer; None: no lake.
-    clock
-        Present time, UTC ns.
-    timer
-        Present time [s] of a monotonic clock.
     """
 
     def __init__(
         self,
-        site: Site,
-        store: Store,
+        context: Context,
         *,
-        alerts: AlertBook,
         intake: Intake,
         link: Link,
         breaker: CircuitBreaker,
-        post: PostOffice,
-        relearn: Callable[[CommandRow], None],
-        lake: LakeWriter | None = None,
-        clock: Callable[[], int],
-        timer: Callable[[], float],
+        notifications: NotificationService,
+        dispatch: Dispatch,
+        lake: LakeWriter | None,
     ) -> None:
-        self._site = site
-        self._store = store
-        self._alerts = alerts
+        self._site = context.site
+        self._store = context.store
+        self._alerts = context.alerts
+        self._clock = context.clock
         self._intake = intake
         self._link = link
         self._breaker = breaker
-        self._post = post
-        self._relearn = relearn
-        self._clock = clock
+        self._notifications = notifications
+        self._dispatch = dispatch
         self._lake = lake
-        self._begun = clock()
-        self._archives = [Retention(folder) for folder in (site.archive, site.correlations) if folder is not None]
+        self._begun = context.clock()
+        folders = context.site.archive, context.site.correlations
+        self._archives = [Retention(folder) for folder in folders if folder is not None]
         self._asking: dict[int, Every] = {}
-        self._looking, self._sweeping = Every(_LOOK, timer), Every(_SWEEP, timer)
-        self._tidying = Every(_TIDY, timer)
-        self._outage = Outage(link, clock)
+        self._looking = Every(_LOOK, context.timer)
+        self._sweeping = Every(_SWEEP, context.timer)
+        self._tidying = Every(_TIDY, context.timer)
+        self._reminding = Every(_REMIND, context.timer)
 
     def open(self) -> None:
         """Record the start; raise alerts about a damaged store and a monitor that did not stop cleanly."""
@@ -111,7 +100,7 @@ class Upkeep:
         """Do what is due."""
         if self._looking.is_due:
             self._looking.start()
-            self._outage.step()
+            self._look_at_link()
             self._breaker.call(self._look)
         if self._sweeping.is_due:
             self._sweeping.start()
@@ -121,7 +110,7 @@ class Upkeep:
         """Update shelved alerts and alerts of silent vehicles, and carry out commands."""
         now = self._clock()
         self._alerts.end_shelves(now=now)
-        self._update_own("monitor:notifications", self._post.lasting_problem, now)
+        self._update_own("monitor:notifications", self._notifications.lasting_problem, now)
         last_seen = self._store.inbox.last_seen()
         self._update_silence(last_seen, now)
         for command in self._store.requests.open_commands():
@@ -132,7 +121,7 @@ class Upkeep:
         if command.act == "raw":
             self._request_samples(command, last_seen, now)
         elif command.act in {LEARN, ROLL_BACK}:
-            self._relearn(command)
+            self._dispatch.relearn(command)
         else:
             LOG.warning("unknown command", extra={"act": command.act})
             self._store.requests.command_done(command.id, now)
@@ -180,14 +169,15 @@ class Upkeep:
     def _sweep(self) -> None:
         """Delete what is old, and stop intake while disk space is short."""
         now = self._clock()
-        most = round(1e9 * self._site.keep.raw_gigabytes)
+        keep = self._site.keep
+        most = round(1e9 * keep.raw_gigabytes)
         for archive in self._archives:  # before anything else: a store on a full disk cannot even delete
-            archive.prune(before=self._site.keep.raw_before(now), max_bytes=most)
+            archive.prune(before=keep.before(keep.raw_days, now), max_bytes=most)
         self._check_certificates(now)
         self._update_own(LAKE, "" if self._lake is None else self._lake.problem, now)
         self._tidy(now)
         free = self._store.free()
-        if free is not None and free < 1e6 * self._site.keep.free_megabytes:
+        if free is not None and free < 1e6 * keep.free_megabytes:
             sentence = f"intake is stopped, as only {free / 1e6:.0f} MB are free on the disk of the store: free space"
             self._breaker.set_shortage(sentence)
             self._alerts.report(MONITOR, "monitor:disk", sentence, now=now)
@@ -209,36 +199,20 @@ class Upkeep:
             return
         keep = self._site.keep
         n_deleted = self._store.delete_older(
-            keep.results_before(now),
-            audit_before=keep.audit_before(now),
-            boots_before=keep.boots_before(now),
+            keep.before(keep.results_days, now),
+            audit_before=keep.before(keep.audit_days, now),
+            boots_before=keep.before(keep.boots_days, now),
             limit=_MOST_ROWS,
         )
         if n_deleted < _MOST_ROWS:
             self._tidying.start()
 
-
-class Outage:
-    """Logs that the broker cannot be reached: immediately, every ten minutes, and once it is back.
-
-    Parameters
-    ----------
-    link
-        Connection to the broker.
-    clock
-        Present time, UTC ns.
-    """
-
-    def __init__(self, link: Link, clock: Callable[[], int]) -> None:
-        self._link = link
-        self._reminder = Every(_REMIND, lambda: clock() / 1e9)
-
-    def step(self) -> None:
-        """Log what is due."""
+    def _look_at_link(self) -> None:
+        """Log that the broker cannot be reached: immediately, every ten minutes, and once it is back."""
         if self._link.is_connected:
-            if self._reminder.started is not None:
+            if self._reminding.started is not None:
                 LOG.info("connected to broker")
-            self._reminder.reset()
-        elif self._link.problem and self._reminder.is_due:
+            self._reminding.reset()
+        elif self._link.problem and self._reminding.is_due:
             LOG.warning(self._link.problem)
-            self._reminder.start()
+            self._reminding.start()

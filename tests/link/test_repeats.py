@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.link import TIME_SET, TIME_UNKNOWN, Frame, decode, encode, frame_block, quantised
-from sprung.link.repeats import Repeats
+from sprung.link.windows import Repeats
 from sprung.recording import Channel, Gap, Recording
 
 NOW = 1_795_219_200_000_000_000

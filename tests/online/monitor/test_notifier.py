@@ -13,9 +13,10 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.online.alerts import AlertSettings, MailSender, SendError, WebhookSender
-from sprung.online.monitor import AlertBook, PostOffice, Site
-from sprung.online.monitor.postman import try_senders
-from sprung.online.store import StoreError
+from sprung.online.monitor import Site, notifier
+from sprung.online.monitor.alert_book import AlertBook
+from sprung.online.monitor.context import Context
+from sprung.online.monitor.notifier import NotificationService, try_senders
 
 NOW = 1_795_219_200_000_000_000
 SECOND = 10**9
@@ -54,8 +55,8 @@ def clock():
 def office(store, clock):
     """Make an office that sends by hand, as after a restart."""
 
-    def made(*senders, **options):
-        opened = PostOffice(store, senders, clock=clock, **options)
+    def made(*senders, **site):
+        opened = NotificationService(Context(Site.model_validate(site), store, clock), senders)
         opened.resume()
         return opened
 
@@ -70,15 +71,6 @@ def send_for(office, clock, seconds, *, step=1):
     for _ in range(0, seconds, step):
         office.send()
         clock.now += step * SECOND
-
-
-def test_each_sender_gets_each_message_once_however_often_another_fails(store, office, clock) -> None:
-    report(store)
-    good, bad = Sender("good"), Sender("bad", failures=3)
-    send_for(office(good, bad), clock, 60)
-    assert good.sent == bad.sent
-    assert [message.subject for message in good.sent] == ["car-1: silent raised (low), alert 1"]
-    assert store.alerts.n_open() == 0
 
 
 def test_a_failure_is_logged_at_once_and_kept_in_the_history(store, office, clock, caplog) -> None:
@@ -124,77 +116,23 @@ def test_a_message_that_never_gets_through_is_given_up_and_not_called_sent(store
     assert office(good, bad).lasting_problem == ""
 
 
-def test_a_restart_sends_nothing_again_and_goes_on_counting_attempts(store, office, clock) -> None:
-    report(store)
-    good, bad = Sender("good"), Sender("bad", failures=10**6)
-    for _ in range(100):
-        office(good, bad).send()
-        clock.now += 3600 * SECOND
-    assert len(good.sent) == 1
-    assert bad.failures == 10**6 - 20
-
-
-def test_what_was_passed_on_while_the_store_was_full_is_recorded_later(store, office, monkeypatch) -> None:
-    report(store)
-    good = Sender("good")
-    opened = office(good)
-    put = store.alerts.put_delivery
-    monkeypatch.setattr(store.alerts, "put_delivery", _full)
-    for _ in range(5):
-        with pytest.raises(StoreError):
-            opened.send()
-    monkeypatch.setattr(store.alerts, "put_delivery", put)
-    opened.send()
-    assert len(good.sent) == 1
-    assert store.alerts.n_open() == 0
-
-
-def test_an_outcome_whose_history_the_store_refuses_is_recorded_later_and_no_attempt_is_left_out(
-    store, office, clock, monkeypatch
-) -> None:
-    """A failure, then a success, of each of which only the entry in the history cannot be written at first."""
-    report(store)
-    sender = Sender("mail 1", failures=1)
-    opened, record = office(sender), store.alerts.record
-    for n_sent in (0, 1):
-        monkeypatch.setattr(store.alerts, "record", _full)
-        with pytest.raises(StoreError):
-            opened.send()
-        assert (sender.failures, len(sender.sent)) == (0, n_sent), "one attempt"
-        monkeypatch.setattr(store.alerts, "record", record)
-        opened.send()
-        assert (sender.failures, len(sender.sent)) == (0, n_sent), "no other attempt is due"
-        assert opened.figures["sprung_notifications_sent_total"] == n_sent
-        clock.now += 60 * SECOND
-    comments = [row.comment for row in store.alerts.history(1)]
-    assert comments[1:] == ["by mail 1: mail 1 is not there; it will be sent again", "by mail 1 at attempt 2"]
-    assert store.alerts.n_open() == 0
-
-
-def _full(*_, **__):
-    raise StoreError("the store cannot write")
-
-
-def test_a_notification_that_cannot_be_composed_holds_no_other_up(store, office, clock) -> None:
+def test_a_notification_that_cannot_be_composed_holds_no_other_up(store, office, clock, monkeypatch) -> None:
     report(store)
     report(store, 2)
-    sender, links = Sender("mail 1"), {2: "https://example.org/2"}
-    send_for(office(sender, link=lambda number: links[number]), clock, 3)
+    sender, pictures = Sender("mail 1"), {"car-2": b""}
+    monkeypatch.setattr(notifier, "alert_picture", lambda _store, vehicle, _cause: pictures[vehicle])
+    send_for(office(sender), clock, 3)
     assert [message.vehicle for message in sender.sent] == ["car-2"]
-    assert "cannot be composed (KeyError: 1)" in store.alerts.history(1)[-1].comment
+    assert "cannot be composed (KeyError: 'car-1')" in store.alerts.history(1)[-1].comment
 
 
-def test_a_notification_has_number_key_link_and_picture(store, office) -> None:
+def test_a_notification_has_number_key_link_and_picture(store, office, monkeypatch) -> None:
     report(store)
     sender, plain = Sender("mail 1"), Sender("webhook 1")
     plain.shows_pictures = False
     pictures = {("car-1", "silent"): b"picture"}
-    office(
-        sender,
-        plain,
-        link=lambda number: f"https://sprung.example.org/alerts/{number}",
-        picture=lambda vehicle, cause: pictures.pop((vehicle, cause)),
-    ).send()
+    monkeypatch.setattr(notifier, "alert_picture", lambda _store, *alert: pictures.pop(alert))
+    office(sender, plain, url="https://sprung.example.org").send()
     (message,) = sender.sent
     assert message.document["number"] == 1
     assert message.document["key"] == message.key == f"{NOW}-1"
@@ -345,7 +283,8 @@ def test_a_healthy_server_gets_every_message_once_while_all_others_hold_their_th
 
         with _server(hold) as sick_port:
             sick = [_hook(sick_port, "webhook 1"), _mail(sick_port, "mail 1")]
-            office = PostOffice(store, [*sick, _hook(good_port, "webhook 2")], clock=clock)
+            senders = [*sick, _hook(good_port, "webhook 2")]
+            office = NotificationService(Context(Site(), store, clock), senders)
             office.open()
             try:
                 for number in range(n_messages):

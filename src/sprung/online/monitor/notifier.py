@@ -16,8 +16,10 @@ from sprung.online.alerts import (
     deliver,
     trial_message,
 )
+from sprung.online.monitor.context import Context
 from sprung.online.monitor.site import Send
-from sprung.online.store import Delivery, NotificationRow, ReservationLostError, Store, StoreError
+from sprung.online.monitor.vehicle_report import alert_picture
+from sprung.online.store import Delivery, NotificationRow, ReservationLostError, StoreError
 
 LOG = logging.getLogger("sprung.monitor")
 
@@ -29,23 +31,21 @@ _WORDS = {"undelivered": "not delivered", "abandoned": "given up"}
 _EVERY = 1.0
 #: Longest wait for messages under way at the end [s].
 _CLOSING = 5.0
+#: Pictures are drawn one at a time.
+_DRAWING = threading.Lock()
 
 
-class Postman:
+class Notifier:
     """Sends the notifications that wait in the store through one sender, until it has passed them on.
 
     Parameters
     ----------
-    store
-        Store of the notifications.
+    context
+        Store of the notifications, addresses of alerts, and clock.
     sender
         The sender.
     senders
         Names of all senders, which close a notification once all of them have settled it.
-    link
-        Function that returns the address of an alert by its number; empty: none.
-    picture
-        Function that returns the figure of an alert of a vehicle and cause as PNG; empty: none.
 
     Notes
     -----
@@ -54,54 +54,31 @@ class Postman:
 
     Delivery is at least once: a notification that was passed on just before the monitor was killed is sent again, with
     the same `Message.key`.
+
+    Attributes
+    ----------
+    error
+        Reason why the last attempt failed; empty after a success.
+    lasting_error
+        Reason why a notification was given up; empty once a later one was passed on.
+    n_sent, n_given_up
+        Number of notifications passed on, and given up, since the start.
     """
 
-    def __init__(
-        self,
-        store: Store,
-        sender: Sender,
-        *,
-        senders: Collection[str],
-        link: Callable[[int], str] = lambda number: "",
-        picture: Callable[[str, str], bytes] = lambda vehicle, cause: b"",
-    ) -> None:
-        self._store, self._sender, self._senders = store, sender, senders
-        self._link, self._picture = link, picture
+    def __init__(self, context: Context, sender: Sender, *, senders: Collection[str]) -> None:
+        self._context = context
+        self._store = context.store
+        self._sender = sender
+        self._senders = senders
         self._backoff = Backoff()
         self._results: dict[tuple[int, int], str] = {}
-        self._error = self._lasting_error = ""
-        self._n_sent = self._n_given_up = 0
+        self.name = sender.name
+        self.error = ""
+        self.lasting_error = ""
+        self.n_sent = 0
+        self.n_given_up = 0
 
-    @property
-    def name(self) -> str:
-        """Name of the sender."""
-        return self._sender.name
-
-    @property
-    def error(self) -> str:
-        """Reason why the last attempt failed; empty after a success."""
-        return self._error
-
-    @property
-    def lasting_error(self) -> str:
-        """Reason why a notification was given up; empty once a later one was passed on."""
-        return self._lasting_error
-
-    @property
-    def n_sent(self) -> int:
-        """Number of notifications passed on since the start."""
-        return self._n_sent
-
-    @property
-    def n_given_up(self) -> int:
-        """Number of notifications given up since the start."""
-        return self._n_given_up
-
-    def resume(self, lasting_error: str) -> None:
-        """Continue after a restart, with the reason why the last notification was given up; empty: it was not."""
-        self._lasting_error = lasting_error
-
-    def send(self, *, now: int) -> bool:
+    def send(self) -> bool:
         """Send the notification that is due first, and return whether there was one.
 
         Raises
@@ -109,6 +86,7 @@ class Postman:
         StoreError
             If the store cannot be used. What was passed on already is not sent again, but recorded later.
         """
+        now = self._context.clock()
         row = self._store.alerts.next_notification(self.name, now=now)
         if row is None:
             return False
@@ -117,11 +95,13 @@ class Postman:
             self._results[attempt] = self._attempt(row)
         with self._store.together():  # progress and its record, or neither
             self._settle(row, self._results[attempt], now)
-        self._error = self._results.pop(attempt)
-        if not self._error:
-            self._n_sent, self._lasting_error = self._n_sent + 1, ""
+        self.error = self._results.pop(attempt)
+        if not self.error:
+            self.n_sent += 1
+            self.lasting_error = ""
         elif attempt[1] + 1 >= MOST_ATTEMPTS:
-            self._n_given_up, self._lasting_error = self._n_given_up + 1, self._error
+            self.n_given_up += 1
+            self.lasting_error = self.error
         return True
 
     def _attempt(self, row: NotificationRow) -> str:
@@ -136,90 +116,72 @@ class Postman:
         message = Message(**row.document)
         picture = b""
         if self._sender.shows_pictures:
-            picture = self._picture(message.vehicle, message.document.get("cause", ""))
-        key = f"{row.created}-{row.id}"
-        return addressed(message, number=row.alert, key=key, link=self._link(row.alert), picture=picture)
+            with _DRAWING:
+                picture = alert_picture(self._store, message.vehicle, message.document.get("cause", ""))
+        link = self._context.site.alert_url(row.alert)
+        return addressed(message, number=row.alert, key=f"{row.created}-{row.id}", link=link, picture=picture)
 
     def _settle(self, row: NotificationRow, error: str, now: int) -> None:
         """Store the outcome of an attempt, with what is new about it."""
         attempts = row.delivery.attempts + 1
+        what = comment = ""
         if not error:
-            self._put(row, Delivery(attempts, sent=now), now)
+            delivery = Delivery(attempts, sent=now)
             if attempts > 1:
-                self._record(row, "delivered", f"by {self.name} at attempt {attempts}", now)
+                what, comment = "delivered", f"by {self.name} at attempt {attempts}"
         elif attempts >= MOST_ATTEMPTS:
-            self._put(row, Delivery(attempts, given_up=now, last_error=error), now)
-            self._record(row, "abandoned", f"by {self.name} after {attempts} attempts: {error}", now)
+            delivery = Delivery(attempts, given_up=now, last_error=error)
+            what, comment = "abandoned", f"by {self.name} after {attempts} attempts: {error}"
         else:
-            next_attempt = self._backoff.next_attempt(attempts, now)
-            self._put(row, Delivery(attempts, next_attempt, last_error=error), now)
+            delivery = Delivery(attempts, self._backoff.next_attempt(attempts, now), last_error=error)
             if error != row.delivery.last_error:
-                self._record(row, "undelivered", f"by {self.name}: {error}; it will be sent again", now)
-
-    def _put(self, row: NotificationRow, delivery: Delivery, now: int) -> None:
-        """Store the progress of the sender with a notification."""
+                what, comment = "undelivered", f"by {self.name}: {error}; it will be sent again"
         self._store.alerts.put_delivery(row.id, self.name, delivery, senders=self._senders, now=now)
-
-    def _record(self, row: NotificationRow, what: str, comment: str, now: int) -> None:
-        """Add what happened to a notification to the history of the alert, and log it."""
-        self._store.alerts.record(row.alert, what, comment, now=now)
-        level = logging.INFO if what == "delivered" else logging.ERROR
-        LOG.log(level, f"notification of alert {row.alert} was {_WORDS.get(what, what)} {comment}")
+        if what:
+            self._store.alerts.record(row.alert, what, comment, now=now)
+            level = logging.ERROR if error else logging.INFO
+            LOG.log(level, f"notification of alert {row.alert} was {_WORDS.get(what, what)} {comment}")
 
 
-class PostOffice:
-    """A postman for each sender, each in a thread of its own: a slow or failing server delays nothing else.
+class NotificationService:
+    """A notifier for each sender, each in a thread of its own: a slow or failing server delays nothing else.
 
     Parameters
     ----------
-    store
-        Store of the notifications.
+    context
+        Store of the notifications, addresses of alerts, and clock.
     senders
         Senders with names of their own.
-    clock
-        Present time, UTC ns.
-    link, picture
-        As for `Postman`; pictures are drawn one at a time.
     on_heartbeat
         Function that is called with "post" and the name of a sender whenever its thread looks for notifications.
     """
 
     def __init__(
         self,
-        store: Store,
+        context: Context,
         senders: Sequence[Sender],
         *,
-        clock: Callable[[], int],
-        link: Callable[[int], str] = lambda number: "",
-        picture: Callable[[str, str], bytes] = lambda vehicle, cause: b"",
         on_heartbeat: Callable[[str], object] = lambda name: None,
     ) -> None:
-        drawing = threading.Lock()
-
-        def drawn(vehicle: str, cause: str) -> bytes:
-            with drawing:
-                return picture(vehicle, cause)
-
-        self._store = store
-        self._clock = clock
+        self._context = context
         self._on_heartbeat = on_heartbeat
         self._names = [sender.name for sender in senders]
-        self._postmen = [Postman(store, sender, senders=self._names, link=link, picture=drawn) for sender in senders]
+        self._notifiers = [Notifier(context, sender, senders=self._names) for sender in senders]
         self._stopping = threading.Event()
         self._threads = [
-            threading.Thread(target=self._run, args=(postman,), name=f"post {postman.name}", daemon=True)
-            for postman in self._postmen
+            threading.Thread(target=self._run, args=(notifier,), name=f"post {notifier.name}", daemon=True)
+            for notifier in self._notifiers
         ]
 
     @property
     def problems(self) -> list[str]:
         """Sentence about each sender whose last attempt failed."""
-        return [f"alerts are not delivered by {one.name}: {one.error}" for one in self._postmen if one.error]
+        return [f"alerts are not delivered by {one.name}: {one.error}" for one in self._notifiers if one.error]
 
     @property
     def lasting_problem(self) -> str:
         """Sentence about the senders that gave up a notification and have passed on none since; empty: none."""
-        failed = [f"{one.name}: {one.lasting_error}" for one in self._postmen if one.lasting_error]
+        failed = [f"{one.name}: {one.lasting_error}" for one in self._notifiers if one.lasting_error]
         if not failed:
             return ""
         return (
@@ -231,8 +193,8 @@ class PostOffice:
     def figures(self) -> dict[str, float]:
         """Figures of `sprung.online.monitor.figures.FIGURES` about notifications."""
         return {
-            "sprung_notifications_sent_total": sum(one.n_sent for one in self._postmen),
-            "sprung_notifications_given_up_total": sum(one.n_given_up for one in self._postmen),
+            "sprung_notifications_sent_total": sum(one.n_sent for one in self._notifiers),
+            "sprung_notifications_given_up_total": sum(one.n_given_up for one in self._notifiers),
         }
 
     def open(self) -> None:
@@ -249,10 +211,11 @@ class PostOffice:
 
     def resume(self) -> None:
         """Continue from the store."""
-        self._store.alerts.close_settled(self._names, now=self._clock())
-        errors = self._store.alerts.given_up()
-        for postman in self._postmen:
-            postman.resume(errors.get(postman.name, ""))
+        alerts = self._context.store.alerts
+        alerts.close_settled(self._names, now=self._context.clock())
+        errors = alerts.given_up()
+        for notifier in self._notifiers:
+            notifier.lasting_error = errors.get(notifier.name, "")
 
     def close(self) -> None:
         """Stop; unsent notifications stay in the store."""
@@ -264,18 +227,18 @@ class PostOffice:
 
     def send(self) -> None:
         """Send all that is due, one sender after the other."""
-        for postman in self._postmen:
-            while postman.send(now=self._clock()):
+        for notifier in self._notifiers:
+            while notifier.send():
                 pass
 
-    def _run(self, postman: Postman) -> None:
+    def _run(self, notifier: Notifier) -> None:
         """Send what is due, until stopped."""
         wait = _EVERY
         while not self._stopping.wait(wait):
-            self._on_heartbeat(f"post {postman.name}")
+            self._on_heartbeat(f"post {notifier.name}")
             try:
-                with self._store.reservation.fenced():
-                    wait = 0.0 if postman.send(now=self._clock()) else _EVERY
+                with self._context.store.reservation.fenced():
+                    wait = 0.0 if notifier.send() else _EVERY
             except ReservationLostError:
                 return  # the monitor ends, too
             except StoreError as error:
