@@ -210,14 +210,14 @@ def bytes_stored(recorded: Recorded, folder: Path, *, hours: int = 50) -> dict[s
     import sqlite3
 
     from sprung.online.monitor import Site
-    from sprung.online.monitor.alert_book import AlertBook
+    from sprung.online.monitor.context import Context
     from sprung.online.monitor.ledger import Ledger
     from sprung.online.store import StoredFrame, open_store
 
     file = folder / "bytes.sqlite"
     store = open_store(f"sqlite:///{file}")
     site = Site.model_validate({"store": f"sqlite:///{file}", "keep": {"raw_days": 0}})
-    ledger = Ledger(site, store, alerts=AlertBook(store, site.alerts.settings), clock=time.time_ns)
+    ledger = Ledger(Context(site, store))
     per_window = WINDOW // _MINUTE
 
     def sizes() -> dict[str, int]:

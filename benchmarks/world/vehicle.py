@@ -62,7 +62,7 @@ class Vehicle:
         self.name, self._broker, self._chance, self._checker = name, broker, chance, checker
         self.disk = SimulatedDisk(chance, name, on_remove=partial(checker.removed, name))
         random = chance.random
-        self._most_bytes = random.choice((4096, 8192, 1 << 16))
+        self._max_bytes = random.choice((4096, 8192, 1 << 16))
         self._is_synced = random.random() < 0.8
         self._is_dated = random.random() < 0.5
         self._channel = random.choice((CHANNEL, CHANNEL + 250 * "x"))  # of large frames few fill a spool
@@ -125,7 +125,7 @@ class Vehicle:
         try:
             spool = LoggedSpool(
                 Path("/spool"),
-                most_bytes=self._most_bytes,
+                max_bytes=self._max_bytes,
                 is_synced=self._is_synced,
                 boot_from=boot_from,
                 disk=self.disk,

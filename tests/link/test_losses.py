@@ -3,7 +3,7 @@
 import pytest
 
 from sprung.errors import FormatError
-from sprung.link import MOST_LOSSES, Loss, losses_in, span_of
+from sprung.link import MAX_LOSSES, Loss, losses_in, span_of
 
 
 def test_losses_are_read_as_they_are_written() -> None:
@@ -25,7 +25,7 @@ def test_losses_are_read_as_they_are_written() -> None:
         [[1, 0, 4, 5, 10, -1]],
         [[2**63, 0, 4, 5, 10, 20]],
         [[True, 0, 4, 5, 10, 20]],
-        [[1, 0, 4, 5, 10, 20]] * (MOST_LOSSES + 1),
+        [[1, 0, 4, 5, 10, 20]] * (MAX_LOSSES + 1),
     ],
 )
 def test_losses_of_another_form_are_refused(lost) -> None:

@@ -165,18 +165,6 @@ def test_messages_arrive_whole_and_in_order_with_qos_1(plain) -> None:
     assert re.search(r"Sending PUBLISH to ears \(d0, q1, r0, ", plain.log)
 
 
-def test_mqtt_5_and_3_get_the_same_messages(plain) -> None:
-    name, every = topic("bus", "raw"), topic("+", "raw")
-    ears = [Client(plain, "new", topics=[every, "end"])]
-    ears.append(Client(plain, "old", topics=[every, "end"], address=f"{plain.address}?version=3"))
-    with connected(*ears, Client(plain, "crier")) as (new, old, crier):
-        sent = [(name, bytes([number])) for number in range(10)]
-        for message in (*sent, ("end", b"")):
-            assert crier.link.publish(*message)
-        heard = [client.heard_until(("end", b"")) for client in (new, old)]
-    assert heard == [sent, sent]
-
-
 @pytest.mark.slow
 def test_link_comes_back_and_subscribes_again_after_the_broker_was_killed(mosquitto) -> None:
     broker, name = mosquitto(), "sprung/v1/bus/raw"
@@ -308,10 +296,6 @@ def test_nobody_gets_in_without_a_certificate(shipped, certificates) -> None:
     assert_refused(shipped, address(shipped, certificates))
 
 
-def test_nobody_gets_in_without_tls(shipped) -> None:
-    assert_refused(shipped, f"mqtt://monitor@127.0.0.1:{shipped.port}")
-
-
 @pytest.mark.slow
 def test_certificate_of_another_authority_is_refused(shipped, certificates, tmp_path: Path) -> None:
     other = make_test_ca(tmp_path, "A")
@@ -325,15 +309,6 @@ def test_link_refuses_a_broker_of_another_authority(shipped, certificates, tmp_p
     assert_refused(shipped, where, says="cannot be reached (TLS failed: self-signed certificate")
     with pytest.raises(LinkError, match="TLS failed"):
         Client(shipped, "intruder", address=where).link.open(timeout=1.0)
-
-
-def test_link_refuses_a_client_that_passes_for_the_broker(mosquitto, certificates) -> None:
-    text = (
-        "listener {port} 127.0.0.1\nallow_anonymous true\nlog_dest file {folder}/broker.log\n"
-        f"certfile {certificates}/B.crt\nkeyfile {certificates}/B.key\n"
-    )
-    false = mosquitto(text)
-    assert_refused(false, address(false, certificates, certificates / "A"))
 
 
 def test_vehicle_speaks_in_its_own_name_only(client) -> None:

@@ -7,8 +7,8 @@ import pytest
 from sprung.link import Key, Spool, SpoolError, message
 
 
-def filled(folder, count, *, most_bytes=1 << 20, size=100):
-    spool = Spool(folder, most_bytes=most_bytes)
+def filled(folder, count, *, max_bytes=1 << 20, size=100):
+    spool = Spool(folder, max_bytes=max_bytes)
     for _ in range(count):
         spool.append(lambda boot, seq: f"{boot}/{seq}/".encode().ljust(size, b"."))
     return spool
@@ -27,7 +27,7 @@ def test_a_spool_belongs_to_one_box(tmp_path: Path) -> None:
 
 
 def test_oldest_go_first_and_are_counted(tmp_path: Path) -> None:
-    spool = filled(tmp_path, 400, most_bytes=16_384)
+    spool = filled(tmp_path, 400, max_bytes=16_384)
     assert spool.n_bytes <= 16_384
     kept = [seq for _, seq in held(spool)]
     assert kept == list(range(kept[0], 400))
@@ -36,12 +36,12 @@ def test_oldest_go_first_and_are_counted(tmp_path: Path) -> None:
 
 
 def test_a_flipped_bit_hides_no_other_file(tmp_path: Path) -> None:
-    filled(tmp_path, 200, most_bytes=65_536).close()
+    filled(tmp_path, 200, max_bytes=65_536).close()
     first = sorted(tmp_path.glob("*.spool"))[0]
     data = bytearray(first.read_bytes())
     data[150] ^= 1
     first.write_bytes(data)
-    found = held(Spool(tmp_path, most_bytes=65_536))
+    found = held(Spool(tmp_path, max_bytes=65_536))
     assert found[0] == (0, 0)
     assert found[-1] == (0, 199)
     assert len(found) > 160
@@ -62,7 +62,7 @@ def frame(boot, seq):
 
 def lossy(folder, count):
     """A spool of a few kB, in which frames of a second were put."""
-    spool = Spool(folder, most_bytes=8192)
+    spool = Spool(folder, max_bytes=8192)
     for _ in range(count):
         spool.append(frame)
     return spool

@@ -20,7 +20,7 @@ from sprung.link.frame import (
     encode,
     quantised,
 )
-from sprung.link.losses import MOST_LOSSES, Loss, losses_in, span_of
+from sprung.link.losses import MAX_LOSSES, Loss, losses_in, span_of
 from sprung.link.messages import (
     DOWNWARDS,
     ROOT,
@@ -43,8 +43,8 @@ __all__ = [
     "CLIPPED",
     "DOWNWARDS",
     "LOCAL_USER",
+    "MAX_LOSSES",
     "MISSING",
-    "MOST_LOSSES",
     "PACKED",
     "RAW",
     "ROOT",

@@ -28,10 +28,10 @@ from sprung.link.messages import (
 )
 
 #: Largest number of samples of all channels in a frame, which bounds its size unpacked.
-MOST_SAMPLES = 1 << 19
+MAX_SAMPLES = 1 << 19
 #: Longest frame [ns]: a longer one could hold any number of windows, each of which takes time. Shortest time between
 #: samples [ns]: a window of a higher rate would never be complete.
-LONGEST, LEAST_INTERVAL = 3600 * 10**9, 50_000
+LONGEST, MIN_INTERVAL = 3600 * 10**9, 50_000
 #: Largest number of samples of all channels in a second: a monitor keeps windows of minutes of every vehicle.
 HIGHEST_RATE = 200_000
 #: Bits of a channel's flag.
@@ -48,7 +48,7 @@ _RANGES = {
     "seq": _COUNT,
     "monotonic": _COUNT,
     "start": (-LATEST, LATEST),
-    "interval": (LEAST_INTERVAL, 10**12),
+    "interval": (MIN_INTERVAL, 10**12),
 }
 #: Keys without which a frame is incomplete; a missing list of flags means no flags.
 _REQUIRED = tuple(key for key in Key if key <= Key.DATA and key != Key.FLAGS)
@@ -321,9 +321,9 @@ def _fields(document: dict[Any, Any]) -> dict[str, Any]:
     # One copy of each name for all frames that a monitor keeps.
     channels = tuple(sys.intern(text(name)) for name in items(document[Key.CHANNELS]))
     n_samples = integer(document[Key.N_SAMPLES])
-    if not 0 < n_samples * len(channels) <= MOST_SAMPLES:
+    if not 0 < n_samples * len(channels) <= MAX_SAMPLES:
         raise FormatError(
-            f"a frame with {len(channels)} channels of {n_samples} samples: 1 to {MOST_SAMPLES} in all fit"
+            f"a frame with {len(channels)} channels of {n_samples} samples: 1 to {MAX_SAMPLES} in all fit"
         )
     interval = integer(document[Key.INTERVAL])
     if n_samples * interval > LONGEST:

@@ -7,7 +7,7 @@ from sprung.errors import FormatError
 from sprung.link.messages import Header, checked_map
 
 #: Largest number of losses in a message.
-MOST_LOSSES = 64
+MAX_LOSSES = 64
 _LARGEST = 2**63 - 1
 
 
@@ -78,8 +78,8 @@ def losses_in(document: Mapping[Any, Any]) -> list[Loss]:
     [Loss(boot=1, first=7, last=8, n_frames=2, begin=3000000000, end=5000000000)]
     """
     entries = document.get("lost", [])
-    if not isinstance(entries, list) or len(entries) > MOST_LOSSES:
-        raise FormatError(f"lost frames that are not a list of at most {MOST_LOSSES}")
+    if not isinstance(entries, list) or len(entries) > MAX_LOSSES:
+        raise FormatError(f"lost frames that are not a list of at most {MAX_LOSSES}")
     return [_loss(entry) for entry in entries]
 
 

@@ -26,7 +26,7 @@ MAX_VALUES = 16_384
 #: Kinds of messages with the results of on-board identification in place of samples.
 REPORTS = ("corr", "modes")
 #: Largest number of boots in a state; later ones follow when those are acknowledged.
-MOST_BOOTS = 32
+MAX_BOOTS = 32
 #: Latest time of a sample, UTC ns: the beginning of 2200. Times that are computed from it have 64 bits.
 LATEST = 7_258_118_400 * 10**9
 

@@ -127,12 +127,18 @@ class Link:
         will: tuple[str, bytes] | None = None,
     ) -> None:
         self._mqtt = required("paho.mqtt.client", purpose="the link", extra="online")
-        self._address, self._name, self._topics = address, name, tuple(topics)
-        self._on_message, self._on_connected, self._will = on_message, on_connected, will
+        self._address = address
+        self._name = name
+        self._topics = tuple(topics)
+        self._on_message = on_message
+        self._on_connected = on_connected
+        self._will = will
         self._is_connected = threading.Event()
         # Connected, or certain that another attempt would fail like the first.
         self._is_decided = threading.Event()
-        self._problem = self._refusal = self._rejection = ""
+        self._problem = ""
+        self._refusal = ""
+        self._rejection = ""
         self._is_closed = False
         self._client = self._made(self._mqtt.MQTTv311 if address.version == "3" else self._mqtt.MQTTv5)
 
@@ -237,7 +243,9 @@ class Link:
             self._problem = self._refusal
             self._is_decided.set()
             return
-        self._problem = self._refusal = self._rejection = ""
+        self._problem = ""
+        self._refusal = ""
+        self._rejection = ""
         for name in self._topics:
             client.subscribe(name, qos=1)
         self._is_connected.set()

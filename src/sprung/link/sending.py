@@ -29,7 +29,8 @@ class Every:
     """
 
     def __init__(self, seconds: float, clock: Callable[[], float]) -> None:
-        self._seconds, self._clock = seconds, clock
+        self._seconds = seconds
+        self._clock = clock
         self._started: float | None = None
 
     @property

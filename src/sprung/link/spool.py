@@ -116,7 +116,7 @@ class Spool:
     ----------
     folder
         Folder of this spool alone; created if missing.
-    most_bytes
+    max_bytes
         Largest size [bytes].
     is_synced
         Whether each append reaches the disk before it returns.
@@ -142,14 +142,15 @@ class Spool:
         self,
         folder: Path,
         *,
-        most_bytes: int = 1 << 28,
+        max_bytes: int = 1 << 28,
         is_synced: bool = True,
         boot_from: int = 0,
         disk: Disk | None = None,
     ) -> None:
-        check_number("most_bytes", most_bytes, at_least=4096)
-        self._folder, self._disk = folder, disk or Disk()
-        self._most = int(most_bytes)
+        check_number("max_bytes", max_bytes, at_least=4096)
+        self._folder = folder
+        self._disk = disk or Disk()
+        self._most = int(max_bytes)
         self._is_synced = is_synced
         self._dropped = 0
         self._acknowledged: dict[int, int] = {}

@@ -195,7 +195,8 @@ class Repeats:
     def update(self, block: Block) -> bool:
         """Add a block, and return whether it was analysed before."""
         if not self._continues(block):
-            self._run, self._place = _identity(block), 0.0
+            self._run = _identity(block)
+            self._place = 0.0
         duration = block.n_samples / block.sampling_rate + sum(gap.duration for gap in block.gaps)
         self._place += duration
         self._end = None if block.start is None else block.start + round(1e9 * duration)

@@ -126,8 +126,8 @@ class TestLake:
             lake.write([window_of_recording(f"car{k % 3}", drive(k, start=START + k * 60 * 10**9))])
         before = {row["digest"]: row for row in lake.table.rows().to_pylist()}
         assert lake.facts.n_files == 6
-        assert lake.compact(most_bytes=lake.facts.n_bytes - 1) == 0
-        assert lake.compact(most_bytes=lake.facts.n_bytes) == 1
+        assert lake.compact(max_bytes=lake.facts.n_bytes - 1) == 0
+        assert lake.compact(max_bytes=lake.facts.n_bytes) == 1
         assert lake.compact() == 0
         rows = lake.table.rows().to_pylist()
         assert lake.facts.n_files == 1

@@ -17,7 +17,7 @@ def window(k, vehicle="car"):
 
 @pytest.fixture
 def outbox(tmp_path):
-    return Outbox(tmp_path / "outbox", most_bytes=1e6)
+    return Outbox(tmp_path / "outbox", max_bytes=1e6)
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_a_damaged_file_is_left_aside(outbox, lake) -> None:
 
 
 def test_no_more_wait_than_may(tmp_path) -> None:
-    small = Outbox(tmp_path, most_bytes=4000)
+    small = Outbox(tmp_path, max_bytes=4000)
     small.put(window(0))
     with pytest.raises(DataError, match=r"wait in .* for the lake: check why they are not written"):
         small.put(window(1))
@@ -75,5 +75,5 @@ def test_one_process_at_a_time_empties_a_folder(outbox, lake) -> None:
     outbox.put(window(0))
     with outbox._locked() as is_own:
         assert is_own
-        assert Outbox(outbox.folder, most_bytes=1e6).move(lake) == 0
+        assert Outbox(outbox.folder, max_bytes=1e6).move(lake) == 0
     assert outbox.move(lake) == 1

@@ -70,36 +70,6 @@ def box_of(broker, folder, *, spool=None, **fields):
     )
 
 
-def test_frames_go_out_again_until_they_are_acknowledged(broker, monitor, tmp_path: Path) -> None:
-    box = box_of(broker, tmp_path)
-    box.open(timeout=10.0)
-    for block in blocks_of(run()):
-        box.take(block)
-    until(lambda: len(monitor.of("raw")) >= 20, box)
-    first = [decode(payload) for payload in monitor.of("raw")]
-    assert sorted(frame.seq for frame in first[:20]) == list(range(20))
-    assert np.allclose(first[0].samples, run().samples[:, :100], atol=1e-3)
-    (meta,) = [checked_map(payload) for payload in monitor.of("meta")][-1:]
-    assert meta["quantities"] == {"acc_0": "acceleration", "acc_1": "acceleration"}
-    assert "schema" in meta["description"]
-    until(lambda: len(monitor.of("raw")) >= 40, box)
-    monitor.acknowledge(0, 14)
-    until(lambda: box.n_waiting == 5, box)
-    monitor.acknowledge(0, 19)
-    until(lambda: box.n_waiting == 0, box)
-    assert box.drain(timeout=1.0)
-    health = checked_map(monitor.of("health")[-1])
-    assert health["free"] > 0
-    assert 1e7 < health["memory"] < 1e10
-    state = checked_map(monitor.of("state")[-1])
-    assert state["boots"] == [[0, 0, 20]] or state["boots"][0][2] == 20
-    box.close()
-    end = time.monotonic() + 5
-    while not checked_map(monitor.of("state")[-1])["is_leaving"]:
-        assert time.monotonic() < end
-        time.sleep(0.01)
-
-
 def test_a_box_goes_on_where_it_stopped(broker, tmp_path: Path) -> None:
     box = box_of(broker, tmp_path)
     for block in list(blocks_of(run()))[:7]:

@@ -68,13 +68,6 @@ def test_diagrams_are_those_of_the_same_samples(tmp_path, car, drive) -> None:
         assert own["label"] == other["label"]
         assert own["natural_frequency"] == pytest.approx(other["natural_frequency"], rel=1e-5)
         assert own["damping_ratio"] == pytest.approx(other["damping_ratio"], rel=1e-4)
-    for row, channel in enumerate(values["spectra"]["channels"]):
-        assert channel["channel"] == direct.channels[row].name
-        assert channel["unit"] == "m/s^2"
-        largest = direct.spectra.densities[row].max()
-        np.testing.assert_allclose(
-            channel["density"], direct.spectra.densities[row], rtol=1e-5, atol=1e-6 * largest, err_msg=str(row)
-        )
     (poles,) = values["stabilisation"]["poles"]
     (diagram,) = direct.subsets[0].diagrams
     assert len(poles["rung"]) == len(poles["status"]) == len(diagram.status)
@@ -84,21 +77,8 @@ def test_diagrams_are_those_of_the_same_samples(tmp_path, car, drive) -> None:
         diagram.poles.natural_frequency[diagram.status == PoleStatus.SELECTED],
         rtol=1e-4,
     )
-    levels = METHODS["coss"](run, settings=IDENTIFICATION, vehicle=car)
-    assert [subset["n_segments"] for subset in values["levels"]["subsets"]] == [
-        subset.n_segments for subset in levels.subsets
-    ]
-    for own, subset in zip(values["levels"]["subsets"], levels.subsets, strict=True):
-        assert own["level"] == pytest.approx(subset.level, rel=1e-5)
-        np.testing.assert_allclose(
-            [mode["natural_frequency"] for mode in own["modes"]], subset.modes.natural_frequency, rtol=1e-4
-        )
     assert diagrams.fit is not None
     np.testing.assert_allclose(diagrams.fit.log_ratios, observe_window(run, car).log_ratios, atol=1e-4)
-    fit = values["fit"]
-    for coordinate in fit["coordinates"]:
-        measured, fitted = (np.array(coordinate[name]) for name in ("measured", "fitted"))
-        np.testing.assert_allclose(np.median(measured / fitted), 1.0, atol=0.2)
 
 
 @pytest.mark.slow

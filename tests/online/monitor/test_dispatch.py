@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import Baseline, Observation
-from sprung.link import message
 from sprung.online.monitor import Observed, Site, VehicleStatus, Workers
 from sprung.online.monitor.context import Context
 from sprung.online.monitor.dispatch import Dispatch
@@ -115,17 +114,6 @@ def test_after_a_restart_the_type_is_learnt_for_vehicles_that_learn_alone(
     assert asked == (["car-1"] if is_learning else [])
 
 
-def test_frames_wait_for_the_description_of_their_vehicle(dispatch, workers, store) -> None:
-    arrive(store, dispatch, "car-1", 0, 3)
-    assert dispatch.give() == 0
-    describe(store, "car-1")
-    dispatch.describe("car-1")
-    assert dispatch.give() == 1
-    assert workers.jobs == [("car-1", [b"0", b"1", b"2"], "")]
-    assert workers.opened["car-1"].quantities == {"a": "speed"}
-    assert workers.opened["car-1"].state is None
-
-
 def aside(store, vehicle="car-1"):
     return [(row.kind, row.seq) for row in store.quarantine.find(vehicle)]
 
@@ -139,27 +127,6 @@ def test_frames_of_windows_that_are_too_large_are_set_aside_at_once(dispatch, wo
     assert workers.is_open("car-1")
     dispatch.give()
     assert workers.jobs[-1] == ("car-1", [b"3"], "")
-
-
-def test_a_vehicle_that_begins_anew_keeps_its_frames(dispatch, workers, store) -> None:
-    describe(store, "car-1")
-    arrive(store, dispatch, "car-1", 0, 2)
-    dispatch.give()
-    dispatch.settle(Outcome("car-1", 2, (WINDOW_EVENT,), b"of a newer program", VehicleStatus()))
-    dispatch.describe("car-1")
-    arrive(store, dispatch, "car-1", 2, 4)
-    dispatch.give()
-    dispatch.settle(failed("car-1", 0, Failure.STATE))
-    assert aside(store) == [("state", 1)]
-    assert store.quarantine.find("car-1")[0].payload == b"of a newer program"
-    (row,) = store.alerts.find(vehicle="car-1")
-    assert row.cause == "monitor:state"
-    assert "it fails; monitoring starts again from the baseline and the windows in the store" in row.text
-    dispatch.give()
-    opening = workers.opened["car-1"]
-    assert (opening.state, opening.history.n_windows) == (None, 1)
-    assert workers.jobs[-1] == ("car-1", [b"2", b"3"], "")
-    assert dispatch.figures["sprung_states_quarantined_total"] == 1
 
 
 @pytest.mark.parametrize("failure", [Failure.STATE, Failure.VEHICLE, Failure.FRAME])
@@ -206,47 +173,6 @@ def test_results_that_the_store_refuses_are_a_failure_of_their_vehicle(
     assert aside(store) == [("raw", 1)]
     (row,) = store.alerts.find(vehicle="car-1")
     assert row.text.endswith("were quarantined: the store cannot hold this: a number of 65 bits")
-
-
-def test_a_report_that_the_store_refuses_is_set_aside(dispatch, store, monkeypatch: pytest.MonkeyPatch) -> None:
-    commit = store.results.commit
-
-    def refuse(progress):
-        if progress.modes:
-            raise RefusedError("the store cannot hold this: a number of 65 bits")
-        commit(progress)
-
-    monkeypatch.setattr(store.results, "commit", refuse)
-    describe(store, "car-1")
-    report = message({0: 1, 1: "car-1", 2: 1, 3: 0, 4: NOW, 16: "modes", "number": 0, "modes": []})
-    frames = [StoredFrame("car-1", 1, 0, NOW, report, "modes")]
-    dispatch.add("car-1", 1, store.inbox.add_frames(frames, now=NOW)["car-1", 1])
-    assert dispatch.give() == 1
-    assert dispatch.give() == 0
-    assert aside(store) == [("modes", 0)]
-    (row,) = store.alerts.find(vehicle="car-1")
-    assert row.text.endswith("were quarantined: the store cannot hold this: a number of 65 bits")
-    assert store.inbox.cursor("car-1", 1).done == 0
-
-
-def test_a_request_to_roll_back_gives_the_earlier_baseline(dispatch, workers, store, monkeypatch) -> None:
-    describe(store, "car-1")
-    given = []
-
-    def restored(_, vehicle, **detail):
-        given.append((vehicle, detail))
-        return "the earlier baseline"
-
-    monkeypatch.setattr("sprung.online.monitor.dispatch.restored_baseline", restored)
-    detail = {"version": 1, "reason": "broken spring"}
-    number = store.requests.add_command("anna", "car-1", "roll back", detail, now=NOW)
-    arrive(store, dispatch, "car-1", 0, 1)
-    dispatch.relearn(store.requests.command(number))
-    dispatch.give()
-    assert given == [("car-1", detail)]
-    assert workers.jobs == [("car-1", [b"0"], "the earlier baseline")]
-    dispatch.settle(done("car-1", 1, b"state"))
-    assert store.requests.open_commands() == []
 
 
 def test_a_request_to_roll_back_to_nothing_leaves_the_baseline(dispatch, workers, store) -> None:

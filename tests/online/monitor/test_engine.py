@@ -194,7 +194,7 @@ def test_evidence_is_that_of_the_batch(car, drive, alike) -> None:
 
 @pytest.mark.slow
 def test_evidence_of_windows_that_are_forgotten_goes(car, drive) -> None:
-    settings = MonitorSettings(window=120.0, identify_every=0, learning_windows=2, most_windows=3)
+    settings = MonitorSettings(window=120.0, identify_every=0, learning_windows=2, max_windows=3)
     monitor = VehicleMonitor(car, settings=settings)
     monitor.update(drive(0))
     before = detection_of(monitor.diagnosis)

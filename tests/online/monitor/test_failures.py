@@ -26,14 +26,6 @@ def test_closed_for_two_seconds_after_an_error(breaker, seconds) -> None:
     assert breaker.problem == ""
 
 
-def test_closed_while_space_is_short(breaker, seconds) -> None:
-    breaker.set_shortage("only 5 MB are free")
-    seconds[0] = 1e6
-    assert (breaker.allows_work, breaker.problem) == (False, "only 5 MB are free")
-    breaker.set_shortage("")
-    assert (breaker.allows_work, breaker.problem) == (True, "")
-
-
 def test_values_that_the_store_refuses_do_not_close_it(breaker, caplog) -> None:
     def refuse():
         raise RefusedError("the store cannot hold this: a number of 65 bits")
@@ -41,16 +33,6 @@ def test_values_that_the_store_refuses_do_not_close_it(breaker, caplog) -> None:
     assert breaker.call(refuse) is None
     assert (breaker.allows_work, breaker.problem) == (True, "")
     assert caplog.messages == ["the store cannot hold this: a number of 65 bits"]
-
-
-def test_guarded_acts_close_it(breaker) -> None:
-    def fail():
-        raise StoreError("the store is busy")
-
-    breaker.call(fail)
-    assert breaker.problem == "the store is busy"
-    with pytest.raises(ZeroDivisionError):
-        breaker.call(lambda: 1 / 0)
 
 
 @pytest.fixture

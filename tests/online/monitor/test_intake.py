@@ -178,7 +178,7 @@ def test_of_many_boots_the_first_32_count(intake, store) -> None:
 
 
 def test_boots_that_are_analysed_make_room(intake, store, refusals, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sprung.online.monitor.intake._MOST_OPEN_BOOTS", 6)
+    monkeypatch.setattr("sprung.online.monitor.intake._MAX_OPEN_BOOTS", 6)
     for boot in range(30):
         intake.take([raw("car-1", boot, 0)], now=0)
         store.results.commit(Progress("car-1", boot, done_seq=0, delete_through_seq=0))

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from sprung.link import Key, message
 from sprung.online.monitor import Identified, Site, VehicleStatus
 from sprung.online.monitor.context import Context
 from sprung.online.monitor.jobs import Outcome
@@ -29,16 +28,6 @@ def ledger(store, tmp_path: Path):
 
 def outcome(*events, state=None) -> Outcome:
     return Outcome("car-1", 3, events, state, VehicleStatus())
-
-
-@pytest.mark.parametrize(("modes", "n_stored"), [([{"natural_frequency": 1.4}], 1), ([float("nan")], 0)])
-def test_a_report_is_done_whether_it_can_be_stored_or_not(ledger, store, modes, n_stored) -> None:
-    document = {Key.VERSION: 1, Key.BOOT: 1, Key.SEQ: 5, Key.START: NOW, Key.KIND: "modes", "number": 0}
-    report = StoredFrame("car-1", 1, 5, NOW, message({**document, "modes": modes, "reason": ""}), "modes")
-    store.inbox.add_frames([report], now=NOW)
-    ledger.store_report(report)
-    assert len(store.results.modes("car-1")) == n_stored
-    assert store.inbox.cursor("car-1", 1).done == 5
 
 
 def modes_of(vehicle: str, number: int, frequency: float) -> Outcome:

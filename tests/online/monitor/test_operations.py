@@ -48,16 +48,6 @@ def test_acts_on_an_alert(store) -> None:
     assert [row[1] for row in audit] == ["ack", "assign", "shelve", "unshelve", "comment"]
 
 
-def test_requests(store) -> None:
-    operations.relearn(store, "car-1", reason=" new dampers ", who="anna", now=NOW)
-    operations.request_samples(store, "car-1", minutes=5.0, who="bert", now=NOW)
-    learn, raw = store.requests.open_commands()
-    assert (learn.act, learn.detail, learn.who) == ("learn", "new dampers", "anna")
-    assert (raw.act, raw.detail) == ("raw", {"from": NOW - 300 * 10**9, "to": NOW})
-    (vehicle,) = operations.vehicles_document(store, now=NOW)["vehicles"]
-    assert (vehicle["vehicle"], vehicle["summary"], vehicle["last_seen"]) == ("car-1", "car-1 has sent nothing.", NOW)
-
-
 LEARNING = VehicleStatus(n_learnt=4, n_needed=12, is_learning=True, window=600.0, until=NOW - HOUR)
 
 

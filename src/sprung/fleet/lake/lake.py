@@ -164,15 +164,15 @@ class Lake:
         chosen = (file for file in self.table.files() if first <= str(file.partition["date"]) <= last)
         return sorted(chosen, key=lambda file: (str(file.partition["date"]), file.path))
 
-    def compact(self, *, most_bytes: float = math.inf) -> int:
+    def compact(self, *, max_bytes: float = math.inf) -> int:
         """Rewrite the small files of each date as large ones by vehicle, and return how many dates were.
 
         Parameters
         ----------
-        most_bytes
+        max_bytes
             Size above which a date is left as it is: this takes about three times its size in memory.
         """
-        return self.table.compact(sort_by=["vehicle"], largest_group=ROWS_IN_GROUP, most_bytes=most_bytes)
+        return self.table.compact(sort_by=["vehicle"], largest_group=ROWS_IN_GROUP, max_bytes=max_bytes)
 
     def prune(self, *, before: int, hours: float = 24.0) -> int:
         """Delete dates that ended before a time, and return the number of files that no reader needs any more.
@@ -213,7 +213,7 @@ class Outbox:
     ----------
     folder
         The folder, created with the first window.
-    most_bytes
+    max_bytes
         Size of all windows above which no more are accepted.
 
     Notes
@@ -222,8 +222,8 @@ class Outbox:
     lake, which does not add it again.
     """
 
-    def __init__(self, folder: Path | str, *, most_bytes: float) -> None:
-        self.folder, self._most_bytes = Path(folder), most_bytes
+    def __init__(self, folder: Path | str, *, max_bytes: float) -> None:
+        self.folder, self._max_bytes = Path(folder), max_bytes
 
     @property
     def files(self) -> list[os.DirEntry[str]]:
@@ -243,9 +243,9 @@ class Outbox:
         OSError
             If it cannot be written to the disk.
         """
-        if sum(_size(each) for each in self.files) + window.n_bytes > self._most_bytes:
+        if sum(_size(each) for each in self.files) + window.n_bytes > self._max_bytes:
             raise DataError(
-                f"windows of {self._most_bytes / 1e9:.3g} GB wait in {self.folder} for the lake: check why they are "
+                f"windows of {self._max_bytes / 1e9:.3g} GB wait in {self.folder} for the lake: check why they are "
                 "not written, or raise keep.raw_gigabytes"
             )
         self.folder.mkdir(parents=True, exist_ok=True)

@@ -245,7 +245,7 @@ class Table:
                 yield from batch.to_pylist()
 
     def compact(
-        self, *, sort_by: Sequence[str] = (), largest_group: int | None = None, most_bytes: float = math.inf
+        self, *, sort_by: Sequence[str] = (), largest_group: int | None = None, max_bytes: float = math.inf
     ) -> int:
         """Rewrite small files of each partition as large ones, and return how many partitions were.
 
@@ -255,13 +255,13 @@ class Table:
             Columns by which rows are clustered.
         largest_group
             Largest number of rows in a row group; None: as the library chooses.
-        most_bytes
+        max_bytes
             Size above which a partition is left as it is: clustering takes about three times its size in memory.
         """
         if not self.exists:
             return 0
         properties = _deltalake().WriterProperties(compression="ZSTD", max_row_group_size=largest_group)
-        partitions = self._scattered(most_bytes)
+        partitions = self._scattered(max_bytes)
         for partition in partitions:
             optimise = self.open().optimize
             arguments = {
@@ -316,7 +316,7 @@ class Table:
                 f"{self.location} cannot be {act}: {reason}: check the location and its permissions"
             ) from error
 
-    def _scattered(self, most_bytes: float) -> list[tuple[tuple[str, str | None], ...]]:
+    def _scattered(self, max_bytes: float) -> list[tuple[tuple[str, str | None], ...]]:
         """Return the partitions of limited size with several small files."""
         sizes: dict[tuple[tuple[str, str | None], ...], list[int]] = {}
         for file in self.files():
@@ -324,7 +324,7 @@ class Table:
         return sorted(
             partition
             for partition, own in sizes.items()
-            if sum(size < LEAST for size in own) > 1 and sum(own) <= most_bytes
+            if sum(size < LEAST for size in own) > 1 and sum(own) <= max_bytes
         )
 
 

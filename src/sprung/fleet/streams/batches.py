@@ -320,8 +320,11 @@ class _Batches:
         stopping: threading.Event | None,
         report: Callable[[StreamBatch], None],
     ) -> None:
-        self._session, self._vehicles, self._results = session, vehicles, results
-        self._settings, self._report = settings, report
+        self._session = session
+        self._vehicles = vehicles
+        self._results = results
+        self._settings = settings
+        self._report = report
         self._is_first = True
         self.stopping = stopping or threading.Event()
         self.error: Exception | None = None

@@ -68,7 +68,8 @@ class _Kept:
     """What is kept for the vehicle at hand."""
 
     def __init__(self, handle: StatefulProcessorHandle) -> None:
-        self.window, self.waiting = _Messages(handle, "window"), _Messages(handle, "waiting")
+        self.window = _Messages(handle, "window")
+        self.waiting = _Messages(handle, "waiting")
         self._progress = handle.getValueState("progress", "progress string")
 
     def get_progress(self) -> str:

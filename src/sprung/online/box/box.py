@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from sprung._checks import check_number
 from sprung.errors import FormatError, ParameterError
 from sprung.link import (
-    MOST_LOSSES,
+    MAX_LOSSES,
     TIME_SET,
     VERSION,
     Address,
@@ -37,7 +37,7 @@ from sprung.link import (
     quantised,
     topic,
 )
-from sprung.link.messages import MOST_BOOTS, VEHICLE, checksum
+from sprung.link.messages import MAX_BOOTS, VEHICLE, checksum
 from sprung.recording import Recording
 
 if TYPE_CHECKING:
@@ -141,17 +141,24 @@ class Box:
         now: Callable[[], int] = time.time_ns,
         connect: Callable[..., Link] = Link,
     ) -> None:
-        self._settings, self._spool = settings, spool
+        self._settings = settings
+        self._spool = spool
         self._sending = Sending(spool, patience=settings.patience)
         self._on_board = on_board
-        self._quantities, self._clock, self._sleep, self._now = quantities, clock, sleep, now
-        self._address, self._user = address, common_name(address.cert) if address.cert else address.user
+        self._quantities = quantities
+        self._clock = clock
+        self._sleep = sleep
+        self._now = now
+        self._address = address
+        self._user = common_name(address.cert) if address.cert else address.user
         self._received: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
         self._announced = _quantities_in(spool.remembered)
-        self._has_samples = self._is_described = False
+        self._has_samples = False
+        self._is_described = False
         self._announcement = 0
         self._announcing = Every(settings.patience, clock)
-        self._reporting, self._examining = Every(_REPORT, clock), Every(_EXAMINE, clock)
+        self._reporting = Every(_REPORT, clock)
+        self._examining = Every(_EXAMINE, clock)
         self._warning = Every(_EXAMINE, clock)
         self._problem = ""
         self._blocks: list[Recording] = []
@@ -406,7 +413,8 @@ class Box:
             "versions": [VERSION],
         }
         payload = self._message(document)
-        self._announcement, self._is_described = checksum(payload), False
+        self._announcement = checksum(payload)
+        self._is_described = False
         self._announcing.start()
         self._link.publish(topic(self._settings.vehicle, "meta"), payload, is_retained=True)
 
@@ -418,9 +426,9 @@ class Box:
         ends = {**before, self._spool.boot: self._spool.next_seq}
         document = {
             Key.BOOT: self._spool.boot,
-            "boots": [[boot, first, ends.get(boot, -1)] for boot, first in sorted(boots.items())[:MOST_BOOTS]],
+            "boots": [[boot, first, ends.get(boot, -1)] for boot, first in sorted(boots.items())[:MAX_BOOTS]],
             "dropped": self._spool.dropped,
-            "lost": [list(loss) for loss in self._spool.unreported_losses[:MOST_LOSSES]],
+            "lost": [list(loss) for loss in self._spool.unreported_losses[:MAX_LOSSES]],
             "spooled": self._spool.n_bytes,
             "time": self._now(),
             "is_leaving": is_leaving,

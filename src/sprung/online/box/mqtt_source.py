@@ -122,7 +122,8 @@ class _Reader:
     """Turns messages into values, and reports each problem once."""
 
     def __init__(self, names: Sequence[str], on_problem: Callable[[str], None]) -> None:
-        self._names, self._on_problem = frozenset(names), on_problem
+        self._names = frozenset(names)
+        self._on_problem = on_problem
         self._reported: set[tuple[str, str]] = set()
         self.has_overflowed = False
 

@@ -80,7 +80,10 @@ class OnBoard:
         answers: Answers | None = None,
     ) -> None:
         check_number("window", window, at_least=60)
-        self._vehicle, self._ring, self._window, self._method = vehicle, ring, window, method
+        self._vehicle = vehicle
+        self._ring = ring
+        self._window = window
+        self._method = method
         self._answers = Answers() if answers is None else answers
         self._blocks: list[Recording] = []
         self._number = 0
@@ -130,7 +133,7 @@ class OnBoard:
                 yield document
 
 
-def on_board_in(folder: Path, vehicle: Vehicle, *, most_bytes: int) -> OnBoard:
+def on_board_in(folder: Path, vehicle: Vehicle, *, max_bytes: int) -> OnBoard:
     """Return identification on a vehicle that keeps its samples, and its answers to requests, in a folder.
 
     Parameters
@@ -139,8 +142,8 @@ def on_board_in(folder: Path, vehicle: Vehicle, *, most_bytes: int) -> OnBoard:
         Folder, created if it does not exist.
     vehicle
         Vehicle with its sensors.
-    most_bytes
+    max_bytes
         Largest size of the samples.
     """
-    ring = Spool(folder, most_bytes=most_bytes)
+    ring = Spool(folder, max_bytes=max_bytes)
     return OnBoard(vehicle, ring, answers=Answers(folder / "answers.json"))

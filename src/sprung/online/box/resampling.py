@@ -150,7 +150,9 @@ class Regular:
     def _take(self, when: int, values: Mapping[str, float]) -> None:
         """Keep values."""
         if self._latest is None:
-            self._origin, self._n_done, self._latest = when, 0, when
+            self._origin = when
+            self._n_done = 0
+            self._latest = when
         self._latest = max(self._latest, when)
         for name, value in values.items():
             points = self._points[name]

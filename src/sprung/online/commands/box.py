@@ -79,12 +79,12 @@ def box(
     description = read_vehicle(vehicle)
     may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=names(channels))
     stopping = stop_on_signals()
-    frames = Spool(spool, most_bytes=round(1e6 * spool_megabytes), boot_from=time.time_ns() // 10**6)
+    frames = Spool(spool, max_bytes=round(1e6 * spool_megabytes), boot_from=time.time_ns() // 10**6)
     ring = None
     if on_board:  # which needs more of the package than a box that only sends
         from sprung.online.box.onboard import on_board_in
 
-        ring = on_board_in(spool / "ring", description, most_bytes=round(1e6 * ring_megabytes))
+        ring = on_board_in(spool / "ring", description, max_bytes=round(1e6 * ring_megabytes))
     running = box_of(
         vehicle_id,
         description,

@@ -164,7 +164,7 @@ def _of_diagnosis(vehicle: str, diagnosis: Diagnosis) -> list[Report]:
     test: dict[str, Any] = {"detectable": detectable_document(diagnosis.detectable)}
     if diagnosis.detection is not None:
         test["detection"] = detection_document(
-            diagnosis.detection, most_windows=_MAX_WINDOWS, most_hypotheses=_MAX_HYPOTHESES
+            diagnosis.detection, max_windows=_MAX_WINDOWS, max_hypotheses=_MAX_HYPOTHESES
         )
     limit = detectable_in_words(diagnosis.detectable)
     return [

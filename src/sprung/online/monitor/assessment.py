@@ -36,7 +36,7 @@ from sprung.vehicles import Vehicle, vehicle_from_text, vehicle_text
 #: Reason of the first baseline of a vehicle.
 FIRST = "first learning"
 #: Share of standstill in a window above which it is the stated reason for an inconclusive window.
-_MOST_STANDING = 0.5
+_MAX_STANDING = 0.5
 #: Note while a vehicle that deviates from its type is not learnt from.
 _DEVIATES = (
     "no baseline is learnt while the vehicle deviates from its type: inspect it, then request one with sprung "
@@ -151,7 +151,7 @@ class Assessment:
         learnt: Baseline | None = None
         if self._detector is None:
             if not self._complete_file(recording, observation):
-                self._learning = [*self._learning, observation][-self._settings.most_windows :]
+                self._learning = [*self._learning, observation][-self._settings.max_windows :]
             self._diagnosis = diagnosis = self._against_type()
             learnt = self._learn()
         else:
@@ -245,7 +245,7 @@ class Assessment:
         return {
             "false_alarms": settings.false_alarms,
             "windows_per_day": settings.hours_per_day * 3600 / settings.window,
-            "n_windows": settings.most_windows,
+            "n_windows": settings.max_windows,
         }
 
     def _begin(self, detector: ChangeDetector | None) -> None:
@@ -339,6 +339,6 @@ def _is_valid(observation: Observation) -> bool:
 def _reservations(observation: Observation) -> str:
     """Return why a window is inconclusive or not used for learning; empty if it is valid."""
     standing = observation.conditions.get("standing", 0.0)
-    if observation.reason and standing > _MOST_STANDING:
+    if observation.reason and standing > _MAX_STANDING:
         return f"the vehicle stood still for {100 * standing:.0f} % of the time"
     return observation.reason or "; ".join(map(describe_fault, observation.sensor_faults))

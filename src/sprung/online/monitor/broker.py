@@ -27,7 +27,8 @@ class EmbeddedBroker:
 
     def __init__(self, secret: str, host: str = "127.0.0.1", port: int = 1883) -> None:
         self._module = required("amqtt.broker", purpose="the embedded broker", extra="online")
-        self._secret, self._listens_at = secret, f"{host}:{port}"
+        self._secret = secret
+        self._listens_at = f"{host}:{port}"
         self._loop: asyncio.AbstractEventLoop | None = None
         self._started = threading.Event()
         self._problem = ""

@@ -73,7 +73,9 @@ class Completion:
         if not (self._spectra and (is_last or len(self._spectra) == CALIBRATION_WINDOWS)):
             return None
         windows, errors = self._spectra, self._model_errors
-        self._is_open, self._spectra, self._model_errors = False, (), []
+        self._is_open = False
+        self._spectra = ()
+        self._model_errors = []
         if self._is_wanted:
             return calibrated(windows, vehicle)
         return calibrated_if_imperfect(windows, vehicle, model_errors=errors)

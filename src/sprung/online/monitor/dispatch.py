@@ -369,7 +369,7 @@ class Dispatch:
         if snapshot is not None:
             opening = replace(opening, state=snapshot.document)
         else:
-            history = history_of(self._store, vehicle, max_windows=self._settings.most_windows)
+            history = history_of(self._store, vehicle, max_windows=self._settings.max_windows)
             opening = replace(opening, history=history)
         if self._is_learning(vehicle, known, has_state=snapshot is not None):
             opening = replace(opening, type_baseline=type_of_others(self._store, vehicle, types=self._types))

@@ -24,7 +24,7 @@ class MonitorSettings:
         Number of conclusive windows that a baseline is learnt from, at least 2.
     false_alarms, hours_per_day
         Rate of false alarms per vehicle and day of driving, and hours of driving in a day.
-    most_windows
+    max_windows
         Largest number of most recent windows in a diagnosis, at least `learning_windows`.
     calibrate
         Whether the vehicle file is calibrated on the first windows of learning; None: if it is imperfect.
@@ -41,7 +41,7 @@ class MonitorSettings:
     learning_windows: int = LEARNING_WINDOWS
     false_alarms: float = 1e-3
     hours_per_day: float = 8.0
-    most_windows: int = 96
+    max_windows: int = 96
     calibrate: bool | None = None
 
     def __post_init__(self) -> None:
@@ -50,7 +50,7 @@ class MonitorSettings:
         check_number("learning_windows", self.learning_windows, at_least=2)
         check_number("false_alarms", self.false_alarms, above=0)
         check_number("hours_per_day", self.hours_per_day, above=0, at_most=24)
-        check_number("most_windows", self.most_windows, at_least=self.learning_windows)
+        check_number("max_windows", self.max_windows, at_least=self.learning_windows)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -115,7 +115,8 @@ class CircuitBreaker:
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._pause = Every(_PAUSE, clock)
-        self._error = self._shortage = ""
+        self._error = ""
+        self._shortage = ""
 
     @property
     def allows_work(self) -> bool:

@@ -14,7 +14,7 @@ class FrameCache:
 
     Parameters
     ----------
-    most_bytes
+    max_bytes
         Largest size of all payloads [bytes]; frames beyond it are read from the store.
 
     Notes
@@ -22,8 +22,8 @@ class FrameCache:
     Of several frames with one number the first counts, as in the store.
     """
 
-    def __init__(self, most_bytes: int = _HELD) -> None:
-        self._most = most_bytes
+    def __init__(self, max_bytes: int = _HELD) -> None:
+        self._most = max_bytes
         self._frames: dict[str, dict[tuple[int, int], StoredFrame]] = {}
         self._sizes: dict[str, int] = {}
         self._size = 0

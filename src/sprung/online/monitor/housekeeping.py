@@ -19,7 +19,7 @@ LOG = logging.getLogger("sprung.monitor")
 #: Time between checks of vehicles and commands, between sweeps of the disk, and between deletions of old rows [s].
 _LOOK, _SWEEP, _TIDY = 1.0, 60.0, 3600.0
 #: Largest number of old rows that a sweep deletes, as intake pauses meanwhile.
-_MOST_ROWS = 10_000
+_MAX_ROWS = 10_000
 #: Causes of the alerts about certificates that expire, and about a lake that cannot be written.
 CERTIFICATE, LAKE = "monitor:certificate", "monitor:lake"
 #: Shortest time before samples are requested again, and between warnings that the broker cannot be reached [s].
@@ -202,9 +202,9 @@ class Housekeeping:
             keep.before(keep.results_days, now),
             audit_before=keep.before(keep.audit_days, now),
             boots_before=keep.before(keep.boots_days, now),
-            limit=_MOST_ROWS,
+            limit=_MAX_ROWS,
         )
-        if n_deleted < _MOST_ROWS:
+        if n_deleted < _MAX_ROWS:
             self._tidying.start()
 
     def _look_at_link(self) -> None:

@@ -23,7 +23,7 @@ from sprung.link import (
     span_of,
     topic,
 )
-from sprung.link.messages import MOST_BOOTS, REPORTS, checksum, count, integer, text
+from sprung.link.messages import MAX_BOOTS, REPORTS, checksum, count, integer, text
 from sprung.online.monitor.context import Context
 from sprung.online.monitor.message_queue import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals, vehicle_of
 from sprung.online.store import Cursor, RefusedError, StoredFrame
@@ -38,15 +38,15 @@ LOG = logging.getLogger("sprung.monitor")
 #: The monitor's own name among the vehicles.
 MONITOR = "monitor"
 #: Largest number of channels that a vehicle may announce, and of characters of its description, and of a line.
-_MOST_CHANNELS, _MOST_TEXT, _LONGEST_LINE = 256, 40_000, 1000
+_MAX_CHANNELS, _MAX_TEXT, _LONGEST_LINE = 256, 40_000, 1000
 #: Largest number of boots of a vehicle with frames that are not analysed: each takes memory, and time at every step.
-_MOST_OPEN_BOOTS = 1000
+_MAX_OPEN_BOOTS = 1000
 #: Fields of a box's answer to a request for samples.
 _ANSWER = ("boot", "last", "frames", "from", "to")
 #: Time between updates of when vehicles were last seen [ns]: each is a transaction of its own.
 _NOTED_EVERY = 10**9
 #: Largest number of refusals, and of answers of boxes, that are remembered.
-_MOST_REFUSALS, _MOST_ANSWERS = 100, 1000
+_MAX_REFUSALS, _MAX_ANSWERS = 100, 1000
 
 
 @dataclass(slots=True)
@@ -192,7 +192,7 @@ class Intake:
                 elif what == "state":
                     first, dropped[vehicle] = self._stated(vehicle, checked_map(payload))
                     below |= {(vehicle, boot): seq for boot, seq in first.items() if seq > 0}
-                    taken.held[vehicle] = frozenset(first if len(first) < MOST_BOOTS else ())
+                    taken.held[vehicle] = frozenset(first if len(first) < MAX_BOOTS else ())
                 else:
                     self._handle(vehicle, what, checked_map(payload), now)
                     if what == "meta":
@@ -206,7 +206,8 @@ class Intake:
         taken.arrived |= self._declare_lost(below, dropped, now)
         if self._seen and abs(now - self._noted) >= _NOTED_EVERY:
             self._store.inbox.seen(self._seen)
-            self._seen, self._noted = {}, now
+            self._seen = {}
+            self._noted = now
         for (vehicle, boot), contiguous in taken.arrived.items():
             if contiguous >= 0:
                 document = {Key.VERSION: VERSION, Key.BOOT: boot, Key.SEQ: contiguous}
@@ -307,15 +308,15 @@ class Intake:
     def _check_boot(self, vehicle: str, boot: int) -> None:
         """Refuse a boot if too many of the vehicle wait to be analysed."""
         if vehicle not in self._boots:
-            self._boots[vehicle] = set(self._store.inbox.open_boots(vehicle, limit=_MOST_OPEN_BOOTS))
+            self._boots[vehicle] = set(self._store.inbox.open_boots(vehicle, limit=_MAX_OPEN_BOOTS))
         known = self._boots[vehicle]
         if boot in known:
             return
-        if len(known) > _MOST_OPEN_BOOTS // 2:
+        if len(known) > _MAX_OPEN_BOOTS // 2:
             self._crowded.add(vehicle)
-        if len(known) >= _MOST_OPEN_BOOTS:
+        if len(known) >= _MAX_OPEN_BOOTS:
             raise _BootsError(
-                f"boot {boot} of {vehicle}, while {_MOST_OPEN_BOOTS} of its boots wait to be analysed: a box must "
+                f"boot {boot} of {vehicle}, while {_MAX_OPEN_BOOTS} of its boots wait to be analysed: a box must "
                 "count its starts one by one, and send the oldest first"
             )
         known.add(boot)
@@ -340,7 +341,7 @@ class Intake:
             request = message({Key.VERSION: VERSION, "do": "speak", "versions": [VERSION]})
             self._publish(topic(parse_topic(name)[0], "cmd"), request)
         self._refusals[name[:120]] = str(reason)
-        if len(self._refusals) > _MOST_REFUSALS:
+        if len(self._refusals) > _MAX_REFUSALS:
             self._refusals.pop(next(iter(self._refusals)))
 
     def _describe(self, vehicle: str, document: dict[Any, Any], now: int) -> None:
@@ -349,12 +350,12 @@ class Intake:
         configuration = text(document.get(Key.CONFIGURATION))
         if not isinstance(description, str) or not isinstance(quantities, dict):
             raise FormatError("a description without text and quantities of the channels")
-        if len(quantities) > _MOST_CHANNELS:
-            raise FormatError(f"a description of {len(quantities)} channels: at most {_MOST_CHANNELS}")
+        if len(quantities) > _MAX_CHANNELS:
+            raise FormatError(f"a description of {len(quantities)} channels: at most {_MAX_CHANNELS}")
         channels = [[text(name), text(quantity)] for name, quantity in quantities.items()]
         # The time to parse a key of many dotted names grows with the square of its length.
-        if len(description) > _MOST_TEXT or max(map(len, description.splitlines()), default=0) > _LONGEST_LINE:
-            raise FormatError(f"a description of more than {_MOST_TEXT} characters, or {_LONGEST_LINE} in a line")
+        if len(description) > _MAX_TEXT or max(map(len, description.splitlines()), default=0) > _LONGEST_LINE:
+            raise FormatError(f"a description of more than {_MAX_TEXT} characters, or {_LONGEST_LINE} in a line")
         inbox = self._store.inbox
         known = inbox.vehicle(vehicle)
         if known is not None and (known.description, known.channels) == (description, channels):
@@ -366,7 +367,7 @@ class Intake:
         """Keep the answer of a box to a request."""
         number, answer = _answer(document)
         self._answers[vehicle, number] = answer
-        if len(self._answers) > _MOST_ANSWERS:
+        if len(self._answers) > _MAX_ANSWERS:
             self._answers.pop(next(iter(self._answers)))
 
     def _stated(self, vehicle: str, document: dict[Any, Any]) -> tuple[dict[int, int], "_Dropped"]:
@@ -374,8 +375,8 @@ class Intake:
         boots, dropped = document.get("boots"), _Dropped.of(document)
         if not isinstance(boots, list):
             raise FormatError("a state without boots")
-        first = dict(map(_first_frame, boots[:MOST_BOOTS]))
-        if len(first) < MOST_BOOTS:  # otherwise frames of other boots may be left
+        first = dict(map(_first_frame, boots[:MAX_BOOTS]))
+        if len(first) < MAX_BOOTS:  # otherwise frames of other boots may be left
             for loss in dropped.losses:
                 first.setdefault(loss.boot, loss.last + 1)
         for boot in sorted(boot for boot, seq in first.items() if seq > 0):

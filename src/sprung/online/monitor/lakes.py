@@ -37,7 +37,7 @@ class LakeWriter:
 
         keep = context.site.keep
         self._lake = Lake(location)
-        self._outbox = Outbox(context.site.outbox, most_bytes=1e9 * keep.raw_gigabytes)
+        self._outbox = Outbox(context.site.outbox, max_bytes=1e9 * keep.raw_gigabytes)
         self._source = f"monitor {context.site.name}"
         self._keep = keep
         self._clock = context.clock
@@ -105,7 +105,7 @@ class LakeWriter:
     def _tidy(self) -> None:
         """Delete old dates, and compact."""
         self._lake.prune(before=self._keep.before(self._keep.days_in_lake, self._clock()))
-        self._lake.compact(most_bytes=_COMPACTED)
+        self._lake.compact(max_bytes=_COMPACTED)
 
     def _attempt(self, what: str, act: Callable[[], None]) -> None:
         """Do something with the lake; whatever fails is logged, and tried again later."""

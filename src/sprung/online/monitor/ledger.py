@@ -24,7 +24,7 @@ LOG = logging.getLogger("sprung.monitor")
 #: Alerts about the analysis of a vehicle, which the next window clears.
 _TROUBLES = ("monitor:analysis", "monitor:state", "monitor:opening")
 #: Largest number of results that wait to be stored together.
-_MOST_WAITING = 1000
+_MAX_WAITING = 1000
 #: Useful digits: of identified modes, and of the windows that diagnosis and types compare.
 _OF_MODES, _OF_WINDOWS = 6, 9
 
@@ -120,7 +120,7 @@ class Ledger:
         )
         if not is_saved:
             self._waiting.append(progress)
-            if len(self._waiting) >= _MOST_WAITING:
+            if len(self._waiting) >= _MAX_WAITING:
                 self.flush()
             return False
         waiting = [each for each in self._waiting if each.vehicle == outcome.vehicle]
@@ -153,7 +153,7 @@ class Ledger:
             for progress in waiting:
                 self._store_alone(progress)
         except StoreError:
-            self._waiting = waiting[-_MOST_WAITING:]
+            self._waiting = waiting[-_MAX_WAITING:]
             raise
         else:
             self._waiting = []

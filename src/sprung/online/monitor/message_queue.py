@@ -8,7 +8,7 @@ from sprung.errors import FormatError
 from sprung.link import parse_topic
 
 #: Bytes of all messages that may wait, and what each takes besides its payload.
-MOST_WAITING, OVERHEAD = 128 << 20, 512
+MAX_WAITING, OVERHEAD = 128 << 20, 512
 #: Share of the free bytes that the messages of one vehicle may take.
 _SHARE = 0.25
 #: Reasons why messages are refused: no message of this version, a program of another version, more starts of a box than
@@ -16,7 +16,7 @@ _SHARE = 0.25
 INVALID, VERSION_UNKNOWN, BOOTS, OVERLOAD, UNSTORABLE = "invalid", "version", "boots", "overload", "unstorable"
 #: Name that stands for all vehicles beyond the first thousand, and for messages without a vehicle.
 OTHERS = "(others)"
-_MOST_VEHICLES = 1000
+_MAX_VEHICLES = 1000
 
 
 class MessageQueue:
@@ -24,7 +24,7 @@ class MessageQueue:
 
     Parameters
     ----------
-    most_bytes
+    max_bytes
         Bytes of all messages that may wait.
 
     Notes
@@ -39,8 +39,8 @@ class MessageQueue:
     on Networking 6(2).
     """
 
-    def __init__(self, most_bytes: int = MOST_WAITING) -> None:
-        self._most = most_bytes
+    def __init__(self, max_bytes: int = MAX_WAITING) -> None:
+        self._most = max_bytes
         self._lock = threading.Lock()
         self._queues: dict[str, deque[tuple[str, bytes]]] = {}
         self._sizes: dict[str, int] = {}
@@ -118,7 +118,7 @@ class Refusals:
     def add(self, vehicle: str, reason: str) -> None:
         """Count a refused message of a vehicle; empty: of no vehicle."""
         with self._lock:
-            if vehicle and len(self._vehicles) < _MOST_VEHICLES:
+            if vehicle and len(self._vehicles) < _MAX_VEHICLES:
                 self._vehicles.add(vehicle)
             key = (vehicle if vehicle in self._vehicles else OTHERS, reason)
             self._counts[key] = self._counts.get(key, 0) + 1

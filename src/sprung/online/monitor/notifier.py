@@ -24,7 +24,7 @@ from sprung.online.store import Delivery, NotificationRow, ReservationLostError,
 LOG = logging.getLogger("sprung.monitor")
 
 #: Number of attempts after which a sender gives up a notification.
-MOST_ATTEMPTS = 20
+MAX_ATTEMPTS = 20
 #: Words for the events of a notification, where they differ from the names.
 _WORDS = {"undelivered": "not delivered", "abandoned": "given up"}
 #: Time between checks for notifications [s].
@@ -99,7 +99,7 @@ class Notifier:
         if not self.error:
             self.n_sent += 1
             self.lasting_error = ""
-        elif attempt[1] + 1 >= MOST_ATTEMPTS:
+        elif attempt[1] + 1 >= MAX_ATTEMPTS:
             self.n_given_up += 1
             self.lasting_error = self.error
         return True
@@ -129,7 +129,7 @@ class Notifier:
             delivery = Delivery(attempts, sent=now)
             if attempts > 1:
                 what, comment = "delivered", f"by {self.name} at attempt {attempts}"
-        elif attempts >= MOST_ATTEMPTS:
+        elif attempts >= MAX_ATTEMPTS:
             delivery = Delivery(attempts, given_up=now, last_error=error)
             what, comment = "abandoned", f"by {self.name} after {attempts} attempts: {error}"
         else:
@@ -185,7 +185,7 @@ class NotificationService:
         if not failed:
             return ""
         return (
-            f"notifications were given up after {MOST_ATTEMPTS} attempts by {'; by '.join(failed)}; correct [send] in "
+            f"notifications were given up after {MAX_ATTEMPTS} attempts by {'; by '.join(failed)}; correct [send] in "
             "the site file, test it with sprung monitor --test-senders, and see sprung alerts for what was missed"
         )
 

@@ -491,7 +491,7 @@ def _analysed(store: Store, vehicle: str, rows: Sequence[QuarantineRow]) -> str:
     known = Opening(vehicle, described.description, dict(described.channels), state, MonitorSettings())
     with suppress(StateError):  # the settings of the saved state, where it can be read
         known = replace(known, settings=open_monitor(known)[0].settings)
-    history = history_of(store, vehicle, max_windows=known.settings.most_windows)
+    history = history_of(store, vehicle, max_windows=known.settings.max_windows)
     opened = open_monitor(replace(known, state=None, history=history))
     windows: list[Observed] = []
     n_identified, place = 0, 0

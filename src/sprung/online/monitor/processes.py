@@ -20,7 +20,7 @@ from sprung.online.monitor.jobs import Failure, Limits, Opening, Outcome, analys
 from sprung.online.monitor.states import StateError
 
 #: Largest answer of a process [bytes]: the samples of a window, and more than any results.
-_MOST_BYTES = 1 << 30
+_MAX_BYTES = 1 << 30
 _CONTEXT = multiprocessing.get_context("spawn")
 
 
@@ -118,7 +118,7 @@ class WorkerProcess:
 def received(connection: Connection) -> Answer:
     """Return the next answer of a process; `Lost` if it is too large, truncated or not an outcome."""
     try:
-        message = pickle.loads(connection.recv_bytes(_MOST_BYTES))
+        message = pickle.loads(connection.recv_bytes(_MAX_BYTES))
     except EOFError:
         return Lost("the process of its analysis died")
     except Exception as error:  # a truncated answer may raise anything

@@ -16,7 +16,7 @@ from sprung.toml import checked, toml_fields
 
 _DAY = 86400 * 10**9
 # A century: times are nanoseconds in 64 bits.
-_MOST_DAYS = 36525.0
+_MAX_DAYS = 36525.0
 
 
 class _Table(BaseModel):
@@ -68,7 +68,7 @@ class Watch(_Table):
             false_alarms=self.false_alarms_per_day,
             hours_per_day=self.hours_per_day,
             calibrate=self.calibrate,
-            most_windows=max(_MONITOR.most_windows, self.learning_windows),
+            max_windows=max(_MONITOR.max_windows, self.learning_windows),
         )
 
 
@@ -98,15 +98,15 @@ class Alerts(_Table):
 class Keep(_Table):
     """Retention of results and samples."""
 
-    results_days: float = Field(730.0, gt=0, le=_MOST_DAYS, description="age at which results are deleted [days]")
+    results_days: float = Field(730.0, gt=0, le=_MAX_DAYS, description="age at which results are deleted [days]")
     audit_days: float = Field(
-        3652.0, gt=0, le=_MOST_DAYS, description="age at which the audit trail and history of alerts are deleted [days]"
+        3652.0, gt=0, le=_MAX_DAYS, description="age at which the audit trail and history of alerts are deleted [days]"
     )
     boots_days: float = Field(
-        90.0, gt=0, le=_MOST_DAYS, description="age at which the progress of finished starts of boxes is deleted [days]"
+        90.0, gt=0, le=_MAX_DAYS, description="age at which the progress of finished starts of boxes is deleted [days]"
     )
     raw_days: float = Field(
-        2.0, ge=0, le=_MOST_DAYS, description="age at which samples (Parquet) are deleted [days]; 0: none are kept"
+        2.0, ge=0, le=_MAX_DAYS, description="age at which samples (Parquet) are deleted [days]; 0: none are kept"
     )
     raw_gigabytes: float = Field(20.0, gt=0, description="largest size of the samples that are kept [GB]")
     free_megabytes: float = Field(
@@ -118,7 +118,7 @@ class Keep(_Table):
     lake_days: float | None = Field(
         None,
         gt=0,
-        le=_MOST_DAYS,
+        le=_MAX_DAYS,
         description="age at which windows in the lake are deleted [days]; left out: `results_days`",
     )
     results: str | None = Field(

@@ -30,7 +30,7 @@ LOG = logging.getLogger("sprung.monitor")
 #: Largest number of messages taken in together, of their bytes, and longest time to read them [s].
 _BATCH, _BATCH_BYTES, _BATCH_SECONDS = 2000, 16 << 20, 0.25
 #: Time between checks for vehicles that send too much [s], and largest number of alerts about them.
-_EXAMINE, _MOST_ALERTS = 60.0, 20
+_EXAMINE, _MAX_ALERTS = 60.0, 20
 #: Longest time of a pass of the loop, and of the thread that sends notifications; of a job, besides its limit [s].
 _STILL, _STILL_POST, _LATE = 15.0, 300.0, 60.0
 #: Time between attempts to take over, and between checks of the reservation [s].
@@ -237,7 +237,7 @@ class Station:
         if not self._messages.put(name, payload):
             vehicle = vehicle_of(name)
             self._refusals.add(vehicle, OVERLOAD)
-            if vehicle and len(self._overloaded) < _MOST_ALERTS:
+            if vehicle and len(self._overloaded) < _MAX_ALERTS:
                 self._overloaded.add(vehicle)
 
     def figures(self) -> dict[str, float]:

@@ -257,14 +257,14 @@ def detectable_document(detectable: Mapping[Component, float]) -> dict[str, floa
     return {str(component): loss for component, loss in detectable.items()}
 
 
-def detection_document(detection: Detection, *, most_windows: int, most_hypotheses: int) -> dict[str, Any]:
+def detection_document(detection: Detection, *, max_windows: int, max_hypotheses: int) -> dict[str, Any]:
     """Return a change test as one JSON object, as `detection` of `sprung.diagnosis/1`, shortened for an alert.
 
     Parameters
     ----------
     detection
         Change test.
-    most_windows, most_hypotheses
+    max_windows, max_hypotheses
         Number of the last windows, and of the likeliest hypotheses, that are kept.
 
     Examples
@@ -277,13 +277,13 @@ def detection_document(detection: Detection, *, most_windows: int, most_hypothes
     >>> C = 0.02**2 * np.eye(12)
     >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
     >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
-    >>> document = detection_document(diagnosis.detection, most_windows=2, most_hypotheses=1)
+    >>> document = detection_document(diagnosis.detection, max_windows=2, max_hypotheses=1)
     >>> document["times"], [hypothesis["name"] for hypothesis in document["hypotheses"]]
     ([7200.0, 7800.0], ['front_left.spring'])
     """
     fields = _detection(detection).as_json()
-    kept = {name: fields[name][-most_windows:] for name in ("times", "evidence")}
-    return {**fields, **kept, "hypotheses": fields["hypotheses"][:most_hypotheses]}
+    kept = {name: fields[name][-max_windows:] for name in ("times", "evidence")}
+    return {**fields, **kept, "hypotheses": fields["hypotheses"][:max_hypotheses]}
 
 
 def diagnosis_document(
