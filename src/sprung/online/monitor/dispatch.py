@@ -120,6 +120,7 @@ class Dispatch:
         self._types = VehicleTypes(context.store)
         self._vehicles: dict[str, _Vehicle] = {}
         self._queue: dict[str, int] = {}  # time since which each vehicle is in it
+        self._n_jobs = 0
         self._n_failures = 0
         self._seconds = 0.0
 
@@ -131,7 +132,7 @@ class Dispatch:
     @property
     def is_idle(self) -> bool:
         """Whether no job is under way."""
-        return all(known.job is None for known in self._vehicles.values())
+        return not self._n_jobs
 
     @property
     def figures(self) -> dict[str, float]:
@@ -255,6 +256,7 @@ class Dispatch:
         frames = known.job or ()
         if outcome.n_consumed < len(frames) and known.job_since is not None:
             known.waiting_since = known.job_since
+        self._n_jobs -= known.job is not None
         known.job = None
         known.job_since = None
         if outcome.error:
@@ -336,6 +338,7 @@ class Dispatch:
 
     def _submit(self, vehicle: str, known: _Vehicle, frames: Sequence[StoredFrame]) -> None:
         """Start a job, which without frames returns the state."""
+        self._n_jobs += 1
         known.job = frames
         known.request_of_job = known.request
         baseline = self._wanted_baseline(known.request)
