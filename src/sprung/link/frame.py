@@ -29,9 +29,10 @@ from sprung.link.messages import (
 
 #: Largest number of samples of all channels in a frame, which bounds its size unpacked.
 MAX_SAMPLES = 1 << 19
-#: Longest frame [ns]: a longer one could hold any number of windows, each of which takes time. Shortest time between
-#: samples [ns]: a window of a higher rate would never be complete.
-LONGEST, MIN_INTERVAL = 3600 * 10**9, 50_000
+#: Longest frame [ns]: a longer one could hold any number of windows, each of which takes time.
+LONGEST = 3600 * 10**9
+#: Shortest time between samples [ns]: a window of a higher rate would never be complete.
+MIN_INTERVAL = 50_000
 #: Largest number of samples of all channels in a second: a monitor keeps windows of minutes of every vehicle.
 HIGHEST_RATE = 200_000
 #: Bits of a channel's flag.

@@ -18,8 +18,10 @@ UPWARDS = ("raw", "corr", "modes", "event", "health", "meta", "state")
 DOWNWARDS = ("ack", "cmd")
 #: Names of vehicles, which are parts of topics and of paths.
 VEHICLE = re.compile(r"(?!\.{1,2}$)[A-Za-z0-9_.-]{1,64}")
-#: Largest message [bytes], and largest number of entries of a list in it.
-LARGEST, MAX_CHANNELS = 1 << 20, 256
+#: Largest message [bytes].
+LARGEST = 1 << 20
+#: Largest number of entries of a list in it.
+MAX_CHANNELS = 256
 #: Largest number of values of all maps and lists of a message, which bounds the time to read it; smaller messages than
 #: this many bytes cannot hold more.
 MAX_VALUES = 16_384

@@ -22,8 +22,10 @@ _MARK = b"sp"
 _SUFFIX = ".spool"
 #: File of the text that is remembered.
 _TEXT = "remembered"
-#: Smallest number of files of a full spool, of which the oldest is dropped for new ones; largest file [bytes].
-_FILES, _LARGEST = 16, 1 << 20
+#: Smallest number of files of a full spool, of which the oldest is dropped for new ones.
+_FILES = 16
+#: Largest file [bytes].
+_LARGEST = 1 << 20
 #: Number of earlier boots whose ends are declared although nothing of them may be left.
 _MAX_ENDS = 16
 

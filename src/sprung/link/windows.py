@@ -39,8 +39,10 @@ _SAME_RATE = 1e-6
 _MAX_RUNS = 2000
 #: Fewest changes from sample to sample in a block that distinguishes measured noise from anything else.
 _MIN_CHANGES = 32
-#: Longest time between blocks of one run, in samples, and tolerance of a place in a run [s].
-_TOLERANCE, _EPSILON = 2.5, 1e-3
+#: Longest time between blocks of one run, in samples.
+_TOLERANCE = 2.5
+#: Tolerance of a place in a run [s].
+_EPSILON = 1e-3
 #: Version of the progress that is kept.
 _VERSION = 1
 #: Place of a frame: boot and sequence number.

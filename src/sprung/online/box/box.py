@@ -45,8 +45,10 @@ if TYPE_CHECKING:
 
 #: User names of the broker that are not vehicles: monitors and viewers, also the second one and so on.
 RESERVED = re.compile(r"(monitor|viewer)(-[0-9]+)?")
-#: Time between reports of the spool, and of the box's health [s].
-_REPORT, _EXAMINE = 5.0, 60.0
+#: Time between reports of the spool [s].
+_REPORT = 5.0
+#: Time between reports of the box's health [s].
+_EXAMINE = 60.0
 #: Time between checks of the link while the spool is drained [s].
 _LOOK = 0.02
 #: Reasons why no samples are sent on request.

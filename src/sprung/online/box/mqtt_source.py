@@ -12,10 +12,16 @@ from sprung.link import Address, Link
 from sprung.online.box.resampling import Regular
 from sprung.recording import Recording
 
-# Longest waits [s]: for the broker, for a message between checks whether to stop, and for more of a block.
-_CONNECT, _LOOK, _PAUSE = 10.0, 0.2, 5.0
-# Messages that wait to be read, and bytes of one, at most.
-_MAX_WAITING, _LARGEST = 100_000, 1 << 16
+#: Longest wait for the broker [s].
+_CONNECT = 10.0
+#: Longest wait for a message between checks whether to stop [s].
+_LOOK = 0.2
+#: Longest wait for more of a block [s].
+_PAUSE = 5.0
+#: Largest number of messages that wait to be read.
+_MAX_WAITING = 100_000
+#: Largest message [bytes].
+_LARGEST = 1 << 16
 # Largest number of different problems that are reported.
 _MAX_PROBLEMS = 100
 # A time before 2000 or after 2100 [s] is that of a clock that was not set, or in another unit.

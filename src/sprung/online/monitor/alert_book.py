@@ -14,12 +14,20 @@ from sprung.results.documents import detectable_document, detection_document, fi
 from sprung.results.tables import span_in_words
 from sprung.state import AlertState, is_of_suspension
 
-#: Severity of a failing sensor, of a silent vehicle, of lost frames, and of a problem of the monitor itself.
-_SENSOR, _SILENT, _LOST, _MONITOR = 400, 300, 500, 800
+#: Severity of a failing sensor.
+_SENSOR = 400
+#: Severity of a silent vehicle.
+_SILENT = 300
+#: Severity of lost frames.
+_LOST = 500
+#: Severity of a problem of the monitor itself.
+_MONITOR = 800
 #: Largest number of boots of a vehicle whose lost frames are remembered.
 _MAX_BOOTS = 100
-#: Last windows and likeliest hypotheses of the change test that an alert keeps.
-_MAX_WINDOWS, _MAX_HYPOTHESES = 40, 5
+#: Last windows of the change test that an alert keeps.
+_MAX_WINDOWS = 40
+#: Likeliest hypotheses of the change test that an alert keeps.
+_MAX_HYPOTHESES = 5
 
 
 class AlertBook:

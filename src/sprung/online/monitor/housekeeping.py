@@ -16,14 +16,22 @@ from sprung.online.store import CommandRow, Retention
 
 LOG = logging.getLogger("sprung.monitor")
 
-#: Time between checks of vehicles and commands, between sweeps of the disk, and between deletions of old rows [s].
-_LOOK, _SWEEP, _TIDY = 1.0, 60.0, 3600.0
+#: Time between checks of vehicles and commands [s].
+_LOOK = 1.0
+#: Time between sweeps of the disk [s].
+_SWEEP = 60.0
+#: Time between deletions of old rows [s].
+_TIDY = 3600.0
 #: Largest number of old rows that a sweep deletes, as intake pauses meanwhile.
 _MAX_ROWS = 10_000
-#: Causes of the alerts about certificates that expire, and about a lake that cannot be written.
-CERTIFICATE, LAKE = "monitor:certificate", "monitor:lake"
-#: Shortest time before samples are requested again, and between warnings that the broker cannot be reached [s].
-_ASK, _REMIND = 10.0, 600.0
+#: Cause of the alert about certificates that expire.
+CERTIFICATE = "monitor:certificate"
+#: Cause of the alert about a lake that cannot be written.
+LAKE = "monitor:lake"
+#: Shortest time before samples are requested again [s].
+_ASK = 10.0
+#: Time between warnings that the broker cannot be reached [s].
+_REMIND = 600.0
 #: Time without a change after which the alert about lost frames clears [ns].
 _CALM = 3600 * 10**9
 

@@ -37,16 +37,22 @@ LOG = logging.getLogger("sprung.monitor")
 
 #: The monitor's own name among the vehicles.
 MONITOR = "monitor"
-#: Largest number of channels that a vehicle may announce, and of characters of its description, and of a line.
-_MAX_CHANNELS, _MAX_TEXT, _LONGEST_LINE = 256, 40_000, 1000
+#: Largest number of channels that a vehicle may announce.
+_MAX_CHANNELS = 256
+#: Largest number of characters of a description.
+_MAX_TEXT = 40_000
+#: Largest number of characters of a line of a description.
+_LONGEST_LINE = 1000
 #: Largest number of boots of a vehicle with frames that are not analysed: each takes memory, and time at every step.
 _MAX_OPEN_BOOTS = 1000
 #: Fields of a box's answer to a request for samples.
 _ANSWER = ("boot", "last", "frames", "from", "to")
 #: Time between updates of when vehicles were last seen [ns]: each is a transaction of its own.
 _NOTED_EVERY = 10**9
-#: Largest number of refusals, and of answers of boxes, that are remembered.
-_MAX_REFUSALS, _MAX_ANSWERS = 100, 1000
+#: Largest number of topics whose first refusal is remembered.
+_MAX_REFUSALS = 100
+#: Largest number of answers of boxes that are remembered.
+_MAX_ANSWERS = 1000
 
 
 @dataclass(slots=True)

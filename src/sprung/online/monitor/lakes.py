@@ -11,10 +11,14 @@ from sprung.recording import Recording
 
 LOG = logging.getLogger("sprung.monitor")
 
-#: Longest wait of a window, and of all after a failure [s]; number of windows that do not wait that long.
-_WAIT, _MANY = 600.0, 64
-#: Time between checks, and between deletions of old dates and compactions [s].
-_LOOK, _DAY = 5.0, 86400.0
+#: Longest wait of a window, and of all after a failure [s].
+_WAIT = 600.0
+#: Number of windows that do not wait that long.
+_MANY = 64
+#: Time between checks [s].
+_LOOK = 5.0
+#: Time between deletions of old dates and compactions [s].
+_DAY = 86400.0
 #: Largest size of a date that the monitor compacts [bytes].
 _COMPACTED = 1 << 28
 #: Longest wait for a commit under way at the end [s].

@@ -25,8 +25,10 @@ LOG = logging.getLogger("sprung.monitor")
 _TROUBLES = ("monitor:analysis", "monitor:state", "monitor:opening")
 #: Largest number of results that wait to be stored together.
 _MAX_WAITING = 1000
-#: Useful digits: of identified modes, and of the windows that diagnosis and types compare.
-_OF_MODES, _OF_WINDOWS = 6, 9
+#: Useful digits of identified modes.
+_OF_MODES = 6
+#: Useful digits of the windows that diagnosis and types compare.
+_OF_WINDOWS = 9
 
 
 class Ledger:

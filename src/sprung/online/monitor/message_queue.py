@@ -7,13 +7,22 @@ from collections.abc import Mapping
 from sprung.errors import FormatError
 from sprung.link import parse_topic
 
-#: Bytes of all messages that may wait, and what each takes besides its payload.
-MAX_WAITING, OVERHEAD = 128 << 20, 512
+#: Bytes of all messages that may wait.
+MAX_WAITING = 128 << 20
+#: Bytes that a message takes besides its payload.
+OVERHEAD = 512
 #: Share of the free bytes that the messages of one vehicle may take.
 _SHARE = 0.25
-#: Reasons why messages are refused: no message of this version, a program of another version, more starts of a box than
-#: are kept, more bytes than wait at once, values that the store cannot hold.
-INVALID, VERSION_UNKNOWN, BOOTS, OVERLOAD, UNSTORABLE = "invalid", "version", "boots", "overload", "unstorable"
+#: Reason of a refusal: no message of this version.
+INVALID = "invalid"
+#: Reason of a refusal: a program of another version.
+VERSION_UNKNOWN = "version"
+#: Reason of a refusal: more starts of a box than are kept.
+BOOTS = "boots"
+#: Reason of a refusal: more bytes than wait at once.
+OVERLOAD = "overload"
+#: Reason of a refusal: values that the store cannot hold.
+UNSTORABLE = "unstorable"
 #: Name that stands for all vehicles beyond the first thousand, and for messages without a vehicle.
 OTHERS = "(others)"
 _MAX_VEHICLES = 1000

@@ -27,12 +27,22 @@ from sprung.state import VehicleStatus
 
 LOG = logging.getLogger("sprung.monitor")
 
-#: Largest number of messages taken in together, of their bytes, and longest time to read them [s].
-_BATCH, _BATCH_BYTES, _BATCH_SECONDS = 2000, 16 << 20, 0.25
-#: Time between checks for vehicles that send too much [s], and largest number of alerts about them.
-_EXAMINE, _MAX_ALERTS = 60.0, 20
-#: Longest time of a pass of the loop, and of the thread that sends notifications; of a job, besides its limit [s].
-_STILL, _STILL_POST, _LATE = 15.0, 300.0, 60.0
+#: Largest number of messages taken in together.
+_BATCH = 2000
+#: Largest size of these messages [bytes].
+_BATCH_BYTES = 16 << 20
+#: Longest time to read them [s].
+_BATCH_SECONDS = 0.25
+#: Time between checks for vehicles that send too much [s].
+_EXAMINE = 60.0
+#: Largest number of alerts about such vehicles.
+_MAX_ALERTS = 20
+#: Longest time of a pass of the loop [s].
+_STILL = 15.0
+#: Longest time of a pass of a thread that sends notifications [s].
+_STILL_POST = 300.0
+#: Longest time of a job besides its limit [s].
+_LATE = 60.0
 #: Time between attempts to take over, and between checks of the reservation [s].
 _TAKE_OVER = 2.0
 _CHECK = 1.0

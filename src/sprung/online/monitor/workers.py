@@ -12,9 +12,13 @@ from sprung.online.monitor.events import Observed
 from sprung.online.monitor.jobs import Failure, Limits, Opening, Outcome, failed
 from sprung.online.monitor.processes import Answer, Lost, WorkerProcess
 
-#: Shares of the limit of a job, in processor time, so that vehicles are not blamed for a computer that is too slow for
-#: all: that of a first offence; above which a vehicle is slow; and after which a job ends with the frame at hand.
-_FIRST, _SLOW, _SLICE = 1 / 6, 1 / 18, 1 / 36
+# Shares of the limit of a job, in processor time: vehicles are not blamed for a computer that is too slow for all.
+#: Share after which a vehicle that is not slow is stopped.
+_FIRST = 1 / 6
+#: Share above which a vehicle is slow.
+_SLOW = 1 / 18
+#: Share after which a job ends with the frame at hand.
+_SLICE = 1 / 36
 #: Number of windows without a slow job after which a slow vehicle returns to the others.
 _QUICK_WINDOWS = 3
 #: Longest time in which a process starts [s].
