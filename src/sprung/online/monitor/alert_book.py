@@ -1,11 +1,11 @@
 """From windows of vehicles, and problems of monitoring, to alerts in the store."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
 from sprung._display import counted
-from sprung.diagnosis import Diagnosis, SensorFault, detectable_in_words
+from sprung.diagnosis import Diagnosis, detectable_in_words
 from sprung.online.alerts import AlertSettings, Report, Transition, absent, assess, message_of, reported, shelf_ended
 from sprung.online.monitor.assessment import describe_fault
 from sprung.online.monitor.events import Observed
@@ -28,6 +28,8 @@ _MAX_BOOTS = 100
 _MAX_WINDOWS = 40
 #: Likeliest hypotheses of the change test that an alert keeps.
 _MAX_HYPOTHESES = 5
+#: Fields of a message that a notification in the store lacks.
+_OF_SENDING = frozenset({"picture", "key"})
 
 
 class AlertBook:
@@ -48,7 +50,10 @@ class AlertBook:
     def take_window(self, vehicle: str, event: Observed, *, now: int) -> None:
         """Raise, update and clear alerts according to a window."""
         sensors = event.observation.sensor_faults
-        reports = [_of_sensor(vehicle, fault) for fault in _first_of_each_channel(sensors)]
+        reports = [
+            Report(vehicle, f"sensor:{fault.channel}", _SENSOR, describe_fault(fault), {"kind": fault.kind})
+            for fault in {fault.channel: fault for fault in reversed(sensors)}.values()  # the first of each channel
+        ]
         if event.diagnosis is not None:
             reports += _of_diagnosis(vehicle, event.diagnosis)
         is_valid = event.observation.is_conclusive and not sensors
@@ -90,31 +95,25 @@ class AlertBook:
             Present time, UTC ns.
         """
         with self._store.alerts.locked(vehicle, "lost") as known:
-            self._add_lost(known, vehicle, counts, begin=begin, end=end, now=now)
-
-    def _add_lost(
-        self, known: AlertState | None, vehicle: str, counts: Mapping[int, int], *, begin: int, end: int, now: int
-    ) -> None:
-        """Raise or update the alert `known` about lost frames, if more are lost than it counts."""
-        before = {} if known is None else known.evidence
-        by_boot = {int(boot): count for boot, count in before.get("boots", {}).items()}
-        n_new = sum(max(0, count - by_boot.get(boot, 0)) for boot, count in counts.items())
-        if not n_new:
-            return
-        is_active = known is not None and known.is_active
-        n_frames = n_new + (before["frames"] if is_active else 0)
-        begins = [time for time in (begin, before["from"] if is_active else 0) if time]
-        span = {"from": min(begins, default=0), "to": max(end, before["to"] if is_active else 0)}
-        when = f", {span_in_words(span['from'], span['to'])}," if span["from"] else ""
-        is_one = n_frames == 1
-        sentence = (
-            f"{counted(n_frames, 'frame')} of {vehicle}{when} {'is' if is_one else 'are'} lost, as its box had to drop "
-            f"{'it before it was' if is_one else 'them before they were'} stored here: "
-            "give its spool more space, and check its connection and the store of the monitor"
-        )
-        boots = dict(sorted((by_boot | dict(counts)).items())[-_MAX_BOOTS:])
-        evidence = {"frames": n_frames, **span, "boots": {str(boot): count for boot, count in boots.items()}}
-        self.put(reported(known, Report(vehicle, "lost", _LOST, sentence, evidence), self._at_once, now), now=now)
+            before = {} if known is None else known.evidence
+            by_boot = {int(boot): count for boot, count in before.get("boots", {}).items()}
+            n_new = sum(max(0, count - by_boot.get(boot, 0)) for boot, count in counts.items())
+            if not n_new:
+                return
+            present = before if known is not None and known.is_active else {"frames": 0, "from": 0, "to": 0}
+            n_frames = n_new + present["frames"]
+            begin, end = min(filter(None, (begin, present["from"])), default=0), max(end, present["to"])
+            when = f", {span_in_words(begin, end)}," if begin else ""
+            is_one = n_frames == 1
+            sentence = (
+                f"{counted(n_frames, 'frame')} of {vehicle}{when} {'is' if is_one else 'are'} lost, as its box had to"
+                f" drop {'it before it was' if is_one else 'them before they were'} stored here: "
+                "give its spool more space, and check its connection and the store of the monitor"
+            )
+            boots = dict(sorted((by_boot | dict(counts)).items())[-_MAX_BOOTS:])
+            numbers = {str(boot): count for boot, count in boots.items()}
+            evidence = {"frames": n_frames, "from": begin, "to": end, "boots": numbers}
+            self.put(reported(known, Report(vehicle, "lost", _LOST, sentence, evidence), self._at_once, now), now=now)
 
     def clear(self, vehicle: str, cause: str, *, now: int) -> None:
         """Clear an alert about monitoring itself, if it is active, without hysteresis."""
@@ -136,7 +135,9 @@ class AlertBook:
         """Store the new state of an alert, and the notification about it, if there is one."""
         if transition.what == "none":
             return
-        notify = _notification(transition) if transition.is_notified else None
+        notify = None
+        if transition.is_notified:  # picture and key come when it is sent
+            notify = {name: value for name, value in asdict(message_of(transition)).items() if name not in _OF_SENDING}
         history = (transition.what, transition.who, transition.comment)
         self._store.alerts.put(transition.alert, history=history, notify=notify, now=now)
 
@@ -148,23 +149,6 @@ class AlertBook:
     def _known(self, vehicle: str) -> dict[str, AlertState]:
         """Return the alerts of a vehicle by cause."""
         return {alert.cause: alert for alert in self._store.alerts.find(vehicle=vehicle)}
-
-
-def _notification(transition: Transition) -> dict[str, Any]:
-    """Return the notification about an event as the store keeps it: picture and key come when it is sent."""
-    fields = asdict(message_of(transition))
-    del fields["picture"], fields["key"]
-    return fields
-
-
-def _first_of_each_channel(faults: Iterable[SensorFault]) -> list[SensorFault]:
-    """Return the first fault of each channel."""
-    return list({fault.channel: fault for fault in reversed(list(faults))}.values())
-
-
-def _of_sensor(vehicle: str, fault: SensorFault) -> Report:
-    """Return the report of a sensor fault."""
-    return Report(vehicle, f"sensor:{fault.channel}", _SENSOR, describe_fault(fault), {"kind": fault.kind})
 
 
 def _of_diagnosis(vehicle: str, diagnosis: Diagnosis) -> list[Report]:

@@ -399,7 +399,7 @@ class Dispatch:
                     self._ledger.complete(vehicle, other, last)
                 self._ledger.update_alerts(vehicle, outcome.events)
                 if request is not None:
-                    self._ledger.finish_learning(request.id)
+                    self._store.requests.command_done(request.id, self._clock())
         if is_saved:
             known.done |= covered | {boot: seq}
             if request is not None:

@@ -108,11 +108,6 @@ class VehicleMonitor:
         return self._assessment.diagnosis
 
     @property
-    def modes(self) -> tuple[dict[str, Any], ...]:
-        """Modes identified last."""
-        return self._identifier.modes
-
-    @property
     def observations(self) -> tuple[Observation, ...]:
         """Windows held for diagnosis, oldest first."""
         return self._assessment.observations

@@ -14,7 +14,7 @@ from sprung.diagnosis import LEARNING_WINDOWS, Observation, RankedVehicle, TypeB
 from sprung.diagnosis.type_baselines import MIN_VEHICLES
 from sprung.errors import DataError, SprungError
 from sprung.online.monitor.histories import reference_of
-from sprung.online.store import BaselineRow, Entry, Store
+from sprung.online.store import Entry, Store
 from sprung.results.documents import observation_from_document
 from sprung.vehicles import vehicle_from_text, vehicle_text
 
@@ -189,8 +189,8 @@ def _name(store: Store, vehicle: str) -> str:
 def _normal_windows(store: Store, vehicle: str) -> list[Observation]:
     """Return the windows of a vehicle's baseline, or the last ones if it has none."""
     baselines = store.results.baselines(vehicle)
-    if _is_calibrated(baselines):
-        return []
+    if baselines and baselines[-1].document.get("vehicle_file"):
+        return []  # its windows are in terms of a file that a calibration completed for this vehicle alone
     learning_times = baselines[-1].document.get("learning_times", []) if baselines else []
     if not learning_times:
         return _last_windows(store, vehicle)
@@ -208,8 +208,3 @@ def _last_windows(store: Store, vehicle: str) -> list[Observation]:
 def _observations(entries: list[Entry]) -> list[Observation]:
     """Return the observations in rows of the store, without the statistics of the residual test."""
     return [replace(observation_from_document(entry.document), vehicle="") for entry in entries]
-
-
-def _is_calibrated(baselines: list[BaselineRow]) -> bool:
-    """Return whether windows are in terms of a vehicle file that a calibration completed for this vehicle alone."""
-    return bool(baselines) and bool(baselines[-1].document.get("vehicle_file"))

@@ -45,11 +45,6 @@ class ModeIdentifier:
         self._harmonics: tuple[Harmonic, ...] | None = None
         self.n_identified = 0
 
-    @property
-    def modes(self) -> tuple[dict[str, Any], ...]:
-        """Modes identified last."""
-        return self._modes
-
     def is_due(self, before: int, after: int, sampling_rate: float) -> bool:
         """Return whether modes are identified where the window has grown from one number of samples to another."""
         step = self._settings.identify_every * sampling_rate

@@ -334,7 +334,10 @@ class Intake:
         elif what == "health":
             self._free[vehicle] = _free_bytes(document)
         elif what == "event" and document.get("did") == "raw":
-            self._keep_answer(vehicle, document)
+            number, answer = _answer(document)
+            self._answers[vehicle, number] = answer
+            if len(self._answers) > _MAX_ANSWERS:
+                self._answers.pop(next(iter(self._answers)))
         elif what == "event" and document.get("did") == "misnamed":
             raise FormatError(_misnamed(vehicle, document))
 
@@ -368,13 +371,6 @@ class Intake:
             return
         vehicle_from_text(description, source=f"the vehicle file of {vehicle}")
         inbox.put_vehicle(vehicle, configuration=configuration, description=description, channels=channels, now=now)
-
-    def _keep_answer(self, vehicle: str, document: dict[Any, Any]) -> None:
-        """Keep the answer of a box to a request."""
-        number, answer = _answer(document)
-        self._answers[vehicle, number] = answer
-        if len(self._answers) > _MAX_ANSWERS:
-            self._answers.pop(next(iter(self._answers)))
 
     def _stated(self, vehicle: str, document: dict[Any, Any]) -> tuple[dict[int, int], "_Dropped"]:
         """Note whether a box was switched off, and return the first frames of its first boots, and what it dropped."""

@@ -230,16 +230,6 @@ class Ledger:
             self._alerts.report(vehicle, cause, sentence, now=self._clock())
             self._warned[vehicle, cause] = sentence
 
-    def finish_learning(self, command: int) -> None:
-        """Record that a request for a new or an earlier baseline was completed.
-
-        Raises
-        ------
-        StoreError
-            If the store cannot write.
-        """
-        self._store.requests.command_done(command, self._clock())
-
     def store_report(self, frame: StoredFrame) -> None:
         """Store modes, or archive correlations, from a box; invalid ones are logged and removed.
 
