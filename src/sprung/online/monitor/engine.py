@@ -261,10 +261,12 @@ class VehicleMonitor:
 
         Parameters
         ----------
-        vehicle, settings, type_baseline
+        vehicle
             As for the class.
         history
             Stored results of the vehicle.
+        settings, type_baseline
+            As for the class.
 
         Raises
         ------
