@@ -2,7 +2,6 @@
 
 import zlib
 
-import cbor2
 import numpy as np
 import pytest
 
@@ -84,34 +83,6 @@ def test_samples_make_room_though_the_store_can_no_longer_delete(bench, monkeypa
         one.look(60.0)
         assert one.station.problems() == ["the store cannot write: the disk is full: free space"]
         assert (old.exists(), new.exists()) == (False, True)
-
-
-def test_any_bytes_on_any_topic_do_no_harm(bench, drive, frames_of, memory_below) -> None:
-    """Mutated frames, reports, descriptions and states, sealed again."""
-    one = bench(**WATCH)
-    one.describe()
-    generator = np.random.default_rng(1)
-    originals = {
-        "raw": checked_map(frames_of(drive(0))[0]),
-        "state": {0: 1, 2: 1, "boots": [[1, 0, 5]]},
-        "modes": {0: 1, 1: "car-1", 2: 1, 3: 7, 4: 5, 16: "modes", "number": 1, "modes": []},
-        "corr": {0: 1, 1: "car-1", 2: 1, 3: 8, 4: 5, 16: "corr", "number": 1, "summary": {}},
-        "meta": {0: 1, 14: "c", "description": "x", "quantities": {}},
-    }
-    for number in range(1500):
-        what = list(originals)[number % 5]
-        document = dict(originals[what])
-        key = list(document)[generator.integers(0, len(document))]
-        document[key] = [None, -1, 2**63, "x", b"y", [], {}, 1.5, True, float("nan")][generator.integers(0, 10)]
-        body = bytearray(message({k: v for k, v in document.items() if generator.random() > 0.03}))
-        if generator.random() < 0.3:
-            body[generator.integers(0, len(body))] ^= 1 << int(generator.integers(0, 8))
-        one.link.on_message(topic("car-1", what), bytes(body))
-    one.link.on_message(topic("car-1", "raw"), cbor2.dumps({}))
-    with memory_below(32 << 20, kept=8 << 20):
-        one.work()
-    assert one.station.figures()["sprung_messages_total"] >= 1500
-    assert one.station.figures()["sprung_messages_refused_total"] > 500
 
 
 def claiming(generator, original):
