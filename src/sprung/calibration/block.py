@@ -182,7 +182,8 @@ def _sensor_changes(
     vehicle = base.structure()
     for field in sorted({number.field for number in of_sensors}):
         alike = [number for number in of_sensors if number.field == field]
-        ends = [_all_moved(base, alike, sign * _STEP) for sign in (1, -1)]
+        step = _STEP * np.array([number.std for number in alike])
+        ends = [moved(base, alike, sign * step) for sign in (1, -1)]
         above, below = (
             _readings(end, given, vehicle if field in _STILL else end.structure(), channels, frequencies)
             for end in ends
@@ -193,11 +194,6 @@ def _sensor_changes(
             change[:, row] = (above[:, row] - below[:, row]) / (2 * _STEP * number.std)
             changes[number.name] = _Change(None, None, change)
     return changes
-
-
-def _all_moved(draft: Draft, numbers: Sequence[VehicleNumber], step: float) -> Draft:
-    """Return the draft with numbers moved by a step in standard deviations of their priors."""
-    return moved(draft, numbers, np.array([step * number.std for number in numbers]))
 
 
 def _structural_change(

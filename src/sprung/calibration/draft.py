@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sprung._arrays import Complex, Real
-from sprung.vehicles import Component, Sensor, Structure, Vehicle, corner_names, structure
+from sprung.vehicles import Component, Structure, Vehicle, corner_names, structure
 
 #: Group of the numbers of sensors, which leave the motion of the vehicle as it is.
 SENSORS = "sensors"
@@ -38,10 +38,6 @@ class Draft:
         """Return the vehicle as a structure, its sides unlike."""
         nominal = structure(self.vehicle)
         return nominal.changed(self.factors) if self.factors else nominal
-
-    def sensor(self, channel: str) -> Sensor:
-        """Return the sensor of a channel."""
-        return next(sensor for sensor in self.vehicle.sensor if sensor.channel == channel)
 
     def value_at(self, place: Place) -> float:
         """Return a number of the draft."""
@@ -187,8 +183,9 @@ def channel_responses(draft: Draft, given: Draft, channels: Sequence[str], frequ
     ndarray
         Shape (grid, channels): scale as given over true scale times e^(-i w delay).
     """
-    gains = np.array([given.sensor(name).scale / draft.sensor(name).scale for name in channels])
-    delays = np.array([draft.sensor(name).delay - given.sensor(name).delay for name in channels])
+    true, taken = ({sensor.channel: sensor for sensor in each.vehicle.sensor} for each in (draft, given))
+    gains = np.array([taken[name].scale / true[name].scale for name in channels])
+    delays = np.array([true[name].delay - taken[name].delay for name in channels])
     return np.asarray(gains * np.exp(-2j * np.pi * frequencies[:, None] * delays), dtype=np.complex128)
 
 

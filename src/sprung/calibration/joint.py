@@ -352,17 +352,10 @@ def scaled_start(joint: JointModel) -> Real:
     """
     start = joint.start.copy()
     for model, rows in zip(joint.models, joint.rows, strict=True):
-        own = model.scaled_start()
-        own[model.rows("noise")] = _usual_noise(model)
+        own, layout, spectra = model.scaled_start(), model.layout, model.spectra
+        if layout.coordinates == layout.names:
+            colours = (2 * np.pi * spectra.frequencies[:, None]) ** (2 * (2 - layout.orders))
+            power = np.einsum("cfii->fi", spectra.matrices).real / spectra.counts.size
+            own[model.rows("noise")] = np.log(SEARCH.noise * np.median(power / colours, axis=0))
         start[rows] = own
     return start
-
-
-def _usual_noise(model: Model) -> Real:
-    """Return ln of the noise densities at which each channel has a hundredth of its power as noise."""
-    layout, spectra = model.layout, model.spectra
-    if len(layout.reduction) != len(layout.names) or layout.coordinates != layout.names:
-        return np.asarray(model.scaled_start()[model.rows("noise")], dtype=np.float64)
-    colours = (2 * np.pi * spectra.frequencies[:, None]) ** (2 * (2 - layout.orders))
-    power = np.einsum("cfii->fi", spectra.matrices).real / spectra.counts.size
-    return np.log(SEARCH.noise * np.median(power / colours, axis=0))
