@@ -1,5 +1,6 @@
 """Wrong first arguments of public functions: the sentence says what to pass."""
 
+from functools import partial
 from inspect import Parameter, isfunction, signature
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,30 @@ def test_every_public_function_says_what_to_pass_first(name, wrong, tmp_path) ->
         function(**{first: wrong}, **given)
     assert first in str(refusal.value) or "recordings" in str(refusal.value)
     assert not (tmp_path / "result.json").exists()
+
+
+RUN = sprung.Recording(
+    np.ones((5, 500)), 50.0, tuple(map(sprung.Channel, ("acc_fl", "acc_fr", "acc_rl", "acc_rr", "v")))
+)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        partial(sprung.cov_ssi, RUN),
+        partial(sprung.poly_lscf, RUN),
+        partial(sprung.enhanced_fdd, RUN),
+        partial(sprung.as_in_thesis),
+        partial(sprung.fit_corners, RUN, CAR),
+        partial(sprung.calibrate, RUN, CAR),
+        partial(sprung.track_modes, []),
+        partial(sprung.read, "run.csv"),
+    ],
+    ids=lambda function: function.func.__name__,
+)
+def test_settings_of_another_type_say_which_to_pass(function) -> None:
+    with pytest.raises(sprung.ParameterError, match=r"settings is a dict, but must be an? (\w+): pass \1\(\.\.\.\)"):
+        function(settings={"band": (1, 2)})
 
 
 @pytest.mark.parametrize(

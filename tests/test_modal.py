@@ -146,6 +146,15 @@ def test_taken_modes_keep_everything_that_belongs_to_them() -> None:
     assert len(taken) == 2
 
 
+def test_modes_are_taken_by_place() -> None:
+    modes = some_modes(3)
+    assert [one.labels for one in modes] == [(label,) for label in modes.labels]
+    np.testing.assert_array_equal(modes[-1].poles, modes.poles[2:])
+    np.testing.assert_array_equal(modes[:2].poles, modes.poles[:2])
+    with pytest.raises(ParameterError, match=r"pass a number or a slice: modes\[0\]"):
+        modes["bounce"]
+
+
 def test_joined_modes_follow_one_another() -> None:
     joined = join_modes([some_modes(2), some_modes(1)])
     np.testing.assert_array_equal(joined.poles.imag, [1, 2, 1])

@@ -53,6 +53,14 @@ def test_select_takes_channels_in_the_order_given() -> None:
     assert selected.history == ("read",)
 
 
+def test_a_channel_is_taken_by_its_name() -> None:
+    recording = recorded()
+    np.testing.assert_array_equal(recording["speed"], SAMPLES[2])
+    assert recording.select("a").names == ("a",)
+    with pytest.raises(ParameterError, match=r'pass the name of a channel: recording\["acc_fl"\]'):
+        recording[0]
+
+
 def test_stretches_lie_between_gaps_and_hold_every_sample() -> None:
     recording = recorded(gaps=(Gap(1, 0.5), Gap(7, 2.0)))
     assert list(recording.stretches()) == [slice(0, 1), slice(1, 7), slice(7, 10)]

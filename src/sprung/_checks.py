@@ -157,6 +157,19 @@ def check_type(name: str, value: object, *types: type, advice: str = "") -> None
         raise wrong_type(name, value, types[0].__name__, advice)
 
 
+def settings_of(kind: type[_Value], settings: _Value | None) -> _Value:
+    """Return settings, or the default ones of their type for None.
+
+    Raises
+    ------
+    ParameterError
+        If they are of another type.
+    """
+    given = kind() if settings is None else settings
+    check_type("settings", given, kind, advice=f"{kind.__name__}(...)")
+    return given
+
+
 def check_each(name: str, values: Iterable[_Value], *types: type) -> Iterable[_Value]:
     """Return several values of one of the types; those of an iterator are checked as it is read.
 

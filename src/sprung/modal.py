@@ -300,6 +300,11 @@ class Modes(Tabular, Drawable):
     def __len__(self) -> int:
         return len(self.poles)
 
+    def __getitem__(self, place: int | slice) -> "Modes":
+        """Return the mode or the modes at a place, in the order of frequency."""
+        check_type("place", place, int, slice, np.integer, advice="a number or a slice: modes[0], modes[:3]")
+        return self.take(np.atleast_1d(np.arange(len(self))[place]))
+
     def __repr__(self) -> str:
         """Return number, channels and values in words."""
         return in_short(f"Modes: {counted(len(self), 'mode')} of {listed(self.channels)}", self.in_words)

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import check_each, check_number, check_one_of, freeze
+from sprung._checks import check_each, check_number, check_one_of, check_type, freeze
 from sprung._display import Drawable, Tabular, counted, in_short, listed
 from sprung.errors import ParameterError
 
@@ -171,8 +171,14 @@ class Recording(Tabular, Drawable):
             raise ParameterError(f"there is no channel {name!r}: the recording has {', '.join(self.names)}")
         return self.names.index(name)
 
+    def __getitem__(self, name: str) -> Real:
+        """Return the samples of the channel called `name`, shape (samples,)."""
+        check_type("name", name, str, advice='the name of a channel: recording["acc_fl"]')
+        return self.samples[self.index(name)]
+
     def select(self, names: Sequence[str]) -> "Recording":
-        """Return the recording with only the channels in `names`, in that order."""
+        """Return the recording with only the channels in `names`, in that order; one name is one channel."""
+        names = [names] if isinstance(names, str) else names
         rows = [self.index(name) for name in names]
         return replace(self, samples=self.samples[rows], channels=tuple(self.channels[row] for row in rows))
 

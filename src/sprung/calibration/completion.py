@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import check_number, check_type, freeze
+from sprung._checks import check_number, check_type, freeze, settings_of
 from sprung._display import Drawable, Savable, Tabular, counted, in_short
 from sprung.calibration.draft import (
     COMPONENT_FIELDS,
@@ -264,7 +264,7 @@ def calibrate(
     >>> abs(place.value - place.nominal_value) < 2 * place.std, place.std < place.prior_std, calibration.is_better
     (True, True, False)
     """
-    settings = settings or CalibrationSettings()
+    settings = settings_of(CalibrationSettings, settings)
     check_type("vehicle", vehicle, Vehicle)
     windows = [window_of(recording, vehicle, allow_missing=allow_missing) for recording in each_recording(recordings)]
     _check_alike(windows)
@@ -314,7 +314,7 @@ def calibrated(
     >>> calibration.n_windows, calibration.is_better
     (1, False)
     """
-    settings = settings or CalibrationSettings()
+    settings = settings_of(CalibrationSettings, settings)
     with _refusal(windows):
         return _completion(as_given(windows, vehicle, settings.corners), vehicle, settings)
 

@@ -25,6 +25,7 @@ def info(files: Files, *, reading: "ReadSettings", json: Json = None) -> None:
     from sprung.results import tables
     from sprung.results.documents import inspection_document
     from sprung.signals.inspection import inspect_blocks
+    from sprung.signals.plausibility import doubts
 
     check_file("--json", json, inputs=files)
     inspections: dict[str, Inspection] = {}
@@ -42,7 +43,7 @@ def info(files: Files, *, reading: "ReadSettings", json: Json = None) -> None:
             inspections[name] = replace(inspection, group=settings.groups[0] if name != str(path) else None)
             if json != "-":
                 heading = f"{name}: {tables.inspection_in_words(inspection)}"
-                show(tables.inspection_table(inspection), inspection.history, heading=heading)
+                show(tables.inspection_table(inspection), [*doubts(inspection), *inspection.history], heading=heading)
         if refused and json != "-":
             show([str(error) for error in refused], heading="Groups without samples of motion")
     if write_result(inspection_document(inspections), json):

@@ -10,7 +10,7 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
-from sprung._checks import check_number, check_path, check_type
+from sprung._checks import check_number, check_path, check_type, settings_of
 from sprung.errors import DataError, ParameterError
 from sprung.formats.columns import wanted_table
 from sprung.formats.grid import assemble, survey
@@ -135,7 +135,7 @@ def _recordings(
     block_samples: int | None = None,
 ) -> Iterator[Recording]:
     """Yield the recording in a file in blocks; None: as one."""
-    settings = settings or ReadSettings()
+    settings = settings_of(ReadSettings, settings)
     if sampling_rate is not None:
         settings = replace(settings, sampling_rate=sampling_rate)
     if channels is not None:
@@ -223,7 +223,7 @@ def groups(path: str | PathLike[str], settings: ReadSettings | None = None) -> t
     """
     check_path("path", path)
     path = Path(path)
-    module, settings = format_of(path), settings or ReadSettings()
+    module, settings = format_of(path), settings_of(ReadSettings, settings)
     if module in FOREIGN:
         return isolated_groups(module.__name__, path, settings)
     with reported(path, module.NAME):

@@ -30,6 +30,8 @@ MISSING = (
 #: Rows that are read at once: 0.5 MB a channel.
 PIECE_ROWS = 65_536
 _NO_UNIT = ("", "-")
+#: Units of what a sensor puts out, which no factor turns into motion: such columns keep their values.
+_RAW_UNITS = frozenset({"V", "mV", "Volt", "Volts", "A", "mA", "counts", "count", "LSB", "raw", "digits", "%"})
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*(?P<bracket>[\[(])(?P<unit>[^\[\]()]*)[\])]\s*")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(inf|infinity|nan)", re.IGNORECASE)
 
@@ -218,7 +220,8 @@ def stated_column(heading: str, name: str, unit: str, *, comment: str = "", cali
 def column(heading: str, *, unit: str | None = None, path: Path) -> Column:
     """Return the channel that `heading` describes; `unit` where the file states it elsewhere.
 
-    Square brackets always hold a unit; round ones only if the unit is known, otherwise they belong to the name.
+    Square brackets always hold a unit; round ones only if the unit is known, otherwise they belong to the name. Values
+    in volts or counts stay as they are.
 
     Raises
     ------
@@ -231,7 +234,7 @@ def column(heading: str, *, unit: str | None = None, path: Path) -> Column:
     if not name:
         raise FormatError(f"{path}: column {heading!r} has no name: give every column a name")
     stated = (bracketed or "") if unit is None else unit
-    if stated.strip() not in (*_NO_UNIT, *TIME_UNITS):
+    if stated.strip() not in (*_NO_UNIT, *TIME_UNITS, *_RAW_UNITS):
         try:
             conversion(stated)
         except ParameterError as error:

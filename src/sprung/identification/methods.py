@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from sprung._checks import check_one_of, check_type
+from sprung._checks import check_one_of, check_type, settings_of
 from sprung.errors import DataError, IdentificationError, ParameterError
 from sprung.identification import steps
 from sprung.identification.free_response import FreeFit, fit_free_response
@@ -242,7 +242,7 @@ def enhanced_fdd(
     >>> np.allclose(found, exact, rtol=0.01)
     True
     """
-    wanted = settings or IdentificationSettings()
+    wanted = settings_of(IdentificationSettings, settings)
     if wanted.ladder is not None or wanted.has_disjoint_references:
         raise ParameterError("FDD uses neither a ladder (--thesis) nor references: leave them out")
     given = _checked(recordings, vehicle)
@@ -398,7 +398,7 @@ def _total_duration(recordings: Recording | Iterable[Recording]) -> float | None
 
 def _suitable(method: Method, settings: IdentificationSettings | None) -> IdentificationSettings:
     """Return the settings or the defaults; for polynomials with their own criterion of damping in place of them."""
-    settings = settings or IdentificationSettings()
+    settings = settings_of(IdentificationSettings, settings)
     if not method.has_polynomials:
         return settings
     if settings.ladder is not None:

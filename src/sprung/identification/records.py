@@ -28,6 +28,7 @@ from sprung.signals.data_faults import REST_DURATION, REST_RUN_SHARE, has_runs, 
 from sprung.signals.harmonics import Harmonic, in_families, without_side_lines
 from sprung.signals.inspection import ChannelFacts, inspect
 from sprung.signals.line_removal import subtract_lines
+from sprung.signals.plausibility import doubts_of
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles.labels import plausibility_notes
 from sprung.vehicles.sensor_layout import check_present, layout_notes
@@ -364,6 +365,7 @@ class RunningRecords:
     def _usable(self, record: Recording) -> tuple[Recording, tuple[ChannelFault, ...]]:
         """Return the usable part of a record and the faults of its channels; remark on the layout of its sensors."""
         vehicle = self._vehicle
+        self._remarks.layout.update(dict.fromkeys(doubts_of(record)))
         if vehicle is not None:
             check_present(record.names, vehicle.sensor, allow_missing=self._settings.allow_missing)
             self._remarks.layout.update(dict.fromkeys(layout_notes(record, vehicle)))

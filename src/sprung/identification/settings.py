@@ -6,7 +6,7 @@ from types import MappingProxyType
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import check_number, check_one_of, check_type
+from sprung._checks import check_number, check_one_of, settings_of
 from sprung.errors import ParameterError
 from sprung.identification.ladders import BlockRowLadder, Ladder
 from sprung.identification.stabilisation import THESIS_CRITERIA, StabilityCriteria
@@ -199,8 +199,7 @@ def as_in_thesis(
     >>> settings.refine
     False
     """
-    given = settings or IdentificationSettings()
-    check_type("settings", given, IdentificationSettings)
+    given = settings_of(IdentificationSettings, settings)
     criteria = replace(THESIS_CRITERIA, stable_rate=stable_rate)
     return replace(
         given,

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import fft
 
 from sprung._arrays import Complex, Indices, Real
-from sprung._checks import check_each, freeze
+from sprung._checks import check_each, freeze, settings_of
 from sprung.errors import DataError, ParameterError
 from sprung.identification.contribution import complete_shapes
 from sprung.identification.correlation import Correlations, exact_correlations
@@ -372,7 +372,7 @@ def identify_setups(
     >>> np.allclose(merged.modes.natural_frequency, masses.modes().natural_frequency, rtol=0.01)
     True
     """
-    report, settings = on_progress or no_report, settings or IdentificationSettings()
+    report, settings = on_progress or no_report, settings_of(IdentificationSettings, settings)
     if not callable(identify):
         raise ParameterError("identify must be the method for each set-up: pass sprung.cov_ssi, then the set-ups")
     if isinstance(setups, Recording | str) or not isinstance(setups, Iterable):

@@ -11,7 +11,7 @@ from scipy.ndimage import median_filter
 from scipy.optimize import linear_sum_assignment
 
 from sprung._arrays import Booleans, Complex, Indices, Real
-from sprung._checks import check_each, check_number, freeze
+from sprung._checks import check_each, check_number, freeze, settings_of
 from sprung._display import Drawable, Savable, Tabular, counted, in_short, listed
 from sprung.errors import DataError, ParameterError
 from sprung.modal import Modes, join_modes, mac, unit_shapes
@@ -636,7 +636,7 @@ def track_modes(
     [7.01, 6.69]
     """
     windows = list(check_each("windows", windows, Modes, type(None)))
-    settings = settings or TrackingSettings()
+    settings = settings_of(TrackingSettings, settings)
     instants = np.arange(float(len(windows))) if times is None else np.asarray(times, dtype=np.float64)
     if instants.shape != (len(windows),):
         raise ParameterError(f"{instants.size} times are given for {len(windows)} windows: give one for each")

@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import check_number, freeze
+from sprung._checks import check_number, freeze, settings_of
 from sprung.errors import ParameterError
 from sprung.likelihood.coordinates import TYPICAL_NOISE, rigid_layout
 from sprung.likelihood.corners import IDENTIFIABLE
@@ -165,7 +165,7 @@ def expected_fit(
     >>> str(spring), round(short[spring] / long[spring], 1)
     ('front_left.spring', 2.0)
     """
-    drive, settings = drive or ExpectedDrive(), settings or CornerSettings()
+    drive, settings = drive or ExpectedDrive(), settings_of(CornerSettings, settings)
     model, parameters = _model(vehicle, drive, settings, {**NOISE, **(noise or {})})
     std = model.prior_std.copy()
     if not drive.has_speed and "delay" in model.names:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import check_type
+from sprung._checks import check_type, settings_of
 from sprung.errors import DataError
 from sprung.likelihood.components import free_components
 from sprung.likelihood.coordinates import RigidLayout, rigid_layout
@@ -216,7 +216,7 @@ def fit_windows(
     ----------
     As for `fit_corners`.
     """
-    setup, segments, has_speed, delay = _prepare(windows, settings or CornerSettings())
+    setup, segments, has_speed, delay = _prepare(windows, settings_of(CornerSettings, settings))
     check = None if modes is None else setup.components_of(modes)
     starts = [] if check is None else [check]
     layout = dict.fromkeys(note for window in windows for note in window.notes)

@@ -10,6 +10,7 @@ from sprung._arrays import Complex
 from sprung._checks import check_type
 from sprung.results.documents.document import Document, Pair, checked, read_fields, write_document
 from sprung.signals.inspection import ChannelFacts, Inspection
+from sprung.signals.plausibility import doubts
 
 
 class InspectionDocument(Document):
@@ -31,6 +32,7 @@ class FileFacts(Document):
     gap_duration: float
     start: int | None
     history: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
     group: str | None = None
 
 
@@ -93,6 +95,10 @@ class TruthDocument(Document):
     noise_band: Pair | None = None
 
 
+#: Facts about a file that are not those of an `Inspection`.
+_ADDED = {"path", "doubts"}
+
+
 def group_label(group: str | None) -> str:
     """Return what follows the path of a file in the name of one of its groups; nothing for the whole file."""
     return "" if group is None else f", group {group!r}"
@@ -121,7 +127,8 @@ def inspection_document(inspections: Mapping[str, Inspection]) -> InspectionDocu
     files = [
         {
             "path": name.removesuffix(group_label(inspection.group)),
-            **{key: getattr(inspection, key) for key in FileFacts.model_fields if key != "path"},
+            "doubts": doubts(inspection),
+            **{key: getattr(inspection, key) for key in FileFacts.model_fields if key not in _ADDED},
         }
         for name, inspection in inspections.items()
     ]
@@ -195,7 +202,7 @@ def read_inspections(path: str | Path) -> dict[str, Inspection]:
     """
     document = checked(InspectionDocument, read_fields(path), source=str(path))
     return {
-        f"{file.path}{group_label(file.group)}": Inspection(**{key: value for key, value in file if key != "path"})
+        f"{file.path}{group_label(file.group)}": Inspection(**{key: value for key, value in file if key not in _ADDED})
         for file in document.files
     }
 
