@@ -29,6 +29,8 @@ class PlateSettings:
     step: float = 0.05
     #: Smallest phase shift of a suspension that passes [degrees].
     phase_limit: float = 35.0
+    #: Smallest adhesion that is called fair.
+    adhesion_limit: float = 0.4
     #: Largest difference of left and right, of the larger one.
     asymmetry_limit: float = 0.3
 
