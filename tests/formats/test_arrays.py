@@ -1,5 +1,6 @@
 """NPZ, NPY and MAT: which arrays are channels, and what they are called."""
 
+import tracemalloc
 from pathlib import Path
 
 import h5py
@@ -127,3 +128,18 @@ def test_bad_arrays_are_refused_with_a_sentence(tmp_path: Path, arrays, message)
 def test_one_sample(tmp_path: Path) -> None:
     with pytest.raises((DataError, FormatError), match=r"run\.npz"):
         read(npz(tmp_path, data=np.ones((1, 1)), fs=10.0))
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat"])
+def test_an_archive_that_inflates_beyond_reason_is_refused_by_its_headers(tmp_path: Path, ending) -> None:
+    path = tmp_path / f"run.{ending}"
+    samples = np.zeros((4, 10_000_000))
+    if ending == "npz":
+        np.savez_compressed(path, samples=samples, fs=100.0)
+    else:
+        savemat(path, {"data": samples, "fs": 100.0}, do_compression=True)
+    tracemalloc.start()
+    with pytest.raises(FormatError, match=r"holds 0\.3 GB of arrays, but at most 0\.3 GB of it are read at once"):
+        read(path)
+    assert tracemalloc.get_traced_memory()[1] < 1e7
+    tracemalloc.stop()

@@ -39,6 +39,20 @@ _COMMENTS, _CALIBRATIONS = ("comments",), ("calibrations",)
 _PREFIXED_TIME = re.compile(rf"(?P<prefix>.+_)(t|time|timestamp)(_({'|'.join(TIME_UNITS)}))?", re.IGNORECASE)
 
 
+@dataclass(frozen=True, slots=True)
+class InMemory:
+    """Limits of arrays that are read as a whole."""
+
+    #: Largest size [bytes]: an hour of 128 channels at 1 kHz.
+    largest: int = 2**32
+    #: Size that every file may have [bytes], and size over that of the file: measured signals are packed to a tenth.
+    small: int = 2**28
+    ratio: int = 200
+
+
+IN_MEMORY = InMemory()
+
+
 class Array(Protocol):
     """Array of a file, in memory or read in part."""
 
@@ -90,6 +104,22 @@ class Arrays:
     calibrations: Mapping[str, str]
     start: int | None = None
     comment: str = ""
+
+
+def check_size(path: Path, n_bytes: int) -> None:
+    """Refuse arrays that are read as a whole, by the size that the file states for them.
+
+    Raises
+    ------
+    FormatError
+        If they take more than the limits of `InMemory`: a damaged or hostile archive can state any size.
+    """
+    limit = min(IN_MEMORY.largest, max(IN_MEMORY.small, IN_MEMORY.ratio * path.stat().st_size))
+    if n_bytes > limit:
+        raise FormatError(
+            f"{path} holds {n_bytes / 1e9:.1f} GB of arrays, but at most {limit / 1e9:.1f} GB of it are read at once: "
+            "divide it, or store it as Parquet or HDF5, which are read in parts"
+        )
 
 
 def plain_arrays(values: Mapping[str, Any]) -> Arrays:

@@ -1,5 +1,6 @@
 """MATLAB files: version 5 to 7 through SciPy, version 7.3 (HDF5) through h5py."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sprung.errors import FormatError
-from sprung.formats.arrays import Arrays, array_groups, plain_arrays, written_arrays
+from sprung.formats.arrays import Arrays, array_groups, check_size, plain_arrays, written_arrays
 from sprung.formats.hdf5 import SIGNATURE, own_items, stored
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Group, reported
@@ -16,6 +17,8 @@ from sprung.recording import Recording
 NAME, EXTRA = "MAT", None
 ENDINGS = (".mat",)
 
+#: Size of a value of a matrix in memory [bytes].
+_VALUE = 8
 _HDF5_OFFSETS = (0, 512, 1024, 2048)
 
 
@@ -46,8 +49,9 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
 
 def _version_5(path: Path) -> dict[str, Any]:
     """Return the variables of a file of version 5 to 7."""
-    from scipy.io import loadmat
+    from scipy.io import loadmat, whosmat
 
+    check_size(path, sum(_VALUE * math.prod(shape) for _, shape, _ in whosmat(path)))
     content: dict[str, Any] = loadmat(path, simplify_cells=True)
     return {name: value for name, value in content.items() if not name.startswith("__")}
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from sprung.errors import FormatError
-from sprung.formats.arrays import array_groups, plain_arrays, written_arrays
+from sprung.formats.arrays import array_groups, check_size, plain_arrays, written_arrays
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Group, reported
 from sprung.recording import Recording
@@ -30,6 +30,7 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
             arrays: dict[str, Any] = {"samples": np.load(path, allow_pickle=False, mmap_mode="r")}
         else:
             with path.open("rb") as file, np.lib.npyio.NpzFile(file) as content:
+                check_size(path, sum(member.file_size for member in content.zip.infolist()))
                 arrays = {name: _array(path, name, content) for name in content.files}
     return array_groups(path, {"": plain_arrays(arrays)}, time=settings.time)
 
