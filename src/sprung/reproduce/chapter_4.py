@@ -6,24 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from sprung._arrays import Real
-from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, Identification, IdentificationSettings
+from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, Identification, IdentificationSettings, as_in_thesis
 from sprung.modal import Modes
 from sprung.recording import Recording
+from sprung.reproduce import thesis
 from sprung.reproduce.chapter import Chapter, set_up
-from sprung.reproduce.thesis import (
-    column_table,
-    in_runs,
-    matched,
-    mode_pictures,
-    numbers,
-    published,
-    shares,
-    simulated,
-    theoretical,
-    theory_table,
-    thesis_settings,
-    worst_error,
-)
 from sprung.results import figures
 from sprung.results.page.page import Block, Section, picture, pictures
 from sprung.results.tables import Table
@@ -35,7 +22,7 @@ SETUP = set_up("chapter_4")
 RATIOS = (10.0, 0.5)
 #: Bands of the noise [Hz]; the thesis states only "band-pass white noise".
 BANDS: dict[str, tuple[float, float] | None] = {"white": None, "0.5 to 50 Hz": (0.5, 50.0)}
-PRINTED = published("4")
+PRINTED = thesis.published("4")
 
 
 class Example(NamedTuple):
@@ -54,7 +41,7 @@ def example() -> Example:
 
 def contents(example: Example, results: list[Real]) -> tuple[dict[str, object], tuple[Section, ...]]:
     """Return the values of the verdict and the sections."""
-    truth, runs = theoretical(structure(read_description("chain3"))), np.array(results)
+    truth, runs = thesis.theoretical(structure(read_description("chain3"))), np.array(results)
     return _verdict(runs), (
         Section("The model", (_theory(truth),)),
         Section("Sensor signals", _signals(example.records)),
@@ -67,7 +54,7 @@ def contents(example: Example, results: list[Real]) -> tuple[dict[str, object], 
 
 def records(vehicle: Structure, *, seed: int) -> list[Recording]:
     """Return the records of a set, without noise."""
-    return simulated(vehicle, usual_excitation(vehicle), SETUP, (seed,))
+    return thesis.simulated(vehicle, usual_excitation(vehicle), SETUP, (seed,))
 
 
 def noisy(clean: list[Recording], snr: float, band: tuple[float, float] | None, *, seed: int) -> list[Recording]:
@@ -80,7 +67,9 @@ def settings(method: str) -> IdentificationSettings:
     """Return the settings of the thesis."""
     segment = None if method == "cov" else SETUP.duration
     rate = 0.7 if method == "coss" else 0.5
-    return thesis_settings(rows=SETUP.rows, stable_rate=rate, segment=segment, sampling_rate=SETUP.rate)
+    return as_in_thesis(
+        IdentificationSettings(decimate_to=SETUP.rate, segment=segment), rows=SETUP.rows, stable_rate=rate
+    )
 
 
 def identified(
@@ -95,7 +84,7 @@ def identified(
 def experiment(seed: int) -> Real:
     """Return frequency, damping, MAC and number of other modes, (SNR, band, thesis or default, method, 4, modes)."""
     vehicle = structure(read_description("chain3"))
-    truth, clean = theoretical(vehicle), records(vehicle, seed=seed)
+    truth, clean = thesis.theoretical(vehicle), records(vehicle, seed=seed)
     results = np.full((len(RATIOS), len(BANDS), 2, len(SUBSPACE_METHODS), 4, len(truth)), np.nan)
     for i, snr in enumerate(RATIOS):
         for j, band in enumerate(BANDS.values()):
@@ -105,13 +94,13 @@ def experiment(seed: int) -> Real:
                 for m, method in enumerate(SUBSPACE_METHODS):
                     identification = identified(method, runs, is_default=is_default, harmonics=harmonics)
                     harmonics = identification.harmonics if method == "acs" else None
-                    results[i, j, k, m] = matched(identification.modes, truth).rows
+                    results[i, j, k, m] = thesis.matched(identification.modes, truth).rows
     return results
 
 
 def _theory(truth: Modes) -> Table:
     """Table 4-1."""
-    return theory_table(
+    return thesis.theory_table(
         "Table 4-1: theoretical modal parameters",
         [f"Mode {k + 1}" for k in range(len(truth))],
         (PRINTED["theory"]["frequency"], truth.natural_frequency),
@@ -148,10 +137,10 @@ def _diagrams(identifications: dict[tuple[str, float], Identification]) -> tuple
     ]
     for figure, method, snr in diagrams:
         caption = f"Figure {figure}: stabilisation diagram of {METHOD_NAMES[method]} at SNR {snr:g}."
-        blocks += mode_pictures(identifications[method, snr], {"diagram": caption}, source=f"SNR {snr:g}")
+        blocks += thesis.mode_pictures(identifications[method, snr], {"diagram": caption}, source=f"SNR {snr:g}")
     for figure, method, snr in (("4-10(a)", "cov", 10.0), ("4-10(b)", "acs", 10.0), ("4-11", "coss", 0.5)):
         caption = f"Figure {figure}: rate of stable points of {METHOD_NAMES[method]} at SNR {snr:g}; dashed: threshold."
-        blocks += mode_pictures(identifications[method, snr], {"rates": caption}, source=f"SNR {snr:g}")
+        blocks += thesis.mode_pictures(identifications[method, snr], {"rates": caption}, source=f"SNR {snr:g}")
     return tuple(blocks)
 
 
@@ -159,30 +148,32 @@ def _tables(identifications: dict[tuple[str, float], Identification], runs: Real
     """Tables 4-2 to 4-4."""
     blocks: list[Block] = []
     for table, m, method in (("4-2", 0, "cov"), ("4-3", 1, "acs")):
-        ours = [matched(identifications[method, snr].modes, truth) for snr in RATIOS]
+        ours = [thesis.matched(identifications[method, snr].modes, truth) for snr in RATIOS]
         columns = (
             ("", [f"SNR {snr:g}, mode {k + 1}" for snr in RATIOS for k in range(len(truth))]),
-            ("f published [Hz]", numbers(PRINTED[method]["frequency"])),
-            ("f ours [Hz]", numbers([match.natural_frequency for match in ours])),
-            ("ξ published [%]", numbers(PRINTED[method]["damping"])),
-            ("ξ ours [%]", numbers([100 * match.damping_ratio for match in ours])),
-            ("f, white noise: found in, median (5 to 95 %)", in_runs(runs[:, :, 0, 0, m, 0])),
-            ("f, noise in 0.5 to 50 Hz", in_runs(runs[:, :, 1, 0, m, 0])),
+            ("f published [Hz]", thesis.numbers(PRINTED[method]["frequency"])),
+            ("f ours [Hz]", thesis.numbers([match.natural_frequency for match in ours])),
+            ("ξ published [%]", thesis.numbers(PRINTED[method]["damping"])),
+            ("ξ ours [%]", thesis.numbers([100 * match.damping_ratio for match in ours])),
+            ("f, white noise: found in, median (5 to 95 %)", thesis.in_runs(runs[:, :, 0, 0, m, 0])),
+            ("f, noise in 0.5 to 50 Hz", thesis.in_runs(runs[:, :, 1, 0, m, 0])),
         )
         blocks.append(
-            column_table(f"Table {table}: modes found by {METHOD_NAMES[method]}", columns, remark="–: not found.")
+            thesis.column_table(
+                f"Table {table}: modes found by {METHOD_NAMES[method]}", columns, remark="–: not found."
+            )
         )
     found = np.full((2, *PRINTED["coss"]["frequency"].shape), np.nan)
     for i, snr in enumerate(RATIOS):
         for s, subset in enumerate(identifications["coss", snr].subsets[: found.shape[2]]):
-            match = matched(subset.modes, truth)
+            match = thesis.matched(subset.modes, truth)
             found[:, i, s] = match.natural_frequency, 100 * match.damping_ratio
     columns_of_subsets = (
         ("", [f"SNR {snr:g}, S{s + 1}, mode {k + 1}" for snr in RATIOS for s in range(3) for k in range(len(truth))]),
-        ("f published [Hz]", numbers(PRINTED["coss"]["frequency"])),
-        ("f ours [Hz]", numbers(found[0])),
-        ("ξ published [%]", numbers(PRINTED["coss"]["damping"])),
-        ("ξ ours [%]", numbers(found[1])),
+        ("f published [Hz]", thesis.numbers(PRINTED["coss"]["frequency"])),
+        ("f ours [Hz]", thesis.numbers(found[0])),
+        ("ξ published [%]", thesis.numbers(PRINTED["coss"]["damping"])),
+        ("ξ ours [%]", thesis.numbers(found[1])),
     )
     remark = (
         "Subsets with fewer than two segments are merged with a neighbour, so that there can be fewer than three. Segments "
@@ -190,7 +181,7 @@ def _tables(identifications: dict[tuple[str, float], Identification], runs: Real
         "and low at high level, in a linear chain, too."
     )
     title = "Table 4-4: modes found by CoSS-SSI in each subset"
-    return (*blocks, column_table(title, columns_of_subsets, remark=remark))
+    return (*blocks, thesis.column_table(title, columns_of_subsets, remark=remark))
 
 
 def _shapes(identifications: dict[tuple[str, float], Identification], truth: Modes) -> tuple[Block, ...]:
@@ -211,19 +202,17 @@ def _shapes(identifications: dict[tuple[str, float], Identification], truth: Mod
 def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
     """Spread over the sets, the thesis' settings and sprung's own."""
     blocks: list[Block] = []
+    names = [f"Mode {k + 1}" for k in range(len(truth))]
     for i, snr in enumerate(RATIOS):
         settings_shown = ("thesis", "default") if snr < 1 else ("thesis",)
         rows = tuple(f"{METHOD_NAMES[m]}, {how}" for how in settings_shown for m in SUBSPACE_METHODS)
         n_shown = len(settings_shown)
         for j, band in enumerate(BANDS):
             spreads = []
-            for quantity, name, unit in ((0, "frequency", "Hz"), (1, "damping", "%")):
-                for k in range(len(truth)):
-                    shown = (1.0, 100.0)[quantity] * runs[:, i, j, :n_shown, :, quantity, k].reshape(len(runs), -1).T
-                    true = (truth.natural_frequency, 100 * truth.damping_ratio)[quantity][k]
-                    printed = [PRINTED[m][name][i] for m in SUBSPACE_METHODS]
-                    of_mode = tuple(float(values[0, k] if values.ndim == 2 else values[k]) for values in printed)
-                    spreads.append(figures.Spread(f"Mode {k + 1}: {name} [{unit}]", rows, shown, true, of_mode))
+            for q, name, factor, true in thesis.QUANTITIES:
+                shown = factor * runs[:, i, j, :n_shown, :, q].reshape(len(runs), len(rows), len(truth))
+                printed = [np.atleast_2d(PRINTED[m][name.split()[0]][i])[0] for m in SUBSPACE_METHODS]
+                spreads += thesis.spreads(names, rows, shown, true(truth), np.array(printed), quantity=name)
             others = runs[:, i, j, :n_shown, :, 3, 0].mean(axis=0).ravel()
             caption = (
                 f"SNR {snr:g}, noise {band}. Other modes per set: "
@@ -236,14 +225,14 @@ def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
 
 def _verdict(runs: Real) -> dict[str, object]:
     """What reproduces and what does not, in numbers."""
-    truth = theoretical(structure(read_description("chain3")))
-    low = {method: shares(runs[:, 1, 1, 0, n, 0]) for n, method in enumerate(SUBSPACE_METHODS)}
+    truth = thesis.theoretical(structure(read_description("chain3")))
+    low = {method: thesis.shares(runs[:, 1, 1, 0, n, 0]) for n, method in enumerate(SUBSPACE_METHODS)}
     return {
         **low,
         "white": 100 * np.min(np.isfinite(runs[:, :, 0, 0, :, 0]).mean(axis=0)),
-        "default": shares(runs[:, 1, 1, 1, 2, 0]),
-        "damping": 100 * worst_error(runs[:, :, :, 0, 2, 1], truth.damping_ratio),
-        "error": 100 * worst_error(runs[:, 1, 1, 1, 2, 0], truth.natural_frequency),
+        "default": thesis.shares(runs[:, 1, 1, 1, 2, 0]),
+        "damping": 100 * thesis.worst_error(runs[:, :, :, 0, 2, 1], truth.damping_ratio),
+        "error": 100 * thesis.worst_error(runs[:, 1, 1, 1, 2, 0], truth.natural_frequency),
     }
 
 

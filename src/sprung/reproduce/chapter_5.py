@@ -7,26 +7,11 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.excitation import QUARTER_CASES
-from sprung.identification import Identification, coss_ssi
+from sprung.identification import Identification, IdentificationSettings, as_in_thesis, coss_ssi
 from sprung.modal import Modes
 from sprung.recording import Recording
+from sprung.reproduce import thesis
 from sprung.reproduce.chapter import Chapter, set_up
-from sprung.reproduce.thesis import (
-    at_channels,
-    cepstrum_picture,
-    column_table,
-    in_runs,
-    matched,
-    mode_pictures,
-    numbers,
-    published,
-    share,
-    simulated,
-    theoretical,
-    theory_table,
-    thesis_settings,
-    worst_error,
-)
 from sprung.results import figures
 from sprung.results.page.page import Block, Section, picture, pictures
 from sprung.results.tables import Table
@@ -38,7 +23,7 @@ SETUP = set_up("chapter_5")
 #: Frequencies of the pulses and of the second sine [Hz].
 PULSES = 3.65
 TONE = 17.0
-PRINTED = published("5")
+PRINTED = thesis.published("5")
 #: Case, whether it is edited, figures of the signals and of the diagram.
 VARIANTS = (
     (1, False, "5-5", "5-6"),
@@ -70,7 +55,7 @@ def contents(example: list[Identification], results: list[Real]) -> tuple[dict[s
 def records(case: int, *, seed: int) -> list[Recording]:
     """Return the body's acceleration in the records of a case, 1 to 4."""
     quarter = structure(read_description("quarter"))
-    runs = simulated(quarter, QUARTER_CASES[case - 1], SETUP, (seed, case))
+    runs = thesis.simulated(quarter, QUARTER_CASES[case - 1], SETUP, (seed, case))
     return [run.select(["acc_body"]) for run in runs]
 
 
@@ -79,15 +64,10 @@ def identified(
 ) -> Identification:
     """Return what CoSS-SSI with one subset identifies."""
     lifter = ShortPass(SETUP.quefrency) if is_edited else None
-    settings = thesis_settings(
-        rows=SETUP.rows,
-        stable_rate=0.5,
-        segment=SETUP.duration,
-        n_subsets=1,
-        sampling_rate=SETUP.rate,
-        lifter=lifter,
+    settings = IdentificationSettings(
+        decimate_to=SETUP.rate, segment=SETUP.duration, n_subsets=1, lifter=lifter, harmonics=harmonics
     )
-    return coss_ssi(runs, settings=replace(settings, harmonics=harmonics))
+    return coss_ssi(runs, settings=as_in_thesis(settings, rows=SETUP.rows, stable_rate=0.5))
 
 
 def line_rate(identification: Identification, frequency: float) -> float:
@@ -106,15 +86,15 @@ def experiment(seed: int) -> Real:
     for row, (case, is_edited, _, _) in enumerate(VARIANTS):
         identification = identified(sets[case], is_edited, harmonics=harmonics.get(case))
         harmonics[case] = identification.harmonics
-        results[row, :3] = matched(identification.modes, truth).rows[[0, 1, 3]]
+        results[row, :3] = thesis.matched(identification.modes, truth).rows[[0, 1, 3]]
         results[row, 3] = line_rate(identification, PULSES), line_rate(identification, TONE)
     return results
 
 
 def _truth() -> Modes:
     """Return the true modes in the acceleration of the body."""
-    modes = theoretical(structure(read_description("quarter")))
-    return replace(at_channels(modes, ["acc_body"]), mode_shapes=np.ones((len(modes), 1), dtype=complex))
+    modes = thesis.theoretical(structure(read_description("quarter")))
+    return replace(thesis.at_channels(modes, ["acc_body"]), mode_shapes=np.ones((len(modes), 1), dtype=complex))
 
 
 def _response(truth: Modes) -> Block:
@@ -136,7 +116,7 @@ def _response(truth: Modes) -> Block:
 
 def _theory(truth: Modes) -> Table:
     """Theoretical modes."""
-    return theory_table(
+    return thesis.theory_table(
         "Theoretical modes (section 5.3)",
         ("Body", "Wheel"),
         (PRINTED["theory"]["frequency"], truth.natural_frequency),
@@ -163,12 +143,12 @@ def _case(index: int, identification: Identification) -> tuple[Block, ...]:
             }
         )
     caption = f"Figure {diagram}: stabilisation diagram, {what.lower()}."
-    return (*blocks, *mode_pictures(identification, {"diagram": caption}, source=what))
+    return (*blocks, *thesis.mode_pictures(identification, {"diagram": caption}, source=what))
 
 
 def _cepstrum() -> Block:
     """Figure 5-13."""
-    return cepstrum_picture(
+    return thesis.cepstrum_picture(
         records(3, seed=0)[0],
         SETUP.quefrency,
         "Figure 5-13: cepstrum, short-pass lifter and edited cepstrum.",
@@ -179,7 +159,7 @@ def _cepstrum() -> Block:
 
 def _table(identifications: list[Identification], runs: Real, truth: Modes) -> Table:
     """Published and identified modes of all variants; below each the false ones."""
-    ours = np.array([matched(identification.modes, truth).rows for identification in identifications])
+    ours = np.array([thesis.matched(identification.modes, truth).rows for identification in identifications])
     with_false = [(case, is_edited, figure, k) for case, is_edited, _, figure in VARIANTS for k in range(3)]
     lines = np.median(runs[:, :, 3], axis=0)
 
@@ -196,35 +176,32 @@ def _table(identifications: list[Identification], runs: Real, truth: Modes) -> T
                 for case, is_edited, figure, k in with_false
             ],
         ),
-        ("f published [Hz]", column(numbers(PRINTED["found"]["frequency"]), list(PRINTED["found"]["others"]))),
-        ("f ours [Hz]", column(numbers(ours[:, 0]), [f"{n:.0f}" for n in ours[:, 3, 0]])),
+        ("f published [Hz]", column(thesis.numbers(PRINTED["found"]["frequency"]), list(PRINTED["found"]["others"]))),
+        ("f ours [Hz]", column(thesis.numbers(ours[:, 0]), [f"{n:.0f}" for n in ours[:, 3, 0]])),
         (
             "f in all sets: found in, median (5 to 95 %)",
-            column(in_runs(runs[:, :, 0]), [f"{n:.2f} per set" for n in runs[:, :, 2, 0].mean(axis=0)]),
+            column(thesis.in_runs(runs[:, :, 0]), [f"{n:.2f} per set" for n in runs[:, :, 2, 0].mean(axis=0)]),
         ),
         (
             "ξ published [%]",
-            column(numbers(PRINTED["found"]["damping"]), ["rungs with poles at 3.65, 17 Hz:"] * len(VARIANTS)),
+            column(thesis.numbers(PRINTED["found"]["damping"]), ["rungs with poles at 3.65, 17 Hz:"] * len(VARIANTS)),
         ),
         (
             "ξ ours [%]",
-            column(numbers(100 * ours[:, 1]), [" and ".join(f"{100 * x:.0f} %" for x in two) for two in lines]),
+            column(thesis.numbers(100 * ours[:, 1]), [" and ".join(f"{100 * x:.0f} %" for x in two) for two in lines]),
         ),
-        ("ξ in all sets", column(in_runs(100 * runs[:, :, 1]), [""] * len(VARIANTS))),
+        ("ξ in all sets", column(thesis.in_runs(100 * runs[:, :, 1]), [""] * len(VARIANTS))),
     )
-    return column_table("Modes in the four cases, raw and edited", columns, remark="–: not found.")
+    return thesis.column_table("Modes in the four cases, raw and edited", columns, remark="–: not found.")
 
 
 def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
     """Spread over the sets."""
     rows = tuple(f"case {case}{', edited' if is_edited else ''}" for case, is_edited, _, _ in VARIANTS)
     spreads = []
-    for quantity, name, factor in ((0, "frequency [Hz]", 1.0), (1, "damping [%]", 100.0)):
-        for k in range(2):
-            true = (truth.natural_frequency, 100 * truth.damping_ratio)[quantity][k]
-            printed = tuple(PRINTED["found"][("frequency", "damping")[quantity]][:, k])
-            values = factor * runs[:, :, quantity, k].T
-            spreads.append(figures.Spread(f"Mode {k + 1}: {name}", rows, values, true, printed))
+    for q, name, factor, true in thesis.QUANTITIES:
+        printed, values = PRINTED["found"][name.split()[0]], factor * runs[:, :, q]
+        spreads += thesis.spreads(("Mode 1", "Mode 2"), rows, values, true(truth), printed, quantity=name)
     figure = figures.runs_figure(spreads, title="Both modes in all sets")
     return (picture(figure, f"Spread over {len(runs)} sets of records."),)
 
@@ -232,9 +209,9 @@ def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
 def _verdict(runs: Real) -> dict[str, object]:
     """What reproduces and what does not, in numbers."""
     truth = _truth().natural_frequency
-    pulses, edited = (100 * worst_error(runs[:, rows, 0], truth) for rows in (slice(1, 2), slice(4, 6)))
+    pulses, edited = (100 * thesis.worst_error(runs[:, rows, 0], truth) for rows in (slice(1, 2), slice(4, 6)))
     rungs = 100 * np.median(runs[:, :, 3], axis=0)
-    raw, edited_3, edited_4 = (100 * share(runs[:, case, 0, 0]) for case in (3, 4, 5))
+    raw, edited_3, edited_4 = (100 * thesis.share(runs[:, case, 0, 0]) for case in (3, 4, 5))
     return {
         "pulses": pulses,
         "at_pulses": rungs[2, 0],

@@ -6,29 +6,11 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.excitation import HammerBlows
-from sprung.identification import Identification, acs_ssi, coss_ssi
+from sprung.identification import Identification, IdentificationSettings, acs_ssi, as_in_thesis, coss_ssi
 from sprung.modal import Modes
 from sprung.recording import Recording
+from sprung.reproduce import thesis
 from sprung.reproduce.chapter import Chapter, data, set_up
-from sprung.reproduce.thesis import (
-    BODY_MODES,
-    column_table,
-    deviations,
-    frequency_spreads,
-    in_runs,
-    matched,
-    mode_pictures,
-    numbers,
-    published,
-    share,
-    shares,
-    simulated,
-    subset_parts,
-    theoretical,
-    theory_table,
-    thesis_settings,
-    worst_error,
-)
 from sprung.results import figures
 from sprung.results.page.page import Block, Paragraph, Picture, Section, picture, pictures
 from sprung.results.tables import Table
@@ -43,7 +25,7 @@ CONDITIONS = {"normal": "", "front-right tyre -30 %": "front_right.tyre=-0.3"}
 METHODS = {"ACS, thesis": ("acs", False), "CoSS, thesis": ("coss", False), "CoSS, default": ("coss", True)}
 #: What is run: with the soft tyre only CoSS with the settings of the thesis.
 TRIED = ((0, 0), (0, 1), (0, 2), (1, 1))
-PRINTED = published("6")
+PRINTED = thesis.published("6")
 
 
 class Example(NamedTuple):
@@ -88,14 +70,13 @@ def contents(example: Example, results: list[tuple[Real, Real]]) -> tuple[dict[s
 
 def plate_records(*, seed: int) -> list[Recording]:
     """Return the tests of the plate under hammer blows."""
-    return simulated(structure(read_vehicle("plate")), HammerBlows(), PLATE, (seed, 0), snr=50.0)
+    return thesis.simulated(structure(read_vehicle("plate")), HammerBlows(), PLATE, (seed, 0), snr=50.0)
 
 
 def identified_plate(runs: list[Recording]) -> Identification:
     """Return the modes of the plate by CoSS-SSI with J = 1."""
-    settings = thesis_settings(
-        rows=PLATE.rows, stable_rate=0.7, segment=PLATE.segment, n_subsets=1, sampling_rate=50.0, band=(1.0, 20.0)
-    )
+    settings = IdentificationSettings(decimate_to=50.0, segment=PLATE.segment, n_subsets=1, band=(1.0, 20.0))
+    settings = as_in_thesis(settings, rows=PLATE.rows, stable_rate=0.7)
     return coss_ssi(runs, settings=settings, vehicle=read_vehicle("plate"))
 
 
@@ -118,27 +99,22 @@ def car_records(condition: str, *, seed: int) -> list[Recording]:
 
 def identified_car(runs: list[Recording], method: str, *, is_default: bool = False) -> Identification:
     """Return what a method identifies in the drives."""
-    settings = thesis_settings(
-        rows=CAR.rows,
-        stable_rate=0.45 if method == "acs" else 0.7,
-        segment=CAR.segment,
-        sampling_rate=CAR.rate / 2,
-        band=(0.5, 30.0),
-    )
+    settings = IdentificationSettings(decimate_to=CAR.rate / 2, segment=CAR.segment, band=(0.5, 30.0))
+    settings = as_in_thesis(settings, rows=CAR.rows, stable_rate=0.45 if method == "acs" else 0.7)
     function = acs_ssi if method == "acs" else coss_ssi
     return function(runs, settings=None if is_default else settings, vehicle=car())
 
 
 def experiment(seed: int) -> tuple[Real, Real]:
     """Return frequency, damping and MAC of the plate, (3, modes), and the car, (conditions, methods, 3, modes)."""
-    plate = matched(identified_plate(plate_records(seed=seed)).modes, plate_truth()).rows[:3]
-    cars = np.full((len(CONDITIONS), len(METHODS), 3, len(BODY_MODES)), np.nan)
+    plate = thesis.matched(identified_plate(plate_records(seed=seed)).modes, plate_truth()).rows[:3]
+    cars = np.full((len(CONDITIONS), len(METHODS), 3, len(thesis.BODY_MODES)), np.nan)
     for row, condition in enumerate(CONDITIONS):
         runs, truth = car_records(condition, seed=seed), car_truth(condition)
         for column, (method, is_default) in enumerate(METHODS.values()):
             if (row, column) in TRIED:
                 modes = identified_car(runs, method, is_default=is_default).modes
-                cars[row, column] = matched(modes, truth, reach=0.2).rows[:3]
+                cars[row, column] = thesis.matched(modes, truth, reach=0.2).rows[:3]
     return plate, cars
 
 
@@ -151,13 +127,15 @@ def car() -> Vehicle:
 
 def plate_truth() -> Modes:
     """Return the modes of the plate."""
-    return theoretical(structure(read_vehicle("plate")), labels=BODY_MODES)
+    return thesis.theoretical(structure(read_vehicle("plate")), labels=thesis.BODY_MODES)
 
 
 def car_truth(condition: str) -> Modes:
     """Return the body modes of the car in a condition."""
     text = CONDITIONS[condition]
-    return theoretical(with_faults(structure(car()), [parse_fault(text)] if text else []), labels=BODY_MODES)
+    return thesis.theoretical(
+        with_faults(structure(car()), [parse_fault(text)] if text else []), labels=thesis.BODY_MODES
+    )
 
 
 def wheelbase() -> float:
@@ -168,7 +146,7 @@ def wheelbase() -> float:
 
 def plate_pictures(truth: Modes, runs: list[Recording], identification: Identification) -> tuple[Picture, ...]:
     """Figures 6-7 to 6-15."""
-    marked = list(zip(BODY_MODES, truth.natural_frequency, strict=True))
+    marked = list(zip(thesis.BODY_MODES, truth.natural_frequency, strict=True))
     captions = {
         "diagram": "Figure 6-13: stabilisation diagram of CoSS-SSI.",
         "rates": "Figure 6-14: modes selected by the rate of stable points.",
@@ -184,14 +162,14 @@ def plate_pictures(truth: Modes, runs: list[Recording], identification: Identifi
             run, title="Plate", highest=10.0, segment=20.0, marked=marked
         ),
     }
-    named = mode_pictures(identification, shapes, name="CoSS-SSI")
-    return (*pictures(drawn), *mode_pictures(identification, captions), *named)
+    named = thesis.mode_pictures(identification, shapes, name="CoSS-SSI")
+    return (*pictures(drawn), *thesis.mode_pictures(identification, captions), *named)
 
 
 def plate_spread(truth: Modes, plates: Real) -> Picture:
     """Frequencies of the plate in all sets."""
     found = PRINTED["plate"]["frequency"][None]
-    spreads = frequency_spreads(BODY_MODES, ("CoSS-SSI",), plates[:, None, 0], truth.natural_frequency, found)
+    spreads = thesis.spreads(thesis.BODY_MODES, ("CoSS-SSI",), plates[:, None, 0], truth.natural_frequency, found)
     figure = figures.runs_figure(spreads, title="Plate: frequencies in all sets")
     return picture(figure, f"Spread over {len(plates)} sets.")
 
@@ -212,8 +190,8 @@ def car_responses() -> Picture:
 def car_theory_shapes() -> tuple[Picture, ...]:
     """Return the shapes of figures 6-19 and 6-20."""
     model = structure(car())
-    healthy = theoretical(model, labels=BODY_MODES)
-    faulty = theoretical(with_faults(model, [parse_fault("front_left.spring=-0.5")]), labels=BODY_MODES)
+    healthy = thesis.theoretical(model, labels=thesis.BODY_MODES)
+    faulty = thesis.theoretical(with_faults(model, [parse_fault("front_left.spring=-0.5")]), labels=thesis.BODY_MODES)
     shown = [(healthy, "healthy"), (faulty, "front-left spring -50 %")]
     before, after = (figures.shapes_figure(modes, model.outputs.channels, source=source) for modes, source in shown)
     fall = "front-left spring halved: all frequencies fall and the shapes turn"
@@ -246,7 +224,7 @@ def acs_pictures(acs: Identification, truth: Modes) -> tuple[Picture, ...]:
         "shapes": "Figure 6-25: modes identified by ACS-Cov-SSI.",
         "mac": "Figure 6-25: MAC.",
     }
-    return mode_pictures(acs, captions, name="ACS-Cov-SSI", truth=truth)
+    return thesis.mode_pictures(acs, captions, name="ACS-Cov-SSI", truth=truth)
 
 
 def coss_pictures(coss: dict[str, Identification], truth: Modes) -> tuple[Picture, ...]:
@@ -259,8 +237,10 @@ def coss_pictures(coss: dict[str, Identification], truth: Modes) -> tuple[Pictur
             "shapes": f"Figure 6-{first + 1}: modes identified by CoSS-SSI, {condition}.",
             "mac": f"Figure 6-{first + 1}: MAC, {condition}.",
         }
-        parts, title = subset_parts(identification), f"MAC of healthy theory (rows) and subsets, {condition}"
-        pictures += mode_pictures(identification, captions, source=condition, parts=parts, truth=truth, title=title)
+        parts, title = thesis.subset_parts(identification), f"MAC of healthy theory (rows) and subsets, {condition}"
+        pictures += thesis.mode_pictures(
+            identification, captions, source=condition, parts=parts, truth=truth, title=title
+        )
     return tuple(pictures)
 
 
@@ -282,34 +262,35 @@ def bounce_input(speeds: tuple[int, ...] = (20, 30, 40)) -> Picture:
 
 def plate_table(truth: Modes, identification: Identification, plates: Real) -> Table:
     """Return table 6-2."""
-    match = matched(identification.modes, truth)
+    match = thesis.matched(identification.modes, truth)
     printed = PRINTED["plate"]
     columns = (
-        ("", [label.capitalize() for label in BODY_MODES]),
-        ("f theory published [Hz]", numbers(printed["theory"])),
-        ("f theory ours [Hz]", numbers(truth.natural_frequency, digits=3)),
-        ("f found published", numbers(printed["frequency"])),
-        ("f found ours", numbers(match.natural_frequency, digits=3)),
-        ("error published", deviations(printed["frequency"], printed["theory"])),
-        ("error ours", deviations(match.natural_frequency, truth.natural_frequency)),
-        ("f found in, median (5 to 95 %)", in_runs(plates[:, 0], digits=3)),
-        ("MAC published", numbers(printed["mac"], digits=3)),
-        ("MAC ours", numbers(match.mac, digits=3)),
+        ("", [label.capitalize() for label in thesis.BODY_MODES]),
+        ("f theory published [Hz]", thesis.numbers(printed["theory"])),
+        ("f theory ours [Hz]", thesis.numbers(truth.natural_frequency, digits=3)),
+        ("f found published", thesis.numbers(printed["frequency"])),
+        ("f found ours", thesis.numbers(match.natural_frequency, digits=3)),
+        ("error published", thesis.deviations(printed["frequency"], printed["theory"])),
+        ("error ours", thesis.deviations(match.natural_frequency, truth.natural_frequency)),
+        ("f found in, median (5 to 95 %)", thesis.in_runs(plates[:, 0], digits=3)),
+        ("MAC published", thesis.numbers(printed["mac"], digits=3)),
+        ("MAC ours", thesis.numbers(match.mac, digits=3)),
     )
     remark = (
         "With the printed 157.5 N/m bounce would be at 3.05 Hz; the published frequencies require 126 N/m, used here."
     )
-    return column_table("Table 6-2: errors of the identified modes of the plate", columns, remark=remark)
+    return thesis.column_table("Table 6-2: errors of the identified modes of the plate", columns, remark=remark)
 
 
 def car_theory_table() -> Table:
     """Return the numbers of figure 6-19."""
     models = {
-        name: theoretical(structure(read_vehicle(name)), labels=BODY_MODES) for name in ("zafira", "zafira-printed")
+        name: thesis.theoretical(structure(read_vehicle(name)), labels=thesis.BODY_MODES)
+        for name in ("zafira", "zafira-printed")
     }
-    return theory_table(
+    return thesis.theory_table(
         "Figure 6-19: theoretical modes",
-        [f"{name}, {label}" for name in models for label in BODY_MODES],
+        [f"{name}, {label}" for name in models for label in thesis.BODY_MODES],
         (
             np.tile(PRINTED["theory"]["frequency"], 2),
             np.concatenate([modes.natural_frequency for modes in models.values()]),
@@ -328,20 +309,22 @@ def car_table(cars: Real) -> Table:
     truths = [car_truth(condition) for condition in CONDITIONS]
     shown = cars[:, [row for row, _ in TRIED], [column for _, column in TRIED]]
     names = [
-        f"{list(CONDITIONS)[row]}, {list(METHODS)[column]}, {label}" for row, column in TRIED for label in BODY_MODES
+        f"{list(CONDITIONS)[row]}, {list(METHODS)[column]}, {label}"
+        for row, column in TRIED
+        for label in thesis.BODY_MODES
     ]
     printed = [PRINTED["found"]["frequency"] if place == (0, 1) else np.full(3, np.nan) for place in TRIED]
     columns = (
         ("", names),
-        ("f found published [Hz]", numbers(printed)),
-        ("f true [Hz]", numbers([truths[row].natural_frequency for row, _ in TRIED])),
-        ("f found in, median (5 to 95 %)", in_runs(shown[:, :, 0])),
-        ("ξ true [%]", numbers([100 * truths[row].damping_ratio for row, _ in TRIED], digits=1)),
-        ("ξ found [%]", in_runs(100 * shown[:, :, 1], digits=1)),
-        ("MAC", in_runs(shown[:, :, 2])),
+        ("f found published [Hz]", thesis.numbers(printed)),
+        ("f true [Hz]", thesis.numbers([truths[row].natural_frequency for row, _ in TRIED])),
+        ("f found in, median (5 to 95 %)", thesis.in_runs(shown[:, :, 0])),
+        ("ξ true [%]", thesis.numbers([100 * truths[row].damping_ratio for row, _ in TRIED], digits=1)),
+        ("ξ found [%]", thesis.in_runs(100 * shown[:, :, 1], digits=1)),
+        ("MAC", thesis.in_runs(shown[:, :, 2])),
     )
     remark = "Published: found in the field by CoSS-SSI, second subset."
-    return column_table(f"Body modes in {len(cars)} sets of drives", columns, remark=remark)
+    return thesis.column_table(f"Body modes in {len(cars)} sets of drives", columns, remark=remark)
 
 
 def null_table(speeds: tuple[int, ...] = (20, 25, 30, 35, 40)) -> Table:
@@ -349,10 +332,10 @@ def null_table(speeds: tuple[int, ...] = (20, 25, 30, 35, 40)) -> Table:
     in_metres = np.array(speeds) / 3.6
     columns = (
         ("speed", [f"{speed} km/h" for speed in speeds]),
-        ("bounce [Hz]", numbers(in_metres / (2 * wheelbase()))),
-        ("pitch [Hz]", numbers(in_metres / wheelbase())),
+        ("bounce [Hz]", thesis.numbers(in_metres / (2 * wheelbase()))),
+        ("pitch [Hz]", thesis.numbers(in_metres / wheelbase())),
     )
-    return column_table("Nulls of the input", columns)
+    return thesis.column_table("Nulls of the input", columns)
 
 
 def null_paragraph() -> Paragraph:
@@ -362,11 +345,11 @@ def null_paragraph() -> Paragraph:
 
 def verdict(plates: Real, cars: Real) -> dict[str, object]:
     """What reproduces and what does not, in numbers."""
-    found = (shares(cars[:, row, column, 0], BODY_MODES) for row, column in TRIED)
+    found = (thesis.shares(cars[:, row, column, 0], thesis.BODY_MODES) for row, column in TRIED)
     return {
         **dict(zip(("acs", "coss", "default", "tyre"), found, strict=True)),
-        "plate": 100 * np.mean([share(plates[:, 0, k]) for k in range(3)]),
-        "error": 100 * worst_error(plates[:, 0], plate_truth().natural_frequency),
+        "plate": 100 * np.mean([thesis.share(plates[:, 0, k]) for k in range(3)]),
+        "error": 100 * thesis.worst_error(plates[:, 0], plate_truth().natural_frequency),
     }
 
 

@@ -8,26 +8,11 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.excitation import RollerRig, random_speed
-from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, Identification, IdentificationSettings
+from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, Identification, IdentificationSettings, as_in_thesis
 from sprung.modal import Modes
 from sprung.recording import Recording
+from sprung.reproduce import thesis
 from sprung.reproduce.chapter import Chapter, set_up
-from sprung.reproduce.thesis import (
-    BODY_MODES,
-    column_table,
-    frequency_spreads,
-    in_runs,
-    matched,
-    mode_pictures,
-    numbers,
-    published,
-    shares,
-    subset_parts,
-    theoretical,
-    theory_table,
-    thesis_settings,
-    worst_error,
-)
 from sprung.results import figures
 from sprung.results.page.page import Block, Paragraph, Section, picture, pictures
 from sprung.results.tables import Table
@@ -44,7 +29,7 @@ CONDITIONS = {
     "rear left -75 %": ("rear_left.spring=-0.75",),
 }
 FIGURES = {"normal": "7-15", "front left +50 %": "7-16", "rear left -75 %": "7-17"}
-PRINTED = published("7")
+PRINTED = thesis.published("7")
 
 
 class Example(NamedTuple):
@@ -68,7 +53,7 @@ def example() -> Example:
 def contents(example: Example, results: list[Real]) -> tuple[dict[str, object], tuple[Section, ...]]:
     """Return the values of the verdict, and the sections."""
     runs = np.array(results)
-    truths = {name: theoretical(bogie(name), labels=BODY_MODES) for name in CONDITIONS}
+    truths = {name: thesis.theoretical(bogie(name), labels=thesis.BODY_MODES) for name in CONDITIONS}
     healthy, normal = truths["normal"], example.records["normal"]
     return _verdict(runs, truths, example.seconds), (
         Section("The model", (_theory(healthy), _model_shapes(normal[0], healthy))),
@@ -100,13 +85,9 @@ def records(condition: str, *, seed: int) -> list[Recording]:
 def settings(method: str, *, is_fast: bool = False) -> IdentificationSettings:
     """Return the settings of the thesis for a method."""
     setup = FAST if is_fast else SETUP
-    return thesis_settings(
-        rows=setup.rows,
-        stable_rate=0.8 if method == "coss" else 0.6,
-        segment=None if method == "cov" else setup.segment,
-        sampling_rate=setup.rate,
-        band=(10.0, 60.0),
-    )
+    segment = None if method == "cov" else setup.segment
+    chosen = IdentificationSettings(decimate_to=setup.rate, segment=segment, band=(10.0, 60.0))
+    return as_in_thesis(chosen, rows=setup.rows, stable_rate=0.8 if method == "coss" else 0.6)
 
 
 def identified(
@@ -120,10 +101,10 @@ def identified(
 
 def experiment(seed: int) -> Real:
     """Return frequency, damping, MAC of the body's modes and number of others, (conditions, methods, 4, modes)."""
-    healthy = theoretical(bogie("normal"), labels=BODY_MODES)
+    healthy = thesis.theoretical(bogie("normal"), labels=thesis.BODY_MODES)
     results = np.full((len(CONDITIONS), len(SUBSPACE_METHODS), 4, len(healthy)), np.nan)
     for row, condition in enumerate(CONDITIONS):
-        truth = theoretical(bogie(condition), labels=BODY_MODES)
+        truth = thesis.theoretical(bogie(condition), labels=thesis.BODY_MODES)
         runs = records(condition, seed=seed)
         harmonics: tuple[Harmonic, ...] | None = None
         for column, method in enumerate(SUBSPACE_METHODS):
@@ -131,15 +112,15 @@ def experiment(seed: int) -> Real:
                 continue
             identification = identified(method, runs, is_fast=True, harmonics=harmonics)
             harmonics = identification.harmonics if method == "acs" else None
-            results[row, column] = matched(identification.modes, truth).rows
+            results[row, column] = thesis.matched(identification.modes, truth).rows
     return results
 
 
 def _theory(truth: Modes) -> Table:
     """Theoretical modes."""
-    return theory_table(
+    return thesis.theory_table(
         "Figure 7-7: theoretical modes, from the geometry and table 7-1",
-        [label.capitalize() for label in BODY_MODES],
+        [label.capitalize() for label in thesis.BODY_MODES],
         (PRINTED["theory"]["frequency"], truth.natural_frequency),
         (PRINTED["theory"]["damping"], 100 * truth.damping_ratio),
         digits=(2, 3, 2, 3),
@@ -155,7 +136,7 @@ def _model_shapes(recording: Recording, truth: Modes) -> Block:
 
 def _signals(runs: list[Recording]) -> tuple[Block, ...]:
     """Figure 7-9."""
-    run, marked = [("", runs[0])], list(zip(BODY_MODES, PRINTED["theory"]["frequency"], strict=True))
+    run, marked = [("", runs[0])], list(zip(thesis.BODY_MODES, PRINTED["theory"]["frequency"], strict=True))
     level = "raw signals (simulated); the level follows the speed of the rollers"
     density = figures.densities_figure(
         run, title="Power spectral densities", highest=60.0, lowest=5.0, segment=2.0, marked=marked
@@ -179,7 +160,7 @@ def _single(identifications: dict[str, Identification], truth: Modes) -> tuple[B
             "shapes": f"Figure {second}(a): modes identified by {name}.",
             "mac": f"Figure {second}(b): MAC of {name}.",
         }
-        blocks += mode_pictures(identifications[method], captions, name=name, truth=truth)
+        blocks += thesis.mode_pictures(identifications[method], captions, name=name, truth=truth)
     return tuple(blocks)
 
 
@@ -189,17 +170,17 @@ def _subsets(coss: dict[str, Identification], truths: dict[str, Modes]) -> tuple
         "diagram": "Figure 7-14(a): stabilisation diagrams of CoSS-SSI, normal suspension.",
         "rates": "Figure 7-14(b): rates of stable points.",
     }
-    blocks: list[Block] = [*mode_pictures(coss["normal"], captions)]
+    blocks: list[Block] = [*thesis.mode_pictures(coss["normal"], captions)]
     for condition, identification in coss.items():
         captions = {
             "shapes": f"Figure {FIGURES[condition]}: modes identified by CoSS-SSI, {condition}.",
             "mac": f"Figure {FIGURES[condition]}: MAC against the healthy theory, {condition}.",
         }
-        blocks += mode_pictures(
+        blocks += thesis.mode_pictures(
             identification,
             captions,
             source=condition,
-            parts=subset_parts(identification),
+            parts=thesis.subset_parts(identification),
             truth=truths["normal"],
             title=f"MAC of theory of the healthy bogie (rows) and subsets, {condition}",
         )
@@ -212,18 +193,18 @@ def _tables(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
     for row, (condition, truth) in enumerate(truths.items()):
         methods = list(SUBSPACE_METHODS) if condition == "normal" else ["coss"]
         shown = runs[:, row, [list(SUBSPACE_METHODS).index(method) for method in methods]]
-        nothing = np.full(len(BODY_MODES), np.nan)
+        nothing = np.full(len(thesis.BODY_MODES), np.nan)
         printed = [PRINTED["found"].get(method, nothing) if condition == "normal" else nothing for method in methods]
         columns = (
-            ("", [f"{METHOD_NAMES[method]}, {label}" for method in methods for label in BODY_MODES]),
-            ("f published [Hz]", numbers(printed)),
-            ("f true [Hz]", numbers(np.tile(truth.natural_frequency, len(methods)))),
-            ("f found in, median (5 to 95 %)", in_runs(shown[:, :, 0])),
-            ("ξ true [%]", numbers(np.tile(100 * truth.damping_ratio, len(methods)))),
-            ("ξ found [%]", in_runs(100 * shown[:, :, 1])),
-            ("MAC against truth", in_runs(shown[:, :, 2], digits=3)),
+            ("", [f"{METHOD_NAMES[method]}, {label}" for method in methods for label in thesis.BODY_MODES]),
+            ("f published [Hz]", thesis.numbers(printed)),
+            ("f true [Hz]", thesis.numbers(np.tile(truth.natural_frequency, len(methods)))),
+            ("f found in, median (5 to 95 %)", thesis.in_runs(shown[:, :, 0])),
+            ("ξ true [%]", thesis.numbers(np.tile(100 * truth.damping_ratio, len(methods)))),
+            ("ξ found [%]", thesis.in_runs(100 * shown[:, :, 1])),
+            ("MAC against truth", thesis.in_runs(shown[:, :, 2], digits=3)),
         )
-        blocks.append(column_table(f"Modes in {len(runs)} sets of records, {condition}", columns))
+        blocks.append(thesis.column_table(f"Modes in {len(runs)} sets of records, {condition}", columns))
     return tuple(blocks)
 
 
@@ -231,14 +212,14 @@ def _time(seconds: float) -> Table:
     """Run time next to the published one."""
     columns = (
         ("", ["CoSS-SSI of 400 s in four channels, thesis' ladder"]),
-        ("published [s]", numbers([PRINTED["found"]["seconds"]])),
-        ("ours, this run [s]", numbers([seconds])),
-        ("ratio", numbers([PRINTED["found"]["seconds"] / seconds], digits=0)),
+        ("published [s]", thesis.numbers([PRINTED["found"]["seconds"]])),
+        ("ours, this run [s]", thesis.numbers([seconds])),
+        ("ratio", thesis.numbers([PRINTED["found"]["seconds"] / seconds], digits=0)),
     )
     remark = (
         "Published: MATLAB on a desktop computer of the 2010s; ours: all steps on the machine that wrote this page."
     )
-    return column_table("Run time", columns, remark=remark)
+    return thesis.column_table("Run time", columns, remark=remark)
 
 
 def _faults(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
@@ -246,12 +227,14 @@ def _faults(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
     found = runs[:, :, list(SUBSPACE_METHODS).index("coss"), 0]
     theory = np.array([truth.natural_frequency for truth in truths.values()])
     columns = (
-        ("", [f"{condition}, {label}" for condition in list(CONDITIONS)[1:] for label in BODY_MODES]),
+        ("", [f"{condition}, {label}" for condition in list(CONDITIONS)[1:] for label in thesis.BODY_MODES]),
         ("theory", [f"{shift:+.2f}" for shift in (theory[1:] - theory[0]).ravel()]),
-        ("CoSS-SSI: both found in, median (5 to 95 %)", in_runs(found[:, 1:] - found[:, :1])),
+        ("CoSS-SSI: both found in, median (5 to 95 %)", thesis.in_runs(found[:, 1:] - found[:, :1])),
     )
-    table = column_table("Change of frequency with the fault [Hz]", columns)
-    spreads = frequency_spreads(BODY_MODES, tuple(CONDITIONS), found, np.full(len(BODY_MODES), np.nan), theory)
+    table = thesis.column_table("Change of frequency with the fault [Hz]", columns)
+    spreads = thesis.spreads(
+        thesis.BODY_MODES, tuple(CONDITIONS), found, np.full(len(thesis.BODY_MODES), np.nan), theory
+    )
     figure = figures.runs_figure(spreads, title="Frequencies in the three conditions (diamonds: theory)")
     text = (
         "A change of one corner's spring shifts all three frequencies slightly and turns the shapes towards the softer corner; "
@@ -263,8 +246,8 @@ def _faults(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
 def _verdict(runs: Real, truths: dict[str, Modes], seconds: float) -> dict[str, object]:
     """What reproduces and what does not, in numbers."""
     return {
-        **{method: shares(runs[:, 0, n, 0], BODY_MODES) for n, method in enumerate(SUBSPACE_METHODS)},
-        "error": 100 * worst_error(runs[:, 0, :, 0], truths["normal"].natural_frequency),
+        **{method: thesis.shares(runs[:, 0, n, 0], thesis.BODY_MODES) for n, method in enumerate(SUBSPACE_METHODS)},
+        "error": 100 * thesis.worst_error(runs[:, 0, :, 0], truths["normal"].natural_frequency),
         "ours": seconds,
         "published": PRINTED["found"]["seconds"],
     }

@@ -1,33 +1,16 @@
 """Chapter 8: a Y25 bogie on a full-size roller rig, its harmonics removed by cepstrum editing."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from sprung._arrays import Real
 from sprung.excitation import RollerRig, constant_speed
-from sprung.identification import Identification, coss_ssi
+from sprung.identification import Identification, IdentificationSettings, as_in_thesis, coss_ssi
 from sprung.modal import Modes
 from sprung.recording import Recording
+from sprung.reproduce import thesis
 from sprung.reproduce.chapter import Chapter, set_up
-from sprung.reproduce.thesis import (
-    BODY_MODES,
-    at_channels,
-    cepstrum_picture,
-    column_table,
-    deviations,
-    frequency_spreads,
-    in_runs,
-    matched,
-    mode_pictures,
-    numbers,
-    published,
-    shares,
-    simulated,
-    theoretical,
-    thesis_settings,
-)
 from sprung.results import figures
 from sprung.results.page.page import Block, Section, picture, pictures
 from sprung.results.tables import Table
@@ -39,7 +22,7 @@ SETUP = set_up("chapter_8")
 #: Rotation of the drum [Hz].
 ROTATION = 0.9125
 FRAME = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
-PRINTED = published("8")
+PRINTED = thesis.published("8")
 
 
 class Example(NamedTuple):
@@ -78,23 +61,23 @@ def records(*, seed: int) -> list[Recording]:
         joint=5e-4,
         harmonics=(2e-5, 1e-5, 1e-5, 5e-6, 5e-6, 3e-6, 3e-6, 3e-6),
     )
-    return simulated(vehicle, rig, SETUP, (seed,), snr=50.0)
+    return thesis.simulated(vehicle, rig, SETUP, (seed,), snr=50.0)
 
 
 def identified(
     runs: list[Recording], *, is_edited: bool, harmonics: tuple[Harmonic, ...] | None = None
 ) -> Identification:
     """Return what CoSS-SSI identifies in the frame's accelerations."""
-    settings = thesis_settings(
-        rows=SETUP.rows,
-        stable_rate=0.5,
+    settings = IdentificationSettings(
+        decimate_to=SETUP.rate / 4,
         segment=SETUP.segment,
         n_subsets=2,
-        sampling_rate=SETUP.rate / 4,
         lifter=ShortPass(SETUP.quefrency) if is_edited else None,
         band=(5.0, 21.0),
+        harmonics=harmonics,
     )
-    return coss_ssi([run.select(FRAME) for run in runs], settings=replace(settings, harmonics=harmonics))
+    settings = as_in_thesis(settings, rows=SETUP.rows, stable_rate=0.5)
+    return coss_ssi([run.select(FRAME) for run in runs], settings=settings)
 
 
 def experiment(seed: int) -> Real:
@@ -105,13 +88,13 @@ def experiment(seed: int) -> Real:
     for row, is_edited in enumerate((False, True)):
         identification = identified(runs, is_edited=is_edited, harmonics=harmonics)
         harmonics = identification.harmonics
-        results[row] = matched(identification.modes, truth).rows
+        results[row] = thesis.matched(identification.modes, truth).rows
     return results
 
 
 def _truth() -> Modes:
     """Return the rigid-body modes of the frame at its four sensors."""
-    return at_channels(theoretical(structure(read_vehicle("y25")), labels=BODY_MODES), FRAME)
+    return thesis.at_channels(thesis.theoretical(structure(read_vehicle("y25")), labels=thesis.BODY_MODES), FRAME)
 
 
 def _theory(truth: Modes) -> Table:
@@ -119,16 +102,16 @@ def _theory(truth: Modes) -> Table:
     printed = [PRINTED["theory"][label] for label in truth.labels]
     columns = (
         ("", [str(label).capitalize() for label in truth.labels]),
-        ("f published [Hz]", numbers(printed)),
-        ("f ours [Hz]", numbers(truth.natural_frequency)),
-        ("deviation", deviations(truth.natural_frequency, printed)),
-        ("ξ ours [%]", numbers(100 * truth.damping_ratio, digits=1)),
+        ("f published [Hz]", thesis.numbers(printed)),
+        ("f ours [Hz]", thesis.numbers(truth.natural_frequency)),
+        ("deviation", thesis.deviations(truth.natural_frequency, printed)),
+        ("ξ ours [%]", thesis.numbers(100 * truth.damping_ratio, digits=1)),
     )
     remark = (
         "Geometry, vertical damping and the number of springs at an axle box are not printed: with a wheelbase of 1.8 m, springs 2.0 m apart and "
         "two nests at each box the order is bounce, roll, pitch, with bounce and pitch near the published values and roll below."
     )
-    return column_table("Figure 8-3: rigid modes of the frame", columns, remark=remark)
+    return thesis.column_table("Figure 8-3: rigid modes of the frame", columns, remark=remark)
 
 
 def _model_shapes(recording: Recording, truth: Modes) -> Block:
@@ -144,7 +127,7 @@ def _signals(run: Recording) -> tuple[Block, ...]:
     curves = [("raw", front), ("edited", edited)]
     caption = "Figure 8-10(a): cepstrum, lifter and edited cepstrum."
     title = "Real cepstrum, frame front left"
-    cepstra = cepstrum_picture(front, SETUP.quefrency, caption, title=title, pulse_period=1 / (4 * ROTATION))
+    cepstra = thesis.cepstrum_picture(front, SETUP.quefrency, caption, title=title, pulse_period=1 / (4 * ROTATION))
     title, raw = "Raw and edited", curves[:1]
     densities = (
         figures.densities_figure(own, title=what, highest=21.0, segment=20.0)
@@ -173,7 +156,7 @@ def _diagrams(raw: Identification, edited: Identification) -> tuple[Block, ...]:
         "shapes": "Figure 8-15: modes identified by CoSS-SSI, edited.",
     }
     first = {"diagram": "Figure 8-12: stabilisation diagrams of the raw signals."}
-    return (*mode_pictures(raw, first, source="raw"), *mode_pictures(edited, captions, source="edited"))
+    return (*thesis.mode_pictures(raw, first, source="raw"), *thesis.mode_pictures(edited, captions, source="edited"))
 
 
 def _tables(edited: Identification, runs: Real, truth: Modes) -> tuple[Block, ...]:
@@ -181,18 +164,18 @@ def _tables(edited: Identification, runs: Real, truth: Modes) -> tuple[Block, ..
     names = [str(label) for label in truth.labels]
     columns = (
         ("", [name.capitalize() for name in names]),
-        ("f published [Hz]", numbers([PRINTED["found"][name] for name in names])),
-        ("f true here [Hz]", numbers(truth.natural_frequency)),
-        ("f ours [Hz]", numbers(matched(edited.modes, truth).natural_frequency)),
-        ("f raw: found in, median (5 to 95 %)", in_runs(runs[:, 0, 0])),
-        ("f edited", in_runs(runs[:, 1, 0])),
-        ("ξ edited [%]", in_runs(100 * runs[:, 1, 1], digits=1)),
+        ("f published [Hz]", thesis.numbers([PRINTED["found"][name] for name in names])),
+        ("f true here [Hz]", thesis.numbers(truth.natural_frequency)),
+        ("f ours [Hz]", thesis.numbers(thesis.matched(edited.modes, truth).natural_frequency)),
+        ("f raw: found in, median (5 to 95 %)", thesis.in_runs(runs[:, 0, 0])),
+        ("f edited", thesis.in_runs(runs[:, 1, 0])),
+        ("ξ edited [%]", thesis.in_runs(100 * runs[:, 1, 1], digits=1)),
     )
-    spreads = frequency_spreads(names, ("raw", "edited"), runs[:, :, 0], truth.natural_frequency)
+    spreads = thesis.spreads(names, ("raw", "edited"), runs[:, :, 0], truth.natural_frequency)
     others = runs[:, :, 3, 0].mean(axis=0)
     remark = f"Other modes per set: {others[0]:.2f} raw, {others[1]:.2f} edited. Published values are of the real bogie, true ones of the model."
     return (
-        column_table("Modes of the frame", columns, remark=remark),
+        thesis.column_table("Modes of the frame", columns, remark=remark),
         picture(
             figures.runs_figure(spreads, title="Frequencies in all sets"), f"Spread over {len(runs)} sets of records."
         ),
@@ -201,7 +184,7 @@ def _tables(edited: Identification, runs: Real, truth: Modes) -> tuple[Block, ..
 
 def _verdict(runs: Real, truth: Modes) -> dict[str, object]:
     """What reproduces and what does not, in numbers."""
-    raw, edited = (shares(runs[:, row, 0], truth.labels) for row in range(2))
+    raw, edited = (thesis.shares(runs[:, row, 0], truth.labels) for row in range(2))
     modes = zip(truth.labels, truth.natural_frequency, strict=True)
     multiples = 4 * ROTATION * np.array([3, 4, 5])
     return {

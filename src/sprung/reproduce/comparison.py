@@ -6,21 +6,11 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.excitation import RandomInputs
-from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, IdentificationSettings
+from sprung.identification import METHOD_NAMES, SUBSPACE_METHODS, IdentificationSettings, as_in_thesis
 from sprung.modal import Modes
 from sprung.recording import Recording
+from sprung.reproduce import thesis
 from sprung.reproduce.chapter import Chapter, data, set_up
-from sprung.reproduce.thesis import (
-    Column,
-    column_table,
-    frequency_spreads,
-    matched,
-    numbers,
-    share,
-    theoretical,
-    thesis_settings,
-    worst_error,
-)
 from sprung.results import figures
 from sprung.results.page.page import Block, Paragraph, Section, picture
 from sprung.results.tables import Table
@@ -43,7 +33,7 @@ HOW = ("thesis", "default")
 
 def example() -> Modes:
     """Return the true modes; the thesis shows no such comparison."""
-    return theoretical(structure(read_description("chain3")))
+    return thesis.theoretical(structure(read_description("chain3")))
 
 
 def contents(truth: Modes, results: list[Real]) -> tuple[dict[str, object], tuple[Section, ...]]:
@@ -99,7 +89,9 @@ def settings(how: str) -> IdentificationSettings:
     """Return the settings of all methods."""
     if how == "default":
         return IdentificationSettings(segment=SETUP.segment)
-    return thesis_settings(rows=SETUP.rows, stable_rate=0.5, segment=SETUP.segment, sampling_rate=SETUP.rate)
+    return as_in_thesis(
+        IdentificationSettings(decimate_to=SETUP.rate, segment=SETUP.segment), rows=SETUP.rows, stable_rate=0.5
+    )
 
 
 def experiment(seed: int) -> Real:
@@ -107,7 +99,7 @@ def experiment(seed: int) -> Real:
 
     Rows: frequency, damping, MAC, number of other modes, and of CoSS-SSI the frequency in the lowest and the highest subset.
     """
-    truth = theoretical(structure(read_description("chain3")))
+    truth = thesis.theoretical(structure(read_description("chain3")))
     results = np.full((len(CASES), len(HOW), len(SUBSPACE_METHODS), 6, len(truth)), np.nan)
     for i, case in enumerate(CASES):
         runs = records(case, seed=seed)
@@ -117,10 +109,10 @@ def experiment(seed: int) -> Real:
                 chosen = settings(how) if name != "cov" or how == "thesis" else IdentificationSettings()
                 identification = method(runs, settings=replace(chosen, harmonics=harmonics))
                 harmonics = identification.harmonics
-                results[i, j, k, :4] = matched(identification.modes, truth).rows
+                results[i, j, k, :4] = thesis.matched(identification.modes, truth).rows
                 if name == "coss":
                     for end in (0, -1):
-                        subset = matched(identification.subsets[end].modes, truth)
+                        subset = thesis.matched(identification.subsets[end].modes, truth)
                         results[i, j, k, 4 - end] = subset.natural_frequency
     return results
 
@@ -129,23 +121,23 @@ def _case(runs: Real, truth: Modes, is_nonlinear: bool) -> tuple[Block, ...]:
     """Table and figure of one case."""
     names = tuple(f"{METHOD_NAMES[name]}, {how}" for how in HOW for name in SUBSPACE_METHODS)
     flat = runs.reshape(len(runs), len(names), *runs.shape[3:])
-    columns: list[Column] = [("", names)]
+    columns: list[thesis.Column] = [("", names)]
     for m in range(len(truth)):
         frequency = flat[:, :, 0, m] / truth.natural_frequency[m] - 1
         damping = flat[:, :, 1, m] / truth.damping_ratio[m] - 1
         columns += [
-            (f"mode {m + 1} found", [f"{100 * share(own):.0f} %" for own in frequency.T]),
+            (f"mode {m + 1} found", [f"{100 * thesis.share(own):.0f} %" for own in frequency.T]),
             ("f bias ± std [%]", [_bias_and_spread(own) for own in frequency.T]),
             ("ξ bias ± std [%]", [_bias_and_spread(own, digits=1) for own in damping.T]),
         ]
-    columns.append(("other modes per set", numbers(flat[:, :, 3, 0].mean(axis=0))))
+    columns.append(("other modes per set", thesis.numbers(flat[:, :, 3, 0].mean(axis=0))))
     remark = (
         "Against the linear chain without rubber: the bias includes the effect of the rubber." if is_nonlinear else ""
     )
     modes = [f"Mode {m + 1}" for m in range(len(truth))]
-    spreads = frequency_spreads(modes, names, flat[:, :, 0], truth.natural_frequency)
+    spreads = thesis.spreads(modes, names, flat[:, :, 0], truth.natural_frequency)
     title = "Natural frequencies in all sets"
-    table = column_table(f"{len(runs)} sets", columns, remark=remark)
+    table = thesis.column_table(f"{len(runs)} sets", columns, remark=remark)
     return table, picture(figures.runs_figure(spreads, title=title), f"{title}.")
 
 
@@ -174,29 +166,29 @@ def gain(runs: Real, truth: Modes, *, quantity: int) -> Real:
 
 def _paired(runs: Real, truth: Modes) -> Table:
     """Error of ACS less that of CoSS in the same sets."""
-    columns: list[Column] = [("", [f"{case}, {how}" for case in LINEAR for how in HOW])]
+    columns: list[thesis.Column] = [("", [f"{case}, {how}" for case in LINEAR for how in HOW])]
     for name, quantity in (("f", 0), ("ξ", 1)):
         gains = gain(runs, truth, quantity=quantity)
         for m in range(len(truth)):
-            means, errors = (numbers(part, digits=3 - quantity) for part in gains[..., m])
+            means, errors = (thesis.numbers(part, digits=3 - quantity) for part in gains[..., m])
             cells = [f"{mean} ± {error}" for mean, error in zip(means, errors, strict=True)]
             columns.append((f"{name}, mode {m + 1} [%]", cells))
     remark = (
         "Mean of |error of ACS| - |error of CoSS| with its standard error: positive where CoSS is nearer to the truth."
     )
-    return column_table("Error of ACS-Cov-SSI less that of CoSS-SSI", columns, remark=remark)
+    return thesis.column_table("Error of ACS-Cov-SSI less that of CoSS-SSI", columns, remark=remark)
 
 
 def _levels(runs: Real) -> Table:
     """Frequency in the highest over that in the lowest subset of CoSS-SSI."""
     change = 100 * (runs[:, :, :, 2, 5] / runs[:, :, :, 2, 4] - 1)
-    columns: list[Column] = [("", [f"{case}, {how}" for case in CASES for how in HOW])]
+    columns: list[thesis.Column] = [("", [f"{case}, {how}" for case in CASES for how in HOW])]
     for m in range(change.shape[-1]):
         own = change[:, :, :, m].reshape(len(runs), -1).T
         columns.append((f"mode {m + 1}: mean ± std [%]", [_bias_and_spread(values / 100) for values in own]))
     remark = "Only with the rubber do frequencies truly change with the level: what the subsets of CoSS-SSI show and an average cannot."
     title = "Frequency in the subset of the highest level over that of the lowest, less 1"
-    return column_table(title, columns, remark=remark)
+    return thesis.column_table(title, columns, remark=remark)
 
 
 def _verdict(runs: Real, truth: Modes) -> dict[str, object]:
@@ -217,7 +209,7 @@ def _verdict(runs: Real, truth: Modes) -> dict[str, object]:
                         neither += 1
     cases = {
         case: ", ".join(
-            f"{METHOD_NAMES[name]} {100 * np.mean([share(runs[:, i, 0, k, 0, m]) for m in range(3)]):.0f} %"
+            f"{METHOD_NAMES[name]} {100 * np.mean([thesis.share(runs[:, i, 0, k, 0, m]) for m in range(3)]):.0f} %"
             for k, name in enumerate(SUBSPACE_METHODS)
         )
         for i, case in enumerate(CASES)
@@ -232,7 +224,7 @@ def _verdict(runs: Real, truth: Modes) -> dict[str, object]:
         "wins": f" ({'; '.join(wins)})" if wins else "",
         "losses": f" ({'; '.join(losses)})" if losses else "",
         "change": np.mean(change[np.isfinite(change)]),
-        "error": 100 * worst_error(runs[:, :3, 1, :, 0], truth.natural_frequency),
+        "error": 100 * thesis.worst_error(runs[:, :3, 1, :, 0], truth.natural_frequency),
     }
 
 

@@ -1,6 +1,6 @@
 """What the thesis prints, its settings, its modes matched with ours, and numbers, tables and pictures for its pages."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,14 +10,13 @@ from scipy.optimize import linear_sum_assignment
 
 from sprung._arrays import Real
 from sprung.excitation import Excitation
-from sprung.identification import Identification, IdentificationSettings, as_in_thesis
+from sprung.identification import Identification
 from sprung.modal import Modes, mac
 from sprung.recording import Recording
 from sprung.reproduce.chapter import SetUp, data
 from sprung.results import figures
 from sprung.results.page.page import Picture, picture, pictures
 from sprung.results.tables import Table
-from sprung.signals.cepstrum import Lifter
 from sprung.simulation import simulate
 from sprung.vehicles import Structure
 
@@ -143,51 +142,11 @@ def at_channels(modes: Modes, names: Sequence[str]) -> Modes:
 
 
 BODY_MODES = ("bounce", "pitch", "roll")
-
-
-def thesis_settings(
-    *,
-    rows: tuple[int, int],
-    stable_rate: float,
-    segment: float | None = None,
-    n_subsets: int = 3,
-    sampling_rate: float | None = None,
-    lifter: Lifter | None = None,
-    band: tuple[float, float] | None = None,
-) -> IdentificationSettings:
-    """Return the settings of the thesis.
-
-    Parameters
-    ----------
-    rows
-        Smallest and largest number of block rows.
-    stable_rate
-        Smallest rate of stable points of a mode, delta of eq. 3-57.
-    segment
-        Length of the segments [s].
-    n_subsets
-        Number J of subsets of CoSS-SSI.
-    sampling_rate
-        Sampling rate of the correlations [Hz].
-    lifter
-        Lifter for cepstrum editing; None: no editing.
-    band
-        Lowest and highest natural frequency of interest [Hz].
-    """
-    chosen = IdentificationSettings(
-        decimate_to=sampling_rate, segment=segment, n_subsets=n_subsets, lifter=lifter, band=band
-    )
-    return as_in_thesis(chosen, rows=rows, stable_rate=stable_rate)
-
-
-def number(value: float, *, digits: int = 2) -> str:
-    """Return a number, or a dash where there is none."""
-    return f"{value:.{digits}f}" if np.isfinite(value) else "–"
-
-
-def of_runs(values: ArrayLike, *, digits: int = 2) -> str:
-    """Return the number of runs with a value, their median and range."""
-    return f"{found_in(values)}: {spread(values, digits=digits)}"
+#: Row of results, name, factor and true values of what is compared over the runs.
+QUANTITIES: tuple[tuple[int, str, float, Callable[[Modes], Real]], ...] = (
+    (0, "frequency [Hz]", 1.0, lambda truth: truth.natural_frequency),
+    (1, "damping [%]", 100.0, lambda truth: 100 * truth.damping_ratio),
+)
 
 
 def worst_error(values: ArrayLike, truth: ArrayLike) -> float:
@@ -211,19 +170,6 @@ def share(values: ArrayLike) -> float:
     return float(np.isfinite(np.asarray(values)).mean())
 
 
-def deviation(ours: float, published: float) -> str:
-    """Return the relative deviation from a published number in percent; a dash where there is none.
-
-    Examples
-    --------
-    >>> deviation(7.03, 7.01)
-    '+0.29 %'
-    """
-    if not (np.isfinite(ours) and np.isfinite(published)) or published == 0:
-        return "–"
-    return f"{100 * (ours / published - 1):+.2f} %"
-
-
 def spread(values: ArrayLike, *, digits: int = 2) -> str:
     """Return the median of runs with the range of 90 % of them; a dash where none has a value.
 
@@ -240,18 +186,6 @@ def spread(values: ArrayLike, *, digits: int = 2) -> str:
     return f"{middle:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 
 
-def found_in(values: ArrayLike) -> str:
-    """Return the number of runs with a value.
-
-    Examples
-    --------
-    >>> found_in([1.0, float("nan"), 2.0])
-    '2 of 3'
-    """
-    values = np.asarray(values, dtype=np.float64)
-    return f"{np.isfinite(values).sum()} of {values.size}"
-
-
 #: Heading and cells of a column.
 Column = tuple[str, Sequence[str]]
 
@@ -263,13 +197,27 @@ def column_table(title: str, columns: Sequence[Column], *, remark: str = "") -> 
 
 
 def numbers(values: ArrayLike, *, digits: int = 2) -> list[str]:
-    """Return the cells of a column of numbers, in the order of an array, a dash where there is none."""
-    return [number(value, digits=digits) for value in np.asarray(values, dtype=np.float64).ravel()]
+    """Return the cells of a column of numbers, in the order of an array, a dash where there is none.
+
+    Examples
+    --------
+    >>> numbers([7.013, float("nan")])
+    ['7.01', '–']
+    """
+    flat = np.asarray(values, dtype=np.float64).ravel()
+    return [f"{value:.{digits}f}" if np.isfinite(value) else "–" for value in flat]
 
 
 def in_runs(values: Real, *, digits: int = 2) -> list[str]:
-    """Return the cells of a column of numbers of many runs, shape (runs, ...): found in, median and range."""
-    return [of_runs(own, digits=digits) for own in values.reshape(len(values), -1).T]
+    """Return the cells of a column of numbers of many runs, shape (runs, ...): found in, median and range.
+
+    Examples
+    --------
+    >>> in_runs(np.array([2.0, 2.0, np.nan]))
+    ['2 of 3: 2.00 (2.00 to 2.00)']
+    """
+    columns = values.reshape(len(values), -1).T
+    return [f"{np.isfinite(own).sum()} of {own.size}: {spread(own, digits=digits)}" for own in columns]
 
 
 def shares(values: Real, names: Sequence[object] = ()) -> str:
@@ -279,8 +227,16 @@ def shares(values: Real, names: Sequence[object] = ()) -> str:
 
 
 def deviations(ours: ArrayLike, published: ArrayLike) -> list[str]:
-    """Return the cells of a column of relative deviations from published numbers."""
-    return [deviation(our, other) for our, other in np.column_stack([np.asarray(ours), np.asarray(published)])]
+    """Return the cells of a column of relative deviations from published numbers, a dash where there is none.
+
+    Examples
+    --------
+    >>> deviations([7.03, float("nan")], [7.01, 2.0])
+    ['+0.29 %', '–']
+    """
+    printed = np.asarray(published, dtype=np.float64)
+    relative = 100 * (np.asarray(ours) / np.where(printed == 0, np.nan, printed) - 1)
+    return [f"{value:+.2f} %" if np.isfinite(value) else "–" for value in relative.ravel()]
 
 
 def theory_table(
@@ -371,32 +327,32 @@ def subset_parts(identification: Identification) -> list[tuple[str, Modes]]:
     return [(f"subset {k + 1}", subset.modes) for k, subset in enumerate(identification.subsets)]
 
 
-def frequency_spreads(
-    names: Sequence[str], methods: tuple[str, ...], values: Real, truth: ArrayLike, printed: Real | None = None
+def spreads(
+    names: Sequence[str],
+    rows: tuple[str, ...],
+    values: Real,
+    truth: ArrayLike,
+    printed: Real | None = None,
+    *,
+    quantity: str = "frequency [Hz]",
 ) -> list[figures.Spread]:
-    """Return the frequencies of modes over the runs, shape (runs, methods, modes), with the true ones.
+    """Return a quantity of modes over the runs, shape (runs, rows, modes), with the true one.
 
     Parameters
     ----------
     names
         Names of the modes.
-    methods
-        Names of the methods.
+    rows
+        Names of the methods or cases.
     values
-        Frequencies [Hz].
+        Values of the quantity.
     truth
         True ones, shape (modes,).
     printed
-        Published ones, shape (methods, modes).
+        Published ones, shape (rows, modes).
     """
-    true = np.asarray(truth, dtype=np.float64)
-    return [
-        figures.Spread(
-            f"{name}: frequency [Hz]",
-            methods,
-            values[:, :, k].T,
-            float(true[k]),
-            *([] if printed is None else [tuple(printed[:, k])]),
-        )
-        for k, name in enumerate(names)
-    ]
+    drawn = []
+    for k, (name, true) in enumerate(zip(names, np.asarray(truth, dtype=np.float64).tolist(), strict=True)):
+        published = () if printed is None else (tuple(printed[:, k]),)
+        drawn.append(figures.Spread(f"{name}: {quantity}", rows, values[:, :, k].T, true, *published))
+    return drawn
