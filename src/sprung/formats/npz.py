@@ -30,7 +30,8 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
             arrays: dict[str, Any] = {"samples": np.load(path, allow_pickle=False, mmap_mode="r")}
         else:
             with path.open("rb") as file, np.lib.npyio.NpzFile(file) as content:
-                check_size(path, sum(member.file_size for member in content.zip.infolist()))
+                members = content.zip.infolist() if content.zip else []
+                check_size(path, sum(member.file_size for member in members))
                 arrays = {name: _array(path, name, content) for name in content.files}
     return array_groups(path, {"": plain_arrays(arrays)}, time=settings.time)
 
