@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
-from typing import Protocol
 
 import numpy as np
 from scipy import fft
+from scipy.cluster import hierarchy
 
-from sprung._arrays import Complex, Indices, Real
+from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_each, freeze, settings_of
 from sprung.errors import DataError, ParameterError
 from sprung.identification.contribution import complete_shapes
@@ -37,6 +37,8 @@ class _Rules:
     deviations: float = 3.0
     #: 1 - MAC on the shared points at which modes of equal frequency are two.
     other_shape: float = 0.3
+    #: Squared distance of two modes of one set-up: no mean over the modes of all set-ups comes below 1.
+    other_mode: float = 1e12
     #: Least share of the set-ups that show a mode.
     min_share: float = 0.5
     #: Most sweeps of least squares over scales and shape.
@@ -74,29 +76,20 @@ def match_modes(parts: Sequence[Modes], rows: Sequence[Sequence[int]]) -> Indice
     """
     owners = np.concatenate([np.full(len(part), k) for k, part in enumerate(parts)]).astype(np.intp)
     places = np.concatenate([np.arange(len(part)) for part in parts]).astype(np.intp)
-    groups = [[k] for k in range(len(owners))]
-    distance = _distances(parts, rows)
-    while len(groups) > 1:
-        closest = np.unravel_index(np.argmin(distance), distance.shape)
-        if distance[closest] > 1:
-            break
-        kept, gone = sorted(int(k) for k in closest)
-        sizes = len(groups[kept]), len(groups[gone])
-        mean = (sizes[0] * distance[kept] + sizes[1] * distance[gone]) / sum(sizes)
-        mean[kept] = np.inf
-        distance[kept], distance[:, kept] = mean, mean
-        distance = np.delete(np.delete(distance, gone, axis=0), gone, axis=1)
-        groups[kept] += groups.pop(gone)
-    members = np.full((len(groups), len(parts)), -1, dtype=np.intp)
-    for row, group in enumerate(groups):
-        members[row, owners[group]] = places[group]
+    if len(owners) < 2:
+        groups = owners + 1
+    else:
+        condensed = _distances(parts, rows)[np.triu_indices(len(owners), 1)]
+        groups = hierarchy.fcluster(hierarchy.linkage(condensed, "average"), 1.0, "distance")
+    members = np.full((groups.max(initial=0), len(parts)), -1, dtype=np.intp)
+    members[groups - 1, owners] = places
     return members[np.count_nonzero(members >= 0, axis=1) >= _RULES.min_share * len(parts)]
 
 
 def _distances(parts: Sequence[Modes], rows: Sequence[Sequence[int]]) -> Real:
-    """Return the squared distance of all modes of all set-ups from each other; infinite within a set-up."""
+    """Return the squared distance of all modes of all set-ups from each other; beyond any mean within a set-up."""
     edges = np.cumsum([0, *(len(part) for part in parts)])
-    distance = np.full((edges[-1], edges[-1]), np.inf)
+    distance = np.full((edges[-1], edges[-1]), _RULES.other_mode)
     for i, part in enumerate(parts):
         for j in range(i):
             other = parts[j]
@@ -168,13 +161,7 @@ class GluedShape:
         freeze(self, variance=1)
 
 
-def glue(
-    shapes: Sequence[Complex],
-    rows: Sequence[Sequence[int]],
-    *,
-    n_points: int,
-    variances: Sequence[Real] | None = None,
-) -> GluedShape:
+def glue(shapes: Sequence[Complex], rows: Sequence[Sequence[int]], *, n_points: int) -> GluedShape:
     """Glue the shapes of one mode in several set-ups by least squares over the points they share.
 
     Parameters
@@ -185,9 +172,6 @@ def glue(
         Index of the point that each channel of each set-up measures; the set-ups are connected through shared points.
     n_points
         Number of points.
-    variances
-        Variance of each shape, shape (channels of the set-up,); None: unknown, the same for all shapes scaled to 1 at
-        their largest channel.
 
     Returns
     -------
@@ -195,9 +179,9 @@ def glue(
 
     Notes
     -----
-    The weighted sum of abs(shape_j,c - scale_j shape_c)^2 is minimised over all scales and the shape, in turn. The
-    variance is that of linear least squares at the minimum; the sum of squares that the shared points leave gives its
-    scale where the variances are unknown, and increases it where it is more than they explain.
+    The sum of abs(shape_j,c - scale_j shape_c)^2 over shapes of 1 at their largest channel is minimised over all scales
+    and the shape, in turn. The variance is that of linear least squares at the minimum, its scale the sum of squares
+    that the shared points leave.
 
     References
     ----------
@@ -205,105 +189,61 @@ def glue(
     4 (merging of set-ups after identification).
     """
     sizes = np.array([np.abs(shape).max() for shape in shapes])
-    readings = _Readings(
-        values=np.concatenate([shape / size for shape, size in zip(shapes, sizes, strict=True)]),
-        weights=np.concatenate(
-            [np.ones(len(own)) for own in rows]
-            if variances is None
-            else [size**2 / known for known, size in zip(variances, sizes, strict=True)]
-        ),
-        points=np.concatenate([np.asarray(own, dtype=np.intp) for own in rows]),
-        owners=np.concatenate([np.full(len(own), k, dtype=np.intp) for k, own in enumerate(rows)]),
-    )
-    scales = _first_scales(readings, len(shapes))
-    shape = np.zeros(n_points, dtype=complex)
+    values = np.zeros((len(shapes), n_points), dtype=np.complex128)
+    is_read = np.zeros(values.shape)
+    for k, (shape, own) in enumerate(zip(shapes, rows, strict=True)):
+        values[k, list(own)], is_read[k, list(own)] = shape / sizes[k], 1.0
+    tiny = np.finfo(float).tiny
+    scales, whole = _first_scales(values, is_read > 0), np.zeros(n_points, dtype=np.complex128)
     for _ in range(_RULES.max_sweeps):
         before = scales
-        shape = _ratios(readings, scales[readings.owners], readings.points, n_points)
-        shape = shape / np.abs(shape).max()
-        scales = _ratios(readings, shape[readings.points], readings.owners, len(shapes))
+        whole = scales.conj() @ values / np.maximum(np.abs(scales) ** 2 @ is_read, tiny)
+        whole = whole / np.abs(whole).max()
+        scales = values @ whole.conj() / np.maximum(is_read @ np.abs(whole) ** 2, tiny)
         if np.abs(scales - before).max() < _RULES.converged:
             break
-    largest = int(np.argmax(np.abs(shape)))
-    shape, scales = shape / shape[largest], scales * shape[largest]
-    variance = _variance(readings, shape, scales, is_known=variances is not None)
-    is_measured = np.isin(np.arange(n_points), readings.points)
-    return GluedShape(np.where(is_measured, shape, np.nan), np.where(is_measured, variance, np.nan), scales * sizes)
+    largest = int(np.argmax(np.abs(whole)))
+    whole, scales = whole / whole[largest], scales * whole[largest]
+    variance = _variance(values, is_read > 0, whole, scales)
+    is_measured = is_read.any(axis=0)
+    return GluedShape(np.where(is_measured, whole, np.nan), np.where(is_measured, variance, np.nan), scales * sizes)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Readings:
-    """Shapes of all set-ups in a row: values with their weights, and the point and the set-up of each."""
-
-    values: Complex
-    weights: Real
-    points: Indices
-    owners: Indices
-
-
-def _ratios(readings: _Readings, factors: Complex, groups: Indices, n_groups: int) -> Complex:
-    """Return for each group the number that times `factors` is nearest to its values; 0 for an empty group."""
-    products = readings.weights * factors.conj() * readings.values
-    real, imaginary, power = (
-        np.bincount(groups, part, n_groups)
-        for part in (products.real, products.imag, readings.weights * np.abs(factors) ** 2)
-    )
-    return np.asarray((real + 1j * imaginary) / np.maximum(power, np.finfo(float).tiny))
-
-
-def _first_scales(readings: _Readings, n_setups: int) -> Complex:
+def _first_scales(values: Complex, is_read: Booleans) -> Complex:
     """Return scales of the set-ups, each from those before it that share most of its motion."""
-    motion = np.zeros((n_setups, readings.points.max() + 1), dtype=complex)
-    motion[readings.owners, readings.points] = readings.values
-    scales = np.zeros(n_setups, dtype=complex)
-    scales[0], joined = 1.0, motion[0].copy()
-    waiting = set(range(1, n_setups))
+    scales = np.ones(len(values), dtype=np.complex128)
+    joined, waiting = values[0].copy(), set(range(1, len(values)))
     while waiting:
-        strength = {k: np.abs(np.vdot(joined, motion[k])) for k in waiting}
-        best = max(sorted(waiting), key=lambda k: strength[k])
-        shared = (joined != 0) & (motion[best] != 0)
+        best = max(sorted(waiting), key=lambda k: np.abs(np.vdot(joined, values[k])))
+        shared = (joined != 0) & is_read[best]
         power = np.sum(np.abs(joined[shared]) ** 2)
-        scales[best] = np.vdot(joined[shared], motion[best, shared]) / power if power else 1.0
-        scales[best] = scales[best] if scales[best] else 1.0
-        joined = np.where(joined == 0, motion[best] / scales[best], joined)
+        scales[best] = (np.vdot(joined[shared], values[best, shared]) / power if power else 1.0) or 1.0
+        joined = np.where(joined == 0, values[best] / scales[best], joined)
         waiting.remove(best)
     return scales
 
 
-def _variance(readings: _Readings, shape: Complex, scales: Complex, *, is_known: bool) -> Real:
+def _variance(values: Complex, is_read: Booleans, shape: Complex, scales: Complex) -> Real:
     """Return the variance of the shape at all points, the largest of which is held."""
-    n_points, n_values = len(shape), len(readings.values)
-    jacobian = np.zeros((n_values, n_points + len(scales)), dtype=complex)
-    jacobian[np.arange(n_values), readings.points] = scales[readings.owners]
-    jacobian[np.arange(n_values), n_points + readings.owners] = shape[readings.points]
+    owners, points = np.nonzero(is_read)
+    rows, n_points = np.arange(len(points)), len(shape)
+    jacobian = np.zeros((len(points), n_points + len(scales)), dtype=np.complex128)
+    jacobian[rows, points] = scales[owners]
+    jacobian[rows, n_points + owners] = shape[points]
     free = np.setdiff1d(np.flatnonzero(np.any(jacobian != 0, axis=0)), [np.argmax(np.abs(shape))])
-    reduced = np.sqrt(readings.weights)[:, None] * jacobian[:, free]
-    residual = readings.values - scales[readings.owners] * shape[readings.points]
-    n_spare = n_values - len(free)
-    scatter = np.sum(readings.weights * np.abs(residual) ** 2) / n_spare if n_spare > 0 else np.nan
+    reduced = jacobian[:, free]
+    residual = values[is_read] - scales[owners] * shape[points]
+    n_spare = len(points) - len(free)
+    scatter = np.sum(np.abs(residual) ** 2) / n_spare if n_spare > 0 else np.nan
     inverse = np.linalg.pinv(reduced.conj().T @ reduced, hermitian=True)
     variance = np.zeros(n_points)
     is_point = free < n_points
-    variance[free[is_point]] = (np.fmax(scatter, 1.0) if is_known else scatter) * np.diag(inverse).real[is_point]
+    variance[free[is_point]] = scatter * np.diag(inverse).real[is_point]
     return variance
 
 
-class Identify(Protocol):
-    """Function that identifies the modes of one condition: `cov_ssi`, `acs_ssi` or `coss_ssi`."""
-
-    def __call__(
-        self,
-        recordings: Recording | Iterable[Recording],
-        *,
-        settings: IdentificationSettings | None = None,
-        vehicle: AnyVehicle | None = None,
-        on_progress: Callable[[str, float], None] | None = None,
-    ) -> Identification:
-        """Return the modes of one condition."""
-
-
 def identify_setups(
-    identify: Identify,
+    identify: Callable[..., Identification],
     setups: Iterable[Recording | Iterable[Recording]],
     *,
     references: Sequence[str] | None = None,
@@ -387,10 +327,13 @@ def identify_setups(
     identifications: list[Identification] = []
     numbers: list[int] = []
     left_out: dict[int, DataError] = {}
-    for number, records in enumerate(setups, start=1):
+    for number, setup in enumerate(setups, start=1):
         report(f"identifying set-up {number}", 0.0)
+        records = setup if isinstance(setup, Recording | Sequence) else _noting(setup, measured)
+        if records is setup:
+            measured.update(dict.fromkeys(name for record in each_recording(setup) for name in record.names))
         try:
-            identifications.append(identify(_noted(records, measured), settings=own, vehicle=vehicle))
+            identifications.append(identify(records, settings=own, vehicle=vehicle))
             numbers.append(number)
         except DataError as error:
             left_out[number] = error
@@ -404,15 +347,6 @@ def identify_setups(
     points = common_points([identification.channels for identification in identifications], references=references)
     notes = [f"set-up {number} left out: {error}" for number, error in left_out.items()]
     return _merged(identifications, points, numbers, vehicle=vehicle, notes=notes)
-
-
-def _noted(records: Recording | Iterable[Recording], measured: dict[str, None]) -> Recording | Iterable[Recording]:
-    """Return the records of a set-up; the names of their channels are put into `measured` as they are read."""
-    if not isinstance(records, Recording | Sequence):
-        return _noting(records, measured)
-    for _ in _noting([records] if isinstance(records, Recording) else records, measured):
-        pass
-    return records
 
 
 def _noting(records: Iterable[Recording], measured: dict[str, None]) -> Iterator[Recording]:
@@ -493,11 +427,14 @@ def _modes(parts: Sequence[Modes], members: Indices, glued: Sequence[GluedShape]
             np.array([getattr(parts[k], name)[row[k]] for k in own]) for row, own in zip(members, showing, strict=True)
         ]
 
-    frequency, frequency_std = _combined(values("natural_frequency"), values("natural_frequency_std"))
+    def combined(estimates: Sequence[Real], deviations: Sequence[Real]) -> Real:
+        return np.array([combine(*pair) for pair in zip(estimates, deviations, strict=True)]).reshape(-1, 2).T
+
+    frequency, frequency_std = combined(values("natural_frequency"), values("natural_frequency_std"))
     ratios = values("damping_ratio")
     # A ratio that is low by chance has a low deviation (both as the root of the ratio), and would weigh too much.
     even = [std * np.sqrt(own.mean() / own) for own, std in zip(ratios, values("damping_ratio_std"), strict=True)]
-    ratio, ratio_std = _combined(ratios, even)
+    ratio, ratio_std = combined(ratios, even)
     return Modes(
         poles=2 * np.pi * frequency * (1j * np.sqrt(1 - ratio**2) - ratio),
         mode_shapes=np.array([shape.shape for shape in glued], dtype=complex).reshape(n_modes, len(points.channels)),
@@ -507,13 +444,6 @@ def _modes(parts: Sequence[Modes], members: Indices, glued: Sequence[GluedShape]
         stable_rate=np.array([rates.mean() for rates in values("stable_rate")]),
         labels=(None,) * n_modes,
     )
-
-
-def _combined(values: Sequence[Real], deviations: Sequence[Real]) -> tuple[Real, Real]:
-    """Return means and standard deviations of the estimates of several modes."""
-    pairs = [combine(*pair) for pair in zip(values, deviations, strict=True)]
-    mean, std = np.array(pairs, dtype=np.float64).reshape(-1, 2).T
-    return mean, std
 
 
 def _completed(
