@@ -2,11 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Any
+from itertools import pairwise, permutations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.optimize import linear_sum_assignment
 
@@ -65,8 +63,6 @@ class _Rules:
 _RULES = _Rules()
 #: Median of the absolute value of a standard normal number.
 MEDIAN_NORMAL = 0.6745
-#: Numbers of the windows of a track, and of its mode in each.
-Members = list[tuple[int, int]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -337,125 +333,154 @@ def _trend(times: Real, values: Real) -> TrackTrend:
     return TrackTrend(slope, float(np.sqrt(variance)), slope * span, float(np.sqrt(variance)) * span)
 
 
-@dataclass(frozen=True, slots=True)
-class Estimates:
-    """Modes of one window: ln of their frequencies, the variance of that, and shapes of norm 1."""
+@dataclass(frozen=True, eq=False, slots=True)
+class _Estimates:
+    """Modes of all windows in a row, by rising number of the window.
 
+    Parameters
+    ----------
+    modes
+        The modes.
+    windows, members
+        Number of the window of each mode, and of the mode in it.
+    times
+        Time of the window of each mode.
+    position, variance
+        ln of the frequencies, and the variance of that.
+    shapes
+        Shapes of norm 1.
+    """
+
+    modes: Modes
+    windows: Indices
+    members: Indices
+    times: Real
     position: Real
     variance: Real
-    damping: Real
     shapes: Complex
 
-    def __len__(self) -> int:
-        return len(self.position)
+
+#: Numbers of the modes of a track in `_Estimates`, by time.
+_Rows = list[int]
 
 
-class Tracker:
-    """State of one track: ln frequency with its variance, and shape, as of the last mode."""
+class _Tracker:
+    """State of one track: ln frequency with its variance, damping and shape, as of the last mode."""
 
-    def __init__(self, estimates: Estimates, member: int, window: int) -> None:
-        self.position, self.variance = float(estimates.position[member]), float(estimates.variance[member])
-        self.dampings = [float(estimates.damping[member])]
-        self.damping = self.dampings[0]
-        self.recent = [estimates.shapes[member]]
-        self.shape = estimates.shapes[member]
-        self.members: Members = [(window, member)]
+    def __init__(self, estimates: _Estimates, row: int) -> None:
+        self._estimates = estimates
+        self.rows = [row]
+        self.position = float(estimates.position[row])
+        self.variance = float(estimates.variance[row])
 
     @property
-    def last(self) -> int:
-        """Number of the last window with the mode."""
-        return self.members[-1][0]
+    def damping(self) -> float:
+        """Median damping ratio of the last modes."""
+        return float(np.median(self._estimates.modes.damping_ratio[self.rows[-_RULES.recent :]]))
 
-    def update(self, estimates: Estimates, member: int, window: int, predicted: float) -> None:
+    @property
+    def recent(self) -> Complex:
+        """Shapes of the last modes, shape (modes, channels)."""
+        return self._estimates.shapes[self.rows[-_RULES.recent :]]
+
+    @property
+    def shape(self) -> Complex:
+        """Main direction of the last shapes."""
+        return self.recent[0] if len(self.rows) == 1 else _main_directions(self.recent, 1)[0]
+
+    def update(self, row: int, predicted: float) -> None:
         """Take the next mode, given the variance predicted for its window."""
-        gain = predicted / (predicted + estimates.variance[member])
-        self.position += gain * float(estimates.position[member] - self.position)
+        gain = predicted / (predicted + self._estimates.variance[row])
+        self.position += gain * float(self._estimates.position[row] - self.position)
         self.variance = (1 - gain) * predicted
-        self.members.append((window, member))
-        self.dampings = [*self.dampings[1 - _RULES.recent :], float(estimates.damping[member])]
-        self.recent = [*self.recent[1 - _RULES.recent :], estimates.shapes[member]]
-        self.damping = float(np.median(self.dampings))
-        self.shape = _main_directions(self.recent, 1)[0]
+        self.rows.append(row)
 
 
-def estimates_of(modes: Modes, settings: TrackingSettings) -> Estimates:
-    """Return the modes of a window for comparisons."""
+def _estimates(windows: Sequence[Modes | None], times: Real, settings: TrackingSettings) -> _Estimates:
+    """Return the modes for comparisons, with variances as modes of one shape scatter between neighbouring windows."""
+    parts = [part for part in windows if part]
+    modes = join_modes(parts)
+    numbers = np.repeat([k for k, part in enumerate(windows) if part], [len(part) for part in parts])
     frequency = modes.natural_frequency
     relative = modes.natural_frequency_std / frequency
-    relative = np.where(
-        np.isfinite(relative) & (relative > 0), relative, _RULES.unknown_std * np.abs(modes.damping_ratio)
-    )
+    is_known = np.isfinite(relative) & (relative > 0)
+    relative = np.where(is_known, relative, _RULES.unknown_std * np.abs(modes.damping_ratio))
     norms = np.linalg.norm(modes.mode_shapes, axis=1, keepdims=True)
-    shapes = modes.mode_shapes / np.maximum(norms, np.finfo(float).tiny)
-    variance = np.minimum(relative, _RULES.max_std * settings.reach) ** 2
-    return Estimates(np.log(frequency), variance, modes.damping_ratio, shapes)
-
-
-def with_scatter(estimates: Sequence[Estimates | None], settings: TrackingSettings) -> list[Estimates | None]:
-    """Return the estimates with variances as modes of one shape scatter between neighbouring windows."""
-    present = [part for part in estimates if part is not None]
-    deviations = [z for before, after in pairwise(present) for z in _differences(before, after, settings)]
+    largest = _RULES.max_std * settings.reach
+    estimates = _Estimates(
+        modes=modes,
+        windows=numbers,
+        members=np.concatenate([np.arange(len(part)) for part in parts]),
+        times=times[numbers],
+        position=np.log(frequency),
+        variance=np.minimum(relative, largest) ** 2,
+        shapes=modes.mode_shapes / np.maximum(norms, np.finfo(float).tiny),
+    )
+    pairs = pairwise(_by_window(estimates))
+    deviations = [z for before, after in pairs for z in _differences(estimates, before, after, settings)]
     if len(deviations) < _RULES.min_pairs:
-        return list(estimates)
+        return estimates
     scale = float(np.clip(np.median(deviations) / MEDIAN_NORMAL, *_RULES.scatter_bounds))
-    largest = (_RULES.max_std * settings.reach) ** 2
-    return [
-        None if part is None else replace(part, variance=np.minimum(scale**2 * part.variance, largest))
-        for part in estimates
-    ]
+    return replace(estimates, variance=np.minimum(scale**2 * estimates.variance, largest**2))
 
 
-def _differences(before: Estimates, after: Estimates, settings: TrackingSettings) -> list[float]:
+def _by_window(estimates: _Estimates) -> list[Indices]:
+    """Return the numbers of the modes of each window with modes."""
+    return np.split(np.arange(len(estimates.windows)), 1 + np.flatnonzero(np.diff(estimates.windows)))
+
+
+def _differences(estimates: _Estimates, before: Indices, after: Indices, settings: TrackingSettings) -> list[float]:
     """Return the differences of modes that are nearest to each other and of one shape, in standard deviations."""
-    distance = np.abs(before.position[:, None] - after.position)
-    likeness = np.abs(np.conj(before.shapes) @ after.shapes.T) ** 2
+    distance = np.abs(estimates.position[before][:, None] - estimates.position[after])
+    likeness = np.abs(np.conj(estimates.shapes[before]) @ estimates.shapes[after].T) ** 2
     cost = np.where(likeness >= _RULES.same_mac, distance, np.inf)
     rows, columns = np.arange(len(before)), np.argmin(cost, axis=1)
     is_mutual = (np.argmin(cost, axis=0)[columns] == rows) & (cost[rows, columns] <= settings.reach)
     rows, columns = rows[is_mutual], columns[is_mutual]
-    deviations: list[float] = (
-        distance[rows, columns] / np.sqrt(before.variance[rows] + after.variance[columns])
-    ).tolist()
-    return deviations
+    variance = estimates.variance[before][rows] + estimates.variance[after][columns]
+    return list((distance[rows, columns] / np.sqrt(variance)).tolist())
 
 
-def follow(estimates: Sequence[Estimates | None], times: Real, gap: float, settings: TrackingSettings) -> list[Tracker]:
-    """Assign the modes of each window to the tracks, and start tracks; times and gap in distances of the windows."""
-    ended: list[Tracker] = []
-    alive: list[Tracker] = []
-    for window, part in enumerate(estimates):
-        if part is None:
-            continue
-        ended += [tracker for tracker in alive if times[window] - times[tracker.last] > gap]
-        alive = [tracker for tracker in alive if times[window] - times[tracker.last] <= gap]
-        predicted = np.array([t.variance + settings.drift**2 * (times[window] - times[t.last]) for t in alive])
+def _follow(estimates: _Estimates, gap: float, distance: float, settings: TrackingSettings) -> list[_Rows]:
+    """Assign the modes of each window to tracks, and start tracks; `distance` of the windows sets the drift."""
+    ended: list[_Tracker] = []
+    alive: list[_Tracker] = []
+    for part in _by_window(estimates):
+        waits = [(estimates.times[part[0]] - estimates.times[tracker.rows[-1]]) / distance for tracker in alive]
+        ended += [tracker for tracker, wait in zip(alive, waits, strict=True) if wait > gap / distance]
+        alive = [tracker for tracker, wait in zip(alive, waits, strict=True) if wait <= gap / distance]
+        waits = [wait for wait in waits if wait <= gap / distance]
+        predicted = np.array([t.variance + settings.drift**2 * wait for t, wait in zip(alive, waits, strict=True)])
         predicted = np.minimum(predicted, (settings.reach / np.sqrt(_RULES.gate)) ** 2)
-        taken = assigned(_costs(alive, part, predicted, settings))
-        for row, member in taken:
-            alive[row].update(part, member, window, float(predicted[row]))
+        taken = _assigned(_costs(alive, estimates, part, predicted, settings))
+        for number, member in taken:
+            alive[number].update(int(part[member]), float(predicted[number]))
         new = set(range(len(part))) - {member for _, member in taken}
-        alive += [Tracker(part, member, window) for member in sorted(new)]
-    return sorted([*ended, *alive], key=lambda tracker: tracker.members[0])
+        alive += [_Tracker(estimates, int(part[member])) for member in sorted(new)]
+    return sorted(tracker.rows for tracker in (*ended, *alive))
 
 
-def _costs(trackers: Sequence[Tracker], part: Estimates, predicted: Real, settings: TrackingSettings) -> Real:
+def _costs(
+    trackers: Sequence[_Tracker], estimates: _Estimates, part: Indices, predicted: Real, settings: TrackingSettings
+) -> Real:
     """Return the cost of each mode for each track, infinite where it is not the same mode; shape (tracks, modes)."""
     if not trackers:
         return np.zeros((0, len(part)))
-    positions = np.array([tracker.position for tracker in trackers])
-    likeness = np.abs(np.conj(np.array([tracker.shape for tracker in trackers])) @ part.shapes.T) ** 2
+    positions, shapes = np.array([tracker.position for tracker in trackers]), estimates.shapes[part].T
+    likeness = np.abs(np.conj(np.array([tracker.shape for tracker in trackers])) @ shapes) ** 2
     unlike = np.where(likeness >= settings.min_mac, (1 - likeness) / _RULES.shape, np.inf)
-    is_established = np.array([len(tracker.members) >= settings.min_count for tracker in trackers])
+    is_established = np.array([len(tracker.rows) >= settings.min_count for tracker in trackers])
     dampings = np.array([tracker.damping for tracker in trackers])
     is_close = np.abs(positions[:, None] - positions) <= _RULES.close + dampings[:, None] + dampings
     is_close &= is_established & is_established[:, None]
     for row in np.flatnonzero(is_close.sum(axis=1) > 1).tolist():
         near = [shape for other in np.flatnonzero(is_close[row]).tolist() for shape in trackers[other].recent]
-        in_plane = np.sum(np.abs(np.conj(_main_directions(near, 2)) @ part.shapes.T) ** 2, axis=0)
+        in_plane = np.sum(np.abs(np.conj(_main_directions(near, 2)) @ shapes) ** 2, axis=0)
         turned = np.where(in_plane >= _RULES.same_mac, _RULES.doubtful + (1 - in_plane) / _RULES.shape, np.inf)
         unlike[row] = np.minimum(unlike[row], turned)
-    variance = predicted[:, None] + part.variance
-    cost = (positions[:, None] - part.position) ** 2 / variance + np.log1p(variance / settings.drift**2) + unlike
+    variance = predicted[:, None] + estimates.variance[part]
+    distance = (positions[:, None] - estimates.position[part]) ** 2
+    cost = distance / variance + np.log1p(variance / settings.drift**2) + unlike
     cost += np.where(is_established, 0.0, _RULES.doubtful)[:, None]
     return np.where(cost <= _RULES.gate, cost, np.inf)
 
@@ -466,7 +491,7 @@ def _main_directions(shapes: Complex | Sequence[Complex], rank: int) -> Complex:
     return directions
 
 
-def assigned(costs: Real) -> list[tuple[int, int]]:
+def _assigned(costs: Real) -> list[tuple[int, int]]:
     """Return the pairs of least total cost, in which a track or mode without a partner costs half the gate."""
     rows, columns = linear_sum_assignment(np.minimum(costs, _RULES.gate))
     return [
@@ -474,96 +499,76 @@ def assigned(costs: Real) -> list[tuple[int, int]]:
     ]
 
 
-def united(
-    trackers: Sequence[Tracker], estimates: Sequence[Estimates | None], times: Real, gap: float
-) -> list[Members]:
-    """Return the members of tracks, those of one frequency and shape united; what they have twice is left apart.
+def _united(tracks: Sequence[_Rows], estimates: _Estimates, gap: float) -> list[_Rows]:
+    """Return the tracks, those of one frequency and shape united; what they have twice is left apart.
 
     A shape that turns between windows, as those of two nearly equal natural frequencies do, leaves one mode in several
     tracks whose mean shapes are alike.
     """
-    whole: list[Members] = []
-    left: list[Members] = []
-    for tracker in sorted(trackers, key=lambda tracker: -len(tracker.members)):
-        for number, members in enumerate(whole):
-            if _is_same(members, tracker.members, estimates, times, gap):
-                taken = {window for window, _ in members}
-                whole[number] = sorted([*members, *(pair for pair in tracker.members if pair[0] not in taken)])
-                left += [[pair] for pair in tracker.members if pair[0] in taken]
-                break
-        else:
-            whole.append(tracker.members)
+    whole: list[_Rows] = []
+    left: list[_Rows] = []
+    for rows in sorted(tracks, key=lambda rows: -len(rows)):
+        same = next((k for k, others in enumerate(whole) if _is_same(others, rows, estimates, gap)), None)
+        if same is None:
+            whole.append(rows)
+            continue
+        is_taken = np.isin(estimates.windows[rows], estimates.windows[whole[same]])
+        whole[same] = sorted([*whole[same], *np.array(rows)[~is_taken].tolist()])
+        left += [[row] for row in np.array(rows)[is_taken].tolist()]
     return sorted([*whole, *left])
 
 
-def _is_same(members: Members, fewer: Members, estimates: Sequence[Estimates | None], times: Real, gap: float) -> bool:
+def _is_same(rows: _Rows, fewer: _Rows, estimates: _Estimates, gap: float) -> bool:
     """Whether a track of fewer modes is the same mode as another: near it in time and frequency, and of one shape."""
-    positions, others = (_values("position", part, estimates) for part in (members, fewer))
-    if len(positions) < _RULES.min_for_scatter:
+    positions, when, then = estimates.position[rows], estimates.times[rows], estimates.times[fewer]
+    if len(rows) < _RULES.min_for_scatter:
         return False
-    when, then = (times[[window for window, _ in part]] for part in (members, fewer))
     after = np.clip(np.searchsorted(when, then), 1, len(when) - 1)
     wait = np.min(np.minimum(np.abs(then - when[after]), np.abs(then - when[after - 1])))
-    apart = abs(float(np.median(others - np.interp(then, when, positions))))
-    bandwidth = _RULES.same_bandwidth * float(np.median(_values("damping", fewer, estimates)))
+    apart = abs(float(np.median(estimates.position[fewer] - np.interp(then, when, positions))))
+    bandwidth = _RULES.same_bandwidth * float(np.median(estimates.modes.damping_ratio[fewer]))
     if wait > gap or apart > max(_RULES.same * scatter(positions), bandwidth):
         return False
-    return _likeness(members, fewer, estimates) >= _RULES.same_mac
+    return _likeness(rows, fewer, estimates) >= _RULES.same_mac
 
 
-def _likeness(members: Members, others: Members, estimates: Sequence[Estimates | None]) -> float:
+def _likeness(rows: _Rows, others: _Rows, estimates: _Estimates) -> float:
     """Return the MAC of the mean shapes of two tracks."""
-    one, other = (mean_shape(_values("shapes", part, estimates)) for part in (members, others))
+    one, other = (mean_shape(estimates.shapes[own]) for own in (rows, others))
     return float(mac(one[None], other[None])[0, 0])
 
 
-def _values(name: str, members: Members, estimates: Sequence[Estimates | None]) -> NDArray[Any]:
-    """Return a field of the estimates of the modes of a track."""
-    return np.array([getattr(estimates[window], name)[member] for window, member in members])
-
-
-def continued(
-    tracks: Sequence[Members],
-    estimates: Sequence[Estimates | None],
-    times: Real,
-    has_result: Booleans,
-    *,
-    gap: float,
-    settings: TrackingSettings,
-) -> list[list[Members]]:
+def _continued(
+    tracks: Sequence[_Rows], estimates: _Estimates, is_confirmed: Sequence[bool], gap: float, reach: float
+) -> list[list[_Rows]]:
     """Return the parts of each track: confirmed ones that end are continued by confirmed ones that start later."""
-    confirmed = [k for k, members in enumerate(tracks) if is_confirmed(members, has_result, settings)]
-    ends, starts = (
-        [tracks[k][part] for k in confirmed] for part in (slice(-_RULES.recent, None), slice(_RULES.recent))
-    )
+    confirmed = np.flatnonzero(is_confirmed).tolist()
     costs = np.full((len(confirmed), len(confirmed)), np.inf)
-    for row, end in enumerate(ends):
-        for column, start in enumerate(starts):
-            wait = times[start[0][0]] - times[end[-1][0]]
-            before, after = (float(np.median(_values("position", part, estimates))) for part in (end, start))
-            apart = abs(after - before)
-            if not 0 < wait <= gap or apart > settings.reach:
-                continue
-            unlike = 1 - _likeness(start, end, estimates)
-            if unlike <= 1 - _RULES.jump_mac:
-                costs[row, column] = apart / settings.reach + unlike / (1 - _RULES.jump_mac) + wait / gap
-    successors = {confirmed[row]: confirmed[column] for row, column in assigned(costs)}
+    for row, column in permutations(range(len(confirmed)), 2):
+        end, start = tracks[confirmed[row]][-_RULES.recent :], tracks[confirmed[column]][: _RULES.recent]
+        wait = estimates.times[start[0]] - estimates.times[end[-1]]
+        apart = abs(float(np.median(estimates.position[start])) - float(np.median(estimates.position[end])))
+        if not 0 < wait <= gap or apart > reach:
+            continue
+        unlike = 1 - _likeness(start, end, estimates)
+        if unlike <= 1 - _RULES.jump_mac:
+            costs[row, column] = apart / reach + unlike / (1 - _RULES.jump_mac) + wait / gap
+    successors = {confirmed[row]: confirmed[column] for row, column in _assigned(costs)}
     chains = []
     for head in sorted(set(range(len(tracks))) - set(successors.values())):
-        chain, k = [tracks[head]], head
-        while k in successors:
-            k = successors[k]
-            chain.append(tracks[k])
-        chains.append(chain)
+        numbers = [head]
+        while numbers[-1] in successors:
+            numbers.append(successors[numbers[-1]])
+        chains.append([tracks[k] for k in numbers])
     return chains
 
 
-def is_confirmed(members: Members, has_result: Booleans, settings: TrackingSettings) -> bool:
+def _is_confirmed(rows: _Rows, estimates: _Estimates, settings: TrackingSettings) -> bool:
     """Whether a track has enough modes in windows that follow each other, of those with results."""
-    counts = np.cumsum(has_result)
-    least = min(settings.min_count, int(counts[-1]))
-    places = [int(counts[window]) for window, _ in members]
-    return any(last - first < settings.out_of for first, last in zip(places, places[least - 1 :], strict=False))
+    occurring, places = np.unique(estimates.windows, return_inverse=True)
+    least = min(settings.min_count, len(occurring))
+    own = places[rows]
+    return bool(np.any(own[least - 1 :] - own[: len(own) - least + 1] < settings.out_of))
 
 
 def track_modes(
@@ -644,22 +649,24 @@ def track_modes(
         raise ParameterError("times must rise from window to window: sort the windows, and leave out repeated ones")
     channels = _common_channels(windows)
     distance = float(np.median(np.diff(instants))) if len(instants) > 1 else 1.0
-    gap = _RULES.gap * distance if settings.gap is None else settings.gap
-    estimates = [None if modes is None or not len(modes) else estimates_of(modes, settings) for modes in windows]
-    estimates = with_scatter(estimates, settings)
-    trackers = follow(estimates, instants / distance, gap / distance, settings)
-    has_result = np.array([part is not None for part in estimates], dtype=np.bool_)
-    pieces = united(trackers, estimates, instants, gap)
-    chains = continued(pieces, estimates, instants, has_result, gap=gap, settings=settings)
-    tracks = [_track(chain, windows, instants, has_result) for chain in chains]
-    is_mode = [is_confirmed([pair for part in chain for pair in part], has_result, settings) for chain in chains]
+    settings = replace(settings, gap=_RULES.gap * distance if settings.gap is None else settings.gap)
+    gap = float(settings.gap or 0.0)
+    estimates = _estimates(windows, instants, settings)
+    pieces = _united(_follow(estimates, gap, distance, settings), estimates, gap)
+    confirmed = [_is_confirmed(rows, estimates, settings) for rows in pieces]
+    tracks: dict[bool, list[Track]] = {True: [], False: []}
+    for chain in _continued(pieces, estimates, confirmed, gap, settings.reach):
+        rows = [row for part in chain for row in part]
+        tracks[_is_confirmed(rows, estimates, settings)].append(_track(chain, estimates))
+    for own in tracks.values():
+        own.sort(key=lambda track: float(np.median(track.modes.natural_frequency)))
     return TrackedModes(
         times=instants,
-        has_result=has_result,
+        has_result=np.array([bool(modes) for modes in windows], dtype=np.bool_),
         channels=channels,
-        tracks=_by_frequency([track for track, yes in zip(tracks, is_mode, strict=True) if yes]),
-        untracked_modes=_by_frequency([track for track, yes in zip(tracks, is_mode, strict=True) if not yes]),
-        settings=replace(settings, gap=gap),
+        tracks=tuple(tracks[True]),
+        untracked_modes=tuple(tracks[False]),
+        settings=settings,
     )
 
 
@@ -678,26 +685,22 @@ def _common_channels(windows: Sequence[Modes | None]) -> tuple[str, ...]:
     return channels
 
 
-def _track(chain: Sequence[Members], windows: Sequence[Modes | None], times: Real, has_result: Booleans) -> Track:
+def _track(chain: Sequence[_Rows], estimates: _Estimates) -> Track:
     """Return the track of parts that continue each other."""
-    members = [pair for part in chain for pair in part]
-    numbers = np.array([window for window, _ in members])
-    modes = join_modes([part.take(np.array([member])) for window, member in members if (part := windows[window])])
-    between, frequency = has_result[numbers[0] : numbers[-1] + 1], modes.natural_frequency
-    limits = np.cumsum([len(part) for part in chain])[:-1].tolist()
+    rows = np.array([row for part in chain for row in part])
+    numbers, modes = estimates.windows[rows], estimates.modes.take(rows)
+    occurring = np.unique(estimates.windows)
+    n_between = np.count_nonzero((occurring >= numbers[0]) & (occurring <= numbers[-1]))
     jumps = []
-    for limit, after in zip(limits, chain[1:], strict=True):
-        before = np.median(frequency[max(limit - _RULES.recent, 0) : limit])
-        jumps.append(Jump(after[0][0], float(before), float(np.median(frequency[limit : limit + _RULES.recent]))))
+    for limit in np.cumsum([len(part) for part in chain])[:-1].tolist():
+        sides = (slice(max(limit - _RULES.recent, 0), limit), slice(limit, limit + _RULES.recent))
+        before, after = (float(np.median(modes.natural_frequency[side])) for side in sides)
+        jumps.append(Jump(int(numbers[limit]), before, after))
     return Track(
         windows=numbers,
-        members=np.array([member for _, member in members]),
-        times=times[numbers],
+        members=estimates.members[rows],
+        times=estimates.times[rows],
         modes=modes,
         jumps=tuple(jumps),
-        presence=len(members) / int(between.sum()),
+        presence=len(rows) / n_between,
     )
-
-
-def _by_frequency(tracks: Sequence[Track]) -> tuple[Track, ...]:
-    return tuple(sorted(tracks, key=lambda track: float(np.median(track.modes.natural_frequency))))
