@@ -7,8 +7,8 @@ import pytest
 
 from sprung.errors import DataError
 from sprung.identification import IdentificationSettings, RunningSummary, summarise
-from sprung.identification.records import correlate_records
 from sprung.identification.settings import ACS
+from sprung.identification.steps import correlate, no_report
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain
 
@@ -21,7 +21,7 @@ def run(seed, *, duration=60.0):
 
 def correlated(records, **settings):
     wishes = IdentificationSettings(harmonics=(), **settings)
-    return correlate_records(records, method=ACS, settings=wishes, vehicle=None, report=lambda doing, share: None)
+    return correlate(ACS, records, settings=wishes, vehicle=None, report=no_report).measured
 
 
 def test_records_of_an_iterator_do_not_pile_up() -> None:

@@ -1,6 +1,6 @@
 """Cov-SSI, ACS-Cov-SSI and CoSS-SSI: from recordings of one condition to modes."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -28,16 +28,6 @@ _FREE = 0.95
 _DAMPING_OF_POLYNOMIALS = 0.4
 #: Steps from correlated records to modes by stabilisation diagrams.
 _STEPS = (
-    steps.check_sensors,
-    steps.note_lines,
-    steps.realise,
-    steps.select,
-    steps.merge,
-    steps.refine,
-    steps.combine,
-)
-#: The same for products that are sorted by the level of the motion.
-_STEPS_BY_LEVEL = (
     steps.check_sensors,
     steps.sort_by_level,
     steps.note_lines,
@@ -98,7 +88,7 @@ def cov_ssi(
     >>> cov_ssi(run).modes.natural_frequency.round(1)
     array([ 7. , 19.7, 28.5])
     """
-    return _identified(COV, recordings, settings, vehicle, on_progress, sequence=_STEPS)
+    return _identified(COV, recordings, settings, vehicle, on_progress)
 
 
 def acs_ssi(
@@ -125,7 +115,7 @@ def acs_ssi(
     >>> np.allclose(found, exact, rtol=0.01)
     True
     """
-    return _identified(ACS, recordings, settings, vehicle, on_progress, sequence=_STEPS)
+    return _identified(ACS, recordings, settings, vehicle, on_progress)
 
 
 def coss_ssi(
@@ -164,7 +154,7 @@ def coss_ssi(
     >>> len(result.subsets)
     3
     """
-    return _identified(COSS, recordings, settings, vehicle, on_progress, sequence=_STEPS_BY_LEVEL)
+    return _identified(COSS, recordings, settings, vehicle, on_progress)
 
 
 def poly_lscf(
@@ -199,7 +189,7 @@ def poly_lscf(
     >>> np.allclose(found, exact, rtol=0.01)
     True
     """
-    return _identified(PLSCF, recordings, settings, vehicle, on_progress, sequence=_STEPS)
+    return _identified(PLSCF, recordings, settings, vehicle, on_progress)
 
 
 def enhanced_fdd(
@@ -242,12 +232,7 @@ def enhanced_fdd(
     >>> np.allclose(found, exact, rtol=0.01)
     True
     """
-    wanted = settings_of(IdentificationSettings, settings)
-    if wanted.ladder is not None or wanted.has_disjoint_references:
-        raise ParameterError("FDD uses neither a ladder (--thesis) nor references: leave them out")
-    given = _checked(recordings, vehicle)
-    draft = steps.correlate(FDD, given, settings=wanted, vehicle=vehicle, report=on_progress or steps.no_report)
-    return steps.finished(steps.fit_peaks(draft))
+    return _identified(FDD, recordings, settings, vehicle, on_progress)
 
 
 #: Methods of the thesis by their names in results and on the command line, and all methods.
@@ -291,15 +276,13 @@ def summarise(
     >>> modes_of_summary(summarise("cov", run)).natural_frequency.round(1)
     array([ 7. , 19.7, 28.4])
     """
-    check_one_of("method", method, [name for name in METHODS if name != "fdd"])
-    running = RunningSummary(method, settings=settings, vehicle=vehicle, duration=_total_duration(recordings))
-    given = _checked(recordings, vehicle)
-    for record in [given] if isinstance(given, Recording) else given:
+    running = RunningSummary(method, settings=settings, vehicle=vehicle, duration=steps.total_duration(recordings))
+    for record in _checked(recordings, vehicle):
         running.update(record)
     return running.summary
 
 
-class RunningSummary:
+class RunningSummary(RunningRecords):
     """Correlations of records that come one after another, each of which is prepared and correlated once.
 
     Parameters
@@ -330,16 +313,8 @@ class RunningSummary:
         duration: float | None = None,
     ) -> None:
         check_one_of("method", method, [name for name in METHODS if name != "fdd"])
-        self._kind = KINDS[method]
-        self._settings = _suitable(self._kind, settings)
-        self._records = RunningRecords(
-            method=self._kind, settings=self._settings, vehicle=vehicle, total_duration=duration
-        )
-
-    @property
-    def n_records(self) -> int:
-        """Number of records so far, including those that were left out."""
-        return self._records.n_records
+        kind = KINDS[method]
+        super().__init__(kind, settings=_suitable(kind, settings), vehicle=vehicle, total_duration=duration)
 
     @property
     def summary(self) -> CorrelationSummary:
@@ -350,13 +325,8 @@ class RunningSummary:
         DataError
             If no record is usable, with the reason of the first.
         """
-        records = self._records.correlated
-        draft = steps.Draft(steps.averaged(self._kind, self._settings, records), records)
-        return (steps.sort_by_level(draft) if self._kind.is_sorted else draft).summary
-
-    def update(self, record: Recording) -> None:
-        """Add a record, as `RunningRecords.update`."""
-        self._records.update(record)
+        records = self.correlated
+        return steps.sort_by_level(steps.Draft(steps.averaged(self._method, self._settings, records), records)).summary
 
 
 def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:
@@ -389,16 +359,11 @@ def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None 
     return labelled(draft.modes, summary.channels, vehicle=vehicle)
 
 
-def _total_duration(recordings: Recording | Iterable[Recording]) -> float | None:
-    """Return the duration of all records [s], None where they can be read only once."""
-    if isinstance(recordings, Recording):
-        return recordings.duration
-    return sum(record.duration for record in recordings) if isinstance(recordings, Sequence) else None
-
-
 def _suitable(method: Method, settings: IdentificationSettings | None) -> IdentificationSettings:
     """Return the settings or the defaults; for polynomials with their own criterion of damping in place of them."""
     settings = settings_of(IdentificationSettings, settings)
+    if method.has_long_spectra and (settings.ladder is not None or settings.has_disjoint_references):
+        raise ParameterError("FDD uses neither a ladder (--thesis) nor references: leave them out")
     if not method.has_polynomials:
         return settings
     if settings.ladder is not None:
@@ -409,13 +374,11 @@ def _suitable(method: Method, settings: IdentificationSettings | None) -> Identi
     return replace(settings, criteria=replace(criteria, damping=_DAMPING_OF_POLYNOMIALS))
 
 
-def _checked(
-    recordings: Recording | Iterable[Recording], vehicle: AnyVehicle | None
-) -> Recording | Iterable[Recording]:
+def _checked(recordings: Recording | Iterable[Recording], vehicle: AnyVehicle | None) -> Iterable[Recording]:
     """Return the recordings if these are recordings, and the vehicle is a vehicle."""
     if vehicle is not None:
         check_type("vehicle", vehicle, Vehicle, Quarter, Chain)
-    return recordings if isinstance(recordings, Recording) else each_recording(recordings)
+    return each_recording(recordings)
 
 
 def _identified(
@@ -424,56 +387,46 @@ def _identified(
     settings: IdentificationSettings | None,
     vehicle: AnyVehicle | None,
     on_progress: Progress | None,
-    *,
-    sequence: Sequence[Callable[[steps.Draft], steps.Draft]],
 ) -> Identification:
     """Correlate the records and take the steps in turn; records of several set-ups are identified one by one."""
-    given, wanted = _checked(recordings, vehicle), _suitable(method, settings)
-    if isinstance(given, Sequence) and len(setups := group_by_setup(given, vehicle=vehicle)) > 1:
-        return identify_setups(
-            METHODS[method.name],
-            setups,
-            references=wanted.references,
-            settings=replace(wanted, references=None),
-            vehicle=vehicle,
-            on_progress=on_progress,
+    wanted, given, report = _suitable(method, settings), _checked(recordings, vehicle), on_progress or steps.no_report
+    if method.has_long_spectra:
+        return steps.finished(
+            steps.fit_peaks(steps.correlate(method, given, settings=wanted, vehicle=vehicle, report=report))
         )
-    report = on_progress or steps.no_report
+    if isinstance(given, Sequence) and len(setups := group_by_setup(given, vehicle=vehicle)) > 1:
+        own, references = replace(wanted, references=None), wanted.references
+        return identify_setups(
+            METHODS[method.name], setups, references=references, settings=own, vehicle=vehicle, on_progress=on_progress
+        )
     free = _free_fit(given, wanted, vehicle)
     draft = steps.correlate(method, given, settings=wanted, vehicle=vehicle, report=report)
-    if free is not None:
-        return steps.finished(steps.fit_free_motion(draft, free))
-    for step in sequence:
+    for step in _STEPS if free is None else ():
         draft = step(draft)
-    return steps.finished(draft)
+    return steps.finished(draft if free is None else steps.fit_free_motion(draft, free))
 
 
 def _free_fit(
-    given: Recording | Iterable[Recording], settings: IdentificationSettings, vehicle: AnyVehicle | None
+    given: Iterable[Recording], settings: IdentificationSettings, vehicle: AnyVehicle | None
 ) -> FreeFit | None:
     """Return the fit of records of free motion; None for random motion, or an iterator, which is read only once."""
-    if settings.kind == "random" or not isinstance(given, Recording | Sequence):
+    if settings.kind == "random" or not isinstance(given, Sequence):
         return None
     is_certain = settings.kind == "free"
     try:
-        runs = [
-            run.select(output_channels(run, vehicle))
-            for run in (
-                usable(each, vehicle=vehicle, allow_missing=settings.allow_missing)
-                for each in ([given] if isinstance(given, Recording) else given)
-            )
-        ]
+        whole = [usable(each, vehicle=vehicle, allow_missing=settings.allow_missing) for each in given]
+        runs = [run.select(output_channels(run, vehicle)) for run in whole]
         parts = [] if any(run.gaps for run in runs) else free_parts(runs, is_certain=is_certain)
         fit = fit_free_response(parts, band=settings.band) if parts else None
     except DataError:
         if is_certain:
             raise
         return None
-    if fit is None or (not is_certain and fit.explained < _FREE):
-        if is_certain:
-            raise DataError("no motion that dies away was found: --kind random, or see sprung bounce")
-        return None
-    return fit
+    if fit is not None and (is_certain or fit.explained >= _FREE):
+        return fit
+    if is_certain:
+        raise DataError("no motion that dies away was found: --kind random, or see sprung bounce")
+    return None
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -1,7 +1,7 @@
 """From recordings to the correlations of their segments, record by record."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
 
@@ -26,7 +26,7 @@ from sprung.identification.settings import COV, IdentificationSettings, Method, 
 from sprung.recording import Channel, Recording
 from sprung.signals.data_faults import REST_DURATION, REST_RUN_SHARE, has_runs, stuck_runs
 from sprung.signals.harmonics import Harmonic, in_families, without_side_lines
-from sprung.signals.inspection import ChannelFacts, inspect
+from sprung.signals.inspection import inspect
 from sprung.signals.line_removal import subtract_lines
 from sprung.signals.plausibility import doubts_of
 from sprung.signals.spectrum import SpectralMatrix
@@ -78,18 +78,21 @@ def without_dead_parts(recording: Recording, outputs: Sequence[str]) -> tuple[Re
     """
     doubtful = [name for name in outputs if has_runs(recording.samples[recording.index(name)])]
     facts = inspect(recording.select(doubtful), counts_odd_samples=False).channels if doubtful else ()
-    samples, faults = recording.samples, []
+    samples, faults, n_samples = recording.samples, [], recording.n_samples
     for fact in facts:
-        if fact.is_dead or not (fact.is_clipped or fact.stuck or fact.n_values < recording.n_samples):
+        is_missing = fact.n_values < n_samples
+        if fact.is_dead or not (fact.is_clipped or fact.stuck or is_missing):
             continue
         row = recording.index(fact.name)
         dead = _dead_samples(recording, row) if fact.stuck else np.zeros(0, dtype=np.intp)
-        share = dead.size / recording.n_samples
-        if dead.size and share <= _MOSTLY_DEAD:
+        share = dead.size / n_samples
+        is_left_out = share > _MOSTLY_DEAD
+        if dead.size and not is_left_out:
             samples = samples.copy() if samples is recording.samples else samples
             samples[row, dead] = np.nan
-        if fact.is_clipped or dead.size or fact.n_values < recording.n_samples:
-            faults.append(_fault(fact, share, recording.n_samples))
+        if fact.is_clipped or dead.size or is_missing:
+            clipped = fact.clipped if fact.is_clipped else 0.0
+            faults.append(ChannelFault(fact.name, clipped, share, 1 - fact.n_values / n_samples, is_left_out))
     left_out = {fault.channel for fault in faults if fault.is_left_out}
     if samples is not recording.samples:
         recording = recording.changed("dead parts of channels marked as missing", samples=samples)
@@ -99,36 +102,24 @@ def without_dead_parts(recording: Recording, outputs: Sequence[str]) -> tuple[Re
 
 
 def note_on_faults(records: Sequence[Sequence[ChannelFault]]) -> tuple[str, ...]:
-    """Return one sentence on the faults of all records; none without faults.
-
-    Parameters
-    ----------
-    records
-        Faults of each record.
-
-    Returns
-    -------
-    tuple of str
-    """
-    channels = dict.fromkeys(fault.channel for faults in records for fault in faults)
-    parts = [
-        f"{channel} ({_words([fault for faults in records for fault in faults if fault.channel == channel])})"
-        for channel in channels
-    ]
-    if not parts:
-        return ()
-    return (f"faults of channels: {', '.join(parts)}: check ranges, sensors and wiring",)
+    """Return one sentence on the faults of all records, with the largest share of each; none without faults."""
+    channels: dict[str, list[ChannelFault]] = {}
+    for fault in (fault for faults in records for fault in faults):
+        channels.setdefault(fault.channel, []).append(fault)
+    parts = [f"{channel} ({_describe_faults(faults)})" for channel, faults in channels.items()]
+    return (f"faults of channels: {', '.join(parts)}: check ranges, sensors and wiring",) if parts else ()
 
 
-def _fault(fact: ChannelFacts, dead: float, n_samples: int) -> ChannelFault:
-    """Return the faults that the facts about a channel show."""
-    return ChannelFault(
-        channel=fact.name,
-        clipped=fact.clipped if fact.is_clipped else 0.0,
-        dead=dead,
-        missing=1 - fact.n_values / n_samples,
-        is_left_out=dead > _MOSTLY_DEAD,
+def _describe_faults(faults: Sequence[ChannelFault]) -> str:
+    """Return the faults of one channel in words."""
+    clipped, dead, missing = (max(getattr(fault, name) for fault in faults) for name in ("clipped", "dead", "missing"))
+    what = "channel" if any(fault.is_left_out for fault in faults) else "this part of the record"
+    words = (
+        (clipped, f"clipped in {100 * clipped:.2g} % of its samples, which distorts the motion"),
+        (dead, f"dead in {100 * dead:.2g} %, {what} left out"),
+        (missing, f"missing in {100 * missing:.2g} %, this part of the record left out"),
     )
+    return ", ".join(word for share, word in words if share)
 
 
 def _dead_samples(recording: Recording, row: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
@@ -141,27 +132,13 @@ def _dead_samples(recording: Recording, row: int) -> np.ndarray[tuple[int], np.d
     return np.concatenate(runs) if runs else np.zeros(0, dtype=np.intp)
 
 
-def _words(faults: Sequence[ChannelFault]) -> str:
-    """Return the faults of one channel in words, with the largest shares of all records."""
-    clipped, dead, missing = (max(getattr(fault, name) for fault in faults) for name in ("clipped", "dead", "missing"))
-    words = []
-    if clipped:
-        words.append(f"clipped in {100 * clipped:.2g} % of its samples, which distorts the motion")
-    if dead:
-        is_left_out = any(fault.is_left_out for fault in faults)
-        words.append(f"dead in {100 * dead:.2g} %, {'channel' if is_left_out else 'this part of the record'} left out")
-    if missing:
-        words.append(f"missing in {100 * missing:.2g} %, this part of the record left out")
-    return ", ".join(words)
-
-
 #: Function called with the current step in words and the share that is done, 0 to 1.
 Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CorrelatedRecords:
-    """Correlations of the segments of all records of one condition.
+    """Correlations, spectra and harmonics of one record, or of all records of one condition.
 
     Parameters
     ----------
@@ -197,107 +174,38 @@ class CorrelatedRecords:
     lines: RecordSpectra | None
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Correlated:
-    """Correlations, spectra and harmonics of one record."""
-
-    channels: tuple[Channel, ...]
-    segments: SegmentCorrelations
-    levels: LevelCorrelations | None
-    spectra: SpectralMatrix
-    edited_spectra: SpectralMatrix | None
-    harmonics: tuple[Harmonic, ...]
-    lines: RecordSpectra | None
-
-
-@dataclass(frozen=True, slots=True)
-class _Remarks:
-    """What is found as records are read: why some are left out, faults of channels of the others, layout of sensors."""
-
-    left_out: dict[int, DataError] = field(default_factory=dict)
-    faults: list[tuple[ChannelFault, ...]] = field(default_factory=list)
-    layout: dict[str, None] = field(default_factory=dict)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """One sentence each."""
-        return (
-            *self.layout,
-            *(f"record {number} left out: {error}" for number, error in self.left_out.items()),
-            *note_on_faults(self.faults),
-        )
-
-
-def correlate_records(
-    recordings: Recording | Iterable[Recording],
-    *,
-    method: Method,
-    settings: IdentificationSettings,
-    vehicle: AnyVehicle | None,
-    report: Progress,
-) -> CorrelatedRecords:
-    """Prepare and correlate records one at a time, as planned from the first usable one.
+class RunningRecords:
+    """Correlations of the records of one condition, prepared one at a time as planned from the first usable one.
 
     Parameters
     ----------
-    recordings
-        One record, or several of one condition; an iterator is read once.
     method
         Method, which sorts and cuts the records.
     settings
         Settings as given.
     vehicle
         Vehicle whose sensors are the outputs and whose modes give the band; None: from the data.
-    report
-        Function called before each record.
-
-    Returns
-    -------
-    CorrelatedRecords
-
-    Raises
-    ------
-    DataError
-        If there is no record, or no record is usable, with the reason of the first.
-    ParameterError
-        If a setting does not suit the records, records differ in channels or sampling rate, or one lacks a sensor of
-        the vehicle file.
-    """
-    records = [recordings] if isinstance(recordings, Recording) else recordings
-    total_duration = sum(record.duration for record in records) if isinstance(records, Sequence) else None
-    n_records = len(records) if isinstance(records, Sequence) else 0
-    running = RunningRecords(method=method, settings=settings, vehicle=vehicle, total_duration=total_duration)
-    for number, record in enumerate(records, start=1):
-        report(f"correlating record {number}", 0.5 * (number - 1) / n_records if n_records else 0.0)
-        running.update(record)
-    return running.correlated
-
-
-class RunningRecords:
-    """Correlations of the records of one condition, each of which is prepared and correlated once, as it comes.
-
-    Parameters
-    ----------
-    method, settings, vehicle
-        As for `correlate_records`.
     total_duration
         Duration of all records [s]; None: that of the first usable one.
     """
 
     def __init__(
         self,
-        *,
         method: Method,
+        *,
         settings: IdentificationSettings,
         vehicle: AnyVehicle | None,
         total_duration: float | None = None,
     ) -> None:
-        self._method, self._settings, self._vehicle = method, settings, vehicle
+        self._method = method
+        self._settings = settings
+        self._vehicle = vehicle
         self._total_duration = total_duration
         self._n_records = 0
-        self._plan: Plan | None = None
-        self._parts: list[_Correlated] = []
-        self._remarks = _Remarks()
+        self._parts: list[CorrelatedRecords] = []
+        self._left_out: dict[int, DataError] = {}
+        self._faults: list[tuple[ChannelFault, ...]] = []
+        self._notes: dict[str, None] = {}
 
     @property
     def n_records(self) -> int:
@@ -315,22 +223,25 @@ class RunningRecords:
         ParameterError
             If records differ in channels or sampling rate.
         """
-        if self._plan is None:
+        if not self._parts:
             nothing = DataError("there is no recording to identify modes from: give at least one")
-            raise next(iter(self._remarks.left_out.values()), nothing)
+            raise next(iter(self._left_out.values()), nothing)
         levels = [record.levels for record in self._parts if record.levels is not None]
         edited = [record.edited_spectra for record in self._parts if record.edited_spectra is not None]
         lines = [record.lines for record in self._parts if record.lines is not None]
-        return CorrelatedRecords(
-            plan=self._plan,
-            channels=self._parts[0].channels,
+        return replace(
+            self._parts[0],
             segments=with_limited_power(join_segments([record.segments for record in self._parts])),
-            counts=tuple(record.segments.n_segments for record in self._parts),
+            counts=tuple(count for record in self._parts for count in record.counts),
             levels=joined_levels(levels) if levels else None,
             spectra=reduce(add, [record.spectra for record in self._parts]),
             edited_spectra=reduce(add, edited) if edited else None,
             harmonics=_common_harmonics([record.harmonics for record in self._parts]),
-            notes=self._remarks.notes,
+            notes=(
+                *self._notes,
+                *(f"record {number} left out: {error}" for number, error in self._left_out.items()),
+                *note_on_faults(self._faults),
+            ),
             lines=reduce(add, lines) if lines else None,
         )
 
@@ -349,32 +260,27 @@ class RunningRecords:
         """
         self._n_records += 1
         if self._n_records == 1 and self._vehicle is not None:
-            self._remarks.layout.update(dict.fromkeys(plausibility_notes(self._vehicle)))
+            self._notes.update(dict.fromkeys(plausibility_notes(self._vehicle)))
         try:
             usable_part, faults = self._usable(record)
-            self._remarks.faults.append(faults)
-            if self._plan is None:
-                self._plan, part = self._first(usable_part)
-            else:
-                part = self._next(usable_part, faults, self._plan)
+            self._faults.append(faults)
+            self._parts.append(self._next(usable_part, faults) if self._parts else self._first(usable_part))
         except DataError as error:
-            self._remarks.left_out[self._n_records] = error
-        else:
-            self._parts.append(part)
+            self._left_out[self._n_records] = error
 
     def _usable(self, record: Recording) -> tuple[Recording, tuple[ChannelFault, ...]]:
-        """Return the usable part of a record and the faults of its channels; remark on the layout of its sensors."""
+        """Return the usable part of a record and the faults of its channels; note the layout of its sensors."""
         vehicle = self._vehicle
-        self._remarks.layout.update(dict.fromkeys(doubts_of(record)))
+        self._notes.update(dict.fromkeys(doubts_of(record)))
         if vehicle is not None:
             check_present(record.names, vehicle.sensor, allow_missing=self._settings.allow_missing)
-            self._remarks.layout.update(dict.fromkeys(layout_notes(record, vehicle)))
+            self._notes.update(dict.fromkeys(layout_notes(record, vehicle)))
         outputs = [name for name in output_channels(record, vehicle) if name in record.names]
         living, faults = without_dead_parts(record, outputs) if outputs else (record, ())
         return usable(living, vehicle=vehicle, allow_missing=True), faults  # a dead channel is not missing
 
-    def _first(self, recording: Recording) -> tuple[Plan, _Correlated]:
-        """Return the plan from the first usable record, and the correlations of that record."""
+    def _first(self, recording: Recording) -> CorrelatedRecords:
+        """Plan from the first usable record, and correlate it."""
         method, settings = self._method, self._settings
         duration = self._total_duration or recording.duration
         preparation = plan_preparation(recording, settings=settings, vehicle=self._vehicle)
@@ -385,33 +291,23 @@ class RunningRecords:
         if method.has_long_spectra:
             preparation = with_long_segments(preparation, recording, total_duration=duration, segment=settings.segment)
         prepared = prepare(recording, preparation, lifter=settings.lifter)
-        plan = make_plan(
-            preparation,
-            prepared,
-            harmonics,
-            settings=settings,
-            method=COV if _is_by_level(method, settings) else method,
-            total_duration=duration,
-        )
+        own = COV if _is_by_level(method, settings) else method
+        plan = make_plan(preparation, prepared, harmonics, settings=settings, method=own, total_duration=duration)
         if plan.preparation.high_pass != preparation.high_pass:
             prepared = without_slow_motion(prepared, plan.preparation.high_pass)
-        return plan, _correlate(method, prepared, harmonics, plan, settings)
+        return _correlate(method, prepared, harmonics, plan, settings)
 
-    def _next(self, recording: Recording, faults: Sequence[ChannelFault], plan: Plan) -> _Correlated:
-        """Return the correlations of a record after the first."""
-        _check_alive(faults, plan)
+    def _next(self, recording: Recording, faults: Sequence[ChannelFault]) -> CorrelatedRecords:
+        """Correlate a record after the first, whose channels must not be left out of it."""
+        plan = self._parts[0].plan
+        for fault in faults:
+            if fault.is_left_out and fault.channel in plan.preparation.channels:
+                raise DataError(
+                    f"channel {fault.channel!r} is dead in {100 * fault.dead:.2g} % of it, but not in the first record"
+                )
         prepared = prepare(recording, plan.preparation, lifter=self._settings.lifter)
         harmonics = _harmonics(recording, plan.preparation, self._settings, self._vehicle)
         return _correlate(self._method, prepared, harmonics, plan, self._settings)
-
-
-def _check_alive(faults: Sequence[ChannelFault], plan: Plan) -> None:
-    """Check that no channel of the plan was left out of this record."""
-    for fault in faults:
-        if fault.is_left_out and fault.channel in plan.preparation.channels:
-            raise DataError(
-                f"channel {fault.channel!r} is dead in {100 * fault.dead:.2g} % of it, but not in the first record"
-            )
 
 
 def _harmonics(
@@ -429,8 +325,12 @@ def _is_by_level(method: Method, settings: IdentificationSettings) -> bool:
 
 
 def _correlate(
-    method: Method, prepared: Prepared, harmonics: tuple[Harmonic, ...], plan: Plan, settings: IdentificationSettings
-) -> _Correlated:
+    method: Method,
+    prepared: Prepared,
+    harmonics: tuple[Harmonic, ...],
+    plan: Plan,
+    settings: IdentificationSettings,
+) -> CorrelatedRecords:
     """Correlate the segments of one prepared record."""
     # The thesis keeps the lines in and judges the poles on them.
     motion = prepared.motion if settings.ladder is not None else subtract_lines(prepared.motion, harmonics)
@@ -446,13 +346,16 @@ def _correlate(
     levels = None
     if is_by_level:
         levels = correlate_by_level(motion, n_lags=n_lags, segment=plan.segment, references=references)
-    return _Correlated(
+    return CorrelatedRecords(
+        plan=plan,
         channels=motion.channels,
         segments=segments,
+        counts=(segments.n_segments,),
         levels=levels,
         spectra=prepared.spectra,
         edited_spectra=prepared.edited_spectra,
         harmonics=harmonics,
+        notes=(),
         lines=record_spectra(motion, plan) if settings.refine and settings.lifter is None else None,
     )
 

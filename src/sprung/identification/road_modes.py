@@ -74,19 +74,15 @@ class CombinedModes:
 
 
 def kept_records(
-    recordings: Recording | Iterable[Recording], *, is_keeping: bool
-) -> tuple[Recording | Iterable[Recording], Sequence[Recording]]:
+    recordings: Iterable[Recording], *, is_keeping: bool
+) -> tuple[Iterable[Recording], Sequence[Recording]]:
     """Return recordings to read once, and those that are still at hand afterwards.
 
     Parameters
     ----------
     recordings
-        One record, or several.
-    is_keeping
-        Whether the first records of an iterator, up to 2^25 values, are kept as they are read.
+        Recordings; `is_keeping`: whether the first of an iterator, up to 2^25 values, are kept as they are read.
     """
-    if isinstance(recordings, Recording):
-        return recordings, (recordings,)
     if isinstance(recordings, Sequence):
         return recordings, recordings
     kept: list[Recording] = []

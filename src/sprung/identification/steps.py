@@ -7,39 +7,20 @@ import numpy as np
 
 from sprung._arrays import Indices, Real
 from sprung.errors import IdentificationError
+from sprung.identification import levels, stabilisation
 from sprung.identification.contribution import complete_shapes, significant
 from sprung.identification.correlation import Correlations, average
 from sprung.identification.fdd import find_bells, modes_of_bells
 from sprung.identification.free_response import FreeFit
-from sprung.identification.levels import (
-    RULES,
-    LevelTrends,
-    level_sets,
-    level_trends,
-    subsets_of_equal_width,
-    trends_in_words,
-)
 from sprung.identification.planning import as_measured, disjoint_splits, without_lifter
-from sprung.identification.records import CorrelatedRecords, Progress, correlate_records
+from sprung.identification.records import CorrelatedRecords, Progress, RunningRecords
 from sprung.identification.refinement import Refinement, refined_by_spectra
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
 from sprung.identification.road_modes import combined_modes, has_road, kept_records
 from sprung.identification.roving import note_on_moved_sensors
 from sprung.identification.settings import KINDS, IdentificationSettings, Method
-from sprung.identification.stabilisation import (
-    MergedModes,
-    StabilisationDiagram,
-    merge_modes,
-    merged_deviations,
-    select_modes,
-    stabilise,
-    with_honest_deviations,
-    with_known_deviations,
-    with_status,
-    with_total_deviations,
-)
 from sprung.modal import Modes, PoleStatus, join_modes, unit_shapes
-from sprung.recording import Recording
+from sprung.recording import Recording, each_recording
 from sprung.signals.cepstrum import Lifter, ShortPass
 from sprung.signals.harmonics import Harmonic, near_harmonic
 from sprung.vehicles.labels import labelled
@@ -101,13 +82,13 @@ class Draft:
     recordings: Sequence[Recording] = ()
     vehicle: AnyVehicle | None = None
     report: Progress = no_report
-    diagrams: tuple[tuple[StabilisationDiagram, ...], ...] = ()
+    diagrams: tuple[tuple[stabilisation.StabilisationDiagram, ...], ...] = ()
     subsets: tuple[SubsetModes, ...] = ()
     deviations: tuple[Real, ...] = ()
     modes: Modes = field(default_factory=_no_modes)
     members: Indices = field(default_factory=lambda: np.zeros((0, 0), dtype=np.intp))
     sources: tuple[str, ...] = ()
-    level_trends: LevelTrends | None = None
+    level_trends: levels.LevelTrends | None = None
     refinement: Refinement | None = None
     notes: tuple[str, ...] = ()
 
@@ -115,6 +96,11 @@ class Draft:
     def settings(self) -> IdentificationSettings:
         """Settings as given."""
         return self.summary.settings
+
+    @property
+    def method(self) -> Method:
+        """Method of the identification."""
+        return KINDS[self.summary.method]
 
     @property
     def measured(self) -> CorrelatedRecords:
@@ -136,7 +122,7 @@ class Draft:
 
 def correlate(
     method: Method,
-    recordings: Recording | Iterable[Recording],
+    recordings: Iterable[Recording],
     *,
     settings: IdentificationSettings,
     vehicle: AnyVehicle | None,
@@ -144,9 +130,21 @@ def correlate(
 ) -> Draft:
     """Prepare and correlate the records, and average all their segments."""
     given, kept = kept_records(recordings, is_keeping=has_road(vehicle, settings))
-    records = correlate_records(given, method=method, settings=settings, vehicle=vehicle, report=report)
+    running = RunningRecords(method, settings=settings, vehicle=vehicle, total_duration=total_duration(given))
+    n_records = len(given) if isinstance(given, Sequence) else 0
+    for number, record in enumerate(given, start=1):
+        report(f"correlating record {number}", 0.5 * (number - 1) / n_records if n_records else 0.0)
+        running.update(record)
+    records = running.correlated
     draft = Draft(averaged(method, settings, records), records, kept, vehicle, report)
     return draft.noted(*records.plan.preparation.notes, *records.notes)
+
+
+def total_duration(recordings: Recording | Iterable[Recording]) -> float | None:
+    """Return the duration of all records [s], None where they can be read only once."""
+    if not isinstance(recordings, Recording | Sequence):
+        return None
+    return sum(record.duration for record in each_recording(recordings))
 
 
 def averaged(method: Method, settings: IdentificationSettings, records: CorrelatedRecords) -> CorrelationSummary:
@@ -168,16 +166,18 @@ def check_sensors(draft: Draft) -> Draft:
 
 def sort_by_level(draft: Draft) -> Draft:
     """Average the products by the level predicted from the past; in the form of the thesis segments by their own."""
+    if not draft.method.is_sorted:
+        return draft
     records, n_subsets = draft.measured, draft.settings.n_subsets
     notes: tuple[str, ...] = ()
     subsets: Iterable[tuple[tuple[float, float], Correlations]]
     if records.levels is not None:
-        sets = level_sets(records.levels, n_subsets, min_segments=_SEGMENTS_OF_A_SUBSET)
+        sets = levels.level_sets(records.levels, n_subsets, min_segments=_SEGMENTS_OF_A_SUBSET)
         subsets = ((part.level, part.correlations) for part in sets)
         if len(sets) < n_subsets:
             notes = (f"too little data or change of level for {n_subsets} subsets: {len(sets)} used",)
     else:
-        by_level, is_biased = subsets_of_equal_width(records.segments, n_subsets), records.plan.ladder.is_biased
+        by_level, is_biased = levels.subsets_of_equal_width(records.segments, n_subsets), records.plan.ladder.is_biased
         averages = (average(records.segments.take(own.segments), is_biased=is_biased) for own in by_level.subsets)
         subsets = zip((own.level for own in by_level.subsets), averages, strict=True)
         notes = by_level.notes
@@ -222,7 +222,9 @@ def realise(draft: Draft) -> Draft:
     return replace(draft, diagrams=tuple(diagrams))
 
 
-def _diagrams(correlations: Correlations, summary: CorrelationSummary) -> tuple[StabilisationDiagram, ...]:
+def _diagrams(
+    correlations: Correlations, summary: CorrelationSummary
+) -> tuple[stabilisation.StabilisationDiagram, ...]:
     """Return the stabilisation diagrams of one average, one for each split of outputs and references."""
     if not summary.settings.has_disjoint_references:
         return (_diagram(correlations, summary),)
@@ -230,9 +232,9 @@ def _diagrams(correlations: Correlations, summary: CorrelationSummary) -> tuple[
     return tuple(_diagram(correlations.select(*split), summary) for split in splits)
 
 
-def _diagram(correlations: Correlations, summary: CorrelationSummary) -> StabilisationDiagram:
+def _diagram(correlations: Correlations, summary: CorrelationSummary) -> stabilisation.StabilisationDiagram:
     plan = summary.plan
-    poles = with_honest_deviations(plan.ladder.poles(correlations), summary.average)
+    poles = stabilisation.with_honest_deviations(plan.ladder.poles(correlations), summary.average)
     is_harmonic = near_harmonic(
         poles.natural_frequency,
         poles.damping_ratio,
@@ -240,7 +242,9 @@ def _diagram(correlations: Correlations, summary: CorrelationSummary) -> Stabili
         resolution=correlations.sampling_rate / (2 * plan.ladder.n_lags),
         is_subtracted=summary.settings.ladder is None,
     )
-    return stabilise(poles, criteria=summary.settings.criteria, band=plan.mode_band, is_harmonic=is_harmonic)
+    return stabilisation.stabilise(
+        poles, criteria=summary.settings.criteria, band=plan.mode_band, is_harmonic=is_harmonic
+    )
 
 
 def select(draft: Draft) -> Draft:
@@ -253,13 +257,15 @@ def select(draft: Draft) -> Draft:
 
 
 def _selected(
-    level: tuple[float, float] | None, correlations: Correlations, diagrams: tuple[StabilisationDiagram, ...]
+    level: tuple[float, float] | None,
+    correlations: Correlations,
+    diagrams: tuple[stabilisation.StabilisationDiagram, ...],
 ) -> tuple[SubsetModes, Real]:
     """Return the modes of one average, merged over its diagrams, and their standard deviations with slow variation."""
-    parts = [select_modes(diagram, correlations.records) for diagram in diagrams]
+    parts = [stabilisation.select_modes(diagram, correlations.records) for diagram in diagrams]
     modes = [_on_all_channels(part.modes, correlations) for part in parts]
-    merged = merge_modes(modes, weights=[1.0] * len(modes))
-    deviations = merged_deviations([part.deviations for part in parts], merged)
+    merged = stabilisation.merge_modes(modes, weights=[1.0] * len(modes))
+    deviations = stabilisation.merged_deviations([part.deviations for part in parts], merged)
     behind = [np.append(part.alignments, -1)[members] for part, members in zip(parts, merged.members.T, strict=True)]
     subset = SubsetModes(level, correlations.n_segments, merged.modes, diagrams, np.stack(behind, axis=1))
     return subset, deviations
@@ -279,9 +285,9 @@ def merge(draft: Draft) -> Draft:
     has_mean_shapes = not draft.settings.has_own_levels
     weights = [subset.n_segments for subset in draft.subsets]
     modes = [subset.modes for subset in draft.subsets]
-    merged = merge_modes(modes, weights=weights, has_mean_shapes=has_mean_shapes)
-    deviations = merged_deviations(draft.deviations, merged)
-    if KINDS[draft.summary.method].is_sorted and has_mean_shapes and len(modes) > 1:
+    merged = stabilisation.merge_modes(modes, weights=weights, has_mean_shapes=has_mean_shapes)
+    deviations = stabilisation.merged_deviations(draft.deviations, merged)
+    if draft.method.is_sorted and has_mean_shapes and len(modes) > 1:
         merged, deviations = _with_modes_of_all_levels(merged, deviations, draft.summary)
     members = merged.members
     is_kept = significant(merged.modes, draft.summary.average, least=draft.settings.criteria.contribution)
@@ -295,21 +301,23 @@ def merge(draft: Draft) -> Draft:
 
 def _as_measured(modes: Modes, deviations: Real, summary: CorrelationSummary) -> Modes:
     """Return modes of prepared records as those of the records, with other standard deviations."""
-    return as_measured(with_total_deviations(modes, deviations), summary.plan.preparation, summary.settings.lifter)
+    return as_measured(
+        stabilisation.with_total_deviations(modes, deviations), summary.plan.preparation, summary.settings.lifter
+    )
 
 
 def _with_modes_of_all_levels(
-    merged: MergedModes, deviations: Real, summary: CorrelationSummary
-) -> tuple[MergedModes, Real]:
+    merged: stabilisation.MergedModes, deviations: Real, summary: CorrelationSummary
+) -> tuple[stabilisation.MergedModes, Real]:
     """Add the modes of the average over all levels that too few ranges of level show, and their deviations."""
     whole, own = _selected(None, summary.average, _diagrams(summary.average, summary))
-    of_ranges, of_all = merge_modes([merged.modes, whole.modes], weights=[1.0, 1.0]).members.T
+    of_ranges, of_all = stabilisation.merge_modes([merged.modes, whole.modes], weights=[1.0, 1.0]).members.T
     chosen = np.where(of_ranges >= 0, of_ranges, len(merged.modes) + of_all)
     none = np.zeros((1, merged.members.shape[1]))
     modes = join_modes([merged.modes, whole.modes]).take(chosen)
     members = np.vstack([merged.members, none.astype(np.intp) - 1])[of_ranges]
     shares = np.vstack([merged.shares, none])[of_ranges]
-    return MergedModes(modes, members, shares), np.concatenate([deviations, own], axis=1)[:, chosen]
+    return stabilisation.MergedModes(modes, members, shares), np.concatenate([deviations, own], axis=1)[:, chosen]
 
 
 def _with_verdicts(subset: SubsetModes, insignificant: Indices, merged: Indices, modes: Modes) -> SubsetModes:
@@ -318,22 +326,22 @@ def _with_verdicts(subset: SubsetModes, insignificant: Indices, merged: Indices,
     for diagram, alignments in zip(subset.diagrams, subset.alignments.T, strict=True):
         unconfirmed = np.setdiff1d(diagram.alignments, alignments[merged[merged >= 0]])
         selected = np.unique(diagram.alignments[diagram.status == PoleStatus.SELECTED])
-        changed = with_status(diagram, np.intersect1d(unconfirmed, selected), PoleStatus.UNCONFIRMED)
+        changed = stabilisation.with_status(diagram, np.intersect1d(unconfirmed, selected), PoleStatus.UNCONFIRMED)
         dropped = alignments[insignificant[insignificant >= 0]]
-        diagrams.append(with_status(changed, dropped[dropped >= 0], PoleStatus.INSIGNIFICANT))
+        diagrams.append(stabilisation.with_status(changed, dropped[dropped >= 0], PoleStatus.INSIGNIFICANT))
     return replace(subset, modes=modes, diagrams=tuple(diagrams))
 
 
 def compare_levels(draft: Draft) -> Draft:
     """Test whether frequency and damping depend on the level, where products are sorted by it."""
-    levels = draft.measured.levels
-    if levels is None or draft.settings.n_subsets < 2:
+    by_level = draft.measured.levels
+    if by_level is None or draft.settings.n_subsets < 2:
         return draft
-    sets = level_sets(levels, RULES.n_levels)
+    sets = levels.level_sets(by_level, levels.RULES.n_levels)
     if len(sets) < 2:
         return draft
     scaled = replace(draft.modes, mode_shapes=draft.modes.mode_shapes * draft.summary.plan.preparation.scales)
-    return replace(draft, level_trends=level_trends(scaled, draft.summary.average, sets))
+    return replace(draft, level_trends=levels.level_trends(scaled, draft.summary.average, sets))
 
 
 def refine(draft: Draft) -> Draft:
@@ -343,7 +351,9 @@ def refine(draft: Draft) -> Draft:
         return draft
     spectra = records.lines.scaled(1 / records.plan.preparation.scales)
     refined, refinement = refined_by_spectra(draft.modes, spectra, records.channels, harmonics=records.harmonics)
-    return replace(draft, modes=with_known_deviations(refined, draft.summary.average), refinement=refinement)
+    return replace(
+        draft, modes=stabilisation.with_known_deviations(refined, draft.summary.average), refinement=refinement
+    )
 
 
 def fit_free_motion(draft: Draft, fit: FreeFit) -> Draft:
@@ -389,7 +399,7 @@ def combine(draft: Draft) -> Draft:
     modes = labelled(draft.modes, records.channels, vehicle=vehicle)
     kept = draft.recordings if has_road(vehicle, settings) else ()
     combined, notes = combined_modes(modes, kept, records, vehicle=vehicle, band=settings.band, report=draft.report)
-    own, modes = KINDS[draft.summary.method].source, combined.modes
+    own, modes = draft.method.source, combined.modes
     draft = replace(
         draft,
         modes=modes,
@@ -399,7 +409,7 @@ def combine(draft: Draft) -> Draft:
     )
     draft = draft.noted(*notes, *_notes_on_modes(modes, settings.lifter), *_notes_on_duration(modes, draft.summary))
     if draft.level_trends is not None:
-        draft = draft.noted(*trends_in_words(modes, draft.level_trends))
+        draft = draft.noted(*levels.trends_in_words(modes, draft.level_trends))
     refinement = draft.refinement
     if refinement is not None:
         is_own = np.array([source == "ssi" for source in combined.sources], dtype=np.bool_)

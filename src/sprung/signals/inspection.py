@@ -11,20 +11,7 @@ from sprung._checks import check_type
 from sprung._display import Savable, Tabular, counted, in_short, listed
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording
-from sprung.signals.data_faults import (
-    CLIPPED_SHARE,
-    DEAD_SHARE,
-    FEWEST_SPIKES,
-    ROUNDING,
-    Rest,
-    count_spikes,
-    filler,
-    is_condition,
-    moving_samples,
-    plateaus,
-    repeated_samples,
-    rest_of,
-)
+from sprung.signals import data_faults
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +79,7 @@ class ChannelFacts:
             "half-dead": self.is_intermittent,
             "stuck": self.is_stuck,
             "clipped": self.is_clipped,
-            "spiking": self.n_spikes >= FEWEST_SPIKES,
+            "spiking": self.n_spikes >= data_faults.FEWEST_SPIKES,
             "filled": self.fillers > 0,
             "repeating": self.repeated > 0,
         }
@@ -178,7 +165,7 @@ def inspect_blocks(blocks: Iterable[Recording], *, counts_odd_samples: bool = Tr
     total: Inspection | None = None
     tallies: list[_Tally] = []
     for block in blocks:
-        is_moving = moving_samples(block)
+        is_moving = data_faults.moving_samples(block)
         rows = zip(block.samples, block.channels, strict=True)
         added = [_tally(values, channel, block, is_moving, counts_odd_samples) for values, channel in rows]
         tallies = [_merged(*pair) for pair in zip(tallies, added, strict=True)] if tallies else added
@@ -225,8 +212,8 @@ class _Tally:
     maximum: float = -np.inf
     n_at_minimum: int = 0
     n_at_maximum: int = 0
-    rest: Rest = field(default_factory=Rest)
-    rest_moving: Rest = field(default_factory=Rest)
+    rest: data_faults.Rest = field(default_factory=data_faults.Rest)
+    rest_moving: data_faults.Rest = field(default_factory=data_faults.Rest)
     filler: float | None = None
     n_fillers: int = 0
     n_repeated: int = 0
@@ -240,20 +227,20 @@ def _tally(samples: Real, channel: Channel, block: Recording, is_moving: Boolean
         return _Tally(samples.size)
     mean, minimum, maximum = float(values.mean()), float(values.min()), float(values.max())
     levels = _Tally(samples.size, values.size, mean, float(np.sum((values - mean) ** 2)), minimum, maximum)
-    found = filler(samples) or (None, 0)
+    found = data_faults.filler(samples) or (None, 0)
     levels = replace(levels, filler=found[0], n_fillers=found[1])
-    if is_condition(channel.name, channel.quantity):
+    if data_faults.is_condition(channel.name, channel.quantity):
         return levels
     breaks = [gap.index for gap in block.gaps]
-    n_at_minimum, n_at_maximum = plateaus(samples, minimum, maximum, breaks=breaks)
+    n_at_minimum, n_at_maximum = data_faults.plateaus(samples, minimum, maximum, breaks=breaks)
     return replace(
         levels,
         n_at_minimum=n_at_minimum,
         n_at_maximum=n_at_maximum,
-        rest=rest_of(samples, block.sampling_rate, breaks=breaks),
-        rest_moving=rest_of(samples, block.sampling_rate, breaks=breaks, is_moving=is_moving),
-        n_repeated=repeated_samples(samples, block.sampling_rate) if counts_odd_samples else 0,
-        n_spikes=count_spikes(samples) if counts_odd_samples else 0,
+        rest=data_faults.rest_of(samples, block.sampling_rate, breaks=breaks),
+        rest_moving=data_faults.rest_of(samples, block.sampling_rate, breaks=breaks, is_moving=is_moving),
+        n_repeated=data_faults.repeated_samples(samples, block.sampling_rate) if counts_odd_samples else 0,
+        n_spikes=data_faults.count_spikes(samples) if counts_odd_samples else 0,
     )
 
 
@@ -284,7 +271,7 @@ def _merged(first: _Tally, second: _Tally) -> _Tally:
     )
 
 
-def _longer(first: Rest, second: Rest) -> Rest:
+def _longer(first: data_faults.Rest, second: data_faults.Rest) -> data_faults.Rest:
     """Return the runs of both, with the value of the longest."""
     longer = first if first.longest >= second.longest else second
     return replace(longer, n_values=first.n_values + second.n_values, n_resting=first.n_resting + second.n_resting)
@@ -304,9 +291,9 @@ def _facts(channel: Channel, tally: _Tally, sampling_rate: float) -> ChannelFact
             "maximum": tally.maximum,
         }
     missing = 1 - tally.n_values / max(1, tally.n_samples)
-    is_constant = tally.maximum - tally.minimum <= ROUNDING * max(abs(tally.maximum), abs(tally.minimum))
-    is_constant &= not is_condition(channel.name, channel.quantity)
-    is_dead = tally.n_values == 0 or missing > DEAD_SHARE or is_constant
+    is_constant = tally.maximum - tally.minimum <= data_faults.ROUNDING * max(abs(tally.maximum), abs(tally.minimum))
+    is_constant &= not data_faults.is_condition(channel.name, channel.quantity)
+    is_dead = tally.n_values == 0 or missing > data_faults.DEAD_SHARE or is_constant
     rest = tally.rest_moving if tally.rest_moving.n_values else tally.rest
     is_resting = not is_dead and rest.is_fault(sampling_rate)
     is_at_zero = is_resting and rest.is_at_zero(levels["standard_deviation"])
@@ -324,7 +311,7 @@ def _facts(channel: Channel, tally: _Tally, sampling_rate: float) -> ChannelFact
         is_dead=is_dead,
         is_intermittent=is_at_zero,
         is_stuck=is_resting and not is_at_zero,
-        is_clipped=not is_dead and clipped > CLIPPED_SHARE,
+        is_clipped=not is_dead and clipped > data_faults.CLIPPED_SHARE,
         filler=tally.filler,
         fillers=tally.n_fillers / max(1, tally.n_samples),
         repeated=tally.n_repeated / max(1, tally.n_samples),
