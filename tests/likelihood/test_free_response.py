@@ -48,11 +48,11 @@ def test_exact_motion_gives_exact_poles(runs, band) -> None:
 
 def test_amplitudes_are_the_initial_states_less_the_final_ones() -> None:
     model = FreeResponse(free_lines(RUNS, band=(0.0, 50.0)), begin())
-    amplitudes = model.amplitudes(model.start)
+    fit = model.fitted(model.start)
     expected = np.array([[1.0, 0.7j, 0.4 - 0.3j], [0.2j, -0.9, 0.5]]) / 2
     lost = np.exp(POLES * np.array([[4.0], [3.33]]))
-    np.testing.assert_allclose(amplitudes, expected * (1 - lost), atol=1e-10)
-    assert np.abs(model.whitened_residuals(model.start)).max() < 1e-9
+    np.testing.assert_allclose(fit.amplitudes, expected * (1 - lost), atol=1e-10)
+    assert np.abs(fit.whitened).max() < 1e-9
 
 
 def test_exact_motion_is_found_from_a_start_nearby() -> None:
@@ -61,7 +61,7 @@ def test_exact_motion_is_found_from_a_start_nearby() -> None:
     for _ in range(8):
         model = model.with_noise(found)
         found, _ = scored(model, model.start)
-    np.testing.assert_allclose(poles_of(model.values(found)), POLES, rtol=1e-9)
+    np.testing.assert_allclose(poles_of(model.modal.unpacked(found)), POLES, rtol=1e-9)
 
 
 @pytest.mark.parametrize("has_forces", [False, True])

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -51,6 +52,8 @@ class BandRules:
     judged_bins: int = 4
     #: A model fits below this deviation, in standard deviations of chance (true models: -0.6, scattering by 0.8).
     beyond_chance: float = 1.0
+    #: A wide band is given up where scoring ends above this deviation: searches after it lower it to a quarter at most.
+    hopeless: float = 300.0
     #: Largest damping ratio of a pole that oscillates.
     max_damping: float = 0.99
     #: Up to this number of channels modes are fitted to all of them ...
@@ -281,7 +284,8 @@ def _fit(modes: Modes, chosen: Indices, reach: float, observed: Observed) -> Fit
         model = replace(model, n_held=len(neighbours), sampling_rate=observed.sampling_rate)
         if 2 * model.start.size > joined.counts.size * model.n_channels**2:
             return None
-        parameters, is_converged = scored(model, model.start)
+        is_vain = None if reach == _RULES.reaches[-1] else partial(_is_hopeless, model)
+        parameters, is_converged = scored(model, model.start, is_vain=is_vain)
         misfit, excess = _misfit(model, parameters)
     except np.linalg.LinAlgError:
         return None
@@ -414,6 +418,10 @@ def _misfit(model: ModalModel, parameters: Real) -> tuple[float, float]:
     degrees = max(n.size * size - parameters.size, n.size * size / 2)
     variance = float(np.sum(2 * size * (1 + 3 * model.n_channels / n)))
     return total / degrees, (total - degrees) / np.sqrt(variance)
+
+
+def _is_hopeless(model: ModalModel, parameters: Real) -> bool:
+    return _misfit(model, parameters)[1] > _RULES.hopeless
 
 
 def refined_modes(fit: FittedBand, modes: Modes, spectra: RecordSpectra) -> Modes:

@@ -1,12 +1,11 @@
 """Contributions of modes to the correlations between channels, and mode shapes on all channels."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import ndimage, special
 
-from sprung._arrays import Booleans, Complex, Indices, Real
+from sprung._arrays import Booleans, Complex, Real
 from sprung.identification.correlation import Correlations
 from sprung.modal import Modes
 
@@ -58,55 +57,26 @@ def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlatio
     M. S. Bartlett (1946), On the theoretical specification and sampling properties of autocorrelated time-series,
     Supplement to the Journal of the Royal Statistical Society 8, 27-41.
     """
-    spectra = _spectra_of_chance(correlations)
-    signal, scatter, chance = np.zeros((3, len(poles)))
-    for part in _participations(poles, mode_shapes, correlations):
-        signal += part.power
-        if len(correlations.changes):
-            scatter += part.weight * _variance_over_blocks(part, correlations)
-        if spectra is not None:
-            chance += part.weight * _variance_by_chance(part, correlations, spectra)
-    infinite = np.full(len(poles), np.inf)
-    return signal / scatter if len(correlations.changes) else infinite, infinite if spectra is None else signal / chance
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Participation:
-    """Participations of one reference: their solver, their weight in the contribution, and their weighted power."""
-
-    reference: int
-    others: Indices
-    solve: Complex
-    weight: Real
-    power: Real
-
-
-def _participations(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> Iterator[_Participation]:
-    """Yield the participations of all modes for each reference, from the channels that count."""
+    spectra, changes = _spectra_of_chance(correlations), correlations.changes
     lagged = correlations.values[:, :, 1:]
     use = correlations.is_cross if correlations.is_cross.any() else ~correlations.is_cross
     powers = np.exp(poles[:, None] / correlations.sampling_rate * np.arange(lagged.shape[-1]))
-    for reference in range(use.shape[1]):
-        others = np.flatnonzero(use[:, reference])
+    signal, scatter, chance = np.zeros((3, len(poles)))
+    for reference, is_used in enumerate(use.T):
+        others = np.flatnonzero(is_used)
         solve = _participation_operator(_responses(mode_shapes[:, others], powers))
         weight = np.sum(np.abs(mode_shapes[:, others]) ** 2, axis=1)
-        power = weight * np.abs(lagged[others, reference].ravel() @ solve) ** 2
-        yield _Participation(reference, others, solve, weight, power)
-
-
-def _variance_over_blocks(part: _Participation, correlations: Correlations) -> Real:
-    """Return the variance of the participations over the blocks, shape (modes,)."""
-    changes = correlations.changes[:, part.others, part.reference, 1:]
-    return np.sum(np.abs(changes.reshape(len(changes), -1) @ part.solve) ** 2, axis=0)
-
-
-def _variance_by_chance(part: _Participation, correlations: Correlations, spectra: Real) -> Real:
-    """Return the variance of the participations for independent channels of these spectra, shape (modes,)."""
-    n_fft = spectra.shape[1]
-    filters = part.solve.reshape(len(part.others), correlations.n_lags - 1, -1)
-    gains = np.abs(np.fft.fft(filters, n_fft, axis=1)) ** 2
-    products = spectra[part.others] * spectra[part.reference]
-    return np.asarray(np.einsum("ofk,of->k", gains, products) / (n_fft * correlations.n_products), dtype=np.float64)
+        signal += weight * np.abs(lagged[others, reference].ravel() @ solve) ** 2
+        if len(changes):
+            own = changes[:, others, reference, 1:].reshape(len(changes), -1)
+            scatter += weight * np.sum(np.abs(own @ solve) ** 2, axis=0)
+        if spectra is not None:
+            gains = np.abs(np.fft.fft(solve.reshape(len(others), -1, len(poles)), spectra.shape[1], axis=1)) ** 2
+            products = spectra[others] * spectra[reference]
+            by_chance = np.einsum("ofk,of->k", gains, products)
+            chance += weight * by_chance / (spectra.shape[1] * correlations.n_products)
+    infinite = np.full(len(poles), np.inf)
+    return signal / scatter if len(changes) else infinite, infinite if spectra is None else signal / chance
 
 
 def _spectra_of_chance(correlations: Correlations) -> Real | None:

@@ -235,7 +235,7 @@ def _refined(fitted: _Fitted) -> _Fitted:
 
 def _with_forces(fitted: _Fitted) -> _Fitted:
     """Return a fit with random forces whose motion at each peak is as strong as the noise."""
-    values = fitted.model.values(fitted.parameters)
+    values = fitted.model.modal.unpacked(fitted.parameters)
     power = 4 * values.damping_ratio**2 * np.mean(values.noise)
     begin = replace(values, forces=np.diag(power).astype(np.complex128))
     model = replace(fitted.model, begin=begin, has_forces=True)
@@ -244,8 +244,8 @@ def _with_forces(fitted: _Fitted) -> _Fitted:
 
 def _misfits(fitted: _Fitted) -> Real:
     """Return the power of the residuals around each mode over that of the model, shape (modes,)."""
-    model, parameters = fitted.model, fitted.parameters
-    values, powers = model.values(parameters), np.abs(model.whitened_residuals(parameters)) ** 2
+    model, fit = fitted.model, fitted.model.fitted(fitted.parameters)
+    values, powers = fit.values, np.abs(fit.whitened) ** 2
     n_data = 2 * model.data.values.size
     n_mean = 2 * model.modal.n_modes * (model.modal.n_channels + model.data.n_records)
     misfits = np.empty(model.modal.n_modes)
@@ -259,10 +259,11 @@ def _misfits(fitted: _Fitted) -> Real:
 def _result(fitted: _Fitted, *, channels: tuple[str, ...]) -> FreeFit:
     """Return the clear modes of a fit."""
     model, parameters = fitted.model, fitted.parameters
-    values, n = model.values(parameters), model.modal.n_modes
+    fit, n = model.fitted(parameters), model.modal.n_modes
+    values = fit.values
     f, xi, poles = values.natural_frequency, values.damping_ratio, poles_of(values)
     covariance = np.linalg.inv(model.information(parameters) + np.diag(1 / model.prior_std**2))
-    chosen = np.concatenate([model.rows(name) for name in ("natural_frequency", "damping_ratio", "mode_shapes")])
+    chosen = np.concatenate([model.modal.rows[name] for name in ("natural_frequency", "damping_ratio", "mode_shapes")])
     of_mode = np.concatenate([np.arange(n), np.arange(n), np.repeat(np.nonzero(model.modal.is_free)[0], 2)])
     factors = np.sqrt(_misfits(fitted))[of_mode]
     covariance = covariance[np.ix_(chosen, chosen)] * np.outer(factors, factors)
@@ -281,14 +282,14 @@ def _result(fitted: _Fitted, *, channels: tuple[str, ...]) -> FreeFit:
     )
     gains = model.data.gains[np.flatnonzero(np.diff(model.data.records, prepend=-1))]
     durations = 2 / (gains * model.data.sampling_rate) ** 2
-    amplitudes = 2 * model.amplitudes(parameters) / (1 - np.exp(np.outer(durations, poles)))
+    amplitudes = 2 * fit.amplitudes / (1 - np.exp(np.outer(durations, poles)))
     order = np.argsort(f)
     is_clear = (
         (stds[:n] < RULES.max_deviation * xi) & (stds[n : 2 * n] < RULES.max_deviation) & (xi < RULES.max_damping)
     )
     kept = order[is_clear[order]]
     rows = np.concatenate([kept, n + kept, *(np.flatnonzero(of_mode[2 * n :] == k) + 2 * n for k in kept)])
-    left = np.sum(np.abs(model.residuals(parameters)) ** 2, axis=0)
+    left = np.sum(np.abs(fit.residuals) ** 2, axis=0)
     return FreeFit(
         modes=modes.take(kept),
         amplitudes=amplitudes[:, kept],

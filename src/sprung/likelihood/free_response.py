@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sprung._arrays import Booleans, Complex, Indices, Real
+from sprung._arrays import Complex, Indices, Real
 from sprung._checks import freeze
 from sprung.likelihood.modal import ModalModel, ModalParameters
 from sprung.likelihood.modal_spectra import LineSpectra
@@ -120,44 +120,22 @@ class FreeResponse:
 
     @cached_property
     def modal(self) -> ModalModel:
-        """Model of the random part."""
+        """Model of the random part, with the same parameters."""
         n_lines, size = self.data.values.shape
         empty = np.zeros((n_lines, size, size), dtype=np.complex128)
         spectra = LineSpectra(self.data.frequencies, np.zeros(n_lines), np.ones(n_lines), empty)
-        rate = self.data.sampling_rate
-        return ModalModel(spectra, self.begin, self.quantity_exponent, sampling_rate=rate)
-
-    @cached_property
-    def is_free(self) -> Booleans:
-        """Which parameters of `modal` are those of this model: all, or all but those of the forces."""
-        free = np.ones(self.modal.start.size, dtype=np.bool_)
-        for name in ("common_exponent", "force_exponents", "forces"):
-            free[self.modal.rows[name]] = self.has_forces
-        return free
+        rate, exponent = self.data.sampling_rate, self.quantity_exponent
+        return ModalModel(spectra, self.begin, exponent, sampling_rate=rate, has_forces=self.has_forces)
 
     @property
     def start(self) -> Real:
         """Parameters at which the search starts."""
-        return self.modal.start[self.is_free]
+        return self.modal.start
 
     @property
     def prior_std(self) -> Real:
         """Standard deviation of the prior of each parameter, infinite for a free one."""
-        return self.modal.prior_std[self.is_free]
-
-    def rows(self, name: str) -> Indices:
-        """Return the numbers of the parameters of a field of `ModalParameters`."""
-        return np.searchsorted(np.flatnonzero(self.is_free), self.modal.rows[name])
-
-    def complete(self, parameters: Real) -> Real:
-        """Return the parameters of `modal`."""
-        full = self.modal.start.copy()
-        full[self.is_free] = parameters
-        return full
-
-    def values(self, parameters: Real) -> ModalParameters:
-        """Return what the parameters state."""
-        return self.modal.unpacked(self.complete(parameters))
+        return self.modal.prior_std
 
     def objective(self, parameters: Real) -> tuple[float, Real]:
         """Return minus the log likelihood, the prior included, and its gradient; `TOO_FAR` and 0 if they do not exist.
@@ -168,30 +146,25 @@ class FreeResponse:
         is 0, so that the gradient is that of the random part with the residuals' products as data, less
         2 Re (dmean)^H S^-1 (Y - mean).
         """
-        full = self.complete(parameters)
         nothing = TOO_FAR, np.zeros_like(parameters)
         with np.errstate(all="ignore"):
             try:
-                values = self.modal.unpacked(full)
-                if not np.all(values.damping_ratio < 1):
-                    return nothing
-                fit = self._fitted(full, values)
+                fit = self.fitted(parameters)
             except np.linalg.LinAlgError:
                 return nothing
-            value, gradient = self._of_random_part(full, fit)
-            rows, slopes = self._slopes(values, fit)
+            value, gradient = self._of_random_part(parameters, fit)
+            rows, slopes = self._slopes(fit)
             gradient[rows] -= 2 * np.einsum("lip,li->p", slopes.conj(), fit.whitened).real
-        is_finite = value < TOO_FAR and np.all(np.isfinite(gradient))
-        return (value, gradient[self.is_free]) if is_finite else nothing
+        return (value, gradient) if value < TOO_FAR and np.all(np.isfinite(gradient)) else nothing
 
-    def _of_random_part(self, full: Real, fit: "_Fit") -> tuple[float, Real]:
+    def _of_random_part(self, parameters: Real, fit: "Fit") -> tuple[float, Real]:
         """Return the objective and its gradient by the parameters of the random part; noise alone has a short form."""
         if self.has_forces:
             products = fit.residuals[:, :, None] * fit.residuals[:, None, :].conj()
-            return replace(self.modal, spectra=replace(self.modal.spectra, matrices=products)).objective(full)
+            return replace(self.modal, spectra=replace(self.modal.spectra, matrices=products)).objective(parameters)
         excess = 1 - np.abs(fit.whitened) ** 2
-        deviation = (full - self.modal.start) / self.modal.prior_std
-        gradient = deviation / self.modal.prior_std
+        deviation = (parameters - self.modal.start) / self.prior_std
+        gradient = deviation / self.prior_std
         gradient[self.modal.rows["noise"]] += np.sum(excess, axis=0)
         gradient[self.modal.rows["noise_exponents"]] += np.sum(self._logarithms * excess, axis=0)
         value = float(-2 * np.sum(np.log(fit.whitening)) + np.sum(1 - excess) + deviation @ deviation / 2)
@@ -199,55 +172,47 @@ class FreeResponse:
 
     def information(self, parameters: Real) -> Real:
         """Return the Fisher information without the prior, for unknown amplitudes."""
-        full = self.complete(parameters)
-        values = self.modal.unpacked(full)
-        fit = self._fitted(full, values)
-        total = np.zeros((full.size, full.size))
+        fit, size = self.fitted(parameters), parameters.size
+        total = np.zeros((size, size))
         if self.has_forces:
-            of_random = self.modal.whitened_derivatives(full).reshape(-1, full.size)
+            of_random = self.modal.whitened_derivatives(parameters).reshape(-1, size)
             total += of_random.T @ of_random
         else:
             powers = np.stack([np.ones_like(self._logarithms), self._logarithms], axis=-1)
             for own in zip(self.modal.rows["noise"], self.modal.rows["noise_exponents"], strict=True):
                 total[np.ix_(own, own)] = np.sum(powers[:, 0, :, None] * powers[:, 0, None, :], axis=0)
-        rows, slopes = self._slopes(values, fit)
-        columns = self._columns(values, fit.whitening)
+        rows, slopes = self._slopes(fit)
+        columns = self._columns(fit.values, fit.whitening)
         for number in range(self.data.n_records):
             own = self.data.records == number
             basis = np.linalg.qr(_stacked(columns[own]))[0]
             slope = _stacked(slopes[own])
             slope -= basis @ (basis.T @ slope)
             total[np.ix_(rows, rows)] += 2 * slope.T @ slope
-        return total[np.ix_(self.is_free, self.is_free)]
-
-    def amplitudes(self, parameters: Real) -> Complex:
-        """Return the amplitudes a of every record and mode, shape (records, modes)."""
-        full = self.complete(parameters)
-        return self._fitted(full, self.modal.unpacked(full)).amplitudes
+        return total
 
     def with_noise(self, parameters: Real) -> "FreeResponse":
         """Return the model that starts at parameters, with the noise that they leave, white in each channel."""
-        values, residuals = self.values(parameters), self.residuals(parameters)
-        noise = np.mean(np.abs(residuals) ** 2, axis=0)
+        fit = self.fitted(parameters)
+        noise = np.mean(np.abs(fit.residuals) ** 2, axis=0)
         least = _LEAST_NOISE * np.mean(np.abs(self.data.values) ** 2, axis=0)
         white = np.zeros(noise.size)
-        return replace(self, begin=replace(values, noise=np.maximum(noise, least), noise_exponents=white))
+        return replace(self, begin=replace(fit.values, noise=np.maximum(noise, least), noise_exponents=white))
 
-    def residuals(self, parameters: Real) -> Complex:
-        """Return the lines Y - mean that the modes leave, shape (lines, channels)."""
-        full = self.complete(parameters)
-        return self._fitted(full, self.modal.unpacked(full)).residuals
+    def fitted(self, parameters: Real) -> "Fit":
+        """Return the amplitudes by generalised least squares, and what they leave.
 
-    def whitened_residuals(self, parameters: Real) -> Complex:
-        """Return L^-1 (Y - mean), of mean square 1 where the model holds, shape (lines, channels)."""
-        full = self.complete(parameters)
-        return self._fitted(full, self.modal.unpacked(full)).whitened
-
-    def _fitted(self, full: Real, values: ModalParameters) -> "_Fit":
-        """Return the amplitudes by generalised least squares, and what they leave."""
+        Raises
+        ------
+        LinAlgError
+            If a mode does not swing or decay, or the spectral matrix is not positive definite.
+        """
+        values = self.modal.unpacked(parameters)
+        if not np.all(values.damping_ratio < 1):
+            raise np.linalg.LinAlgError("the modes do not swing")
         whitening: Complex | Real
         if self.has_forces:
-            whitening = np.asarray(np.linalg.inv(np.linalg.cholesky(self.modal.matrix(full))))
+            whitening = np.asarray(np.linalg.inv(np.linalg.cholesky(self.modal.matrix(parameters))))
         else:
             whitening = (values.noise * np.exp(self._logarithms * values.noise_exponents)) ** -0.5
         columns = self._columns(values, whitening)
@@ -264,7 +229,8 @@ class FreeResponse:
         each = amplitudes[self.data.records]
         mean = (forward * each) @ values.mode_shapes + (backward * each.conj()) @ values.mode_shapes.conj()
         residuals = self.data.values - mean
-        return _Fit(whitening, residuals, _whitened(whitening, residuals[:, :, None])[:, :, 0], amplitudes)
+        whitened = _whitened(whitening, residuals[:, :, None])[:, :, 0]
+        return Fit(values, whitening, residuals, whitened, amplitudes)
 
     @cached_property
     def _logarithms(self) -> Real:
@@ -289,7 +255,7 @@ class FreeResponse:
         behind = values.mode_shapes.T.conj() * backward[:, None, :]
         return _whitened(whitening, np.concatenate([ahead + behind, 1j * (ahead - behind)], axis=2))
 
-    def _slopes(self, values: ModalParameters, fit: "_Fit") -> tuple[Indices, Complex]:
+    def _slopes(self, fit: "Fit") -> tuple[Indices, Complex]:
         """Return parameters on which the mean depends, and its whitened derivatives, (lines, channels, parameters).
 
         Notes
@@ -297,7 +263,7 @@ class FreeResponse:
         dB/dpole = B^2 z e^(-iw) / rate; a factor of the frequency moves a pole by itself, one of the damping ratio xi
         by 2 pi f (-xi - i xi^2 / sqrt(1 - xi^2)).
         """
-        rate, each = self.data.sampling_rate, fit.amplitudes[self.data.records]
+        values, rate, each = fit.values, self.data.sampling_rate, fit.amplitudes[self.data.records]
         forward, backward = self._kernels(values)
         poles = poles_of(values)
         z, gains = np.exp(poles / rate), self.data.gains[:, None]
@@ -320,9 +286,23 @@ class FreeResponse:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Fit:
-    """Factors L^-1 of S^-1, a diagonal as (lines, channels); residuals, as they are and whitened; amplitudes."""
+class Fit:
+    """A `FreeResponse` at some parameters.
 
+    Parameters
+    ----------
+    values
+        What the parameters state.
+    whitening
+        Factors L^-1 of S^-1, shape (lines, channels, channels), or their diagonals, shape (lines, channels).
+    residuals, whitened
+        Lines Y - mean that the modes leave, and L^-1 times them, of mean square 1 where the model holds; shape (lines,
+        channels).
+    amplitudes
+        Amplitudes a of every record and mode, shape (records, modes).
+    """
+
+    values: ModalParameters
     whitening: Complex | Real
     residuals: Complex
     whitened: Complex

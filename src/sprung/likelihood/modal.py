@@ -1,8 +1,9 @@
 """Whittle likelihood of modes with free shapes, spectra of their forces and noise."""
 
-from dataclasses import dataclass
-from functools import cached_property
-from itertools import pairwise
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -71,6 +72,15 @@ class ModalParameters:
     noise_exponents: Real
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _Block:
+    """Parameters of one field of `ModalParameters`: the field as a vector and back, and the prior around the start."""
+
+    pack: Callable[[Any], Real] = np.copy
+    unpack: Callable[[Real], Any] = np.copy
+    prior_std: Real | float = np.inf
+
+
 @dataclass(frozen=True, eq=False)
 class ModalModel:
     """Modes with free complex shapes and force spectra, coloured noise of every channel, and the data.
@@ -87,6 +97,8 @@ class ModalModel:
         Number of modes, the last ones, whose poles and shapes have priors around their start: neighbours of the band.
     sampling_rate
         Rate at which the motion was sampled, or simulated with held forces [Hz].
+    has_forces
+        Whether the spectra of the forces are parameters; if not, they are those of `begin`.
 
     Notes
     -----
@@ -116,6 +128,7 @@ class ModalModel:
     quantity_exponent: float
     n_held: int = 0
     sampling_rate: float = np.inf
+    has_forces: bool = True
 
     @property
     def n_modes(self) -> int:
@@ -137,45 +150,57 @@ class ModalModel:
         """Whether an entry of the shapes is a parameter, as all but the largest of each are; (modes, channels)."""
         return np.arange(self.n_channels) != np.argmax(np.abs(self.begin.mode_shapes), axis=1)[:, None]
 
-    def _blocks(self, values: ModalParameters) -> dict[str, Real]:
-        """Return the parameters of each field in their order."""
-        return {
-            "natural_frequency": np.log(values.natural_frequency),
-            "damping_ratio": np.log(values.damping_ratio),
-            "common_exponent": values.common_exponent,
-            "force_exponents": values.force_exponents,
-            "mode_shapes": values.mode_shapes[self.is_free].view(np.float64),
-            "forces": real_coordinates(values.forces / np.outer(self.scale, self.scale)),
-            "noise": np.log(values.noise),
-            "noise_exponents": values.noise_exponents,
+    @cached_property
+    def _blocks(self) -> dict[str, _Block]:
+        """Blocks of parameters in their order, by the field of `ModalParameters`."""
+        begin, scales = self.begin, np.outer(self.scale, self.scale)
+        is_held = np.arange(self.n_modes) >= self.n_modes - self.n_held
+        upper = np.triu_indices(self.n_modes, 1)
+        hold = _PRIORS.exponent_of_hold * (begin.natural_frequency / self.sampling_rate) ** 2
+
+        def held(std: Real | float) -> Real:
+            return np.where(is_held, std, np.inf)
+
+        def shapes(entries: Real) -> Complex:
+            whole = np.ones(self.is_free.shape, dtype=np.complex128)
+            whole[self.is_free] = entries.view(np.complex128)
+            return whole
+
+        logarithm = partial(_Block, np.log, np.exp)
+        blocks = {
+            "natural_frequency": logarithm(held(_PRIORS.held_frequency * begin.damping_ratio)),
+            "damping_ratio": logarithm(held(_PRIORS.held_damping)),
+            "common_exponent": _Block(prior_std=_PRIORS.common_exponent),
+            "force_exponents": _Block(prior_std=_PRIORS.force_exponents + hold),
+            "mode_shapes": _Block(
+                lambda whole: whole[self.is_free].view(np.float64),
+                shapes,
+                np.repeat(held(_PRIORS.held_shape), 2 * (self.n_channels - 1)),
+            ),
+            "forces": _Block(
+                lambda forces: real_coordinates(forces / scales),
+                lambda coordinates: _hermitian(coordinates, self.n_modes, upper) * scales,
+            ),
+            "noise": logarithm(_PRIORS.noise),
+            "noise_exponents": _Block(prior_std=_PRIORS.noise_exponents),
         }
+        forced = () if self.has_forces else ("common_exponent", "force_exponents", "forces")
+        return {name: block for name, block in blocks.items() if name not in forced}
 
     @cached_property
     def rows(self) -> dict[str, Indices]:
         """Numbers of the parameters of each field of `ModalParameters`."""
-        blocks = self._blocks(self.begin)
-        edges = np.cumsum([0, *(block.size for block in blocks.values())])
-        return {name: np.arange(*ends) for name, ends in zip(blocks, pairwise(edges), strict=True)}
+        sizes = [block.pack(getattr(self.begin, name)).size for name, block in self._blocks.items()]
+        return dict(zip(self._blocks, np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1]), strict=True))
 
     def packed(self, values: ModalParameters) -> Real:
         """Return the vector of parameters."""
-        return np.concatenate(list(self._blocks(values).values()))
+        return np.concatenate([block.pack(getattr(values, name)) for name, block in self._blocks.items()])
 
     def unpacked(self, parameters: Real) -> ModalParameters:
         """Return what the vector of parameters states."""
-        blocks = {name: parameters[rows] for name, rows in self.rows.items()}
-        shapes = np.ones((self.n_modes, self.n_channels), dtype=np.complex128)
-        shapes[self.is_free] = blocks["mode_shapes"].view(np.complex128)
-        return ModalParameters(
-            natural_frequency=np.exp(blocks["natural_frequency"]),
-            damping_ratio=np.exp(blocks["damping_ratio"]),
-            common_exponent=blocks["common_exponent"],
-            force_exponents=blocks["force_exponents"],
-            mode_shapes=shapes,
-            forces=_hermitian(blocks["forces"], self.n_modes) * np.outer(self.scale, self.scale),
-            noise=np.exp(blocks["noise"]),
-            noise_exponents=blocks["noise_exponents"],
-        )
+        fields = {name: block.unpack(parameters[self.rows[name]]) for name, block in self._blocks.items()}
+        return replace(self.begin, **fields)
 
     @cached_property
     def start(self) -> Real:
@@ -185,17 +210,8 @@ class ModalModel:
     @cached_property
     def prior_std(self) -> Real:
         """Standard deviation of the prior of each parameter, infinite for a free one."""
-        stds, rows, begin = np.full(self.start.size, np.inf), self.rows, self.begin
-        hold = _PRIORS.exponent_of_hold * (begin.natural_frequency / self.sampling_rate) ** 2
-        stds[rows["common_exponent"]] = _PRIORS.common_exponent
-        stds[rows["force_exponents"]] = _PRIORS.force_exponents + hold
-        stds[rows["noise"]] = _PRIORS.noise
-        stds[rows["noise_exponents"]] = _PRIORS.noise_exponents
-        held = slice(self.n_modes - self.n_held, None)
-        stds[rows["natural_frequency"][held]] = _PRIORS.held_frequency * begin.damping_ratio[held]
-        stds[rows["damping_ratio"][held]] = _PRIORS.held_damping
-        stds[rows["mode_shapes"].reshape(self.n_modes, -1)[held]] = _PRIORS.held_shape
-        return stds
+        blocks = self._blocks.items()
+        return np.concatenate([np.broadcast_to(block.prior_std, self.rows[name].shape) for name, block in blocks])
 
     def shape_covariance(self, k: int, covariance: Real) -> Real:
         """Return the covariance of one shape's real and imaginary parts in turn, from that of the parameters.
@@ -254,7 +270,8 @@ class ModalModel:
         Notes
         -----
         sum n [ln det S + tr(S^-1 S^)] over bins, n their counts and S^ the data, + sum deviation^2 / (2 prior_std^2).
-        With W = n (S^-1 - S^-1 S^ S^-1), d objective = sum tr(W dS) = 2 Re sum v^H W u (`_factors`).
+        With W = n (S^-1 - S^-1 S^ S^-1), d objective = sum tr(W dS), and with M = Phi H: dS = dM P M^H + M P dM^H for
+        responses and shapes, M dP M^H for the forces.
         """
         with np.errstate(all="ignore"):
             state, counts = self._state(parameters), self.spectra.counts
@@ -266,30 +283,50 @@ class ModalModel:
             ratio = inverse @ self.spectra.matrices
             value = float(np.sum(counts * (logdet + np.einsum("bii->b", ratio).real)))
             W = counts[:, None, None] * (inverse - ratio @ inverse)
-            left, right = self._factors(state)
-            products = self._with_common_exponent(2 * np.einsum("bip,bip->p", right.conj(), W @ left).real)
+            weighted = self._nodes[1][:, None, None, None] * (W @ state.moved)
+            pulled = (weighted @ state.values.forces).conj()
+            of_responses = 2 * np.einsum("nbck,nbck->nbk", pulled, state.moved)
+            by_frequency, by_damping, by_exponent = (
+                np.einsum("nbk,nbk->k", of_responses, slope).real for slope in self._slopes(state)
+            )
+            of_noise = np.einsum("bii->bi", W).real * state.noise
+            of_forces = np.einsum("nbck,nbcl->kl", state.moved.conj(), weighted)
+            gradients = {
+                "natural_frequency": by_frequency,
+                "damping_ratio": by_damping,
+                "common_exponent": by_exponent.sum(keepdims=True),
+                "force_exponents": by_exponent,
+                "mode_shapes": 2 * np.einsum("nbck,nbk->kc", pulled, state.responses).conj()[self.is_free].view(float),
+                "forces": real_coordinates(of_forces * np.outer(self.scale, self.scale)),
+                "noise": of_noise.sum(axis=0),
+                "noise_exponents": np.sum(self._logarithms * of_noise, axis=0),
+            }
             deviation = (parameters - self.start) / self.prior_std
-            value, gradient = value + float(deviation @ deviation) / 2, products + deviation / self.prior_std
+            value += float(deviation @ deviation) / 2
+            gradient = np.concatenate([gradients[name] for name in self._blocks]) + deviation / self.prior_std
         is_finite = np.isfinite(value) and np.all(np.isfinite(gradient))
         return (value, gradient) if is_finite else (TOO_FAR, np.zeros_like(parameters))
+
+    def _slopes(self, state: "_State") -> tuple[Complex, Complex, Real]:
+        """Return the derivatives of ln h by ln f, ln xi and the exponents, shape (nodes, bins, modes).
+
+        With the denominator d = 1 - x^2 + 2 i xi x and g = 2 i xi x / d: g - 2 x^2 / d - power, -g and ln x.
+        """
+        values, x = state.values, state.x
+        denominator = 1 - x**2 + 2j * values.damping_ratio * x
+        damping = 2j * values.damping_ratio * x / denominator
+        power = self.quantity_exponent + values.common_exponent + values.force_exponents
+        return damping - 2 * x**2 / denominator - power, -damping, np.log(x)
 
     def _factors(self, state: "_State") -> tuple[Complex, Complex]:
         """Return u and v of dS/dp = u v^H + v u^H, shapes (channels, parameters) and (bins, channels, parameters).
 
-        Notes
-        -----
-        For all parameters but the common exponent, whose derivative is the sum of those by all others. Those of the
-        responses by ln f, ln xi and the exponents are g - 2 x^2 / d - power, -g and ln x times the responses, with the
-        denominator d = 1 - x^2 + 2 i xi x and g = 2 i xi x / d.
+        For all parameters but the common exponent, whose derivative is the sum of those by all others.
         """
-        values, x, responses = state.values, state.x, state.responses
+        values, responses = state.values, state.responses
         weights, unit = self._nodes[1], np.eye(self.n_channels, dtype=np.complex128)
-        denominator = 1 - x**2 + 2j * values.damping_ratio * x
-        damping = 2j * values.damping_ratio * x / denominator
-        power = self.quantity_exponent + values.common_exponent + values.force_exponents
         pulled = weights[:, None, None, None] * (state.moved @ values.forces) * responses.conj()[:, :, None]
-        slopes = (damping - 2 * x**2 / denominator - power, -damping, np.log(x))
-        by_slope = [np.sum(pulled * slope.conj()[:, :, None], axis=0) for slope in slopes]
+        by_slope = [np.sum(pulled * slope.conj()[:, :, None], axis=0) for slope in self._slopes(state)]
         of_mode, of_channel = np.nonzero(self.is_free)
         first, second = np.triu_indices(self.n_modes, 1)
         powers = np.tensordot(weights, np.abs(responses) ** 2, axes=1)[:, None] / 2
@@ -378,11 +415,10 @@ def _real_products(left: Complex, right: Complex) -> Real:
     return products
 
 
-def _hermitian(coordinates: Real, size: int) -> Complex:
+def _hermitian(coordinates: Real, size: int, upper: tuple[Indices, Indices]) -> Complex:
     """Return the Hermitian matrix of real coordinates, the inverse of `real_coordinates`."""
-    n_upper = size * (size - 1) // 2
+    n_upper = len(upper[0])
     matrix = np.diag(coordinates[:size]).astype(np.complex128)
-    upper = np.triu_indices(size, 1)
     entries = (coordinates[size : size + n_upper] + 1j * coordinates[size + n_upper :]) / np.sqrt(2)
     matrix[upper] = entries
     matrix[upper[::-1]] = entries.conj()

@@ -1,6 +1,6 @@
 """Search for the parameters at which the likelihood is largest."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from typing import Protocol
@@ -97,7 +97,7 @@ def minimised(model: Likelihood, start: Real) -> Real:
     return [start, *descent(model, start)][-1]
 
 
-def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
+def scored(model: Likelihood, start: Real, *, is_vain: Callable[[Real], bool] | None = None) -> tuple[Real, bool]:
     """Return the parameters of largest likelihood by Fisher scoring, and whether the search converged.
 
     Parameters
@@ -106,6 +106,9 @@ def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
         Model with its data, whose information is cheap.
     start
         Parameters at which the search starts, near the largest likelihood, shape (parameters,).
+    is_vain
+        Function that says whether parameters at which scoring ended are so far from the data that no further search
+        is wanted; None: all are searched from.
 
     Raises
     ------
@@ -132,6 +135,8 @@ def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
         if length < SCORING.shortest:
             break
         parameters, value, slope = parameters + length * step, new_value, new_slope
+    if is_vain is not None and is_vain(parameters):
+        return parameters, False
     parameters = [parameters, *islice(descent(model, parameters), SCORING.max_after)][-1]
     value, slope = model.objective(parameters)
     step, squared = _score_step(model, parameters, slope)
