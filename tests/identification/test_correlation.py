@@ -1,17 +1,22 @@
-"""Correlations of segments against direct sums, closed forms and invariances."""
+"""Correlations of segments against direct sums, their averages and blocks, and deviations of means."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sprung.errors import DataError
+from sprung.errors import DataError, ParameterError
 from sprung.identification.correlation import (
+    MAX_BLOCKS,
+    SegmentCorrelations,
     average,
     correlate_segments,
+    deviation_of_mean,
     join_segments,
+    with_limited_power,
 )
 from sprung.recording import Channel, Gap, Recording
 
@@ -46,9 +51,6 @@ def direct_sums(samples, rows, *, first, last, end, n_lags):
 def assert_same(found, wanted, *, rtol=1e-12):
     """Equal relative to the largest value."""
     np.testing.assert_allclose(found, wanted, rtol=0, atol=rtol * np.abs(wanted).max())
-
-
-# Against direct sums
 
 
 @pytest.mark.parametrize("is_continued", [False, True])
@@ -112,14 +114,6 @@ def test_long_segments_are_summed_in_blocks_without_loss(n_samples, n_lags) -> N
     np.testing.assert_array_equal(found.n_products[0], counts)
 
 
-def test_a_segment_of_a_stretch_too_short_for_it_is_the_whole_stretch() -> None:
-    found = correlate_segments(recorded(noise(1, 100), gaps=(60,)), n_lags=10, segment=1.0)
-    np.testing.assert_array_equal(found.n_products[:, 0], [60, 40])
-
-
-# Closed forms
-
-
 @pytest.mark.parametrize("is_biased", [False, True])
 def test_correlation_of_a_cosine_has_its_closed_form(is_biased) -> None:
     """2 sum_n cos(w n) cos(w (n + m)) = (N - m) cos(w m) + cos(w (N - 1)) sin((N - m) w) / sin(w)."""
@@ -128,51 +122,6 @@ def test_correlation_of_a_cosine_has_its_closed_form(is_biased) -> None:
     expected = doubled / 2 / (n if is_biased else n - m)
     segments = correlate_segments(recorded(np.cos(w * np.arange(n))), n_lags=30)
     np.testing.assert_allclose(average(segments, is_biased=is_biased).values[0, 0], expected, atol=1e-14)
-
-
-def test_the_biased_form_falls_off_linearly_with_the_lag() -> None:
-    """A constant: the unbiased correlation is 1 at every lag, the biased one (N - m) / N."""
-    segments = correlate_segments(recorded(np.ones(200)), n_lags=40, segment=1.0)
-    np.testing.assert_allclose(average(segments).values[0, 0], 1, atol=1e-13)
-    np.testing.assert_allclose(average(segments, is_biased=True).values[0, 0], 1 - np.arange(40) / 50, atol=1e-13)
-
-
-def test_the_output_comes_later_than_the_reference() -> None:
-    """b repeats a three samples later: Lambda of b with reference a peaks at lag 3, of a with reference b nowhere."""
-    a = np.random.default_rng(1).normal(size=20_000)
-    found = average(correlate_segments(recorded([a, np.roll(a, 3)]), n_lags=8)).values
-    np.testing.assert_allclose(found[1, 0], np.eye(8)[3], atol=0.04)
-    np.testing.assert_allclose(found[0, 1], 0, atol=0.04)
-
-
-def test_two_impulses_meet_at_their_distance_only() -> None:
-    samples = np.zeros((2, 50))
-    samples[0, 10], samples[1, 14] = 2.0, 3.0
-    sums = correlate_segments(recorded(samples), n_lags=20).sums[0]
-    expected = np.zeros((2, 2, 20))
-    expected[0, 0, 0], expected[1, 1, 0], expected[1, 0, 4] = 4, 9, 6
-    np.testing.assert_allclose(sums, expected, atol=1e-13)
-
-
-def test_nothing_wraps_around() -> None:
-    samples = np.zeros(64)
-    samples[[0, 63]] = 1.0
-    sums = correlate_segments(recorded(samples), n_lags=64).sums[0, 0, 0]
-    np.testing.assert_allclose(sums, 2 * np.eye(64)[0] + np.eye(64)[63], atol=1e-14)
-
-
-# Invariances
-
-
-def test_a_gap_separates_like_two_records() -> None:
-    samples = noise(2, 300)
-    whole = correlate_segments(recorded(samples, gaps=(130,)), n_lags=10, segment=1.0, is_continued=True)
-    parts = [
-        correlate_segments(recorded(part), n_lags=10, segment=1.0, is_continued=True)
-        for part in (samples[:, :130], samples[:, 130:])
-    ]
-    assert_same(whole.sums, join_segments(parts).sums)
-    np.testing.assert_array_equal(whole.n_products, join_segments(parts).n_products)
 
 
 def test_joined_records_add() -> None:
@@ -193,25 +142,176 @@ def test_the_order_of_segments_does_not_matter(order, is_biased) -> None:
     assert_same(average(shuffled, is_biased=is_biased).values, average(segments, is_biased=is_biased).values)
 
 
-@settings(max_examples=25, deadline=None)
-@given(
-    factors=st.lists(st.floats(1e-6, 1e6), min_size=3, max_size=3),
-    order=st.permutations(range(3)),
-    is_continued=st.booleans(),
+@pytest.mark.parametrize("n_segments", [1, 2, 63, 64, 65, 128, 129, 200])
+def test_blocks_are_runs_of_consecutive_segments_and_average_to_the_values(n_segments) -> None:
+    segments = correlate_segments(recorded(noise(2, 20 * n_segments)), n_lags=5, segment=0.4)
+    found = average(segments)
+    assert found.n_segments == segments.n_segments == n_segments
+    assert len(found.blocks) == len(found.weights) <= MAX_BLOCKS
+    assert found.weights.sum() == pytest.approx(1)
+    assert_same(np.tensordot(found.weights, found.blocks, 1), found.values)
+    n_first = round(found.weights[0] * n_segments)
+    assert_same(found.blocks[0], average(segments.take(range(n_first))).values)
+
+
+def test_values_of_segments_of_unequal_length_are_the_sums_over_the_products() -> None:
+    segments = correlate_segments(recorded(noise(1, 250), gaps=(50, 81)), n_lags=20)
+    values = average(segments).values[0, 0]
+    np.testing.assert_allclose(values, segments.sums.sum(axis=0)[0, 0] / segments.n_products.sum(axis=0))
+    biased = average(segments, is_biased=True).values[0, 0]
+    np.testing.assert_allclose(biased, segments.sums.sum(axis=0)[0, 0] / 250)
+
+
+def test_spread_of_the_blocks_is_the_uncertainty_of_the_average() -> None:
+    """White noise of variance 1: the standard deviation of a correlation of N products is 1 / sqrt(N) at lags > 0."""
+    found = average(
+        correlate_segments(recorded(np.random.default_rng(2).normal(size=(2, 64_000))), n_lags=40, segment=20)
+    )
+    n_blocks = len(found.blocks)
+    variance = np.sum(found.weights[:, None, None, None] ** 2 * (found.blocks - found.values) ** 2, axis=0)
+    deviation = np.sqrt(np.mean(variance[..., 1:]) * n_blocks / (n_blocks - 1))
+    assert deviation == pytest.approx(1 / np.sqrt(64_000), rel=0.03)
+
+
+def loud_and_ordinary(power):
+    """Ten equal segments of 20 samples, the fourth of them louder."""
+    factors = np.ones(10)
+    factors[3] = np.sqrt(power)
+    return correlate_segments(recorded(np.tile(noise(2, 20), 10) * np.repeat(factors, 20)), n_lags=5, segment=0.4)
+
+
+@pytest.mark.parametrize("power", [0.0, 1.0, 4.0])
+def test_segments_up_to_four_times_the_median_power_stay_as_they_are(power) -> None:
+    segments = loud_and_ordinary(power)
+    limited = with_limited_power(segments)
+    np.testing.assert_array_equal(limited.sums, segments.sums)
+    np.testing.assert_array_equal(limited.n_products, segments.n_products)
+
+
+def test_loudness_is_not_measured_against_silence() -> None:
+    """Six silent segments, three ordinary ones and one hundred times louder: limited against the ordinary ones."""
+    segments = loud_and_ordinary(100.0)
+    heard = np.arange(10) < 4
+    silenced = replace(segments, sums=segments.sums * heard[:, None, None, None])
+    limited = with_limited_power(silenced)
+    np.testing.assert_allclose(limited.n_products[:, 0] / 20, np.where(np.arange(10) == 3, 0.04, 1.0))
+    silence = replace(segments, sums=np.zeros_like(segments.sums))
+    np.testing.assert_array_equal(with_limited_power(silence).n_products, silence.n_products)
+
+
+@pytest.mark.parametrize("power", [100.0, 1e8])
+def test_a_loud_segment_counts_like_four_ordinary_ones_and_keeps_its_own_correlation(power) -> None:
+    """Average of nine segments of power 1 and one of power P with weight 4/P: (9 + 4) / (9 + 4/P)."""
+    ordinary = average(loud_and_ordinary(1.0)).values
+    found = average(with_limited_power(loud_and_ordinary(power)))
+    assert_same(found.values, ordinary * 13 / (9 + 4 / power))
+    assert_same(found.blocks[3], power * ordinary)
+    assert found.weights[3] == pytest.approx(4 / power / (9 + 4 / power))
+    assert_same(np.tensordot(found.weights, found.blocks, 1), found.values)
+
+
+def test_select_takes_outputs_and_references_by_name() -> None:
+    segments = correlate_segments(recorded(noise(3, 300)), n_lags=5, segment=1.0)
+    chosen = average(segments).select(["c", "a"], ["b"])
+    assert_same(chosen.values, average(segments).values[[2, 0]][:, [1]])
+    assert_same(chosen.blocks, average(segments).blocks[:, [2, 0]][:, :, [1]])
+    assert (chosen.channels, chosen.references) == (("c", "a"), ("b",))
+    assert chosen.is_cross.all()
+
+
+@pytest.mark.parametrize(
+    ("n_samples", "options", "error", "sentence"),
+    [
+        (19, {"n_lags": 20}, DataError, "no stretch of the recording is as long as 20 lags .0.4 s.: record longer"),
+        (50, {"n_lags": 1}, ParameterError, "n_lags=1 must be at least 2"),
+        (50, {"n_lags": 5, "references": ["a", "z"]}, ParameterError, "there is no channel 'z': the recording has a"),
+        (0, {"n_lags": 2}, DataError, "no stretch of the recording is as long as 2 lags"),
+    ],
 )
-def test_scaled_and_permuted_channels_scale_and_permute_the_correlations(factors, order, is_continued) -> None:
-    recording = recorded(noise(3, 400))
-    changed = recording.changed("scaled", samples=recording.samples * np.array(factors)[:, None])
-    changed = changed.select([recording.names[k] for k in order])
-    cut = {"n_lags": 9, "segment": 1.0, "is_continued": is_continued}
-    before = average(correlate_segments(recording, **cut)).values
-    after = average(correlate_segments(changed, **cut)).values
-    scale = np.outer(factors, factors)[np.ix_(order, order)][:, :, None]
-    assert_same(after / scale, before[np.ix_(order, order)], rtol=1e-10)
+def test_what_cannot_be_correlated_is_refused(n_samples, options, error, sentence) -> None:
+    with pytest.raises(error, match=f"^{sentence}"):
+        correlate_segments(recorded(noise(1, n_samples)), **options)
 
 
-def test_correlations_of_references_are_columns_of_all() -> None:
-    recording = recorded(noise(3, 200))
-    every = correlate_segments(recording, n_lags=7)
-    some = correlate_segments(recording, n_lags=7, references=["c", "a"])
-    assert_same(some.sums, every.sums[:, :, [2, 0]])
+def test_records_of_different_channels_lags_or_rates_do_not_join() -> None:
+    first = correlate_segments(recorded(noise(2, 50)), n_lags=5)
+    for other in (
+        correlate_segments(recorded(noise(1, 50)), n_lags=5),
+        correlate_segments(recorded(noise(2, 50)), n_lags=6),
+        correlate_segments(recorded(noise(2, 50)), n_lags=5, references=["a"]),
+    ):
+        with pytest.raises(ParameterError, match="records of one condition must have the same channels, references"):
+            join_segments([first, other])
+    faster = correlate_segments(recorded(noise(2, 50), sampling_rate=60.0), n_lags=5)
+    with pytest.raises(ParameterError) as refusal:
+        join_segments([first, faster])
+    assert str(refusal.value) == (
+        "sampling rates 50 Hz and 60 Hz differ: bring the records to one rate first (--decimate-to)"
+    )
+
+
+def test_lags_without_any_product_are_refused() -> None:
+    empty = SegmentCorrelations(np.zeros((1, 1, 1, 3)), np.array([[2.0, 1.0, 0.0]]), RATE, ("a",), ("a",))
+    with pytest.raises(DataError, match="the segments are shorter than the lags: use longer segments"):
+        average(empty)
+
+
+N_BLOCKS, N_RUNS = 48, 2000
+
+
+def influences_of(values):
+    """Influences of blocks on their mean, of which the squares add up to its variance for independent blocks."""
+    n_blocks = len(values)
+    return (values - values.mean(axis=0)) / n_blocks * np.sqrt(n_blocks / (n_blocks - 1))
+
+
+def score(values, records=None):
+    """Means over their standard deviations; the true mean is 0."""
+    return values.mean(axis=0) / deviation_of_mean(influences_of(values), records)
+
+
+def slow(generator, n_blocks, memory):
+    """Unit variation that forgets over `memory` blocks."""
+    forgetting = np.exp(-1 / memory)
+    values = generator.normal(size=(n_blocks, N_RUNS))
+    for k in range(1, n_blocks):
+        values[k] = forgetting * values[k - 1] + np.sqrt(1 - forgetting**2) * values[k]
+    return values
+
+
+@pytest.mark.parametrize("n_blocks", [8, 24, 48, 64])
+def test_independent_blocks_are_covered(n_blocks) -> None:
+    scores = score(np.random.default_rng(1).normal(size=(n_blocks, N_RUNS)))
+    assert 0.93 < np.mean(np.abs(scores) < 1.96) < 0.975
+    assert 0.85 < np.sqrt(np.mean(scores**2)) < 1.1
+
+
+def test_slow_variation_is_in_the_deviation() -> None:
+    """Blocks alone would give scores of 1.7 and 2.3: most of the variance in excess is in the deviation."""
+    generator = np.random.default_rng(2)
+    chance = generator.normal(size=(N_BLOCKS, N_RUNS))
+    for size, largest in ((0.7, 1.5), (2.0, 1.8)):
+        values = chance + size * slow(generator, N_BLOCKS, 3.0)
+        alone = values.mean(axis=0) / np.sqrt(np.sum(influences_of(values) ** 2, axis=0))
+        assert np.sqrt(np.mean(score(values) ** 2)) < min(largest, 0.85 * np.sqrt(np.mean(alone**2)))
+
+
+@pytest.mark.parametrize("size", [0.0, 0.5, 2.0])
+def test_variation_between_records_is_in_the_deviation(size) -> None:
+    generator = np.random.default_rng(3)
+    records = np.repeat(np.arange(12), 5)
+    values = generator.normal(size=(60, N_RUNS)) + size * generator.normal(size=(12, N_RUNS))[records]
+    assert 0.8 < np.sqrt(np.mean(score(values, records) ** 2)) < 1.2
+
+
+def test_a_drift_over_the_record_widens_the_deviation() -> None:
+    """A ramp: the eight parts differ from each other far more than chance."""
+    values = np.random.default_rng(4).normal(size=(N_BLOCKS, 50)) + np.linspace(-4, 4, N_BLOCKS)[:, None]
+    influences = influences_of(values)
+    ratio = deviation_of_mean(influences) / np.sqrt(np.sum(influences**2, axis=0))
+    assert np.median(ratio) > 2
+
+
+def test_too_few_blocks_give_no_deviation() -> None:
+    assert np.isnan(deviation_of_mean(np.ones((3, 2)))).all()
+    assert np.isfinite(deviation_of_mean(influences_of(np.random.default_rng(6).normal(size=(4, 2))))).all()

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.identification import IdentificationSettings, acs_ssi, as_in_thesis, coss_ssi, cov_ssi
+from sprung.identification import IdentificationSettings, as_in_thesis, cov_ssi
 from sprung.identification.band_fits import RecordSpectra
 from sprung.identification.refinement import refined_by_spectra
 from sprung.likelihood.modal_spectra import LineSums, line_edges
-from sprung.modal import Modes, mac, unit_shapes
-from sprung.recording import Channel, Gap
+from sprung.modal import Modes, unit_shapes
+from sprung.recording import Channel
 from sprung.signals.cepstrum import Exponential, ShortPass
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain
@@ -153,13 +153,6 @@ def test_refined_modes_scatter_less_and_as_stated(runs, vehicle) -> None:
     assert np.exp(np.mean(np.log(ratio))) < 0.9
 
 
-def test_every_method_is_refined_by_all_records(runs) -> None:
-    by_method = [method(runs[:3]) for method in (cov_ssi, acs_ssi, coss_ssi)]
-    frequencies = np.array([identified.modes.natural_frequency for identified in by_method])
-    assert not any(reason for identified in by_method for reason in refinement_of(identified).reasons)
-    assert frequencies == pytest.approx(np.broadcast_to(frequencies[0], frequencies.shape), rel=2e-4)
-
-
 def test_refinement_of_modes_from_elsewhere_says_so(runs) -> None:
     identified = cov_ssi(runs[0])
     refinement = refinement_of(identified)
@@ -171,13 +164,6 @@ def test_refinement_of_modes_from_elsewhere_says_so(runs) -> None:
     assert [sorted(band.modes) for band in turned.bands] == [
         sorted({0: 2, 2: 0}[k] for k in band.modes if k != 1) for band in refinement.bands if set(band.modes) != {1}
     ]
-
-
-def test_gaps_cost_little(runs, vehicle) -> None:
-    run = replace(runs[0], gaps=(Gap(8000, 3.0), Gap(18000, 1.0)))
-    modes, whole = cov_ssi(run).modes, cov_ssi(runs[0]).modes
-    assert np.all(np.abs(modes.natural_frequency - whole.natural_frequency) < whole.natural_frequency_std)
-    assert modes.natural_frequency_std == pytest.approx(whole.natural_frequency_std, rel=0.3)
 
 
 def test_one_channel_is_refined_or_says_why_not(runs) -> None:
@@ -207,13 +193,6 @@ def test_a_line_beside_a_mode_is_left_out(runs, vehicle) -> None:
     for mode, reason in zip(identified.modes.natural_frequency, refinement_of(identified).reasons, strict=True):
         assert np.min(np.abs(mode / exact.natural_frequency - 1)) < 0.02
         assert not reason
-
-
-def test_shapes_agree_with_the_identified_ones(runs) -> None:
-    identified = cov_ssi(runs[2])
-    assert np.diag(mac(identified.modes.mode_shapes, refinement_of(identified).start.mode_shapes)) == pytest.approx(
-        np.ones(3), abs=0.01
-    )
 
 
 @pytest.mark.slow

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.errors import DataError
 from sprung.identification import METHODS, SUBSPACE_METHODS, IdentificationSettings, as_in_thesis, cov_ssi
 from sprung.identification.road_modes import (
     doubts,
@@ -19,7 +18,7 @@ from sprung.identification.road_modes import (
 from sprung.modal import Modes, mac
 from sprung.recording import Channel, Recording
 from sprung.signals.spectrum import SpectralMatrix
-from sprung.simulation import REALISTIC_SUSPENSION, RoadDrive, simulate_drive
+from sprung.simulation import RoadDrive, simulate_drive
 from sprung.vehicles import read_vehicle, structure
 
 CAR = read_vehicle("zafira")
@@ -97,29 +96,12 @@ def test_modes_by_ssi_stay_in_the_subsets_and_lead_to_the_modes_that_replace_the
             assert ours.modes.stable_rate[mode] == 0
 
 
-@pytest.mark.slow
-def test_a_rough_road_and_a_suspension_with_friction() -> None:
-    """Deviations include what is not linear; the note states it."""
-    rough = RoadDrive(duration=100.0, suspension=REALISTIC_SUSPENSION, snr=50.0)
-    found = cov_ssi(simulate_drive(CAR, rough, seed=4).recording, vehicle=CAR)
-    truth = structure(CAR).modes()
-    assert found.modes.labels[:3] == BODY
-    np.testing.assert_allclose(found.modes.natural_frequency[:3], truth.natural_frequency[:3], rtol=0.06)
-    assert np.all(found.modes.damping_ratio_std[:3] > 0.06 * found.modes.damping_ratio[:3])
-
-
 def test_without_the_speed_modes_are_by_ssi_with_a_note(drive) -> None:
     recording = drive.recording.select([name for name in drive.recording.names if name != "speed"])
     found = cov_ssi(recording, vehicle=CAR)
     assert set(found.sources) <= {"ssi"}
     (note,) = [note for note in found.notes if "all modes are by SSI" in note]
     assert note.endswith("no recording has the speed of the vehicle: record it")
-
-
-def test_a_drive_too_short_for_the_fit_has_a_note() -> None:
-    brief = simulate_drive(CAR, RoadDrive(duration=30.0, speed=(15.0, 15.0), snr=50.0), seed=5).recording
-    with pytest.raises(DataError):
-        fit_of_road([brief.part(0, 400)], CAR)
 
 
 def test_only_a_car_with_tyres_and_sensors_has_a_road() -> None:

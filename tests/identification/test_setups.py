@@ -1,4 +1,4 @@
-"""Set-ups of roving sensors: recognised, identified one by one, and merged.
+"""Set-ups of roving sensors: recognised, identified one by one, matched and glued.
 
 The structure is a frame of four rigid floors measured in fifteen set-ups, simulated by modes.
 """
@@ -12,15 +12,18 @@ from scipy.signal import cont2discrete, lfilter, ss2tf
 
 from sprung.errors import DataError, ParameterError
 from sprung.formats import read
-from sprung.identification import IdentificationSettings, coss_ssi, cov_ssi, identify_setups
-from sprung.identification.setups import correlations_of
-from sprung.modal import mac
+from sprung.identification import IdentificationSettings, cov_ssi, identify_setups
+from sprung.identification.roving import common_points, group_by_setup
+from sprung.identification.setups import combine, correlations_of, glue, match_modes
+from sprung.modal import Modes, mac
 from sprung.recording import Channel, Recording
 from sprung.signals.spectrum import spectral_matrix
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import read_description, structure
 
 N_FLOORS, N_MODES, N_SETUPS, DAMPING = 4, 11, 15, 0.012
+
+
 CORNERS = ((6.0, 3.5), (6.0, -3.5), (-6.0, -3.5), (-6.0, 3.5))
 
 
@@ -186,19 +189,6 @@ def test_positions_tell_set_ups_apart() -> None:
 
 
 @pytest.mark.slow
-def test_scales_units_and_order_of_set_ups_do_not_matter() -> None:
-    building, plan, records = setup_records(names="distinct", n_setups=4)
-    modes = cov_ssi(records).modes
-    scaled = [Recording(1e3 * record.samples, record.sampling_rate, record.channels) for record in records]
-    turned = cov_ssi(scaled[::-1]).modes
-    columns = [turned.channels.index(name) for name in modes.channels]
-    assert turned.natural_frequency == pytest.approx(modes.natural_frequency, rel=1e-9)
-    assert turned.mode_shapes[:, columns] == pytest.approx(modes.mode_shapes, abs=1e-6)
-    assert len(building.frequencies) == len(modes)
-    assert len(plan) == 4
-
-
-@pytest.mark.slow
 def test_a_mode_that_one_set_up_lacks_is_fitted_there() -> None:
     building, plan, records = setup_records(names="distinct", n_setups=4, duration=240.0)
     whole = cov_ssi(records)
@@ -230,16 +220,6 @@ def test_correlations_of_spectra_are_those_of_the_samples() -> None:
 
 
 @pytest.mark.slow
-def test_several_records_of_a_set_up_are_averaged() -> None:
-    _, _, records = setup_records(names="distinct", n_setups=2)
-    halves = [[record.part(0, 6000), record.part(6000, 12000)] for record in records]
-    identification = cov_ssi([part for pair in halves for part in pair])
-    assert len(setups_of(identification).parts) == 2
-    one_by_one = identify_setups(cov_ssi, halves)
-    assert one_by_one.modes.natural_frequency == pytest.approx(identification.modes.natural_frequency, rel=1e-12)
-
-
-@pytest.mark.slow
 def test_a_bad_set_up_is_left_out_with_a_note() -> None:
     _, _, records = setup_records(names="distinct", n_setups=3)
     dead = np.array(records[1].samples)
@@ -251,18 +231,6 @@ def test_a_bad_set_up_is_left_out_with_a_note() -> None:
         identify_setups(cov_ssi, [Recording(dead, 100.0, records[1].channels), records[2]])
     with pytest.raises(DataError, match="there is no set-up"):
         identify_setups(cov_ssi, [])
-
-
-@pytest.mark.slow
-def test_set_ups_by_coss() -> None:
-    building, plan, records = setup_records(names="distinct", n_setups=2, duration=300.0)
-    identification = coss_ssi(records)
-    assert identification.method == "coss"
-    assert all(len(part.identification.subsets) > 1 for part in setups_of(identification).parts)
-    found = identification.modes.natural_frequency
-    assert len(found) >= 9
-    assert all(np.abs(building.frequencies / value - 1).min() < 0.01 for value in found)
-    assert len(plan) == 2
 
 
 @pytest.mark.slow
@@ -289,3 +257,185 @@ def test_a_sensor_that_no_setup_has_is_missing() -> None:
     lazily = ([record] for record in [run.select(["acc_1", "acc_2"]), run.select(["acc_1"])])
     with pytest.raises(ParameterError, match="lacks 1 of the vehicle file's 3 sensors: accC: make"):
         identify_setups(cov_ssi, lazily, references=["acc_1"], vehicle=named)
+
+
+def modes(frequencies, shapes, *, std=0.001):
+    """Return modes of 1 % damping."""
+    frequencies = np.asarray(frequencies, dtype=float)
+    return Modes(
+        poles=2 * np.pi * frequencies * (1j * np.sqrt(1 - 1e-4) - 0.01),
+        mode_shapes=np.asarray(shapes, dtype=complex),
+        channels=tuple(str(k) for k in range(len(shapes[0]))),
+        natural_frequency_std=np.full(len(frequencies), std),
+        damping_ratio_std=np.full(len(frequencies), 0.001),
+        stable_rate=np.ones(len(frequencies)),
+        labels=(None,) * len(frequencies),
+    )
+
+
+def random_setups(generator, n_setups=4, n_references=2, n_roving=3, noise=0.0):
+    """Return a complex shape on all points, and its noisy part in each set-up at a random complex scale."""
+    n_points = n_references + n_setups * n_roving
+    shape = generator.standard_normal(n_points) + 0.3j * generator.standard_normal(n_points)
+    shape /= shape[np.argmax(np.abs(shape))]
+    rows = [
+        [*range(n_references), *range(n_references + n_roving * k, n_references + n_roving * (k + 1))]
+        for k in range(n_setups)
+    ]
+    parts = []
+    for own in rows:
+        error = generator.standard_normal((2, len(own))) * noise / np.sqrt(2)
+        scale = 10 ** generator.uniform(-1, 1) * np.exp(2j * np.pi * generator.uniform())
+        parts.append(scale * (shape[own] + error[0] + 1j * error[1]))
+    return shape, rows, parts
+
+
+def test_shapes_without_noise_come_out_exactly() -> None:
+    shape, rows, parts = random_setups(np.random.default_rng(1))
+    glued = glue(parts, rows, n_points=len(shape))
+    assert glued.shape == pytest.approx(shape, abs=1e-9)
+    for scale, own, part in zip(glued.scales, rows, parts, strict=True):
+        assert scale * shape[own] == pytest.approx(part, abs=1e-9)
+    assert glued.variance == pytest.approx(np.zeros(len(shape)), abs=1e-12)
+
+
+def test_a_chain_of_set_ups_is_glued_link_by_link() -> None:
+    shape = np.array([0.2, 0.5, -0.7, 1.0, 0.4j])
+    rows = [[0, 1], [1, 2], [2, 3], [3, 4]]
+    glued = glue([shape[own] * (k + 1j) for k, own in enumerate(rows, start=1)], rows, n_points=5)
+    assert glued.shape == pytest.approx(shape, abs=1e-9)
+    assert np.isnan(glued.variance[[0, 1, 2, 4]]).all()
+
+
+def test_a_point_that_no_set_up_measures_is_unknown() -> None:
+    glued = glue([np.array([1.0, 0.5]), np.array([2.0, 1.2])], [[0, 1], [0, 2]], n_points=4)
+    assert glued.shape[:3] == pytest.approx([1.0, 0.5, 0.6])
+    assert np.isnan(glued.shape[3])
+
+
+def test_the_variance_is_the_scatter_over_simulated_set_ups() -> None:
+    # Parts are scaled to 1 at their largest channel, so that equal variances need parts that are nearly equal there:
+    # all set-ups share the largest point.
+    shape, rows, _ = random_setups(np.random.default_rng(3), n_references=3)
+    shape[0], noise = 1.5, 0.02
+    shape /= shape[0]
+    errors, expected = [], []
+    generator = np.random.default_rng(4)
+    for _ in range(200):
+        parts = [
+            shape[own] + noise * (generator.standard_normal(len(own)) + 1j * generator.standard_normal(len(own)))
+            for own in rows
+        ]
+        glued = glue(parts, rows, n_points=len(shape))
+        errors.append(np.abs(glued.shape - shape) ** 2)
+        expected.append(glued.variance)
+    ratio = np.mean(errors, axis=0)[1:] / np.mean(expected, axis=0)[1:]
+    assert ratio.mean() == pytest.approx(1.0, abs=0.15)
+    assert np.all((ratio > 0.6) & (ratio < 1.5))
+
+
+def test_modes_are_matched_by_frequency_and_shape() -> None:
+    one, two = [1.0, 0.5, 0.2], [0.5, -1.0, 0.3]
+    parts = [
+        modes([2.000, 2.020, 5.0], [one, two, one]),
+        modes([2.006, 2.028], [one, two]),
+        modes([2.015, 4.99], [two, one]),
+    ]
+    members = match_modes(parts, [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
+    assert sorted(map(tuple, members.tolist())) == [(0, 0, -1), (1, 1, 0), (2, -1, 1)]
+
+
+def test_two_modes_of_one_set_up_are_never_the_same() -> None:
+    parts = [modes([2.000, 2.001], [[1.0], [1.0]]), modes([2.0005], [[1.0]])]
+    members = match_modes(parts, [[0], [0]])
+    assert all(np.count_nonzero(row >= 0) <= 2 for row in members)
+    assert sorted(members[:, 0].tolist()) == [0, 1]
+
+
+def test_a_mode_of_fewer_than_half_of_the_set_ups_is_left_out() -> None:
+    shape = [[1.0, 0.5]]
+    parts = [modes([2.0], shape), modes([2.0], shape), modes([2.001, 7.0], [*shape, *shape])]
+    assert match_modes(parts, [[0, 1]] * 3).tolist() == [[0, 0, 0]]
+
+
+def test_estimates_without_excess_scatter_are_weighted_by_variance() -> None:
+    mean, std = combine(np.array([1.0, 1.3]), np.array([1.0, 2.0]))
+    assert mean == pytest.approx((1.0 + 1.3 / 4) / 1.25)
+    assert std == pytest.approx(1.25**-0.5)
+
+
+def test_scatter_between_estimates_is_in_the_deviation() -> None:
+    values = np.array([0.0, 1.0, 2.0, 3.0])
+    mean, std = combine(values, np.full(4, 1e-3))
+    assert mean == pytest.approx(1.5)
+    assert std == pytest.approx(values.std(ddof=1) / 2, rel=1e-3)
+    assert combine(values, np.full(4, np.nan)) == pytest.approx((mean, values.std(ddof=1) / 2))
+
+
+def channels(*names, positions=None):
+    """Return channels of known names, and positions if given."""
+    places = positions or [None] * len(names)
+    return tuple(Channel(name, "acceleration", place) for name, place in zip(names, places, strict=True))
+
+
+def record(*names, positions=None):
+    """Return a record of a few samples."""
+    return Recording(np.zeros((len(names), 4)), 100.0, channels(*names, positions=positions))
+
+
+def test_records_of_the_same_channels_are_one_set_up() -> None:
+    here = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]
+    assert len(group_by_setup([record("a", "b"), record("b", "a")])) == 1
+    assert len(group_by_setup([record("a", "b", positions=here), record("a", "b", positions=here)])) == 1
+    assert len(group_by_setup([record("a", "b", positions=here), record("a", "b")])) == 1
+
+
+def test_records_of_other_names_or_positions_are_set_ups() -> None:
+    here, there = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)], [(0.0, 0.0, 0.0), (2.0, 0.0, 0.0)]
+    first, second = record("a", "b"), record("a", "c")
+    groups = group_by_setup([first, second, first])
+    assert [len(group) for group in groups] == [2, 1]
+    assert len(group_by_setup([record("a", "b", positions=here), record("a", "b", positions=there)])) == 2
+
+
+def test_the_speed_and_the_temperature_make_no_set_up() -> None:
+    first = Recording(np.zeros((2, 4)), 100.0, (Channel("a", "acceleration"), Channel("speed", "speed")))
+    assert len(group_by_setup([first, record("a")])) == 1
+
+
+def test_channels_of_one_name_are_one_point() -> None:
+    points = common_points([channels("a", "b"), channels("a", "c")])
+    assert [channel.name for channel in points.channels] == ["a", "b", "c"]
+    assert points.rows == ((0, 1), (0, 2))
+    assert points.references == ("a",)
+
+
+def test_moved_channels_carry_the_number_of_their_set_up() -> None:
+    here, there = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)], [(0.0, 0.0, 0.0), (2.0, 0.0, 0.0)]
+    points = common_points([channels("a", "b", positions=here), channels("a", "b", positions=there)])
+    assert [channel.name for channel in points.channels] == ["a", "b (1)", "b (2)"]
+    assert [channel.position for channel in points.channels] == [here[0], here[1], there[1]]
+    named = common_points([channels("a", "b"), channels("a", "b")], references=["a"])
+    assert [channel.name for channel in named.channels] == ["a", "b (1)", "b (2)"]
+
+
+def test_a_chain_of_set_ups_has_no_point_in_common() -> None:
+    points = common_points([channels("a", "b"), channels("b", "c"), channels("c", "d")])
+    assert points.references == ("b", "c")
+
+
+@pytest.mark.parametrize(
+    ("layouts", "references", "sentence"),
+    [
+        (["ab", "ac"], ["b"], "reference 'b' is not a channel of set-up 2, which has a, c: name channels that all"),
+        (
+            ["ab", "ab"],
+            None,
+            "the 2 set-ups have the same channels a, b: name those that stayed in place as references",
+        ),
+        (["ab", "cd"], None, "set-up 2 .c, d. shares no channel with the others, .* keep at least one sensor in place"),
+    ],
+)
+def test_set_ups_that_cannot_be_merged(layouts, references, sentence) -> None:
+    with pytest.raises(ParameterError, match=f"^{sentence}"):
+        common_points([channels(*names) for names in layouts], references=references)

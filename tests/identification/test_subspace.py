@@ -1,4 +1,4 @@
-"""Realisations: poles of exact correlations and shapes to 1e-9 in every form."""
+"""Realisations: poles of exact correlations and shapes to 1e-9 in every form, and their deviations."""
 
 from dataclasses import replace
 
@@ -23,6 +23,8 @@ from sprung.identification.subspace import (
 from sprung.modal import mac
 
 BLOCK_ROWS = 20
+
+
 CASES = [
     ("chain3", 125.0),
     ("chain3", 500.0),
@@ -34,6 +36,8 @@ CASES = [
     ("zafira-printed", 100.0),
     ("zafira-firm", 100.0),
 ]
+
+
 FORMS = {
     "Toeplitz, weighted": {},
     "Toeplitz, unweighted": {"is_weighted": False},
@@ -55,16 +59,6 @@ def rung(poles, k):
     names = ("poles", "mode_shapes", "natural_frequency_std", "damping_ratio_std")
     values = {name: getattr(poles, name)[chosen] for name in names}
     return replace(poles, rungs=np.zeros(len(chosen)), ladder=(poles.ladder[k],), **values)
-
-
-# Exact correlations in, exact poles out
-
-
-def test_the_vehicles_reach_damping_of_30_per_cent(vehicle) -> None:
-    assert vehicle("zafira").modes().damping_ratio[:3] == pytest.approx([0.162, 0.204, 0.240], abs=1e-3)
-    for name in ("zafira-printed", "zafira-firm"):
-        assert vehicle(name).modes().damping_ratio[:3].max() > 0.3
-    assert all(len(vehicle(name).modes().poles) == 7 for name in ("zafira", "zafira-printed", "zafira-firm"))
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -136,24 +130,6 @@ def test_the_ladder_over_block_rows_finds_the_true_poles_on_every_high_enough_ru
             assert_holds(rung(found, k), poles, shapes)
 
 
-@pytest.mark.parametrize(("name", "rate"), CASES)
-def test_the_state_matrix_by_the_second_route_has_the_same_eigenvalues(known, name, rate) -> None:
-    """F. Liu (2020), eq. 3-45: A = S^-1/2 U^T T(2:i+1) V S^-1/2, written out from the blocks."""
-    correlations, poles, shapes = known(name, rate)
-    values, i, n = correlations.values, BLOCK_ROWS, 2 * len(poles)
-    T, shifted = (np.block([[values[:, :, i + shift + p - q] for q in range(i)] for p in range(i)]) for shift in (0, 1))
-    U, S, Vt = np.linalg.svd(T)
-    root = np.diag(S[:n] ** -0.5)
-    A = root @ U[:, :n].T @ shifted @ Vt[:n].T @ root
-    eigenvalues = np.linalg.eigvals(A)
-    second = np.log(eigenvalues[eigenvalues.imag > 0]) * rate
-    first = poles_of_orders(realise(correlations, block_rows=i, max_order=n, is_weighted=False), [n])
-    assert_holds(first, second[np.argsort(np.abs(second))], shapes)
-
-
-# Block matrices and the decomposition
-
-
 @settings(max_examples=40, deadline=None)
 @given(
     sizes=st.tuples(st.integers(1, 3), st.integers(1, 3)),
@@ -191,30 +167,6 @@ def test_weighted_singular_values_are_canonical_correlations_of_past_and_future(
     assert realised.singular_values[0] < 1
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_the_multi_order_qr_equals_a_least_squares_shift_at_every_order(measured, form) -> None:
-    """On noisy correlations, where all orders differ; numpy's lstsq of the shifted observability matrix."""
-    correlations = measured(seed=3)
-    realised = realise(correlations, block_rows=12, max_order=20, **FORMS[form])
-    orders = (2, 6, 7, 14, 20)
-    found = poles_of_orders(realised, orders)
-    for k, order in enumerate(orders):
-        O = realised.observability[:, :order]  # noqa: E741
-        A = np.linalg.lstsq(O[:-3], O[3:], rcond=None)[0]
-        eigenvalues = np.linalg.eigvals(A)
-        expected = np.log(eigenvalues[eigenvalues.imag > 0]) * correlations.sampling_rate
-        np.testing.assert_allclose(np.sort_complex(rung(found, k).poles), np.sort_complex(expected), rtol=1e-7)
-
-
-def test_the_unweighted_observability_is_that_of_the_singular_value_decomposition(measured) -> None:
-    """O = U S^(1/2), F. Liu (2020), eq. 3-41."""
-    correlations = measured(seed=4)
-    realised = realise(correlations, block_rows=10, max_order=8, is_weighted=False)
-    U, S, _ = np.linalg.svd(block_toeplitz(correlations.values, 10))
-    np.testing.assert_allclose(realised.singular_values, S, rtol=1e-9, atol=1e-12 * S[0])
-    np.testing.assert_allclose(np.abs(realised.observability), np.abs(U[:, :8] * np.sqrt(S[:8])), atol=1e-9)
-
-
 def test_joined_ladders_stand_on_top_of_one_another(known) -> None:
     realised = realise(known("chain3", 125.0)[0], block_rows=10, max_order=12)
     low, high = poles_of_orders(realised, [2, 4, 6]), poles_of_orders(realised, [8, 10])
@@ -227,29 +179,16 @@ def test_joined_ladders_stand_on_top_of_one_another(known) -> None:
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (
-            {"block_rows": 41, "max_order": 6},
-            "block_rows=41 needs 82 lags, but the correlations hold 80: estimate with at least 0.656 s of lags"
-            " or use block_rows <= 40",
-        ),
-        (
-            {"block_rows": 27, "max_order": 6, "is_hankel": True},
-            "block_rows=27 needs 81 lags, but the correlations hold 80: estimate with at least 0.648 s of lags"
-            " or use block_rows <= 26",
-        ),
-        (
-            {"block_rows": 5, "max_order": 14},
-            "max_order=14 is more than block_rows=5 can carry with 3 channels and 3 references:"
-            " use max_order <= 12 or more block rows",
-        ),
+        ({"block_rows": 41, "max_order": 6}, "block_rows=41 needs 82 lags, .* 80: .* 0.656 s .* block_rows <= 40"),
+        ({"block_rows": 27, "max_order": 6, "is_hankel": True}, "block_rows=27 needs 81 lags, .* block_rows <= 26"),
+        ({"block_rows": 5, "max_order": 14}, "max_order=14 .* with 3 channels and 3 references: use max_order <= 12"),
         ({"block_rows": 1, "max_order": 2}, "block_rows=1 must be at least 2"),
         ({"block_rows": 5, "max_order": 0}, "max_order=0 must be at least 2"),
     ],
 )
 def test_a_matrix_that_cannot_be_built_is_refused(known, options, sentence) -> None:
-    with pytest.raises(ParameterError) as refusal:
+    with pytest.raises(ParameterError, match=f"^{sentence}"):
         realise(known("chain3", 125.0)[0], **options)
-    assert str(refusal.value) == sentence
 
 
 def test_ladder_over_block_rows_of_one_channel() -> None:
@@ -293,3 +232,67 @@ def test_the_gram_matrix_of_noisy_correlations_has_their_singular_vectors(measur
     np.testing.assert_allclose(realised.singular_values, S, atol=1e-12 * S[0])
     outside = U[:, 8:].T @ realised.observability
     assert np.abs(outside).max() < 1e-9 * np.sqrt(S[0])
+
+
+def perturbed(correlations, change):
+    """Correlations whose two blocks differ from exact ones by plus and minus a change."""
+    blocks = np.stack([correlations.values + change, correlations.values - change])
+    return replace(correlations, blocks=blocks, weights=np.array([0.5, 0.5]), n_segments=2)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(
+    ("case", "step", "tolerance"),
+    [
+        (("chain3", 125.0, "123"), 7e-7, 2e-6),
+        (("chain3", 125.0, "13"), 7e-7, 2e-6),
+        (("quarter", 250.0, "12"), 3e-7, 2e-6),
+        (("zafira", 100.0, "1234"), 1e-9, 5e-4),
+    ],
+)
+def test_standard_deviations_equal_a_finite_difference_of_the_poles(known, case, step, tolerance, form) -> None:
+    """Two blocks that differ from the average by +-dLambda have the standard error abs(d pole).
+
+    The weakest of the car's 14 states hangs on a singular value of 1e-4 of the largest: rounding, not the formula,
+    sets its tolerance.
+    """
+    name, rate, references = case
+    correlations, poles, _ = known(name, rate)
+    correlations = correlations.select(correlations.channels, tuple(references))
+    change = step * np.random.default_rng(8).normal(size=correlations.values.shape)
+
+    def realised(changed):
+        n = 2 * len(poles)
+        found = poles_of_orders(realise(changed, block_rows=BLOCK_ROWS, max_order=n, **FORMS[form]), [n])
+        return found, np.argmin(np.abs(found.poles[:, None] - poles), axis=0)
+
+    def frequency_and_damping(values):
+        found, nearest = realised(exact_correlations(values, sampling_rate=rate, references=references))
+        return found.natural_frequency[nearest], found.damping_ratio[nearest]
+
+    upper = frequency_and_damping(correlations.values + change)
+    lower = frequency_and_damping(correlations.values - change)
+    reported, nearest = realised(perturbed(correlations, change))
+    for high, low, std in zip(upper, lower, ("natural_frequency_std", "damping_ratio_std"), strict=True):
+        np.testing.assert_allclose(getattr(reported, std)[nearest], np.abs(high - low) / 2, rtol=tolerance)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("snr", [10.0, 0.5])
+@pytest.mark.parametrize("is_weighted", [True, False])
+def test_standard_deviations_are_those_of_repeated_runs(vehicle, measured, snr, is_weighted) -> None:
+    """Monte Carlo of 100 runs of 60 s; the spread of 100 values is itself known to 7 %."""
+    exact = vehicle("chain3").modes()
+    runs = []
+    for seed in range(100):
+        correlations = measured(seed, snr=snr)
+        realised = realise(correlations, block_rows=BLOCK_ROWS, max_order=6, is_weighted=is_weighted)
+        poles = poles_of_orders(realised, [6])
+        nearest = np.argmin(np.abs(poles.poles[:, None] - exact.poles), axis=0)
+        names = ("natural_frequency", "damping_ratio", "natural_frequency_std", "damping_ratio_std")
+        runs.append([getattr(poles, name)[nearest] for name in names])
+    values, deviations = np.split(np.array(runs), 2, axis=1)
+    ratio = np.median(deviations, axis=0) / values.std(axis=0, ddof=1)
+    assert np.all((ratio > 0.8) & (ratio < 1.25)), ratio
+    covered = np.mean(np.abs(values - values.mean(axis=0)) < 1.96 * deviations, axis=0)
+    assert np.all(covered >= 0.88), covered

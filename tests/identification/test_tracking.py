@@ -125,11 +125,6 @@ def test_close_modes_never_exchange(seed) -> None:
     check_identities(track_modes(windows), truth, 2)
 
 
-def test_one_channel_has_only_frequencies() -> None:
-    windows, truth = sequence(1, steady(3.0, 3.1, 5.0), shapes=np.ones((3, 1)), std=0.005, noise=0.0)
-    check_identities(track_modes(windows), truth, 3)
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_shapes_that_turn_in_a_plane_are_two_modes(seed) -> None:
     # A mast: bending in two planes with nearly equal frequencies, whose directions differ from window to window.
@@ -226,14 +221,6 @@ def test_order_of_modes_and_scale_and_phase_of_shapes_do_not_matter() -> None:
     for track, other in zip(track_modes(windows).tracks, track_modes(turned).tracks, strict=True):
         np.testing.assert_array_equal(track.windows, other.windows)
         np.testing.assert_array_equal(track.modes.poles, other.modes.poles)
-
-
-def test_labels_and_mean_shape() -> None:
-    windows = [window([2.0], SHAPES[:1], std=0.01, labels=("bounce" if k % 3 else None,)) for k in range(6)]
-    (track,) = track_modes(windows).tracks
-    assert track.label == "bounce"
-    np.testing.assert_allclose(track.mode_shape, SHAPES[0], atol=1e-12)
-    np.testing.assert_allclose(track.likeness, 1.0)
 
 
 def test_few_windows() -> None:
