@@ -115,17 +115,6 @@ def test_bounds_of_light_modes_are_those_of_the_likelihood_of_modes(certified: A
     np.testing.assert_allclose(of_damping, [mode["damping_ratio_bound"] for mode in stated], rtol=0.01)
 
 
-@pytest.mark.slow
-def test_the_bound_of_a_short_record_tends_to_that_of_a_long_one(certified: Any) -> None:
-    """All samples' covariance and the quadrature over frequency agree where the record is long against the decay."""
-    systems, records, bounds = certified.systems, certified.records, certified.bounds
-    system = systems.with_modes([2.0], [0.1], np.eye(1), np.eye(1))
-    record = records.Record("one mode", system, systems.velocities, 20.0, 800, records.white(0.3, 1), 1)
-    exact, whittle = bounds.exact_bound(record), bounds.modal_bound(record)
-    np.testing.assert_allclose(exact.natural_frequency, whittle.natural_frequency, rtol=0.01)
-    np.testing.assert_allclose(exact.damping_ratio, whittle.damping_ratio, rtol=0.02)
-
-
 def test_sampling_is_exact(certified: Any) -> None:
     """Against Van Loan's block exponential, the continuous Lyapunov equation and the package's exact correlations."""
     systems, records = certified.systems, certified.records

@@ -1,4 +1,6 @@
-"""Settings of the thesis: one preset for the pages and for everybody else."""
+"""Settings of the thesis, modes matched with the true ones, cells of the pages, and runs over seeds."""
+
+import math
 
 import numpy as np
 import pytest
@@ -6,7 +8,19 @@ import pytest
 from sprung.errors import ParameterError
 from sprung.identification import BlockRowLadder, IdentificationSettings, as_in_thesis
 from sprung.reproduce import CHAPTERS, reproduce
-from sprung.reproduce.thesis import deviations, in_runs, numbers, spread, theory_table, worst_error
+from sprung.reproduce.chapter import Chapter, Effort, over_seeds
+from sprung.reproduce.thesis import (
+    deviations,
+    in_runs,
+    matched,
+    numbers,
+    spread,
+    theoretical,
+    theory_table,
+    worst_error,
+)
+from sprung.results.page.page import Section
+from sprung.vehicles import chain
 
 
 def test_the_preset_is_that_of_section_4_3() -> None:
@@ -51,3 +65,73 @@ def test_tables_by_columns() -> None:
     )
     assert table.rows == (("bounce", "2.0", "2.02", "+1.00 %", "10", "–", "–"),)
     assert table.caption == "R."
+
+
+def test_a_chapter_runs_its_experiment_for_every_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+    prose = {
+        "thresholds": "Strict.",
+        "chapter_9": {
+            "title": "T",
+            "records": {"rate": 50.0},
+            "settings": "{thresholds} {rate:g} Hz.\nOnce.",
+            "verdict": "{x}: {y}",
+        },
+    }
+    monkeypatch.setattr("sprung.reproduce.chapter.data", {"chapters": prose}.__getitem__)
+    section = Section("S", ())
+    chapter = Chapter(
+        "chapter_9", lambda: "example", math.isqrt, lambda example, results: ({"x": example, "y": results}, (section,))
+    )
+    steps = []
+    report = chapter.report(Effort(n_seeds=4), lambda doing, share: steps.append((doing, share)))
+    assert (report.title, report.verdict) == ("T", "example: [1, 1, 1, 2]")
+    assert report.settings == ("Strict. 50 Hz.", "Once.", "Command: sprung reproduce 9 --out DIR")
+    assert report.sections == (section,)
+    assert steps[0] == ("one set of records, as the thesis shows it", 0.0)
+    assert steps[-1] == ("4 sets of records", 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n_processes", [1, 2])
+def test_runs_come_in_the_order_of_their_seeds(n_processes) -> None:
+    shares: list[float] = []
+    found = over_seeds(math.isqrt, [0, 1, 4, 9, 16], n_processes=n_processes, on_progress=shares.append)
+    assert found == [0, 1, 2, 3, 4]
+    assert shares == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
+
+
+@pytest.fixture
+def truth():
+    return theoretical(chain())
+
+
+def test_the_truth_matches_itself(truth) -> None:
+    match = matched(truth, truth)
+    assert match.natural_frequency == pytest.approx(truth.natural_frequency)
+    assert match.damping_ratio == pytest.approx([0.01124, 0.03149, 0.04551], abs=1e-5)
+    assert match.mac == pytest.approx(1)
+    assert match.n_others == 0
+
+
+def test_missing_and_other_modes(truth) -> None:
+    match = matched(truth.take(np.array([2])), truth)
+    assert np.isnan(match.natural_frequency[:2]).all()
+    assert match.natural_frequency[2] == pytest.approx(28.3905, abs=1e-4)
+    apart = matched(truth, truth.take(np.array([0])))
+    assert (apart.mac.size, apart.n_others) == (1, 2)
+
+
+def test_a_mode_far_off_or_of_another_shape_does_not_match(truth) -> None:
+    import dataclasses
+
+    far = dataclasses.replace(truth, poles=truth.poles * 1.2)
+    assert matched(far, truth).n_others == 3
+    turned = dataclasses.replace(truth, mode_shapes=truth.mode_shapes[::-1])
+    assert np.isnan(matched(turned, truth).natural_frequency[[0, 2]]).all()
+
+
+def test_labels_choose_modes() -> None:
+    from sprung.vehicles import read_vehicle, structure
+
+    modes = theoretical(structure(read_vehicle("zafira")), labels=("bounce", "roll"))
+    assert modes.labels == ("bounce", "roll")
