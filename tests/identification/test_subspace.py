@@ -14,7 +14,6 @@ from sprung.identification.subspace import (
     block_hankel,
     block_row_ladder,
     block_toeplitz,
-    join_ladders,
     poles_of_orders,
     realise,
     undetermined_poles,
@@ -165,15 +164,6 @@ def test_weighted_singular_values_are_canonical_correlations_of_past_and_future(
     canonical = np.sort(linalg.eigh(cross, own, eigvals_only=True))[::-1][: 3 * i]
     np.testing.assert_allclose(realised.singular_values, canonical, atol=1e-12)
     assert realised.singular_values[0] < 1
-
-
-def test_joined_ladders_stand_on_top_of_one_another(known) -> None:
-    realised = realise(known("chain3", 125.0)[0], block_rows=10, max_order=12)
-    low, high = poles_of_orders(realised, [2, 4, 6]), poles_of_orders(realised, [8, 10])
-    joined = join_ladders([low, high])
-    assert joined.ladder == (2, 4, 6, 8, 10)
-    np.testing.assert_array_equal(joined.rungs, np.concatenate([low.rungs, high.rungs + 3]))
-    np.testing.assert_array_equal(joined.poles, np.concatenate([low.poles, high.poles]))
 
 
 @pytest.mark.parametrize(

@@ -1,18 +1,18 @@
 """Ladders: over model orders, over numbers of block rows as in the thesis, or over orders of polynomials (pLSCF)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sprung._arrays import Booleans, Complex, Indices, Real
+from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.identification.correlation import Correlations
 from sprung.identification.plscf import PolynomialLadder
-from sprung.identification.subspace import block_row_ladder, realise, undetermined_poles
+from sprung.identification.subspace import block_row_ladder, join_poles, realise, undetermined_poles
 from sprung.modal import Poles
 
 #: Edges of the low-pass as shares of the lower rate: what lies above the second folds to above the first.
@@ -57,7 +57,9 @@ def decimate_correlations(correlations: Correlations, factor: int, *, n_lags: in
     if factor == 1:
         return correlations
     half = filter_half_width(factor)
-    taps = np.sinc((STOPPED + PASSED) / factor * np.arange(-half, half + 1)) * np.kaiser(2 * half + 1, _beta())
+    taps = np.sinc((STOPPED + PASSED) / factor * np.arange(-half, half + 1)) * np.kaiser(
+        2 * half + 1, 0.1102 * (_STOP_BAND - 8.7)
+    )
     taps /= taps.sum()
     has_all = correlations.references == correlations.channels
     return replace(
@@ -75,11 +77,6 @@ def _filtered(values: Real, taps: Real, factor: int, n_lags: int, has_all: bool)
         values = np.concatenate([earlier, values], axis=-1)
     windows = np.lib.stride_tricks.sliding_window_view(values, len(taps), axis=-1)[..., : n_lags * factor : factor, :]
     return np.asarray(windows @ taps)
-
-
-def _beta() -> float:
-    """Return the parameter of the Kaiser window for the stop band."""
-    return 0.1102 * (_STOP_BAND - 8.7)
 
 
 #: Time constants within the lags after which a pole has decayed.
@@ -140,19 +137,25 @@ class OrderLadder:
         return self.lags_per_row * self.block_rows * self.strides[-1]
 
     def poles(self, correlations: Correlations) -> Poles:
-        """Return the poles of all orders, without their standard deviations (`with_deviations`)."""
-        orders = range(2, self.max_order + 1, 2)
-        parts = []
+        """Return the poles of all orders, without their standard deviations (`with_deviations`).
+
+        Below its edge a stride takes over the poles that outlast the lags of the one before: heavily damped ones decay
+        within them, and longer lags would hold noise alone.
+        """
+        n_lags, rate, parts = self.lags_per_row * self.block_rows, correlations.sampling_rate, []
         for stride in self.strides:
-            decimated = decimate_correlations(correlations, stride, n_lags=self.lags_per_row * self.block_rows)
+            decimated = decimate_correlations(correlations, stride, n_lags=n_lags)
             realisation = realise(decimated, block_rows=self.block_rows, max_order=self.max_order)
-            parts.append(undetermined_poles(realisation, orders))
+            parts.append(undetermined_poles(realisation, range(2, self.max_order + 1, 2)))
         if len(parts) == 1:
             return parts[0]
-        rate = correlations.sampling_rate
-        edges = [PASSED * rate / stride for stride in self.strides[1:]]
-        spans = [self.lags_per_row * self.block_rows * stride / rate for stride in self.strides[:-1]]
-        return _join_rungs(parts, edges, spans)
+        taken = [np.ones(len(part.poles), dtype=np.bool_) for part in parts]
+        for k, (before, stride) in enumerate(pairwise(self.strides)):
+            for number, part in enumerate(parts):
+                has_decayed = -part.poles.real * n_lags * before / rate > _DECAYED
+                is_later = (part.natural_frequency < PASSED * rate / stride) & ~has_decayed
+                taken[number] &= is_later if number > k else ~is_later
+        return join_poles(parts, taken)
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,53 +203,6 @@ class BlockRowLadder:
     def poles(self, correlations: Correlations) -> Poles:
         """Return the poles of all realisations."""
         return block_row_ladder(correlations, range(self.first, self.last + 1), is_hankel=True)
-
-
-def _join_rungs(parts: Sequence[Poles], edges: Sequence[float], spans: Sequence[float]) -> Poles:
-    """Return ladders of the same rungs as one: each pole from the first that resolves it.
-
-    Below its edge [Hz] a ladder at a lower rate takes over the poles that outlast the lags (span, s) of the one before:
-    heavily damped ones decay within them, and longer lags would hold noise alone.
-    """
-    taken = [np.ones(len(part.poles), dtype=np.bool_) for part in parts]
-    for k, (edge, span) in enumerate(zip(edges, spans, strict=True)):
-        for number, part in enumerate(parts):
-            is_later = (part.natural_frequency < edge) & (-part.poles.real * span <= _DECAYED)
-            taken[number] &= is_later if number > k else ~is_later
-    rungs = np.concatenate([part.rungs[rows] for part, rows in zip(parts, taken, strict=True)])
-    order = np.argsort(rungs, kind="stable")
-
-    def joined(name: str) -> NDArray[Any]:
-        return np.concatenate([getattr(part, name)[rows] for part, rows in zip(parts, taken, strict=True)])[order]
-
-    return replace(
-        parts[0],
-        poles=joined("poles"),
-        mode_shapes=joined("mode_shapes"),
-        rungs=rungs[order],
-        natural_frequency_std=joined("natural_frequency_std"),
-        damping_ratio_std=joined("damping_ratio_std"),
-        changes=np.zeros((0, len(order)), dtype=np.complex128),
-        changes_of=_joined_changes(parts, taken, order),
-    )
-
-
-def _joined_changes(
-    parts: Sequence[Poles], taken: Sequence[Booleans], order: Indices
-) -> Callable[[Indices], Complex] | None:
-    """Return the function for the changes of joined poles; None where the changes are unknown."""
-    functions = [part.changes_of for part in parts if part.changes_of is not None]
-    if not functions:
-        return None
-    owners = np.repeat(np.arange(len(parts)), [np.count_nonzero(rows) for rows in taken])[order]
-    places = np.concatenate([np.flatnonzero(rows) for rows in taken])[order]
-
-    def changes_of(rows: Indices) -> Complex:
-        own = [owners[rows] == k for k in range(len(parts))]
-        changes = [function(places[rows[is_own]]) for function, is_own in zip(functions, own, strict=True)]
-        return np.concatenate(changes, axis=1)[:, np.argsort(np.argsort(owners[rows], kind="stable"))]
-
-    return changes_of
 
 
 Ladder = OrderLadder | BlockRowLadder | PolynomialLadder

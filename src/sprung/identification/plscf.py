@@ -10,7 +10,7 @@ from sprung._arrays import Complex, Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.identification.correlation import Correlations
-from sprung.identification.subspace import stack_rungs
+from sprung.identification.subspace import stack_rungs, with_deviations
 from sprung.modal import Poles
 
 #: Lines above this share of the sampling rate are left out: decimation passes everything up to there.
@@ -151,7 +151,10 @@ def polynomial_ladder(correlations: Correlations, *, n_lags: int, max_order: int
         )
     equations = _Equations.of(correlations, n_lags, max_order)
     rungs = [_poles_of_order(equations, order) for order in range(1, max_order + 1)]
-    return stack_rungs(rungs, tuple(range(1, max_order + 1)), correlations.channels)
+    changes = np.concatenate([change for _, _, change in rungs], axis=1)
+    found = [(poles, shapes) for poles, shapes, _ in rungs]
+    changes_of = (lambda rows: changes[:, rows]) if len(changes) else None
+    return with_deviations(stack_rungs(found, tuple(range(1, max_order + 1)), correlations.channels, changes_of))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -2,10 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft, linalg
 
 from sprung._arrays import Booleans, Complex, Indices, Real
@@ -340,18 +338,11 @@ def undetermined_poles(realisation: Realisation, orders: Sequence[int]) -> Poles
         own_values = np.concatenate([eigenvalues for eigenvalues, _, _ in systems])[rows]
         return _eigenvalue_changes(realisation, own_values, left, right) / own_values * realisation.sampling_rate
 
-    deviation = np.full(starts[-1], np.inf if n_blocks else np.nan)
-    return Poles(
-        poles=np.log(np.concatenate([eigenvalues for eigenvalues, _, _ in systems])) * realisation.sampling_rate,
-        mode_shapes=np.concatenate([(first[:, : len(psi)] @ psi[:, chosen]).T for _, psi, chosen in systems]),
-        rungs=np.repeat(np.arange(len(systems)), np.diff(starts)),
-        ladder=tuple(orders),
-        channels=realisation.channels,
-        natural_frequency_std=deviation,
-        damping_ratio_std=deviation,
-        changes=np.zeros((0, starts[-1]), dtype=np.complex128),
-        changes_of=changes_of if n_blocks else None,
-    )
+    rungs = [
+        (np.log(eigenvalues) * realisation.sampling_rate, (first[:, : len(psi)] @ psi[:, chosen]).T)
+        for eigenvalues, psi, chosen in systems
+    ]
+    return stack_rungs(rungs, tuple(orders), realisation.channels, changes_of if n_blocks else None)
 
 
 def with_deviations(poles: Poles, chosen: Booleans | None = None) -> Poles:
@@ -451,43 +442,41 @@ def frequency_and_damping_changes(poles: Complex, changes: Complex) -> tuple[Rea
 
 
 def stack_rungs(
-    rungs: Sequence[tuple[Complex, Complex, Complex]],
+    rungs: Sequence[tuple[Complex, Complex]],
     ladder: tuple[int, ...],
     channels: tuple[str, ...],
+    changes_of: Callable[[Indices], Complex] | None,
 ) -> Poles:
-    """Join the rungs of a ladder."""
+    """Return the poles and shapes of all rungs; their changes are computed when `with_deviations` asks for them."""
     poles, shapes = (np.concatenate([rung[k] for rung in rungs]) for k in range(2))
-    changes = np.concatenate([rung[2] for rung in rungs], axis=1)
-    deviations = [np.sqrt(np.sum(change**2, axis=0)) for change in frequency_and_damping_changes(poles, changes)]
-    frequency_std, damping_std = deviations if len(changes) else np.full((2, len(poles)), np.nan)
-    return Poles(
-        poles=poles,
-        mode_shapes=shapes,
-        rungs=np.repeat(np.arange(len(rungs)), [len(rung[0]) for rung in rungs]),
-        ladder=ladder,
-        channels=channels,
-        natural_frequency_std=frequency_std,
-        damping_ratio_std=damping_std,
-        changes=changes,
-    )
+    deviation = np.full(len(poles), np.nan if changes_of is None else np.inf)
+    numbers = np.repeat(np.arange(len(rungs)), [len(rung[0]) for rung in rungs])
+    unknown = np.zeros((0, len(poles)), dtype=np.complex128)
+    return Poles(poles, shapes, numbers, ladder, channels, deviation, deviation, unknown, changes_of)
 
 
-def join_ladders(parts: Sequence[Poles]) -> Poles:
-    """Return several ladders as one, each on top of the one before."""
-    offsets = np.cumsum([0, *(len(part.ladder) for part in parts)])[:-1]
+def join_poles(parts: Sequence[Poles], taken: Sequence[Booleans]) -> Poles:
+    """Return the taken poles of several ladders over the same rungs as one."""
+    rungs = np.concatenate([part.rungs[rows] for part, rows in zip(parts, taken, strict=True)])
+    order = np.argsort(rungs, kind="stable")
+    owners = np.repeat(np.arange(len(parts)), [np.count_nonzero(rows) for rows in taken])[order]
+    places = np.concatenate([np.flatnonzero(rows) for rows in taken])[order]
+    functions = [part.changes_of for part in parts if part.changes_of is not None]
 
-    def joined(name: str) -> NDArray[Any]:
-        return np.concatenate([getattr(part, name) for part in parts])
+    def changes_of(rows: Indices) -> Complex:
+        own = [owners[rows] == k for k in range(len(parts))]
+        changes = [function(places[rows[is_own]]) for function, is_own in zip(functions, own, strict=True)]
+        return np.concatenate(changes, axis=1)[:, np.argsort(np.argsort(owners[rows], kind="stable"))]
 
+    names = ("poles", "mode_shapes", "natural_frequency_std", "damping_ratio_std")
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    starts = np.cumsum([0, *(len(part.poles) for part in parts)])[owners]
     return replace(
         parts[0],
-        poles=joined("poles"),
-        mode_shapes=joined("mode_shapes"),
-        rungs=np.concatenate([part.rungs + offset for part, offset in zip(parts, offsets, strict=True)]),
-        ladder=tuple(rung for part in parts for rung in part.ladder),
-        natural_frequency_std=joined("natural_frequency_std"),
-        damping_ratio_std=joined("damping_ratio_std"),
-        changes=np.concatenate([part.changes for part in parts], axis=1),
+        **{name: values[starts + places] for name, values in joined.items()},
+        rungs=rungs[order],
+        changes=np.zeros((0, len(order)), dtype=np.complex128),
+        changes_of=changes_of if functions else None,
     )
 
 
@@ -521,9 +510,10 @@ def block_row_ladder(
     F. Liu (2020), sections 4.3 and 7.3.
     """
     rungs = []
-    for i in block_rows:
+    for number, i in enumerate(block_rows):
         largest = min(i, (i - 1) * len(correlations.channels))
         order = largest - largest % 2
         realisation = realise(correlations, block_rows=i, max_order=order, is_weighted=is_weighted, is_hankel=is_hankel)
-        rungs.append(poles_of_orders(realisation, [order]))
-    return replace(join_ladders(rungs), ladder=tuple(block_rows))
+        rung = undetermined_poles(realisation, [order])
+        rungs.append(replace(rung, rungs=rung.rungs + number, ladder=tuple(block_rows)))
+    return with_deviations(join_poles(rungs, [np.ones(len(rung.poles), dtype=np.bool_) for rung in rungs]))
