@@ -1,7 +1,8 @@
 """Correlations of segments, which add over segments and records, and the deviations of means over their blocks."""
 
 import itertools
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -236,26 +237,21 @@ def segment_bounds(recording: Recording, segment: float | None, n_lags: int) -> 
     DataError
         If no stretch holds `n_lags` samples.
     """
-    bounds = list(_bounds(recording, segment, n_lags))
+    bounds: list[tuple[int, int, int]] = []
+    for stretch in recording.stretches():
+        length = stretch.stop - stretch.start
+        if length < n_lags:
+            continue
+        shortest = length if segment is None else max(round(segment * recording.sampling_rate), n_lags)
+        n_segments = max(length // shortest, 1)
+        edges = np.linspace(stretch.start, stretch.stop, n_segments + 1).round().astype(int)
+        bounds += [(first, last, stretch.stop) for first, last in itertools.pairwise(edges)]
     if not bounds:
         raise DataError(
             f"no stretch of the recording is as long as {n_lags} lags"
             f" ({n_lags / recording.sampling_rate:.3g} s): record longer or use fewer block rows"
         )
     return bounds
-
-
-def _bounds(recording: Recording, segment: float | None, n_lags: int) -> Iterator[tuple[int, int, int]]:
-    """Yield first sample of a segment, end of the segment and end of its stretch."""
-    for stretch in recording.stretches():
-        length = stretch.stop - stretch.start
-        shortest = length if segment is None else max(round(segment * recording.sampling_rate), n_lags)
-        if length < max(shortest, n_lags):
-            if length < n_lags:
-                continue
-            shortest = length
-        edges = np.linspace(stretch.start, stretch.stop, length // shortest + 1).round().astype(int)
-        yield from ((first, last, stretch.stop) for first, last in itertools.pairwise(edges))
 
 
 def lagged_sums(late: Real, early: Real, n_lags: int) -> Real:
@@ -363,7 +359,9 @@ def average(segments: SegmentCorrelations, *, is_biased: bool = False) -> Correl
     ----------
     F. Liu (2020), eq. 4-1 and section 4.2.
     """
-    starts = np.arange(0, segments.n_segments, _segments_per_block(segments.n_segments))
+    # The smallest power of two that leaves at most as many blocks.
+    n_joined = 1 << max(0, math.ceil(math.log2(max(segments.n_segments, 1) / MAX_BLOCKS)))
+    starts = np.arange(0, segments.n_segments, n_joined)
     sums = np.add.reduceat(segments.sums, starts)
     n_products = np.add.reduceat(segments.n_products, starts)
     divisors = np.broadcast_to(n_products[:, :1], n_products.shape) if is_biased else n_products
@@ -382,20 +380,28 @@ def average(segments: SegmentCorrelations, *, is_biased: bool = False) -> Correl
     )
 
 
-def _segments_per_block(n_segments: int) -> int:
-    """Return the smallest power of two that leaves at most `MAX_BLOCKS` blocks."""
-    n_joined = 1
-    while n_segments > n_joined * MAX_BLOCKS:
-        n_joined *= 2
-    return n_joined
+@dataclass(frozen=True, slots=True)
+class _Rules:
+    """Rules of the deviations of means over blocks."""
+
+    #: Parts of a record that are compared.
+    n_parts: int = 8
+    #: Fewest blocks in a part.
+    min_blocks_of_part: int = 2
+    #: Fewest blocks that show a deviation.
+    min_blocks: int = 4
+    #: Probability before any data that chance alone acts.
+    prior_of_chance: float = 0.7
+    #: Largest ratio of the variance of parts to that by chance.
+    max_ratio: float = 100.0
 
 
-#: Number of parts of a record that are compared, fewest blocks in a part, and fewest blocks that show a deviation.
-N_PARTS, _BLOCKS_OF_A_PART, _FEWEST_BLOCKS = 8, 2, 4
-#: Ratios of the variance of parts to that by chance, and their probabilities before any data: chance alone with
-#: probability 0.7, larger ratios less in proportion to their root.
-_RATIOS = np.concatenate([[1.0], np.geomspace(1.1, 100.0, 40)])
-_PRIOR = np.concatenate([[0.7], 0.3 * _RATIOS[1:] ** -0.5 / np.sum(_RATIOS[1:] ** -0.5)])
+_RULES = _Rules()
+#: Ratios of the variance of parts to that by chance, and their probabilities before any data: larger ones less in
+#: proportion to their root.
+_RATIOS = np.concatenate([[1.0], np.geomspace(1.1, _RULES.max_ratio, 40)])
+_PRIOR = (1 - _RULES.prior_of_chance) * _RATIOS**-0.5 / np.sum(_RATIOS[1:] ** -0.5)
+_PRIOR[0] = _RULES.prior_of_chance
 
 
 def deviation_of_mean(influences: Real, records: Indices | None = None) -> Real:
@@ -431,12 +437,12 @@ def deviation_of_mean(influences: Real, records: Indices | None = None) -> Real:
     """
     influences = np.asarray(influences, dtype=np.float64)
     n_blocks = len(influences)
-    if n_blocks < _FEWEST_BLOCKS:
+    if n_blocks < _RULES.min_blocks:
         return np.full(influences.shape[1:], np.nan)
     numbers = np.zeros(n_blocks, dtype=np.intp) if records is None else np.unique(records, return_inverse=True)[1]
     variance = np.sum(influences**2, axis=0) * (n_blocks - 1) / (n_blocks - 3)
     n_records = int(numbers.max()) + 1
-    if n_blocks >= N_PARTS * _BLOCKS_OF_A_PART:
+    if n_blocks >= _RULES.n_parts * _RULES.min_blocks_of_part:
         variance = variance * _growth(influences, _parts(numbers), variance)
     if n_records > 1:
         variance = variance * _growth(influences, numbers, variance)
@@ -446,11 +452,11 @@ def deviation_of_mean(influences: Real, records: Indices | None = None) -> Real:
 def _parts(records: Indices) -> Indices:
     """Return the number of the part of each block: about eight in all, none of which reaches over two records."""
     n_records = int(records[-1]) + 1
-    of_a_record = max(1, -(-N_PARTS // n_records))
+    of_a_record = max(1, -(-_RULES.n_parts // n_records))
     parts = np.zeros(len(records), dtype=np.intp)
     for record in range(n_records):
         rows = np.flatnonzero(records == record)
-        count = max(1, min(of_a_record, len(rows) // _BLOCKS_OF_A_PART))
+        count = max(1, min(of_a_record, len(rows) // _RULES.min_blocks_of_part))
         parts[rows] = np.arange(len(rows)) * count // len(rows) + (parts[rows[0] - 1] + 1 if record else 0)
     return parts
 

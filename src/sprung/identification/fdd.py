@@ -14,25 +14,44 @@ from sprung.modal import Modes, mac, unit_shapes
 from sprung.recording import Channel, Recording
 from sprung.signals.spectrum import SpectralMatrix
 
-#: Number of segments of the spectra, at least: this many, and this multiple of the number of channels.
-_FEWEST_SEGMENTS, _SEGMENTS_PER_CHANNEL = 15, 2
-#: The bell of a mode holds the lines whose first singular vector has at least this MAC with that of the peak, and at
-#: least this many lines.
-_LEAST_MAC, _FEWEST_LINES = 0.85, 7
-#: Odd numbers of lines whose matrices are averaged before the decomposition: peaks that the first leaves within chance
-#: are taken from the second. Probability of one peak by chance in a spectrum.
-_SMOOTHED, _CHANCE = (3, 9), 1e-3
-#: Variance of a sum over lines of half-overlapping Hann segments, over that of independent lines: (1 + 1/18) x 2.
-_OVERLAP = 19 / 9
-#: Largest relative distance of a peak from a picked frequency, and share of the prominence above chance that it needs.
-_NEAR, _PICKED_PROMINENCE = 0.05, 0.25
+
+@dataclass(frozen=True, slots=True)
+class _Rules:
+    """Rules of finding bells and of fitting oscillators to them."""
+
+    #: Fewest segments of the spectra ...
+    min_segments: int = 15
+    #: ... and over the number of channels.
+    segments_per_channel: int = 2
+    #: Least MAC with the peak of the first singular vectors of the lines of its bell.
+    min_mac: float = 0.85
+    #: Fewest lines of a bell.
+    min_lines: int = 7
+    #: Odd numbers of lines whose matrices are averaged: peaks that the first leaves within chance are of the second.
+    smoothed: tuple[int, ...] = (3, 9)
+    #: Probability of one peak by chance in a spectrum.
+    chance: float = 1e-3
+    #: Variance of a sum over lines of half-overlapping Hann segments, over that of independent lines: (1 + 1/18) x 2.
+    overlap: float = 19 / 9
+    #: Largest relative distance of a peak from a picked frequency.
+    near: float = 0.05
+    #: Share of the prominence above chance that a picked peak needs.
+    picked_prominence: float = 0.25
+    #: A bell ends where the spectrum is below this share of the peak: other modes rule its foot.
+    foot: float = 0.03
+    #: Largest amplification of noise by a filter that leaves the neighbouring modes out.
+    max_amplified: float = 1.5
+    #: Most steps of Fisher scoring.
+    max_steps: int = 60
+    #: Largest step of a logarithm.
+    max_step: float = 0.5
+    #: Improvement of the log likelihood that ends it.
+    converged: float = 1e-7
+
+
+_RULES = _Rules()
 #: Times that a signal is differentiated after displacement; of an unknown quantity, the most likely number.
 _DERIVATIVES = {"displacement": 0, "angle": 0, "strain": 0, "velocity": 1, "angular_velocity": 1, "acceleration": 2}
-#: A bell ends where the spectrum is below this share of the peak: other modes rule its foot.
-_FOOT = 0.03
-#: Largest amplification of noise by a filter that leaves the neighbouring modes out.
-_MOST_AMPLIFIED = 1.5
-_ITERATIONS, _LARGEST_STEP, _CONVERGED = 60, 0.5, 1e-7
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -83,7 +102,7 @@ def with_long_segments(
     -----
     15 half-overlapping segments, or twice the number of channels: with fewer than channels, the matrix is singular.
     """
-    n_segments = max(_FEWEST_SEGMENTS, _SEGMENTS_PER_CHANNEL * len(plan.channels))
+    n_segments = max(_RULES.min_segments, _RULES.segments_per_channel * len(plan.channels))
     longest = max(stretch.stop - stretch.start for stretch in recording.stretches()) / recording.sampling_rate
     chosen = segment or 2 * total_duration / (n_segments + 1)
     return replace(plan, spectrum_segment=min(chosen, longest / 2))
@@ -118,7 +137,7 @@ def find_bells(spectra: SpectralMatrix, *, band: tuple[float, float]) -> Bells:
     frequencies = spectra.frequencies
     last = np.searchsorted(frequencies, min(band[1], 0.8 * frequencies[-1]), side="right")
     peaks, parts = np.zeros(0, dtype=np.intp), []
-    for n_smoothed in _SMOOTHED:
+    for n_smoothed in _RULES.smoothed:
         values, vectors, scale = _decomposed(spectra, n_smoothed)
         prominent = signal.find_peaks(np.log(values[:last]), prominence=_chance(spectra, n_smoothed))[0]
         distance = np.abs(prominent[:, None] - peaks).min(axis=1, initial=len(frequencies))
@@ -130,8 +149,8 @@ def find_bells(spectra: SpectralMatrix, *, band: tuple[float, float]) -> Bells:
 
 def _chance(spectra: SpectralMatrix, n_smoothed: int) -> float:
     """Return the prominence of ln of a singular value that chance hardly exceeds in a whole spectrum."""
-    tail = _CHANCE / len(spectra.frequencies)
-    degrees = 2 * n_smoothed * spectra.n_segments / _OVERLAP
+    tail = _RULES.chance / len(spectra.frequencies)
+    degrees = 2 * n_smoothed * spectra.n_segments / _RULES.overlap
     return float(np.log(special.chdtri(degrees, tail) / special.chdtri(degrees, 1 - tail)))
 
 
@@ -151,13 +170,13 @@ def bells_at(spectra: SpectralMatrix, frequencies: Sequence[float]) -> Bells:
         If there is no clear maximum within 5 % or two lines of a frequency: none that rises a quarter as high as those
         of `find_bells`.
     """
-    values, vectors, scale = _decomposed(spectra, _SMOOTHED[0])
-    prominence = _PICKED_PROMINENCE * _chance(spectra, _SMOOTHED[0])
+    values, vectors, scale = _decomposed(spectra, _RULES.smoothed[0])
+    prominence = _RULES.picked_prominence * _chance(spectra, _RULES.smoothed[0])
     maxima = signal.find_peaks(np.log(values), prominence=prominence)[0]
     places, resolution = spectra.frequencies[maxima], spectra.frequencies[1]
     peaks = []
     for frequency in frequencies:
-        near = np.abs(places - frequency) <= max(_NEAR * frequency, 2 * resolution)
+        near = np.abs(places - frequency) <= max(_RULES.near * frequency, 2 * resolution)
         if not near.any():
             nearest = places[np.argsort(np.abs(places - frequency))[:3]]
             named = ", ".join(f"{place:.4g}" for place in np.sort(nearest))
@@ -190,14 +209,14 @@ def _joined(parts: Sequence[Bells]) -> Bells:
 
 def _bells(values: Real, vectors: Complex, scale: Real, peaks: Indices, all_peaks: Indices) -> Bells:
     """Return the bells of peaks: no further than the lowest line on the way to the next of all peaks."""
-    alike = mac(vectors[peaks], vectors) >= _LEAST_MAC
+    alike = mac(vectors[peaks], vectors) >= _RULES.min_mac
     first, last = [], []
     for k, peak in enumerate(peaks):
         below, above = all_peaks[all_peaks < peak], all_peaks[all_peaks > peak]
         low = below[-1] + int(np.argmin(values[below[-1] : peak + 1])) if len(below) else 1
         high = peak + int(np.argmin(values[peak : above[0] + 1])) if len(above) else len(values) - 1
         outside = np.flatnonzero(~alike[k])
-        least = _FEWEST_LINES // 2
+        least = _RULES.min_lines // 2
         start = max(low, int(outside[outside < peak].max(initial=0)) + 1)
         end = min(high, int(outside[outside > peak].min(initial=len(values))) - 1)
         first.append(max(min(start, peak - least), 1))
@@ -272,7 +291,7 @@ def _fitted(
     orders = [_DERIVATIVES[quantity]] if quantity in _DERIVATIVES else sorted(set(_DERIVATIVES.values()))
     fits = [_fitted_bell(spectra, lines, int(bells.peaks[number]), power, _Bell(spectra, lines, n)) for n in orders]
     parameters, information, _ = min(fits, key=lambda fit: fit[2])
-    covariance = np.linalg.pinv(information) * _OVERLAP
+    covariance = np.linalg.pinv(information) * _RULES.overlap
     frequency, damping = np.exp(parameters[:2])
     f_std, xi_std = np.exp(parameters[:2]) * np.sqrt(np.diag(covariance)[:2])
     return frequency, min(damping, 0.99), f_std, xi_std
@@ -284,15 +303,15 @@ def _modal_filter(bells: Bells, number: int) -> Complex:
     nearest = np.argsort(np.abs(bells.peaks - bells.peaks[number]), kind="stable")
     for n_kept in range(min(len(nearest), len(shape)), 1, -1):
         dual = np.linalg.pinv(bells.shapes[nearest[:n_kept]].T)[0].conj()
-        if np.linalg.norm(dual) <= _MOST_AMPLIFIED:
+        if np.linalg.norm(dual) <= _RULES.max_amplified:
             return np.asarray(dual, dtype=np.complex128)
     return shape
 
 
 def _without_foot(power: Real, peak: int) -> slice:
     """Return the lines of a bell up to the first on either side that is far below the peak."""
-    low = np.flatnonzero(power < _FOOT * power[peak])
-    least = _FEWEST_LINES // 2
+    low = np.flatnonzero(power < _RULES.foot * power[peak])
+    least = _RULES.min_lines // 2
     first = int(low[low < peak].max(initial=-1)) + 1
     last = int(low[low > peak].min(initial=len(power))) - 1
     return slice(max(min(first, peak - least), 0), max(last, peak + least) + 1)
@@ -360,12 +379,12 @@ def _most_likely(bell: _Bell, power: Real, start: Real, n_segments: int) -> tupl
         return float(n_segments * np.sum(np.log(model) + power / model))
 
     parameters, value, damped = start, misfit(start), 1e-3
-    for _ in range(_ITERATIONS):
+    for _ in range(_RULES.max_steps):
         slopes = bell.slopes(parameters)
         information = n_segments * slopes @ slopes.T
         gradient = n_segments * slopes @ (power / bell.model(parameters) - 1)
         ridge = damped * np.diag(np.diag(information)) + 1e-9 * np.eye(len(start))
-        step = np.clip(np.linalg.solve(information + ridge, gradient), -_LARGEST_STEP, _LARGEST_STEP)
+        step = np.clip(np.linalg.solve(information + ridge, gradient), -_RULES.max_step, _RULES.max_step)
         attempt = misfit(parameters + step)
         if attempt > value:
             damped *= 10
@@ -373,7 +392,7 @@ def _most_likely(bell: _Bell, power: Real, start: Real, n_segments: int) -> tupl
                 break
             continue
         parameters, improvement, value, damped = parameters + step, value - attempt, attempt, max(damped / 10, 1e-9)
-        if improvement < _CONVERGED:
+        if improvement < _RULES.converged:
             break
     slopes = bell.slopes(parameters)
     return parameters, n_segments * slopes @ slopes.T, value

@@ -8,7 +8,14 @@ from scipy import special
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_number, freeze
-from sprung.identification.correlation import Correlations, SegmentCorrelations, average, lagged_sums, segment_bounds
+from sprung.identification.correlation import (
+    Correlations,
+    SegmentCorrelations,
+    average,
+    join_segments,
+    lagged_sums,
+    segment_bounds,
+)
 from sprung.identification.subspace import eigenvalue_weights, frequency_and_damping_changes, poles_of_orders, realise
 from sprung.modal import Modes, Poles, mac
 from sprung.recording import Recording
@@ -328,19 +335,11 @@ def correlate_by_level(
 
 def joined_levels(records: Sequence[LevelCorrelations]) -> LevelCorrelations:
     """Put the segments of several records one after another."""
-    first = records[0]
     offsets = np.cumsum([0, *(record.segments.max() + 1 for record in records)])
-    return replace(
-        first,
-        parts=replace(
-            first.parts,
-            sums=np.concatenate([record.parts.sums for record in records]),
-            n_products=np.concatenate([record.parts.n_products for record in records]),
-            records=tuple(number for number, record in enumerate(records) for _ in record.segments),
-        ),
-        segments=np.concatenate(
-            [record.segments + offset for record, offset in zip(records, offsets[:-1], strict=True)]
-        ),
+    numbers = [record.segments + offset for record, offset in zip(records, offsets[:-1], strict=True)]
+    return LevelCorrelations(
+        parts=join_segments([record.parts for record in records]),
+        segments=np.concatenate(numbers),
         classes=np.concatenate([record.classes for record in records]),
         powers=np.concatenate([record.powers for record in records]),
         span=(min(record.span[0] for record in records), max(record.span[1] for record in records)),
@@ -587,22 +586,17 @@ def trends_in_words(modes: Modes, trends: LevelTrends) -> list[str]:
     """Return a sentence for each dependence on the level that stands out of chance, or that there is none."""
     sentences = []
     for k in np.flatnonzero(trends.is_detected):
-        name = f"of the mode at {modes.natural_frequency[k]:.3g} Hz"
-        change, std = 100 * trends.natural_frequency[k], 100 * trends.natural_frequency_std[k]
-        damping, damping_std = 100 * trends.damping_ratio[k], 100 * trends.damping_ratio_std[k]
-        is_clear = [abs(change) > RULES.clear * std, abs(damping) > RULES.clear * damping_std]
-        is_clear = is_clear if any(is_clear) else [True, True]
-        if is_clear[0]:
-            way = "rises" if change > 0 else "falls"
-            sentences.append(
-                f"the frequency {name} {way} by {abs(change):.2g} % ± {std:.2g} % for twice the level: a nonlinearity"
-            )
-        if is_clear[1]:
-            way = "rises" if damping > 0 else "falls"
-            sentences.append(
-                f"the damping ratio {name} {way} by {abs(damping):.2g} ± {damping_std:.2g} percentage points for twice"
-                " the level: a nonlinearity"
-            )
+        frequency = trends.natural_frequency[k], trends.natural_frequency_std[k], "{:.2g} % ± {:.2g} %"
+        damping = trends.damping_ratio[k], trends.damping_ratio_std[k], "{:.2g} ± {:.2g} percentage points"
+        values = (("frequency", *frequency), ("damping ratio", *damping))
+        is_clear = [abs(change) > RULES.clear * std for _, change, std, _ in values]
+        for (quantity, change, std, form), names_it in zip(values, is_clear, strict=True):
+            if names_it or not any(is_clear):
+                sentences.append(
+                    f"the {quantity} of the mode at {modes.natural_frequency[k]:.3g} Hz"
+                    f" {'rises' if change > 0 else 'falls'} by {form.format(100 * abs(change), 100 * std)}"
+                    " for twice the level: a nonlinearity"
+                )
     if sentences:
         return sentences
     if not np.isfinite(trends.p_value).any():

@@ -22,33 +22,49 @@ from sprung.vehicles.labels import MOTIONS, body_range, rigid_body_participation
 from sprung.vehicles.usable import AnyVehicle
 from sprung.vehicles.window import Window, window_of
 
-#: Most values that are kept of recordings that can be read only once.
-_MOST_VALUES = 2**25
-#: Prior standard deviation of ln(value / nominal value) of springs, dampers and tyres: with less than `sprung corners`
-#: has, modes that a drive hardly determines stay near those of the file.
-_PRIOR = 0.35
-#: A mode is determined if the drives reduce the standard deviation of its frequency to this share of the prior's.
-_DETERMINED = 0.75
-#: Factor of both springs of an axle beyond which a fit with a model error is that of another vehicle.
-_OTHER_SPRINGS = 2.0
-#: Largest physical damping ratio of a mode of the body.
-_MOST_DAMPED = StabilityCriteria().max_damping
-#: Model error above which the fitted vehicle is not used, and above which a note names it.
-_UNLIKE, _IMPERFECT = 0.5, 0.1
-#: Relative deviations of frequency and damping by what is not linear in a suspension (friction, valves, bump stops): of
-#: the body's modes, and of wheel hop, whose smaller motion depends more on friction.
-_NONLINEAR_BODY, _NONLINEAR_HOP = (0.015, 0.06), (0.015, 0.12)
-#: Power at a mode over that on either side, less 1, in measured over fitted spectra: the fitted vehicle lacks the mode.
-_UNEXPLAINED = 0.25
-#: The same in measured spectra alone, and largest damping ratio: a resonance.
-_PROMINENT, _LIGHT = 2.0, 0.15
-#: Share of its shape that the rigid body explains below which a mode is one of a flexible body.
-_RIGID = 0.7
-#: Frequency over that of the highest mode of the body below which SSI adds none, and variance of the mean power of n
-#: half-overlapping segments, times n.
-_OVER_BODY, _CHANCE = 1.5, 1.06
-#: Relative difference of frequency and MAC up to which a mode of SSI is one of the fitted vehicle.
-_NEARBY, _ALIKE = 0.2, 0.8
+
+@dataclass(frozen=True, slots=True)
+class _Rules:
+    """Rules of what a drive determines, and of what SSI adds to it."""
+
+    #: Most values that are kept of recordings that can be read only once.
+    max_values: int = 2**25
+    #: Prior standard deviation of ln(value / nominal value): less than `sprung corners` has, so that modes that a drive
+    #: hardly determines stay near those of the file.
+    prior_std: float = 0.35
+    #: Share of the prior deviation of its frequency below which a mode is determined.
+    determined: float = 0.75
+    #: Factor of both springs of an axle beyond which a fit with a model error is that of another vehicle.
+    other_springs: float = 2.0
+    #: Largest physical damping ratio of a mode of the body.
+    max_damping: float = StabilityCriteria().max_damping
+    #: Model error above which the fitted vehicle is not used.
+    unlike: float = 0.5
+    #: Model error above which a note names it.
+    imperfect: float = 0.1
+    #: Relative deviations of frequency and damping of the body by friction, valves and bump stops.
+    nonlinear_body: tuple[float, float] = (0.015, 0.06)
+    #: The same of wheel hop, whose smaller motion depends more on friction.
+    nonlinear_hop: tuple[float, float] = (0.015, 0.12)
+    #: Power at a mode over that beside it, less 1, in measured over fitted spectra: the fitted vehicle lacks the mode.
+    unexplained: float = 0.25
+    #: The same in measured spectra alone: a resonance.
+    prominent: float = 2.0
+    #: Largest damping ratio of such a mode.
+    max_light: float = 0.15
+    #: Share of its shape that the rigid body explains below which a mode is one of a flexible body.
+    rigid: float = 0.7
+    #: Frequency over that of the highest mode of the body below which SSI adds none.
+    over_body: float = 1.5
+    #: Variance of the mean power of n half-overlapping segments, times n.
+    chance: float = 1.06
+    #: Relative difference of frequency up to which a mode of SSI is one of the fitted vehicle ...
+    nearby: float = 0.2
+    #: ... and least MAC.
+    alike: float = 0.8
+
+
+_RULES = _Rules()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -91,7 +107,7 @@ def kept_records(
 
 def _keeping(recordings: Iterable[Recording], kept: list[Recording]) -> Iterator[Recording]:
     """Yield recordings and put them into a list as long as there is room."""
-    room = _MOST_VALUES
+    room = _RULES.max_values
     for recording in recordings:
         room -= recording.samples.size
         if room >= 0:
@@ -126,7 +142,7 @@ def fit_of_road(recordings: Sequence[Recording], vehicle: Vehicle) -> CornerFit:
     windows = [window for record in recordings for window in _windows(record, vehicle)]
     if not windows:
         raise DataError("no recording has the speed of the vehicle: record it")
-    fit = fit_windows(windows, settings=CornerSettings(prior_std=_PRIOR))
+    fit = fit_windows(windows, settings=CornerSettings(prior_std=_RULES.prior_std))
     doubt = doubts(fit)
     if doubt:
         raise DataError(f"{doubt}: correct the vehicle file, or calibrate it on healthy drives")
@@ -146,19 +162,19 @@ def doubts(fit: CornerFit) -> str:
     Another vehicle has spectra that deviate by more than 50 %; or by more than 10 %, with springs of an axle that are
     more than a factor of 2 off; or modes of the body beyond `labels.body_range`, or more than 60 % damped.
     """
-    if fit.model_error > _UNLIKE:
+    if fit.model_error > _RULES.unlike:
         return f"the spectra deviate {100 * fit.model_error:.0f} % from those of the fitted vehicle"
     unlike = [
         f"{name} {ratio:.2g} times the file's"
         for name, ratio in fit.implausible_axles.items()
-        if "springs" in name and abs(np.log(ratio)) > np.log(_OTHER_SPRINGS)
+        if "springs" in name and abs(np.log(ratio)) > np.log(_RULES.other_springs)
     ]
-    if fit.model_error > _IMPERFECT and unlike:
+    if fit.model_error > _RULES.imperfect and unlike:
         return f"the fitted vehicle has implausible values ({', '.join(unlike)})"
     lowest, highest = body_range(fit.model.structure.modes())
     exact = fit.modes()
     for f, x, label in zip(exact.natural_frequency, exact.damping_ratio, exact.labels, strict=True):
-        if label in MOTIONS and not (lowest <= f <= highest and x <= _MOST_DAMPED):
+        if label in MOTIONS and not (lowest <= f <= highest and x <= _RULES.max_damping):
             return f"the {label} of the fitted vehicle is implausible ({f:.2g} Hz, {100 * x:.0f} % damped)"
     return ""
 
@@ -206,11 +222,13 @@ def modes_of_fit(fit: CornerFit, channels: Sequence[str]) -> Modes:
     frequency_std, damping_std = fit.modes_std()
     prior_std = np.sqrt(np.einsum("im,i->m", fit.modes_derivatives()[0] ** 2, fit.model.prior_std**2))
     shapes = exact.mode_shapes[:, [exact.channels.index(name) for name in channels]]
-    wanted = MOTIONS if fit.model_error > _IMPERFECT else (*MOTIONS, "wheel_hop")
+    wanted = MOTIONS if fit.model_error > _RULES.imperfect else (*MOTIONS, "wheel_hop")
     is_named = np.array([label in wanted for label in exact.labels], dtype=np.bool_)
-    chosen = np.flatnonzero(is_named & shapes.any(axis=1) & (frequency_std < _DETERMINED * prior_std))
+    chosen = np.flatnonzero(is_named & shapes.any(axis=1) & (frequency_std < _RULES.determined * prior_std))
     error = fit.model_error
-    nonlinear = np.array([_NONLINEAR_BODY if label in MOTIONS else _NONLINEAR_HOP for label in exact.labels])
+    nonlinear = np.array(
+        [_RULES.nonlinear_body if label in MOTIONS else _RULES.nonlinear_hop for label in exact.labels]
+    )
     f, x = exact.natural_frequency, exact.damping_ratio
     modes = Modes(
         poles=exact.poles,
@@ -282,16 +300,16 @@ def unexplained(modes: Modes, fit: CornerFit, channels: Sequence[Channel], spect
     of the measured power in its shape.
     """
     shares, explained = rigid_body_participation(modes, channels)
-    is_flexible = (explained < _RIGID) & np.isfinite(shares).any()
+    is_flexible = (explained < _RULES.rigid) & np.isfinite(shares).any()
     exact = fit.modes()
     is_body = np.array([label in MOTIONS for label in exact.labels])
-    lowest = _OVER_BODY * float(exact.natural_frequency[is_body].max(initial=0.0))
+    lowest = _RULES.over_body * float(exact.natural_frequency[is_body].max(initial=0.0))
     highest = float(fit.model.spectra.frequencies[-1])
     is_real = []
     for f, x, shape in zip(modes.natural_frequency, modes.damping_ratio, modes.mode_shapes, strict=True):
-        counts_alone = f > highest or fit.model_error > _IMPERFECT
+        counts_alone = f > highest or fit.model_error > _RULES.imperfect
         is_peak = (counts_alone and _is_resonance(f, x, shape, spectra)) or (f < highest and _exceeds(f, x, fit))
-        is_real.append(bool(lowest < f and x < _LIGHT and is_peak))
+        is_real.append(bool(lowest < f and x < _RULES.max_light and is_peak))
     return np.asarray(is_flexible | np.array(is_real, dtype=np.bool_))
 
 
@@ -300,14 +318,14 @@ def _exceeds(frequency: float, damping: float, fit: CornerFit) -> bool:
     frequencies = fit.model.spectra.frequencies
     ratios = [_over_sides(frequency, damping, frequencies, 1 + misfit) for misfit in fit.misfit]
     n_about = max(1, int(np.count_nonzero(np.abs(frequencies - frequency) <= damping * frequency)))
-    chance = float(np.sqrt(_CHANCE / (fit.n_segments * n_about)))
-    return max(ratios) > 1 + max(_UNEXPLAINED, 3 * chance)
+    chance = float(np.sqrt(_RULES.chance / (fit.n_segments * n_about)))
+    return max(ratios) > 1 + max(_RULES.unexplained, 3 * chance)
 
 
 def _is_resonance(frequency: float, damping: float, shape: Complex, spectra: SpectralMatrix) -> bool:
     """Return whether the power in a shape has a peak at a mode."""
     power = np.einsum("i,ijf,j->f", shape.conj(), spectra.matrix, shape).real
-    return _over_sides(frequency, damping, spectra.frequencies, power) > _PROMINENT
+    return _over_sides(frequency, damping, spectra.frequencies, power) > _RULES.prominent
 
 
 def _over_sides(frequency: float, damping: float, frequencies: Real, power: Real) -> float:
@@ -329,7 +347,7 @@ def _replaced(road: Modes, modes: Modes, candidates: Indices) -> Indices:
         return replaced
     likeness = mac(road.mode_shapes, modes.mode_shapes[candidates])
     distance = np.abs(np.log(modes.natural_frequency[candidates] / road.natural_frequency[:, None]))
-    cost = np.where((likeness >= _ALIKE) & (distance <= _NEARBY), distance + 1 - likeness, np.inf)
+    cost = np.where((likeness >= _RULES.alike) & (distance <= _RULES.nearby), distance + 1 - likeness, np.inf)
     while np.isfinite(cost.min()):
         row, column = np.unravel_index(int(np.argmin(cost)), cost.shape)
         replaced[row] = candidates[column]
@@ -358,7 +376,7 @@ def note_on_road(modes: CombinedModes, fit: CornerFit, *, n_ssi: int) -> str:
         " fitted to the spectra on the road (likelihood), whose damping depends on the amplitude by some 6 %;"
         f" {n_left_out} of {n_ssi} modes by SSI were left out: the same modes, or effects of the axle delay"
     )
-    if fit.model_error <= _IMPERFECT:
+    if fit.model_error <= _RULES.imperfect:
         return sentence
     return f"{sentence}; the spectra deviate {100 * fit.model_error:.0f} % from those of the fitted vehicle"
 

@@ -14,14 +14,24 @@ from sprung.identification.correlation import Correlations, deviation_of_mean
 from sprung.identification.subspace import frequency_and_damping_changes, with_deviations
 from sprung.modal import Modes, Poles, PoleStatus, join_modes, mac, mpc, unit_shapes
 
-#: Two poles of one shape are one mode if they lie within this multiple of their half-power half-bandwidth (between
-#: rungs, and between modes whose damping may differ: there, if their half-power bands overlap) ...
-_ALIGNED_BANDWIDTH, _MERGED_BANDWIDTH = 0.5, 2.0
-#: ... plus this share of their frequency. Two shapes are one if 1 - MAC is below this.
-_MERGED_FREQUENCY = 0.01
-_MERGED_MAC = 0.1
-#: Fewest blocks whose spread gives standard deviations.
-_FEWEST_BLOCKS = 10
+
+@dataclass(frozen=True, slots=True)
+class _Rules:
+    """Which poles, and which modes of several parts, are one mode."""
+
+    #: Distance of poles between rungs as a multiple of their half-power half-bandwidth ...
+    aligned_bandwidth: float = 0.5
+    #: ... and between modes whose damping may differ: there, if their half-power bands overlap; ...
+    merged_bandwidth: float = 2.0
+    #: ... both plus this share of their frequency.
+    merged_frequency: float = 0.01
+    #: Two shapes are one if 1 - MAC is below this.
+    merged_mac: float = 0.1
+    #: Fewest blocks whose spread gives standard deviations.
+    min_blocks: int = 10
+
+
+_RULES = _Rules()
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +152,7 @@ def with_honest_deviations(poles: Poles, correlations: Correlations) -> Poles:
     Poles
         Poles with standard deviations, or with NaN in their place.
     """
-    if len(correlations.blocks) >= _FEWEST_BLOCKS:
+    if len(correlations.blocks) >= _RULES.min_blocks:
         return poles
     unknown = np.full(len(poles.poles), np.nan)
     return replace(poles, natural_frequency_std=unknown, damping_ratio_std=unknown)
@@ -164,7 +174,7 @@ def with_known_deviations(modes: Modes, correlations: Correlations) -> Modes:
     Modes
         Modes with standard deviations of frequency, damping ratio and shape, or with NaN in their place.
     """
-    if len(correlations.blocks) >= _FEWEST_BLOCKS:
+    if len(correlations.blocks) >= _RULES.min_blocks:
         return modes
     unknown = np.full(len(modes), np.nan)
     shapes = np.full(modes.mode_shapes.shape, np.nan + 1j * np.nan)
@@ -287,11 +297,11 @@ def align(poles: Complex, mode_shapes: Complex, *, has_free_damping: bool = Fals
     """
     if len(poles) < 2:
         return np.zeros(len(poles), dtype=np.intp)
-    share = _MERGED_BANDWIDTH if has_free_damping else _ALIGNED_BANDWIDTH
-    width = _MERGED_FREQUENCY * np.abs(poles) + share * np.abs(poles.real)
+    share = _RULES.merged_bandwidth if has_free_damping else _RULES.aligned_bandwidth
+    width = _RULES.merged_frequency * np.abs(poles) + share * np.abs(poles.real)
     places = np.abs(poles) if has_free_damping else poles
     distance = np.abs(places[:, None] - places) / ((width[:, None] + width) / 2)
-    distance += (1 - mac(mode_shapes, mode_shapes)) / _MERGED_MAC
+    distance += (1 - mac(mode_shapes, mode_shapes)) / _RULES.merged_mac
     condensed = np.maximum(distance, distance.T)[np.triu_indices(len(poles), 1)]
     groups = hierarchy.fcluster(hierarchy.linkage(condensed, "average"), 1.0, "distance") - 1
     mean = np.bincount(groups, np.abs(poles)) / np.bincount(groups)
