@@ -4,6 +4,7 @@ import functools
 
 import numpy as np
 import pytest
+from tests.identification.runs import TRUTH, run
 
 from sprung.identification import (
     METHODS,
@@ -13,21 +14,10 @@ from sprung.identification import (
 )
 from sprung.modal import mac
 from sprung.signals.cepstrum import Exponential, ShortPass
-from sprung.simulation import simulate, usual_excitation
-from sprung.vehicles import chain
 
-CHAIN = chain()
-TRUTH = CHAIN.modes()
 IN_BAND = (0.5, 50.0)
 #: Sets of records; the fast tests take the first.
 SEEDS = (0, *(pytest.param(number, marks=pytest.mark.slow) for number in (1, 2)))
-
-
-def run(seed=1, *, snr=10.0, band=None, duration=60.0, sampling_rate=500.0, vehicle=CHAIN):
-    excitation = usual_excitation(vehicle)
-    return simulate(
-        vehicle, excitation, duration=duration, sampling_rate=sampling_rate, seed=seed, snr=snr, noise_band=band
-    )
 
 
 @functools.lru_cache(maxsize=2)

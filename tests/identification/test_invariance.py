@@ -5,28 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from tests.identification.runs import assert_same, run
 
-from sprung.identification import METHODS, IdentificationSettings, cov_ssi
+from sprung.identification import METHODS, IdentificationSettings
 from sprung.modal import mac
-from sprung.simulation import simulate, usual_excitation
-from sprung.vehicles import chain
-
-CHAIN = chain()
-
-
-def run(seed=1, *, snr=10.0, band=None, duration=60.0, sampling_rate=500.0, vehicle=CHAIN):
-    excitation = usual_excitation(vehicle)
-    return simulate(
-        vehicle, excitation, duration=duration, sampling_rate=sampling_rate, seed=seed, snr=snr, noise_band=band
-    )
-
-
-def assert_same(one, other, *, deviations):
-    """The same modes, each within a share of its standard deviation."""
-    assert len(one.modes) == len(other.modes)
-    for name in ("natural_frequency", "damping_ratio"):
-        difference = np.abs(getattr(one.modes, name) - getattr(other.modes, name))
-        assert np.all(difference <= deviations * getattr(one.modes, f"{name}_std") + 1e-9)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -80,9 +62,3 @@ def test_the_order_of_records_hardly_matters(method) -> None:
     assert_same(
         straight, METHODS[method](records[::-1], settings=settings), deviations=0.6 if method == "coss" else 0.01
     )
-
-
-def test_a_shift_in_time_hardly_matters() -> None:
-    record = run()
-    later = record.changed("three samples later", samples=record.samples[:, 3:])
-    assert_same(cov_ssi(record), cov_ssi(later), deviations=0.3)

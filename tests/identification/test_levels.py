@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
+from tests.identification.runs import modes_of
 
 from sprung.identification import IdentificationSettings, LevelTrends, coss_ssi, cov_ssi
 from sprung.identification.correlation import SegmentCorrelations, average, correlate_segments
@@ -21,7 +22,6 @@ from sprung.identification.levels import (
     trends_in_words,
 )
 from sprung.identification.subspace import eigenvalue_weights, poles_of_orders, realise
-from sprung.modal import Modes
 from sprung.recording import Channel, Recording
 
 N_LAGS = 24
@@ -292,20 +292,8 @@ def test_without_levels_there_is_no_trend() -> None:
     assert coss_ssi(record, settings=replace(QUIET, n_subsets=1)).level_trends is None
 
 
-def modes_at(*frequencies):
-    n = len(frequencies)
-    return Modes(
-        poles=2 * np.pi * np.array(frequencies) * (-0.02 + 1j * np.sqrt(1 - 0.02**2)),
-        mode_shapes=np.ones((n, 2), dtype=complex),
-        channels=("a", "b"),
-        natural_frequency_std=np.full(n, 0.01),
-        damping_ratio_std=np.full(n, 0.001),
-        stable_rate=np.ones(n),
-        labels=(None,) * n,
-    )
-
-
 def test_trends_in_words() -> None:
+    modes = modes_of([13.2, 20.0], 0.02, np.ones((2, 2)))
     trends = LevelTrends(
         natural_frequency=np.array([-0.031, 0.001]),
         natural_frequency_std=np.array([0.004, 0.002]),
@@ -314,14 +302,12 @@ def test_trends_in_words() -> None:
         p_value=np.array([1e-6, 1e-5]),
         level_ratio=np.array([2.0, 1.5]),
     )
-    assert trends_in_words(modes_at(13.2, 20.0), trends) == [
+    assert trends_in_words(modes, trends) == [
         "the frequency of the mode at 13.2 Hz falls by 3.1 % ± 0.4 % for twice the level: a nonlinearity",
         "the damping ratio of the mode at 20 Hz falls by 1.2 ± 0.2 percentage points for twice the level:"
         " a nonlinearity",
     ]
     chance = replace(trends, p_value=np.array([0.02, 0.5]))
-    assert trends_in_words(modes_at(13.2, 20.0), chance) == [
-        "no dependence on the level detected (highest subset over lowest: 1.75)"
-    ]
+    assert trends_in_words(modes, chance) == ["no dependence on the level detected (highest subset over lowest: 1.75)"]
     unknown = replace(trends, p_value=np.full(2, np.nan))
-    assert trends_in_words(modes_at(13.2, 20.0), unknown) == []
+    assert trends_in_words(modes, unknown) == []

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.identification.runs import TRUTH, assert_same, recorded, run
 
 from sprung.errors import DataError, ParameterError
 from sprung.identification import (
@@ -23,32 +24,6 @@ from sprung.modal import PoleStatus, mac
 from sprung.recording import Channel, Gap, Recording
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain
-
-CHAIN = chain()
-
-
-TRUTH = CHAIN.modes()
-
-
-def run(seed=1, *, snr=10.0, band=None, duration=60.0, sampling_rate=500.0, vehicle=CHAIN):
-    excitation = usual_excitation(vehicle)
-    return simulate(
-        vehicle, excitation, duration=duration, sampling_rate=sampling_rate, seed=seed, snr=snr, noise_band=band
-    )
-
-
-def recorded(samples, sampling_rate=500.0):
-    samples = np.atleast_2d(samples)
-    channels = tuple(Channel(f"acc_{k}", "acceleration") for k in range(1, len(samples) + 1))
-    return Recording(samples, sampling_rate, channels)
-
-
-def assert_same(one, other, *, deviations):
-    """The same modes, each within a share of its standard deviation."""
-    assert len(one.modes) == len(other.modes)
-    for name in ("natural_frequency", "damping_ratio"):
-        difference = np.abs(getattr(one.modes, name) - getattr(other.modes, name))
-        assert np.all(difference <= deviations * getattr(one.modes, f"{name}_std") + 1e-9)
 
 
 @pytest.mark.parametrize("names", [["acc_1"], ["acc_3"], ["acc_1", "acc_3"], ["acc_2", "acc_3"]])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.identification.runs import TRUTH, run
 
 from sprung.errors import ParameterError
 from sprung.identification import METHODS, IdentificationSettings, coss_ssi, cov_ssi, pick_modes
@@ -11,15 +12,6 @@ from sprung.identification.stabilisation import StabilityCriteria
 from sprung.modal import PoleStatus
 from sprung.results.documents import identification_document
 from sprung.signals.cepstrum import Exponential
-from sprung.simulation import simulate, usual_excitation
-from sprung.vehicles import chain
-
-CHAIN = chain()
-TRUTH = CHAIN.modes()
-
-
-def run(seed=1):
-    return simulate(CHAIN, usual_excitation(CHAIN), duration=60.0, sampling_rate=500.0, snr=10.0, seed=seed)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -105,13 +97,6 @@ def test_what_cannot_be_picked_gets_one_sentence(frequencies, sentence) -> None:
         pick_modes(cov_ssi(run()), frequencies)
     assert str(refusal.value).startswith(sentence)
     assert "\n" not in str(refusal.value)
-
-
-def test_deviations_of_a_picked_mode_are_those_of_the_selection() -> None:
-    result = cov_ssi(run(), settings=IdentificationSettings(refine=False))
-    picked = pick_modes(result, [7.0])
-    assert picked.subsets[0].modes.natural_frequency_std == pytest.approx(result.modes.natural_frequency_std[:1])
-    assert picked.subsets[0].modes.damping_ratio_std == pytest.approx(result.modes.damping_ratio_std[:1])
 
 
 def test_modes_of_disjoint_references_are_refused() -> None:

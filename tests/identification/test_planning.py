@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
+from tests.identification.runs import TRUTH, run
 
 from sprung.errors import DataError, ParameterError
 from sprung.identification import BlockRowLadder, IdentificationSettings
@@ -21,16 +22,9 @@ from sprung.identification.planning import (
 from sprung.identification.settings import ACS, COSS, COV
 from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic
-from sprung.simulation import simulate, usual_excitation
-from sprung.vehicles import chain, read_vehicle, structure
+from sprung.vehicles import read_vehicle, structure
 
-FREQUENCIES = chain().modes().natural_frequency
-
-
-@pytest.fixture(scope="module")
-def run():
-    three_masses = chain()
-    return simulate(three_masses, usual_excitation(three_masses), duration=60.0, sampling_rate=500.0, seed=1, snr=10.0)
+FREQUENCIES = TRUTH.natural_frequency
 
 
 def planned(recording, *, method=COV, total=None, **settings):
@@ -46,8 +40,8 @@ def planned(recording, *, method=COV, total=None, **settings):
     )
 
 
-def test_the_band_holds_all_modes_and_the_rate_carries_it(run) -> None:
-    plan = planned(run)
+def test_the_band_holds_all_modes_and_the_rate_carries_it() -> None:
+    plan = planned(run())
     assert plan.preparation.band[0] < FREQUENCIES[0]
     assert FREQUENCIES[-1] < plan.preparation.band[1] < 60.0
     assert plan.preparation.decimate_to >= 3 * plan.preparation.band[1]
@@ -57,14 +51,14 @@ def test_the_band_holds_all_modes_and_the_rate_carries_it(run) -> None:
     assert plan.preparation.notes[0].endswith("Hz (where the channels are coherent), sampled at 125 Hz")
 
 
-def test_the_band_is_where_channels_move_together_not_where_they_are_loud(run) -> None:
+def test_the_band_is_where_channels_move_together_not_where_they_are_loud() -> None:
     """Noise of each sensor alone at 100 to 200 Hz, as strong as the motion, does not widen the band."""
     generator = np.random.default_rng(0)
-    frequencies = np.fft.rfftfreq(run.n_samples, 1 / 500.0)
-    spectrum = np.fft.rfft(generator.normal(size=run.samples.shape)) * ((frequencies > 100) & (frequencies < 200))
-    own = np.fft.irfft(spectrum, run.n_samples)
-    own *= run.samples.std(axis=1, keepdims=True) / own.std(axis=1, keepdims=True)
-    loud = run.changed("noisy", samples=run.samples + own)
+    frequencies = np.fft.rfftfreq(run().n_samples, 1 / 500.0)
+    spectrum = np.fft.rfft(generator.normal(size=run().samples.shape)) * ((frequencies > 100) & (frequencies < 200))
+    own = np.fft.irfft(spectrum, run().n_samples)
+    own *= run().samples.std(axis=1, keepdims=True) / own.std(axis=1, keepdims=True)
+    loud = run().changed("noisy", samples=run().samples + own)
     assert planned(loud).preparation.band[1] < 60.0
 
 
@@ -134,9 +128,9 @@ def test_the_band_of_a_vehicle_is_around_its_modes() -> None:
     assert "around the modes of the vehicle file" in plan.notes[0]
 
 
-def test_given_settings_are_kept(run) -> None:
+def test_given_settings_are_kept() -> None:
     given = {"band": (5.0, 35.0), "decimate_to": 250.0, "segment": 7.0, "block_rows": 33, "max_order": 22}
-    plan = planned(run, **given)
+    plan = planned(run(), **given)
     assert plan.preparation.band == given["band"]
     assert plan.preparation.high_pass == 2.5
     assert plan.preparation.decimate_to == 250.0
@@ -144,30 +138,30 @@ def test_given_settings_are_kept(run) -> None:
     assert (plan.ladder.block_rows, plan.ladder.max_order) == (33, 22)
     assert plan.mode_band == (5.0, 35.0)
     assert plan.ladder.n_lags == 66
-    assert planned(run, ladder=BlockRowLadder(12, 45)).ladder.n_lags == 135
+    assert planned(run(), ladder=BlockRowLadder(12, 45)).ladder.n_lags == 135
     assert "(given)" in plan.preparation.notes[0]
 
 
-def test_segments_are_many_and_long_against_the_lags(run) -> None:
-    cov, acs, coss = (planned(run, method=method, total=1200.0) for method in (COV, ACS, COSS))
+def test_segments_are_many_and_long_against_the_lags() -> None:
+    cov, acs, coss = (planned(run(), method=method, total=1200.0) for method in (COV, ACS, COSS))
     assert cov.segment == pytest.approx(1200.0 / 48)
     assert acs.segment == pytest.approx(60.0)
     assert coss.segment == pytest.approx(1200.0 / 36)
     for plan in (cov, acs, coss):
         assert plan.segment >= 3 * plan.ladder.n_lags / plan.preparation.decimate_to
-    short = planned(run, method=COSS)
+    short = planned(run(), method=COSS)
     assert short.segment == pytest.approx(3 * short.ladder.n_lags / short.preparation.decimate_to)
     assert short.segment > 60.0 / 36
 
 
-def test_orders_are_even_and_fit_the_matrix(run) -> None:
+def test_orders_are_even_and_fit_the_matrix() -> None:
     for given_settings, n_channels in (
         ({}, 3),
         ({"block_rows": 4}, 3),
         ({"references": ("acc_1",)}, 1),
         ({"has_disjoint_references": True}, 1),
     ):
-        found = planned(run, **given_settings).ladder
+        found = planned(run(), **given_settings).ladder
         assert found.max_order % 2 == 0
         assert found.max_order <= (found.block_rows - 1) * n_channels
 
@@ -188,8 +182,8 @@ def test_orders_are_even_and_fit_the_matrix(run) -> None:
         (30_000, {"band": (300.0, 400.0)}, ParameterError, "the band's lower edge=300 must be at most 250"),
     ],
 )
-def test_what_a_record_cannot_carry_is_refused(run, n_samples, settings, error, sentence) -> None:
-    short = run.changed("cut", samples=run.samples[:, :n_samples])
+def test_what_a_record_cannot_carry_is_refused(n_samples, settings, error, sentence) -> None:
+    short = run().changed("cut", samples=run().samples[:, :n_samples])
     with pytest.raises(error, match=f"^{sentence}"):
         planned(short, **settings)
 
@@ -234,15 +228,9 @@ def noise(n_channels=2, n_samples=1000, seed=0):
     return np.random.default_rng(seed).normal(size=(n_channels, n_samples))
 
 
-def run_of_the_chain(**options):
-    structure = chain()
-    options = {"duration": 60.0, "sampling_rate": 500.0, "seed": 1, "snr": 10.0, **options}
-    return simulate(structure, usual_excitation(structure), **options)
-
-
 @pytest.mark.parametrize("band", [None, (3.0, 40.0)])
 def test_motion_is_decimated_without_trend_and_of_unit_rms(band) -> None:
-    recording = run_of_the_chain()
+    recording = run()
     recording = recording.changed("offset", samples=recording.samples * 1e3 + 7.0)
     plan = plan_preparation(recording, settings=IdentificationSettings(band=band))
     prepared = prepare(recording, plan)
@@ -270,7 +258,7 @@ def test_the_high_pass_halves_at_half_the_lower_edge(frequency) -> None:
 
 def test_harmonics_are_searched_above_the_band_of_the_identification() -> None:
     """A line of 60 Hz, in a record that is decimated to 20 Hz for its modes."""
-    recording = run_of_the_chain()
+    recording = run()
     line = recording.samples.std() * np.sin(2 * np.pi * 60.0 * np.arange(recording.n_samples) / 500.0)
     humming = recording.changed("hum", samples=recording.samples + line)
     plan = plan_preparation(humming, settings=IdentificationSettings(decimate_to=20.0))

@@ -4,19 +4,12 @@ import weakref
 
 import numpy as np
 import pytest
+from tests.identification.runs import run
 
 from sprung.errors import DataError
 from sprung.identification import IdentificationSettings, RunningSummary, summarise
 from sprung.identification.settings import ACS
 from sprung.identification.steps import correlate, no_report
-from sprung.simulation import simulate, usual_excitation
-from sprung.vehicles import chain
-
-CHAIN = chain()
-
-
-def run(seed, *, duration=60.0):
-    return simulate(CHAIN, usual_excitation(CHAIN), duration=duration, sampling_rate=500.0, seed=seed, snr=10.0)
 
 
 def correlated(records, **settings):
@@ -30,7 +23,7 @@ def test_records_of_an_iterator_do_not_pile_up() -> None:
 
     def one_by_one():
         for seed in range(5):
-            record = run(seed)
+            record = run.__wrapped__(seed)
             held.append(weakref.ref(record.samples))
             assert all(samples() is None for samples in held[:-2])
             yield record

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.identification.runs import modes_of
 
 from sprung.identification import IdentificationSettings, as_in_thesis, cov_ssi
 from sprung.identification.band_fits import RecordSpectra
 from sprung.identification.refinement import refined_by_spectra
 from sprung.likelihood.modal_spectra import LineSums, line_edges
-from sprung.modal import Modes, unit_shapes
+from sprung.modal import unit_shapes
 from sprung.recording import Channel
 from sprung.signals.cepstrum import Exponential, ShortPass
 from sprung.simulation import simulate, usual_excitation
@@ -23,19 +24,6 @@ def refinement_of(identification):
     """Return what the refinement of an identification changed."""
     assert identification.refinement is not None
     return identification.refinement
-
-
-def modes_of(frequency, damping, shapes, stds=(0.0, 0.0)):
-    n = len(frequency)
-    return Modes(
-        poles=2 * np.pi * frequency * (1j * np.sqrt(1 - damping**2) - damping),
-        mode_shapes=unit_shapes(shapes),
-        channels=tuple(f"s{k}" for k in range(shapes.shape[1])),
-        natural_frequency_std=np.full(n, stds[0]),
-        damping_ratio_std=np.full(n, stds[1]),
-        stable_rate=np.ones(n),
-        labels=(None,) * n,
-    )
 
 
 def exact_spectra(shapes, quantities, *, duration=1e3, noise=1e-3):
@@ -94,7 +82,7 @@ def test_forces_held_over_samples_hardly_move_refined_frequencies() -> None:
     moments = np.array([n_lines, n_lines * frequencies, n_lines * frequencies**2])
     lines = LineSums(edges, moments, matrices * n_lines[:, None, None], duration)
     spectra = RecordSpectra(lines, (), np.zeros(0, dtype=np.intp), rate)
-    start = modes_of(exact.natural_frequency, exact.damping_ratio, exact.mode_shapes, stds=(0.2, 0.01))
+    start = modes_of(exact.natural_frequency, exact.damping_ratio, exact.mode_shapes, std=0.2, damping_std=0.01)
     modes, refinement = refined_by_spectra(start, spectra, system.outputs.channels)
     assert not any(refinement.reasons)
     assert modes.natural_frequency == pytest.approx(exact.natural_frequency, rel=1e-3)
@@ -103,7 +91,7 @@ def test_forces_held_over_samples_hardly_move_refined_frequencies() -> None:
 def test_a_mode_far_from_the_largest_likelihood_keeps_its_values() -> None:
     shapes = np.random.default_rng(0).normal(size=(3, 3))
     spectra, channels = exact_spectra(shapes, ("unknown",) * 3)
-    start = modes_of(FREQUENCY * np.array([1, 1, 1.01]), DAMPING, shapes.astype(complex), stds=(0.01, 0.001))
+    start = modes_of(FREQUENCY * np.array([1, 1, 1.01]), DAMPING, unit_shapes(shapes), std=0.01)
     modes, refinement = refined_by_spectra(start, spectra, channels)
     assert [not reason for reason in refinement.reasons] == [True, True, False]
     assert "refined values too far from" in refinement.reasons[2]
@@ -115,7 +103,7 @@ def test_a_mode_far_from_the_largest_likelihood_keeps_its_values() -> None:
 def test_heavily_damped_and_unresolved_modes_keep_their_values() -> None:
     shapes = np.eye(3)[:, :3].astype(complex)
     spectra, channels = exact_spectra(shapes.real, ("unknown",) * 3, duration=40.0)
-    start = modes_of(FREQUENCY, np.array([1e-3, 0.02, 0.3]), shapes)
+    start = modes_of(FREQUENCY, np.array([1e-3, 0.02, 0.3]), unit_shapes(shapes))
     modes, refinement = refined_by_spectra(start, spectra, channels)
     assert "peak too narrow for stretches of 40 s: record longer" in refinement.reasons[0]
     assert "damped by more than 15 %" in refinement.reasons[2]
@@ -166,13 +154,6 @@ def test_refinement_of_modes_from_elsewhere_says_so(runs) -> None:
     ]
 
 
-def test_one_channel_is_refined_or_says_why_not(runs) -> None:
-    identified = cov_ssi(replace(runs[0], samples=runs[0].samples[:1], channels=runs[0].channels[:1]))
-    is_refined = np.array([not reason for reason in refinement_of(identified).reasons])
-    assert np.all(identified.modes.mode_shape_std[is_refined] == 0)
-    assert len(refinement_of(identified).notes) == (not is_refined.all())
-
-
 def test_nothing_is_refined_where_spectra_are_edited_or_it_is_switched_off(runs) -> None:
     for lifter in (ShortPass(3.0), Exponential(2.0)):
         edited = cov_ssi(runs[0], settings=IdentificationSettings(lifter=lifter))
@@ -193,23 +174,3 @@ def test_a_line_beside_a_mode_is_left_out(runs, vehicle) -> None:
     for mode, reason in zip(identified.modes.natural_frequency, refinement_of(identified).reasons, strict=True):
         assert np.min(np.abs(mode / exact.natural_frequency - 1)) < 0.02
         assert not reason
-
-
-@pytest.mark.slow
-def test_refined_frequencies_of_records_without_noise_are_closer_than_those_of_the_subspace() -> None:
-    """Of 40 records with forces held over samples, whose effect the test of exact spectra shows."""
-    system = chain()
-    truth = system.modes().natural_frequency
-    runs = [
-        simulate(system, usual_excitation(system), duration=60.0, sampling_rate=500.0, seed=seed)
-        for seed in range(1, 41)
-    ]
-    found = [cov_ssi(run, settings=IdentificationSettings(harmonics=())) for run in runs]
-    complete = [result for result in found if len(result.modes) == 3]
-    assert len(complete) >= 38
-    before = np.array([refinement_of(result).start.natural_frequency for result in complete]) / truth - 1
-    after = np.array([result.modes.natural_frequency for result in complete]) / truth - 1
-    deviations = np.array([result.modes.natural_frequency_std for result in complete]) / truth
-    assert np.all(np.sqrt(np.mean(after**2, axis=0)) < 1.05 * np.sqrt(np.mean(before**2, axis=0)))
-    assert np.all(np.sqrt(np.mean((after / deviations) ** 2, axis=0)) < 1.25)  # 1 within 2.3 standard deviations
-    assert abs(np.mean(after[:, 2])) < 0.002  # 0.0028 with frequencies far below the first mode

@@ -4,18 +4,20 @@ The structure is a frame of four rigid floors measured in fifteen set-ups, simul
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 from scipy.signal import cont2discrete, lfilter, ss2tf
+from tests.identification.runs import modes_of
 
 from sprung.errors import DataError, ParameterError
 from sprung.formats import read
 from sprung.identification import IdentificationSettings, cov_ssi, identify_setups
 from sprung.identification.roving import common_points, group_by_setup
 from sprung.identification.setups import combine, correlations_of, glue, match_modes
-from sprung.modal import Modes, mac
+from sprung.modal import mac
 from sprung.recording import Channel, Recording
 from sprung.signals.spectrum import spectral_matrix
 from sprung.simulation import simulate, usual_excitation
@@ -259,18 +261,7 @@ def test_a_sensor_that_no_setup_has_is_missing() -> None:
         identify_setups(cov_ssi, lazily, references=["acc_1"], vehicle=named)
 
 
-def modes(frequencies, shapes, *, std=0.001):
-    """Return modes of 1 % damping."""
-    frequencies = np.asarray(frequencies, dtype=float)
-    return Modes(
-        poles=2 * np.pi * frequencies * (1j * np.sqrt(1 - 1e-4) - 0.01),
-        mode_shapes=np.asarray(shapes, dtype=complex),
-        channels=tuple(str(k) for k in range(len(shapes[0]))),
-        natural_frequency_std=np.full(len(frequencies), std),
-        damping_ratio_std=np.full(len(frequencies), 0.001),
-        stable_rate=np.ones(len(frequencies)),
-        labels=(None,) * len(frequencies),
-    )
+modes = partial(modes_of, damping=0.01, std=0.001, damping_std=0.001)
 
 
 def random_setups(generator, n_setups=4, n_references=2, n_roving=3, noise=0.0):
@@ -337,16 +328,16 @@ def test_the_variance_is_the_scatter_over_simulated_set_ups() -> None:
 def test_modes_are_matched_by_frequency_and_shape() -> None:
     one, two = [1.0, 0.5, 0.2], [0.5, -1.0, 0.3]
     parts = [
-        modes([2.000, 2.020, 5.0], [one, two, one]),
-        modes([2.006, 2.028], [one, two]),
-        modes([2.015, 4.99], [two, one]),
+        modes([2.000, 2.020, 5.0], shapes=[one, two, one]),
+        modes([2.006, 2.028], shapes=[one, two]),
+        modes([2.015, 4.99], shapes=[two, one]),
     ]
     members = match_modes(parts, [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
     assert sorted(map(tuple, members.tolist())) == [(0, 0, -1), (1, 1, 0), (2, -1, 1)]
 
 
 def test_two_modes_of_one_set_up_are_never_the_same() -> None:
-    parts = [modes([2.000, 2.001], [[1.0], [1.0]]), modes([2.0005], [[1.0]])]
+    parts = [modes([2.000, 2.001], shapes=[[1.0], [1.0]]), modes([2.0005], shapes=[[1.0]])]
     members = match_modes(parts, [[0], [0]])
     assert all(np.count_nonzero(row >= 0) <= 2 for row in members)
     assert sorted(members[:, 0].tolist()) == [0, 1]
@@ -354,7 +345,7 @@ def test_two_modes_of_one_set_up_are_never_the_same() -> None:
 
 def test_a_mode_of_fewer_than_half_of_the_set_ups_is_left_out() -> None:
     shape = [[1.0, 0.5]]
-    parts = [modes([2.0], shape), modes([2.0], shape), modes([2.001, 7.0], [*shape, *shape])]
+    parts = [modes([2.0], shapes=shape), modes([2.0], shapes=shape), modes([2.001, 7.0], shapes=[*shape, *shape])]
     assert match_modes(parts, [[0, 1]] * 3).tolist() == [[0, 0, 0]]
 
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
+from tests.identification.runs import modes_of, pole
 
 from sprung.errors import ParameterError
 from sprung.identification.contribution import complete_shapes, contributions, significant
@@ -20,15 +21,11 @@ from sprung.identification.stabilisation import (
     stabilise,
 )
 from sprung.identification.subspace import poles_of_orders, realise
-from sprung.modal import Modes, Poles, PoleStatus, mac
+from sprung.modal import Poles, PoleStatus, mac
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain
 
 LOOSE = StabilityCriteria(stable_rate=0.0, unknown_damping=0.1)
-
-
-def pole(frequency, damping=0.02):
-    return 2 * np.pi * frequency * (-damping + 1j * np.sqrt(1 - damping**2))
 
 
 def ladder(*rungs, std=np.nan):
@@ -234,20 +231,6 @@ def test_the_pole_of_least_variance_near_the_median_stands_for_the_mode() -> Non
     assert np.isnan(unknown.natural_frequency_std).all()
 
 
-def modes_of(*rows, std=0.01, channels=("a", "b")):
-    """Modes from (frequency, damping, shape)."""
-    n = len(rows)
-    return Modes(
-        poles=np.array([pole(row[0], row[1]) for row in rows]),
-        mode_shapes=np.array([row[2] for row in rows], dtype=complex).reshape(n, len(channels)),
-        channels=channels,
-        natural_frequency_std=np.full(n, std),
-        damping_ratio_std=np.full(n, std / 10),
-        stable_rate=np.full(n, 0.5),
-        labels=(None,) * n,
-    )
-
-
 def test_poles_of_one_mode_are_one_group_numbered_by_frequency() -> None:
     poles = pole(np.array([9.0, 3.0, 3.005, 9.02, 5.0]), np.full(5, 0.02))
     assert align(poles, np.ones((5, 2), dtype=complex)).tolist() == [2, 0, 0, 2, 1]
@@ -286,7 +269,8 @@ def judged():
     frequency, damping = exact.natural_frequency, exact.damping_ratio
     ghosts = [(f, 0.02, shape) for f, shape in ((12.0, (1, -1, 1)), (24.0, (1, 2, -1)), (40.0, (1, 1, 1)))]
     rows = [*zip(frequency, damping, exact.mode_shapes, strict=True), *ghosts]
-    return modes_of(*rows, channels=exact.channels, std=1e-3), correlations
+    modes = modes_of(*(np.array(column) for column in zip(*rows, strict=True)), std=1e-3)
+    return modes, correlations
 
 
 def test_modes_that_contribute_no_more_than_chance_are_not_significant(judged) -> None:
@@ -332,9 +316,9 @@ def test_a_mode_must_stand_out_from_what_independent_channels_show(judged) -> No
 def test_modes_of_parts_merge_with_weights_and_each_part_keeps_its_own() -> None:
     """Damping differs between the subsets of one mode, frequency and shape do not."""
     parts = [
-        modes_of((3.0, 0.020, (1, 0.5)), (9.0, 0.05, (1, -1))),
-        modes_of((9.1, 0.04, (1, -1)), std=0.02),
-        modes_of((3.01, 0.011, (1, 0.51)), (9.05, 0.045, (1, -1.1)), (20.0, 0.01, (1, 1))),
+        modes_of([3.0, 9.0], [0.02, 0.05], [(1, 0.5), (1, -1)], std=0.01),
+        modes_of([9.1], 0.04, [(1, -1)], std=0.02),
+        modes_of([3.01, 9.05, 20.0], [0.011, 0.045, 0.01], [(1, 0.51), (1, -1.1), (1, 1)], std=0.01),
     ]
     merged = merge_modes(parts, weights=[1.0, 2.0, 5.0])
     assert merged.members.tolist() == [[0, -1, 0], [1, 0, 1]]
@@ -350,7 +334,7 @@ def test_modes_of_parts_merge_with_weights_and_each_part_keeps_its_own() -> None
 @pytest.mark.parametrize(("stds", "weights"), [((np.nan, np.nan), [3.0, 1.0]), ((0.01, 0.01 * np.sqrt(3)), [1.0, 1.0])])
 def test_shapes_can_be_averaged_whatever_their_phase_and_scale(stds, weights) -> None:
     """Weights are the inverse variances where these are known."""
-    parts = [modes_of((3.0, 0.02, (1, 0.5)), std=stds[0]), modes_of((3.0, 0.02, (2j, 1.2j)), std=stds[1])]
+    parts = [modes_of([3.0], 0.02, [(1, 0.5)], std=stds[0]), modes_of([3.0], 0.02, [(2j, 1.2j)], std=stds[1])]
     merged = merge_modes(parts, weights=weights, has_mean_shapes=True)
     assert merged.shares == pytest.approx(np.array([[0.75, 0.25]]))
     scaled = np.array([1.0, 0.6]) * 1.25 / 1.3
@@ -359,7 +343,8 @@ def test_shapes_can_be_averaged_whatever_their_phase_and_scale(stds, weights) ->
 
 
 def test_a_mode_of_less_than_half_of_the_parts_is_left_out() -> None:
-    one, none = modes_of((3.0, 0.02, (1, 1))), modes_of((3.0, 0.02, (1, 1))).take(np.zeros(0, dtype=int))
+    one = modes_of([3.0], 0.02, [(1, 1)], std=0.01)
+    none = one.take(np.zeros(0, dtype=int))
     assert len(merge_modes([one, none], weights=[1, 1]).modes) == 1
     assert len(merge_modes([one, none, none], weights=[1, 1, 1]).modes) == 0
     assert merge_modes([one, none, none], weights=[1, 1, 1]).members.shape == (0, 3)
@@ -367,7 +352,7 @@ def test_a_mode_of_less_than_half_of_the_parts_is_left_out() -> None:
 
 
 def test_of_two_modes_of_one_part_that_merge_the_more_stable_one_stands_for_it() -> None:
-    twins = replace(modes_of((3.0, 0.02, (1, 1)), (3.01, 0.03, (1, 1))), stable_rate=np.array([0.3, 0.8]))
+    twins = replace(modes_of([3.0, 3.01], [0.02, 0.03], [(1, 1), (1, 1)], std=0.01), stable_rate=np.array([0.3, 0.8]))
     merged = merge_modes([twins], weights=[1])
     assert merged.members.tolist() == [[1]]
     np.testing.assert_allclose(merged.modes.poles, twins.poles[1:])

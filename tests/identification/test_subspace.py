@@ -265,24 +265,3 @@ def test_standard_deviations_equal_a_finite_difference_of_the_poles(known, case,
     reported, nearest = realised(perturbed(correlations, change))
     for high, low, std in zip(upper, lower, ("natural_frequency_std", "damping_ratio_std"), strict=True):
         np.testing.assert_allclose(getattr(reported, std)[nearest], np.abs(high - low) / 2, rtol=tolerance)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("snr", [10.0, 0.5])
-@pytest.mark.parametrize("is_weighted", [True, False])
-def test_standard_deviations_are_those_of_repeated_runs(vehicle, measured, snr, is_weighted) -> None:
-    """Monte Carlo of 100 runs of 60 s; the spread of 100 values is itself known to 7 %."""
-    exact = vehicle("chain3").modes()
-    runs = []
-    for seed in range(100):
-        correlations = measured(seed, snr=snr)
-        realised = realise(correlations, block_rows=BLOCK_ROWS, max_order=6, is_weighted=is_weighted)
-        poles = poles_of_orders(realised, [6])
-        nearest = np.argmin(np.abs(poles.poles[:, None] - exact.poles), axis=0)
-        names = ("natural_frequency", "damping_ratio", "natural_frequency_std", "damping_ratio_std")
-        runs.append([getattr(poles, name)[nearest] for name in names])
-    values, deviations = np.split(np.array(runs), 2, axis=1)
-    ratio = np.median(deviations, axis=0) / values.std(axis=0, ddof=1)
-    assert np.all((ratio > 0.8) & (ratio < 1.25)), ratio
-    covered = np.mean(np.abs(values - values.mean(axis=0)) < 1.96 * deviations, axis=0)
-    assert np.all(covered >= 0.88), covered

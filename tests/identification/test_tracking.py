@@ -215,14 +215,6 @@ def test_deviations_that_are_wrong_or_unknown() -> None:
         check_identities(track_modes(windows), truth, 4, purity=0.97)
 
 
-def test_order_of_modes_and_scale_and_phase_of_shapes_do_not_matter() -> None:
-    windows, _ = sequence(3, steady(2.0, 3.0, 5.0), n_false=1)
-    turned = [None if modes is None else modes.take(np.arange(len(modes))[::-1]) for modes in windows]
-    for track, other in zip(track_modes(windows).tracks, track_modes(turned).tracks, strict=True):
-        np.testing.assert_array_equal(track.windows, other.windows)
-        np.testing.assert_array_equal(track.modes.poles, other.modes.poles)
-
-
 def test_few_windows() -> None:
     alone = window([2.0, 3.0], SHAPES[:2], std=0.01)
     assert [len(track) for track in track_modes([alone]).tracks] == [1, 1]
