@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import TypeVar
 
 import numpy as np
@@ -499,30 +498,36 @@ def _content(motion: Recording) -> _Content:
     for averages in (_RULES.averages, _RULES.min_averages):
         length = max(min(motion.n_samples // averages, stretch, _RULES.max_spectrum), 16)
         spectra = spectral_matrix(motion, segment_length=length / motion.sampling_rate)
-        power, common = _coherent_power(spectra)
+        power, common, chance = _coherence(spectra)
         width = motion.sampling_rate / length
         rows = slice(3, None) if not parts else slice(1, int(np.ceil(start / width)))
         start = 3 * width
         frequencies, widths = spectra.frequencies, np.full(power.size, width)
-        values = [frequencies, widths, power, common, _chance_of_coherence(spectra), frequencies / width]
+        values = [frequencies, widths, power, common, chance, frequencies / width]
         parts.insert(0, np.array(values)[:, rows])
     return _Content(*np.concatenate(parts, axis=1))
 
 
-def _chance_of_coherence(spectra: SpectralMatrix) -> Real:
-    """Return the probability that independent channels are as coherent; 1 for a single channel.
+def _coherence(spectra: SpectralMatrix) -> tuple[Real, Real, Real]:
+    """Return the power density common to the channels beyond chance and with it, and the probability of chance.
 
-    With K independent segments -(K - 1) ln(1 - coherence) of a pair is exponentially distributed, the sum over pairs
-    nearly as gamma.
+    Each channel is scaled to unit power. With K independent segments -(K - 1) ln(1 - coherence) of a pair is
+    exponentially distributed, the sum over pairs nearly as gamma; of a single channel nothing is chance.
     """
     densities = np.maximum(spectra.densities, np.finfo(float).tiny)
+    scale = densities.sum(axis=1) * spectra.frequencies[1]
     first, second = np.triu_indices(len(densities), 1)
     if not first.size:
-        return np.ones(densities.shape[1])
-    coherence = np.abs(spectra.matrix[first, second]) ** 2 / (densities[first] * densities[second])
+        return densities[0] / scale[0], densities[0] / scale[0], np.ones(densities.shape[1])
+    cross = np.abs(spectra.matrix[first, second])
+    coherence = cross**2 / (densities[first] * densities[second])
+    density = cross / np.sqrt(scale[first] * scale[second])[:, None]
+    by_chance = 1 - _RULES.chance_of_coherence ** (1 / max(spectra.n_segments - 1, 1))
+    power = np.sum(density * np.sqrt(np.maximum(coherence - by_chance, 0)), axis=0)
     freedom = max(spectra.n_segments / _RULES.segments_of_one - 1, 1.0)
     surprise = -freedom * np.log(np.maximum(1 - coherence, np.finfo(float).eps))
-    return np.asarray(special.gammaincc(first.size, surprise.sum(axis=0)))
+    chance = special.gammaincc(first.size, surprise.sum(axis=0))
+    return power, np.sum(density * np.sqrt(coherence), axis=0), np.asarray(chance)
 
 
 def _weak_peaks(content: _Content, is_used: Booleans, start: int, end: int) -> list[int]:
@@ -570,23 +575,6 @@ def _slow_share(motion: Recording, spectra: SpectralMatrix, factors: Mapping[str
     fast = spectra.densities[:, spectra.frequencies >= frequency].sum(axis=1) * spectra.frequencies[1] * scales**2
     power = np.maximum(np.var(motion.samples, axis=1), np.finfo(float).tiny)
     return float(np.max(1 - fast / power))
-
-
-def _coherent_power(spectra: SpectralMatrix) -> tuple[Real, Real]:
-    """Return the power density common to the channels, each scaled to unit power, beyond chance and with chance."""
-    densities = spectra.densities
-    densities = np.maximum(densities, np.finfo(float).tiny)
-    scale = densities.sum(axis=1, keepdims=True) * spectra.frequencies[1]
-    if len(densities) == 1:
-        return densities[0] / scale[0], densities[0] / scale[0]
-    chance = 1 - _RULES.chance_of_coherence ** (1 / max(spectra.n_segments - 1, 1))
-    power, common = np.zeros(densities.shape[1]), np.zeros(densities.shape[1])
-    for i, j in combinations(range(len(densities)), 2):
-        coherence = np.abs(spectra.matrix[i, j]) ** 2 / (densities[i] * densities[j])
-        density = np.abs(spectra.matrix[i, j]) / np.sqrt(scale[i] * scale[j])
-        power += density * np.sqrt(np.maximum(coherence - chance, 0))
-        common += density * np.sqrt(coherence)
-    return power, common
 
 
 def _lowest_rate(sampling_rate: float, minimum: float) -> float:

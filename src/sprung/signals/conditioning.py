@@ -22,6 +22,8 @@ STOP_BAND = 90.0
 _KAISER = 0.1102 * (STOP_BAND - 8.7)
 #: Largest numerator and denominator of a resampling ratio.
 LARGEST_DENOMINATOR = 10_000
+#: Speed below which a vehicle counts as standing [m/s], unless it is given.
+SLOWEST = 3.0
 #: Smallest number of samples of a moving part; shorter ones are not worth a spline.
 FEWEST_MOVING_SAMPLES = 10
 
@@ -268,7 +270,7 @@ def moving_parts(recording: Recording, speed: str, *, minimum_speed: float) -> l
     ]
 
 
-def while_moving(recording: Recording, speed: str, *, minimum_speed: float = 3.0) -> Recording:
+def while_moving(recording: Recording, speed: str, *, minimum_speed: float = SLOWEST) -> Recording:
     """Keep the parts at or above `minimum_speed` [m/s], from the channel named `speed`; the rest becomes gaps."""
     rate = recording.sampling_rate
     onsets = {stretch.start: onset for onset, stretch in _stretches_with_onset(recording)}
@@ -289,7 +291,7 @@ def over_distance(
     speed: str,
     *,
     interval: float,
-    minimum_speed: float = 3.0,
+    minimum_speed: float = SLOWEST,
     channels: Sequence[str] | None = None,
 ) -> Recording:
     """Resample onto equal steps of distance, in which lines proportional to speed stand still.

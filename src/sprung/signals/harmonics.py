@@ -13,7 +13,7 @@ from sprung._arrays import Booleans
 from sprung._checks import check_number
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
-from sprung.signals.conditioning import moving_parts, over_distance, while_moving
+from sprung.signals.conditioning import SLOWEST, moving_parts, over_distance, while_moving
 from sprung.signals.narrow_lines import (
     SEARCH,
     Densities,
@@ -39,6 +39,7 @@ class HarmonicSearch:
     cycles: float = 150.0  # cycles of a speed-proportional line in a segment: 1 to 0.5 %, the accuracy of the speed
     # relative deviation of a speed-proportional line from a constant multiple of the measured speed
     slip: float = 0.004
+    prominence: float = 6.0  # height of a line over the higher of the two neighbourhoods [dB]
     min_prominence: float = 4.0  # height of a multiple of a speed-proportional line [dB]
     # spread of speed (middle half over median) that separates lines proportional to it from constant ones
     min_spread: float = 0.03
@@ -101,10 +102,8 @@ def find_harmonics(
     recording: Recording,
     *,
     speed: str | None = None,
-    prominence: float = 6.0,
     false_alarm_rate: float = 1e-3,
     min_damping: float = 0.005,
-    minimum_speed: float = 3.0,
 ) -> tuple[Harmonic, ...]:
     """Find lines that are too narrow and too regular for modes.
 
@@ -114,14 +113,10 @@ def find_harmonics(
         Recording without missing values; channels of quantity "speed" are not searched.
     speed
         Name of the channel with the speed [m/s], for lines proportional to it; None: only lines of constant frequency.
-    prominence
-        Smallest height over the higher of the two neighbourhoods [dB], above 0.
     false_alarm_rate
         Probability of reporting any harmonic in a recording of random vibration, above 0 and at most 0.5.
     min_damping
         Smallest damping ratio of a mode, above 0 and at most 1.
-    minimum_speed
-        Speed below which parts are not searched for lines proportional to speed [m/s], above 0.
 
     Returns
     -------
@@ -179,29 +174,26 @@ def find_harmonics(
     >>> [round(line.frequency, 1) for line in find_harmonics(recording)]
     [17.0]
     """
-    check_number("prominence", prominence, above=0)
     check_number("false_alarm_rate", false_alarm_rate, above=0, at_most=0.5)
     check_number("min_damping", min_damping, above=0, at_most=1)
     names = [channel.name for channel in recording.channels if channel.quantity != "speed" and channel.name != speed]
     if not names:
         raise DataError("the recording has no channel besides the speed: there is nothing to search")
-    lines = _constant_lines(recording.select(names), prominence, false_alarm_rate, min_damping)
+    lines = _constant_lines(recording.select(names), false_alarm_rate, min_damping)
     finest = SEARCH.noise_bandwidth / min(_longest_stretch(recording), _HARMONICS.max_segment)
     constant = _as_harmonics(lines, names, "constant", (1.0, 1.0))
     constant = _drifting_together(
         [replace(line, kind="drifting") if line.resolution > SEARCH.drifting * finest else line for line in constant]
     )
-    if speed is None or not moving_parts(recording, speed, minimum_speed=minimum_speed):
+    if speed is None or not moving_parts(recording, speed, minimum_speed=SLOWEST):
         return constant
-    moving = while_moving(recording, speed, minimum_speed=minimum_speed)
+    moving = while_moving(recording, speed)
     v = moving.samples[moving.index(speed)]
     slow, low, middle, high, fast = (float(q) for q in np.quantile(v, (0.05, 0.25, 0.5, 0.75, 0.95)))
     if high - low < _HARMONICS.min_spread * middle:
         return constant
-    along = over_distance(
-        moving, speed, interval=middle / recording.sampling_rate, minimum_speed=minimum_speed, channels=names
-    )
-    lines = _speed_lines(along, moving.select(names), (low, middle, high), prominence, false_alarm_rate)
+    along = over_distance(moving, speed, interval=middle / recording.sampling_rate, channels=names)
+    lines = _speed_lines(along, moving.select(names), (low, middle, high), false_alarm_rate)
     following = _as_harmonics(lines, names, "speed", (slow, fast))
     return tuple(line for line in constant if not _is_swept(line, following)) + following
 
@@ -392,7 +384,7 @@ def _longest_stretch(recording: Recording) -> float:
     return float(max(stretch.stop - stretch.start for stretch in recording.stretches()) / recording.sampling_rate)
 
 
-def _constant_lines(recording: Recording, prominence: float, false_alarm_rate: float, min_damping: float) -> list[Line]:
+def _constant_lines(recording: Recording, false_alarm_rate: float, min_damping: float) -> list[Line]:
     """Return regular lines, and narrow lines at their multiples."""
     longest = _longest_stretch(recording)
     peaks: list[Line] = []
@@ -403,7 +395,7 @@ def _constant_lines(recording: Recording, prominence: float, false_alarm_rate: f
         narrow, densities = search_segments(
             samples,
             segment_length,
-            prominence=prominence,
+            prominence=_HARMONICS.prominence,
             false_alarm_rate=false_alarm_rate,
             min_damping=_HARMONICS.narrowest * min_damping,
             lowest=_HARMONICS.independence / (math.pi * min_damping * segment_length),
@@ -451,11 +443,7 @@ def _with_multiples(regular: list[Line], doubtful: list[Line], false_alarm_rate:
 
 
 def _speed_lines(
-    along: Recording,
-    moving: Recording,
-    speeds: tuple[float, float, float],
-    prominence: float,
-    false_alarm_rate: float,
+    along: Recording, moving: Recording, speeds: tuple[float, float, float], false_alarm_rate: float
 ) -> list[Line]:
     """Return lines over distance that exceed every line over time at the frequencies of these quartiles of speed."""
     peaks: list[Line] = []
@@ -465,15 +453,15 @@ def _speed_lines(
         narrow, _ = search_segments(
             samples,
             segment_length=metres,
-            prominence=min(prominence, _HARMONICS.min_prominence),
+            prominence=_HARMONICS.min_prominence,
             false_alarm_rate=false_alarm_rate,
             is_geometric=True,
             band=(_HARMONICS.cycles / metres, 2 * _HARMONICS.cycles / metres),
         )
         in_range = [peak for peak in narrow if _HARMONICS.cycles <= peak.frequency * metres < 2 * _HARMONICS.cycles]
         peaks += _unexplained(in_range, over_time, metres / speeds[1], speeds) if in_range else []
-    lines = merge_peaks(peak for peak in peaks if peak.prominence >= prominence)
-    faint = merge_peaks((peak for peak in peaks if peak.prominence < prominence), known=lines)
+    lines = merge_peaks(peak for peak in peaks if peak.prominence >= _HARMONICS.prominence)
+    faint = merge_peaks((peak for peak in peaks if peak.prominence < _HARMONICS.prominence), known=lines)
     families = [multiples(line.frequency, line.tolerance, faint) for line in lines]
     added = {i for family in families for i, order in family.members if order > 1}
     return sorted([*lines, *(faint[i] for i in added)], key=lambda line: line.frequency)
@@ -495,17 +483,22 @@ def _unexplained(
         is_geometric=True,
         band=(slow - reach, fast + reach),
     )
+
+    def is_explained(peak: Line) -> bool:
+        """Whether a line over time is as prominent, at a frequency of that peak."""
+        low, high = peak.frequency * speeds[0], peak.frequency * speeds[2]
+        return any(
+            peak.rows == rival.rows
+            and rival.prominence >= peak.prominence
+            and low - rival.resolution <= rival.frequency <= high + rival.resolution
+            for rival in rivals
+        )
+
     return [
         replace(peak, tolerance=max(peak.tolerance, _HARMONICS.slip * peak.frequency))
         for peak in peaks
-        if not any(_explains(rival, peak, speeds) for rival in rivals)
+        if not is_explained(peak)
     ]
-
-
-def _explains(rival: Line, peak: Line, speeds: tuple[float, float, float]) -> bool:
-    """Return whether a line over time is as prominent as a peak over distance, at a frequency of that peak."""
-    low, high = peak.frequency * speeds[0] - rival.resolution, peak.frequency * speeds[2] + rival.resolution
-    return peak.rows == rival.rows and rival.prominence >= peak.prominence and low <= rival.frequency <= high
 
 
 def _as_harmonics(

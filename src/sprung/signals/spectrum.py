@@ -76,8 +76,8 @@ class SpectralMatrix:
         return SpectralMatrix(self.frequencies, total / n_segments, self.names, self.segment_length, n_segments)
 
 
-def spectral_matrix(recording: Recording, *, segment_length: float, overlap: float = 0.5) -> SpectralMatrix:
-    """Average the spectra of overlapping Hann-windowed segments (Welch's method).
+def spectral_matrix(recording: Recording, *, segment_length: float) -> SpectralMatrix:
+    """Average the spectra of half-overlapping Hann-windowed segments (Welch's method).
 
     Parameters
     ----------
@@ -85,8 +85,6 @@ def spectral_matrix(recording: Recording, *, segment_length: float, overlap: flo
         Recording without missing values.
     segment_length
         Length of a segment [s]; the resolution is 1.5 / segment_length [Hz].
-    overlap
-        Share of a segment that the next one repeats, 0 to 0.95.
 
     Returns
     -------
@@ -98,7 +96,7 @@ def spectral_matrix(recording: Recording, *, segment_length: float, overlap: flo
     DataError
         If a channel has missing values, or no stretch is as long as a segment.
     ParameterError
-        If `segment_length` or `overlap` is out of range.
+        If `segment_length` is out of range.
 
     Notes
     -----
@@ -124,7 +122,7 @@ def spectral_matrix(recording: Recording, *, segment_length: float, overlap: flo
     n_channels = len(recording.channels)
     total = np.zeros((n_channels, n_channels, n_per_segment // 2 + 1), dtype=np.complex128)
     n_segments = 0
-    for block in short_time_spectra(recording, segment_length=segment_length, overlap=overlap):
+    for block in _short_time_spectra(recording, n_per_segment):
         for p, spectra in enumerate(block):
             # Products with the channels from this one on: the other half of the matrix is their conjugate.
             total[p, p:] += np.sum(spectra * block[p:].conj(), axis=1)
@@ -136,28 +134,10 @@ def spectral_matrix(recording: Recording, *, segment_length: float, overlap: flo
     return SpectralMatrix(frequencies, total / n_segments, recording.names, segment_length, n_segments)
 
 
-def short_time_spectra(recording: Recording, *, segment_length: float, overlap: float = 0.5) -> Iterator[Complex]:
-    """Yield the spectra of consecutive segments, scaled as in `spectral_matrix`, in blocks of bounded size.
-
-    Parameters
-    ----------
-    recording, segment_length, overlap
-        As for `spectral_matrix`.
-
-    Yields
-    ------
-    ndarray
-        Spectra, shape (channels, segments, frequencies); their mean squared magnitude is the power spectral density.
-
-    Raises
-    ------
-    DataError, ParameterError
-        As raised by `spectral_matrix`.
-    """
-    check_number("overlap", overlap, at_least=0, at_most=0.95)
+def _short_time_spectra(recording: Recording, n_per_segment: int) -> Iterator[Complex]:
+    """Yield the spectra of consecutive segments in blocks of bounded size, (channels, segments, frequencies)."""
     check_complete(recording.names, recording.samples)
-    n_per_segment = _n_per_segment(recording, segment_length)
-    step = max(1, round(n_per_segment * (1 - overlap)))
+    step = max(1, round(n_per_segment / 2))
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_per_segment) / n_per_segment)
     factors = np.full(n_per_segment // 2 + 1, 2 / (recording.sampling_rate * np.sum(window**2)))
     factors[0] /= 2
