@@ -160,25 +160,27 @@ def _origin(identification: Identification, alignments: Indices) -> int:
 
 def _nearest_alignment(diagram: StabilisationDiagram, frequency: float) -> int:
     """Return the number of the nearest alignment, -1 if none is near enough."""
+    places = _places(diagram)
     nearest, smallest = -1, np.inf
-    for alignment in range(diagram.alignments.max(initial=-1) + 1):
+    for alignment, place in enumerate(places):
         members = diagram.alignments == alignment
-        places = diagram.poles.natural_frequency[members]
         spread = np.nan_to_num(np.median(diagram.poles.natural_frequency_std[members]))
         width = np.median(diagram.poles.damping_ratio[members]) * frequency
-        distance = abs(float(np.median(places)) - frequency)
+        distance = abs(place - frequency)
         if distance <= max(_SHARE * frequency, width, _DEVIATIONS * spread) and distance < smallest:
             nearest, smallest = alignment, distance
     return nearest
 
 
+def _places(diagram: StabilisationDiagram) -> list[float]:
+    """Return the median frequency of each alignment."""
+    frequency, n_alignments = diagram.poles.natural_frequency, diagram.alignments.max(initial=-1) + 1
+    return [float(np.median(frequency[diagram.alignments == number])) for number in range(n_alignments)]
+
+
 def _sentence(diagrams: Sequence[StabilisationDiagram], frequency: float) -> str:
     """Return the sentence for a frequency without stable poles."""
-    places = [
-        float(np.median(diagram.poles.natural_frequency[diagram.alignments == alignment]))
-        for diagram in diagrams
-        for alignment in range(diagram.alignments.max(initial=-1) + 1)
-    ]
+    places = [place for diagram in diagrams for place in _places(diagram)]
     if not places:
         return f"no stable poles near {frequency:.4g} Hz, nor anywhere else: use a higher order, or record longer"
     nearest = sorted(sorted(places, key=lambda place: abs(place - frequency))[:_NAMED])

@@ -202,57 +202,7 @@ def note_on_moved_sensors(
     Returns
     -------
     tuple of str
-        One note, or none.
-    """
-    is_placed = any(channel.position is not None for record in records for channel in record.channels)
-    if vehicle is not None or is_placed or any(speed_channel(record) for record in records):
-        return ()
-    change = change_of_shapes(segments, counts)
-    if change is None:
-        return ()
-    steady = f", such as {', '.join(change.steady)}," if change.steady else ""
-    return (
-        f"the channels move differently from record to record (MAC {change.between:.2f} between records,"
-        f" {change.within:.2f} within them, at {', '.join(f'{value:.3g}' for value in change.frequencies)} Hz): if"
-        f" sensors were moved, identify each record as a set-up (--setups) and name the channels that stayed{steady} as"
-        " references (--references)",
-    )
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class ChangeOfShapes:
-    """Evidence that the channels of several records are at different points.
-
-    Parameters
-    ----------
-    frequencies
-        Resonances at which shapes are compared [Hz].
-    between, within
-        Median over the resonances of the mean MAC between records, and between the halves of the records.
-    steady
-        Names of channels that move alike in all records.
-    """
-
-    frequencies: tuple[float, ...]
-    between: float
-    within: float
-    steady: tuple[str, ...]
-
-
-def change_of_shapes(segments: SegmentCorrelations, counts: Sequence[int]) -> ChangeOfShapes | None:
-    """Compare the shapes in which the channels move at the first resonances between records and within them.
-
-    Parameters
-    ----------
-    segments
-        Correlations of the segments of all records.
-    counts
-        Number of segments of each record.
-
-    Returns
-    -------
-    ChangeOfShapes or None
-        None where the shapes of the records are alike, or those of their halves are not.
+        One note; none where the shapes of the records are alike, or those of their halves are not.
 
     Notes
     -----
@@ -261,6 +211,9 @@ def change_of_shapes(segments: SegmentCorrelations, counts: Sequence[int]) -> Ch
     excitation. Sensors have moved where the MAC between records is lower than that within records by more than chance
     or a lack of data makes it.
     """
+    is_placed = any(channel.position is not None for record in records for channel in record.channels)
+    if vehicle is not None or is_placed or any(speed_channel(record) for record in records):
+        return ()
     starts = np.cumsum([0, *counts])
     halves = [
         (np.arange(first, first + count // 2), np.arange(first + count // 2, first + count))
@@ -268,25 +221,26 @@ def change_of_shapes(segments: SegmentCorrelations, counts: Sequence[int]) -> Ch
         if count > 1
     ]
     if len(halves) < 2 or len(segments.channels) < 2:
-        return None
-    early, late = ([_half_spectrum(segments, own[side]) for own in halves] for side in (0, 1))
+        return ()
     whole = [_half_spectrum(segments, np.concatenate(own)) for own in halves]
     lines = _highest_peaks(whole)
     shapes = [_first_vectors(spectrum[lines]) for spectrum in whole]
-    pairs = zip((_first_vectors(s[lines]) for s in early), (_first_vectors(s[lines]) for s in late), strict=True)
-    within = np.mean([np.diag(mac(one, two)) for one, two in pairs], axis=0)
+    of_halves = [[_first_vectors(_half_spectrum(segments, side)[lines]) for side in own] for own in halves]
+    within = np.mean([np.diag(mac(*pair)) for pair in of_halves], axis=0)
     between = np.mean([np.diag(mac(one, two)) for one, two in combinations(shapes, 2)], axis=0)
     is_clear = within >= _RULES.clear
-    if np.count_nonzero(is_clear) < _RULES.min_resonances:
-        return None
-    if np.median((within - between)[is_clear]) < _RULES.moved:
-        return None
+    n_clear = np.count_nonzero(is_clear)
+    if n_clear < _RULES.min_resonances or np.median((within - between)[is_clear]) < _RULES.moved:
+        return ()
     spacing = segments.sampling_rate / (_RULES.padding * segments.n_lags)
-    return ChangeOfShapes(
-        frequencies=tuple(sorted(float(line * spacing) for line in lines[is_clear])),
-        between=float(np.median(between[is_clear])),
-        within=float(np.median(within[is_clear])),
-        steady=_steady_channels(segments.channels, [shape[is_clear] for shape in shapes]),
+    frequencies = ", ".join(f"{line * spacing:.3g}" for line in sorted(lines[is_clear].tolist()))
+    steady = _steady_channels(segments.channels, [shape[is_clear] for shape in shapes])
+    named = f", such as {', '.join(steady)}," if steady else ""
+    return (
+        "the channels move differently from record to record"
+        f" (MAC {np.median(between[is_clear]):.2f} between records, {np.median(within[is_clear]):.2f} within them, at"
+        f" {frequencies} Hz): if sensors were moved, identify each record as a set-up (--setups) and name the channels"
+        f" that stayed{named} as references (--references)",
     )
 
 

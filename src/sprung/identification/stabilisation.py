@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,9 @@ class _Rules:
 
 
 _RULES = _Rules()
+
+
+_Found = TypeVar("_Found", Poles, Modes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,49 +140,31 @@ class StabilisationDiagram(Tabular):
         return in_short(head, words.replace("_", " "))
 
 
-def with_honest_deviations(poles: Poles, correlations: Correlations) -> Poles:
-    """Return the poles, without standard deviations where the correlations of all segments have too few blocks.
+def with_known_deviations(found: _Found, correlations: Correlations) -> _Found:
+    """Return poles or refined modes, without standard deviations where the correlations have too few blocks.
 
     Parameters
     ----------
-    poles
-        Poles of a ladder.
+    found
+        Poles of a ladder, or modes.
     correlations
         Correlations of all segments. The spread of fewer than ten blocks is known to no better than 25 %, and in a
-        record as short as that a block hardly holds the ring-down of a mode.
+        record as short as that a block hardly holds the ring-down of a mode. The likelihood of refined modes holds for
+        many independent lines within a bandwidth; such a record has a few, and deviations of its curvature are two
+        thirds of the errors.
 
     Returns
     -------
-    Poles
-        Poles with standard deviations, or with NaN in their place.
+    Poles or Modes
+        The same with standard deviations, or with NaN in their place.
     """
     if len(correlations.blocks) >= _RULES.min_blocks:
-        return poles
-    unknown = np.full(len(poles.poles), np.nan)
-    return replace(poles, natural_frequency_std=unknown, damping_ratio_std=unknown)
-
-
-def with_known_deviations(modes: Modes, correlations: Correlations) -> Modes:
-    """Return refined modes, without standard deviations where poles have none (`with_honest_deviations`).
-
-    Parameters
-    ----------
-    modes
-        Refined modes. The likelihood holds for many independent lines within a bandwidth; a record of so few blocks has
-        a few, and deviations of its curvature are two thirds of the errors.
-    correlations
-        Correlations of all segments.
-
-    Returns
-    -------
-    Modes
-        Modes with standard deviations of frequency, damping ratio and shape, or with NaN in their place.
-    """
-    if len(correlations.blocks) >= _RULES.min_blocks:
-        return modes
-    unknown = np.full(len(modes), np.nan)
-    shapes = np.full(modes.mode_shapes.shape, np.nan + 1j * np.nan)
-    return replace(modes, natural_frequency_std=unknown, damping_ratio_std=unknown, mode_shape_std=shapes)
+        return found
+    unknown = np.full(len(found.poles), np.nan)
+    found = replace(found, natural_frequency_std=unknown, damping_ratio_std=unknown)
+    if isinstance(found, Modes):
+        found = replace(found, mode_shape_std=np.full(found.mode_shapes.shape, complex(np.nan, np.nan)))
+    return found
 
 
 def stabilise(

@@ -234,7 +234,7 @@ def _diagrams(
 
 def _diagram(correlations: Correlations, summary: CorrelationSummary) -> stabilisation.StabilisationDiagram:
     plan = summary.plan
-    poles = stabilisation.with_honest_deviations(plan.ladder.poles(correlations), summary.average)
+    poles = stabilisation.with_known_deviations(plan.ladder.poles(correlations), summary.average)
     is_harmonic = near_harmonic(
         poles.natural_frequency,
         poles.damping_ratio,
