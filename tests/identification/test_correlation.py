@@ -154,14 +154,6 @@ def test_blocks_are_runs_of_consecutive_segments_and_average_to_the_values(n_seg
     assert_same(found.blocks[0], average(segments.take(range(n_first))).values)
 
 
-def test_values_of_segments_of_unequal_length_are_the_sums_over_the_products() -> None:
-    segments = correlate_segments(recorded(noise(1, 250), gaps=(50, 81)), n_lags=20)
-    values = average(segments).values[0, 0]
-    np.testing.assert_allclose(values, segments.sums.sum(axis=0)[0, 0] / segments.n_products.sum(axis=0))
-    biased = average(segments, is_biased=True).values[0, 0]
-    np.testing.assert_allclose(biased, segments.sums.sum(axis=0)[0, 0] / 250)
-
-
 def test_spread_of_the_blocks_is_the_uncertainty_of_the_average() -> None:
     """White noise of variance 1: the standard deviation of a correlation of N products is 1 / sqrt(N) at lags > 0."""
     found = average(

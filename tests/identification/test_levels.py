@@ -58,23 +58,6 @@ def test_the_classes_add_up_to_the_correlations_of_the_segments() -> None:
         np.testing.assert_array_equal(levels.parts.n_products[of_segment].sum(axis=0), whole.n_products[k])
 
 
-def test_powers_are_the_mean_squares_at_the_later_factor() -> None:
-    record = oscillator(1, 800)
-    levels = correlate_by_level(record, n_lags=N_LAGS)
-    power = np.mean(record.samples**2, axis=0)
-    for lag in (0, 5):
-        assert levels.powers[:, lag].sum() == pytest.approx(power[lag:].sum(), rel=1e-9)
-
-
-def test_one_range_is_the_average() -> None:
-    record = recorded(np.random.default_rng(2).normal(size=(2, 3000)))
-    (only,) = level_sets(correlate_by_level(record, n_lags=N_LAGS, segment=4.0), 1)
-    whole = average(correlate_segments(record, n_lags=N_LAGS, segment=4.0, is_continued=True))
-    np.testing.assert_allclose(only.correlations.values, whole.values, atol=1e-9)
-    np.testing.assert_allclose(only.correlations.blocks, whole.blocks, atol=1e-9)
-    assert only.correlations.n_segments == whole.n_segments
-
-
 def test_ranges_rise_in_level_and_share_the_products() -> None:
     gain = np.repeat([1.0, 3.0, 2.0, 4.0], 3000)
     record = oscillator(3, 12000, gain)
@@ -182,13 +165,6 @@ def test_a_poor_subset_is_merged_with_its_poorer_neighbour_and_that_is_noted() -
         "level range 10 to 30 held 1 segment(s): merged with 0 to 10",
     )
     assert found.subsets[0].level == (0, 30)
-
-
-@pytest.mark.parametrize("levels", [[3.0], [2.0, 2.0, 2.0, 2.0]])
-def test_one_segment_or_one_level_gives_one_subset(levels) -> None:
-    found = subsets_of_equal_width(segments_of_level(levels), 3)
-    assert sizes(found) == [len(levels)]
-    assert len(found.notes) == 2
 
 
 @settings(max_examples=60, deadline=None)

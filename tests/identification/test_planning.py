@@ -97,17 +97,6 @@ def test_chance_is_no_peak_below_the_band() -> None:
         assert 10.0 < band_of(samples + generator.standard_normal(samples.shape))[0] < 14.6
 
 
-def test_lines_within_the_bandwidths_of_modes_leave_the_modes_in_the_band() -> None:
-    generator = np.random.default_rng(16)
-    samples = resonances([5.2, 14.6, 21.0], [1.0, 1.0, 1.0], generator)
-    frequencies = [5.3, 14.4, 21.2]
-    waves = np.sin(2 * np.pi * np.outer(frequencies, np.arange(12_000) / 200.0)).sum(axis=0)
-    lines = [Harmonic(f, "constant", (f - 0.02, f + 0.02), 0.04, 20.0, ("a0",)) for f in frequencies[1:]]
-    low, high = band_of(samples + 2 * samples.std() * waves, harmonics=lines)
-    assert low < 5.2
-    assert 21.0 < high < 40.0
-
-
 def test_lines_above_those_that_were_searched_do_not_widen_the_band() -> None:
     """Without the lines below 40 Hz, those above would hold most of the power."""
     generator = np.random.default_rng(17)

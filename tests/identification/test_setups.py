@@ -298,12 +298,6 @@ def test_a_chain_of_set_ups_is_glued_link_by_link() -> None:
     assert np.isnan(glued.variance[[0, 1, 2, 4]]).all()
 
 
-def test_a_point_that_no_set_up_measures_is_unknown() -> None:
-    glued = glue([np.array([1.0, 0.5]), np.array([2.0, 1.2])], [[0, 1], [0, 2]], n_points=4)
-    assert glued.shape[:3] == pytest.approx([1.0, 0.5, 0.6])
-    assert np.isnan(glued.shape[3])
-
-
 def test_the_variance_is_the_scatter_over_simulated_set_ups() -> None:
     # Parts are scaled to 1 at their largest channel, so that equal variances need parts that are nearly equal there:
     # all set-ups share the largest point.

@@ -11,7 +11,7 @@ from tests.identification.runs import modes_of, pole
 
 from sprung.errors import ParameterError
 from sprung.identification.contribution import complete_shapes, contributions, significant
-from sprung.identification.correlation import average, correlate_segments, exact_correlations
+from sprung.identification.correlation import average, correlate_segments
 from sprung.identification.stabilisation import (
     THESIS_CRITERIA,
     StabilityCriteria,
@@ -417,13 +417,6 @@ def test_a_single_channel_is_judged_by_its_auto_correlation(vehicle, measured) -
     assert found[3] < 5
 
 
-def test_contributions_do_not_depend_on_the_scale_of_shapes_or_units(vehicle, measured) -> None:
-    exact, correlations = vehicle("chain3").modes(), measured(2)
-    in_other_units = replace(correlations, values=correlations.values * 1e6, blocks=correlations.blocks * 1e6)
-    wanted = contributions(exact.poles, exact.mode_shapes, correlations)[0]
-    np.testing.assert_allclose(contributions(exact.poles, 3j * exact.mode_shapes, in_other_units)[0], wanted, rtol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("name", "rate", "outputs"),
     [("chain3", 125.0, "2"), ("chain3", 125.0, "13"), ("zafira", 100.0, "14"), ("zafira", 100.0, "231")],
@@ -435,11 +428,3 @@ def test_shapes_on_some_channels_are_completed_to_all(known, name, rate, outputs
     assert completed.shape == shapes.shape
     assert 1 - np.diag(mac(completed, shapes)).min() < 1e-9
     np.testing.assert_allclose(completed[:, rows], (2 - 1j) * shapes[:, rows], atol=1e-6)
-
-
-def test_completion_does_not_look_at_auto_correlations(known) -> None:
-    correlations, poles, shapes = known("chain3", 125.0)
-    values = correlations.values + np.eye(3)[:, :, None] * np.cos(np.arange(correlations.n_lags))
-    noisy = exact_correlations(values, sampling_rate=125.0)
-    completed = complete_shapes(poles, shapes[:, [0, 2]], noisy, ("1", "3"))
-    assert 1 - np.diag(mac(completed, shapes)).min() < 1e-9

@@ -205,25 +205,6 @@ def test_deviations_of_chosen_poles_are_those_among_all(measured) -> None:
     assert some.changes_of is None
 
 
-def test_deviations_that_are_known_or_withheld_stay(measured) -> None:
-    poles = undetermined_poles(realise(measured(seed=5), block_rows=12, max_order=6), [6])
-    withheld = replace(poles, natural_frequency_std=np.full(len(poles.poles), np.nan))
-    found = with_deviations(withheld)
-    assert np.isnan(found.natural_frequency_std).all()
-    assert np.isfinite(found.damping_ratio_std).all()
-    assert with_deviations(found) is found
-
-
-def test_the_gram_matrix_of_noisy_correlations_has_their_singular_vectors(measured) -> None:
-    """The subspace of the largest singular values is that of numpy's decomposition."""
-    correlations = measured(seed=6)
-    realised = realise(correlations, block_rows=10, max_order=8, is_weighted=False)
-    U, S, _ = np.linalg.svd(block_toeplitz(correlations.values, 10))
-    np.testing.assert_allclose(realised.singular_values, S, atol=1e-12 * S[0])
-    outside = U[:, 8:].T @ realised.observability
-    assert np.abs(outside).max() < 1e-9 * np.sqrt(S[0])
-
-
 def perturbed(correlations, change):
     """Correlations whose two blocks differ from exact ones by plus and minus a change."""
     blocks = np.stack([correlations.values + change, correlations.values - change])
