@@ -362,13 +362,16 @@ def fit_free_motion(draft: Draft, fit: FreeFit) -> Draft:
         "the records are free motion after pushes, drops or releases: modes are those of the free response"
         " (--kind random for modes of random motion)"
     )
-    subset = SubsetModes(
-        None, draft.measured.segments.n_segments, fit.modes, (), np.zeros((len(fit.modes), 0), dtype=np.intp)
-    )
-    modes = labelled(fit.modes, draft.measured.channels, vehicle=draft.vehicle)
-    members, sources = np.arange(len(modes))[:, None], ("free_response",) * len(modes)
-    draft = replace(draft, modes=modes, subsets=(subset,), members=members, sources=sources)
-    return draft.noted(*_notes_on_modes(modes, None))
+    draft = _with_modes_alone(draft, fit.modes)
+    return replace(draft, sources=("free_response",) * len(fit.modes)).noted(*_notes_on_modes(draft.modes, None))
+
+
+def _with_modes_alone(draft: Draft, modes: Modes) -> Draft:
+    """Return the draft with modes that no diagram stands behind."""
+    nothing = np.zeros((len(modes), 0), dtype=np.intp)
+    subset = SubsetModes(None, draft.measured.segments.n_segments, modes, (), nothing)
+    labels = labelled(modes, draft.measured.channels, vehicle=draft.vehicle)
+    return replace(draft, modes=labels, subsets=(subset,), members=np.arange(len(modes))[:, None])
 
 
 def fit_peaks(draft: Draft) -> Draft:
@@ -387,10 +390,7 @@ def fit_peaks(draft: Draft) -> Draft:
     is_kept = significant(scaled, draft.summary.average, least=criteria.contribution)
     modes = modes.take(np.flatnonzero(is_kept))
     modes = replace(modes, poles=without_lifter(modes.poles, lifter))
-    subset = SubsetModes(None, records.segments.n_segments, modes, (), np.zeros((len(modes), 0), dtype=np.intp))
-    labels = labelled(modes, records.channels, vehicle=draft.vehicle)
-    draft = replace(draft, modes=labels, subsets=(subset,), members=np.arange(len(modes))[:, None])
-    return draft.noted(*_notes_on_modes(modes, lifter))
+    return _with_modes_alone(draft, modes).noted(*_notes_on_modes(modes, lifter))
 
 
 def combine(draft: Draft) -> Draft:
