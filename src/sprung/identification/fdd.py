@@ -144,7 +144,10 @@ def find_bells(spectra: SpectralMatrix, *, band: tuple[float, float]) -> Bells:
         fresh = prominent[(frequencies[prominent] >= band[0]) & (distance > n_smoothed)]
         peaks = np.sort(np.concatenate([peaks, fresh]))
         parts.append(_bells(values, vectors, scale, fresh, peaks))
-    return _joined(parts)
+    order = np.argsort(np.concatenate([part.peaks for part in parts]))
+    names = ("peaks", "first", "last", "shapes")
+    joined = [np.concatenate([getattr(part, name) for part in parts])[order] for name in names]
+    return Bells(*joined, parts[0].scale)
 
 
 def _chance(spectra: SpectralMatrix, n_smoothed: int) -> float:
@@ -197,14 +200,6 @@ def _decomposed(spectra: SpectralMatrix, n_smoothed: int) -> tuple[Real, Complex
     smooth = ndimage.uniform_filter1d(matrices, n_smoothed, axis=0, mode="nearest")
     values, vectors = np.linalg.eigh(smooth)
     return np.maximum(values[:, -1], np.finfo(float).tiny), vectors[:, :, -1], scale
-
-
-def _joined(parts: Sequence[Bells]) -> Bells:
-    """Return the bells of several parts by rising frequency."""
-    order = np.argsort(np.concatenate([part.peaks for part in parts]))
-    first, last = (np.concatenate([getattr(part, name) for part in parts])[order] for name in ("first", "last"))
-    peaks, shapes = (np.concatenate([getattr(part, name) for part in parts])[order] for name in ("peaks", "shapes"))
-    return Bells(peaks, first, last, shapes, parts[0].scale)
 
 
 def _bells(values: Real, vectors: Complex, scale: Real, peaks: Indices, all_peaks: Indices) -> Bells:
@@ -323,16 +318,11 @@ def _fitted_bell(
     """Return the parameters of one bell, the information on them and the misfit."""
     frequency = float(spectra.frequencies[peak])
     smallest = float(np.median(np.sort(power)[: max(len(power) // 5, 2)]))
-    start = np.log([frequency, _width(power, lines, peak, spectra) / (2 * frequency), 1.0, smallest / 3])
+    n_above = float(np.sum(power > 0.5 * power[np.flatnonzero(lines == peak)]))
+    width = float(spectra.frequencies[1]) * max(n_above - 1.5, 0.5)
+    start = np.log([frequency, width / (2 * frequency), 1.0, smallest / 3])
     start[2] = np.log(max(power.max() - smallest, 0.1 * power.max()) / bell.model(start, with_floor=False).max())
     return _most_likely(bell, power, start, spectra.n_segments)
-
-
-def _width(power: Real, lines: Indices, peak: int, spectra: SpectralMatrix) -> float:
-    """Return the width of a bell at half its height [Hz], at least half a line."""
-    step = float(spectra.frequencies[1])
-    above = np.sum(power > 0.5 * power[np.flatnonzero(lines == peak)])
-    return step * max(float(above) - 1.5, 0.5)
 
 
 class _Bell:

@@ -77,18 +77,17 @@ def group_by_setup(records: Sequence[Recording], *, vehicle: AnyVehicle | None =
     layouts: list[dict[str, Channel]] = []
     for record in records:
         layout = {name: record.channels[record.index(name)] for name in output_channels(record, vehicle)}
-        same = [k for k, known in enumerate(layouts) if _is_same_layout(layout, known)]
+        same = [
+            k
+            for k, known in enumerate(layouts)
+            if layout.keys() == known.keys() and all(_is_same_place(layout[name], known[name]) for name in layout)
+        ]
         if same:
             groups[same[0]].append(record)
         else:
             groups.append([record])
             layouts.append(layout)
     return tuple(groups)
-
-
-def _is_same_layout(layout: dict[str, Channel], other: dict[str, Channel]) -> bool:
-    """Whether two records have the same outputs at the same places, as far as places are known."""
-    return layout.keys() == other.keys() and all(_is_same_place(layout[name], other[name]) for name in layout)
 
 
 def _is_same_place(channel: Channel, other: Channel) -> bool:

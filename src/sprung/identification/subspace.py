@@ -158,18 +158,21 @@ def realise(
     Mechanical Systems and Signal Processing 38, 346-366.
     """
     _check_size(correlations, block_rows, max_order, is_hankel)
-    form = _hankel_form if is_hankel else _toeplitz_form
-    matrix, first_lag, with_rising_lags = form(correlations, block_rows)
+    if is_hankel:
+        matrix, rows = _projected(correlations, block_rows)
+    else:
+        matrix, rows = block_toeplitz(correlations.values, block_rows), None
+    left = right = None
     if is_weighted and not is_hankel:
         left, right = _whitening(correlations, block_rows)
-    else:
-        left = right = None
-    weighted = _apply(left, matrix)
+    weighted = matrix if left is None else left @ matrix
     weighted = weighted if right is None else weighted @ right
     S, V = _right_singular(weighted, max_order)
     Z = V / np.sqrt(S[:max_order])
     Z = Z if right is None else right @ Z
-    right_factor = with_rising_lags(Z)
+    first_lag = 1 if rows is None else 1 + block_rows
+    rising = Z.reshape(block_rows, -1, max_order)[::-1] if rows is None else rows @ Z
+    right_factor = rising.reshape(-1, len(correlations.references), max_order)
     n_lags = block_rows + len(right_factor) - 1
     return Realisation(
         observability=matrix @ Z,
@@ -201,17 +204,8 @@ def _check_size(correlations: Correlations, block_rows: int, max_order: int, is_
         )
 
 
-def _toeplitz_form(correlations: Correlations, block_rows: int) -> tuple[Real, int, Callable[[Real], Real]]:
-    """Return the block Toeplitz matrix, its first lag, and a function that orders right factors by rising lags."""
-    return (
-        block_toeplitz(correlations.values, block_rows),
-        1,
-        lambda Z: Z.reshape(block_rows, -1, Z.shape[1])[::-1],
-    )
-
-
-def _hankel_form(correlations: Correlations, block_rows: int) -> tuple[Real, int, Callable[[Real], Real]]:
-    """Return the projection of the future of correlations as data on their past; otherwise as `_toeplitz_form`.
+def _projected(correlations: Correlations, block_rows: int) -> tuple[Real, Real]:
+    """Return the projection of the future of correlations as data on their past, and the rows of the past.
 
     Yf Q with the orthonormal rows Q of Yp spans the same columns as the thesis' T = Yf Yp^T, without squaring the
     condition number (poles of a 7-DOF vehicle: 1e-13 instead of 1e-7). A change of Yp only changes the basis.
@@ -220,7 +214,7 @@ def _hankel_form(correlations: Correlations, block_rows: int) -> tuple[Real, int
     past = block_hankel(correlations.values, block_rows, first_lag=1, n_columns=n_columns)
     rows = np.linalg.qr(past.T).Q
     future = block_hankel(correlations.values, block_rows, first_lag=1 + block_rows, n_columns=n_columns)
-    return future @ rows, 1 + block_rows, lambda Z: (rows @ Z).reshape(n_columns, -1, Z.shape[1])
+    return future @ rows, rows
 
 
 def _whitening(correlations: Correlations, block_rows: int) -> tuple[Real | None, Real | None]:
@@ -238,11 +232,6 @@ def _whitening(correlations: Correlations, block_rows: int) -> tuple[Real | None
     return (root if correlations.references == correlations.channels else None), root
 
 
-def _apply(left: Real | None, matrix: Real) -> Real:
-    """Return left @ matrix, or the matrix itself without a left factor."""
-    return matrix if left is None else np.asarray(left @ matrix)
-
-
 def _right_singular(matrix: Real, rank: int) -> tuple[Real, Real]:
     """Return the singular values, falling, and the right singular vectors of the largest ones, (columns, rank).
 
@@ -252,17 +241,11 @@ def _right_singular(matrix: Real, rank: int) -> tuple[Real, Real]:
     eigenvalues, vectors = np.linalg.eigh(matrix.T @ matrix)
     if len(matrix) >= len(vectors) and eigenvalues[-rank] > _SQUARED * eigenvalues[-1]:
         return np.sort(np.linalg.norm(matrix @ vectors, axis=0))[::-1], vectors[:, : -rank - 1 : -1]
-    _, S, Vt = _svd(matrix)
-    return S, Vt[:rank].T
-
-
-def _svd(matrix: Real) -> tuple[Real, Real, Real]:
-    """Return the thin singular value decomposition, by a slower method where the fast one does not converge."""
     try:
-        U, S, Vt = linalg.svd(matrix, full_matrices=False, check_finite=False)
-    except linalg.LinAlgError:
-        U, S, Vt = linalg.svd(matrix, full_matrices=False, lapack_driver="gesvd")
-    return U, S, Vt
+        _, S, Vt = linalg.svd(matrix, full_matrices=False, check_finite=False)
+    except linalg.LinAlgError:  # a slower method where the fast one does not converge
+        _, S, Vt = linalg.svd(matrix, full_matrices=False, lapack_driver="gesvd")
+    return S, Vt[:rank].T
 
 
 def poles_of_orders(realisation: Realisation, orders: Sequence[int]) -> Poles:

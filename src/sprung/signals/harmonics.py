@@ -195,7 +195,13 @@ def find_harmonics(
     along = over_distance(moving, speed, interval=middle / recording.sampling_rate, channels=names)
     lines = _speed_lines(along, moving.select(names), (low, middle, high), false_alarm_rate)
     following = _as_harmonics(lines, names, "speed", (slow, fast))
-    return tuple(line for line in constant if not _is_swept(line, following)) + following
+
+    def is_swept(line: Harmonic) -> bool:
+        return line.kind == "drifting" and any(
+            other.band[0] - line.resolution <= line.frequency <= other.band[1] + line.resolution for other in following
+        )
+
+    return tuple(line for line in constant if not is_swept(line)) + following
 
 
 def near_harmonic(
@@ -342,13 +348,6 @@ def _as_line(harmonic: Harmonic) -> Line:
     slip = _HARMONICS.slip * harmonic.frequency if harmonic.kind == "speed" else 0.0
     tolerance = max(harmonic.resolution / (2 * SEARCH.noise_bandwidth), slip)
     return Line(harmonic.frequency, tolerance, harmonic.resolution, harmonic.prominence, frozenset())
-
-
-def _is_swept(line: Harmonic, following: Sequence[Harmonic]) -> bool:
-    """Return whether a line that drifts is one proportional to speed."""
-    return line.kind == "drifting" and any(
-        other.band[0] - line.resolution <= line.frequency <= other.band[1] + line.resolution for other in following
-    )
 
 
 def _families(harmonics: Sequence[Harmonic]) -> list[list[Harmonic]]:

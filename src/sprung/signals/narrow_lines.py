@@ -185,7 +185,8 @@ def search_segments(
         density = densities[row]
         if is_geometric:
             density = np.zeros(n_bins)
-            density[first:last] = _geometric_mean(powers.astype(np.float64))
+            logarithms = np.log(np.maximum(powers.astype(np.float64), np.finfo(np.float64).tiny))
+            density[first:last] = np.exp(np.mean(logarithms, axis=0))
         bins, heights = _peaks(density[first:last], max(prominence, random) if may_be_line else math.inf)
         for k, height in zip((bins + first).tolist(), heights.tolist(), strict=True):
             offset, level = _vertex(density[k - 1 : k + 2])
@@ -529,11 +530,6 @@ def _random_height(n_segments: int, rate: float, is_geometric: bool) -> float:
     if is_geometric:
         return float(10 / math.log(10) * -special.ndtri(rate) * math.pi / math.sqrt(6 * n_segments))
     return 10 * math.log10(special.chdtri(2 * n_segments, rate) / (2 * n_segments))
-
-
-def _geometric_mean(powers: Real) -> Real:
-    """Return the geometric mean over the segments."""
-    return np.exp(np.mean(np.log(np.maximum(powers, np.finfo(np.float64).tiny)), axis=0))
 
 
 def _peaks(density: Real, least: float) -> tuple[Indices, Real]:
