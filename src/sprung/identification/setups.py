@@ -80,7 +80,7 @@ def match_modes(parts: Sequence[Modes], rows: Sequence[Sequence[int]]) -> Indice
         groups = owners + 1
     else:
         condensed = _distances(parts, rows)[np.triu_indices(len(owners), 1)]
-        groups = hierarchy.fcluster(hierarchy.linkage(condensed, "average"), 1.0, "distance")
+        groups = hierarchy.fcluster(hierarchy.linkage(condensed, "average"), 1.0, "distance").astype(np.intp)
     members = np.full((groups.max(initial=0), len(parts)), -1, dtype=np.intp)
     members[groups - 1, owners] = places
     return members[np.count_nonzero(members >= 0, axis=1) >= _RULES.min_share * len(parts)]

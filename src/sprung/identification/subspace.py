@@ -321,8 +321,8 @@ def undetermined_poles(realisation: Realisation, orders: Sequence[int]) -> Poles
         own_values = np.concatenate([eigenvalues for eigenvalues, _, _ in systems])[rows]
         return _eigenvalue_changes(realisation, own_values, left, right) / own_values * realisation.sampling_rate
 
-    rungs = [
-        (np.log(eigenvalues) * realisation.sampling_rate, (first[:, : len(psi)] @ psi[:, chosen]).T)
+    rungs: list[tuple[Complex, Complex]] = [
+        (np.log(eigenvalues) * complex(realisation.sampling_rate), (first[:, : len(psi)] @ psi[:, chosen]).T)
         for eigenvalues, psi, chosen in systems
     ]
     return stack_rungs(rungs, tuple(orders), realisation.channels, changes_of if n_blocks else None)
