@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import ndimage, signal, special
@@ -146,8 +147,8 @@ def find_bells(spectra: SpectralMatrix, *, band: tuple[float, float]) -> Bells:
         parts.append(_bells(values, vectors, scale, fresh, peaks))
     order = np.argsort(np.concatenate([part.peaks for part in parts]))
     names = ("peaks", "first", "last", "shapes")
-    joined = [np.concatenate([getattr(part, name) for part in parts])[order] for name in names]
-    return Bells(*joined, parts[0].scale)
+    joined: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts])[order] for name in names}
+    return replace(parts[0], **joined)
 
 
 def _chance(spectra: SpectralMatrix, n_smoothed: int) -> float:

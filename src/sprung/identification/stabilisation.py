@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,10 +161,10 @@ def with_known_deviations(found: _Found, correlations: Correlations) -> _Found:
     if len(correlations.blocks) >= _RULES.min_blocks:
         return found
     unknown = np.full(len(found.poles), np.nan)
-    found = replace(found, natural_frequency_std=unknown, damping_ratio_std=unknown)
-    if isinstance(found, Modes):
-        found = replace(found, mode_shape_std=np.full(found.mode_shapes.shape, complex(np.nan, np.nan)))
-    return found
+    changes: dict[str, Any] = {"natural_frequency_std": unknown, "damping_ratio_std": unknown}
+    if hasattr(found, "mode_shape_std"):
+        changes["mode_shape_std"] = np.full(found.mode_shapes.shape, complex(np.nan, np.nan))
+    return replace(found, **changes)
 
 
 def stabilise(

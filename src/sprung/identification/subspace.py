@@ -158,11 +158,13 @@ def realise(
     Mechanical Systems and Signal Processing 38, 346-366.
     """
     _check_size(correlations, block_rows, max_order, is_hankel)
+    rows: Real | None = None
+    left: Real | None = None
+    right: Real | None = None
     if is_hankel:
         matrix, rows = _projected(correlations, block_rows)
     else:
-        matrix, rows = block_toeplitz(correlations.values, block_rows), None
-    left = right = None
+        matrix = block_toeplitz(correlations.values, block_rows)
     if is_weighted and not is_hankel:
         left, right = _whitening(correlations, block_rows)
     weighted = matrix if left is None else left @ matrix
