@@ -91,7 +91,7 @@ def test_forces_held_over_samples_hardly_move_refined_frequencies() -> None:
 def test_a_mode_far_from_the_largest_likelihood_keeps_its_values() -> None:
     shapes = np.random.default_rng(0).normal(size=(3, 3))
     spectra, channels = exact_spectra(shapes, ("unknown",) * 3)
-    start = modes_of(FREQUENCY * np.array([1, 1, 1.01]), DAMPING, unit_shapes(shapes), std=0.01)
+    start = modes_of(FREQUENCY * np.array([1, 1, 1.01]), DAMPING, unit_shapes(shapes.astype(complex)), std=0.01)
     modes, refinement = refined_by_spectra(start, spectra, channels)
     assert [not reason for reason in refinement.reasons] == [True, True, False]
     assert "refined values too far from" in refinement.reasons[2]
