@@ -9,7 +9,7 @@ from sprung._checks import check_each, check_number, check_type
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection
 from sprung.diagnosis.channel_faults import SensorFault
-from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, time_in_words
+from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, format_time
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.learning import learn
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
@@ -120,9 +120,9 @@ def diagnose(
                 f"the windows are of the vehicle {vehicle!r}, the baseline is of {baseline.vehicle!r}: give that of "
                 f"{vehicle!r}, or learn one"
             )
-        detector = ChangeDetector(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day)
-        for window in every:
-            detector.update(window)
+        detector = ChangeDetector.resumed(
+            baseline, every, (), false_alarms=false_alarms, windows_per_day=windows_per_day
+        )
         return diagnosis_of(detector)
     components = next((window.components for window in every if window.is_conclusive), None)
     if components is None:
@@ -417,7 +417,7 @@ def _evidence_notes(detection: Detection) -> list[str]:
     if not detection.is_alert:
         if detection.first_alert is None:
             return []
-        return [f"an alert was raised in the window at {time_in_words(detection.first_alert)} and has cleared"]
+        return [f"an alert was raised in the window at {format_time(detection.first_alert)} and has cleared"]
     first, named = detection.candidates[0], _best_two(detection)[0]
     if first.log_evidence - named.log_evidence < detection.threshold:
         return []

@@ -171,7 +171,7 @@ class ChangeDetector:
     without that prior, and without the share that friction hides from a linear model.
 
     When old windows are dropped, the evidence after earlier ones stays as it was; that after the last one is that of
-    the windows still held.
+    the windows still held. An update evaluates all of these: errors of the baseline and the scale are common to them.
 
     References
     ----------
@@ -223,7 +223,7 @@ class ChangeDetector:
         baseline
             Baseline of the earlier detector.
         observations, evidence
-            Attributes of the earlier detector.
+            Attributes of the earlier detector; evidence that is not given is computed.
         false_alarms, windows_per_day, n_windows
             Arguments of the earlier detector.
         """
@@ -392,9 +392,9 @@ def detect(
     >>> detection.is_alert, best.hypothesis.name, round(best.change, 1), best.onset
     (True, 'front_left.spring', -0.3, 4800.0)
     """
-    detector = ChangeDetector(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day)
-    for observation in observations:
-        detector.update(observation)
+    detector = ChangeDetector.resumed(
+        baseline, observations, (), false_alarms=false_alarms, windows_per_day=windows_per_day
+    )
     return detector.detection
 
 

@@ -99,7 +99,7 @@ class Finding(Tabular):
         text = f"{self._what} {100 * abs(self.change):.{digits}f} % ({span}) {word}"
         if self.runner_up:
             text += f" (or {self.runner_up})"
-        return f"{text}, since {time_in_words(self.since)}; {self.advice}"
+        return f"{text}, since {format_time(self.since)}; {self.advice}"
 
     @property
     def _what(self) -> str:
@@ -211,7 +211,7 @@ def detectable_in_words(detectable: Mapping[Component, float]) -> str:
     return f"a change of {span} % of any part would have been found"
 
 
-def time_in_words(time: float) -> str:
+def format_time(time: float) -> str:
     """Return a time [s] in words: minutes since the first window, or a date if it counts from 1970."""
     if time < _DATED:
         return f"{time / 60:.0f} min"

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from sprung._arrays import Real
 from sprung.diagnosis import Baseline, Diagnosis, Finding, Hypothesis, ModeChange, Observation
 from sprung.diagnosis.baseline import mean_deviation, typical_std
-from sprung.diagnosis.findings import time_in_words
+from sprung.diagnosis.findings import format_time
 from sprung.errors import ParameterError
 from sprung.results.figures.corners import corner_bars
 from sprung.results.figures.style import (
@@ -143,7 +143,7 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
         mean.std,
         is_identifiable=np.ones(len(mean.components), dtype=np.bool_),
         heading=(
-            f"Corners against {_name(normal)}: mean of {len(conclusive)} windows since {time_in_words(since)}",
+            f"Corners against {_name(normal)}: mean of {len(conclusive)} windows since {format_time(since)}",
             "95 % intervals: thick: independent scatter; thin: with common effects; arrow: beyond the axis",
         ),
         by_chance=mean.std_by_chance,

@@ -18,7 +18,7 @@ from sprung.diagnosis import (
     detectable_in_words,
 )
 from sprung.diagnosis.baseline import CONDITIONS
-from sprung.diagnosis.findings import time_in_words
+from sprung.diagnosis.findings import format_time
 from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.results.tables.table import Table, in_words
 from sprung.vehicles import Component
@@ -237,7 +237,7 @@ def findings_table(findings: Sequence[Finding]) -> Table:
             in_words(finding.hypothesis),
             "" if finding.change is None else f"{100 * finding.change:+.1f}",
             "" if finding.interval is None else " to ".join(f"{100 * end:+.1f}" for end in finding.interval),
-            time_in_words(finding.since),
+            format_time(finding.since),
             finding.severity,
             finding.advice,
         )
@@ -263,7 +263,7 @@ def observations_table(observations: Sequence[Observation]) -> Table:
     columns = ("start", "speed [m/s]", "model error [%]", *labels, "remarks")
     rows = tuple(
         (
-            time_in_words(window.time),
+            format_time(window.time),
             _condition(window, "speed"),
             _condition(window, "model_error", factor=100.0),
             *(_mode_in_words(window.modes.get(label)) for label in labels),
