@@ -56,6 +56,14 @@ def test_table_of_a_file(sprung, faulty):
     assert "2023-11-14 22:13:20 UTC" in " ".join(outcome.out.split())
 
 
+def test_figures_of_a_file(sprung, faulty, tmp_path):
+    outcome = sprung("info", faulty, "--figures", tmp_path / "out", "--format", "svg")
+    assert outcome.code == 0
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {f"run-parquet-{kind}.svg" for kind in ("signals", "spectra", "spectrograms")}
+    assert "sound" in (tmp_path / "out" / "run-parquet-spectrograms.svg").read_text()
+
+
 def test_several_files_in_order(sprung, faulty, chain, tmp_path):
     sprung("info", faulty, chain, "--json", tmp_path / "info.json")
     files = json.loads((tmp_path / "info.json").read_text())["files"]

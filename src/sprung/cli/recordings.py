@@ -1,34 +1,48 @@
 """The commands `sprung info` and `sprung convert`."""
 
+import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sprung.cli.checks import check_file
-from sprung.cli.options import Files, Json, option
-from sprung.cli.output import progress_bar, show, write_result, written
+from sprung.cli.checks import check_file, check_outputs
+from sprung.cli.options import Figures, FileFormat, Files, Json, option
+from sprung.cli.output import progress_bar, show, write_figures, write_result, written
 from sprung.cli.reading import reads_files
 from sprung.errors import DataError, ParameterError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from matplotlib.figure import Figure
+
     from sprung.formats import ReadSettings
     from sprung.recording import Recording
     from sprung.signals.inspection import Inspection
 
 
 @reads_files
-def info(files: Files, *, reading: "ReadSettings", json: Json = None) -> None:
+def info(
+    files: Files,
+    *,
+    reading: "ReadSettings",
+    figures: Figures = None,
+    file_format: FileFormat = "png",
+    json: Json = None,
+) -> None:
     """Summarise recordings: groups, channels, units, rate, length, gaps, levels and faults."""
-    from sprung.formats import read_records
+    from sprung.formats import read, read_records
     from sprung.results import tables
     from sprung.results.documents import inspection_document
     from sprung.signals.inspection import inspect_blocks
     from sprung.signals.plausibility import doubts
 
-    check_file("--json", json, inputs=files)
+    check_outputs(json=json, page=None, figures=figures, inputs=files)
     inspections: dict[str, Inspection] = {}
+    paths: list[Path] = []
     for path in files:
         parts, refused = _parts(path, reading), []
         for name, settings in parts.items():
@@ -44,10 +58,20 @@ def info(files: Files, *, reading: "ReadSettings", json: Json = None) -> None:
             if json != "-":
                 heading = f"{name}: {tables.inspection_in_words(inspection)}"
                 show(tables.inspection_table(inspection), [*doubts(inspection), *inspection.history], heading=heading)
+            recording_of = partial(read, path, settings=settings)
+            draw = partial(_overview, recording_of=recording_of, name=name)
+            paths += write_figures(figures, draw, file_format)
         if refused and json != "-":
             show([str(error) for error in refused], heading="Groups without samples of motion")
     if write_result(inspection_document(inspections), json):
-        show(written([], json))
+        show(written(paths, json))
+
+
+def _overview(drawn: Any, *, recording_of: "Callable[[], Recording]", name: str) -> "dict[str, Figure]":
+    """Return the figures of a recording by the name of their file."""
+    source = Path(name).name
+    label = re.sub(r"\W+", "-", source).strip("-")
+    return {f"{label}-{kind}": figure for kind, figure in drawn.overview_figures(recording_of(), source=source).items()}
 
 
 def _parts(path: Path, reading: "ReadSettings") -> "dict[str, ReadSettings]":

@@ -22,7 +22,15 @@ from sprung.results.figures.history import (
 from sprung.results.figures.measured import kit_figure, ride_figure, road_figure
 from sprung.results.figures.saving import figures, save_figures
 from sprung.results.figures.shapes import complexity_figure, shapes_figure
-from sprung.results.figures.signals import Spread, densities_figure, histories_figure, levels_figure, runs_figure
+from sprung.results.figures.signals import (
+    Spread,
+    densities_figure,
+    histories_figure,
+    levels_figure,
+    overview_figures,
+    runs_figure,
+    spectrogram_figure,
+)
 from sprung.results.figures.spectra import cepstrum_figure, response_figure, spectra_figure
 from sprung.results.figures.stabilisation import stabilisation_figure
 from sprung.results.figures.subsets import (
@@ -59,6 +67,7 @@ __all__ = [
     "misfit_figure",
     "mode_changes_figure",
     "modes_history_figure",
+    "overview_figures",
     "picture_of",
     "plan_figure",
     "reference_mac_figure",
@@ -70,6 +79,7 @@ __all__ = [
     "save_figures",
     "shapes_figure",
     "spectra_figure",
+    "spectrogram_figure",
     "stabilisation_figure",
     "stable_rates_figure",
     "subsets_figure",

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.signal import ShortTimeFFT
+from scipy.signal.windows import hann
 
 from sprung._arrays import Real
 from sprung.recording import Recording
@@ -21,6 +23,7 @@ from sprung.results.figures.style import (
     plain,
     with_unit,
 )
+from sprung.signals.data_faults import is_condition
 from sprung.signals.spectrum import spectral_matrix
 
 
@@ -131,7 +134,7 @@ def densities_figure(
     def draw(axes: Axes, row: int, recording: Recording, style: dict[str, Any]) -> None:
         one = spectra[id(recording)]
         shown = (one.frequencies >= max(lowest, 1 / segment)) & (one.frequencies <= highest)
-        axes.semilogy(one.frequencies[shown], one.densities[row, shown], **style, linewidth=1)
+        axes.semilogy(one.frequencies[shown], np.maximum(one.densities[row, shown], 1e-30), **style, linewidth=1)
 
     figure = _channels_figure(recordings, draw, title=title, axis="Frequency [Hz]")
     for axes, channel in zip(figure.axes, recordings[0][1].channels, strict=False):
@@ -139,6 +142,67 @@ def densities_figure(
         axes.set_xlim(lowest, highest)
         axes.set_ylabel(with_unit("PSD", channel.unit and f"({channel.unit})^2/Hz"), fontsize=SMALL)
     return figure
+
+
+def spectrogram_figure(recording: Recording, *, title: str, highest: float, segment: float = 4.0) -> Figure:
+    """Draw the power spectral density of every channel over time and frequency.
+
+    Parameters
+    ----------
+    recording
+        Recording; missing values count as the mean.
+    title
+        Heading of the figure.
+    highest
+        Highest frequency [Hz].
+    segment
+        Length of the segments [s]; shorter where the recording has fewer than eight of them.
+
+    Notes
+    -----
+    The colours cover the upper 60 dB of each channel.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
+    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
+    >>> axes = spectrogram_figure(run, title="A tone", highest=50.0).axes[0]
+    >>> axes.get_ylabel(), axes.get_xlabel()
+    ('Frequency [Hz]', 'Time [s]')
+    """
+    rate = recording.sampling_rate
+    n_segment = max(16, min(round(segment * rate), recording.n_samples // 8))
+    hop = max(n_segment // 2, recording.n_samples // STYLE.max_columns)
+    transform = ShortTimeFFT(hann(n_segment, sym=False), hop, rate, scale_to="psd", fft_mode="onesided2X")
+
+    def draw(axes: Axes, row: int, one: Recording, style: dict[str, Any]) -> None:
+        values = one.samples[row] - np.nanmean(one.samples[row]) if np.isfinite(one.samples[row]).any() else 0.0
+        power = transform.spectrogram(np.nan_to_num(values * np.ones(one.n_samples)))
+        shown = (transform.f > 0) & (transform.f <= highest)
+        level = 10 * np.log10(np.maximum(power[shown], 1e-300))
+        times, top = transform.t(one.n_samples), float(level.max())
+        axes.pcolormesh(times, transform.f[shown], level, vmin=top - 60, vmax=top, cmap="cividis", rasterized=True)
+        axes.set_xlim(0, one.duration)
+
+    figure = _channels_figure([("", recording)], draw, title=title, axis="Time [s]")
+    for axes in figure.axes[: len(recording.channels)]:
+        axes.set_ylabel("Frequency [Hz]", fontsize=SMALL)
+    return figure
+
+
+def overview_figures(recording: Recording, *, source: str) -> dict[str, Figure]:
+    """Return the first figures that anybody wants of a recording: signals, spectra and spectrograms, by name."""
+    moving = [channel.name for channel in recording.channels if not is_condition(channel.name, channel.quantity)]
+    motion = recording.select(moving or recording.names)
+    highest = recording.sampling_rate / 2
+    segment = min(4.0, max(recording.duration / 8, 16 / recording.sampling_rate))
+    return {
+        "signals": histories_figure([("", recording)], title=f"Signals of {source}"),
+        "spectra": densities_figure([("", motion)], title=f"Spectra of {source}", highest=highest, segment=segment),
+        "spectrograms": spectrogram_figure(motion, title=f"Spectrograms of {source}, upper 60 dB", highest=highest),
+    }
 
 
 def _mark_frequencies(axes: Axes, marked: Sequence[tuple[str, float]], *, top: bool) -> None:

@@ -62,6 +62,7 @@ class Style:
     labelled: float = 0.4  # additional height of a first row with labels of harmonics, of a row
     max_channels: int = 24  # in a figure of spectra
     max_points: int = 4000  # of a curve over time
+    max_columns: int = 600  # of a spectrogram
     # mode shapes
     azimuth: float = -62.0  # of the view: from the right and slightly ahead [degrees]
     elevation: float = 24.0  # of the view: above the body [degrees]
