@@ -19,8 +19,19 @@ from sprung.vehicles import Component, Sensor, Vehicle
 
 #: Relative changes for which the time to a finding is stated.
 CHANGES = (0.05, 0.1, 0.2)
-#: Numbers of windows that are tried; a change that needs more is not found in a useful time.
-N_WINDOWS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+
+
+@dataclass(frozen=True, slots=True)
+class PlanSettings:
+    """Settings of the time to a finding."""
+
+    #: Numbers of windows that are tried; a change that needs more is not found in a useful time.
+    n_windows: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+    #: Probability that a change is found within the time stated: its median.
+    power: float = 0.5
+
+
+PLAN = PlanSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,8 +194,8 @@ def _minutes(
     baseline = _expected_baseline(expected)
     per_day = 24 * 60 / drive.minutes
     losses = [
-        detectable(baseline, n_windows=n, false_alarms=false_alarms, windows_per_day=per_day, power=0.5)
-        for n in N_WINDOWS
+        detectable(baseline, n_windows=n, false_alarms=false_alarms, windows_per_day=per_day, power=PLAN.power)
+        for n in PLAN.n_windows
     ]
     return {
         part: {change: _time([loss[part] for loss in losses], change, drive.minutes) for change in CHANGES}
@@ -193,11 +204,11 @@ def _minutes(
 
 
 def _time(losses: Sequence[float], change: float, minutes: float) -> float | None:
-    """Return the time after which a change is found, given the smallest one after each of `N_WINDOWS`."""
+    """Return the time after which a change is found, given the smallest one after each number of windows."""
     if min(losses) > change:
         return None
     logs = np.log(np.minimum.accumulate(losses)[::-1])
-    windows = np.exp(np.interp(np.log(change), logs, np.log(N_WINDOWS)[::-1]))
+    windows = np.exp(np.interp(np.log(change), logs, np.log(PLAN.n_windows)[::-1]))
     return float(minutes * max(1.0, windows))
 
 
@@ -328,5 +339,5 @@ def _notes(components: Sequence[PlannedComponent]) -> tuple[str, ...]:
         notes.append(f"not determined by these drives and sensors: {', '.join(weak)}")
     if late:
         change = f"a change of {100 * CHANGES[-1]:.0f} %"
-        notes.append(f"{change} is not found within {N_WINDOWS[-1]} windows: {', '.join(late)}")
+        notes.append(f"{change} is not found within {PLAN.n_windows[-1]} windows: {', '.join(late)}")
     return (*notes, "friction, and temperatures and loads that a baseline has not met, add to these figures")

@@ -141,10 +141,11 @@ def plate_tests(fit: CornerFit) -> dict[str, PlateTest]:
     dampings = dict(zip(standing, values[:, 2].tolist(), strict=True))
     tests = {}
     for corner, own, own_stds in zip(standing, values.tolist(), stds.tolist(), strict=True):
+        test = PlateTest(*(number for pair in zip(own, own_stds, strict=True) for number in pair))
         end, _, side = corner.rpartition("_")
-        damping, other = own[2], dampings.get(f"{end}_{'right' if side == 'left' else 'left'}", float("nan"))
-        pairs = [number for pair in zip(own, own_stds, strict=True) for number in pair]
-        tests[corner] = replace(PlateTest(*pairs), asymmetry=abs(damping - other) / max(damping, other))
+        other = dampings.get(f"{end}_{'right' if side == 'left' else 'left'}", float("nan"))
+        larger = max(test.damping_ratio, other)
+        tests[corner] = replace(test, asymmetry=abs(test.damping_ratio - other) / larger) if larger else test
     return tests
 
 
@@ -172,16 +173,12 @@ class Corner:
         self._damper = parts[Component(tyre.owner, "damper")]
         wheel = np.flatnonzero(tyre.elongation)
         self.unsprung = float(structure.mass[wheel[0], wheel[0]])
+        upwards = [name == "bounce" or name.startswith(("wheel", "mass")) for name in structure.coordinates]
+        weight = _GRAVITY * structure.mass @ np.array(upwards, dtype=np.float64)
+        at_rest = np.linalg.lstsq(structure.system.stiffness, -weight, rcond=1e-12)[0]  # sway has no spring
         #: Static contact force [N].
-        self.load: Final = self._static_load()
+        self.load: Final = float(-tyre.stiffness * (tyre.elongation @ at_rest))
         self.sprung = max(self.load / _GRAVITY - self.unsprung, 1e-3 * self.unsprung)
-
-    def _static_load(self) -> float:
-        """Return the static contact force [N]."""
-        upwards = [name == "bounce" or name.startswith(("wheel", "mass")) for name in self._structure.coordinates]
-        weight = _GRAVITY * self._structure.mass @ np.array(upwards, dtype=np.float64)
-        at_rest = np.linalg.lstsq(self._structure.system.stiffness, -weight, rcond=1e-12)[0]  # sway has no spring
-        return float(-self._tyre.stiffness * (self._tyre.elongation @ at_rest))
 
     def force(self, frequencies: Real) -> Complex:
         """Return the contact force for one metre of the plate [N/m], shape of the frequencies [Hz]."""

@@ -132,11 +132,6 @@ class SensorDelays(ParameterBlock):
         return np.asarray(-terms.s[:, None] * terms.channel_response, dtype=np.complex128)
 
 
-def _is_upright(nominal: Structure, layout: RigidLayout, row: int) -> bool:
-    """Whether a channel is the vertical acceleration of a point of the body."""
-    return bool(layout.orders[row] == 2 and layout.motion[row, nominal.coordinates.index("bounce")] != 0)
-
-
 def _rows(layout: RigidLayout, channels: tuple[str, ...]) -> list[int]:
     """Numbers of channels in the layout."""
     return [layout.names.index(channel) for channel in channels]
@@ -179,7 +174,8 @@ def sensor_positions(nominal: Structure, layout: RigidLayout) -> SensorPositions
     channels = {channel.name: channel for channel in nominal.outputs.channels}
     for row, name in enumerate(layout.names):
         channel = channels[name]
-        if channel.position is None or channel.direction is None or not _is_upright(nominal, layout, row):
+        is_upright = layout.orders[row] == 2 and layout.motion[row, nominal.coordinates.index("bounce")] != 0
+        if channel.position is None or channel.direction is None or not is_upright:
             continue
         for axis, coordinate, sign in (("x", "pitch", -1.0), ("y", "roll", 1.0)):
             motion = np.zeros(layout.motion.shape)
