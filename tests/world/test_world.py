@@ -19,12 +19,13 @@ def run(*options: str, hash_seed: str = "0") -> subprocess.CompletedProcess[str]
 
 
 @pytest.mark.slow
-def test_no_promise_is_broken_by_some_hundred_faults() -> None:
-    done = run("--faults", "250", "--steps", "300")
+@pytest.mark.parametrize("first", range(1, 601, 100))
+def test_no_promise_is_broken_by_thousands_of_faults(first) -> None:
+    done = run("--first", str(first), "--faults", "1000", "--steps", "300")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "0 seeds broke a promise" in done.stdout
     (n_faults,) = re.findall(r"^ *([\d,]+)  faults in", done.stdout, re.MULTILINE)
-    assert int(n_faults.replace(",", "")) >= 250
+    assert int(n_faults.replace(",", "")) >= 1000
 
 
 @pytest.mark.slow

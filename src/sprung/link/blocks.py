@@ -12,7 +12,7 @@ from sprung.link.frame import Frame
 from sprung.recording import Channel, Gap, Recording
 
 #: Longest time between blocks that is not a gap, in samples; clocks of loggers jitter.
-_TOLERANCE = 2.5
+LONGEST_STEP = 2.5
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -121,7 +121,7 @@ def joined(blocks: Sequence[Block]) -> Recording:
     for block in blocks:
         if place and block.start is not None and end is not None:
             missing = (block.start - end) / 1e9 * first.sampling_rate
-            if abs(missing) > _TOLERANCE:
+            if abs(missing) > LONGEST_STEP:
                 gaps.append(Gap(place, max(missing, 1.0) / first.sampling_rate))
         gaps += [replace(gap, index=gap.index + place) for gap in block.gaps]
         place += block.n_samples

@@ -15,7 +15,16 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from sprung.errors import FormatError, SprungError
-from sprung.link.blocks import Block, FrameBlock, frame_block, joined, part_of, plain_channels, restored_channels
+from sprung.link.blocks import (
+    LONGEST_STEP,
+    Block,
+    FrameBlock,
+    frame_block,
+    joined,
+    part_of,
+    plain_channels,
+    restored_channels,
+)
 from sprung.link.frame import check_frame, decode
 from sprung.link.losses import losses_in
 from sprung.link.messages import REPORTS, Header, Key, checked_map
@@ -39,8 +48,6 @@ _SAME_RATE = 1e-6
 _MAX_RUNS = 2000
 #: Fewest changes from sample to sample in a block that distinguishes measured noise from anything else.
 _MIN_CHANGES = 32
-#: Longest time between blocks of one run, in samples.
-_TOLERANCE = 2.5
 #: Tolerance of a place in a run [s].
 _EPSILON = 1e-3
 #: Version of the progress that is kept.
@@ -238,7 +245,7 @@ class Repeats:
         """Return whether a block follows the last one without gap."""
         if self._end is None or block.start is None:
             return False
-        return abs(block.start - self._end) * block.sampling_rate <= _TOLERANCE * 1e9
+        return abs(block.start - self._end) * block.sampling_rate <= LONGEST_STEP * 1e9
 
 
 def _identity(block: Block) -> int | None:
@@ -469,11 +476,9 @@ class FrameInbox:
         """Declare what the first of the waiting frames waits for lost."""
         boot, seq = min(self._waiting)
         previous = self._waiting[boot, seq].previous
-        ends = (
-            {boot: seq - 1}
-            if previous is None or previous[0] >= boot
-            else {boot: seq - 1, previous[0]: previous[1] - 1}
-        )
+        ends = {boot: seq - 1}
+        if previous is not None and previous[0] < boot:
+            ends[previous[0]] = previous[1] - 1
         for lost, end in ends.items():
             self._order.dispatched[lost] = max(end, self._order.dispatched.get(lost, -1))
             self._order.arrived(lost, end)

@@ -59,6 +59,11 @@ def test_a_frame_on_the_topic_of_another_vehicle_is_refused(intake, drive, frame
     assert intake.figures["sprung_messages_refused_total"] == 1
 
 
+def test_nothing_is_acknowledged_before_the_first_frame_of_a_boot(intake, published) -> None:
+    intake.take([raw("car-1", 1, 3)], now=0)
+    assert published == []
+
+
 def test_the_last_thousand_answers_are_kept(intake) -> None:
     answers = [(topic("car-2", "event"), message({**ANSWER, "number": number})) for number in range(1100)]
     intake.take([*answers, (topic("car-2", "event"), message({"did": "something new"}))], now=0)

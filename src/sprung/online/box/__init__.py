@@ -9,7 +9,7 @@ from sprung.online.box.box import Box, BoxSettings
 from sprung.online.box.can import can_bus, from_can
 from sprung.online.box.mqtt_source import from_mqtt
 from sprung.online.box.resampling import Regular
-from sprung.online.box.running import SOURCES, Listener, SourceSettings, open_source
+from sprung.online.box.running import Listener, SourceSettings, open_source
 from sprung.online.box.sources import (
     after,
     blocks_of,
@@ -21,7 +21,6 @@ from sprung.online.box.sources import (
 )
 
 __all__ = [
-    "SOURCES",
     "Box",
     "BoxSettings",
     "Listener",

@@ -1,8 +1,7 @@
 """The online monitor: vehicles in, modes, diagnoses and alerts out, for months."""
 
-from sprung.online.monitor.broker import EmbeddedBroker
 from sprung.online.monitor.engine import VehicleMonitor
-from sprung.online.monitor.events import Event, Identified, MonitorSettings, Observed
+from sprung.online.monitor.events import Identified, MonitorSettings, Observed
 from sprung.online.monitor.figures import FIGURES
 from sprung.online.monitor.intake import MONITOR
 from sprung.online.monitor.site import Site, embedded_port, read_site
@@ -13,8 +12,6 @@ from sprung.state import VehicleStatus
 __all__ = [
     "FIGURES",
     "MONITOR",
-    "EmbeddedBroker",
-    "Event",
     "Identified",
     "MonitorSettings",
     "Observed",
