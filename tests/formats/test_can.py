@@ -169,13 +169,12 @@ def test_any_rows_are_those_of_all_rows(tmp_path_factory, data):
     ]
     pieces.append(frames([256, 256], [bytes(8), bytes(8)]))
     group = groups_of(pieces, path)["ACC"]
-    stamps, values = values_of(group)
+    _, values = values_of(group)
     first = data.draw(st.integers(0, group.n_rows - 1))
     last = data.draw(st.none() | st.integers(first + 1, group.n_rows + 5))
     np.testing.assert_array_equal(values_of(group, first=first, last=last)[1], values[:, first:last])
     (block, *_) = group.open(None).blocks(first, last)
     assert block.first_row == first + 1
-    np.testing.assert_array_equal(np.concatenate([b.stamps for b in group.open(None).times()]), stamps)
 
 
 def test_rows_are_read_from_the_piece_in_which_they_begin(dbc):

@@ -143,8 +143,6 @@ def test_any_rows_are_those_of_all_rows(path):
         np.testing.assert_array_equal(part.values, whole.values[:, first:last])
         np.testing.assert_array_equal(part.stamps, whole.stamps[first:last])
         assert part.first_row == first + 1
-    assert table.times is not None
-    assert join(list(table.times())).values.shape == (0, 1000)
 
 
 def test_an_unknown_channel_gives_a_sentence(path):

@@ -91,9 +91,6 @@ def test_any_rows_are_those_of_all_rows(path):
         np.testing.assert_array_equal(part.stamps, whole.stamps[first:last])
         assert part.first_row == first + 1
     assert list(table.blocks(1000)) == []
-    stamps = join(list(table.times()))
-    np.testing.assert_array_equal(stamps.stamps, whole.stamps)
-    assert stamps.values.shape == (0, 1000)
 
 
 def test_pieces_are_those_of_the_whole(path, monkeypatch):

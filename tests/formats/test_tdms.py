@@ -121,11 +121,7 @@ def test_channels_called_time_are_the_clock_in_their_unit(tmp_path):
             ]
         )
     (group,) = groups(tmp_path / "run.tdms")
-    table = group.open(None)
-    assert table.time_heading == "Time [ms]"
-    assert table.times is not None
-    stamps = join(list(table.times()))
-    assert stamps.values.shape == (0, 300)
+    assert group.open(None).time_heading == "Time [ms]"
     assert read(tmp_path / "run.tdms").sampling_rate == pytest.approx(250)
 
 

@@ -278,7 +278,6 @@ class _Source:
             sampling_rate=self.rate,
             start=self.arrays.start,
             comment=self.arrays.comment,
-            others=self.table,
         )
 
     def _time_heading(self) -> str | None:

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from sprung.channel_names import identified, mapping_in_words, read_name_table
 from sprung.errors import DataError, FormatError, ParameterError, SprungError
 from sprung.formats.clock import TimeScale, interpolate, time_scale, unwrapped
 from sprung.formats.settings import TIME_UNITS, ReadSettings
-from sprung.formats.table import Block, Column, Group, Table, index_of, join, rebatch, spellings, split_heading
+from sprung.formats.table import Block, Column, Group, Opener, Table, index_of, join, rebatch, spellings, split_heading
 from sprung.recording import Channel
 
 
@@ -76,29 +77,24 @@ def wanted_table(path: Path, groups: Sequence[Group], settings: ReadSettings) ->
         begins after the end of the file; or if there is neither a time column nor a sampling rate, but a column that
         rises as a clock does.
     """
-    return _part(_named(_timed(_joined(path, groups, settings), settings), settings), settings)
-
-
-def _joined(path: Path, groups: Sequence[Group], settings: ReadSettings) -> Table:
-    """Return the table of the wanted groups and channels."""
     wanted = [_group(path, groups, name) for name in settings.groups] or list(groups)
     if settings.channels is not None and len(wanted) > 1:
         spelled = [(heading, *spellings(heading)) for group in wanted for heading in group.headings]
         for name in settings.channels:
             index_of(name, spelled, path=path)
         wanted = [group for group in wanted if any(map(group.has, settings.channels))]
-    if len(wanted) == 1:
-        return wanted[0].open(settings.channels)
-    tables = [_distinct(wanted[:number], group, settings.channels) for number, group in enumerate(wanted)]
+    openers = [wanted[0].open] if len(wanted) == 1 else [partial(_distinct, wanted, group) for group in wanted]
     if len({group.clock for group in wanted}) == 1:
-        return _side_by_side(tables)
-    if settings.groups:
-        return _interpolated([_timed(table, settings) for table in tables])
-    listed = "; ".join(f"{group.name!r} ({', '.join(group.headings)})" for group in wanted)
-    raise ParameterError(
-        f"{path} holds {len(wanted)} groups of channels with different clocks: choose with --group (in Python: groups="
-        f"[...]), several to interpolate at the times of the first: {listed}"
-    )
+        table = _timed(partial(_side_by_side, openers), settings)
+    elif settings.groups:
+        table = _interpolated([_timed(opener, settings) for opener in openers])
+    else:
+        listed = "; ".join(f"{group.name!r} ({', '.join(group.headings)})" for group in wanted)
+        raise ParameterError(
+            f"{path} holds {len(wanted)} groups of channels with different clocks: choose with --group (in Python: "
+            f"groups=[...]), several to interpolate at the times of the first: {listed}"
+        )
+    return _part(_named(table, settings), settings)
 
 
 def _group(path: Path, groups: Sequence[Group], name: str) -> Group:
@@ -109,10 +105,10 @@ def _group(path: Path, groups: Sequence[Group], name: str) -> Group:
     raise ParameterError(f"{path} has no group {name!r}: choose from {', '.join(repr(group.name) for group in groups)}")
 
 
-def _distinct(before: Sequence[Group], group: Group, channels: Sequence[str] | None) -> Table:
+def _distinct(groups: Sequence[Group], group: Group, channels: Sequence[str] | None) -> Table:
     """Return the table of a group; names that an earlier group has as well begin with the name of the group."""
     table = group.open(None if channels is None else list(filter(group.has, channels)))
-    taken = {heading for earlier in before for heading in earlier.headings}
+    taken = {heading for earlier in groups[: groups.index(group)] for heading in earlier.headings}
     columns = (
         replace(column, name=f"{group.name}_{column.name}") if column.heading in taken else column
         for column in table.columns
@@ -120,8 +116,11 @@ def _distinct(before: Sequence[Group], group: Group, channels: Sequence[str] | N
     return replace(table, columns=tuple(columns))
 
 
-def _side_by_side(tables: Sequence[Table]) -> Table:
-    """Return tables with the same rows as one."""
+def _side_by_side(openers: Sequence[Opener], channels: Sequence[str] | None) -> Table:
+    """Return the tables of groups with the same rows as one."""
+    tables = [opener(channels) for opener in openers]
+    if len(tables) == 1:
+        return tables[0]
 
     def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
         parts = (rebatch(table.blocks(first, last), _LIMITS.block_rows) for table in tables)
@@ -235,12 +234,13 @@ class _Interpolation:
             self._row += block.n_rows
 
 
-def _timed(table: Table, settings: ReadSettings) -> Table:
-    """Return a table with its time column, without counters, flags and clocks unless they are wanted."""
+def _timed(opener: Opener, settings: ReadSettings) -> Table:
+    """Return the wanted channels with their time column, without counters, flags and clocks unless they are wanted."""
+    table = opener(settings.channels)
     if settings.time is not None:
-        table = _with_time(table, settings.time, "as stated", settings)
+        table = _with_time(table, opener, settings, settings.time, "as stated")
     elif table.time_heading is None:
-        table = _with_found_time(table, settings)
+        table = _with_found_time(table, opener, settings)
     elif not table.notes:
         table = replace(table, notes=(f"time: column {table.time_heading!r}, by its name",))
     if settings.channels is None:
@@ -334,21 +334,22 @@ def _head(table: Table) -> Block:
     return join([*table.blocks(0, _LIMITS.head_rows)] or [empty])
 
 
-def _with_found_time(table: Table, settings: ReadSettings) -> Table:
+def _with_found_time(table: Table, opener: Opener, settings: ReadSettings) -> Table:
     """Return the table with the time column that names and behaviour show; without one as it is."""
     whole = table
-    if table.others is not None:
+    if settings.channels is not None:
         with suppress(SprungError):
-            whole = table.others(None)
+            whole = opener(None)
     head = _head(whole).values
     columns = list(zip(whole.columns, head, strict=True))
     clocks = [column for column, values in columns if _is_clock(column, values)]
     clocks.sort(key=lambda column: stated_unit(column.heading) is None)
     if clocks:
-        return _with_time(table, clocks[0].heading, "by its name, and as it rises steadily", settings)
+        return _with_time(table, opener, settings, clocks[0].heading, "by its name, and as it rises steadily")
     rate = settings.sampling_rate or table.sampling_rate
     if columns and _is_first(whole.columns[0], head[0], rate):
-        return _with_time(table, whole.columns[0].heading, "as the first column rises as a clock does", settings)
+        why = "as the first column rises as a clock does"
+        return _with_time(table, opener, settings, whole.columns[0].heading, why)
     even = [column for column, values in columns if _is_even(values) and not _is_counter(column, values)]
     if rate is None and even:
         raise ParameterError(
@@ -371,38 +372,35 @@ def _is_first(column: Column, values: Real, rate: float | None) -> bool:
     return rate is None or any(abs(mean * unit * rate - 1) < _LIMITS.same_rate for unit in TIME_UNITS.values())
 
 
-def _with_time(table: Table, name: str, why: str, settings: ReadSettings) -> Table:
+def _with_time(table: Table, opener: Opener, settings: ReadSettings, name: str, why: str) -> Table:
     """Return the table with the column called `name` as its time."""
     if table.time_heading is not None and name in (table.time_heading, split_heading(table.time_heading)[0]):
         return table
-    opened = _opened_with(table, name, settings.channels)
-    index, column = next((k, item) for k, item in enumerate(opened.columns) if name in (item.heading, item.name))
-    kept = [k for k in range(len(opened.columns)) if k != index or name in (settings.channels or ())]
+    if settings.channels is not None and _place(table, name) is None:
+        table = opener([*settings.channels, name])
+    index = _place(table, name)
+    if index is None:
+        known = ", ".join(column.name for column in table.columns)
+        raise ParameterError(f"{table.path} has no column {name!r} for the time: choose from {known}")
+    column = table.columns[index]
+    kept = [k for k in range(len(table.columns)) if k != index or name in (settings.channels or ())]
+    notes = (*table.notes, f"time: column {column.name!r}, {why}")
+    return replace(_taken(table, kept, time=index), time_heading=column.heading, notes=notes)
+
+
+def _place(table: Table, name: str) -> int | None:
+    """Return the index of the column called `name`; None without one."""
+    return next((k for k, item in enumerate(table.columns) if name in (item.heading, item.name)), None)
+
+
+def _taken(table: Table, kept: Sequence[int], *, time: int | None = None) -> Table:
+    """Return some columns of a table, perhaps with another one as its time."""
 
     def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-        for block in opened.blocks(first, last):
-            yield Block(block.first_row, block.values[index], block.values[kept])
+        for block in table.blocks(first, last):
+            yield Block(block.first_row, block.stamps if time is None else block.values[time], block.values[kept])
 
-    return replace(
-        opened,
-        columns=tuple(opened.columns[k] for k in kept),
-        time_heading=column.heading,
-        blocks=blocks,
-        times=None,
-        notes=(*opened.notes, f"time: column {column.name!r}, {why}"),
-    )
-
-
-def _opened_with(table: Table, name: str, channels: Sequence[str] | None) -> Table:
-    """Return the table with the wanted channels and the one called `name`."""
-    if any(name in (column.heading, column.name) for column in table.columns) or table.others is None:
-        opened = table
-    else:
-        opened = table.others(None if channels is None else [*channels, name])
-    if not any(name in (column.heading, column.name) for column in opened.columns):
-        known = ", ".join(column.name for column in opened.columns)
-        raise ParameterError(f"{table.path} has no column {name!r} for the time: choose from {known}")
-    return opened
+    return replace(table, columns=tuple(table.columns[k] for k in kept), blocks=blocks)
 
 
 def _of_motion(table: Table) -> Table:
@@ -424,15 +422,8 @@ def _of_motion(table: Table) -> Table:
     if not kept:
         raise DataError(f"{table.path} holds no channel of motion: {words}")
 
-    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-        return (replace(block, values=block.values[kept]) for block in table.blocks(first, last))
-
-    return replace(
-        table,
-        columns=tuple(table.columns[k] for k in kept),
-        blocks=blocks,
-        notes=(*table.notes, f"left out, as they do not measure motion: {words}; name them in --channels to keep them"),
-    )
+    note = f"left out, as they do not measure motion: {words}; name them in --channels to keep them"
+    return replace(_taken(table, kept), notes=(*table.notes, note))
 
 
 def _with_unit(table: Table, settings: ReadSettings) -> Table:
@@ -443,8 +434,7 @@ def _with_unit(table: Table, settings: ReadSettings) -> Table:
     def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
         return unwrapped(table.blocks(first, last))
 
-    times = table.times
-    continued = replace(table, blocks=blocks, times=None if times is None else lambda: unwrapped(times()))
+    continued = replace(table, blocks=blocks)
     if settings.time_unit is not None:
         note = f"time: column {table.time_heading!r} in {settings.time_unit}, as stated"
         return replace(continued, time_factor=TIME_UNITS[settings.time_unit], notes=(*table.notes, note))
@@ -510,7 +500,7 @@ def _part(table: Table, settings: ReadSettings) -> Table:
     def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
         return table.blocks(begin + first, end if last is None else min(end, begin + last))
 
-    return replace(table, blocks=blocks, times=None, start=None if table.start is None else table.start + origin)
+    return replace(table, blocks=blocks, start=None if table.start is None else table.start + origin)
 
 
 def stated_rate(table: Table, sampling_rate: float | None) -> float:
@@ -532,7 +522,7 @@ def _rows_of_part(table: Table, settings: ReadSettings) -> tuple[int, int, int]:
         first = int(np.ceil(start * rate - 1e-9))
         return first, sys.maxsize if np.isinf(end) else int(np.ceil(end * rate - 1e-9)), round(1e9 * first / rate)
     scale, n_before, n_until = None, 0, 0
-    for block in (table.times or table.blocks)():
+    for block in table.blocks():
         if block.stamps is None:
             break
         scale = scale or time_scale(block.stamps, table.time_factor)

@@ -191,7 +191,6 @@ def _group(path: Path, name: str, channels: Sequence[_Channel], *, start: int | 
         time_heading="time [s]",
         start=start,
         comment=comment,
-        has_times_alone=False,
     )
     return replace(group, sampling_rate=channels[0].sampling_rate)
 

@@ -1,28 +1,27 @@
 """Readers of foreign binary formats in a process of their own, with limits of memory and time.
 
 A damaged or hostile file can crash a native library, make it wait for ever or request any amount of memory. Here it
-ends a child process, and the caller gets a sentence. One child serves all files of a process, request by request; both
-sides speak JSON and raw numbers, which execute nothing.
-
-A message is a line of JSON, whose field `sizes` lists the lengths of the blobs of bytes that follow it.
+ends a child process, and the caller gets a sentence. One child serves all files of a process, request by request. Its
+answers are JSON and raw numbers, which execute nothing.
 """
 
 import atexit
 import contextlib
 import itertools
 import json
+import operator
 import os
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, fields
 from functools import partial
 from importlib import import_module
+from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
-from select import select
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
@@ -40,10 +39,13 @@ class Limits:
     memory_per_byte: int = 20  # the same for a large one, over its size: decompression and double precision
     time: float = 60.0  # time [s] for a small file: the import of a library on a busy machine
     time_per_byte: float = 1e-6  # further time [s] for each byte: a slow disk
-    line: int = 1 << 26  # bytes of a message without its blobs
+    message: int = 1 << 26  # bytes of an answer without its arrays
 
 
 LIMITS = Limits()
+
+#: Module of a format, path of a file and settings.
+_Source = tuple[str, Path, ReadSettings]
 
 
 def isolated_groups(module: str, path: Path, settings: ReadSettings) -> tuple[Group, ...]:
@@ -63,50 +65,23 @@ def isolated_groups(module: str, path: Path, settings: ReadSettings) -> tuple[Gr
     FormatError
         If the reader crashes, or exceeds its limits of memory or time.
     """
-    source = {"module": module, "path": str(path.absolute()), "settings": _plain(settings)}
-    answer, _ = _READER.ask(path, {"do": "groups", **source})
+    source = (module, path.absolute(), settings)
+    answer, _ = _READER.ask(path, "groups", source)
     return tuple(
-        Group(
-            group["name"],
-            tuple(group["headings"]),
-            group["clock"],
-            partial(_open, path, {**source, "group": number}),
-            group["sampling_rate"],
-            group["n_rows"],
-        )
-        for number, group in enumerate(answer["groups"])
+        Group(**{**stated, "headings": tuple(stated["headings"])}, open=partial(_open, path, source, number))
+        for number, stated in enumerate(answer["groups"])
     )
 
 
-def _plain(settings: ReadSettings) -> dict[str, Any]:
-    """Return settings as JSON."""
-    plain: dict[str, Any] = json.loads(json.dumps(asdict(settings), default=lambda path: str(path.absolute())))
-    return plain
-
-
-def _open(path: Path, source: Mapping[str, Any], channels: Sequence[str] | None) -> Table:
+def _open(path: Path, source: _Source, number: int, channels: Sequence[str] | None) -> Table:
     """Return the table of some channels of a group."""
-    request = {**source, "channels": None if channels is None else list(channels)}
-    answer, _ = _READER.ask(path, {"do": "table", **request})
-    stated = answer["table"]
+    stated, _ = _READER.ask(path, "table", source, number, channels)
+    columns, notes = tuple(Column(**column) for column in stated.pop("columns")), tuple(stated.pop("notes"))
 
     def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-        return _READER.blocks(path, {**request, "do": "blocks", "first": first, "last": last})
+        return _READER.blocks(path, (source, number, channels), first, last)
 
-    def times() -> Iterator[Block]:
-        return _READER.blocks(path, {**request, "do": "times"})
-
-    columns = tuple(Column(**column) for column in stated.pop("columns"))
-    has_times, has_others = stated.pop("has_times"), stated.pop("has_others")
-    return Table(
-        path=path,
-        columns=columns,
-        blocks=blocks,
-        times=times if has_times else None,
-        others=partial(_open, path, source) if has_others else None,
-        notes=tuple(stated.pop("notes")),
-        **stated,
-    )
+    return Table(path=path, columns=columns, blocks=blocks, notes=notes, **stated)
 
 
 class _Reader:
@@ -115,17 +90,22 @@ class _Reader:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
+        self._connection: Connection[Any, Any] | None = None
         self._owner = 0
         self._numbers = itertools.count()
 
-    def ask(self, path: Path, request: Mapping[str, Any]) -> tuple[dict[str, Any], list[bytes]]:
-        """Return the answer to a request about a file, and the bytes that come with it."""
+    def ask(self, path: Path, method: str, *arguments: Any) -> tuple[dict[str, Any], list[bytes]]:
+        """Return what a method of `_Child` answers about a file, and the arrays that come with it."""
         with self._lock:
-            process = self._running()
+            connection = self._connected()
             size = path.stat().st_size if path.exists() else 0
             try:
-                _write(process.stdin, {**request, "memory": max(LIMITS.memory, LIMITS.memory_per_byte * size)}, [])
-                answer, blobs = _read(process.stdout, patience=LIMITS.time + LIMITS.time_per_byte * size)
+                memory = max(LIMITS.memory, LIMITS.memory_per_byte * size)
+                connection.send((str(path), memory, method, arguments))
+                if not connection.poll(LIMITS.time + LIMITS.time_per_byte * size):
+                    raise TimeoutError
+                answer = json.loads(connection.recv_bytes(LIMITS.message))
+                arrays = [connection.recv_bytes(n_bytes) for n_bytes in answer.pop("sizes")]
             except TimeoutError:
                 self._stop()
                 raise FormatError(
@@ -138,26 +118,28 @@ class _Reader:
                 ) from None
         if "error" in answer:
             kind: type[SprungError] = getattr(errors, answer["error"])
-            raise kind(answer["message"].replace(request.get("path", ""), str(path)))
-        return answer, blobs
+            raise kind(answer["message"].replace(str(path.absolute()), str(path)))
+        return answer, arrays
 
-    def blocks(self, path: Path, request: Mapping[str, Any]) -> Iterator[Block]:
-        """Yield the blocks that a request begins."""
+    def blocks(self, path: Path, table: tuple[Any, ...], first: int, last: int | None) -> Iterator[Block]:
+        """Yield some rows of a table."""
         stream = next(self._numbers)
         process = None
         try:
             while True:
-                answer, blobs = self.ask(path, {**request, "stream": stream, "is_next": process is not None})
-                if process is not None and process is not self._process:
+                answer, arrays = self.ask(path, "block", stream, table, first, last)
+                if process not in {None, self._process}:
                     raise FormatError(f"{path}: its reader was restarted in between: read the file again")
                 process = self._process
-                if answer["is_last"]:
+                if not answer:
                     return
-                yield _block(answer, blobs)
+                values = np.frombuffer(arrays[0], dtype=np.float64).reshape(answer["shape"])
+                stamps = np.frombuffer(arrays[1], dtype=np.dtype(answer["stamps"])) if answer["stamps"] else None
+                yield Block(answer["first_row"], stamps, values)
         finally:
             if process is not None and process is self._process and process.poll() is None:
                 with contextlib.suppress(SprungError):
-                    self.ask(path, {"do": "close", "stream": stream})
+                    self.ask(path, "close", stream)
 
     def close(self) -> None:
         """End the child process, if there is one of this process."""
@@ -165,143 +147,99 @@ class _Reader:
             if self._owner == os.getpid():
                 self._stop()
 
-    def _running(self) -> "subprocess.Popen[bytes]":
-        """Return the child process."""
-        if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
+    def _connected(self) -> "Connection[Any, Any]":
+        """Return the connection to the child process."""
+        if (
+            self._connection is None
+            or self._process is None
+            or self._process.poll() is not None
+            or self._owner != os.getpid()
+        ):
             self._owner = os.getpid()
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "sprung.formats.isolation"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONWARNINGS": "ignore"},
-            )
-        return self._process
+            self._connection, theirs = Pipe()
+            with theirs:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-P", "-m", "sprung.formats.isolation", str(theirs.fileno())],
+                    pass_fds=[theirs.fileno()],
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,  # what libraries print
+                    stderr=subprocess.DEVNULL,
+                    env={**os.environ, "PYTHONWARNINGS": "ignore"},
+                )
+        return self._connection
 
     def _stop(self) -> int | None:
         """End the child process and return its exit code."""
         process, self._process = self._process, None
-        if process is None:
+        connection, self._connection = self._connection, None
+        if process is None or connection is None:
             return None
         process.kill()
-        process.communicate()
-        return process.returncode
+        connection.close()
+        return process.wait()
 
 
 _READER = _Reader()
 atexit.register(_READER.close)
 
 
-def _write(stream: IO[bytes] | None, message: Mapping[str, Any], blobs: Sequence[bytes]) -> None:
-    """Write a message."""
-    if stream is None:
-        raise OSError("the pipe is closed")
-    line = json.dumps({**message, "sizes": [len(blob) for blob in blobs]}, default=_number)
-    stream.write(line.encode() + b"\n")
-    for blob in blobs:
-        stream.write(blob)
-    stream.flush()
-
-
-def _read(stream: IO[bytes] | None, *, patience: float | None = None) -> tuple[dict[str, Any], list[bytes]]:
-    """Return the next message; raise if it does not begin in time."""
-    if stream is None:
-        raise OSError("the pipe is closed")
-    if patience is not None and not select([stream], [], [], patience)[0]:
-        raise TimeoutError
-    line = stream.readline(LIMITS.line)
-    if not line.endswith(b"\n"):
-        raise EOFError
-    message = json.loads(line)
-    blobs = [stream.read(size) for size in message.pop("sizes")]
-    return message, blobs
-
-
-def _block(answer: Mapping[str, Any], blobs: Sequence[bytes]) -> Block:
-    """Return the block of an answer."""
-    values = np.frombuffer(blobs[0], dtype=np.float64).reshape(answer["n_channels"], answer["n_rows"])
-    stamps = np.frombuffer(blobs[1], dtype=np.dtype(answer["stamps"])) if answer["stamps"] else None
-    return Block(answer["first_row"], stamps, values)
-
-
-@dataclass
 class _Child:
-    """What the child process has open."""
+    """What the child process has open: the groups of the last file, and rows that are being read, by their number."""
 
-    streams: dict[int, Iterator[Block]]
-    opened: tuple[str, tuple[Group, ...]] | None = None
+    def __init__(self) -> None:
+        self._streams: dict[int, tuple[Path, Iterator[Block]]] = {}
+        self._source: _Source | None = None
+        self._groups: tuple[Group, ...] = ()
 
-    def answer(self, request: Mapping[str, Any]) -> tuple[dict[str, Any], list[bytes]]:
-        """Return the answer to a request."""
-        if request["do"] == "close":
-            self.streams.pop(request["stream"], None)
-            return {}, []
-        if request["do"] == "groups":
-            return {"groups": [_stated_group(group) for group in self._groups(request, is_new=True)]}, []
-        if request["do"] in {"blocks", "times"}:
-            return self._next(request)
-        return {"table": _stated_table(self._table(request))}, []
+    def groups(self, source: _Source) -> tuple[dict[str, Any], list[bytes]]:
+        """Open a file and return its groups."""
+        name, path, settings = source
+        module = import_module(name)
+        with reported(path, module.NAME):
+            self._groups = module.groups(path, settings)
+        self._source = source
+        names = ("name", "headings", "sampling_rate", "n_rows")
+        stated = [{"clock": repr(group.clock), **{key: getattr(group, key) for key in names}} for group in self._groups]
+        return {"groups": stated}, []
 
-    def _groups(self, request: Mapping[str, Any], *, is_new: bool = False) -> tuple[Group, ...]:
-        """Return the groups of the requested file, which stay open until the next one."""
-        key = json.dumps([request["module"], request["path"], request["settings"]])
-        if is_new or self.opened is None or self.opened[0] != key:
-            module, settings = import_module(request["module"]), request["settings"]
-            settings["databases"] = tuple(Path(name) for name in settings["databases"])
-            with reported(Path(request["path"]), module.NAME):
-                self.opened = key, module.groups(Path(request["path"]), ReadSettings(**settings))
-        return self.opened[1]
+    def table(self, *table: Any) -> tuple[dict[str, Any], list[bytes]]:
+        """Return what is known of a table without its rows."""
+        opened = self._opened(*table)
+        names = {field.name for field in fields(Table)} - {"path", "columns", "blocks"}
+        columns = [asdict(column) for column in opened.columns]
+        return {"columns": columns, **{name: getattr(opened, name) for name in names}}, []
 
-    def _table(self, request: Mapping[str, Any]) -> Table:
-        """Return the requested table."""
-        with reported(Path(request["path"]), "file"):
-            return self._groups(request)[request["group"]].open(request["channels"])
+    def _opened(self, source: _Source, number: int, channels: Sequence[str] | None) -> Table:
+        """Return the table of some channels of a group."""
+        if source != self._source:
+            self.groups(source)
+        with reported(source[1], "file"):
+            return self._groups[number].open(channels)
 
-    def _next(self, request: Mapping[str, Any]) -> tuple[dict[str, Any], list[bytes]]:
-        """Return the next block of a stream."""
-        if not request["is_next"]:
-            table = self._table(request)
-            if request["do"] == "times":
-                self.streams[request["stream"]] = (table.times or table.blocks)()
-            else:
-                self.streams[request["stream"]] = table.blocks(request["first"], request["last"])
-        with reported(Path(request["path"]), "file"):
-            block = next(self.streams[request["stream"]], None)
+    def block(
+        self, stream: int, table: tuple[_Source, int, Any], first: int, last: int | None
+    ) -> tuple[dict[str, Any], list[bytes]]:
+        """Return the next block of some rows of a table; nothing after the last one."""
+        if stream not in self._streams:
+            self._streams[stream] = table[0][1], self._opened(*table).blocks(first, last)
+        path, blocks = self._streams[stream]
+        with reported(path, "file"):
+            block = next(blocks, None)
         if block is None:
-            del self.streams[request["stream"]]
-            return {"is_last": True}, []
+            return self.close(stream)
         stamps = block.stamps
+        arrays = [np.asarray(block.values, dtype=np.float64), *([] if stamps is None else [stamps])]
         stated = {
-            "is_last": False,
             "first_row": block.first_row,
-            "n_channels": block.values.shape[0],
-            "n_rows": block.values.shape[1],
+            "shape": block.values.shape,
             "stamps": "" if stamps is None else stamps.dtype.str,
         }
-        blobs = [np.ascontiguousarray(block.values, dtype=np.float64).tobytes()]
-        return stated, blobs if stamps is None else [*blobs, np.ascontiguousarray(stamps).tobytes()]
+        return stated, [np.ascontiguousarray(array).tobytes() for array in arrays]
 
-
-def _stated_group(group: Group) -> dict[str, Any]:
-    """Return a group as JSON."""
-    names = ("name", "headings", "sampling_rate", "n_rows")
-    return {"clock": repr(group.clock), **{name: getattr(group, name) for name in names}}
-
-
-def _stated_table(table: Table) -> dict[str, Any]:
-    """Return what is known of a table without its rows."""
-    names = ("time_heading", "row_word", "sampling_rate", "start", "time_factor", "notes", "comment")
-    return {
-        "columns": [asdict(column) for column in table.columns],
-        "has_times": table.times is not None,
-        "has_others": table.others is not None,
-        **{name: getattr(table, name) for name in names},
-    }
-
-
-def _number(value: np.generic) -> Any:
-    """Return a number of NumPy as JSON."""
-    return value.item()
+    def close(self, stream: int) -> tuple[dict[str, Any], list[bytes]]:
+        """Forget rows that are not read to their end."""
+        self._streams.pop(stream, None)
+        return {}, []
 
 
 def _limit_memory(extra: int) -> None:
@@ -316,27 +254,29 @@ def _limit_memory(extra: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (wanted if hard < 0 else min(wanted, hard), hard))
 
 
-def _serve() -> None:
+def _serve(connection: "Connection[Any, Any]") -> None:
     """Answer requests until the other side ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the other side ends this process
-    child = _Child({})
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what libraries print is not an answer
+    child = _Child()
     while True:
         try:
-            request, _ = _read(sys.stdin.buffer)
+            path, memory, method, arguments = connection.recv()
         except EOFError:
             return
+        arrays: list[bytes] = []
         try:
-            _limit_memory(request["memory"])
-            answer, blobs = child.answer(request)
+            _limit_memory(memory)
+            answer, arrays = getattr(child, method)(*arguments)
         except SprungError as error:
-            answer, blobs = {"error": type(error).__name__, "message": str(error)}, []
+            answer = {"error": type(error).__name__, "message": str(error)}
         except MemoryError:
-            text = f"{request['path']} cannot be read: it takes more memory than its size allows"
-            answer, blobs = {"error": "FormatError", "message": f"{text}: check that the file is complete"}, []
-        _write(answers, answer, blobs)
+            message = f"{path} cannot be read: it takes more memory than its size allows"
+            answer = {"error": "FormatError", "message": f"{message}: check that the file is complete"}
+        answer["sizes"] = [len(array) for array in arrays]
+        connection.send_bytes(json.dumps(answer, default=operator.methodcaller("item")).encode())
+        for array in arrays:
+            connection.send_bytes(array)
 
 
 if __name__ == "__main__":
-    _serve()
+    _serve(Connection(int(sys.argv[1])))

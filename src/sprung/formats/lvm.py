@@ -265,7 +265,6 @@ def _group(path: Path, name: str, dialect: _Dialect, parts: Sequence[tuple[_Segm
         row_word="line",
         start=lead.start if lead.start is None or has_times else lead.start + round(1e9 * lead.first),
         comment=comment,
-        has_times_alone=False,
     )
 
 

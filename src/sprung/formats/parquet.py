@@ -73,10 +73,7 @@ def _table(path: Path, schema: Any, channels: Sequence[str] | None, settings: Re
     def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
         return _blocks(path, columns, time, first, last)
 
-    def times() -> Iterator[Block]:
-        return _blocks(path, (), time, 0, None)
-
-    return Table(path, columns, time, blocks, times=times if time else None, comment=_stated(schema, "comment") or "")
+    return Table(path, columns, time, blocks, comment=_stated(schema, "comment") or "")
 
 
 def _file(path: Path) -> Any:

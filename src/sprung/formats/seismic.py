@@ -13,8 +13,8 @@ from sprung._arrays import Indices, Real
 from sprung._checks import required
 from sprung.errors import FormatError
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import chosen_indices, distinct, mapped, one_line
-from sprung.formats.table import Block, Column, Group, Table, reported, row_pieces
+from sprung.formats.stated import column_group, distinct, mapped, one_line
+from sprung.formats.table import Block, Column, Group, reported, row_pieces
 
 NAME, EXTRA = "miniSEED", "seismic"
 ENDINGS = (".mseed", ".miniseed", ".ms3", ".msd", ".seed")
@@ -24,7 +24,6 @@ _VERSION_2 = re.compile(rb"[0-9 \0]{6}[DRQM][ \0]")
 _TOLERANCE = 0.5
 #: Difference of sample times, in intervals, up to which channels have one clock.
 _SAME_PHASE = 0.05
-_UNIT = "counts"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -173,25 +172,20 @@ def _intersections(common: Sequence[_Stretch], own: Sequence[tuple[int, int, int
 
 def _group(path: Path, name: str, channels: Sequence[_Records]) -> Group:
     """Return a group of channels in step."""
-    columns = [Column(channel.name, channel.name, unit=_UNIT) for channel in channels]
 
-    def open_table(wanted: Sequence[str] | None) -> Table:
-        chosen = [channels[k] for k in chosen_indices(columns, wanted, path=path)]
-        stretches = _stretches(chosen)
+    def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return _blocks(path, [channels[k] for k in indices], first, last)
 
-        def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-            return _blocks(path, chosen, stretches, (first, last))
-
-        def times() -> Iterator[Block]:
-            for row, begin, until, stretch in _parts(stretches, 0, None):
-                yield Block(row + 1, _stamps(stretch, chosen[0].rate, begin, until), np.empty((0, until - begin)))
-
-        kept = tuple(Column(channel.name, channel.name, unit=_UNIT) for channel in chosen)
-        return Table(path, kept, "time", blocks, "sample", chosen[0].rate, times=times)
-
-    n_rows = sum(stretch.n_samples for stretch in _stretches(channels))
-    headings = tuple(column.heading for column in columns)
-    return Group(name, headings, name, open_table, channels[0].rate, n_rows)
+    return column_group(
+        path,
+        name,
+        [Column(channel.name, channel.name, unit="counts") for channel in channels],
+        rows,
+        clock=name,
+        n_rows=sum(stretch.n_samples for stretch in _stretches(channels)),
+        sampling_rate=channels[0].rate,
+        time_heading="time",
+    )
 
 
 def _parts(stretches: Sequence[_Stretch], first: int, last: int | None) -> Iterator[tuple[int, int, int, _Stretch]]:
@@ -209,14 +203,12 @@ def _stamps(stretch: _Stretch, rate: float, begin: int, until: int) -> Any:
     return nanoseconds.astype("M8[ns]")
 
 
-def _blocks(
-    path: Path, channels: Sequence[_Records], stretches: Sequence[_Stretch], extent: tuple[int, int | None]
-) -> Iterator[Block]:
+def _blocks(path: Path, channels: Sequence[_Records], first_row: int, last_row: int | None) -> Iterator[Block]:
     """Yield samples of some channels, counted from 1."""
     package = required("pymseed", purpose="reading miniSEED", extra="seismic")
     edges = [np.concatenate([[0], np.cumsum(channel.counts)]) for channel in channels]
     with reported(path, NAME), mapped(path) as content:
-        for row, begin, until, stretch in _parts(stretches, *extent):
+        for row, begin, until, stretch in _parts(_stretches(channels), first_row, last_row):
             values = np.empty((len(channels), until - begin))
             for k, channel in enumerate(channels):
                 first, last = stretch.firsts[k] + begin, stretch.firsts[k] + until

@@ -124,7 +124,7 @@ def silenced(*loggers: str) -> Iterator[None]:
 
 
 class RowsOf(Protocol):
-    """Function that yields rows of the channels at some indices; of none, only the time stamps."""
+    """Function that yields rows of the channels at some indices."""
 
     def __call__(self, indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
         """Yield the rows from `first` to before `last`, counted from 0 (None: to the end), in blocks."""
@@ -143,12 +143,10 @@ def column_group(
     row_word: str = "sample",
     start: int | None = None,
     comment: str = "",
-    has_times_alone: bool = True,
 ) -> Group:
     """Return a group whose table holds the channels that are wanted.
 
-    Further parameters are as of `Group` and `Table`; `has_times_alone`: whether the times of no channel cost less than
-    those of all.
+    Further parameters are as of `Group` and `Table`.
 
     Raises
     ------
@@ -168,7 +166,6 @@ def column_group(
             row_word,
             sampling_rate,
             start,
-            partial(rows, ()) if time_heading and has_times_alone else None,
             comment,
         )
 

@@ -4,8 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -17,6 +16,9 @@ from sprung.errors import FormatError, ParameterError, SprungError
 from sprung.formats.settings import TIME_UNITS
 from sprung.recording import Recording
 from sprung.units import UNITS, conversion
+
+#: Function of the names of wanted channels (None: all) that returns their table.
+Opener = Callable[[Sequence[str] | None], "Table"]
 
 #: Names of a time column, in lower case and without a unit.
 TIME_NAMES = ("time", "t", "t_s", "time_s", "timestamp")
@@ -96,12 +98,8 @@ class Table:
     start
         Time of the origin of time stamps that count seconds (without stamps: of the first row), UTC in nanoseconds
         since 1970; None where unknown.
-    times
-        Function that yields all rows without channels (values of shape (0, rows)), where that costs less than `blocks`.
     comment
         Comment on the measurement, as in the file.
-    others
-        Function that opens other channels of the same rows, by their names (None: all); None where that is impossible.
     time_factor
         Seconds in one unit of the time stamps; None: by their heading or magnitude.
     notes
@@ -115,9 +113,7 @@ class Table:
     row_word: str = "row"
     sampling_rate: float | None = None
     start: int | None = None
-    times: Callable[[], Iterator[Block]] | None = None
     comment: str = ""
-    others: "Callable[[Sequence[str] | None], Table] | None" = None
     time_factor: float | None = None
     notes: tuple[str, ...] = ()
 
@@ -145,7 +141,7 @@ class Group:
     name: str
     headings: tuple[str, ...]
     clock: Hashable
-    open: Callable[[Sequence[str] | None], Table]
+    open: Opener
     sampling_rate: float | None = None
     n_rows: int | None = None
 
@@ -154,16 +150,9 @@ class Group:
         return any(name in spellings(heading) for heading in self.headings)
 
 
-def single_group(
-    path: Path, headings: Sequence[str], open_table: Callable[[Sequence[str] | None], Table]
-) -> tuple[Group, ...]:
+def single_group(path: Path, headings: Sequence[str], open_table: Opener) -> tuple[Group, ...]:
     """Return the only group of a file, named after it."""
-    opened = partial(_with_others, open_table)
-    return (Group(path.name, tuple(headings), path.name, opened),)
-
-
-def _with_others(open_table: Callable[[Sequence[str] | None], Table], channels: Sequence[str] | None) -> Table:
-    return replace(open_table(channels), others=open_table)
+    return (Group(path.name, tuple(headings), path.name, open_table),)
 
 
 def within(blocks: Iterable[Block], first: int, last: int | None) -> Iterator[Block]:

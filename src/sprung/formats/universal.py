@@ -23,16 +23,8 @@ from sprung.formats.dataset58 import (
     values_of,
 )
 from sprung.formats.settings import TIME_UNITS, ReadSettings
-from sprung.formats.stated import chosen_indices, described, distinct, mapped, one_line
-from sprung.formats.table import (
-    Block,
-    Column,
-    Group,
-    Table,
-    reported,
-    stated_column,
-    written_stamps,
-)
+from sprung.formats.stated import column_group, described, distinct, mapped, one_line
+from sprung.formats.table import Block, Column, Group, reported, stated_column, written_stamps
 from sprung.recording import Channel, Recording
 
 NAME, EXTRA = "a universal file", None
@@ -218,19 +210,24 @@ def _group(path: Path, name: str, members: Sequence[_Member], contents: Contents
     columns = [_column(member, functions, units) for member in members]
     first = functions[0]
 
-    def open_table(channels: Sequence[str] | None) -> Table:
-        indices = chosen_indices(columns, channels, path=path)
-        return _table(
-            path, [functions[k] for k in indices], [columns[k] for k in indices], _comment(contents, functions)
-        )
+    start, seconds = _date(first)[0], _seconds(first)
+    if first.is_even and start is not None:
+        start += round(1e9 * first.first * seconds)
 
-    return Group(
+    def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return _blocks(path, [functions[k] for k in indices], first, last)
+
+    return column_group(
+        path,
         name,
-        tuple(column.heading for column in columns),
-        (_abscissae(first), first.number),
-        open_table,
-        sampling_rate=_rate(first) if first.is_even else None,
+        columns,
+        rows,
+        clock=(_abscissae(first), first.number),
         n_rows=first.n_values,
+        sampling_rate=_rate(first) if first.is_even else None,
+        time_heading=None if first.is_even else "time [s]",
+        start=start,
+        comment=_comment(contents, functions),
     )
 
 
@@ -282,25 +279,6 @@ def _comment(contents: Contents, functions: Sequence[Function]) -> str:
         shared.pop() if len(shared) == 1 else "",
         "" if start is None or is_utc else "start in local time",
     )
-
-
-def _table(path: Path, functions: Sequence[Function], columns: Sequence[Column], comment: str) -> Table:
-    """Return the table of functions that were recorded together."""
-    lead = functions[0]
-    seconds = _seconds(lead)
-    start, _ = _date(lead)
-
-    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-        return _blocks(path, functions, first, last)
-
-    def times() -> Iterator[Block]:
-        for block in _blocks(path, [lead], 0, None):
-            yield replace(block, values=block.values[:0])
-
-    if lead.is_even:
-        origin = None if start is None else start + round(1e9 * lead.first * seconds)
-        return Table(path, tuple(columns), None, blocks, "sample", _rate(lead), origin, comment=comment)
-    return Table(path, tuple(columns), "time [s]", blocks, "sample", None, start, times, comment)
 
 
 def _blocks(path: Path, functions: Sequence[Function], first: int, last: int | None) -> Iterator[Block]:
