@@ -1,29 +1,18 @@
-"""Recordings of enDAQ (MIDE .IDE) through idelib: a group for each sensor, calibrated, block by block.
-
-Blocks of samples of all channels follow one another, each with the time of its first and last sample. idelib itself
-would hold all of them at once.
-"""
+"""Recordings of enDAQ (MIDE .IDE) through idelib: a group for each sensor, calibrated."""
 
 import logging
-from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.lib.recfunctions import structured_to_unstructured
-from numpy.typing import NDArray
 
-from sprung._arrays import Real
 from sprung._checks import required
 from sprung.errors import FormatError
 from sprung.formats.settings import ReadSettings
 from sprung.formats.stated import column_group, distinct, plain, silenced
-from sprung.formats.table import Block, Column, Group, reported, stated_column, within
+from sprung.formats.table import Block, Column, Group, reported, row_pieces, stated_column
 
 NAME, EXTRA = "IDE", "ide"
 ENDINGS = (".ide",)
@@ -31,9 +20,6 @@ ENDINGS = (".ide",)
 #: Every EBML document begins with this; the type of document follows within the header.
 _SIGNATURE, _TYPE = b"\x1a\x45\xdf\xa3", b"mide"
 _HEADER_BYTES = 64
-_BLOCK = "ChannelDataBlock"
-#: Blocks whose heads are read at once.
-_BATCH = 64
 _LOGGERS = ("idelib", "idelib.importer", "idelib.dataset", "idelib.parsers", "idelib.transforms", "ebmlite.core")
 
 
@@ -52,44 +38,24 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     MissingPackageError
         If idelib is not installed.
     """
-    with path.open("rb") as file:
-        if not recognises(file.read(_HEADER_BYTES)):
-            raise FormatError(f"{path} is not an IDE file: it does not begin as a recording of enDAQ does")
-    with _opened(path) as document:
-        counts = Counter[int]()
-        for block in _blocks_of(path, document):
-            counts[block.channel] += block.numSamples
-        with reported(path, "IDE file"):
-            sensors = [_sensor(path, document, number, counts[number]) for number in sorted(document.channels)]
-    sensors = [sensor for sensor in sensors if sensor.n_rows]
-    if not sensors:
-        raise FormatError(f"{path} holds no samples")
-    names = distinct([sensor.name for sensor in sensors])
-    return tuple(_group(name, sensor) for name, sensor in zip(names, sensors, strict=True))
+    document = _document(path)
+    with reported(path, NAME):
+        sensors = [sensor for _, sensor in sorted(document.channels.items()) if len(sensor.getSession())]
+        if not sensors:
+            raise FormatError(f"{path} holds no samples")
+        names = distinct([plain(sensor.displayName) or f"channel {sensor.id}" for sensor in sensors])
+        return tuple(_group(path, name, document, sensor) for name, sensor in zip(names, sensors, strict=True))
 
 
-@dataclass(frozen=True, slots=True)
-class _Sensor:
-    """Channel of a file: its number, its name, its axes with their places in a sample, and its start [UTC ns]."""
-
-    path: Path
-    channel: int
-    name: str
-    columns: tuple[Column, ...]
-    places: tuple[int, ...]
-    n_rows: int
-    comment: str
-    start: int | None
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """Open a file with idelib, which reads its header; its errors become sentences."""
+def _document(path: Path) -> Any:
+    """Return the contents of a file; its samples are held as they are stored."""
     importer = _importer()
-    with path.open("rb") as file:
-        with reported(path, "IDE file"), silenced(*_LOGGERS):
-            document = importer.openFile(file, quiet=True)
-        yield document
+    with reported(path, NAME), silenced(*_LOGGERS), path.open("rb") as file:
+        document = importer.openFile(file, quiet=True)
+        importer.readData(document)
+        if document.fileDamaged:
+            raise ValueError("a block is incomplete")
+    return document
 
 
 def _importer() -> Any:
@@ -103,21 +69,31 @@ def _importer() -> Any:
     return importer
 
 
-def _sensor(path: Path, document: Any, number: int, n_rows: int) -> _Sensor:
-    """Return a channel of a document."""
-    channel = document.channels[number]
+def _group(path: Path, name: str, document: Any, channel: Any) -> Group:
+    """Return the axes of a sensor as they are listed and opened."""
+    samples = channel.getSession()
+    n_rows = len(samples)
     axes = [axis for axis in channel.subchannels if axis is not None]
     names = distinct([_axis_name(axis) for axis in axes])
     start = document.lastSession.utcStartTime
-    return _Sensor(
+
+    def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
+        places = [axes[k].id for k in indices]
+        for part in row_pieces(n_rows, first, last):
+            with reported(path, f"IDE file at sample {part.start + 1}"), silenced(*_LOGGERS):
+                microseconds, *values = samples.arraySlice(part.start, part.stop)
+            yield Block(part.start + 1, microseconds * 1e-6, np.array(values)[places])
+
+    return column_group(
         path,
-        number,
-        plain(channel.displayName) or f"channel {number}",
-        tuple(_column(document, channel, axis, name) for axis, name in zip(axes, names, strict=True)),
-        tuple(axis.id for axis in axes),
-        n_rows,
-        _comment(document),
-        None if start is None else round(start * 1e9),
+        name,
+        [_column(document, channel, axis, each) for axis, each in zip(axes, names, strict=True)],
+        rows,
+        clock=(path, channel.id),
+        n_rows=n_rows,
+        time_heading="time [s]",
+        start=None if start is None else round(start * 1e9),
+        comment=_comment(document),
     )
 
 
@@ -153,101 +129,3 @@ def _comment(document: Any) -> str:
         stated.append(f"serial number {information['RecorderSerial']}")
     stated.append(plain(information.get("RecorderName")))
     return ", ".join(filter(None, stated))
-
-
-def _group(name: str, sensor: _Sensor) -> Group:
-    """Return the axes of a sensor as they are listed and opened."""
-
-    def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
-        return within(_rows(sensor, [sensor.places[k] for k in indices], first), first, last)
-
-    return column_group(
-        sensor.path,
-        name,
-        sensor.columns,
-        rows,
-        clock=(sensor.path, sensor.channel),
-        n_rows=sensor.n_rows,
-        time_heading="time [s]",
-        start=sensor.start,
-        comment=sensor.comment,
-    )
-
-
-def _rows(sensor: _Sensor, places: Sequence[int], first: int) -> Iterator[Block]:
-    """Yield the samples of a channel block by block; blocks before the row `first` without their values."""
-    with _opened(sensor.path) as document:
-        with reported(sensor.path, "IDE file"):
-            events = document.channels[sensor.channel].getSession()
-            if places:
-                _load(sensor, document, events)
-            document.loading = False  # or idelib leaves values that it cannot calibrate as they are in memory
-        row = 0
-        for block in _blocks_of(sensor.path, document, sensor.channel):
-            with reported(sensor.path, f"IDE file at sample {row + 1}"):
-                stamps = np.linspace(block.startTime * 1e-6, block.endTime * 1e-6, block.numSamples)
-                values = np.full((len(places), block.numSamples), np.nan)
-                if places and row + block.numSamples > first:
-                    values[:] = _values(events, block)[list(places)]
-            yield Block(row + 1, stamps, values)
-            row += block.numSamples
-
-
-def _load(sensor: _Sensor, document: Any, events: Any) -> None:
-    """Load the channels, such as temperature, whose mean is in the calibration of another one."""
-    sources = {
-        item.channelId
-        for item in (events._fullXform, *events._fullXform.polys)
-        if getattr(item, "channelId", None) is not None
-    } - {sensor.channel}
-    for source in sources:
-        target = document.channels[source].getSession()
-        for block in _blocks_of(sensor.path, document, source):
-            with silenced(*_LOGGERS):
-                target.append(block)
-
-
-def _values(events: Any, block: Any) -> Real:
-    """Return the calibrated values of a block, shape (axes, samples)."""
-    content = block._payloadEl.dump()
-    raw: NDArray[Any] = np.frombuffer(content[: len(content) - len(content) % events._npType.itemsize], events._npType)
-    if raw.size < block.numSamples:
-        raise ValueError(f"a block of {block.numSamples} samples ends after {raw.size}")
-    plain_values = structured_to_unstructured(raw[: block.numSamples]).T
-    values = np.empty(plain_values.shape)
-    with np.errstate(all="ignore"):
-        events._fullXform.inplace(plain_values, out=values)
-    return values
-
-
-def _blocks_of(path: Path, document: Any, channel: int | None = None) -> Iterator[Any]:
-    """Yield the blocks of samples of a channel, or of all channels; their samples are read only when asked for."""
-    parser = document._parsers[_BLOCK]
-    for stamps in (parser.timestampOffset, parser.lastStamp):
-        stamps.clear()
-    blocks = _found(parser, document, channel)
-    while True:
-        with reported(path, "IDE file"), silenced(*_LOGGERS):
-            batch = list(islice(blocks, _BATCH))
-        if not batch:
-            return
-        yield from batch
-
-
-def _found(parser: Any, document: Any, channel: int | None) -> Iterator[Any]:
-    """Yield the blocks with samples of a channel of the document, or of all of them."""
-    for element in document.ebmldoc:
-        block = _block(parser, element) if element.name == _BLOCK else None
-        if block is None or channel not in {None, block.channel} or block.channel not in document.channels:
-            continue
-        block.numSamples = int(block.payloadSize // document.channels[block.channel].parser.size)
-        if block.numSamples:
-            yield block
-
-
-def _block(parser: Any, element: Any) -> Any:
-    """Return a block with its times [us]; idelib turns counts that overflow into times."""
-    block = parser.product(element)
-    block.startTime = block.startTimeOriginal = int(parser.fixOverflow(block, block.startTime))
-    block.endTime = block.endTimeOriginal = int(parser.fixOverflow(block, block.endTime))
-    return block
