@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import FormatError, ParameterError
-from sprung.formats import groups, read, read_blocks, write
+from sprung.formats import groups, read, write
 from sprung.formats.settings import ReadSettings
 from sprung.recording import Channel, Gap, Recording
 
@@ -149,16 +149,6 @@ def test_what_real_files_state(real_file) -> None:
     assert (sound.names, sound.channels[0].quantity, sound.sampling_rate) == (("Mic 01",), "pressure", 65536)
 
 
-@pytest.mark.parametrize("kind", ["ascii", "bin"])
-def test_same_numbers_as_the_csv_twin(real_file, kind) -> None:
-    table = read(real_file("formats/converted/car_imu_30s.csv"))
-    run = read(real_file(f"formats/converted/car_imu_30s_{kind}.uff"))
-    assert run.names == table.names
-    np.testing.assert_allclose(run.samples, table.samples, rtol=0, atol=5.1e-7, equal_nan=False)
-    assert [channel.quantity for channel in run.channels] == ["acceleration"] * 3 + ["angular_velocity"] * 3
-    assert run.comment == "comma2k19"
-
-
 @pytest.mark.parametrize(
     ("name", "words"),
     [
@@ -278,27 +268,6 @@ def test_damaged_files_name_the_dataset(file, part, words) -> None:
         read(file(part))
 
 
-def test_only_a_file_that_begins_with_a_dataset_is_one(file) -> None:
-    with pytest.raises(FormatError, match="does not begin with a dataset"):
-        read(file(b"\0\n" + dataset()))
-    assert read(file(b"\n" + dataset(), name="run.dat")).names == ("acc",)
-
-
-@pytest.mark.parametrize("binary", [True, False])
-def test_pieces_and_parts(file, binary) -> None:
-    values = np.random.default_rng(3).standard_normal((2, 150_000)).round(6)
-    options = {"binary": binary_header()} if binary else {}
-    parts = []
-    for name, row in zip("ab", values, strict=True):
-        options["body"] = row.tobytes() if binary else None
-        parts.append(dataset(row, step=0.001, ids=(name, *["NONE"] * 4), **options))
-    path = file(*parts)
-    pieces = list(read_blocks(path, block_samples=10_000))
-    assert np.array_equal(np.concatenate([piece.samples for piece in pieces], axis=1), values)
-    part = read(path, channels=["b"], settings=ReadSettings(start=70.0, end=130.5))
-    assert np.array_equal(part.samples, values[1:, 70_000:130_500])
-
-
 @pytest.mark.parametrize("gaps", [(), (Gap(40, 1.5),)])
 def test_everything_that_is_written_is_read(tmp_path, gaps) -> None:
     channels = (
@@ -346,10 +315,3 @@ def test_other_programs_read_what_is_written(tmp_path, gaps) -> None:
 def test_names_that_the_format_cannot_hold_are_refused(tmp_path, name) -> None:
     with pytest.raises(ParameterError, match="would not be read back from a universal file"):
         write(Recording(np.zeros((1, 20)), 10.0, (Channel(name),)), tmp_path / "run.uff")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("binary", [True, False])
-def test_mutations_of_universal_files(mutations_give_a_sentence, binary) -> None:
-    parts = [dataset(binary=binary_header(), body=VALUES.tobytes())] * 2 if binary else [dataset(), units(), dataset()]
-    mutations_give_a_sentence(b"".join(parts), "run.uff", seed=11, count=300)

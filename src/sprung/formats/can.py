@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sprung._arrays import Booleans, Real
 from sprung._checks import required
 from sprung.errors import FormatError
-from sprung.formats.stated import column_group, distinct, linear, plain
+from sprung.formats.stated import column_group, described, distinct, linear, plain
 from sprung.formats.table import Block, Group, stated_column, within
 
 _EXTENDED = 1 << 31
@@ -284,7 +284,7 @@ def _group(path: Path, name: str, part: _Part, count: _Count, *, start: int | No
         )
         for label, signal in zip(distinct([signal.name for signal in part.signals]), part.signals, strict=True)
     )
-    about = "; ".join(filter(None, (comment, plain(part.message.comment))))
+    about = described(comment, part.message.comment)
 
     def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
         return _blocks(part, count, [part.signals[k] for k in indices], first, last)

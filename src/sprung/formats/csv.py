@@ -29,6 +29,7 @@ from sprung.formats.dialects import (
     kind_of,
     layout_of,
     moments,
+    parsed,
     possible_orders,
     single_blanks,
     stated_line,
@@ -310,11 +311,13 @@ def _tables(path: Path, layout: Layout, types: dict[int, Any], end: int | None) 
     """Yield some columns piece by piece, each with the number of its first line."""
     import pyarrow as pa
 
+    names = [str(index) for index in range(len(layout.headings))]
+    wanted = {str(index): kind for index, kind in types.items()}
     with reported(path, "text"), _open(path) as file:
         for line, text in _texts(path, _pieces(file, layout.offset, end), layout.first_line):
             plain = single_blanks(text) if layout.delimiter == BLANK else text
             try:
-                table = _parse(plain, layout, types)
+                table = parsed(plain, names, wanted, delimiter=layout.delimiter, decimal=layout.decimal)
             except pa.ArrowInvalid as error:
                 raise _located_error(path, layout, types, line, text) or _unlocated_error(path, line, error) from None
             yield line, table
@@ -375,25 +378,6 @@ def _without_comments(line: int, text: bytes) -> Iterator[tuple[int, bytes]]:
             yield from _without_comments(number - len(kept), b"".join(kept))
             kept = []
     yield from _without_comments(line + text.count(b"\n") - len(kept) + (not text.endswith(b"\n")), b"".join(kept))
-
-
-def _parse(text: bytes, layout: Layout, types: dict[int, Any]) -> Any:
-    """Return some columns of lines of text, named by their numbers."""
-    import pyarrow as pa
-    from pyarrow import csv as arrow
-
-    return arrow.read_csv(
-        pa.BufferReader(text),
-        read_options=arrow.ReadOptions(column_names=[str(index) for index in range(len(layout.headings))]),
-        parse_options=arrow.ParseOptions(delimiter=layout.delimiter),
-        convert_options=arrow.ConvertOptions(
-            column_types={str(index): kind for index, kind in types.items()},
-            include_columns=[str(index) for index in types],
-            null_values=list(MISSING),
-            decimal_point=layout.decimal,
-            check_utf8=False,
-        ),
-    )
 
 
 def _time_type(path: Path, layout: Layout, index: int) -> Any:

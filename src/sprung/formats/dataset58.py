@@ -16,7 +16,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.errors import FormatError
-from sprung.formats.stated import decoded, half_digit, mapped, one_line, whole_lines
+from sprung.formats.stated import decoded, half_digit, mapped, plain, whole_lines
 from sprung.formats.table import PIECE_ROWS, Block, rebatch
 
 #: Function type of a time history, and type of an abscissa of time.
@@ -211,9 +211,9 @@ def _function(path: Path, content: mmap.mmap, begin: int, number: int) -> tuple[
             raise _error(path, number, f"declares {n_values} values, but holds {end - start} bytes")
     function = Function(
         number=number,
-        ids=tuple("" if line.strip() in _NONE else one_line(line) for line in lines[1:6]),
+        ids=tuple("" if line.strip() in _NONE else plain(line) for line in lines[1:6]),
         kind=kind,
-        entity="" if place[4] in _NONE else one_line(place[4]),
+        entity="" if place[4] in _NONE else plain(place[4]),
         node=_integer(place[5]),
         direction=_integer(place[6]),
         data_type=data_type,
@@ -225,7 +225,7 @@ def _function(path: Path, content: mmap.mmap, begin: int, number: int) -> tuple[
         abscissa_type=_integer(abscissa[0]),
         abscissa_unit="" if abscissa[5] in _NONE else abscissa[5],
         ordinate_type=_integer(ordinate[0]),
-        ordinate_unit="" if ordinate[5] in _NONE else one_line(ordinate[5]),
+        ordinate_unit="" if ordinate[5] in _NONE else plain(ordinate[5]),
         begin=start,
         end=end,
         binary=binary,
@@ -320,13 +320,13 @@ def _text_rows(path: Path, content: mmap.mmap, function: Function) -> Iterator[R
 
 def _numbers(lines: bytes, function: Function) -> Real:
     """Return the numbers in lines of text: by the blanks between them, where there are none by columns."""
-    plain = lines.replace(b"D", b"E").replace(b"d", b"e")
+    lines = lines.replace(b"D", b"E").replace(b"d", b"e")
     try:
-        return np.array(plain.split(), dtype=np.float64)
+        return np.array(lines.split(), dtype=np.float64)
     except ValueError:
         width = _WIDTHS[function.data_type]
         widths = [width] if function.is_even else [_ABSCISSA_WIDTH, width]
-        return np.array([float(field) for line in plain.splitlines() for field in _columns(line, widths)])
+        return np.array([float(field) for line in lines.splitlines() for field in _columns(line, widths)])
 
 
 def _columns(line: bytes, widths: Sequence[int]) -> Iterator[bytes]:

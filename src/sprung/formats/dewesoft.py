@@ -20,7 +20,7 @@ from sprung._arrays import Real
 from sprung._checks import required
 from sprung.errors import FormatError
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import column_group, distinct, linear, plain, silenced
+from sprung.formats.stated import column_group, described, distinct, linear, plain, silenced
 from sprung.formats.table import Block, Column, Group, reported, row_pieces, stated_column
 
 NAME, EXTRA = "DEWESoft", "dewesoft"
@@ -53,9 +53,6 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     MissingPackageError
         If dwdatareader is not installed.
     """
-    with path.open("rb") as file:
-        if not recognises(file.read(_NAME_IN_ARCHIVE.stop)):
-            raise FormatError(f"{path} is not a data file of DEWESoft: it begins with other bytes")
     with _opened(path) as (library, file), reported(path, "DEWESoft file"):
         names = distinct([plain(channel.name) for channel in file.values()])
         channels = [_channel(library, file, channel, name) for channel, name in zip(file.values(), names, strict=True)]
@@ -65,7 +62,7 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     if refused:
         raise FormatError(f"{path}: channel {refused[0]!r} cannot be read by the library of DEWESoft: {_EXPORT}")
     if unreadable:
-        comment = "; ".join(filter(None, (comment, f"channels that cannot be read: {', '.join(unreadable)}")))
+        comment = described(comment, f"channels that cannot be read: {', '.join(unreadable)}")
     clocks: dict[Any, list[_Channel]] = {}
     for channel in channels:
         if channel.clock is not None and channel.n_rows:

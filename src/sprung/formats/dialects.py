@@ -3,7 +3,7 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sprung.errors import FormatError
+from sprung.formats.stated import decoded
 from sprung.formats.table import MISSING, is_number, is_unit
 
 #: Marks of lines of comment.
@@ -134,17 +135,9 @@ def is_comment(line: bytes) -> bool:
     return start.startswith(COMMENT_MARKS) and not start.startswith(_MISSING_MARKS)
 
 
-def decode(line: bytes) -> str:
-    """Return a line of text; bytes that are not UTF-8 are Latin-1."""
-    try:
-        return line.decode("utf-8-sig").rstrip("\r\n")
-    except UnicodeDecodeError:
-        return line.decode("latin-1").rstrip("\r\n")
-
-
 def fields(line: bytes, delimiter: str, *, strip: bool = True) -> list[str]:
     """Return the fields of a line; `strip` removes the blanks around them."""
-    text = decode(single_blanks(line) if delimiter == BLANK else line)
+    text = decoded(single_blanks(line) if delimiter == BLANK else line)
     try:
         row = next(csv.reader([text], delimiter=delimiter), [])
     except csv.Error:
@@ -160,7 +153,7 @@ def single_blanks(text: bytes) -> bytes:
 def _signs(lines: Sequence[bytes]) -> tuple[str, str]:
     """Return the delimiter and the decimal sign."""
     stated = _STATED.fullmatch(lines[0].removeprefix(b"\xef\xbb\xbf"))
-    candidates = (decode(stated[1]),) if stated else _DELIMITERS
+    candidates = (decoded(stated[1]),) if stated else _DELIMITERS
     whole = [line for line in lines[-_SAMPLE_ROWS:] if line.strip() and not is_comment(line)]
     last = ([line for line in whole if line.endswith(b"\n")] or whole)[-2:]
     for delimiter in candidates:
@@ -251,7 +244,7 @@ def _uncommented(names: list[str]) -> list[str]:
 
 def _split_by_blanks(line: bytes, n_fields: int) -> list[str] | None:
     """Return the names in a header that is separated by several blanks, or by one with units in brackets."""
-    text = decode(line).strip().lstrip("#%/").strip()
+    text = decoded(line).strip().lstrip("#%/").strip()
     for pattern in (r"\s{2,}|\t", r"\s+(?![\[(])"):
         names = re.split(pattern, text)
         if len(names) == n_fields:
@@ -274,7 +267,7 @@ def _kind(values: list[str], decimal: str) -> str:
 def _of_columns(lines: Sequence[bytes]) -> Iterator[tuple[str, str, str]]:
     """Yield what lines of comment state of columns."""
     for line in lines:
-        match = _OF_COLUMN.fullmatch(decode(line).strip())
+        match = _OF_COLUMN.fullmatch(decoded(line).strip())
         if match and match["name"]:
             yield match["name"], match["kind"], match["text"]
 
@@ -283,13 +276,34 @@ def _comment(lines: Sequence[bytes]) -> str:
     """Return the text of a preamble in a line, without what is stated of columns."""
     texts = []
     for line in lines:
-        match = _OF_COLUMN.fullmatch(decode(line).strip())
+        match = _OF_COLUMN.fullmatch(decoded(line).strip())
         if match and not match["name"] and match["kind"] == "comment":
             texts.append(match["text"])
         elif not match and not _STATED.fullmatch(line):
-            texts.append(decode(line).strip().strip(";,\t ").lstrip("#%/ "))
+            texts.append(decoded(line).strip().strip(";,\t ").lstrip("#%/ "))
     text = "; ".join(text for text in texts if text)
     return text if len(text) <= _MAX_COMMENT else text[: _MAX_COMMENT - 4] + " ..."
+
+
+def parsed(
+    text: bytes, headings: Sequence[str], types: Mapping[str, Any], *, delimiter: str, decimal: str, quote: bool = True
+) -> Any:
+    """Return columns of lines of text as a table of Arrow: those of `types`; all, as they look, where it is empty."""
+    import pyarrow as pa
+    from pyarrow import csv as arrow
+
+    return arrow.read_csv(
+        pa.BufferReader(text),
+        read_options=arrow.ReadOptions(column_names=list(headings)),
+        parse_options=arrow.ParseOptions(delimiter=delimiter, quote_char='"' if quote else False),
+        convert_options=arrow.ConvertOptions(
+            column_types=types,
+            include_columns=list(types),
+            null_values=list(MISSING),
+            decimal_point=decimal,
+            check_utf8=False,
+        ),
+    )
 
 
 def kind_of(text: str) -> str | None:

@@ -17,6 +17,8 @@ NAME, EXTRA = "HDF5", None
 ENDINGS = (".h5", ".hdf5", ".hdf")
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
+#: Where it may stand, after a block of the user's [bytes].
+OFFSETS = (0, 512, 1024, 2048)
 _UNITS = ("unit", "units", "Unit", "Units")
 _COMMENTS = ("comment", "description", "Comment", "Description")
 _CALIBRATIONS = ("calibration", "Calibration", "sensitivity", "Sensitivity")
@@ -38,7 +40,7 @@ _LIMITS = _Limits()
 
 def recognises(head: bytes) -> bool:
     """Return whether a file has the signature of HDF5."""
-    return head.startswith(SIGNATURE)
+    return any(head.startswith(SIGNATURE, offset) for offset in OFFSETS)
 
 
 def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:

@@ -12,8 +12,9 @@ import numpy as np
 from sprung._arrays import Real
 from sprung.errors import FormatError
 from sprung.formats.clock import neat_rate
+from sprung.formats.dialects import parsed
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import column_group, decoded, described, distinct, half_digit, mapped, one_line, whole_lines
+from sprung.formats.stated import column_group, decoded, described, distinct, half_digit, mapped, plain, whole_lines
 from sprung.formats.table import Block, Group, is_number, reported, stated_column, within
 
 NAME, EXTRA = "a LabVIEW measurement", None
@@ -81,8 +82,6 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
         If the file is damaged.
     """
     with reported(path, NAME), mapped(path) as content:
-        if not recognises(content[: len(_SIGNATURE)]):
-            raise FormatError(f"{path} cannot be read as a LabVIEW measurement: it does not begin as one")
         dialect, segments = _contents(path, content)
     families: dict[tuple[object, ...], list[tuple[_Segment, list[int]]]] = {}
     for segment in segments:
@@ -196,8 +195,8 @@ def _heading(
     if not all(is_number(text) for text in (first or "0", step or "1")):
         raise FormatError(f"{path}: channel {column[0]!r} has X0 {first!r} and Delta_X {step!r}: both must be numbers")
     return _Heading(
-        name=one_line(column[0]) or f"channel_{column[2]}",
-        unit=one_line(entry("Y_Unit_Label")),
+        name=plain(column[0]) or f"channel_{column[2]}",
+        unit=plain(entry("Y_Unit_Label")),
         n_samples=entry("Samples"),
         step=step,
         first=float(first or 0),
@@ -342,21 +341,11 @@ def _numbers(
 def _parse(rows: bytes, dialect: _Dialect, n_fields: int, indices: Sequence[int | None]) -> Real:
     """Return some fields of rows of one width, shape (fields, rows); NaN for fields that rows do not have."""
     import pyarrow as pa
-    from pyarrow import csv as arrow
 
     wanted = {str(index): pa.float64() for index in indices if index is not None and index < n_fields}
-    table = arrow.read_csv(
-        pa.BufferReader(rows),
-        read_options=arrow.ReadOptions(column_names=[str(index) for index in range(n_fields)]),
-        parse_options=arrow.ParseOptions(delimiter=dialect.separator, quote_char=False),
-        convert_options=arrow.ConvertOptions(
-            column_types=wanted,
-            include_columns=list(wanted) or ["0"],
-            null_values=[""],
-            decimal_point=dialect.decimal,
-            check_utf8=False,
-        ),
-    )
+    names = [str(index) for index in range(n_fields)]
+    types = wanted or {"0": pa.string()}
+    table = parsed(rows, names, types, delimiter=dialect.separator, decimal=dialect.decimal, quote=False)
     numbers = np.full((len(indices), table.num_rows), np.nan)
     for row, index in enumerate(indices):
         if str(index) in wanted:

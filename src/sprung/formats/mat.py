@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from sprung.errors import FormatError
+from sprung.formats import hdf5
 from sprung.formats.arrays import Arrays, array_groups, check_size, plain_arrays, written_arrays
-from sprung.formats.hdf5 import SIGNATURE, own_items, stored
+from sprung.formats.hdf5 import own_items, stored
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Group, reported
 from sprung.recording import Recording
@@ -19,7 +20,6 @@ ENDINGS = (".mat",)
 
 #: Size of a value of a matrix in memory [bytes].
 _VALUE = 8
-_HDF5_OFFSETS = (0, 512, 1024, 2048)
 
 
 def recognises(head: bytes) -> bool:
@@ -36,9 +36,9 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
         If the file is not a MAT file of version 5 or later.
     """
     with path.open("rb") as file:
-        head = file.read(_HDF5_OFFSETS[-1] + len(SIGNATURE))
+        head = file.read(4096)
     with reported(path, "MAT file"):
-        if any(head[offset:].startswith(SIGNATURE) for offset in _HDF5_OFFSETS):
+        if hdf5.recognises(head):
             variables = _version_7_3(path)
         elif head.startswith(b"MATLAB 5.0"):
             variables = _version_5(path)

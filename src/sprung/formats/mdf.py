@@ -22,7 +22,7 @@ from sprung._checks import required
 from sprung.errors import FormatError
 from sprung.formats.can import Frames, message_groups
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import column_group, distinct, linear, plain, silenced
+from sprung.formats.stated import column_group, described, distinct, linear, plain, silenced
 from sprung.formats.table import Block, Column, Group, reported, stated_column
 
 NAME, EXTRA = "MDF", "mdf"
@@ -70,9 +70,6 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     MissingPackageError
         If asammdf is not installed, or cantools where there are raw CAN frames and databases.
     """
-    with path.open("rb") as file:
-        if not recognises(file.read(len(_SIGNATURES[0]))):
-            raise FormatError(f"{path} is not an MDF file: it does not begin with MDF or UnFinMF")
     with _opened(path) as mdf, reported(path, "MDF file"):
         start, is_local = _start(mdf)
         comment = _comment(mdf, is_local=is_local)
@@ -268,7 +265,7 @@ def _comment(mdf: Any, *, is_local: bool) -> str:
             stated.append(f"{word}: {value}")
     if is_local:
         stated.append("start in local time of an unknown zone")
-    return "; ".join(filter(None, stated))
+    return described(*stated)
 
 
 def _group(records: _Records, name: str, start: int | None, comment: str) -> Group:

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from sprung._arrays import Real
 from sprung.errors import FormatError
 from sprung.formats import csv
+from sprung.formats.dialects import parsed
 from sprung.formats.settings import TIME_UNITS, ReadSettings
-from sprung.formats.stated import column_group, decoded, described, distinct, one_line
+from sprung.formats.stated import column_group, decoded, described, distinct, plain
 from sprung.formats.table import (
-    MISSING,
     Block,
     Column,
     Group,
@@ -148,7 +148,7 @@ def _json_sensors(path: Path) -> tuple[list[_Sensor], str]:
     series: dict[str, _Series] = {}
     metadata: Mapping[str, Any] = {}
     for record in _records(path):
-        name = one_line(str(record.get("sensor", path.stem)))
+        name = plain(str(record.get("sensor", path.stem)))
         if name.lower() == "metadata":
             metadata = record
             continue
@@ -244,7 +244,7 @@ def _logged(name: str, columns: Mapping[str, Real], times: NDArray[Any] | None, 
         sensor.time, sensor.stamps = f"{_SECONDS} [s]", columns[_SECONDS]
     for heading, values in columns.items():
         if heading not in _NOT_CHANNELS and np.isfinite(values).any():
-            label = one_line(heading) or "unnamed"
+            label = plain(heading) or "unnamed"
             sensor.columns.append(stated_column(label, label, _unit(name, heading, is_android=is_android)))
             sensor.values.append(values)
     return sensor
@@ -252,10 +252,10 @@ def _logged(name: str, columns: Mapping[str, Real], times: NDArray[Any] | None, 
 
 def _unit(sensor: str, value: str, *, is_android: bool) -> str:
     """Return the unit of a value of Sensor Logger; empty where it is unknown or depends on a setting."""
-    plain = re.sub(r"[^a-z]", "", sensor.lower())
-    if is_android and plain == "accelerometeruncalibrated":
-        plain = "accelerometer"
-    return _UNITS.get((plain, value), "")
+    letters = re.sub(r"[^a-z]", "", sensor.lower())
+    if is_android and letters == "accelerometeruncalibrated":
+        letters = "accelerometer"
+    return _UNITS.get((letters, value), "")
 
 
 def _tables(path: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
@@ -294,7 +294,7 @@ def _archive_sensors(
     for member in members:
         with archive.open(member) as file:
             columns = _numbers(path, member.filename, file)
-        name = one_line(PurePosixPath(member.filename).stem) or "unnamed"
+        name = plain(PurePosixPath(member.filename).stem) or "unnamed"
         if _SECONDS in columns:
             times = columns.get(_NANOSECONDS)
             is_android = properties.get("platform", "").lower() == "android"
@@ -309,7 +309,6 @@ def _archive_sensors(
 def _numbers(path: Path, member: str, file: IO[bytes]) -> dict[str, NDArray[Any]]:
     """Return the columns of numbers in a table of text; nothing where it has no header."""
     import pyarrow as pa
-    from pyarrow import csv as arrow
 
     content = file.read()
     first, _, rest = content.partition(b"\n")
@@ -321,12 +320,7 @@ def _numbers(path: Path, member: str, file: IO[bytes]) -> dict[str, NDArray[Any]
         return {}
     decimal = "," if delimiter != "," and b"," in rest[:1000] else "."
     try:
-        table = arrow.read_csv(
-            pa.BufferReader(rest),
-            read_options=arrow.ReadOptions(column_names=headings),
-            parse_options=arrow.ParseOptions(delimiter=delimiter),
-            convert_options=arrow.ConvertOptions(null_values=list(MISSING), decimal_point=decimal),
-        )
+        table = parsed(rest, headings, {}, delimiter=delimiter, decimal=decimal)
     except pa.ArrowInvalid as error:
         raise FormatError(f"{path}, {member}: {' '.join(str(error).split())[:120]}: the table is damaged") from None
     columns: dict[str, NDArray[Any]] = {}
@@ -351,7 +345,7 @@ def _timed(path: Path, name: str, columns: Mapping[str, NDArray[Any]], starts: R
         sensor.stamps = nanoseconds.astype("M8[ns]")
     for heading, values in columns.items():
         if heading != time:
-            sensor.columns.append(column(one_line(heading), path=path))
+            sensor.columns.append(column(plain(heading), path=path))
             sensor.values.append(values.astype(np.float64))
     return sensor
 

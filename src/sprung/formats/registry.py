@@ -58,6 +58,9 @@ FORMATS = cast(
 #: Those whose readers a file may crash: they run in a process of their own.
 FOREIGN = cast(tuple[Format, ...], (mat, hdf5, mdf, tdms, ide, dewesoft, universal, seismic))
 
+#: Those whose files begin in no certain way.
+_WITHOUT_SIGNATURE = cast(tuple[Format, ...], (mat, csv))
+
 #: Module that writes each ending.
 WRITERS = cast(
     dict[str, Writer],
@@ -93,7 +96,7 @@ def format_of(path: Path) -> Format:
     Raises
     ------
     FormatError
-        If the file does not exist, is empty, or of no known format.
+        If the file does not exist, is empty, or of no known format, or does not begin as its name says.
 
     Notes
     -----
@@ -121,4 +124,6 @@ def format_of(path: Path) -> Format:
             f"{path} is in an unknown format: files in {', '.join(ENDINGS)} are read; export it as CSV, MAT or UFF 58 "
             "from the program that wrote it"
         )
+    if candidates[0] not in (*recognised, *both, *_WITHOUT_SIGNATURE):
+        raise FormatError(f"{path} cannot be read as {candidates[0].NAME}: it does not begin as such a file")
     return candidates[0]

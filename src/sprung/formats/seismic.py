@@ -13,7 +13,7 @@ from sprung._arrays import Indices, Real
 from sprung._checks import required
 from sprung.errors import FormatError
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import column_group, distinct, mapped, one_line
+from sprung.formats.stated import column_group, distinct, mapped, plain
 from sprung.formats.table import Block, Column, Group, reported, row_pieces
 
 NAME, EXTRA = "miniSEED", "seismic"
@@ -110,7 +110,7 @@ def _name(package: Any, identifier: str) -> str:
         name = ".".join(package.sourceid2nslc(identifier))
     except (ValueError, RuntimeError):
         name = str(identifier)
-    return one_line(name) or "unnamed"
+    return plain(name) or "unnamed"
 
 
 def _ordered(path: Path, name: str, rate: float, headers: Sequence[tuple[int, int, int, int]]) -> _Records:

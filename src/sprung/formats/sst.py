@@ -41,8 +41,6 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     with reported(path, NAME), path.open("rb") as file:
         head = file.read(_HEADER.size)
         n_rows = (path.stat().st_size - _HEADER.size) // _BYTES_PER_ROW
-    if not recognises(head):
-        raise FormatError(f"{path} cannot be read as SST: it does not begin as such a file")
     _, _, rate, _, seconds = _HEADER.unpack(head)
     if rate == 0 or n_rows == 0:
         raise FormatError(f"{path} cannot be read as SST: it states {rate} Hz and holds {n_rows} samples")

@@ -45,21 +45,16 @@ def decoded(raw: bytes) -> str:
         return raw.decode("latin-1")
 
 
-def one_line(text: str) -> str:
-    """Return a text as one line of printable characters."""
-    return " ".join("".join(character if character.isprintable() else " " for character in text).split())
-
-
 def half_digit(number: str) -> float:
     """Return half of the last digit of a printed number, such as 5e-11 for 1.52588E-05."""
     mantissa, _, exponent = number.lower().partition("e")
     return 0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
 
 
-def plain(text: object, longest: int = _MAX_TEXT) -> str:
+def plain(text: object, longest: int | None = _MAX_TEXT) -> str:
     """Return a text of a file as one printable line; an empty one for None."""
-    line = " ".join(str("" if text is None else text).split())
-    return "".join(character for character in line if character.isprintable())[:longest]
+    printable = (character if character.isprintable() else " " for character in str("" if text is None else text))
+    return " ".join("".join(printable).split())[:longest]
 
 
 def distinct(names: Sequence[object]) -> list[str]:
@@ -84,28 +79,10 @@ def linear(factor: float, offset: float) -> str:
     return f"{factor:.9g} * raw" + (f" {'-' if offset < 0 else '+'} {abs(offset):.9g}" if offset else "")
 
 
-def chosen_indices(columns: Sequence[Column], channels: Sequence[str] | None, *, path: Path) -> list[int]:
-    """Return the indices of `channels` among the columns, in that order; None: of all columns.
-
-    Raises
-    ------
-    FormatError
-        If there are no columns.
-    ParameterError
-        If there is no column of a channel.
-    """
-    if not columns:
-        raise FormatError(f"{path} holds no channel of numbers")
-    if channels is None:
-        return list(range(len(columns)))
-    spelled = [(column.name, *spellings(column.heading)) for column in columns]
-    return [index_of(name, spelled, path=path) for name in channels]
-
-
-def described(*texts: str) -> str:
+def described(*texts: object) -> str:
     """Return texts as one comment, without empty and repeated ones."""
-    lines = map(one_line, texts)
-    return "; ".join(dict.fromkeys(line for line in lines if line))
+    lines = dict.fromkeys(plain(text, None) for text in texts)
+    return "; ".join(filter(None, lines))
 
 
 @contextmanager
@@ -157,7 +134,12 @@ def column_group(
     """
 
     def open_table(channels: Sequence[str] | None) -> Table:
-        indices = chosen_indices(columns, channels, path=path)
+        if not columns:
+            raise FormatError(f"{path} holds no channel of numbers")
+        indices = list(range(len(columns)))
+        if channels is not None:
+            spelled = [(column.name, *spellings(column.heading)) for column in columns]
+            indices = [index_of(name, spelled, path=path) for name in channels]
         return Table(
             path,
             tuple(columns[index] for index in indices),

@@ -10,7 +10,7 @@ import numpy as np
 from sprung._checks import required
 from sprung.errors import FormatError
 from sprung.formats.settings import TIME_UNITS, ReadSettings
-from sprung.formats.stated import column_group, distinct, linear, plain, silenced
+from sprung.formats.stated import column_group, described, distinct, linear, plain, silenced
 from sprung.formats.table import Block, Column, Group, is_time, reported, row_pieces, stated_column
 
 NAME = "TDMS"
@@ -67,7 +67,7 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     """
     note = _check_segments(path)
     with _opened(path) as tdms:
-        comment = "; ".join(filter(None, (_about(tdms.properties, (*_COMMENTS, *_ABOUT)), note)))
+        comment = described(_about(tdms.properties, (*_COMMENTS, *_ABOUT)), note)
         parts = [
             (plain(group.name) or "group", group, rate, start, own)
             for group in tdms.groups()
@@ -163,7 +163,7 @@ def _about(properties: Mapping[str, Any], names: Sequence[str]) -> str:
     """Return a description, and the other properties of some names with them."""
     stated = [_property(properties, _COMMENTS)]
     stated += [f"{name}: {plain(properties[name])}" for name in names if name not in _COMMENTS and name in properties]
-    return "; ".join(filter(None, stated))
+    return described(*stated)
 
 
 def _calibration(properties: Mapping[str, Any]) -> str:
@@ -185,7 +185,7 @@ def _calibration(properties: Mapping[str, Any]) -> str:
         for name, value in properties.items()
         if any(word in name.lower() for word in _SENSOR) and not name.startswith("NI_Scale")
     ]
-    return "; ".join(filter(None, stated))
+    return described(*stated)
 
 
 def _column(channel: Any, name: str) -> Column:
@@ -234,7 +234,7 @@ def _group(
         sampling_rate=rate,
         time_heading=heading,
         start=start,
-        comment="; ".join(filter(None, (comment, _about(group.properties, _COMMENTS)))),
+        comment=described(comment, _about(group.properties, _COMMENTS)),
     )
 
 

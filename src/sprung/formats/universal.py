@@ -23,7 +23,7 @@ from sprung.formats.dataset58 import (
     values_of,
 )
 from sprung.formats.settings import TIME_UNITS, ReadSettings
-from sprung.formats.stated import column_group, described, distinct, mapped, one_line
+from sprung.formats.stated import column_group, described, distinct, mapped, plain
 from sprung.formats.table import Block, Column, Group, reported, stated_column, written_stamps
 from sprung.recording import Channel, Recording
 
@@ -83,9 +83,6 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     that grows with the file.
     """
     with reported(path, NAME):
-        with path.open("rb") as file:
-            if not recognises(file.read(4096)):
-                raise FormatError(f"{path} cannot be read as a universal file: it does not begin with a dataset")
         contents = contents_of(path)
         histories = [function for function in contents.functions if function.is_time_history and function.n_values]
         if not histories:
@@ -398,5 +395,5 @@ def _date_line(start: int | None) -> str:
 
 def _text_line(text: str) -> str:
     """Return a text as one line of at most 80 characters."""
-    plain = one_line(text)
-    return plain if len(plain) <= _WIDTH else plain[: _WIDTH - 4] + " ..."
+    line = plain(text)
+    return line if len(line) <= _WIDTH else line[: _WIDTH - 4] + " ..."

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sprung._arrays import Real
 from sprung.errors import FormatError
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import column_group, decoded, described, mapped, one_line
+from sprung.formats.stated import column_group, decoded, described, mapped, plain
 from sprung.formats.table import Block, Column, Group, reported, row_pieces
 
 NAME, EXTRA = "WAV", None
@@ -112,8 +112,6 @@ def _header(path: Path, content: mmap.mmap) -> _Header:
     FormatError
         If the file is not a WAV file or incomplete, or its samples are compressed.
     """
-    if not recognises(content[:12]):
-        raise FormatError(f"{path} cannot be read as WAV: it does not begin as such a file")
     order = _FORMS[content[:4]]
     layout, data, texts, date = b"", None, list[str](), ("", "", 0)
     for name, begin, size in _chunks(content, order):
@@ -180,7 +178,7 @@ def _broadcast(content: bytes, order: str) -> tuple[str, tuple[str, str, int]]:
 
 def _plain(raw: bytes) -> str:
     """Return a text up to its first zero byte, in one line."""
-    return one_line(decoded(raw.partition(b"\0")[0]))
+    return plain(decoded(raw.partition(b"\0")[0]))
 
 
 def _start(date: str, time: str, samples: int, rate: float) -> int | None:
