@@ -16,10 +16,51 @@ from sprung.ride.weighting import weighted
 Standard = Literal["iso2631", "en12299", "sperling", "en14363"]
 #: Standards by name.
 STANDARDS: tuple[Standard, ...] = ("iso2631", "en12299", "sperling", "en14363")
-#: Integration time of the running RMS [s], and length of a block of EN 12299 [s] and their smallest number.
-RUNNING, BLOCK, MIN_BLOCKS = 1.0, 5.0, 3
-#: Distance over which the running RMS of EN 14363 is taken [m], and half width of its band around the peak [Hz].
-STABILITY_LENGTH, STABILITY_BAND = 100.0, 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Settings:
+    """Numbers of the standards."""
+
+    running: float = 1.0  # integration time of the running RMS [s]
+    block: float = 5.0  # length of a block of EN 12299 [s]
+    stability_length: float = 100.0  # distance over which the running RMS of EN 14363 is taken [m]
+    stability_band: float = 2.0  # half width of its band around the peak [Hz]
+    peaks: tuple[float, float] = (3.0, 9.0)  # where that peak may lie [Hz]
+    comfort: tuple[tuple[float, float, str], ...] = (  # overlapping ranges of ISO 2631-1 [m/s^2]
+        (0.0, 0.315, "not uncomfortable"),
+        (0.315, 0.63, "a little uncomfortable"),
+        (0.5, 1.0, "fairly uncomfortable"),
+        (0.8, 1.6, "uncomfortable"),
+        (1.25, 2.5, "very uncomfortable"),
+        (2.0, np.inf, "extremely uncomfortable"),
+    )
+    sperling: tuple[tuple[float, str], ...] = (  # words with the end of their range
+        (1.0, "not noticeable"),
+        (2.0, "just noticeable"),
+        (2.5, "clearly noticeable"),
+        (3.0, "more pronounced but not unpleasant"),
+        (3.25, "strong, irregular, but still tolerable"),
+        (3.5, "very irregular"),
+        (4.0, "extremely irregular, unpleasant"),
+        (np.inf, "extremely unpleasant"),
+    )
+    continuous: tuple[tuple[float, str], ...] = (  # the same of the 5-s values of EN 12299 [m/s^2]
+        (0.2, "very comfortable"),
+        (0.3, "comfortable"),
+        (0.4, "medium"),
+        (np.inf, "less comfortable"),
+    )
+    mean: tuple[tuple[float, str], ...] = (  # and of its mean comfort N_MV
+        (1.5, "very comfortable"),
+        (2.5, "comfortable"),
+        (3.5, "medium"),
+        (4.5, "uncomfortable"),
+        (np.inf, "very uncomfortable"),
+    )
+
+
+_SETTINGS = _Settings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,9 +221,9 @@ def assess_ride(
     displacements = [channel for channel in judged if channel.quantity == "displacement"]
     if not accelerations and not displacements:
         raise DataError("no channel is an acceleration or a travel: name the channels, and state their units")
-    long = [part for part in parts if part.duration >= BLOCK]
+    long = [part for part in parts if part.duration >= _SETTINGS.block]
     if not long:
-        raise DataError(f"no part without a gap is {BLOCK:g} s long: give a longer recording")
+        raise DataError(f"no part without a gap is {_SETTINGS.block:g} s long: give a longer recording")
     points = [
         point
         for standard in standards
@@ -224,19 +265,19 @@ def _point(parts: Sequence[Recording], channel: Channel, standard: Standard) -> 
     values = np.concatenate(pieces)
     rms = float(np.sqrt(np.mean(values**2)))
     if standard == "iso2631":
-        value, rating = rms, _words(rms, _COMFORT)
+        value, rating = rms, _comfort(rms)
     elif standard == "sperling":
         value = 4.42 * rms**0.3
-        rating = _words(value, _SPERLING)
+        rating = _words(value, _SETTINGS.sperling)
     else:
         value = _ninety_five(pieces, rate)
-        rating = _words(value, _CONTINUOUS) if axis != "x" else None
+        rating = _words(value, _SETTINGS.continuous) if axis != "x" else None
     return RidePoint(channel.name, axis, standard, weighting, rms, *_peaks(pieces, rms, rate), value, rating)
 
 
 def _peaks(pieces: Sequence[Real], rms: float, rate: float) -> tuple[float, float, float]:
     """Return MTVV, VDV and crest factor."""
-    n = max(1, round(RUNNING * rate))
+    n = max(1, round(_SETTINGS.running * rate))
     running = [np.sqrt(np.maximum(ndimage.uniform_filter1d(piece**2, n, mode="constant"), 0.0)) for piece in pieces]
     dose = float(sum(np.sum(piece**4) for piece in pieces) / rate) ** 0.25
     crest = max(float(np.abs(piece).max()) for piece in pieces) / max(rms, 1e-300)
@@ -245,7 +286,7 @@ def _peaks(pieces: Sequence[Real], rms: float, rate: float) -> tuple[float, floa
 
 def _ninety_five(pieces: Sequence[Real], rate: float) -> float:
     """Return 95 % of the RMS over blocks."""
-    n = round(BLOCK * rate)
+    n = round(_SETTINGS.block * rate)
     blocks = np.concatenate([piece[: piece.size // n * n].reshape(-1, n) for piece in pieces])
     return float(np.quantile(np.sqrt(np.mean(blocks**2, axis=1)), 0.95))
 
@@ -257,19 +298,20 @@ def _stability(parts: Sequence[Recording], channel: Channel) -> RidePoint:
     longest = max(rows, key=len)
     frequencies = np.fft.rfftfreq(longest.size, 1 / rate)
     spectrum = np.abs(np.fft.rfft(longest - longest.mean())) ** 2
+    low, high = _SETTINGS.peaks
     smooth = ndimage.gaussian_filter1d(spectrum, 0.2 * longest.size / rate)
-    peak = float(frequencies[np.argmax(np.where((frequencies >= 3) & (frequencies <= 9), smooth, 0.0))])
+    peak = float(frequencies[np.argmax(np.where((frequencies >= low) & (frequencies <= high), smooth, 0.0))])
     pieces = []
     for row in rows:
         transform = np.fft.rfft(row - row.mean())
-        inside = np.abs(np.fft.rfftfreq(row.size, 1 / rate) - peak) <= STABILITY_BAND
+        inside = np.abs(np.fft.rfftfreq(row.size, 1 / rate) - peak) <= _SETTINGS.stability_band
         pieces.append(np.fft.irfft(transform * inside, row.size))
     speeds = [part.samples[k] for part in parts for k, each in enumerate(part.channels) if each.quantity == "speed"]
-    mean = float(np.mean([np.mean(speed) for speed in speeds])) if speeds else STABILITY_LENGTH
-    n = max(1, round(STABILITY_LENGTH / max(mean, 1.0) * rate))
+    mean = float(np.mean([np.mean(speed) for speed in speeds])) if speeds else _SETTINGS.stability_length
+    n = max(1, round(_SETTINGS.stability_length / max(mean, 1.0) * rate))
     running = max(float(np.sqrt(ndimage.uniform_filter1d(piece**2, n)).max()) for piece in pieces)
     rms = float(np.sqrt(np.mean(np.concatenate(pieces) ** 2)))
-    name = f"{max(peak - STABILITY_BAND, 0):.1f} to {peak + STABILITY_BAND:.1f} Hz"
+    name = f"{max(peak - _SETTINGS.stability_band, 0):.1f} to {peak + _SETTINGS.stability_band:.1f} Hz"
     return RidePoint(channel.name, "y", "en14363", name, rms, *_peaks(pieces, rms, rate), running, None)
 
 
@@ -317,51 +359,19 @@ def _shock_notes(points: Sequence[RidePoint], duration: float) -> list[str]:
     return [f"{', '.join(names)}: shocks or changes of the vibration that RMS understates: see MTVV and VDV"]
 
 
-Limits = Sequence[tuple[float, float, str]]
-#: Words by range; the ranges of ISO 2631-1 overlap.
-_COMFORT: Limits = (
-    (0.0, 0.315, "not uncomfortable"),
-    (0.315, 0.63, "a little uncomfortable"),
-    (0.5, 1.0, "fairly uncomfortable"),
-    (0.8, 1.6, "uncomfortable"),
-    (1.25, 2.5, "very uncomfortable"),
-    (2.0, np.inf, "extremely uncomfortable"),
-)
-_SPERLING: Limits = (
-    (0.0, 1.0, "not noticeable"),
-    (1.0, 2.0, "just noticeable"),
-    (2.0, 2.5, "clearly noticeable"),
-    (2.5, 3.0, "more pronounced but not unpleasant"),
-    (3.0, 3.25, "strong, irregular, but still tolerable"),
-    (3.25, 3.5, "very irregular"),
-    (3.5, 4.0, "extremely irregular, unpleasant"),
-    (4.0, np.inf, "extremely unpleasant"),
-)
-_CONTINUOUS: Limits = (
-    (0.0, 0.2, "very comfortable"),
-    (0.2, 0.3, "comfortable"),
-    (0.3, 0.4, "medium"),
-    (0.4, np.inf, "less comfortable"),
-)
-#: Words for the mean comfort N_MV of EN 12299.
-_MEAN: Limits = (
-    (0.0, 1.5, "very comfortable"),
-    (1.5, 2.5, "comfortable"),
-    (2.5, 3.5, "medium"),
-    (3.5, 4.5, "uncomfortable"),
-    (4.5, np.inf, "very uncomfortable"),
-)
-
-
-def _words(value: float, limits: Limits) -> str:
-    """Return the words for a value; two of overlapping ranges as one."""
-    words = [word for low, high, word in limits if low <= value < high]
-    if len(words) < 2 or not all(word.endswith("uncomfortable") for word in words):
+def _comfort(value: float) -> str:
+    """Return the words of ISO 2631-1 for an RMS; those of two overlapping ranges as one."""
+    words = [word for low, high, word in _SETTINGS.comfort if low <= value < high]
+    if len(words) < 2:
         return words[-1]
-    first = words[0].removesuffix("uncomfortable").strip()
-    return f"{first} to {words[-1]}" if first else f"uncomfortable to {words[-1]}"
+    return f"{words[0].removesuffix('uncomfortable').strip() or words[0]} to {words[-1]}"
+
+
+def _words(value: float, ends: Sequence[tuple[float, str]]) -> str:
+    """Return the words for a value, given those of each range with its end."""
+    return next(word for end, word in ends if value < end)
 
 
 def mean_comfort_in_words(value: float) -> str:
     """Return the words of EN 12299 for a mean comfort."""
-    return _words(value, _MEAN)
+    return _words(value, _SETTINGS.mean)

@@ -1,6 +1,7 @@
 """Frequency weightings of vibration as people feel it."""
 
 from dataclasses import dataclass
+from enum import Enum
 from types import MappingProxyType
 
 import numpy as np
@@ -50,18 +51,20 @@ class Weighting:
         return np.asarray(total, dtype=np.complex128)
 
 
-#: Weightings of ISO 2631-1 and ISO 2631-4 (Wb) by name, with the constants of ISO 8041-1, table 3.
-WEIGHTINGS = MappingProxyType(
-    {
-        "Wk": Weighting(0.4, 100.0, (12.5, 12.5, 0.63), (2.37, 0.91, 3.35, 0.91)),
-        "Wd": Weighting(0.4, 100.0, (2.0, 2.0, 0.63)),
-        "Wf": Weighting(0.08, 0.63, (None, 0.25, 0.86), (0.0625, 0.80, 0.1, 0.80)),
-        "Wc": Weighting(0.4, 100.0, (8.0, 8.0, 0.63)),
-        "We": Weighting(0.4, 100.0, (1.0, 1.0, 0.63)),
-        "Wj": Weighting(0.4, 100.0, None, (3.75, 0.91, 5.32, 0.91)),
-        "Wb": Weighting(0.4, 100.0, (16.0, 16.0, 0.55), (2.5, 0.90, 4.0, 0.95), gain=1.024),
-    }
-)
+class _Weightings(Enum):
+    """Weightings of ISO 2631-1 and ISO 2631-4 (Wb), with the constants of ISO 8041-1, table 3."""
+
+    Wk = Weighting(0.4, 100.0, (12.5, 12.5, 0.63), (2.37, 0.91, 3.35, 0.91))
+    Wd = Weighting(0.4, 100.0, (2.0, 2.0, 0.63))
+    Wf = Weighting(0.08, 0.63, (None, 0.25, 0.86), (0.0625, 0.80, 0.1, 0.80))
+    Wc = Weighting(0.4, 100.0, (8.0, 8.0, 0.63))
+    We = Weighting(0.4, 100.0, (1.0, 1.0, 0.63))
+    Wj = Weighting(0.4, 100.0, None, (3.75, 0.91, 5.32, 0.91))
+    Wb = Weighting(0.4, 100.0, (16.0, 16.0, 0.55), (2.5, 0.90, 4.0, 0.95), gain=1.024)
+
+
+#: Weightings by name.
+WEIGHTINGS = MappingProxyType({weighting.name: weighting.value for weighting in _Weightings})
 
 
 def weighted(samples: Real, *, sampling_rate: float, weighting: str) -> Real:
