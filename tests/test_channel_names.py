@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from sprung.channel_names import NameRule, identified, mapping_in_words, read_name_table, rule_of
+from sprung.channel_names import NameRule, describe_mapping, identified, read_name_table, rule_of
 from sprung.errors import FormatError, ParameterError
 from sprung.recording import QUANTITIES, Channel
 from sprung.units import conversion
@@ -182,7 +182,7 @@ def test_a_table_that_is_no_file(tmp_path) -> None:
 def test_what_was_mapped_is_said(channel, words) -> None:
     rule = rule_of(channel.name)
     assert rule is not None
-    assert mapping_in_words(channel, rule) == words
+    assert describe_mapping(channel, rule) == words
 
 
 def test_rules_of_the_package_have_sources_and_known_quantities() -> None:

@@ -195,7 +195,7 @@ def check_path(name: str, value: object) -> None:
         If the value is of another type.
     """
     if not isinstance(value, str | PathLike):
-        raise ParameterError(f"{name} is {_in_words(value)}, but must be the path of one file: pass 'folder/name'")
+        raise ParameterError(f"{name} is {_describe(value)}, but must be the path of one file: pass 'folder/name'")
 
 
 def _checked(name: str, values: Iterable[_Value], types: tuple[type, ...]) -> Iterator[_Value]:
@@ -214,10 +214,10 @@ def wrong_type(name: str, value: object, kind: str, advice: str = "") -> Paramet
         advice = _FROM_SAMPLES
     kind = "array" if kind == "ndarray" else kind
     article = "an" if kind[0] in "AEIOUa" else "a"
-    return ParameterError(f"{name} is {_in_words(value)}, but must be {article} {kind}: pass {advice}")
+    return ParameterError(f"{name} is {_describe(value)}, but must be {article} {kind}: pass {advice}")
 
 
-def _in_words(value: object) -> str:
+def _describe(value: object) -> str:
     """Return what a value of a wrong type is."""
     if value is None:
         return "None"

@@ -248,7 +248,7 @@ def identified(channel: Channel, rules: Sequence[NameRule] | None = None) -> tup
     return replace(channel, quantity=rule.quantity, direction=direction), conversion(rule.unit)[1], rule
 
 
-def mapping_in_words(channel: Channel, rule: NameRule) -> str:
+def describe_mapping(channel: Channel, rule: NameRule) -> str:
     """Return what a rule states of a channel in words, for the history and `sprung info`.
 
     Parameters
@@ -261,7 +261,7 @@ def mapping_in_words(channel: Channel, rule: NameRule) -> str:
     Examples
     --------
     >>> rule = rule_of("Vehicle.Speed")
-    >>> mapping_in_words(Channel("Vehicle.Speed"), rule)
+    >>> describe_mapping(Channel("Vehicle.Speed"), rule)
     'Vehicle.Speed: speed [km/h] (COVESA VSS)'
     """
     words = rule.quantity.replace("_", " ")

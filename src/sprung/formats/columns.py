@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from sprung._arrays import Booleans, Real
-from sprung.channel_names import identified, mapping_in_words, read_name_table
+from sprung.channel_names import describe_mapping, identified, read_name_table
 from sprung.errors import DataError, FormatError, ParameterError, SprungError
 from sprung.formats.clock import TimeScale, interpolate, time_scale, unwrapped
 from sprung.formats.settings import TIME_UNITS, ReadSettings
@@ -273,23 +273,12 @@ def names_time(heading: str) -> bool:
     return words[:1] == ["t"] and all(word in _UNIT_WORDS for word in words[1:])
 
 
-def _is_clock(column: Column, values: Real) -> bool:
-    """Return whether a column rises and has the name of a clock."""
-    return column.quantity == "unknown" and names_time(column.heading) and _rises(values)
-
-
 def _steps(values: Real) -> Real:
     """Return the steps of a column; none where a value is missing, or it does not rise from the first to the last."""
     if values.size < 2 or not np.isfinite(values).all():
         return np.zeros(0)
     stamps = next(unwrapped([Block(1, values, np.zeros((0, values.size)))])).stamps
     return np.diff(stamps) if stamps is not None and stamps[-1] > stamps[0] else np.zeros(0)
-
-
-def _rises(values: Real) -> bool:
-    """Return whether a column rises and never falls."""
-    steps = _steps(values)
-    return bool(steps.size and np.all(steps >= 0))
 
 
 def _is_even(values: Real) -> bool:
@@ -311,21 +300,21 @@ def _is_in_bursts(values: Real) -> bool:
     return bool(np.mean(steps > 0) >= _LIMITS.min_new_share and np.ptp(away) <= 2 * _LIMITS.line * np.ptp(values))
 
 
-def _is_counter(column: Column, values: Real) -> bool:
-    """Return whether a column counts rows or packets."""
-    if column.quantity != "unknown" or _COUNTER_WORDS.isdisjoint(_words(column.name)):
-        return False
-    steps = _steps(values)
-    is_whole = steps.size > 1 and bool(np.all(values == np.round(values)))
-    return is_whole and bool(np.mean(steps >= 0) > 0.99 and np.mean(steps <= 2 * max(1.0, np.median(steps))) > 0.9)
-
-
-def _is_flag(column: Column, values: Real) -> bool:
-    """Return whether a column holds a constant whole number that says how the logger does."""
-    if column.quantity != "unknown" or _FLAG_WORDS.isdisjoint(_words(column.name)):
-        return False
-    present = values[np.isfinite(values)]
-    return bool(present.size and np.all(present == present[0]) and present[0] == np.round(present[0]))
+def _role(column: Column, values: Real) -> str:
+    """Return what a column is that measures no motion; empty for one that may."""
+    if column.quantity == "unknown":
+        words, steps = _words(column.name), _steps(values)
+        if names_time(column.heading) and steps.size and np.all(steps >= 0):
+            return "a clock"
+        present = values[np.isfinite(values)]
+        is_whole = present.size and np.all(present == np.round(present))
+        counts = steps.size > 1 and np.mean(steps >= 0) > 0.99
+        counts = counts and np.mean(steps <= 2 * max(1.0, float(np.median(steps)))) > 0.9
+        if is_whole and counts and not _COUNTER_WORDS.isdisjoint(words):
+            return "a counter"
+        if is_whole and np.all(present == present[0]) and not _FLAG_WORDS.isdisjoint(words):
+            return "a constant flag"
+    return "without a name" if column.name == _UNNAMED else ""
 
 
 def _head(table: Table) -> Block:
@@ -342,7 +331,7 @@ def _with_found_time(table: Table, opener: Opener, settings: ReadSettings) -> Ta
             whole = opener(None)
     head = _head(whole).values
     columns = list(zip(whole.columns, head, strict=True))
-    clocks = [column for column, values in columns if _is_clock(column, values)]
+    clocks = [column for column, values in columns if _role(column, values) == "a clock"]
     clocks.sort(key=lambda column: stated_unit(column.heading) is None)
     if clocks:
         return _with_time(table, opener, settings, clocks[0].heading, "by its name, and as it rises steadily")
@@ -350,7 +339,7 @@ def _with_found_time(table: Table, opener: Opener, settings: ReadSettings) -> Ta
     if columns and _is_first(whole.columns[0], head[0], rate):
         why = "as the first column rises as a clock does"
         return _with_time(table, opener, settings, whole.columns[0].heading, why)
-    even = [column for column, values in columns if _is_even(values) and not _is_counter(column, values)]
+    even = [column for column, values in columns if _is_even(values) and _role(column, values) != "a counter"]
     if rate is None and even:
         raise ParameterError(
             f"{table.path} has no time column by name, but {even[0].name!r} rises evenly: if it is the time, name it "
@@ -362,10 +351,11 @@ def _with_found_time(table: Table, opener: Opener, settings: ReadSettings) -> Ta
 
 def _is_first(column: Column, values: Real, rate: float | None) -> bool:
     """Return whether the first column of a table without names is the time."""
-    is_clock = _is_even(values) or _is_in_bursts(values) or (column.name == _UNNAMED and _rises(values))
+    steps = _steps(values)
+    rises = bool(steps.size and np.all(steps >= 0))
+    is_clock = _is_even(values) or _is_in_bursts(values) or (column.name == _UNNAMED and rises)
     if not is_clock or not _FIRST.fullmatch(column.name):
         return False
-    steps = _steps(values)
     if np.all(steps == 1) and values[0] == np.round(values[0]):
         return False
     mean = float(steps.mean())
@@ -405,16 +395,8 @@ def _taken(table: Table, kept: Sequence[int], *, time: int | None = None) -> Tab
 
 def _of_motion(table: Table) -> Table:
     """Return the table without counters, flags and clocks, which are named in its notes."""
-    reasons = {}
-    for column, values in zip(table.columns, _head(table).values, strict=True):
-        if _is_clock(column, values):
-            reasons[column.name] = "a clock"
-        elif _is_counter(column, values):
-            reasons[column.name] = "a counter"
-        elif _is_flag(column, values):
-            reasons[column.name] = "a constant flag"
-        elif column.name == _UNNAMED:
-            reasons[column.name] = "without a name"
+    roles = [_role(column, values) for column, values in zip(table.columns, _head(table).values, strict=True)]
+    reasons = {column.name: role for column, role in zip(table.columns, roles, strict=True) if role}
     if not reasons:
         return table
     kept = [k for k, column in enumerate(table.columns) if column.name not in reasons]
@@ -485,7 +467,7 @@ def _named(table: Table, settings: ReadSettings) -> Table:
         if rule is None or column.unit:
             columns.append(column)
             continue
-        notes.append(mapping_in_words(channel, rule))
+        notes.append(describe_mapping(channel, rule))
         quantity, factor = named.quantity, column.factor * factor
         columns.append(replace(column, quantity=quantity, factor=factor, direction=named.direction))
     return replace(table, columns=tuple(columns), notes=(*table.notes, *notes))
