@@ -157,36 +157,24 @@ def test_one_message_on_two_buses_gives_two_groups(dbc):
     assert list(groups) == ["ACC (CAN 1, 0x100)", "ACC (CAN 2, 0x100)"]
 
 
-@settings(max_examples=50, deadline=None)
-@given(data=st.data())
-def test_any_rows_are_those_of_all_rows(tmp_path_factory, data):
-    path = tmp_path_factory.mktemp("dbc") / "bus.dbc"
-    path.write_text(DBC)
-    generator = np.random.default_rng(data.draw(st.integers(0, 1000)))
-    pieces = [
-        frames(generator.choice([256, 512, 7], size), [generator.bytes(8) for _ in range(size)])
-        for size in data.draw(st.lists(st.integers(1, 20), min_size=1, max_size=6))
-    ]
-    pieces.append(frames([256, 256], [bytes(8), bytes(8)]))
-    group = groups_of(pieces, path)["ACC"]
-    _, values = values_of(group)
-    first = data.draw(st.integers(0, group.n_rows - 1))
-    last = data.draw(st.none() | st.integers(first + 1, group.n_rows + 5))
-    np.testing.assert_array_equal(values_of(group, first=first, last=last)[1], values[:, first:last])
-    (block, *_) = group.open(None).blocks(first, last)
-    assert block.first_row == first + 1
-
-
 def test_rows_are_read_from_the_piece_in_which_they_begin(dbc):
     opened = []
+    generator = np.random.default_rng(1)
+    sizes = (3, 10, 1, 8, 10, 5)
+    pieces = [frames(generator.choice([256, 512, 7], n), [generator.bytes(8) for _ in range(n)]) for n in sizes]
 
     def counting(first=0):
         opened.append(first)
-        yield from source([frames([256] * 10, [bytes(8)] * 10)] * 5, first)
+        yield from source([*pieces, frames([256] * 10, [bytes(8)] * 10)], first)
 
-    (group,) = message_groups(Path("x.mf4"), [counting], [dbc], start=None, comment="")
-    assert sum(block.n_rows for block in group.open(["acc_z"]).blocks(34, 47)) == 13
-    assert opened == [0, 30]
+    (group, *_) = message_groups(Path("x.mf4"), [counting], [dbc], start=None, comment="")
+    _, values = values_of(group)
+    n = group.n_rows
+    for first, last in ((0, 1), (2, 7), (n - 12, n - 3), (n - 1, None), (n - 4, n + 5)):
+        np.testing.assert_array_equal(values_of(group, first=first, last=last)[1], values[:, first:last])
+        (block, *_) = group.open(None).blocks(first, last)
+        assert block.first_row == first + 1
+    assert opened[-1] == sum(sizes)
 
 
 def test_groups_of_two_clocks_need_a_choice(dbc):

@@ -4,10 +4,8 @@ Frames come in pieces. A first pass counts the frames of each message; the rows 
 piece in which they begin.
 """
 
-from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import accumulate
 from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol
@@ -135,41 +133,43 @@ def message_groups(
             "ReadSettings(databases=[...]))"
         )
     known = _Known([can_database(database, extra="mdf") for database in databases])
-    parts: list[tuple[_Part, _Count]] = []
     ids: set[int] = set()
-    for source in sources:
-        parts.extend(_counted(source, known, ids).items())
-    parts = [(part, count) for part, count in parts if count.n_rows]
+    parts = [part for source in sources for part in _counted(source, known, ids) if part.pieces]
     if not parts:
         seen = ", ".join(f"0x{identifier & ~_EXTENDED:X}" for identifier in sorted(ids)[:5])
         raise FormatError(
             f"{path} holds raw CAN frames that no database describes (identifiers {seen}{', ...' * (len(ids) > 5)}): "
             "give the database of this bus with --dbc FILE"
         )
-    names = distinct(_names([part for part, _ in parts]))
-    return [_group(path, name, *part, start=start, comment=comment) for name, part in zip(names, parts, strict=True)]
+    names = distinct([part.label for part in parts], [f"CAN {part.bus}, {part.number}" for part in parts])
+    return [_group(path, name, part, start=start, comment=comment) for name, part in zip(names, parts, strict=True)]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class _Part:
-    """Signals of a message that come together: in all of its frames, or where multiplexers have some values."""
+    """Signals of a message that come together: in all of its frames, or where multiplexers have some values.
+
+    `pieces` are those of the file in which it has frames: the first frame of the piece, and the number of its own.
+    """
 
     message: Any
     bus: int
     identifier: int
     source: Source
-    signals: tuple[Any, ...] = field(compare=False)
+    signals: tuple[Any, ...]
     conditions: tuple[tuple[str, tuple[int, ...]], ...] = ()
-
-    def __hash__(self) -> int:
-        """Return the hash of what distinguishes it."""
-        return hash((self.message.name, self.bus, self.identifier, self.conditions))
+    pieces: list[tuple[int, int]] = field(default_factory=list)
 
     @property
     def label(self) -> str:
         """Name of the message, with the values of its multiplexers."""
         values = "".join(f" {name}={'/'.join(map(str, ids))}" for name, ids in self.conditions)
         return plain(self.message.name) + values
+
+    @property
+    def number(self) -> str:
+        """Identifier, as people write it."""
+        return f"0x{self.identifier & ~_EXTENDED:X}"
 
     def rows(self, frames: Frames) -> NDArray[np.intp]:
         """Return the indices of its frames."""
@@ -178,25 +178,6 @@ class _Part:
             selector = self.message.get_signal_by_name(name)
             rows = rows[np.isin(_raw(selector, frames.payload[rows]).astype(np.int64), ids)]
         return rows
-
-
-@dataclass(slots=True)
-class _Count:
-    """Number of frames of a part in each piece of the file that holds some, and the first frame of those pieces."""
-
-    pieces: list[int] = field(default_factory=list)
-    counts: list[int] = field(default_factory=list)
-
-    @property
-    def n_rows(self) -> int:
-        """Number of all frames."""
-        return sum(self.counts)
-
-    def seek(self, row: int) -> tuple[int, int]:
-        """Return the first frame of the piece that holds a row, and the number of rows before that piece."""
-        before = [0, *accumulate(self.counts)]
-        place = min(bisect_right(before, row) - 1, len(self.pieces) - 1)
-        return self.pieces[place], before[place]
 
 
 class _Known:
@@ -223,23 +204,20 @@ def _parameter_group(identifier: int) -> int:
     return identifier & (_PGN if identifier >> 16 & 0xFF >= _FIRST_BROADCAST else _PGN_OF_PAIRS)
 
 
-def _counted(source: Source, known: _Known, ids: set[int]) -> dict[_Part, _Count]:
+def _counted(source: Source, known: _Known, ids: set[int]) -> list[_Part]:
     """Return the parts in the frames of a source; add the identifiers to `ids`."""
-    parts: dict[tuple[int, int], dict[_Part, _Count]] = {}
+    parts: dict[tuple[int, int], list[_Part]] = {}
     first = 0
     for frames in source():
         for bus, identifier in np.unique(np.stack([frames.buses.astype(np.uint32), frames.ids]), axis=1).T.tolist():
             ids.add(identifier)
             if (bus, identifier) not in parts:
-                message = known.message(identifier)
-                parts[bus, identifier] = {part: _Count() for part in _parts(message, bus, identifier, source)}
-            for part, count in parts[bus, identifier].items():
-                n_rows = part.rows(frames).size
-                if n_rows:
-                    count.pieces.append(first)
-                    count.counts.append(n_rows)
+                parts[bus, identifier] = _parts(known.message(identifier), bus, identifier, source)
+            for part in parts[bus, identifier]:
+                if count := part.rows(frames).size:
+                    part.pieces.append((first, count))
         first += frames.stamps.size
-    return {part: count for own in parts.values() for part, count in own.items()}
+    return [part for own in parts.values() for part in own]
 
 
 def _parts(message: Any, bus: int, identifier: int, source: Source) -> list[_Part]:
@@ -261,18 +239,7 @@ def _conditions(message: Any, signal: Any) -> tuple[tuple[str, tuple[int, ...]],
     return (*outer, (signal.multiplexer_signal, tuple(sorted(signal.multiplexer_ids))))
 
 
-def _names(parts: Sequence[_Part]) -> list[str]:
-    """Return the names of parts; bus and identifier distinguish messages of one name."""
-    labels = [part.label for part in parts]
-    return [
-        part.label
-        if labels.count(part.label) == 1
-        else f"{part.label} (CAN {part.bus}, 0x{part.identifier & ~_EXTENDED:X})"
-        for part in parts
-    ]
-
-
-def _group(path: Path, name: str, part: _Part, count: _Count, *, start: int | None, comment: str) -> Group:
+def _group(path: Path, name: str, part: _Part, *, start: int | None, comment: str) -> Group:
     """Return the group of a part of a message."""
     columns = tuple(
         stated_column(
@@ -287,7 +254,7 @@ def _group(path: Path, name: str, part: _Part, count: _Count, *, start: int | No
     about = described(comment, part.message.comment)
 
     def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
-        return _blocks(part, count, [part.signals[k] for k in indices], first, last)
+        return _blocks(part, [part.signals[k] for k in indices], first, last)
 
     return column_group(
         path,
@@ -295,7 +262,7 @@ def _group(path: Path, name: str, part: _Part, count: _Count, *, start: int | No
         columns,
         rows,
         clock=(path, name),
-        n_rows=count.n_rows,
+        n_rows=sum(count for _, count in part.pieces),
         time_heading="time [s]",
         row_word=f"frame of {plain(part.message.name)}",
         start=start,
@@ -303,13 +270,15 @@ def _group(path: Path, name: str, part: _Part, count: _Count, *, start: int | No
     )
 
 
-def _blocks(
-    part: _Part, count: _Count, signals: Sequence[Any], first: int = 0, last: int | None = None
-) -> Iterator[Block]:
-    """Yield some rows of a part of a message."""
-    frame, before = count.seek(first)
-    pieces = _decoded(part, signals, frame, before)
-    yield from within(pieces, first - before, None if last is None else last - before)
+def _blocks(part: _Part, signals: Sequence[Any], first: int = 0, last: int | None = None) -> Iterator[Block]:
+    """Yield some rows of a part of a message, from the piece on in which they begin."""
+    before = 0
+    for frame, count in part.pieces:
+        if before + count > first:
+            pieces = _decoded(part, signals, frame, before)
+            yield from within(pieces, first - before, None if last is None else last - before)
+            return
+        before += count
 
 
 def _decoded(part: _Part, signals: Sequence[Any], frame: int, row: int) -> Iterator[Block]:
