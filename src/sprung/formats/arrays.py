@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +23,8 @@ from sprung.formats.table import (
     row_pieces,
     stated_column,
     time_column,
-    written_headings,
-    written_stamps,
-    written_unit,
-    written_values,
 )
+from sprung.formats.writing import written
 from sprung.recording import Recording
 
 _RATES = ("sampling_rate", "fs", "fs_hz")
@@ -53,19 +50,8 @@ class InMemory:
 IN_MEMORY = InMemory()
 
 
-class Array(Protocol):
-    """Array of a file, in memory or read in part."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Number of values along each axis."""
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """Type of the values."""
-
-    def __getitem__(self, key: Any) -> Any:
-        """Return some of the values."""
+#: Array of NumPy, or another with shape and type that is read in part, such as `hdf5.Stored`.
+Array = Any
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -79,7 +65,7 @@ class Row:
     @property
     def size(self) -> int:
         """Number of samples."""
-        return self.array.shape[self.axis]
+        return int(self.array.shape[self.axis])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -90,8 +76,8 @@ class Arrays:
     ----------
     values
         Arrays, numbers and texts by name.
-    units, comments, calibrations
-        What the file states about an array apart from it, by its name.
+    facts
+        What the file states about an array apart from it: "unit", "comment" and "calibration", by its name.
     start
         Time of the first sample, UTC in nanoseconds since 1970; None where unknown.
     comment
@@ -99,9 +85,7 @@ class Arrays:
     """
 
     values: Mapping[str, Any]
-    units: Mapping[str, str]
-    comments: Mapping[str, str]
-    calibrations: Mapping[str, str]
+    facts: Mapping[str, Mapping[str, str]]
     start: int | None = None
     comment: str = ""
 
@@ -124,7 +108,9 @@ def check_size(path: Path, n_bytes: int) -> None:
 
 def plain_arrays(values: Mapping[str, Any]) -> Arrays:
     """Return named arrays about which the file states nothing but in other arrays."""
-    return Arrays(values, {}, {}, {}, _stated_start(values), _stated_text(values, "comment"))
+    start = values.get("start_ns")
+    stated = int(np.ravel(start)[0]) if start is not None and np.size(start) == 1 else None
+    return Arrays(values, {}, stated, " ".join(_texts(values, ("comment",))))
 
 
 def array_groups(path: Path, containers: Mapping[str, Arrays], *, time: str | None = None) -> tuple[Group, ...]:
@@ -282,7 +268,7 @@ class _Source:
 
     def _time_heading(self) -> str | None:
         """Return the name of the time stamps with their unit, if the file states one apart."""
-        unit = self.arrays.units.get(self.stamped or "")
+        unit = self.arrays.facts.get(self.stamped or "", {}).get("unit")
         return f"{self.stamped} [{unit}]" if self.stamped and unit in TIME_UNITS else self.stamped
 
     def _units(self, names: Sequence[str]) -> Sequence[str] | None:
@@ -294,22 +280,15 @@ class _Source:
 
     def _described(self, column: Column, names: Sequence[str]) -> Column:
         """Return a channel with the unit, the comment and the calibration that the file states apart."""
-        name, index = self._array_of(column.heading), names.index(column.heading)
-        if name in self.arrays.units:
-            column = stated_column(column.heading, column.name, self.arrays.units[name])
-        comments = _texts(self.arrays.values, _COMMENTS)
-        calibrations = _texts(self.arrays.values, _CALIBRATIONS)
-        return replace(
-            column,
-            comment=comments[index] if len(comments) == len(names) else self.arrays.comments.get(name, ""),
-            calibration=(
-                calibrations[index] if len(calibrations) == len(names) else self.arrays.calibrations.get(name, "")
-            ),
-        )
-
-    def _array_of(self, channel: str) -> str:
-        """Return the name of the array that holds a channel."""
-        return channel if channel in self.signals else channel.rpartition("_")[0]
+        heading, index = column.heading, names.index(column.heading)
+        facts = self.arrays.facts.get(heading if heading in self.signals else heading.rpartition("_")[0], {})
+        if "unit" in facts:
+            column = stated_column(heading, column.name, facts["unit"])
+        for key, names_of_array in (("comment", _COMMENTS), ("calibration", _CALIBRATIONS)):
+            texts = _texts(self.arrays.values, names_of_array)
+            if len(texts) == len(names):
+                facts = {**facts, key: texts[index]}
+        return column.with_facts(facts)
 
 
 def _values(rows: Sequence[Row], part: slice) -> NDArray[np.float64]:
@@ -338,10 +317,8 @@ def _squeezed(name: str, value: Any) -> Array:
     """Return an array without axes of one value; samples that are read in part stay as they are."""
     is_in_memory = isinstance(value, np.ndarray | np.number | int | float)
     if is_in_memory or np.prod(value.shape) <= 1 or (_is_time_array(name) and len(value.shape) > 1):
-        array: Array = np.squeeze(np.asarray(value if is_in_memory else value[...]))
-        return array
-    stored: Array = value
-    return stored
+        return np.squeeze(np.asarray(value if is_in_memory else value[...]))
+    return value
 
 
 def _texts(arrays: Mapping[str, Any], keys: Sequence[str]) -> list[str]:
@@ -350,17 +327,6 @@ def _texts(arrays: Mapping[str, Any], keys: Sequence[str]) -> list[str]:
         if name.lower() in keys:
             return [str(item).strip() if np.size(item) else "" for item in np.ravel(np.asarray(value, dtype=object))]
     return []
-
-
-def _stated_text(arrays: Mapping[str, Any], key: str) -> str:
-    """Return the text called `key`."""
-    return " ".join(_texts(arrays, (key,)))
-
-
-def _stated_start(arrays: Mapping[str, Any]) -> int | None:
-    """Return the start that a written file states [ns since 1970]."""
-    value = arrays.get("start_ns")
-    return int(np.ravel(value)[0]) if value is not None and np.size(value) == 1 else None
 
 
 def _rate(numeric: Mapping[str, Array]) -> float | None:
@@ -427,14 +393,12 @@ def _all_of_one_length(
 
 def written_arrays(recording: Recording) -> dict[str, NDArray[Any]]:
     """Return named arrays from which the recording can be read."""
-    written_headings(recording, has_units=False)  # raises on names that would not be read back
-    name, stamps = written_stamps(recording)
-    channels = recording.channels
+    columns, channels = written(recording, has_units=False), recording.channels
     arrays = {
-        name: stamps,
-        "samples": written_values(recording),
+        columns.time: columns.stamps,
+        "samples": columns.values,
         "channels": np.array(recording.names),
-        "units": np.array([written_unit(channel.quantity)[0] for channel in channels]),
+        "units": np.array(columns.units),
     }
     if any(channel.comment for channel in channels):
         arrays["comments"] = np.array([channel.comment for channel in channels])

@@ -4,41 +4,27 @@ import codecs
 import csv
 import gzip
 import io
+import itertools
 import re
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import IO, Any, cast
 
 import numpy as np
 
+from sprung._arrays import Real
 from sprung.errors import FormatError
+from sprung.formats import dialects
 from sprung.formats.columns import names_time, stated_unit
-from sprung.formats.dialects import (
-    BLANK,
-    COMMENT_MARKS,
-    DAY_FIRST,
-    MONTH_FIRST,
-    YEAR_FIRST,
-    Layout,
-    fields,
-    is_comment,
-    kind_of,
-    layout_of,
-    moments,
-    parsed,
-    possible_orders,
-    single_blanks,
-    stated_line,
-)
+from sprung.formats.dialects import Layout
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import (
     MISSING,
     Block,
-    Column,
     Group,
     Table,
     chosen_columns,
@@ -46,14 +32,11 @@ from sprung.formats.table import (
     is_time,
     refuse_repeated,
     reported,
-    single_group,
     split_heading,
     time_column,
     within,
-    written_headings,
-    written_stamps,
-    written_values,
 )
+from sprung.formats.writing import written
 from sprung.recording import Recording
 
 NAME = "text"
@@ -92,20 +75,22 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     line below the header that holds only units is read as the units. Without a header the columns are called column_1,
     column_2 ... A last line that was cut off is left out.
     """
-    layout = layout_of(path, _first_lines(path))
-    named = [heading for heading in layout.headings if heading]
+    layout = dialects.layout_of(path, _first_lines(path))
+    named = tuple(filter(None, layout.headings))
     refuse_repeated(named, path=path)
-    return single_group(path, named, lambda channels: _table(path, layout, channels, settings))
+    return (Group(path.name, named, path.name, partial(_table, path, layout, settings)),)
 
 
-def _table(path: Path, layout: Layout, channels: Sequence[str] | None, settings: ReadSettings) -> Table:
+def _table(path: Path, layout: Layout, settings: ReadSettings, channels: Sequence[str] | None) -> Table:
     """Return the table of the columns of some channels."""
-    time, notes = _time_of(path, layout, settings, partial(_column_of_texts, path, layout))
-    texts = [heading for heading, kind in _named_columns(layout) if kind != "number" and not is_time(heading)]
-    others = [heading for heading in texts if layout.headings.index(heading) not in (time.indices if time else ())]
-    wanted = [heading for heading, kind in _named_columns(layout) if kind == "number" or channels is not None]
+    time, notes = _time_of(path, layout, settings)
+    times = [layout.headings[index] for index in time.indices] if time else []
+    kinds = layout.kinds_by_heading()
+    others = [each for each, kind in kinds.items() if kind != "number" and not is_time(each) and each not in times]
+    wanted = [heading for heading, kind in kinds.items() if kind == "number" or channels is not None]
     columns = chosen_columns(wanted, channels, path=path)
-    indices = [layout.headings.index(column.heading) for column in columns]
+    places = {heading: index for index, heading in enumerate(layout.headings)}
+    indices = [places[column.heading] for column in columns]
     if others and channels is None:
         notes.append(f"left out, as they hold no numbers: {', '.join(repr(heading) for heading in others)}")
     end = _end(path, layout)
@@ -117,8 +102,8 @@ def _table(path: Path, layout: Layout, channels: Sequence[str] | None, settings:
 
     return Table(
         path,
-        tuple(_described(column, layout) for column in columns),
-        None if time is None else layout.headings[time.indices[-1]],
+        tuple(column.with_facts(layout.stated.get(column.name, {})) for column in columns),
+        times[-1] if times else None,
         blocks,
         row_word="line",
         comment=layout.comment,
@@ -142,18 +127,8 @@ class _TextTime:
     order: str
 
 
-def _named_columns(layout: Layout) -> list[tuple[str, str]]:
-    """Return heading and kind of the columns that have a name."""
-    return [item for item in zip(layout.headings, layout.kinds, strict=True) if item[0]]
-
-
-def _time_of(
-    path: Path, layout: Layout, settings: ReadSettings, texts: Callable[[int], Iterable[Any]]
-) -> tuple[_TextTime | None, list[str]]:
-    """Return the time column that names, or texts of dates, show, with notes for the history; None without one.
-
-    `texts` yields a column, by its index, as arrays of texts.
-    """
+def _time_of(path: Path, layout: Layout, settings: ReadSettings) -> tuple[_TextTime | None, list[str]]:
+    """Return the time column that names, or texts of dates, show, with notes for the history; None without one."""
     heading = _time_heading(path, layout, settings)
     if heading is None:
         return None, []
@@ -172,14 +147,12 @@ def _time_of(
     elif kind == "date" and "time of day" in layout.kinds:
         indices = (index, layout.kinds.index("time of day"))
     names = " and ".join(repr(layout.headings[k]) for k in indices)
-    notes = (
-        []
-        if is_time(heading) and len(indices) == 1
-        else [f"time: {names}, by {'its' if len(indices) == 1 else 'their'} dates and times"]
-    )
+    notes = []
+    if not is_time(heading) or len(indices) == 2:
+        notes.append(f"time: {names}, by {'its' if len(indices) == 1 else 'their'} dates and times")
     if len(indices) == 1 and _ISO.fullmatch(layout.first_row[index]):
         return _TextTime(indices, ""), notes
-    order = _order(texts(indices[0])) if kind != "time of day" or len(indices) == 2 else YEAR_FIRST
+    order = _order(path, layout, indices[0]) if kind != "time of day" or len(indices) == 2 else dialects.YEAR_FIRST
     if order is None and settings.sampling_rate is None:
         raise FormatError(
             f"{path}: column {layout.headings[indices[0]]!r} holds dates such as {layout.first_row[indices[0]]!r}, of "
@@ -188,76 +161,55 @@ def _time_of(
         )
     if order is None:
         return None, [f"dates in {names} left out: day and month cannot be distinguished"]
-    if order != YEAR_FIRST:
+    if order != dialects.YEAR_FIRST:
         notes.append(f"dates in {layout.headings[indices[0]]!r} read as {order}")
     return _TextTime(indices, order), notes
 
 
 def _time_heading(path: Path, layout: Layout, settings: ReadSettings) -> str | None:
     """Return the heading of the time column: stated, by its name, or because it holds dates and times."""
-    columns = _named_columns(layout)
-    named = [heading for heading, _ in columns]
-    stated = [name for name in named if settings.time in (name, split_heading(name)[0])]
+    kinds = layout.kinds_by_heading()
+    stated = [name for name in kinds if settings.time in (name, split_heading(name)[0])]
     if stated:
-        return stated[0] if is_time(stated[0]) or layout.kinds[layout.headings.index(stated[0])] != "number" else None
-    by_name = time_column(named, path=path, stated=settings.time)
+        return stated[0] if is_time(stated[0]) or kinds[stated[0]] != "number" else None
+    by_name = time_column(kinds, path=path, stated=settings.time)
     if by_name is not None or settings.time is not None:
         return by_name
-    if any(kind == "number" and names_time(heading) and stated_unit(heading) for heading, kind in columns):
+    if any(kind == "number" and names_time(name) and stated_unit(name) for name, kind in kinds.items()):
         return None
-    texts = {kind: heading for heading, kind in reversed(columns)}
+    texts = {kind: name for name, kind in reversed(kinds.items())}
     return texts.get("moment") or texts.get("time of day") or texts.get("date")
 
 
-def _order(texts: Iterable[Any]) -> str | None:
+def _order(path: Path, layout: Layout, index: int) -> str | None:
     """Return the order of day, month and year in a column; None if it does not show."""
-    orders = {YEAR_FIRST, DAY_FIRST, MONTH_FIRST}
-    for part in texts:
-        orders &= possible_orders(part)
+    import pyarrow as pa
+
+    orders = {dialects.YEAR_FIRST, dialects.DAY_FIRST, dialects.MONTH_FIRST}
+    for _, table in tables(path, layout, {index: pa.string()}, _end(path, layout)):
+        orders &= dialects.possible_orders(table.column(str(index)))
         if len(orders) <= 1:
             break
     return next(iter(orders)) if len(orders) == 1 else None
 
 
-def _described(column: Column, layout: Layout) -> Column:
-    """Return a column with the comment and the calibration that the lines above the header state."""
-    stated = {kind: text for name, kind, text in layout.stated if name == column.name}
-    return replace(column, comment=stated.get("comment", ""), calibration=stated.get("calibration", ""))
-
-
-def _column_of_texts(path: Path, layout: Layout, index: int) -> Iterator[Any]:
-    """Yield one column as texts."""
-    import pyarrow as pa
-
-    for _, table in _tables(path, layout, {index: pa.string()}, _end(path, layout)):
-        yield table.column(str(index))
-
-
 @contextmanager
 def _open(path: Path) -> Iterator[IO[bytes]]:
     """Open a file, or the only member of an archive, for reading; UTF-16 is read as UTF-8."""
-    with _unpacked(path) as file:
-        head = file.read(2)
-        file.seek(0)
-        yield cast(IO[bytes], codecs.EncodedFile(file, "utf-8", "utf-16")) if head in _UTF_16 else file
-
-
-@contextmanager
-def _unpacked(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file, or the only member of an archive, for reading."""
-    if path.suffix.lower() == ".zip":
-        with zipfile.ZipFile(path) as archive:
+    with ExitStack() as opened:
+        if path.suffix.lower() == ".zip":
+            archive = opened.enter_context(zipfile.ZipFile(path))
             members = [member for member in archive.infolist() if not member.is_dir()]
             if len(members) != 1:
                 raise FormatError(f"{path} holds {len(members)} files: pack one table into a zip file")
-            with archive.open(members[0]) as file:
-                yield file
-    elif path.suffix.lower() == ".gz":
-        with gzip.open(path) as file:
-            yield cast(IO[bytes], file)
-    else:
-        with path.open("rb") as file:
-            yield file
+            file: Any = opened.enter_context(archive.open(members[0]))
+        else:
+            file = opened.enter_context(path.open("rb"))
+            if path.suffix.lower() == ".gz":
+                file = opened.enter_context(gzip.GzipFile(fileobj=file))
+        head = file.read(2)
+        file.seek(0)
+        yield cast(IO[bytes], codecs.EncodedFile(file, "utf-8", "utf-16")) if head in _UTF_16 else file
 
 
 def _first_lines(path: Path) -> list[bytes]:
@@ -299,27 +251,33 @@ def _blocks(path: Path, layout: Layout, indices: list[int], time: _TextTime | No
 
     types = {index: pa.float64() for index in indices}
     for index in time.indices if time else ():
-        types[index] = _time_type(path, layout, index) if time and not time.order else pa.string()
-    for line, table in _tables(path, layout, types, end):
-        values = np.empty((len(indices), table.num_rows))
-        for row, index in enumerate(indices):
-            values[row] = table.column(str(index)).to_numpy()
-        yield Block(line, None if time is None else _stamps(table, time), values)
+        match = _ISO.fullmatch(layout.first_row[index]) if index < len(layout.first_row) else None
+        iso = pa.timestamp("ns", "UTC" if match["zone"] else None) if match else pa.float64()
+        types[index] = pa.string() if time and time.order else iso
+    for line, table in tables(path, layout, types, end):
+        yield Block(line, None if time is None else _stamps(table, time), numbers(table, indices))
 
 
-def _tables(path: Path, layout: Layout, types: dict[int, Any], end: int | None) -> Iterator[tuple[int, Any]]:
-    """Yield some columns piece by piece, each with the number of its first line."""
+def numbers(table: Any, indices: Sequence[int]) -> Real:
+    """Return some columns of a table of Arrow, which are called by their indices, as rows."""
+    values = np.empty((len(indices), table.num_rows))
+    for row, index in enumerate(indices):
+        values[row] = table.column(str(index)).to_numpy()
+    return values
+
+
+def tables(path: Path, layout: Layout, types: dict[int, Any], end: int | None) -> Iterator[tuple[int, Any]]:
+    """Yield some columns piece by piece, called by their indices, each with the number of its first line."""
     import pyarrow as pa
 
-    names = [str(index) for index in range(len(layout.headings))]
-    wanted = {str(index): kind for index, kind in types.items()}
     with reported(path, "text"), _open(path) as file:
         for line, text in _texts(path, _pieces(file, layout.offset, end), layout.first_line):
-            plain = single_blanks(text) if layout.delimiter == BLANK else text
             try:
-                table = parsed(plain, names, wanted, delimiter=layout.delimiter, decimal=layout.decimal)
+                table = layout.parsed(text, types)
             except pa.ArrowInvalid as error:
-                raise _located_error(path, layout, types, line, text) or _unlocated_error(path, line, error) from None
+                detail = " ".join(str(error).split())[:120]
+                unlocated = f"{path}, after line {line}: the text is not a table ({detail}): export it again as CSV"
+                raise _located_error(path, layout, types, line, text) or FormatError(unlocated) from None
             yield line, table
 
 
@@ -330,7 +288,7 @@ def _stamps(table: Any, time: _TextTime) -> Any:
     columns = [table.column(str(index)).combine_chunks() for index in time.indices]
     if not time.order:
         return columns[0].to_numpy(zero_copy_only=False)
-    return moments(columns[0] if len(columns) == 1 else pc.binary_join_element_wise(*columns, " "), time.order)
+    return dialects.moments(columns[0] if len(columns) == 1 else pc.binary_join_element_wise(*columns, " "), time.order)
 
 
 def _pieces(file: IO[bytes], offset: int, end: int | None) -> Iterator[bytes]:
@@ -366,35 +324,21 @@ def _texts(path: Path, pieces: Iterator[bytes], line: int) -> Iterator[tuple[int
 
 def _without_comments(line: int, text: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield lines between comments, each piece with the number of its first line."""
-    if not any(mark in text for mark in COMMENT_MARKS) or not _COMMENTED.search(text):
-        if text and not text.isspace():
-            yield line, text
-        return
-    kept: list[bytes] = []
-    for number, row in enumerate(text.splitlines(keepends=True), line):
-        if not is_comment(row):
-            kept.append(row)
-        elif kept:
-            yield from _without_comments(number - len(kept), b"".join(kept))
-            kept = []
-    yield from _without_comments(line + text.count(b"\n") - len(kept) + (not text.endswith(b"\n")), b"".join(kept))
-
-
-def _time_type(path: Path, layout: Layout, index: int) -> Any:
-    """Return the type of the time column: numbers, or ISO date-times with or without a zone."""
-    import pyarrow as pa
-
-    text = layout.first_row[index] if index < len(layout.first_row) else ""
-    match = _ISO.fullmatch(text)
-    return pa.timestamp("ns", "UTC" if match["zone"] else None) if match else pa.float64()
+    pieces = [(line, text)]
+    if any(mark in text for mark in dialects.COMMENT_MARKS) and _COMMENTED.search(text):
+        numbered = enumerate(text.splitlines(keepends=True), line)
+        between = itertools.groupby(numbered, key=lambda row: dialects.is_comment(row[1]))
+        groups = [list(rows) for is_note, rows in between if not is_note]
+        pieces = [(rows[0][0], b"".join(row for _, row in rows)) for rows in groups]
+    yield from (piece for piece in pieces if piece[1] and not piece[1].isspace())
 
 
 def _located_error(path: Path, layout: Layout, types: dict[int, Any], first: int, text: bytes) -> FormatError | None:
     """Return the error that names the first line in `text` that cannot be read; None if all lines look right."""
     import pyarrow as pa
 
-    for line, raw in enumerate(text.split(b"\n"), first):
-        row = fields(raw, layout.delimiter, strip=False)
+    for line, raw in enumerate(layout.regular(text).split(b"\n"), first):
+        row = dialects.fields(raw, layout.delimiter, strip=False)
         if not any(row):
             continue
         if len(row) != len(layout.headings):
@@ -408,7 +352,7 @@ def _located_error(path: Path, layout: Layout, types: dict[int, Any], first: int
             if pa.types.is_timestamp(kind):
                 is_right = _ISO.fullmatch(field) is not None
             elif pa.types.is_string(kind):
-                is_right = kind_of(field) is not None or field in MISSING
+                is_right = dialects.kind_of(field) is not None or field in MISSING
             if not is_right:
                 return FormatError(
                     f"{path}, line {line}, column {layout.headings[index]!r}: {field[:40]!r} is not a "
@@ -418,31 +362,25 @@ def _located_error(path: Path, layout: Layout, types: dict[int, Any], first: int
     return None
 
 
-def _unlocated_error(path: Path, line: int, error: Exception) -> FormatError:
-    """Return the error for lines that look right but cannot be parsed."""
-    detail = " ".join(str(error).split())[:120]
-    return FormatError(f"{path}, after line {line}: the text is not a table ({detail}): export it again as CSV")
-
-
 def write(recording: Recording, path: Path) -> None:
     """Write a recording as comma-separated text: a time column, and every channel with its unit."""
     import pyarrow as pa
     from pyarrow import csv as arrow
 
-    headings = written_headings(recording)
-    name, stamps = written_stamps(recording)
-    kind = pa.timestamp("ns", "UTC") if stamps.dtype.kind == "M" else pa.float64()
-    arrays = [pa.array(stamps.astype("i8") if stamps.dtype.kind == "M" else stamps).cast(kind)]
-    arrays += [pa.array(row, from_pandas=True) for row in written_values(recording)]
+    columns = written(recording, has_units=True)
+    stamps = pa.array(columns.stamps)
+    if pa.types.is_timestamp(stamps.type):
+        stamps = stamps.cast(pa.timestamp("ns", "UTC"))
+    arrays = [stamps, *(pa.array(row, from_pandas=True) for row in columns.values)]
     table = pa.Table.from_arrays(arrays, names=[str(index) for index in range(len(arrays))])
     with path.open("wb") as file:
         text = io.StringIO()
         if recording.comment:
-            text.write(stated_line("comment", recording.comment))
+            text.write(dialects.stated_line("comment", recording.comment))
         for channel in recording.channels:
             for kind in ("comment", "calibration"):
                 if stated := getattr(channel, kind):
-                    text.write(stated_line(kind, stated, channel.name))
-        csv.writer(text, lineterminator="\n").writerow([name, *headings])
+                    text.write(dialects.stated_line(kind, stated, channel.name))
+        csv.writer(text, lineterminator="\n").writerow([columns.time, *columns.headings])
         file.write(text.getvalue().encode())
         arrow.write_csv(table, file, arrow.WriteOptions(include_header=False))

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,6 @@ from sprung.errors import FormatError
 from sprung.formats.stated import decoded, half_digit, mapped, plain, whole_lines
 from sprung.formats.table import PIECE_ROWS, Block, rebatch
 
-#: Function type of a time history, and type of an abscissa of time.
-TIME_RESPONSE, TIME = 1, 17
 #: Words for the function types of the format.
 FUNCTION_TYPES = (
     "general functions",
@@ -37,22 +36,75 @@ FUNCTION_TYPES = (
     "probability density functions",
     "spectra",
 )
-
 # A line that begins or ends a dataset.
 _MARK = b"\n    -1"
 _MARK_LINE = re.compile(rb"\n? {4}-1[ \t]*\r?(?=\n|\Z)")
 _END = re.compile(rb"[\r\n]{0,2} {4}-1[ \t]*(\r?\n|\Z)")
 # Directions by the absolute value of their code.
 _DIRECTIONS = ("", "X", "Y", "Z", "RX", "RY", "RZ")
-_N_HEADER_LINES = 11
-_LONGEST_HEADER = 4096
-# Real values: single and double precision; width of one of them, and of an abscissa, in a line of text.
-_SINGLE, _DOUBLE = 2, 4
-_WIDTHS = {_SINGLE: 13, _DOUBLE: 20}
-_ABSCISSA_WIDTH = 13
-_IEEE = 2
-_BYTE_ORDERS = {1: "<", 2: ">"}
-_NONE = ("", "NONE")
+_BYTE_ORDERS = ("", "<", ">")
+#: Texts that stand for nothing.
+NOTHING = ("", "NONE")
+
+
+class Ordinate(NamedTuple):
+    """Quantity of an ordinate: its code, its powers of length and force in SI, and the quantity about an axis."""
+
+    code: int
+    quantity: str
+    length: int = 0
+    force: int = 0
+    about_axis: str = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Codes:
+    """Numbers of the format."""
+
+    time_history: int = 1  # type of a function
+    time: int = 17  # quantity of an abscissa
+    abscissae: frozenset[int] = frozenset({0, 1, 17})  # those that programs write for time
+    single: int = 2  # real values of single precision
+    double: int = 4
+    complex_double: int = 6
+    ieee_754: int = 2  # representation of binary numbers
+    header_lines: int = 11
+    longest_header: int = 4096  # bytes of a header that are read
+    widths: tuple[tuple[int, ...], ...] = (  # columns of the lines of place, size, abscissa and ordinate
+        (5, 10, 5, 10, 11, 10, 4),
+        (10, 10, 10, 13, 13, 13),
+        (10, 5, 5, 5, 21, 21),
+        (10, 5, 5, 5, 21, 21),
+    )
+    abscissa_width: int = 13  # columns of an abscissa in text
+    units: int = 164  # dataset of units, and of a header, nodes and elements, results at nodes
+    description: int = 151
+    geometry: frozenset[int] = frozenset({15, 18, 82, 2400, 2411, 2412, 2420, 2429, 2431, 2467})
+    results: frozenset[int] = frozenset({55, 2414})
+
+    ordinates: tuple[Ordinate, ...] = (  # of two for one quantity the latter is written
+        Ordinate(3, "strain", about_axis="strain"),
+        Ordinate(8, "displacement", length=1, about_axis="angle"),
+        Ordinate(9, "force", force=1),
+        Ordinate(11, "velocity", length=1, about_axis="angular_velocity"),
+        Ordinate(12, "acceleration", length=1),
+        Ordinate(13, "force", force=1),
+        Ordinate(15, "pressure", length=-2, force=1),
+    )
+    temperature: int = 5  # code of an ordinate that is only written
+
+    def ordinate_of(self, quantity: str) -> int:
+        """Return the code of a quantity; 0 where the format has none."""
+        known = {ordinate.about_axis: ordinate.code for ordinate in self.ordinates}
+        known |= {ordinate.quantity: ordinate.code for ordinate in self.ordinates}
+        return 0 if quantity == "unknown" else (known | {"temperature": self.temperature}).get(quantity, 0)
+
+    def value_width(self, data_type: int) -> int:
+        """Return the columns of a real value in text."""
+        return 13 if data_type == self.single else 20
+
+
+CODES = Codes()
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +164,9 @@ class Function:
     @property
     def is_time_history(self) -> bool:
         """Whether the values are real numbers over time."""
-        is_over_time = self.kind == TIME_RESPONSE and self.abscissa_type in {0, 1, TIME}
-        return self.data_type in _WIDTHS and (is_over_time or (self.kind == 0 and self.abscissa_type == TIME))
+        is_over_time = self.kind == CODES.time_history and self.abscissa_type in CODES.abscissae
+        is_general = self.kind == 0 and self.abscissa_type == CODES.time
+        return self.data_type in {CODES.single, CODES.double} and (is_over_time or is_general)
 
     @property
     def place(self) -> str:
@@ -156,7 +209,7 @@ def contents_of(path: Path) -> Contents:
             end = _find_mark(content, begin - 1)
             if end is None:
                 raise _error(path, number, "has no end: the file is incomplete")
-            others.append((int(kind[:6]), decoded(content[begin : min(end.start(), begin + _LONGEST_HEADER)])))
+            others.append((int(kind[:6]), decoded(content[begin : min(end.start(), begin + CODES.longest_header)])))
             position = end.end()
     return Contents(tuple(functions), tuple(others))
 
@@ -179,16 +232,13 @@ def _error(path: Path, number: int, detail: str) -> FormatError:
 
 def _function(path: Path, content: mmap.mmap, begin: int, number: int) -> tuple[Function, int]:
     """Return the function whose type stands at `begin`, and the offset of the end of its dataset."""
-    head = content[begin : begin + _LONGEST_HEADER].split(b"\n", _N_HEADER_LINES + 1)
-    if len(head) < _N_HEADER_LINES + 2:
+    head = content[begin : begin + CODES.longest_header].split(b"\n", CODES.header_lines + 1)[:-1]
+    if len(head) <= CODES.header_lines:
         raise _error(path, number, "has an incomplete header")
-    lines = [decoded(line).rstrip("\r") for line in head[:-1]]
-    start = begin + sum(len(line) + 1 for line in head[:-1])
+    lines = [decoded(line).rstrip("\r") for line in head]
+    start = begin + sum(len(line) + 1 for line in head)
     try:
-        place = _fields(lines[6], 5, 10, 5, 10, 11, 10, 4)
-        size = _fields(lines[7], 10, 10, 10, 13, 13, 13)
-        abscissa = _fields(lines[8], 10, 5, 5, 5, 21, 21)
-        ordinate = _fields(lines[9], 10, 5, 5, 5, 21, 21)
+        place, size, abscissa, ordinate = map(_fields, lines[6:10], CODES.widths)
         data_type, n_values, is_even = int(size[0]), int(size[1]), _integer(size[2]) == 1
         first, step = float(size[3] or 0), float(size[4] or 0)
         kind = int(place[0])
@@ -211,9 +261,9 @@ def _function(path: Path, content: mmap.mmap, begin: int, number: int) -> tuple[
             raise _error(path, number, f"declares {n_values} values, but holds {end - start} bytes")
     function = Function(
         number=number,
-        ids=tuple("" if line.strip() in _NONE else plain(line) for line in lines[1:6]),
+        ids=tuple(map(_stated, lines[1:6])),
         kind=kind,
-        entity="" if place[4] in _NONE else plain(place[4]),
+        entity=_stated(place[4]),
         node=_integer(place[5]),
         direction=_integer(place[6]),
         data_type=data_type,
@@ -223,9 +273,9 @@ def _function(path: Path, content: mmap.mmap, begin: int, number: int) -> tuple[
         step=step,
         step_digit=half_digit(size[4]),
         abscissa_type=_integer(abscissa[0]),
-        abscissa_unit="" if abscissa[5] in _NONE else abscissa[5],
+        abscissa_unit=_stated(abscissa[5]),
         ordinate_type=_integer(ordinate[0]),
-        ordinate_unit="" if ordinate[5] in _NONE else plain(ordinate[5]),
+        ordinate_unit=_stated(ordinate[5]),
         begin=start,
         end=end,
         binary=binary,
@@ -233,10 +283,15 @@ def _function(path: Path, content: mmap.mmap, begin: int, number: int) -> tuple[
     return function, position
 
 
-def _fields(line: str, *widths: int) -> list[str]:
+def _fields(line: str, widths: Sequence[int]) -> list[str]:
     """Return the fields of a line of fixed columns, without blanks."""
     edges = itertools.pairwise(itertools.accumulate(widths, initial=0))
     return [line[first:last].strip() for first, last in edges]
+
+
+def _stated(field: str) -> str:
+    """Return a text; an empty one instead of NONE."""
+    return "" if field.strip() in NOTHING else plain(field)
 
 
 def _integer(field: str) -> int:
@@ -253,10 +308,10 @@ def _binary_extent(
     """
     data_type, n_values, is_even = declared
     order, representation = _integer(line[7:13].strip()), _integer(line[13:19].strip())
-    if order not in _BYTE_ORDERS or representation != _IEEE:
+    if not 0 < order < len(_BYTE_ORDERS) or representation != CODES.ieee_754:
         raise ValueError("holds binary numbers that are not in the representation of IEEE 754")
-    value = f"{_BYTE_ORDERS[order]}f{8 if data_type in {_DOUBLE, 6} else 4}"
-    n_parts = 1 if data_type in _WIDTHS else 2
+    value = f"{_BYTE_ORDERS[order]}f{8 if data_type in {CODES.double, CODES.complex_double} else 4}"
+    n_parts = 1 if data_type in {CODES.single, CODES.double} else 2
     abscissae = ("",) if is_even else (value, f"{_BYTE_ORDERS[order]}f4")
     for abscissa in abscissae:
         size = n_values * (n_parts * np.dtype(value).itemsize + (np.dtype(abscissa).itemsize if abscissa else 0))
@@ -324,35 +379,40 @@ def _numbers(lines: bytes, function: Function) -> Real:
     try:
         return np.array(lines.split(), dtype=np.float64)
     except ValueError:
-        width = _WIDTHS[function.data_type]
-        widths = [width] if function.is_even else [_ABSCISSA_WIDTH, width]
-        return np.array([float(field) for line in lines.splitlines() for field in _columns(line, widths)])
+        widths = [] if function.is_even else [CODES.abscissa_width]
+        widths += [CODES.value_width(function.data_type)]
+        rows = (_fields(line.decode(), widths * (len(line) // sum(widths) + 1)) for line in lines.splitlines())
+        return np.array([float(field) for row in rows for field in row if field])
 
 
-def _columns(line: bytes, widths: Sequence[int]) -> Iterator[bytes]:
-    """Yield the fields of a line of fixed columns."""
-    begin = 0
-    for width in itertools.cycle(widths):
-        if not line[begin:].strip():
-            return
-        yield line[begin : begin + width]
-        begin += width
+def header(
+    ids: Sequence[str], *, place: tuple[int, int], n_values: int, step: float | None, ordinate: tuple[int, str]
+) -> bytes:
+    """Return the lines of a binary dataset of double precision up to its values.
 
-
-def header(function: Function) -> bytes:
-    """Return the lines of a binary dataset up to its values."""
-    n_bytes = function.n_values * (8 if function.is_even else 16)
-    first, step = (f"{value:13.5e}" for value in (function.first, 0.0))
+    Parameters
+    ----------
+    ids
+        The five identification lines.
+    place
+        Node, and code of the direction.
+    n_values
+        Number of values.
+    step
+        Step of the times [s]; None where every value has its own.
+    ordinate
+        Code of the quantity of the values, and their unit.
+    """
+    n_bytes = n_values * (8 if step is not None else 16)
+    node, direction = place
     lines = [
         f"{-1:6d}",
-        f"{58:6d}b{1:6d}{_IEEE:6d}{_N_HEADER_LINES:12d}{n_bytes:12d}{0:6d}{0:6d}{0:12d}{0:12d}",
-        *(f"{line or 'NONE':<80}" for line in function.ids),
-        f"{function.kind:5d}{0:10d}{0:5d}{0:10d} {function.entity or 'NONE':<10}{function.node:10d}"
-        f"{function.direction:4d} {'NONE':<10}{0:10d}{0:4d}",
-        f"{function.data_type:10d}{function.n_values:10d}{int(function.is_even):10d}{first}"
-        f"{_exact(function.step) if function.is_even else step}{0:13.5e}",
-        _axis(function.abscissa_type, "Time", function.abscissa_unit),
-        _axis(function.ordinate_type, "NONE", function.ordinate_unit),
+        f"{58:6d}b{1:6d}{CODES.ieee_754:6d}{CODES.header_lines:12d}{n_bytes:12d}{0:6d}{0:6d}{0:12d}{0:12d}",
+        *(f"{line or 'NONE':<80}" for line in ids),
+        f"{CODES.time_history:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{node:10d}{direction:4d} {'NONE':<10}{0:10d}{0:4d}",
+        f"{CODES.double:10d}{n_values:10d}{int(step is not None):10d}{0:13.5e}{_exact(step or 0.0)}{0:13.5e}",
+        _axis(CODES.time, "Time", "s"),
+        _axis(ordinate[0], "NONE", ordinate[1]),
         _axis(0, "NONE", ""),
         _axis(0, "NONE", ""),
     ]
@@ -364,8 +424,8 @@ def _axis(kind: int, label: str, unit: str) -> str:
 
 
 def _exact(number: float) -> str:
-    """Return a positive number with as many digits as fit in twelve of thirteen columns."""
-    for digits in range(10, 0, -1):
+    """Return a number with as many digits as fit in twelve of thirteen columns; 0 with six."""
+    for digits in range(10 if number else 0, 0, -1):
         mantissa, exponent = f"{number:.{digits}e}".split("e")
         text = f"{mantissa}E{int(exponent)}"
         if len(text) < 13:

@@ -79,10 +79,10 @@ class _Channel:
 
     index: int
     column: Column
-    n_rows: int
-    clock: tuple[Any, ...] | None
-    sampling_rate: float | None
-    first_stamp: float
+    n_rows: int = 0
+    clock: tuple[Any, ...] | None = None
+    sampling_rate: float | None = None
+    first_stamp: float = 0.0
 
 
 @contextmanager
@@ -107,19 +107,16 @@ def _channel(library: Any, file: Any, channel: Any, name: str) -> _Channel:
         comment=plain(channel.description),
         calibration=linear(channel.scale, channel.offset),
     )
-    kind = int(channel.channel_type)
-    if channel.array_size != 1 or channel._data_type > _LARGEST_REAL or kind == _SINGLE_VALUE:
-        return _Channel(channel.index, column, 0, None, None, 0.0)
-    n_rows = int(channel.number_of_samples)
-    if n_rows < 1:
-        return _Channel(channel.index, column, 0, None, None, 0.0)
+    kind, n_rows = int(channel.channel_type), int(channel.number_of_samples)
+    is_number = channel.array_size == 1 and channel._data_type <= _LARGEST_REAL and kind != _SINGLE_VALUE
+    if not is_number or n_rows < 1:
+        return _Channel(channel.index, column)
     try:
         stamps, _ = _read(library, file, channel.index, 0, 1)
     except RuntimeError:
-        return _Channel(channel.index, column, n_rows, None, None, 0.0)
+        return _Channel(channel.index, column, n_rows)
     rate = None if kind == _ASYNCHRONOUS else _rate(channel)
-    clock = (rate, n_rows) if rate else (name,)
-    return _Channel(channel.index, column, n_rows, clock, rate, stamps[0])
+    return _Channel(channel.index, column, n_rows, (rate, n_rows) if rate else (name,), rate, stamps[0])
 
 
 def _rate(channel: Any) -> float | None:

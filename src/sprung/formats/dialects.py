@@ -4,7 +4,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ _PATTERN = (
     r"^\s*(?:(?P<first>\d{1,4})(?P<mark>[./-])(?P<second>\d{1,2})[./-](?P<third>\d{1,4}))?[T ,_]*"
     r"(?:(?P<hour>\d{1,2}):(?P<minute>\d{1,2})(?::(?P<whole>\d{2})(?:[.,:](?P<fraction>\d+))?)?"
     r"|(?P<minutes>\d{1,3}):(?P<rest>\d{2})[.,](?P<part>\d+))?"
-    r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)?\s*$"
+    r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?\s*(?:Z|UTC|GMT|(?P<sign>[+-])(?P<zone>\d{2})(?::?(?P<rest_of_zone>\d{2}))?)?\s*$"
 )
 _MOMENT = re.compile(_PATTERN)
 #: Orders of day, month and year.
@@ -64,11 +64,11 @@ class Layout:
         Fields of the first row of numbers.
     comment
         Text above the header.
-    is_named
-        Whether the columns have names in the file.
+    is_ragged
+        Whether rows may leave out their last fields, or hold delimiters in the last one.
     stated
-        What lines such as "# acc_fl, calibration: 101.9 mV/g" above the header state of columns: name, "comment" or
-        "calibration", text.
+        What lines such as "# acc_fl, calibration: 101.9 mV/g" above the header state of columns: "comment" and
+        "calibration" by name.
     """
 
     delimiter: str
@@ -79,8 +79,27 @@ class Layout:
     offset: int
     first_row: tuple[str, ...]
     comment: str = ""
-    is_named: bool = True
-    stated: tuple[tuple[str, str, str], ...] = ()
+    is_ragged: bool = False
+    stated: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+    def kinds_by_heading(self) -> dict[str, str]:
+        """Return what each column with a name holds."""
+        return {heading: kind for heading, kind in zip(self.headings, self.kinds, strict=True) if heading}
+
+    def regular(self, text: bytes) -> bytes:
+        """Return lines with one delimiter between fields, of ragged ones as many as between the headings."""
+        if not self.is_ragged:
+            return single_blanks(text) if self.delimiter == BLANK else text
+        sign, n_fields = self.delimiter.encode(), len(self.headings)
+        lines = (line + (n_fields - 1 - line.count(sign)) * sign for line in text.splitlines())
+        return b"\n".join(sign.join(line.split(sign)[:n_fields]) for line in lines)
+
+    def parsed(self, text: bytes, types: Mapping[int, Any]) -> Any:
+        """Return columns of lines of text, chosen and called by their indices, as a table of Arrow."""
+        names = [str(index) for index in range(len(self.headings))]
+        wanted = {names[index]: kind for index, kind in types.items()}
+        signs = (self.delimiter, self.decimal)
+        return parsed(self.regular(text), names, wanted, *signs, has_quotes=not self.is_ragged)
 
     def is_unfinished(self, line: bytes) -> bool:
         """Return whether the last line of a file was cut off: it has fewer fields, or an unfinished number."""
@@ -118,8 +137,7 @@ def layout_of(path: Path, lines: Sequence[bytes]) -> Layout:
         offset=sum(len(line) for line in lines[:first]),
         first_row=tuple(sample[0]),
         comment=_comment(lines[:preamble]),
-        is_named=named is not None,
-        stated=tuple(_of_columns(lines[:preamble])),
+        stated=_of_columns(lines[:preamble]),
     )
 
 
@@ -264,12 +282,14 @@ def _kind(values: list[str], decimal: str) -> str:
     return "text" if is_text else "number"
 
 
-def _of_columns(lines: Sequence[bytes]) -> Iterator[tuple[str, str, str]]:
-    """Yield what lines of comment state of columns."""
+def _of_columns(lines: Sequence[bytes]) -> dict[str, dict[str, str]]:
+    """Return what lines of comment state of columns."""
+    stated: dict[str, dict[str, str]] = {}
     for line in lines:
         match = _OF_COLUMN.fullmatch(decoded(line).strip())
         if match and match["name"]:
-            yield match["name"], match["kind"], match["text"]
+            stated.setdefault(match["name"], {})[match["kind"]] = match["text"]
+    return stated
 
 
 def _comment(lines: Sequence[bytes]) -> str:
@@ -286,7 +306,13 @@ def _comment(lines: Sequence[bytes]) -> str:
 
 
 def parsed(
-    text: bytes, headings: Sequence[str], types: Mapping[str, Any], *, delimiter: str, decimal: str, quote: bool = True
+    text: bytes,
+    headings: Sequence[str],
+    types: Mapping[str, Any],
+    delimiter: str,
+    decimal: str,
+    *,
+    has_quotes: bool = True,
 ) -> Any:
     """Return columns of lines of text as a table of Arrow: those of `types`; all, as they look, where it is empty."""
     import pyarrow as pa
@@ -295,7 +321,7 @@ def parsed(
     return arrow.read_csv(
         pa.BufferReader(text),
         read_options=arrow.ReadOptions(column_names=list(headings)),
-        parse_options=arrow.ParseOptions(delimiter=delimiter, quote_char='"' if quote else False),
+        parse_options=arrow.ParseOptions(delimiter=delimiter, quote_char='"' if has_quotes else False),
         convert_options=arrow.ConvertOptions(
             column_types=types,
             include_columns=list(types),
@@ -360,13 +386,15 @@ def moments(texts: Any, order: str) -> NDArray[Any]:
     hour = _numbers(fields["hour"])
     half = pc.utf8_lower(pc.utf8_slice_codeunits(fields["half"], 0, 1)).to_numpy(zero_copy_only=False)
     hour = np.where(half == "", hour, hour % 12 + 12 * (half == "p"))
+    sign = np.where(fields["sign"].to_numpy(zero_copy_only=False) == "-", -1, 1)
     nanoseconds = (
         hour * _NANOSECONDS["hour"]
         + (_numbers(fields["minute"]) + _numbers(fields["minutes"])) * _NANOSECONDS["minute"]
         + (_numbers(fields["whole"]) + _numbers(fields["rest"])) * _NANOSECONDS["second"]
-        + _numbers(_nine_digits(fields["fraction"]))
-        + _numbers(_nine_digits(fields["part"]))
-        - _offsets(fields["zone"])
+        + _numbers(fields["fraction"], is_fraction=True)
+        + _numbers(fields["part"], is_fraction=True)
+        - _numbers(fields["zone"]) * sign * _NANOSECONDS["hour"]
+        - _numbers(fields["rest_of_zone"]) * sign * _NANOSECONDS["minute"]
     )
     is_text = np.asarray(pc.is_valid(fields["first"]))
     first, second, third = (_numbers(fields[name]) for name in ("first", "second", "third"))
@@ -392,37 +420,13 @@ def _date_fields(texts: Any) -> dict[str, Any]:
     return {name: pc.struct_field(parts, name) for name in _MOMENT.groupindex}
 
 
-def _numbers(digits: Any) -> NDArray[np.int64]:
-    """Return whole numbers; 0 for an empty text."""
+def _numbers(digits: Any, *, is_fraction: bool = False) -> NDArray[np.int64]:
+    """Return whole numbers, of decimal fractions those of 1e-9; 0 for an empty text."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
-    plain = pc.if_else(pc.equal(pc.fill_null(digits, ""), ""), "0", pc.fill_null(digits, "0"))
-    numbers: NDArray[np.int64] = pc.cast(plain, pa.int64()).to_numpy(zero_copy_only=False)
-    return numbers
-
-
-def _nine_digits(fraction: Any) -> Any:
-    """Return a decimal fraction as nanoseconds."""
-    import pyarrow.compute as pc
-
-    return pc.utf8_slice_codeunits(pc.utf8_rpad(pc.fill_null(fraction, ""), 9, "0"), 0, 9)
-
-
-def _offsets(zone: Any) -> NDArray[np.int64]:
-    """Return the offsets of time zones from UTC [ns]."""
-    codes = zone.dictionary_encode()
-    if hasattr(codes, "combine_chunks"):
-        codes = codes.combine_chunks()
-    offsets = [_offset(text or "") for text in codes.dictionary.to_pylist()]
-    indices = codes.indices.fill_null(0).to_numpy(zero_copy_only=False)
-    return np.array(offsets or [0], dtype=np.int64)[indices]
-
-
-def _offset(zone: str) -> int:
-    """Return the offset of one time zone from UTC [ns]."""
-    if zone[:1] not in {"+", "-"}:
-        return 0
-    digits = zone[1:].replace(":", "").ljust(4, "0")
-    minutes = 60 * int(digits[:2]) + int(digits[2:])
-    return (minutes if zone[0] == "+" else -minutes) * _NANOSECONDS["minute"]
+    present = pc.fill_null(digits, "")
+    plain = pc.utf8_slice_codeunits(pc.utf8_rpad(present, 9, "0"), 0, 9) if is_fraction else present
+    numbers = pc.cast(pc.if_else(pc.equal(plain, ""), "0", plain), pa.int64())
+    values: NDArray[np.int64] = numbers.to_numpy(zero_copy_only=False)
+    return values

@@ -8,6 +8,7 @@ only.
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,16 +39,14 @@ class _Limits:
     bridge_reach: int = 16  # samples on either side from which those in a gap are interpolated
     min_bridge: int = 4  # fewer samples do not carry a bridge
     bridge_fraction: float = 0.25  # difference of a bridged gap from whole sample intervals
+    fillers: tuple[float, ...] = (  # numbers that loggers write, as in the file, those of the first line also negative
+        *(999.0, 999.9, 9999.0, 9999.9, 99999.0, 999999.0, 1e30, 1e31),
+        *(-32768.0, 32767.0, 65535.0, -2147483648.0, 2147483647.0, 4294967295.0),
+    )
 
 
 _LIMITS = _Limits()
-#: Numbers that loggers write, as in the file.
-_FILLERS = np.array(
-    [
-        *(sign * number for number in (999.0, 999.9, 9999.0, 9999.9, 99999.0, 999999.0) for sign in (-1, 1)),
-        *(-32768.0, 32767.0, 65535.0, -2147483648.0, 2147483647.0, 4294967295.0, 1e30, -1e30, 1e31, -1e31),
-    ]
-)
+_FILLERS = np.array([*_LIMITS.fillers, *(-number for number in _LIMITS.fillers[:8])])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -82,7 +81,7 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
     n_rows = 0
     counts = np.zeros(len(table.columns), dtype=int)
     scale = None
-    doubt = ""
+    doubts: list[str] = []
     fit = ClockFit(f"{table.path}, {table.row_word}")
     count = FillerCount(len(table.columns))
     for block in blocks:
@@ -91,59 +90,60 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
         rows = has_value.any(axis=0)
         n_rows += int(rows.sum())
         counts += has_value.sum(axis=1)
-        if block.stamps is None or not rows.any() or doubt:
+        if block.stamps is None or not rows.any() or doubts:
             continue
         stamps = block.stamps[rows]
         scale = scale or time_scale(stamps, table.time_factor)
         seconds = scale.seconds(stamps)
         numbers = block.first_row + np.flatnonzero(rows)
-        try:
+        with _doubted(doubts, sampling_rate):
             if not np.isfinite(seconds).all():
                 raise FormatError(
                     f"{table.path}, {table.row_word} {numbers[np.argmin(np.isfinite(seconds))]}: column "
                     f"{table.time_heading!r} holds no time: fill it in or remove the row"
                 )
             fit.update(seconds, numbers, rounding=scale.rounding(stamps))
-        except (DataError, FormatError) as error:
-            doubt = _doubt(error, sampling_rate)
     fillers = [count.fillers(channel) for channel in range(len(table.columns))]
     counts -= [sum(numbers.values()) for numbers in fillers]
     alive = _alive(table, counts, n_rows)
     clock = Clock(stated, 1 / stated)
-    if scale and not doubt:
-        try:
+    if scale and not doubts:
+        with _doubted(doubts, sampling_rate):
             clock = fit.clock()
-        except (DataError, FormatError) as error:
-            doubt = _doubt(error, sampling_rate)
-    if not doubt and sampling_rate is not None:
-        doubt = _disagreement(table, clock, sampling_rate)
-    if doubt:
+            if sampling_rate is not None:
+                _check_agreement(table, clock, sampling_rate)
+    if doubts:
         clock = Clock(stated, 1 / stated)
     elif table.time_heading is not None and abs(stated / clock.sampling_rate - 1) > _LIMITS.same_rate:
         raise ParameterError(
             f"{table.path}: sampling_rate={stated:g} contradicts the time column {table.time_heading!r}, which "
             f"advances at {clock.sampling_rate:.6g} Hz: leave --sampling-rate out or correct the column"
         )
-    of_clock = _history_of_clock(clock, scale, doubt, n_rows)
+    of_clock = _history_of_clock(clock, scale, doubts, n_rows)
     history = tuple(_history(table, of_clock, counts, n_rows, fillers))
-    return Survey(alive, scale, clock, history, bool(doubt), tuple(tuple(numbers) for numbers in fillers))
+    return Survey(alive, scale, clock, history, bool(doubts), tuple(tuple(numbers) for numbers in fillers))
 
 
-def _doubt(error: Exception, sampling_rate: float | None) -> str:
-    """Return why an inconsistent clock is doubted; raise it where no sampling rate overrules."""
-    if sampling_rate is None:
-        raise error
-    return str(error).rsplit(": ", 1)[0]
+@contextmanager
+def _doubted(doubts: list[str], sampling_rate: float | None) -> Iterator[None]:
+    """Collect what contradicts a clock, where a stated sampling rate takes its place."""
+    try:
+        yield
+    except (DataError, FormatError) as error:
+        if sampling_rate is None:
+            raise
+        doubts.append(str(error).rsplit(": ", 1)[0])
 
 
-def _disagreement(table: Table, clock: Clock, stated: float) -> str:
-    """Return what is doubtful in a clock that the stated rate contradicts; empty if it agrees, or is a clean clock."""
-    if abs(stated / clock.sampling_rate - 1) <= _LIMITS.same_rate or not (
-        clock.is_coarse or clock.sampling_rate < _LIMITS.slow
-    ):
-        return ""
-    why = "but several rows share a stamp" if clock.is_coarse else "which is hardly that of a measurement of motion"
-    return f"{table.path}: {table.time_heading!r} advances at {clock.sampling_rate:.4g} Hz, {why}"
+def _check_agreement(table: Table, clock: Clock, stated: float) -> None:
+    """Raise if a clock that the stated rate contradicts is doubtful itself."""
+    if abs(stated / clock.sampling_rate - 1) <= _LIMITS.same_rate:
+        return
+    if clock.is_coarse or clock.sampling_rate < _LIMITS.slow:
+        why = "but several rows share a stamp" if clock.is_coarse else "which is hardly that of a measurement of motion"
+        raise DataError(
+            f"{table.path}: {table.time_heading!r} advances at {clock.sampling_rate:.4g} Hz, {why}: state its rate"
+        )
 
 
 def _values_present(table: Table, block: Block) -> Booleans:
@@ -200,10 +200,10 @@ def _history(
             yield f"{column.name}: {number:g} in {count} rows is a filler, far from all other values: taken as missing"
 
 
-def _history_of_clock(clock: Clock, scale: TimeScale | None, doubt: str, n_rows: int) -> Iterator[str]:
+def _history_of_clock(clock: Clock, scale: TimeScale | None, doubts: Sequence[str], n_rows: int) -> Iterator[str]:
     """Yield what the history says of the clock."""
-    if doubt:
-        yield f"{clock.sampling_rate:g} Hz as stated, in place of an inconsistent clock ({doubt})"
+    if doubts:
+        yield f"{clock.sampling_rate:g} Hz as stated, in place of an inconsistent clock ({doubts[0]})"
     else:
         yield clock.describe() if scale else f"no time column: {clock.sampling_rate:g} Hz as stated"
     if scale and n_rows >= _LIMITS.min_rows and clock.sampling_rate < _LIMITS.slow:
@@ -284,14 +284,8 @@ class _Assembler:
         self._facts = facts
         self._clock = facts.clock
         self._channels = tuple(
-            Channel(
-                column.name,
-                column.quantity,
-                direction=column.direction,
-                comment=column.comment,
-                calibration=column.calibration,
-            )
-            for column in table.columns
+            Channel(each.name, each.quantity, None, each.direction, each.comment, each.calibration)
+            for each in table.columns
         )
         self._factors = np.array([[column.factor] for column in table.columns])
         self._n_rows = 0

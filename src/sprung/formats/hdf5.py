@@ -10,7 +10,8 @@ import numpy as np
 from sprung.errors import FormatError
 from sprung.formats.arrays import Arrays, array_groups
 from sprung.formats.settings import ReadSettings
-from sprung.formats.table import Group, reported, written_headings, written_stamps, written_unit, written_values
+from sprung.formats.table import Group, reported
+from sprung.formats.writing import written
 from sprung.recording import Recording
 
 NAME, EXTRA = "HDF5", None
@@ -19,9 +20,12 @@ ENDINGS = (".h5", ".hdf5", ".hdf")
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 #: Where it may stand, after a block of the user's [bytes].
 OFFSETS = (0, 512, 1024, 2048)
-_UNITS = ("unit", "units", "Unit", "Units")
-_COMMENTS = ("comment", "description", "Comment", "Description")
-_CALIBRATIONS = ("calibration", "Calibration", "sensitivity", "Sensitivity")
+#: Attributes that state what is known of a channel.
+_FACTS = {
+    "unit": ("unit", "units", "Unit", "Units"),
+    "comment": ("comment", "description", "Comment", "Description"),
+    "calibration": ("calibration", "Calibration", "sensitivity", "Sensitivity"),
+}
 _RATES = ("sampling_rate", "fs", "fs_Hz", "rate")
 
 
@@ -136,7 +140,7 @@ def _arrays(path: Path, folder: Any) -> Arrays:
     import h5py
 
     values: dict[str, Any] = {}
-    stated: dict[str, dict[str, str]] = {"units": {}, "comments": {}, "calibrations": {}}
+    facts: dict[str, dict[str, str]] = {}
     rates = {float(rate) for rate in [_number(folder.attrs, _RATES)] if rate}
     for link, item in own_items(path, folder):
         if not isinstance(item, h5py.Dataset):
@@ -146,16 +150,14 @@ def _arrays(path: Path, folder: Any) -> Arrays:
             values[name] = stored(path, item)
         elif item.dtype.kind in "OSU" and item.size < _LIMITS.datasets:
             values[name] = _texts(item)
-        for key, names in (("units", _UNITS), ("comments", _COMMENTS), ("calibrations", _CALIBRATIONS)):
-            text = _text(item.attrs, names)
-            if text:
-                stated[key][name] = text
+        stated = {key: _text(item.attrs, names) for key, names in _FACTS.items()}
+        facts[name] = {key: text for key, text in stated.items() if text}
         rate = _number(item.attrs, _RATES)
         rates |= {rate} if rate else set()
     if len(rates) == 1 and not any(name.lower() in _RATES for name in values):
         values["sampling_rate"] = rates.pop()
     start = _number(folder.attrs, ("start_ns",))
-    return Arrays(values, **stated, start=None if start is None else int(start), comment=_text(folder.attrs, _COMMENTS))
+    return Arrays(values, facts, None if start is None else int(start), _text(folder.attrs, _FACTS["comment"]))
 
 
 def _texts(dataset: Any) -> np.ndarray:
@@ -188,8 +190,8 @@ def write(recording: Recording, path: Path) -> None:
     """Write a recording as HDF5: a dataset for each channel and one of times, with units and comments as attributes."""
     import h5py
 
-    written_headings(recording, has_units=False)  # raises on names that would not be read back
-    _, stamps = written_stamps(recording)
+    columns = written(recording, has_units=False)
+    stamps = columns.stamps
     with h5py.File(path, "w", track_order=True) as file:
         if recording.start is not None:
             file.attrs["start_ns"] = np.int64(recording.start)
@@ -198,13 +200,14 @@ def write(recording: Recording, path: Path) -> None:
         seconds = stamps.view(np.int64) - (recording.start or 0) if stamps.dtype.kind == "M" else stamps
         dataset = file.create_dataset("time", data=seconds, compression="gzip", shuffle=True)
         dataset.attrs["unit"] = "ns" if stamps.dtype.kind == "M" else "s"
-        for number, (channel, values) in enumerate(zip(recording.channels, written_values(recording), strict=True), 1):
+        each = zip(recording.channels, columns.units, columns.values, strict=True)
+        for number, (channel, unit, values) in enumerate(each, 1):
             is_path = "/" in channel.name or channel.name == "."
             link = f"channel_{number}" if is_path else channel.name
             dataset = file.create_dataset(link, data=values, compression="gzip", shuffle=True)
             for name, text in (
                 ("name", channel.name if is_path else ""),
-                ("unit", written_unit(channel.quantity)[0]),
+                ("unit", unit),
                 ("comment", channel.comment),
                 ("calibration", channel.calibration),
             ):

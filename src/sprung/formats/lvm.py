@@ -3,7 +3,6 @@
 import mmap
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,10 +10,21 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.errors import FormatError
+from sprung.formats import csv
 from sprung.formats.clock import neat_rate
-from sprung.formats.dialects import parsed
+from sprung.formats.dialects import Layout
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import column_group, decoded, described, distinct, half_digit, mapped, plain, whole_lines
+from sprung.formats.stated import (
+    column_group,
+    decoded,
+    described,
+    distinct,
+    half_digit,
+    mapped,
+    plain,
+    utc,
+    whole_lines,
+)
 from sprung.formats.table import Block, Group, is_number, reported, stated_column, within
 
 NAME, EXTRA = "a LabVIEW measurement", None
@@ -24,8 +34,7 @@ _SIGNATURE = b"LabVIEW Measurement"
 _END_OF_HEADER = b"***End_of_Header***"
 _SEPARATORS = {"tab": "\t", "comma": ",", "semicolon": ";"}
 _LONGEST_LINE = 1_048_576
-_DATE = re.compile(r"(\d{4})/(\d\d?)/(\d\d?)")
-_TIME = re.compile(r"(\d\d?):(\d\d):(\d\d)(?:[.,](\d+))?")
+_MOMENT = re.compile(r"(\d{4})/(\d\d?)/(\d\d?) (\d\d?):(\d\d):(\d\d)(?:[.,](\d+))?")
 _NOTES = ("Description", "Notes", "Project", "Test_Name", "Test_Series", "Test_Numbers", "UUT_Name", "Model_Number")
 
 
@@ -45,11 +54,10 @@ class _Heading:
 
 @dataclass(frozen=True, slots=True)
 class _Segment:
-    """Channels of a segment, and where its rows are in the file [bytes]."""
+    """Channels of a segment, the layout of its rows, where they end in the file [bytes], and a comment."""
 
     headings: tuple[_Heading, ...]
-    n_fields: int
-    begin: int
+    layout: Layout
     end: int
     comment: str
 
@@ -163,7 +171,10 @@ def _segment(path: Path, content: mmap.mmap, dialect: _Dialect, extent: tuple[in
     stated = {fields[0].strip(): [field.strip() for field in fields[1:]] for fields in lines}
     names_begin = _line_end(path, content, end)
     rows_begin = _line_end(path, content, names_begin)
-    names = [name.strip() for name in decoded(content[names_begin:rows_begin]).strip("\r\n").split(dialect.separator)]
+    names, first_row = (
+        [field.strip() for field in decoded(content[first : _line_end(path, content, first)]).split(dialect.separator)]
+        for first in (names_begin, rows_begin)
+    )
     has_comment = names[-1] == "Comment"
     pitch = 2 if dialect.x_columns == "multi" else 1
     headings = []
@@ -173,13 +184,22 @@ def _segment(path: Path, content: mmap.mmap, dialect: _Dialect, extent: tuple[in
         if heading.n_samples != "0":
             headings.append(heading)
     labels = distinct([heading.name for heading in headings])
-    first_row = (
-        decoded(content[rows_begin : _line_end(path, content, rows_begin)]).strip("\r\n").split(dialect.separator)
-    )
     remark = first_row[len(names) - 1] if has_comment and len(first_row) >= len(names) else ""
-    notes = described(*(" ".join(stated[key]) for key in _NOTES if key in stated), remark)
-    named = tuple(replace(heading, name=label) for label, heading in zip(labels, headings, strict=True))
-    return _Segment(named, len(names), rows_begin, max(rows_begin, until), notes)
+    return _Segment(
+        tuple(replace(heading, name=label) for label, heading in zip(labels, headings, strict=True)),
+        Layout(
+            delimiter=dialect.separator,
+            decimal=dialect.decimal,
+            headings=tuple(names),
+            kinds=("number",) * len(names),
+            first_line=1,
+            offset=rows_begin,
+            first_row=tuple(first_row),
+            is_ragged=True,
+        ),
+        max(rows_begin, until),
+        described(*(" ".join(stated[key]) for key in _NOTES if key in stated), remark),
+    )
 
 
 def _heading(
@@ -208,14 +228,8 @@ def _heading(
 
 def _start(date: str, time: str) -> int | None:
     """Return a date and a time of day as UTC in nanoseconds since 1970; None without them."""
-    day, clock = _DATE.fullmatch(date), _TIME.fullmatch(time)
-    if day is None or clock is None:
-        return None
-    with suppress(ValueError):
-        year, month, number = map(int, day.groups())
-        moment = np.datetime64(f"{year:04d}-{month:02d}-{number:02d}T{int(clock[1]):02d}:{clock[2]}:{clock[3]}", "s")
-        return int(moment.astype(np.int64)) * 10**9 + int((clock[4] or "").ljust(9, "0")[:9])
-    return None
+    match = _MOMENT.fullmatch(f"{date} {time}")
+    return utc(*match.groups()[:6], fraction=match[7]) if match else None
 
 
 def _rate(heading: _Heading) -> float | None:
@@ -251,7 +265,7 @@ def _group(path: Path, name: str, dialect: _Dialect, parts: Sequence[tuple[_Segm
 
     def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
         own = [(part, [part.headings[each[k]] for k in indices]) for part, each in parts]
-        return within(_blocks(path, dialect, own, has_times=has_times), first, last)
+        return within(_blocks(path, own, has_times=has_times), first, last)
 
     return column_group(
         path,
@@ -267,32 +281,36 @@ def _group(path: Path, name: str, dialect: _Dialect, parts: Sequence[tuple[_Segm
     )
 
 
-def _blocks(
-    path: Path, dialect: _Dialect, parts: Sequence[tuple[_Segment, list[_Heading]]], *, has_times: bool
-) -> Iterator[Block]:
+def _blocks(path: Path, parts: Sequence[tuple[_Segment, list[_Heading]]], *, has_times: bool) -> Iterator[Block]:
     """Yield the rows of some channels in the segments, numbered by their lines."""
+    import pyarrow as pa
+
     origin = parts[0][1][0].start
-    with reported(path, NAME), mapped(path) as content:
-        for segment, headings in parts:
-            lead = headings[0]
-            offset = 0.0 if origin is None or lead.start is None else (lead.start - origin) * 1e-9
-            n_done = 0
-            for line, piece in _pieces(content, segment):
-                numbers = _numbers(path, dialect, segment, headings, (line, piece))
-                xs = [numbers[2 * k] for k in range(len(headings)) if headings[k].x is not None]
-                values = numbers[1::2]
-                stamps: Real | None = None
-                if xs:
-                    _check_times(path, headings, xs)
-                    stamps = offset + xs[0]
-                elif has_times:
-                    step = 1 / (_rate(lead) or np.nan)
-                    stamps = offset + lead.first + step * np.arange(n_done, n_done + values.shape[1], dtype=np.float64)
-                n_done += values.shape[1]
-                yield Block(line, stamps, values)
+    n_lines, place = 0, 0
+    for segment, headings in parts:
+        lead = headings[0]
+        offset = 0.0 if origin is None or lead.start is None else (lead.start - origin) * 1e-9
+        step = 1 / (_rate(lead) or np.nan)
+        with mapped(path) as content:
+            n_lines += sum(piece.count(b"\n") for _, piece in whole_lines(content, place, segment.layout.offset))
+        place = segment.layout.offset
+        layout = replace(segment.layout, first_line=1 + n_lines)
+        indices = [heading.y for heading in headings]
+        clocks = [heading.x for heading in headings if heading.x is not None]
+        n_done = 0
+        for line, table in csv.tables(path, layout, dict.fromkeys([*clocks, *indices], pa.float64()), segment.end):
+            stamps: Real | None = None
+            if clocks:
+                xs = csv.numbers(table, clocks)
+                _check_times(path, headings, xs)
+                stamps = offset + xs[0]
+            elif has_times:
+                stamps = offset + lead.first + step * np.arange(n_done, n_done + table.num_rows, dtype=np.float64)
+            n_done += table.num_rows
+            yield Block(line, stamps, csv.numbers(table, indices))
 
 
-def _check_times(path: Path, headings: Sequence[_Heading], xs: Sequence[Real]) -> None:
+def _check_times(path: Path, headings: Sequence[_Heading], xs: Real) -> None:
     """Raise if channels have different times."""
     for heading, x in zip(headings[1:], xs[1:], strict=True):
         if np.any(x != xs[0], where=~(np.isnan(x) | np.isnan(xs[0]))):
@@ -300,79 +318,3 @@ def _check_times(path: Path, headings: Sequence[_Heading], xs: Sequence[Real]) -
                 f"{path}: channels {headings[0].name!r} and {heading.name!r} have different times: choose channels "
                 "with a common time base with --channels"
             )
-
-
-def _pieces(content: mmap.mmap, segment: _Segment) -> Iterator[tuple[int, bytes]]:
-    """Yield pieces of whole lines, each with the number of its first one."""
-    line = 1 + sum(piece.count(b"\n") for _, piece in whole_lines(content, 0, segment.begin))
-    for _, piece in whole_lines(content, segment.begin, segment.end):
-        yield line, piece
-        line += piece.count(b"\n")
-
-
-def _numbers(
-    path: Path,
-    dialect: _Dialect,
-    segment: _Segment,
-    headings: Sequence[_Heading],
-    numbered: tuple[int, bytes],
-) -> Real:
-    """Return times and values of the channels in lines of text, shape (2 channels, rows); NaN for empty fields."""
-    import pyarrow as pa
-
-    first_line, piece = numbered
-    end = piece.find(b"\n", len(piece.rstrip(b" \t,;\r\n")))
-    rows = piece if end < 0 else piece[:end]
-    if not rows.strip():
-        return np.empty((2 * len(headings), 0))
-    indices = [index for each in headings for index in (each.x, each.y)]
-    separator = dialect.separator.encode()
-    n_fields = rows.partition(b"\n")[0].count(separator) + 1
-    try:
-        return _parse(rows, dialect, n_fields, indices)
-    except pa.ArrowInvalid:  # rows of several widths
-        lines = [_of_width(line, separator, segment.n_fields) for line in rows.splitlines()]
-    try:
-        return _parse(b"\n".join(lines), dialect, segment.n_fields, indices)
-    except pa.ArrowInvalid:
-        raise _located(path, dialect, headings, lines, first_line) from None
-
-
-def _parse(rows: bytes, dialect: _Dialect, n_fields: int, indices: Sequence[int | None]) -> Real:
-    """Return some fields of rows of one width, shape (fields, rows); NaN for fields that rows do not have."""
-    import pyarrow as pa
-
-    wanted = {str(index): pa.float64() for index in indices if index is not None and index < n_fields}
-    names = [str(index) for index in range(n_fields)]
-    types = wanted or {"0": pa.string()}
-    table = parsed(rows, names, types, delimiter=dialect.separator, decimal=dialect.decimal, quote=False)
-    numbers = np.full((len(indices), table.num_rows), np.nan)
-    for row, index in enumerate(indices):
-        if str(index) in wanted:
-            numbers[row] = table.column(str(index)).to_numpy()
-    return numbers
-
-
-def _of_width(line: bytes, separator: bytes, n_fields: int) -> bytes:
-    """Return a line with as many fields as the heading: rows leave the last ones out, comments may hold separators."""
-    missing = n_fields - 1 - line.count(separator)
-    if missing >= 0:
-        return line + missing * separator
-    return separator.join(line.split(separator)[:n_fields])
-
-
-def _located(
-    path: Path, dialect: _Dialect, headings: Sequence[_Heading], lines: Sequence[bytes], first_line: int
-) -> FormatError:
-    """Return the error that names the first field that is not a number."""
-    for number, line in enumerate(lines, first_line):
-        fields = [decoded(field).strip() for field in line.split(dialect.separator.encode())]
-        for heading in headings:
-            for index in (heading.x, heading.y):
-                text = "" if index is None else fields[index]
-                if text and not is_number(text.replace(dialect.decimal, ".")):
-                    return FormatError(
-                        f"{path}, line {number}, channel {heading.name!r}: {text[:40]!r} is not a number: correct it, "
-                        "or leave it empty where nothing was measured"
-                    )
-    return FormatError(f"{path}, line {first_line}: the numbers below cannot be read: export the file again")

@@ -29,30 +29,57 @@ NAME, EXTRA = "MDF", "mdf"
 ENDINGS = (".mf4", ".mdf", ".mf3")
 
 _SIGNATURES = (b"MDF     ", b"UnFinMF ")
-_TIME_HEADING = "time [s]"
 #: Bytes of records that are read at once.
 _PIECE_BYTES = 8_388_608
-#: Data types of integers and floating-point numbers, by the generation of the format.
-_NUMBERS = {3: frozenset({0, 1, 2, 3, *range(9, 17)}), 4: frozenset(range(6))}
-#: Kinds of channels with one value in each record: values, masters and virtual ones.
-_KINDS = {3: frozenset({0, 1}), 4: frozenset({0, 2, 3, 6})}
-#: Kinds of channels without bytes: virtual ones.
-_WITHOUT_BYTES = {3: frozenset[int](), 4: frozenset({3, 6})}
-#: Kind of synchronisation of a master that counts time; flag of a start in local time.
-_TIME, _LOCAL_TIME = 1, 1
-#: Event of a bus that is decoded; flag of groups of events on any bus.
+#: Event of a bus that is decoded.
 _FRAMES = "CAN_DataFrame"
 _FRAME_FIELDS = tuple(f"{_FRAMES}.{field}" for field in ("ID", "IDE", "BusChannel", "DataBytes", "DataLength"))
-_IDENTIFIER, _LARGEST_STANDARD = np.uint32(0x1FFFFFFF), 0x7FF
-_BUS_EVENT_FLAG = 2
-_CONVERSIONS = {
-    3: {1: "table, interpolated", 2: "table", 6: "polynomial", 7: "exponential", 8: "logarithmic", 9: "rational"},
-    4: {2: "rational", 4: "table, interpolated", 5: "table", 6: "table of ranges"},
-}
 _TEXT = re.compile(r"<TX[^>]*>(.*?)</TX>", re.DOTALL)
 _FORMULA = re.compile(r"[\w\s.,+\-*/^%()<>=!&|~]{0,1000}")
-_LONGEST_GROUP_NAME = 60
-_HOUR = 3_600_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class _Codes:
+    """Numbers of version 4 of the format."""
+
+    numbers: frozenset[int] = frozenset(range(6))  # data types of integers and floating-point numbers
+    kinds: frozenset[int] = frozenset({0, 2, 3, 6})  # channels with one value a record: values, masters, virtual ones
+    virtual: frozenset[int] = frozenset({3, 6})  # channels without bytes
+    linear: int = 1  # conversion
+    conversions: tuple[tuple[int, str], ...] = (
+        (2, "rational"),
+        (4, "table, interpolated"),
+        (5, "table"),
+        (6, "table of ranges"),
+    )
+    time: int = 1  # kind of synchronisation of a master that counts time
+    local_time: int = 1  # flag of a start in local time
+    bus_event: int = 2  # flag of groups of events on any bus
+    identifier: int = 0x1FFFFFFF  # bits of the identifier of a CAN frame
+    largest_standard: int = 0x7FF  # largest identifier of 11 bits
+    longest_group_name: int = 60  # letters
+    hour: int = 3_600 * 10**9  # ns
+
+
+@dataclass(frozen=True, slots=True)
+class _OldCodes(_Codes):
+    """Those of versions 2 and 3 that differ."""
+
+    numbers: frozenset[int] = frozenset({0, 1, 2, 3, *range(9, 17)})
+    kinds: frozenset[int] = frozenset({0, 1})
+    virtual: frozenset[int] = frozenset()
+    linear: int = 0
+    conversions: tuple[tuple[int, str], ...] = (
+        (1, "table, interpolated"),
+        (2, "table"),
+        (6, "polynomial"),
+        (7, "exponential"),
+        (8, "logarithmic"),
+        (9, "rational"),
+    )
+
+
+_CODES, _OLD_CODES = _Codes(), _OldCodes()
 
 
 def recognises(head: bytes) -> bool:
@@ -115,9 +142,14 @@ def _opened(path: Path) -> Iterator[Any]:
         mdf.close()
 
 
-def _generation(mdf: Any) -> int:
-    """Return 3 or 4: version 2 has the blocks of version 3."""
-    return 4 if mdf.version >= "4.00" else 3
+def _is_old(mdf: Any) -> bool:
+    """Return whether a file has the blocks of versions 2 and 3."""
+    return bool(mdf.version < "4.00")
+
+
+def _codes(mdf: Any) -> _Codes:
+    """Return the numbers of the version of a file."""
+    return _OLD_CODES if _is_old(mdf) else _CODES
 
 
 def _records(path: Path, mdf: Any, index: int) -> _Records:
@@ -130,12 +162,14 @@ def _records(path: Path, mdf: Any, index: int) -> _Records:
     master = mdf.masters_db.get(owner)
     has_time, rate = _time(mdf, owner, master)
     clocks = {master} if owner == index and (has_time or rate) else set()
-    is_bus = bool(getattr(group.channel_group, "flags", 0) & _BUS_EVENT_FLAG) and _generation(mdf) == 4
+    is_bus = not _is_old(mdf) and bool(group.channel_group.flags & _CODES.bus_event)
     numbers = [] if is_bus else [k for k in range(len(group.channels)) if k not in clocks and _is_number(mdf, group, k)]
     for number in [*numbers, *([] if master is None or owner != index else [master])]:
         _check_place(path, mdf, group, number)
     channels = [group.channels[k] for k in numbers]
-    columns = [_column(mdf, channel, name) for channel, name in zip(channels, _names(channels), strict=True)]
+    sources = [plain(getattr(channel.source, "name", "")) for channel in channels]
+    names = distinct([channel.name for channel in channels], sources)
+    columns = [_column(mdf, channel, name) for channel, name in zip(channels, names, strict=True)]
     frames = [(channel.name, k) for k, channel in enumerate(group.channels) if channel.name in _FRAME_FIELDS]
     return _Records(
         path,
@@ -153,13 +187,13 @@ def _records(path: Path, mdf: Any, index: int) -> _Records:
 
 def _check_place(path: Path, mdf: Any, group: Any, number: int) -> None:
     """Raise if a channel lies outside the records of its group: the compiled code of asammdf does not check that."""
-    channel, generation = group.channels[number], _generation(mdf)
-    if channel.channel_type in _WITHOUT_BYTES[generation] or channel.bit_count == 0:
+    channel = group.channels[number]
+    if channel.channel_type in _codes(mdf).virtual or channel.bit_count == 0:
         return
-    if generation == 4:
-        end = 8 * channel.byte_offset + channel.bit_offset + channel.bit_count
-    else:
+    if _is_old(mdf):
         end = channel.start_offset + 8 * getattr(channel, "additional_byte_offset", 0) + channel.bit_count
+    else:
+        end = 8 * channel.byte_offset + channel.bit_offset + channel.bit_count
     place = mdf._mdf._prepare_record(group)[number]
     if place is not None:
         end = max(end, 8 * (place[1] + place[2]))
@@ -175,8 +209,8 @@ def _time(mdf: Any, group: int, master: int | None) -> tuple[bool, float | None]
     if master is None:
         return False, None
     channel = mdf.groups[group].channels[master]
-    if _generation(mdf) == 4:
-        return channel.sync_type == _TIME, None
+    if not _is_old(mdf):
+        return channel.sync_type == _CODES.time, None
     if channel.bit_count == 0:
         return False, 1 / channel.sampling_rate if channel.sampling_rate > 0 else None
     return True, None
@@ -184,28 +218,16 @@ def _time(mdf: Any, group: int, master: int | None) -> tuple[bool, float | None]
 
 def _is_number(mdf: Any, group: Any, index: int) -> bool:
     """Return whether a channel has one number in each record."""
-    channel, generation = group.channels[index], _generation(mdf)
-    return (
-        channel.data_type in _NUMBERS[generation]
-        and channel.channel_type in _KINDS[generation]
-        and not group.channel_dependencies[index]
-    )
+    channel, codes = group.channels[index], _codes(mdf)
+    is_value = channel.data_type in codes.numbers and channel.channel_type in codes.kinds
+    return is_value and not group.channel_dependencies[index]
 
 
 def _group_name(group: Any, index: int) -> str:
     """Return the name of a channel group: of its acquisition, its comment, or its number."""
     block = group.channel_group
     stated = plain(getattr(block, "acq_name", "")) or _text(block.comment)
-    return stated[:_LONGEST_GROUP_NAME] or f"group {index + 1}"
-
-
-def _names(channels: Sequence[Any]) -> list[str]:
-    """Return distinct names of channels; its source distinguishes a channel from others of that name."""
-    names = [plain(channel.name) for channel in channels]
-    repeated = {name for name in names if names.count(name) > 1}
-    sources = [plain(getattr(channel.source, "name", "")) for channel in channels]
-    pairs = zip(names, sources, strict=True)
-    return distinct([f"{name} ({source})" if name in repeated and source else name for name, source in pairs])
+    return stated[: _CODES.longest_group_name] or f"group {index + 1}"
 
 
 def _column(mdf: Any, channel: Any, name: str) -> Column:
@@ -213,20 +235,20 @@ def _column(mdf: Any, channel: Any, name: str) -> Column:
     conversion = channel.conversion
     unit = plain(getattr(conversion, "unit", "")) or plain(getattr(channel, "unit", ""))
     comment = _text(channel.comment) or _text(getattr(channel, "description", ""))
-    return stated_column(name, name, unit, comment=comment, calibration=_calibration(conversion, _generation(mdf)))
+    return stated_column(name, name, unit, comment=comment, calibration=_calibration(conversion, _codes(mdf)))
 
 
-def _calibration(conversion: Any, generation: int) -> str:
+def _calibration(conversion: Any, codes: _Codes) -> str:
     """Return how raw values become physical ones, in words; nothing where they are the same."""
     kind = None if conversion is None else conversion.conversion_type
-    if kind == {3: 0, 4: 1}[generation]:
+    if kind == codes.linear:
         rule = linear(conversion.a, conversion.b)
     elif getattr(conversion, "formula", ""):
         rule = plain(conversion.formula)
         if not _FORMULA.fullmatch(rule):
             raise FormatError(f"the formula {rule[:60]!r} of a conversion is not arithmetic")
     else:
-        rule = "" if kind is None else _CONVERSIONS[generation].get(kind, "")
+        rule = "" if kind is None else dict(codes.conversions).get(kind, "")
     return ", ".join(filter(None, (plain(getattr(conversion, "name", "")), rule)))
 
 
@@ -242,8 +264,8 @@ def _start(mdf: Any) -> tuple[int | None, bool]:
     """Return the start of the measurement [ns since 1970], and whether that is local time of an unknown zone."""
     header = mdf.header
     stated = int(getattr(header, "abs_time", 0))
-    if _generation(mdf) == 4:
-        return stated or None, bool(stated and header.time_flags & _LOCAL_TIME)
+    if not _is_old(mdf):
+        return stated or None, bool(stated and header.time_flags & _CODES.local_time)
     try:
         text = f"{header.date.decode('ascii')} {header.time.decode('ascii')}".replace("\0", "")
         local = int(datetime.strptime(text, "%d:%m:%Y %H:%M:%S").replace(tzinfo=UTC).timestamp()) * 10**9
@@ -252,7 +274,7 @@ def _start(mdf: Any) -> tuple[int | None, bool]:
     if not stated:
         return local, True
     # The format counts local time here, some programs write UTC: the text beside it is local in both.
-    return stated - (header.tz_offset * _HOUR if abs(stated - local) < 10**9 else 0), False
+    return stated - (header.tz_offset * _CODES.hour if abs(stated - local) < 10**9 else 0), False
 
 
 def _comment(mdf: Any, *, is_local: bool) -> str:
@@ -272,8 +294,11 @@ def _group(records: _Records, name: str, start: int | None, comment: str) -> Gro
     """Return a channel group as it is listed and opened."""
 
     def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
-        for row, stamps, values in _pieces(records, [records.numbers[k] for k in indices], first, last):
-            yield Block(row + 1, stamps, values)
+        for mdf, row, fragment, stamps in _fragments(records, first, last):
+            with reported(records.path, f"MDF file at record {row + 1}"), silenced("asammdf"):
+                values = [_physical(mdf, records.index, records.numbers[k], fragment) for k in indices]
+                block = Block(row + 1, stamps if records.has_time else None, np.array(values, dtype=np.float64))
+            yield block
 
     return column_group(
         records.path,
@@ -283,28 +308,15 @@ def _group(records: _Records, name: str, start: int | None, comment: str) -> Gro
         clock=(records.path, records.master),
         n_rows=records.n_rows,
         sampling_rate=records.sampling_rate,
-        time_heading=_TIME_HEADING if records.has_time else None,
+        time_heading="time [s]" if records.has_time else None,
         row_word="record",
         start=start,
         comment=comment,
     )
 
 
-def _pieces(
-    records: _Records, numbers: Sequence[int], first: int, last: int | None
-) -> Iterator[tuple[int, Real | None, Real]]:
-    """Yield some records in pieces: number of the first one, stamps [s], and numbers of shape (channels, records)."""
-    with _opened(records.path) as mdf:
-        for row, fragment, stamps in _fragments(mdf, records, first, last):
-            with reported(records.path, f"MDF file at record {row + 1}"), silenced("asammdf"):
-                values = np.empty((len(numbers), stamps.size))
-                for place, number in zip(values, numbers, strict=True):
-                    place[:] = _physical(mdf, records.index, number, fragment)
-            yield row, stamps if records.has_time else None, values
-
-
-def _fragments(mdf: Any, records: _Records, first: int, last: int | None) -> Iterator[tuple[int, Any, Real]]:
-    """Yield the raw bytes of some records in pieces, with the number of the first one and the master.
+def _fragments(records: _Records, first: int, last: int | None) -> Iterator[tuple[Any, int, Any, Real]]:
+    """Yield the opened file and the raw bytes of some records in pieces: number of the first, bytes, stamps [s].
 
     Raises
     ------
@@ -315,22 +327,21 @@ def _fragments(mdf: Any, records: _Records, first: int, last: int | None) -> Ite
     if first >= until:
         return
     row = first
-    group = mdf.groups[records.index]
-    pieces = mdf._mdf._load_data(group, record_offset=first, record_count=until - first)
-    while row < until:
-        with reported(records.path, f"MDF file at record {row + 1}"), silenced("asammdf"):
-            fragment = next(pieces, None)
-            if fragment is None:
-                break
-            stamps = np.array(mdf.get_master(records.index, data=fragment), dtype=np.float64)
-        if not stamps.size:
-            break
-        yield row, fragment, stamps
-        row += stamps.size
-    if row < until:
-        raise FormatError(
-            f"{records.path} ends after record {row} of {records.n_rows}: check that the file is complete"
-        )
+    with _opened(records.path) as mdf:
+        group = mdf.groups[records.index]
+        pieces = mdf._mdf._load_data(group, record_offset=first, record_count=until - first)
+        while row < until:
+            with reported(records.path, f"MDF file at record {row + 1}"), silenced("asammdf"):
+                fragment = next(pieces, None)
+                stamps = np.array([])
+                if fragment is not None:
+                    stamps = np.array(mdf.get_master(records.index, data=fragment), dtype=np.float64)
+            if not stamps.size:
+                raise FormatError(
+                    f"{records.path} ends after record {row} of {records.n_rows}: check that the file is complete"
+                )
+            yield mdf, row, fragment, stamps
+            row += stamps.size
 
 
 def _physical(mdf: Any, group: int, number: int, fragment: Any) -> NDArray[Any]:
@@ -348,11 +359,10 @@ def _physical(mdf: Any, group: int, number: int, fragment: Any) -> NDArray[Any]:
 
 def _frames(records: _Records, first: int = 0) -> Iterator[Frames]:
     """Yield the CAN frames of a channel group from some record on."""
-    with _opened(records.path) as mdf:
-        for row, fragment, stamps in _fragments(mdf, records, first, None):
-            with reported(records.path, f"MDF file at record {row + 1}"), silenced("asammdf"):
-                frames = _frames_of(mdf, records, fragment, stamps)
-            yield frames
+    for mdf, row, fragment, stamps in _fragments(records, first, None):
+        with reported(records.path, f"MDF file at record {row + 1}"), silenced("asammdf"):
+            frames = _frames_of(mdf, records, fragment, stamps)
+        yield frames
 
 
 def _frames_of(mdf: Any, records: _Records, fragment: Any, stamps: Real) -> Frames:
@@ -364,9 +374,9 @@ def _frames_of(mdf: Any, records: _Records, fragment: Any, stamps: Real) -> Fram
         for name, number in records.frames
     }
     ids = values["ID"].astype(np.uint32)
-    extended = values["IDE"].astype(bool) if "IDE" in values else (ids > _LARGEST_STANDARD)
+    extended = values["IDE"].astype(bool) if "IDE" in values else (ids > _CODES.largest_standard)
     payload = np.atleast_2d(values["DataBytes"]).view(np.uint8).reshape(stamps.size, -1)
     n_bytes = values.get("DataLength", np.full(stamps.size, payload.shape[1]))
     buses = values.get("BusChannel", np.zeros(stamps.size)).astype(np.uint8)
-    identifiers = (ids & _IDENTIFIER) | (extended.astype(np.uint32) << np.uint32(31))
+    identifiers = (ids & np.uint32(_CODES.identifier)) | (extended.astype(np.uint32) << np.uint32(31))
     return Frames(stamps, buses, identifiers, payload, n_bytes)

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +20,9 @@ from sprung.formats.table import (
     chosen_columns,
     refuse_repeated,
     reported,
-    single_group,
     time_column,
-    written_headings,
-    written_stamps,
-    written_unit,
-    written_values,
 )
+from sprung.formats.writing import written
 from sprung.recording import Recording
 
 NAME, EXTRA = "Parquet", None
@@ -46,29 +42,26 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     """Return the only table of a Parquet file."""
     with reported(path, "Parquet"), _file(path) as file:
         schema = file.schema_arrow
-    names = [field.name for field in schema if field.name != _INDEX]
+    names = tuple(field.name for field in schema if field.name != _INDEX)
     refuse_repeated(names, path=path)
-    return single_group(path, names, lambda channels: _table(path, schema, channels, settings))
+    return (Group(path.name, names, path.name, partial(_table, path, schema, settings)),)
 
 
-def _table(path: Path, schema: Any, channels: Sequence[str] | None, settings: ReadSettings) -> Table:
+def _table(path: Path, schema: Any, settings: ReadSettings, channels: Sequence[str] | None) -> Table:
     """Return the table of the columns of some channels."""
+    import pyarrow as pa
+
     fields = {field.name: field for field in schema}
     names = [name for name in fields if name != _INDEX]
-    units = [_stated(fields[name], "unit") for name in names]
-    columns = chosen_columns(names, channels, units=units, path=path)
-    types = {name: field.type for name, field in fields.items()}
-    for column in columns:
-        _check_type(path, column, types[column.heading])
+    chosen = chosen_columns(names, channels, units=[_stated(fields[name], "unit") for name in names], path=path)
+    for column in chosen:
+        _check_type(path, column, fields[column.heading].type)
     columns = tuple(
-        replace(
-            column,
-            comment=_stated(fields[column.heading], "comment") or "",
-            calibration=_stated(fields[column.heading], "calibration") or "",
-        )
-        for column in columns
+        column.with_facts({key: _stated(fields[column.heading], key) for key in ("comment", "calibration")})
+        for column in chosen
     )
-    time = time_column(names, path=path, stated=settings.time) or _index(types)
+    is_dated = _INDEX in fields and pa.types.is_timestamp(fields[_INDEX].type)
+    time = time_column(names, path=path, stated=settings.time) or (_INDEX if is_dated else None)
 
     def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
         return _blocks(path, columns, time, first, last)
@@ -87,13 +80,6 @@ def _stated(item: Any, name: str) -> str | None:
     """Return a text in the metadata of a field or of the file."""
     text = (item.metadata or {}).get(name.encode())
     return None if text is None else str(text.decode("utf-8", "replace"))
-
-
-def _index(types: dict[str, Any]) -> str | None:
-    """Return the name of an index of date-times."""
-    import pyarrow as pa
-
-    return _INDEX if _INDEX in types and pa.types.is_timestamp(types[_INDEX]) else None
 
 
 def _check_type(path: Path, column: Column, kind: Any) -> None:
@@ -157,17 +143,15 @@ def write(recording: Recording, path: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    written_headings(recording, has_units=False)  # raises on names that would not be read back
-    name, stamps = written_stamps(recording)
-    if stamps.dtype.kind == "M":
-        arrays = [pa.array(stamps.view(np.int64)).cast(pa.timestamp("ns", "UTC"))]
-    else:
-        arrays = [pa.array(stamps)]
-    fields = [pa.field(name, arrays[0].type)]
-    for channel, values in zip(recording.channels, written_values(recording), strict=True):
-        arrays.append(pa.array(values))
+    columns = written(recording, has_units=False)
+    stamps = pa.array(columns.stamps)
+    if pa.types.is_timestamp(stamps.type):
+        stamps = stamps.cast(pa.timestamp("ns", "UTC"))
+    arrays = [stamps, *map(pa.array, columns.values)]
+    fields = [pa.field(columns.time, stamps.type)]
+    for channel, unit in zip(recording.channels, columns.units, strict=True):
         stated = {"comment": channel.comment, "calibration": channel.calibration}
-        metadata = {"unit": written_unit(channel.quantity)[0], **{name: text for name, text in stated.items() if text}}
+        metadata = {"unit": unit, **{name: text for name, text in stated.items() if text}}
         fields.append(pa.field(channel.name, pa.float64(), metadata=metadata))
     schema = pa.schema(fields, metadata={"comment": recording.comment} if recording.comment else None)
     pq.write_table(pa.Table.from_arrays(arrays, schema=schema), path, compression="zstd")

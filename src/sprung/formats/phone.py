@@ -103,38 +103,29 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
             with zipfile.ZipFile(path) as archive:
                 if len(archive.infolist()) == 1:
                     return csv.groups(path, settings)
-                sensors, comment = _archive_sensors(path, archive, _tables(path, archive))
+                sensors, comment = _archive_sensors(path, archive)
         else:
             sensors, comment = _json_sensors(path)
     sensors = [sensor for sensor in sensors if sensor.columns and sensor.stamps.size]
     if not sensors:
         raise FormatError(f"{path} holds no samples: no sensor has times and numbers")
-    return tuple(_group(path, name, sensor, comment) for name, sensor in _named(sensors))
+    named = zip(distinct([sensor.name for sensor in sensors]), sensors, strict=True)
+    return tuple(_group(path, name, sensor, comment, is_alone=len(sensors) == 1) for name, sensor in named)
 
 
-def _named(sensors: Sequence[_Sensor]) -> Iterator[tuple[str, _Sensor]]:
-    """Yield sensors with distinct names; where there are several, their channels are named after them."""
-    for name, sensor in zip(distinct([sensor.name for sensor in sensors]), sensors, strict=True):
-        if len(sensors) > 1:
-            columns = [
-                replace(each, heading=f"{name}_{each.name}", name=f"{name}_{each.name}") for each in sensor.columns
-            ]
-            yield name, replace(sensor, columns=columns)
-        else:
-            yield name, sensor
-
-
-def _group(path: Path, name: str, sensor: _Sensor, comment: str) -> Group:
-    """Return the channels of a sensor."""
+def _group(path: Path, name: str, sensor: _Sensor, comment: str, *, is_alone: bool) -> Group:
+    """Return the channels of a sensor; where there are several, they are named after it."""
+    columns = sensor.columns
+    if not is_alone:
+        columns = [replace(each, heading=f"{name}_{each.name}", name=f"{name}_{each.name}") for each in columns]
 
     def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
-        values = np.array([sensor.values[k] for k in indices]).reshape(len(indices), sensor.stamps.size)
-        yield from within([Block(1, sensor.stamps, values)], first, last)
+        yield from within([Block(1, sensor.stamps, np.array([sensor.values[k] for k in indices]))], first, last)
 
     return column_group(
         path,
         name,
-        sensor.columns,
+        columns,
         rows,
         clock=hash((sensor.time, sensor.stamps.dtype.str, sensor.stamps.tobytes())),
         n_rows=sensor.stamps.size,
@@ -157,7 +148,7 @@ def _json_sensors(path: Path) -> tuple[list[_Sensor], str]:
         series.setdefault(name, _Series()).add(record)
     is_android = str(metadata.get("platform", "")).lower() == "android"
     sensors = [each.sensor(name, is_android=is_android) for name, each in series.items()]
-    return sensors, described(*(str(metadata.get(key, "")) for key in ("device name", "platform", "recording time")))
+    return sensors, described(*map(metadata.get, ("device name", "platform", "recording time")))
 
 
 def _records(path: Path) -> Iterator[Mapping[str, Any]]:
@@ -242,24 +233,19 @@ def _logged(name: str, columns: Mapping[str, Real], times: NDArray[Any] | None, 
         sensor.stamps = times.astype("M8[ns]")
     elif _SECONDS in columns:
         sensor.time, sensor.stamps = f"{_SECONDS} [s]", columns[_SECONDS]
+    letters = re.sub(r"[^a-z]", "", name.lower())
+    if is_android and letters == "accelerometeruncalibrated":
+        letters = "accelerometer"
     for heading, values in columns.items():
         if heading not in _NOT_CHANNELS and np.isfinite(values).any():
             label = plain(heading) or "unnamed"
-            sensor.columns.append(stated_column(label, label, _unit(name, heading, is_android=is_android)))
+            sensor.columns.append(stated_column(label, label, _UNITS.get((letters, heading), "")))
             sensor.values.append(values)
     return sensor
 
 
-def _unit(sensor: str, value: str, *, is_android: bool) -> str:
-    """Return the unit of a value of Sensor Logger; empty where it is unknown or depends on a setting."""
-    letters = re.sub(r"[^a-z]", "", sensor.lower())
-    if is_android and letters == "accelerometeruncalibrated":
-        letters = "accelerometer"
-    return _UNITS.get((letters, value), "")
-
-
-def _tables(path: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
-    """Return the members that may be tables of samples.
+def _archive_sensors(path: Path, archive: zipfile.ZipFile) -> tuple[list[_Sensor], str]:
+    """Return the sensors in an archive, and the comment.
 
     Raises
     ------
@@ -273,31 +259,19 @@ def _tables(path: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
             f"{path} holds {len(members)} files of {sum(each.file_size for each in members)} bytes: unpack it, and "
             "read its tables one by one"
         )
-    return [each for each in tables if _is_samples(each.filename)]
-
-
-def _is_samples(name: str) -> bool:
-    """Return whether a member is not a description of the phone or the recording."""
-    place = PurePosixPath(name.lower())
-    return (
-        "meta" not in place.parts[:-1] and place.stem not in {"metadata", "annotation"} and place.parts[0] != "__macosx"
-    )
-
-
-def _archive_sensors(
-    path: Path, archive: zipfile.ZipFile, members: Sequence[zipfile.ZipInfo]
-) -> tuple[list[_Sensor], str]:
-    """Return the sensors in an archive, and the comment."""
-    properties = _properties(archive)
-    starts = _starts(archive)
+    properties, starts = _properties(archive), _starts(archive)
+    is_android = properties.get("platform", "").lower() == "android"
     sensors = []
-    for member in members:
+    for member in tables:
+        place = PurePosixPath(member.filename.lower())
+        is_about = "meta" in place.parts[:-1] or place.stem in {"metadata", "annotation"}
+        if is_about or place.parts[0] == "__macosx":
+            continue
         with archive.open(member) as file:
             columns = _numbers(path, member.filename, file)
         name = plain(PurePosixPath(member.filename).stem) or "unnamed"
         if _SECONDS in columns:
             times = columns.get(_NANOSECONDS)
-            is_android = properties.get("platform", "").lower() == "android"
             whole = times if times is not None and times.dtype.kind == "i" else None
             sensors.append(_logged(name, columns, whole, is_android=is_android))
         elif any(map(is_time, columns)):
@@ -320,7 +294,7 @@ def _numbers(path: Path, member: str, file: IO[bytes]) -> dict[str, NDArray[Any]
         return {}
     decimal = "," if delimiter != "," and b"," in rest[:1000] else "."
     try:
-        table = parsed(rest, headings, {}, delimiter=delimiter, decimal=decimal)
+        table = parsed(rest, headings, {}, delimiter, decimal)
     except pa.ArrowInvalid as error:
         raise FormatError(f"{path}, {member}: {' '.join(str(error).split())[:120]}: the table is damaged") from None
     columns: dict[str, NDArray[Any]] = {}

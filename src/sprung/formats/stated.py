@@ -1,11 +1,14 @@
 """What a file states: its bytes as text, distinct names, calibrations, and groups of channels chosen by name."""
 
 import io
+import itertools
 import logging
 import mmap
 import warnings
+from collections import Counter
 from collections.abc import Hashable, Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Protocol
@@ -51,25 +54,38 @@ def half_digit(number: str) -> float:
     return 0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
 
 
+def utc(year: str | int, *fields: str | int, fraction: str | None = "") -> int | None:
+    """Return a date with hour, minute and second as UTC [ns since 1970], given the digits after the second's point.
+
+    None if there is no such time.
+    """
+    with suppress(ValueError, OverflowError):
+        seconds = round(datetime(int(year), *map(int, fields), tzinfo=UTC).timestamp())
+        return seconds * 10**9 + int((fraction or "").ljust(9, "0")[:9])
+    return None
+
+
 def plain(text: object, longest: int | None = _MAX_TEXT) -> str:
     """Return a text of a file as one printable line; an empty one for None."""
     printable = (character if character.isprintable() else " " for character in str("" if text is None else text))
     return " ".join("".join(printable).split())[:longest]
 
 
-def distinct(names: Sequence[object]) -> list[str]:
-    """Return plain names, the second and later ones of a kind with their number; a channel without a name is named."""
-    result: list[str] = []
-    taken: set[str] = set()
-    for index, stated in enumerate(names):
-        name = first = plain(stated, _MAX_NAME) or f"channel {index + 1}"
-        number = 1
-        while name in taken:
-            number += 1
-            name = f"{first} ({number})"
-        taken.add(name)
-        result.append(name)
-    return result
+def distinct(names: Sequence[object], details: Sequence[str] = ()) -> list[str]:
+    """Return plain names: those of one kind with their details, and where these are equal with their number."""
+    plain_names = [plain(name, _MAX_NAME) or f"channel {index}" for index, name in enumerate(names, 1)]
+    if details:
+        counts = Counter(plain_names)
+        pairs = zip(plain_names, details, strict=True)
+        plain_names = [f"{name} ({detail})" if detail and counts[name] > 1 else name for name, detail in pairs]
+    taken: dict[str, None] = {}
+    for name in plain_names:
+        numbers = itertools.count(2)
+        unique = name
+        while unique in taken:
+            unique = f"{name} ({next(numbers)})"
+        taken[unique] = None
+    return list(taken)
 
 
 def linear(factor: float, offset: float) -> str:

@@ -2,9 +2,9 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from sprung._arrays import Real
 from sprung.errors import FormatError, ParameterError, SprungError
 from sprung.formats.settings import TIME_UNITS
-from sprung.recording import Recording
-from sprung.units import UNITS, conversion
+from sprung.units import conversion
 
 #: Function of the names of wanted channels (None: all) that returns their table.
 Opener = Callable[[Sequence[str] | None], "Table"]
@@ -54,6 +53,10 @@ class Column:
     comment: str = ""
     calibration: str = ""
     direction: tuple[float, float, float] | None = None
+
+    def with_facts(self, facts: Mapping[str, str | None]) -> "Column":
+        """Return the column with its "comment" and "calibration"."""
+        return replace(self, comment=facts.get("comment") or "", calibration=facts.get("calibration") or "")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -150,11 +153,6 @@ class Group:
         return any(name in spellings(heading) for heading in self.headings)
 
 
-def single_group(path: Path, headings: Sequence[str], open_table: Opener) -> tuple[Group, ...]:
-    """Return the only group of a file, named after it."""
-    return (Group(path.name, tuple(headings), path.name, open_table),)
-
-
 def within(blocks: Iterable[Block], first: int, last: int | None) -> Iterator[Block]:
     """Yield the rows from `first` to before `last` (None: to the end) of blocks that are read in order."""
     row = 0
@@ -201,7 +199,7 @@ def is_number(text: str) -> bool:
 def stated_column(heading: str, name: str, unit: str, *, comment: str = "", calibration: str = "") -> Column:
     """Return the channel of a file that states name and unit apart; an unknown unit leaves the values as they are."""
     plain = unit.strip()
-    known = ("unknown", 1.0) if plain in _NO_UNIT else _known(plain)
+    known = ("unknown", 1.0) if plain in _NO_UNIT else known_unit(plain)
     quantity, factor = known or ("unknown", 1.0)
     return Column(heading, name, quantity, factor, "" if known else plain, comment, calibration)
 
@@ -218,7 +216,7 @@ def column(heading: str, *, unit: str | None = None, path: Path) -> Column:
         If the heading has no name, or an unknown unit in square brackets.
     """
     name, bracketed, is_square = split_heading(heading)
-    if not is_square and not _known(bracketed or ""):
+    if not is_square and not known_unit(bracketed or ""):
         name, bracketed = heading.strip(), None
     if not name:
         raise FormatError(f"{path}: column {heading!r} has no name: give every column a name")
@@ -231,7 +229,7 @@ def column(heading: str, *, unit: str | None = None, path: Path) -> Column:
     return stated_column(heading, name, stated)
 
 
-def _known(unit: str) -> tuple[str, float] | None:
+def known_unit(unit: str) -> tuple[str, float] | None:
     """Return the quantity of a unit and its factor to SI; None where the unit cannot be converted."""
     try:
         return conversion(unit)
@@ -242,7 +240,7 @@ def _known(unit: str) -> tuple[str, float] | None:
 def is_unit(text: str) -> bool:
     """Return whether `text` is a unit of a channel or of time, with or without brackets."""
     plain = text.strip().strip("[]()")
-    return plain in (*_NO_UNIT, *TIME_UNITS) or _known(plain) is not None
+    return plain in (*_NO_UNIT, *TIME_UNITS) or known_unit(plain) is not None
 
 
 def time_column(headings: Iterable[str], *, path: Path, stated: str | None = None) -> str | None:
@@ -350,71 +348,3 @@ def reported(path: Path, kind: str) -> Iterator[None]:
     except Exception as error:
         detail = " ".join(str(error).split())[:200] or type(error).__name__
         raise FormatError(f"{path} cannot be read as {kind} ({detail}): check that the file is complete") from error
-
-
-def written_unit(quantity: str) -> tuple[str, float]:
-    """Return the unit that is read as `quantity`, and its factor to SI; an empty unit for "unknown"."""
-    for unit, (measured, factor) in UNITS.items():
-        if measured == quantity:
-            return unit, factor
-    return "", 1.0
-
-
-def without_unit(name: str) -> str:
-    """Return a name without a known unit in brackets at its end, with which it would not be read back."""
-    plain, unit, _ = split_heading(name)
-    return plain if plain and _known(unit or "") else name
-
-
-def written_headings(recording: Recording, *, has_units: bool = True) -> list[str]:
-    """Return a heading for each channel that is read as its name and quantity.
-
-    Without units the heading is only the name, for formats that state units elsewhere.
-
-    Raises
-    ------
-    ParameterError
-        If a name would be read as a unit, a number, a missing value or a time column.
-    """
-    headings = []
-    for channel in recording.channels:
-        name, (unit, factor) = channel.name, written_unit(channel.quantity)
-        expected = Column(name, name)
-        if unit and has_units:
-            expected = Column(f"{name} [{unit}]", name, channel.quantity, factor)
-        if not _reads_back(expected):
-            raise ParameterError(
-                f"channel name {name!r} would not be read back from a file: rename it to plain text "
-                "without a unit, not a number and not a name of a time column"
-            )
-        headings.append(expected.heading)
-    return headings
-
-
-def _reads_back(expected: Column) -> bool:
-    """Return whether a file with the heading of a column gives this channel."""
-    name = expected.name
-    if not name.isprintable() or is_number(name) or name in MISSING or is_time(expected.heading):
-        return False
-    try:
-        return column(expected.heading, path=Path()) == expected
-    except FormatError:
-        return False
-
-
-def written_stamps(recording: Recording) -> tuple[str, NDArray[Any]]:
-    """Return name and values of the time column: UTC date-times if the start is known, else seconds."""
-    seconds = np.arange(recording.n_samples) / recording.sampling_rate
-    for gap in recording.gaps:
-        seconds[gap.index :] += gap.duration
-    if recording.start is None:
-        return "time", np.round(seconds, 9)
-    nanoseconds = recording.start + np.round(seconds * 1e9).astype(np.int64)
-    return "timestamp", nanoseconds.astype("M8[ns]")
-
-
-def written_values(recording: Recording) -> Real:
-    """Return the samples in the units that `written_headings` states."""
-    factors = [written_unit(channel.quantity)[1] for channel in recording.channels]
-    values: Real = recording.samples / np.array(factors)[:, None]
-    return values

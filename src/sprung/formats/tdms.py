@@ -37,16 +37,8 @@ _ABOUT = ("title", "author", "project")
 _SENSOR = ("sensitivity", "calibration", "serial")
 #: Scales that npTDMS applies.
 _SCALES = (
-    "Linear",
-    "Polynomial",
-    "RTD",
-    "Strain",
-    "Table",
-    "Thermistor",
-    "Thermocouple",
-    "Add",
-    "Subtract",
-    "AdvancedAPI",
+    *("Linear", "Polynomial", "RTD", "Strain", "Table", "Thermistor", "Thermocouple"),
+    *("Add", "Subtract", "AdvancedAPI"),
 )
 
 
@@ -68,22 +60,14 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     note = _check_segments(path)
     with _opened(path) as tdms:
         comment = described(_about(tdms.properties, (*_COMMENTS, *_ABOUT)), note)
-        parts = [
-            (plain(group.name) or "group", group, rate, start, own)
-            for group in tdms.groups()
-            for (_, rate, start), own in _clocks(group).items()
-        ]
-        labels = [label for label, *_ in parts]
-        extents = [f"{rate:.6g} Hz" if rate else f"{len(own[0])} rows" for *_, rate, _, own in parts]
+        parts = [(group, *clock, own) for group in tdms.groups() for clock, own in _clocks(group).items()]
         names = distinct(
-            [
-                label if labels.count(label) == 1 else f"{label} ({extent})"
-                for label, extent in zip(labels, extents, strict=True)
-            ]
+            [plain(group.name) or "group" for group, *_ in parts],
+            [f"{rate:.6g} Hz" if rate else f"{n_rows} rows" for _, n_rows, rate, *_ in parts],
         )
         result = tuple(
             _group(path, name, group, own, rate=rate, start=start, comment=comment)
-            for name, (_, group, rate, start, own) in zip(names, parts, strict=True)
+            for name, (group, _, rate, start, own) in zip(names, parts, strict=True)
         )
     if not result:
         raise FormatError(f"{path} holds no channel of numbers with samples")

@@ -2,9 +2,9 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -13,49 +13,35 @@ import numpy as np
 from sprung.errors import FormatError, ParameterError
 from sprung.formats.clock import neat_rate
 from sprung.formats.dataset58 import (
+    CODES,
     FUNCTION_TYPES,
-    TIME,
-    TIME_RESPONSE,
+    NOTHING,
     Contents,
     Function,
+    Ordinate,
     contents_of,
     header,
     values_of,
 )
 from sprung.formats.settings import TIME_UNITS, ReadSettings
-from sprung.formats.stated import column_group, described, distinct, mapped, plain
-from sprung.formats.table import Block, Column, Group, reported, stated_column, written_stamps
+from sprung.formats.stated import column_group, described, distinct, mapped, plain, utc
+from sprung.formats.table import Block, Column, Group, reported, stated_column
+from sprung.formats.writing import seconds_of
 from sprung.recording import Channel, Recording
 
 NAME, EXTRA = "a universal file", None
 ENDINGS = (".unv", ".uff")
 
 _BEGINNING = re.compile(rb"\s*-1[ \t]*\r?\n {0,5}\d{1,6}[bB]?\b")
-# Quantities of an ordinate by their code: quantity, powers of length and force in it, quantity about an axis.
-_ORDINATES = {
-    3: ("strain", 0, 0, "strain"),
-    8: ("displacement", 1, 0, "angle"),
-    9: ("force", 0, 1, "unknown"),
-    11: ("velocity", 1, 0, "angular_velocity"),
-    12: ("acceleration", 1, 0, "unknown"),
-    13: ("force", 0, 1, "unknown"),
-    15: ("pressure", -2, 1, "unknown"),
-}
-_ORDINATE_CODES = {"strain": 3, "temperature": 5, "displacement": 8, "velocity": 11, "acceleration": 12, "force": 13}
-_ORDINATE_CODES |= {"pressure": 15, "angle": 8, "angular_velocity": 11}
-_GEOMETRY = {15, 18, 82, 2400, 2411, 2412, 2420, 2429, 2431, 2467}
-_RESULTS = {55, 2414}
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _DATE = re.compile(
-    r"(?P<day>\d\d?)-(?P<month>[a-z]{3})-(?P<year>\d\d|\d{4})\s+(?P<time>\d\d?:\d\d:\d\d)(?P<fraction>\.\d{1,9})?"
+    r"(?P<day>\d\d?)-(?P<month>[a-z]{3})-(?P<year>\d\d|\d{4})\s+(?P<time>\d\d?:\d\d:\d\d)(?:\.(?P<fraction>\d{1,9}))?"
     r"\s*(?P<zone>UTC)?",
     re.IGNORECASE,
 )
 # Years of two digits below this one are 2000 to 2069.
 _PIVOT = 70
 _CALIBRATION = "calibration:"
-# Texts that stand for nothing.
-_NOTHING = ("", "NONE")
 _WIDTH = 80
 
 
@@ -87,65 +73,46 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
         histories = [function for function in contents.functions if function.is_time_history and function.n_values]
         if not histories:
             raise FormatError(
-                f"{path} holds {_in_words(contents)}, but no time histories: export the time histories (dataset 58, "
+                f"{path} holds {_describe(contents)}, but no time histories: export the time histories (dataset 58, "
                 "function type 1)"
             )
-        members = _recorded_together(histories)
-        names = [path.name] if len(members) == 1 else distinct([_group_name(each) for each in members])
-        return tuple(_group(path, name, each, contents) for name, each in zip(names, members, strict=True))
+        groups = _recorded_together(histories)
+        names = [path.name] if len(groups) == 1 else distinct([_group_name(members) for members in groups])
+        return tuple(_group(path, name, members, contents) for name, members in zip(names, groups, strict=True))
 
 
-def _in_words(contents: Contents) -> str:
+def _describe(contents: Contents) -> str:
     """Return what a file without time histories holds."""
-    counts: Counter[str] = Counter()
-    for function in contents.functions:
-        counts[FUNCTION_TYPES[function.kind] if 0 <= function.kind < len(FUNCTION_TYPES) else "functions"] += 1
+    kinds = [
+        FUNCTION_TYPES[function.kind] if 0 <= function.kind < len(FUNCTION_TYPES) else "functions"
+        for function in contents.functions
+    ]
     for kind, _ in contents.others:
-        counts[
-            "nodes and elements" if kind in _GEOMETRY else "results at nodes" if kind in _RESULTS else "headers"
-        ] += 1
-    return ", ".join(f"{words} ({count})" for words, count in counts.items()) or "nothing"
+        is_result = kind in CODES.results
+        kinds.append("nodes and elements" if kind in CODES.geometry else "results at nodes" if is_result else "headers")
+    return ", ".join(f"{words} ({count})" for words, count in Counter(kinds).items()) or "nothing"
 
 
-@dataclass(frozen=True, slots=True)
-class _Member:
-    """Function with the name of its channel."""
-
-    name: str
-    function: Function
-
-
-def _recorded_together(histories: Sequence[Function]) -> list[list[_Member]]:
-    """Return the functions in groups, under the names that distinguish them best."""
-    candidates = [[_Member(name_of(function), function) for function in histories] for name_of in _NAMES]
-    return min((_grouped(members) for members in candidates if all(member.name for member in members)), key=len)
+def _recorded_together(histories: Sequence[Function]) -> list[dict[str, Function]]:
+    """Return the functions in groups, by the names that distinguish them best."""
+    candidates = (
+        [function.entity for function in histories],
+        [function.ids[0] for function in histories],
+        [f"{function.entity}:{function.place}".removeprefix(":") for function in histories],
+    )
+    return min((_grouped(names, histories) for names in candidates if all(names)), key=len)
 
 
-def _entity(function: Function) -> str:
-    return function.entity
-
-
-def _first_line(function: Function) -> str:
-    return function.ids[0]
-
-
-def _place(function: Function) -> str:
-    return f"{function.entity}:{function.place}" if function.entity else function.place
-
-
-_NAMES = (_entity, _first_line, _place)
-
-
-def _grouped(members: Sequence[_Member]) -> list[list[_Member]]:
-    """Return members with the same abscissae and about the same date in groups in which no name repeats."""
-    grouped: list[list[_Member]] = []
-    for member in members:
+def _grouped(names: Sequence[str], histories: Sequence[Function]) -> list[dict[str, Function]]:
+    """Return functions with the same abscissae and about the same date in groups in which no name repeats."""
+    grouped: list[dict[str, Function]] = []
+    for name, function in zip(names, histories, strict=True):
         for group in grouped:
-            if _together(group[0].function, member.function) and all(other.name != member.name for other in group):
-                group.append(member)
+            if name not in group and _together(next(iter(group.values())), function):
+                group[name] = function
                 break
         else:
-            grouped.append([member])
+            grouped.append({name: function})
     return grouped
 
 
@@ -177,21 +144,16 @@ def _date(function: Function) -> tuple[int | None, bool]:
     year = int(match["year"])
     if len(match["year"]) == 2:
         year += 1900 if year >= _PIVOT else 2000
-    hour, minute, second = map(int, match["time"].split(":"))
-    with suppress(ValueError, OverflowError):
-        date = datetime(
-            year, _MONTHS.index(match["month"].lower()) + 1, int(match["day"]), hour, minute, second, tzinfo=UTC
-        )
-        fraction = int((match["fraction"] or ".0")[1:].ljust(9, "0"))
-        return int(date.timestamp()) * 10**9 + fraction, match["zone"] is not None
-    return None, False
+    month = _MONTHS.index(match["month"].lower()) + 1
+    date = utc(year, month, match["day"], *match["time"].split(":"), fraction=match["fraction"])
+    return date, date is not None and match["zone"] is not None
 
 
-def _group_name(members: Sequence[_Member]) -> str:
+def _group_name(members: Mapping[str, Function]) -> str:
     """Return a name for one of several groups."""
-    function = members[0].function
+    function = next(iter(members.values()))
     spacing = f"{_rate(function):.6g} Hz" if function.is_even else "uneven"
-    return ", ".join(text for text in (spacing, f"{function.n_values} samples", function.ids[2]) if text)
+    return ", ".join(filter(None, (spacing, f"{function.n_values} samples", function.ids[2])))
 
 
 def _rate(function: Function) -> float:
@@ -200,16 +162,15 @@ def _rate(function: Function) -> float:
     return neat_rate(function.step * seconds, function.step_digit * seconds)
 
 
-def _group(path: Path, name: str, members: Sequence[_Member], contents: Contents) -> Group:
+def _group(path: Path, name: str, members: Mapping[str, Function], contents: Contents) -> Group:
     """Return a group of functions that were recorded together."""
-    functions = [member.function for member in members]
+    functions = list(members.values())
     units = _unit_factors(contents)
-    columns = [_column(member, functions, units) for member in members]
-    first = functions[0]
-
-    start, seconds = _date(first)[0], _seconds(first)
-    if first.is_even and start is not None:
-        start += round(1e9 * first.first * seconds)
+    columns = [_column(name, function, functions, units) for name, function in members.items()]
+    lead = functions[0]
+    start, _ = _date(lead)
+    if lead.is_even and start is not None:
+        start += round(1e9 * lead.first * _seconds(lead))
 
     def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
         return _blocks(path, [functions[k] for k in indices], first, last)
@@ -219,10 +180,10 @@ def _group(path: Path, name: str, members: Sequence[_Member], contents: Contents
         name,
         columns,
         rows,
-        clock=(_abscissae(first), first.number),
-        n_rows=first.n_values,
-        sampling_rate=_rate(first) if first.is_even else None,
-        time_heading=None if first.is_even else "time [s]",
+        clock=(_abscissae(lead), lead.number),
+        n_rows=lead.n_values,
+        sampling_rate=_rate(lead) if lead.is_even else None,
+        time_heading=None if lead.is_even else "time [s]",
         start=start,
         comment=_comment(contents, functions),
     )
@@ -230,7 +191,7 @@ def _group(path: Path, name: str, members: Sequence[_Member], contents: Contents
 
 def _unit_factors(contents: Contents) -> tuple[float, float] | None:
     """Return the factors of length and force in dataset 164, by which values are divided to be in SI."""
-    text = next((text for kind, text in contents.others if kind == 164), None)
+    text = next((text for kind, text in contents.others if kind == CODES.units), None)
     if text is None:
         return None
     with suppress(ValueError):
@@ -240,9 +201,8 @@ def _unit_factors(contents: Contents) -> tuple[float, float] | None:
     return None
 
 
-def _column(member: _Member, functions: Sequence[Function], units: tuple[float, float] | None) -> Column:
+def _column(name: str, function: Function, functions: Sequence[Function], units: tuple[float, float] | None) -> Column:
     """Return the channel of a function: by the label of its unit, else by its quantity and the units of the file."""
-    function, name = member.function, member.name
     lines = [line for line in (function.ids[0], function.ids[3], function.ids[4]) if line != name]
     if len({other.ids[1] for other in functions}) > 1:
         lines.insert(1, function.ids[1])
@@ -256,23 +216,26 @@ def _column(member: _Member, functions: Sequence[Function], units: tuple[float, 
         comment=described(*(line for line in lines if line != calibration)),
         calibration=calibration.removeprefix(_CALIBRATION).strip(),
     )
-    quantity, length, force, about_axis = _ORDINATES.get(function.ordinate_type, ("unknown", 0, 0, "unknown"))
-    if column.quantity == "speed" and quantity == "velocity":
+    ordinates = {ordinate.code: ordinate for ordinate in CODES.ordinates}
+    ordinate = ordinates.get(function.ordinate_type, Ordinate(0, "unknown"))
+    if column.quantity == "speed" and ordinate.quantity == "velocity":
         return replace(column, quantity="velocity")
     if function.ordinate_unit or units is None:
         return column
     if abs(function.direction) > 3:
-        return replace(column, quantity=about_axis)
-    return replace(column, quantity=quantity, factor=units[0] ** -length * units[1] ** -force)
+        return replace(column, quantity=ordinate.about_axis)
+    return replace(
+        column, quantity=ordinate.quantity, factor=units[0] ** -ordinate.length * units[1] ** -ordinate.force
+    )
 
 
 def _comment(contents: Contents, functions: Sequence[Function]) -> str:
     """Return the description in the header of the file, the line that all functions share, and the time zone."""
-    header_lines = next((text.splitlines() for kind, text in contents.others if kind == 151), [])
+    header_lines = next((text.splitlines() for kind, text in contents.others if kind == CODES.description), [])
     shared = {function.ids[1] for function in functions}
     start, is_utc = _date(functions[0])
     return described(
-        *(line for line in header_lines[1:3] if line.strip() not in _NOTHING),
+        *(line for line in header_lines[1:3] if line.strip() not in NOTHING),
         shared.pop() if len(shared) == 1 else "",
         "" if start is None or is_utc else "start in local time",
     )
@@ -317,16 +280,16 @@ def write(recording: Recording, path: Path) -> None:
     comment of the recording, start (UTC), comment and calibration of the channel, each cut after 80 characters.
     """
     for name in recording.names:
-        if name != _text_line(name) or name in _NOTHING:
+        if name != _text_line(name) or name in NOTHING:
             raise ParameterError(
                 f"channel name {name!r} would not be read back from a universal file: rename it to plain text of at "
                 f"most {_WIDTH} characters"
             )
-    stamps = written_stamps(replace(recording, start=None))[1] if recording.gaps else None
+    stamps = np.round(seconds_of(recording), 9) if recording.gaps else None
     with path.open("wb") as file:
         file.write(_heading(recording).encode())
         for index in range(len(recording.channels)):
-            file.write(header(_written(recording, index)))
+            file.write(_header(recording, index))
             values = np.asarray(recording.samples[index], dtype="<f8")
             file.write((values if stamps is None else np.column_stack([stamps, values]).astype("<f8")).tobytes())
             file.write(f"{-1:6d}\n".encode())
@@ -345,31 +308,17 @@ def _heading(recording: Recording) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _written(recording: Recording, index: int) -> Function:
+def _header(recording: Recording, index: int) -> bytes:
     """Return the header of a channel."""
     channel = recording.channels[index]
     calibration = f"{_CALIBRATION} {channel.calibration}" if channel.calibration else ""
     ids = (channel.name, recording.comment, _date_line(recording.start), channel.comment, calibration)
-    return Function(
-        number=index + 1,
-        ids=tuple(map(_text_line, ids)),
-        kind=TIME_RESPONSE,
-        entity="",
-        node=index + 1,
-        direction=_direction(channel),
-        data_type=4,
+    return header(
+        list(map(_text_line, ids)),
+        place=(index + 1, _direction(channel)),
         n_values=recording.n_samples,
-        is_even=not recording.gaps,
-        first=0.0,
-        step=1 / recording.sampling_rate,
-        step_digit=0.0,
-        abscissa_type=TIME,
-        abscissa_unit="s",
-        ordinate_type=_ORDINATE_CODES.get(channel.quantity, 0),
-        ordinate_unit="strain" if channel.quantity == "strain" else channel.unit,
-        begin=0,
-        end=0,
-        binary=("<f8", "<f8"),
+        step=None if recording.gaps else 1 / recording.sampling_rate,
+        ordinate=(CODES.ordinate_of(channel.quantity), "strain" if channel.quantity == "strain" else channel.unit),
     )
 
 

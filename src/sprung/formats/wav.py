@@ -4,9 +4,7 @@ import mmap
 import re
 import struct
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 from sprung._arrays import Real
 from sprung.errors import FormatError
 from sprung.formats.settings import ReadSettings
-from sprung.formats.stated import column_group, decoded, described, mapped, plain
+from sprung.formats.stated import column_group, decoded, described, mapped, plain, utc
 from sprung.formats.table import Block, Column, Group, reported, row_pieces
 
 NAME, EXTRA = "WAV", None
@@ -27,9 +25,10 @@ _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN_SIZE = 0xFFFFFFFF
 _MOST_CHUNKS = 10_000
 _LONGEST_TEXT = 1 << 16
-_UNIT = "full scale"
-_DATE = re.compile(r"(\d{4})\D(\d\d)\D(\d\d)")
-_TIME = re.compile(r"(\d\d)\D(\d\d)\D(\d\d)")
+#: Texts of a list INFO: name, subject, comment, date, artist.
+_NOTES = (b"INAM", b"ISBJ", b"ICMT", b"ICRD", b"IART")
+_MOMENT = re.compile(r"(\d{4})\D(\d\d)\D(\d\d) (\d\d)\D(\d\d)\D(\d\d)")
+_DAY = 86_400 * 10**9
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +66,7 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     with reported(path, NAME), mapped(path) as content:
         header = _header(path, content)
     columns = tuple(
-        Column(name, name, unit=_UNIT) for name in (f"channel_{k}" for k in range(1, header.n_channels + 1))
+        Column(name, name, unit="full scale") for name in (f"channel_{k}" for k in range(1, header.n_channels + 1))
     )
 
     def rows(indices: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
@@ -87,10 +86,9 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     return (group,)
 
 
-def _chunks(content: mmap.mmap, order: str) -> Iterator[tuple[bytes, int, int]]:
-    """Yield name, offset and declared size [bytes] of the chunks of a file."""
+def _chunks(content: mmap.mmap | bytes, order: str, position: int) -> Iterator[tuple[bytes, int, int]]:
+    """Yield name, offset and declared size [bytes] of the chunks from a position on."""
     sizes: dict[bytes, int] = {}
-    position = 12
     for _ in range(_MOST_CHUNKS):
         if position + 8 > len(content):
             return
@@ -113,18 +111,20 @@ def _header(path: Path, content: mmap.mmap) -> _Header:
         If the file is not a WAV file or incomplete, or its samples are compressed.
     """
     order = _FORMS[content[:4]]
-    layout, data, texts, date = b"", None, list[str](), ("", "", 0)
-    for name, begin, size in _chunks(content, order):
+    layout, data, texts = b"", None, list[str]()
+    date, time, n_before = "", "", 0
+    for name, begin, size in _chunks(content, order, 12):
         if name == b"fmt ":
             layout = content[begin : begin + min(size, 40)]
         elif name == b"data" and data is None:
             data = begin, size
         elif name == b"LIST" and content[begin : begin + 4] == b"INFO":
-            texts += _notes(content[begin + 4 : begin + min(size, _LONGEST_TEXT)], order)
+            notes = content[begin : begin + min(size, _LONGEST_TEXT)]
+            texts += [_text(notes[at : at + n]) for key, at, n in _chunks(notes, order, 4) if key in _NOTES]
         elif name == b"bext" and size >= 346:
-            description, found = _broadcast(content[begin : begin + 346], order)
-            texts.append(description)
-            date = found
+            texts.append(_text(content[begin : begin + 256]))
+            date, time = (_text(content[begin + at : begin + at + n]) for at, n in ((320, 10), (330, 8)))
+            n_before = struct.unpack(f"{order}Q", content[begin + 338 : begin + 346])[0]
     if len(layout) < 16 or data is None:
         raise FormatError(f"{path} cannot be read as WAV: it has no complete chunk {'data' if layout else 'fmt'!r}")
     code, n_channels, rate, _, frame, bits = struct.unpack(f"{order}HHIIHH", layout[:16])
@@ -146,7 +146,7 @@ def _header(path: Path, content: mmap.mmap) -> _Header:
             f"{path} cannot be read as WAV: it declares {size // frame} samples, but holds "
             f"{(len(content) - begin) // frame}: the file is incomplete"
         )
-    start = _start(*date, float(rate))
+    start = _start(date, time, n_before / rate)
     return _Header(
         order,
         code == _FLOAT,
@@ -160,39 +160,19 @@ def _header(path: Path, content: mmap.mmap) -> _Header:
     )
 
 
-def _notes(content: bytes, order: str) -> Iterator[str]:
-    """Yield the texts of a list INFO: name, subject, comment, ..."""
-    position = 0
-    while position + 8 <= len(content):
-        name, size = struct.unpack(f"{order}4sI", content[position : position + 8])
-        if name in {b"INAM", b"ISBJ", b"ICMT", b"ICRD", b"IART"}:
-            yield _plain(content[position + 8 : position + 8 + size])
-        position += 8 + size + size % 2
-
-
-def _broadcast(content: bytes, order: str) -> tuple[str, tuple[str, str, int]]:
-    """Return description and start (date, time, samples since midnight) of a chunk `bext`."""
-    samples = struct.unpack(f"{order}Q", content[338:346])[0]
-    return _plain(content[:256]), (_plain(content[320:330]), _plain(content[330:338]), samples)
-
-
-def _plain(raw: bytes) -> str:
+def _text(raw: bytes) -> str:
     """Return a text up to its first zero byte, in one line."""
-    return plain(decoded(raw.partition(b"\0")[0]))
+    return plain(decoded(raw.partition(b"\0")[0]), None)
 
 
-def _start(date: str, time: str, samples: int, rate: float) -> int | None:
-    """Return a date and a time of day as UTC [ns]; by the samples since midnight where they say the same."""
-    day, clock = _DATE.fullmatch(date), _TIME.fullmatch(time)
-    if day is None or clock is None:
+def _start(date: str, time: str, exact: float) -> int | None:
+    """Return a date and a time of day as UTC [ns]; by the exact seconds since midnight where they say the same."""
+    match = _MOMENT.fullmatch(f"{date} {time}")
+    start = utc(*match.groups()) if match else None
+    if start is None:
         return None
-    with suppress(ValueError):
-        midnight = datetime(int(day[1]), int(day[2]), int(day[3]), tzinfo=UTC)
-        hour, minute, second = map(int, clock.groups())
-        seconds = 3600 * hour + 60 * minute + second
-        exact = samples / rate
-        return round(midnight.timestamp()) * 10**9 + round(1e9 * (exact if abs(exact - seconds) < 1 else seconds))
-    return None
+    late = round(1e9 * exact) - start % _DAY
+    return start + (late if abs(late) < 10**9 else 0)
 
 
 def _blocks(path: Path, header: _Header, chosen: Sequence[int], pieces: Iterator[slice]) -> Iterator[Block]:
