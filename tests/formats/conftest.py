@@ -1,11 +1,28 @@
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pytest
 
-from sprung.errors import SprungError
-from sprung.formats import read
+from sprung.formats import ReadSettings, groups
+from sprung.formats.table import Table, join
+from sprung.recording import Recording
+
+
+def table_of(path: Path, name: str, channels: Sequence[str] | None = None, **settings: Any) -> Any:
+    """Return the table of the group of a name."""
+    (group,) = [group for group in groups(path, ReadSettings(**settings)) if group.name == name]
+    return group.open(channels)
+
+
+def joined(table: Table) -> Any:
+    """Return all rows of a table as one block."""
+    return join(list(table.blocks()))
+
+
+def said(recording: Recording, words: str) -> bool:
+    """Return whether a line of the history holds some words."""
+    return any(words in line for line in recording.history)
 
 
 @pytest.fixture
@@ -18,27 +35,3 @@ def text_file(tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return make
-
-
-@pytest.fixture
-def mutations_give_a_sentence(tmp_path: Path) -> Callable[..., None]:
-    """Reads mutations of a file, changed in some bytes and cut: each is read, or refused in a line that names it."""
-
-    def check(whole: bytes, name: str, *, seed: int, count: int = 200, head: int | None = None) -> None:
-        generator = np.random.default_rng(seed)
-        path = tmp_path / name
-        for _ in range(count):
-            content = bytearray(whole)
-            reach = len(whole) if head is None or generator.random() < 0.3 else head
-            for position in generator.integers(0, reach, generator.integers(1, 8)):
-                content[position] = generator.integers(0, 256)
-            path.write_bytes(content[: generator.integers(1, 2 * len(whole))])
-            message = path.name
-            try:
-                read(path, sampling_rate=10)
-            except SprungError as error:
-                message = str(error)
-            assert path.name in message
-            assert "\n" not in message
-
-    return check

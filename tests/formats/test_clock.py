@@ -102,42 +102,27 @@ def test_stalled_logger_that_catches_up_lost_nothing() -> None:
     assert clock.sampling_rate == pytest.approx(117, rel=1e-3)
 
 
-def test_time_running_backwards_names_the_row() -> None:
-    seconds = np.arange(100) / 10
-    seconds[40] = 3.8
-    with pytest.raises(FormatError, match=r"run.csv, line 42: time runs backwards"):
-        fitted(seconds)
-    with pytest.raises(FormatError, match="line 42: time runs backwards"):
-        fitted(seconds, pieces=40)
+STEADY = np.arange(100) / 10
+BACKWARDS = np.where(np.arange(100) == 40, 3.8, STEADY)
+REPEATED = np.where(np.arange(100) == 40, 3.9, STEADY) + 1e-4 * np.sin(np.arange(100)) * (np.arange(100) > 50)
+MIXED = np.cumsum(np.tile([0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.5], 200))
 
 
-def test_single_repeated_stamp_names_the_row() -> None:
-    seconds = np.arange(100) / 10
-    seconds[40] = seconds[39]
-    with pytest.raises(FormatError, match="line 42 repeats the time"):
-        fitted(seconds + 1e-4 * np.sin(np.arange(100)) * (np.arange(100) > 50))
-
-
-def test_change_of_rate_is_refused() -> None:
-    seconds = np.concatenate([np.arange(5000) / 100, 60 + np.arange(5000) / 200])
-    with pytest.raises(DataError, match="changes from 200 to 100 Hz"):
-        fitted(seconds)
-
-
-def test_mixed_rates_are_refused() -> None:
-    steps = np.tile([0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.5], 200)
-    with pytest.raises(DataError, match="rates are mixed"):
-        fitted(np.cumsum(steps))
-
-
-def test_one_stamp_is_too_few() -> None:
-    with pytest.raises(DataError, match="two samples"):
-        fitted(np.zeros(1))
-
-
-def test_all_rows_at_one_time() -> None:
-    with pytest.raises(DataError, match="share one time stamp"):
-        fitted(np.zeros(100))
+@pytest.mark.parametrize(
+    ("seconds", "pieces", "error", "message"),
+    [
+        (BACKWARDS, 1, FormatError, r"run.csv, line 42: time runs backwards"),
+        (BACKWARDS, 40, FormatError, "line 42: time runs backwards"),
+        (REPEATED, 1, FormatError, "line 42 repeats the time"),
+        (np.append(np.arange(5000) / 100, 60 + np.arange(5000) / 200), 1, DataError, "changes from 200 to 100 Hz"),
+        (MIXED, 1, DataError, "rates are mixed"),
+        (np.zeros(1), 1, DataError, "two samples"),
+        (np.zeros(100), 1, DataError, "share one time stamp"),
+    ],
+)
+def test_doubtful_stamps_are_refused(seconds, pieces, error, message) -> None:
+    with pytest.raises(error, match=message):
+        fitted(seconds, pieces=pieces)
 
 
 @pytest.mark.parametrize(("step", "expected"), [(0.01, 0.01), (0.25, 0.01), (1e-6, 1e-6), (20.0, 10.0), (1 / 3, 0.0)])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from tests.formats.conftest import said
 
 from sprung.errors import FormatError, ParameterError
 from sprung.formats import ReadSettings, read
-from sprung.formats.columns import names_time, stated_unit
 
 N = 300
 ACC = np.random.default_rng(1).standard_normal((2, N))
@@ -18,10 +18,6 @@ ACC = np.random.default_rng(1).standard_normal((2, N))
 def lines(headings, *columns):
     rows = "\n".join(",".join(map(str, row)) for row in zip(*columns, strict=True))
     return f"{headings}\n{rows}\n"
-
-
-def said(recording, words) -> bool:
-    return any(words in line for line in recording.history)
 
 
 @pytest.mark.parametrize(
@@ -147,30 +143,6 @@ def test_epoch_in_a_stated_unit_gives_the_start(text_file) -> None:
     start = 1_717_156_800_000_000
     recording = read(text_file(lines("timestamp_us,a", start + 10_000 * np.arange(N), ACC[0])))
     assert recording.start == start * 1000
-
-
-@pytest.mark.parametrize(
-    ("heading", "unit"),
-    [
-        ("time_ms", "ms"),
-        ("Timestamp (ns)", "ns"),
-        ("seconds_elapsed", "s"),
-        ("t_s", "s"),
-        ("SampleTimeFine", None),
-        ("time", None),
-        ("acc [g]", None),
-        ("gain_s", "s"),
-        ("s", None),
-    ],
-)
-def test_units_of_time_in_headings(heading, unit) -> None:
-    assert stated_unit(heading) == unit
-
-
-def test_names_of_clocks() -> None:
-    clocks = ("SampleTimeFine", "t", "t_us", "elapsed [ms]", "logTime", "Uhrzeit", "timestamp_us", "x [s]", "TIME")
-    assert all(names_time(name) for name in clocks)
-    assert not any(names_time(name) for name in ("acc_min", "temp_s", "t_front", "tyre", "min", "s", "acc [g]", "rate"))
 
 
 def test_export_of_a_telephone(text_file) -> None:

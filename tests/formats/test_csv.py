@@ -27,17 +27,6 @@ def test_units_in_brackets_are_converted(text_file) -> None:
     assert recording.start is None
 
 
-def test_unknown_unit_in_square_brackets_is_refused(text_file) -> None:
-    path = text_file("time,acc [furlong]\n0,1\n1,2\n")
-    with pytest.raises(FormatError, match=r"run.csv: column 'acc \[furlong\]': unit 'furlong' is unknown"):
-        read(path)
-
-
-@pytest.mark.parametrize("unit", ["[]", "[-]"])
-def test_no_unit_in_brackets(text_file, unit) -> None:
-    assert read(text_file(f"t,a {unit}\n0,1\n1,2\n")).channels[0].quantity == "unknown"
-
-
 @pytest.mark.parametrize(
     "text",
     [
@@ -51,6 +40,23 @@ def test_no_unit_in_brackets(text_file, unit) -> None:
         "sep=,\nDevice:,car 7\n\nStart: 2025,x\ntime,a,b\n\n0,1.5,2\n0.5,-3,4e1\n",
         "time,,a,b,\n0,,1.5,2,\n0.5,,-3,4e1,\n",
         "time,a,b\ns,,\n0,1.5,2\n0.5,-3,4e1\n",
+        "time,a [],b [-]\n0,1.5,2\n0.5,-3,4e1\n",
+        "Car 7\ntime;a;b\ns;-;\n0;1.5;2\n0.5;-3;4e1\n",
+        "time a b\n0 1.5 2\n0.5 -3 4e1\n",
+        "  time     a      b\n   0.0   1.5    2.0\n   0.5  -3.0   40.0\n",
+        "time [s]  a  b\n0 1.5 2\n0.5 -3 4e1\n",
+        "0 1.5 2\n0.5 -3 4e1\n".join(["# time a b\n", ""]),
+        "# time, a, b\n0,1.5,2\n0.5,-3,4e1\n",
+        "% made by hand\n% time a b\n0 1.5 2\n0.5 -3 4e1\n",
+        "// note\ntime,a,b\n// note\n0,1.5,2\n// note\n0.5,-3,4e1\n// end",
+        "sep=|\ntime|a|b\n0|1.5|2\n0.5|-3|4e1\n",
+        "time;a;b\n0;1,5;2\n0,5;-3;40\n",
+        "time a b\n0 1,5 2\n0,5 -3,0 40\n",
+        "time,a,b,\n0,1.5,2,\n0.5,-3,4e1,\n",
+        "time,a,b\n0,1.5,2,\n0.5,-3,4e1,\n",
+        "time,a,b,\n0,1.5,2\n0.5,-3,4e1\n",
+        '"time";"a";"b"\n"0";"1,5";"2"\n"0,5";"-3";"40"\n',
+        "time,a,b,note\n0,1.5,2,left\n0.5,-3,4e1,right\n",
     ],
 )
 def test_dialects(text_file, text) -> None:
@@ -108,13 +114,6 @@ def test_time_columns(text_file, name, stamps, start, rate) -> None:
     assert recording.sampling_rate == pytest.approx(rate)
 
 
-def test_sampling_rate_is_needed_without_time(text_file) -> None:
-    path = text_file("a,b\n1,2\n3,4\n")
-    with pytest.raises(ParameterError, match=r"run.csv has no time column .* --sampling-rate"):
-        read(path)
-    assert read(path, sampling_rate=50).sampling_rate == 50
-
-
 def test_sampling_rate_must_agree_with_time(text_file) -> None:
     path = text_file("time,a\n0,1\n0.01,2\n0.02,3\n")
     assert read(path, sampling_rate=100.5).sampling_rate == 100
@@ -133,12 +132,6 @@ def test_channels_are_chosen_by_name_in_any_order(text_file) -> None:
         read(path, channels=["d"])
 
 
-def test_text_in_numbers_names_line_and_column(text_file) -> None:
-    path = text_file("time,a,b\n0,1,2\n1,1,2\n2,x7,2\n")
-    with pytest.raises(FormatError, match=r"run.csv, line 4, column 'a': 'x7' is not a number"):
-        read(path)
-
-
 @pytest.mark.slow
 def test_text_far_down_names_its_line(text_file) -> None:
     rows = [f"{index},{index / 7:.9f}" for index in range(300_000)]
@@ -146,34 +139,6 @@ def test_text_far_down_names_its_line(text_file) -> None:
     path = text_file("time,a\n" + "\n".join(rows))
     with pytest.raises(FormatError, match=r"line 250003, column 'a': '35714.428571429\?'"):
         next(read_blocks(path))
-
-
-def test_text_in_the_first_row_of_numbers(text_file) -> None:
-    with pytest.raises(FormatError, match="line 2, column 'a': 'abc' is not a number"):
-        read(text_file("time,a\n0,abc\n1,2\n2,3\n"))
-
-
-@pytest.mark.parametrize(("row", "n_fields"), [("2,1", 2), ("2,1,2,3", 4)])
-def test_ragged_rows_name_the_line(text_file, row, n_fields) -> None:
-    path = text_file(f"time,a,b\n0,1,2\n1,1,2\n{row}\n3,1,2\n")
-    with pytest.raises(FormatError, match=f"line 4 has {n_fields} fields, but the header has 3"):
-        read(path)
-
-
-@pytest.mark.parametrize("value", ["inf", "-inf", "1e400", "1e101"])
-def test_numbers_beyond_measure_name_line_and_column(text_file, value) -> None:
-    with pytest.raises(FormatError, match=r"line 3, column 'b': .* is not a measured value"):
-        read(text_file(f"time,a,b\n0,1,2\n1,1,{value}\n2,1,2\n"))
-
-
-def test_missing_values_in_all_spellings(text_file) -> None:
-    rows = [f"{index},{index},{index}" for index in range(40)]
-    for index, text in ((5, ""), (10, "nan"), (15, "NaN"), (20, "NA"), (25, "null")):
-        rows[index] = f"{index},{index},{text}"
-    recording = read(text_file("time,a,b\n" + "\n".join(rows)))
-    assert recording.n_samples == 35
-    assert [gap.index for gap in recording.gaps] == [5, 9, 13, 17, 21]
-    assert [gap.duration for gap in recording.gaps] == pytest.approx([1] * 5)
 
 
 @pytest.mark.parametrize(
@@ -198,6 +163,15 @@ def test_missing_values_in_all_spellings(text_file) -> None:
         ("time,a\n0,1\n1,2\n".encode("utf-16-le"), FormatError, "binary data"),
         (b"\x89PNG\r\n\x1a\n" + bytes(range(1, 256)) * 20, FormatError, "run.csv"),
         (b"x" * 400_000, FormatError, "line 1 is longer"),
+        (b"time,a [furlong]\n0,1\n1,2\n", FormatError, r"run.csv: column 'a \[furlong\]': unit 'furlong' is unknown"),
+        (b"a,b\n1,2\n3,4\n", ParameterError, r"run.csv has no time column .* --sampling-rate"),
+        (b"time,a,b\n0,1,2\n1,1,2\n2,x7,2\n", FormatError, r"run.csv, line 4, column 'a': 'x7' is not a number"),
+        (b"time,a\n0,abc\n1,2\n2,3\n", FormatError, "line 2, column 'a': 'abc' is not a number"),
+        (b"time,a,b\n0,1,2\n1,1,2\n2,1\n3,1,2\n", FormatError, "line 4 has 2 fields, but the header has 3"),
+        (b"time,a,b\n0,1,2\n1,1,2\n2,1,2,3\n3,1,2\n", FormatError, "line 4 has 4 fields, but the header has 3"),
+        (b"time,a\n0,1,2\n1,2,3\n", FormatError, "line 2 has 3 fields, but the header has 2"),
+        (b"time,a,b\n0,1,2\n1,1,-inf\n2,1,2\n", FormatError, "line 3, column 'b': -inf is not a measured value"),
+        (b"time,a,b\n0,1,2\n1,1,1e101\n2,1,2\n", FormatError, "line 3, column 'b': .* is not a measured value"),
     ],
 )
 def test_bad_text_is_refused_with_a_sentence(text_file, text, error, message) -> None:

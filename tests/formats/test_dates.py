@@ -4,10 +4,10 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
+from tests.formats.conftest import said
 
 from sprung.errors import FormatError
 from sprung.formats import read
-from sprung.formats.dialects import kind_of
 
 START = datetime(2024, 12, 31, 13, 5, 1, 250_000, tzinfo=UTC)
 NOON = 1_735_650_301_250_000_000
@@ -16,10 +16,6 @@ NOON = 1_735_650_301_250_000_000
 def file_of(write, stamp, *, start=START, header="Zeit;a", delimiter=";", n=100):
     moments = (start + timedelta(milliseconds=10 * index) for index in range(n))
     return write(header + "\n" + "".join(f"{stamp(moment)}{delimiter}{k % 7}\n" for k, moment in enumerate(moments)))
-
-
-def said(recording, words) -> bool:
-    return any(words in line for line in recording.history)
 
 
 @pytest.mark.parametrize(
@@ -105,24 +101,6 @@ def test_text_among_dates_names_its_line(text_file) -> None:
     path = text_file("Time;a\n" + "".join(f"31.12.2024 13:05:{k:02d};1\n" for k in range(9)) + "soon;1\n")
     with pytest.raises(FormatError, match="line 11: column 'Time' holds no time"):
         read(path)
-
-
-@pytest.mark.parametrize(
-    ("text", "kind"),
-    [
-        ("31.12.2024", "date"),
-        ("2024-12-31T13:05", "moment"),
-        ("13:05:01.25", "time of day"),
-        ("1:05 PM", "time of day"),
-        ("12.5", None),
-        ("-3", None),
-        ("2024", None),
-        ("left", None),
-        ("", None),
-    ],
-)
-def test_kinds_of_texts(text, kind) -> None:
-    assert kind_of(text) == kind
 
 
 def test_text_of_dates_is_the_time_beside_channels_that_end_like_units(text_file) -> None:

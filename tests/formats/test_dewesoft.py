@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.formats.conftest import joined, table_of
 
 from sprung.errors import FormatError, ParameterError
-from sprung.formats import ReadSettings, dewesoft, groups, read, read_blocks
-from sprung.formats.table import join
+from sprung.formats import ReadSettings, dewesoft, groups, read
 
 dwdatareader: Any = pytest.importorskip("dwdatareader")
 REFUSED = "STWH_ANGLE, STWH_SIGN, V_SPEED2, ENG_RPM, V_SPEED, GAS_PEDAL, TEMP_OUTSIDE, WSPEED_FL, WSPEED_FR"
@@ -26,15 +26,6 @@ def _locale_is_kept():
 @pytest.fixture
 def path(real_file) -> Path:
     return real_file("formats/dewesoft/Example_Drive01.d7d")
-
-
-def table_of(path, name, channels=None):
-    (group,) = [group for group in groups(path) if group.name == name]
-    return group.open(channels)
-
-
-def joined(table, *rows) -> Any:
-    return join(list(table.blocks(*rows)))
 
 
 def test_synchronous_channels_are_one_group_and_asynchronous_ones_stand_alone(path):
@@ -74,20 +65,6 @@ def test_channels_that_the_library_refuses_are_named(path):
         read(path, channels=["rpm"])
 
 
-def test_any_rows_are_those_of_all_rows(path, monkeypatch):
-    monkeypatch.setattr("sprung.formats.table.PIECE_ROWS", 1000)
-    table = table_of(path, "100 Hz", ["CNT 0", "GPSvel"])
-    whole = joined(table)
-    for first, last in ((0, 1), (990, 1010), (9579, None), (9000, 20_000)):
-        part = joined(table, first, last)
-        np.testing.assert_array_equal(part.values, whole.values[:, first:last])
-        np.testing.assert_array_equal(part.stamps, whole.stamps[first:last])
-        assert part.first_row == first + 1
-    assert list(table.blocks(9580)) == []
-    parts = list(read_blocks(path, settings=ReadSettings(groups=["100 Hz"]), block_samples=1000))
-    assert sum(part.n_samples for part in parts) == 9580
-
-
 def test_channels_of_their_own_times_count_from_the_same_start(path):
     position, synchronous = table_of(path, "X absolute"), table_of(path, "100 Hz")
     (first, *_) = position.blocks(0, 2)
@@ -100,10 +77,3 @@ def test_an_archive_is_told_from_other_archives_by_its_first_file():
     assert dewesoft.recognises(head + b"drive.d7d")
     assert not dewesoft.recognises(head + b"array.npy")
     assert dewesoft.recognises(b"MULTI_STREAM_FILE_VER0201")
-
-
-@pytest.mark.parametrize("content", [b"", b"MULTI_STREAM_FILE_VER0200", bytes(300), b"PK\x03\x04" + bytes(300)])
-def test_other_bytes_give_a_sentence(tmp_path, content):
-    (tmp_path / "run.d7d").write_bytes(content)
-    with pytest.raises(FormatError, match=r"run\.d7d "):
-        read(tmp_path / "run.d7d")

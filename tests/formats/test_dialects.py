@@ -2,44 +2,14 @@
 
 import numpy as np
 import pytest
+from tests.formats.conftest import said
 
 from sprung.errors import FormatError, ParameterError
 from sprung.formats import read, read_blocks
 
 
-def said(recording, words) -> bool:
-    return any(words in line for line in recording.history)
-
-
 def table(n, row):
     return "".join(row(index) for index in range(n))
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "time a b\n0 1.5 2\n0.5 -3 4e1\n",
-        "  time     a      b\n   0.0   1.5    2.0\n   0.5  -3.0   40.0\n",
-        "time [s]  a  b\n0 1.5 2\n0.5 -3 4e1\n",
-        "0 1.5 2\n0.5 -3 4e1\n".join(["# time a b\n", ""]),
-        "# time, a, b\n0,1.5,2\n0.5,-3,4e1\n",
-        "% made by hand\n% time a b\n0 1.5 2\n0.5 -3 4e1\n",
-        "// note\ntime,a,b\n// note\n0,1.5,2\n// note\n0.5,-3,4e1\n// end",
-        "sep=|\ntime|a|b\n0|1.5|2\n0.5|-3|4e1\n",
-        "time;a;b\n0;1,5;2\n0,5;-3;40\n",
-        "time a b\n0 1,5 2\n0,5 -3,0 40\n",
-        "time,a,b,\n0,1.5,2,\n0.5,-3,4e1,\n",
-        "time,a,b\n0,1.5,2,\n0.5,-3,4e1,\n",
-        "time,a,b,\n0,1.5,2\n0.5,-3,4e1\n",
-        '"time";"a";"b"\n"0";"1,5";"2"\n"0,5";"-3";"40"\n',
-        "time,a,b,note\n0,1.5,2,left\n0.5,-3,4e1,right\n",
-    ],
-)
-def test_dialects(text_file, text) -> None:
-    recording = read(text_file(text))
-    assert recording.names == ("a", "b")
-    assert recording.samples.tolist() == [[1.5, -3], [2, 40]]
-    assert recording.sampling_rate == 2
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
@@ -110,17 +80,12 @@ def test_lines_are_counted_past_comments(text_file) -> None:
     assert sum(block.n_samples for block in blocks) == 50
 
 
-@pytest.mark.parametrize("missing", ["", "NaN", "#N/A", "-", "#NV", "n/a", "--"])
+@pytest.mark.parametrize("missing", ["", "nan", "NaN", "NA", "null", "#N/A", "-", "#NV", "n/a", "--"])
 def test_missing_numbers(text_file, missing) -> None:
     rows = [f"{index},{index % 7},{missing if index == 20 else 1}" for index in range(40)]
     recording = read(text_file("time;a;b\n".replace(";", ",") + "\n".join(rows)))
     assert recording.n_samples == 39
     assert [gap.index for gap in recording.gaps] == [20]
-
-
-def test_names_in_one_column_more_than_in_the_header(text_file) -> None:
-    with pytest.raises(FormatError, match="line 2 has 3 fields, but the header has 2"):
-        read(text_file("time,a\n0,1,2\n1,2,3\n"))
 
 
 def test_fixed_width_from_a_printing_program(text_file) -> None:
@@ -130,7 +95,3 @@ def test_fixed_width_from_a_printing_program(text_file) -> None:
     assert recording.names == ("acc_fl", "acc_fr", "acc_rl")
     assert recording.samples == pytest.approx(values, abs=1e-6)
     assert recording.sampling_rate == 200
-
-
-def test_names_above_units_are_no_comment(text_file) -> None:
-    assert read(text_file("Car 7\ntime;acc\ns;g\n0;1\n1;2\n")).comment == "Car 7"

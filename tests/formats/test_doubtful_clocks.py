@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.formats.conftest import said
 
 from sprung.errors import DataError, FormatError, ParameterError
 from sprung.formats import ReadSettings, read, read_blocks
@@ -17,10 +18,6 @@ def file_of(write, stamps, *, header="time [s]"):
             f"{stamp},{value:.6f}\n" for stamp, value in zip(stamps, rng.standard_normal(len(stamps)), strict=True)
         )
     )
-
-
-def said(recording, words) -> bool:
-    return any(words in line for line in recording.history)
 
 
 SECONDS = np.arange(1000) / RATE

@@ -1,15 +1,31 @@
 """What holds for every format: write then read, and hostile files."""
 
+import json
+import random
+import struct
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
+from tests.formats import (
+    test_ide,
+    test_lvm,
+    test_mdf,
+    test_phone,
+    test_seismic,
+    test_sst,
+    test_tdms,
+    test_universal,
+    test_wav,
+)
 
 from sprung.errors import FormatError, MissingPackageError, ParameterError, SprungError
 from sprung.formats import (
@@ -18,15 +34,183 @@ from sprung.formats import (
     WRITERS,
     ReadSettings,
     dewesoft,
+    groups,
     ide,
     mdf,
+    parquet,
     read,
     read_blocks,
     seismic,
+    stated,
+    table,
     tdms,
     write,
 )
+from sprung.formats.registry import format_of
+from sprung.formats.table import join
 from sprung.recording import QUANTITIES, Channel, Gap, Recording
+
+
+def by_sprung(ending, folder):
+    samples = np.random.default_rng(7).standard_normal((3, 400))
+    write(Recording(samples, 100.0, tuple(map(Channel, "abc")), start=10**18), folder / f"run{ending}")
+    return folder / f"run{ending}"
+
+
+def of_bytes(content, name, folder):
+    (folder / name).write_bytes(content)
+    return folder / name
+
+
+def phyphox(folder):
+    rows = np.column_stack([np.arange(400) / 100, VALUES]).tolist()
+    times = "event,a,b\nSTART,0,1e9\n"
+    return test_phone.archive(
+        folder / "run.zip", a_csv=test_phone.table(["t", "x", "y", "z"], rows), meta__time_csv=times
+    )
+
+
+VALUES = np.random.default_rng(8).standard_normal((400, 3)).round(6)
+RECORDS = test_phone.records("Accelerometer", 400, values=VALUES.T)
+TIMES = [f"{0.01 * k:.2f}" for k in range(400)]
+FIELDS = VALUES.astype(str).tolist()
+HISTORIES = b"".join(
+    test_universal.dataset(row, ids=(name, *["NONE"] * 4)) for name, row in zip("ab", VALUES.T, strict=False)
+)
+BINARY = {"binary": test_universal.binary_header(), "body": VALUES[:, 0].tobytes()}
+NOTES = test_wav.broadcast() + test_wav.chunk(b"LIST", b"INFO" + test_wav.chunk(b"ICMT", b"wet road\0"))
+SOUND = test_wav.wav((VALUES * 5000).astype("<i2").tobytes(), extra=test_wav.chunk(b"ds64", bytes(28)) + NOTES)
+PIECES = [(f"HN{axis}", 1e6 * VALUES[:, k], 200.0, test_seismic.START) for k, axis in enumerate("ENZ")]
+
+
+def labview(x_columns, rows):
+    text = test_lvm.segment(["a", "b"], rows, x_columns=x_columns)
+    return partial(of_bytes, test_lvm.lvm(text, x_columns=x_columns), "run.lvm")
+
+
+#: Function from a folder to a small file of each kind in it.
+EXAMPLES: dict[str, Callable[[Path], Path]] = {
+    **{ending: partial(by_sprung, ending) for ending in WRITERS},
+    "MDF 3": lambda folder: test_mdf.written(folder / "run.mf4", "3.30"),
+    "MDF 4": lambda folder: test_mdf.written(folder / "run.mf4", "4.10"),
+    "TDMS": lambda folder: test_tdms.written(folder / "run.tdms"),
+    "IDE": lambda folder: test_ide.written(folder / "run.ide")[0],
+    "LVM": labview("No", [["", *row[:2]] for row in FIELDS]),
+    "LVM, times": labview("One", [[time, *row[:2]] for time, row in zip(TIMES, FIELDS, strict=True)]),
+    "LVM, own times": labview("Multi", [[t, row[0], t, row[1]] for t, row in zip(TIMES, FIELDS, strict=True)]),
+    "WAV": partial(of_bytes, SOUND, "run.wav"),
+    "SST": partial(of_bytes, test_sst.sst(), "run.sst"),
+    "miniSEED 2": lambda folder: test_seismic.write_file(folder / "run.mseed", *PIECES),
+    "miniSEED 3": lambda folder: test_seismic.write_file(folder / "run.mseed", *PIECES, version=3),
+    "UFF, text": partial(of_bytes, test_universal.units() + HISTORIES, "run.unv"),
+    "UFF, binary": partial(of_bytes, test_universal.dataset(VALUES[:, 0], **BINARY), "run.unv"),
+    "JSON": partial(of_bytes, json.dumps([test_phone.METADATA, *RECORDS]).encode(), "run.json"),
+    "archive": phyphox,
+}
+#: Kinds of files of which a beginning may be a whole file.
+READ_IN_PART = (".csv", "SST", "miniSEED 2", "miniSEED 3", "LVM", "LVM, times", "LVM, own times")
+every_example = pytest.mark.parametrize("example", EXAMPLES)
+
+
+@every_example
+def test_any_rows_are_those_of_all_rows(tmp_path: Path, monkeypatch, example) -> None:
+    monkeypatch.setattr(table, "PIECE_ROWS", 64)
+    monkeypatch.setattr(stated, "_PIECE_BYTES", 1000)
+    monkeypatch.setattr(parquet, "PIECE_ROWS", 64)
+    monkeypatch.setattr(mdf, "_PIECE_BYTES", 1000)
+    monkeypatch.setattr(tdms, "_PIECE_ROWS", 64)
+    path = EXAMPLES[example](tmp_path)
+    for group in format_of(path).groups(path, ReadSettings()):
+        names = [item.name for item in group.open(None).columns][::-1]
+        opened = group.open(names[:2])
+        assert [item.name for item in opened.columns] == names[:2]
+        whole = join(list(opened.blocks()))
+        n = whole.n_rows
+        assert group.n_rows in {None, n}
+        for first, last in ((0, 1), (n // 3, n // 2), (n - 1, None), (n // 2, 5 * n)):
+            part = join(list(opened.blocks(first, last)))
+            np.testing.assert_array_equal(part.values, whole.values[:, first:last])
+            np.testing.assert_array_equal(part.stamps, None if whole.stamps is None else whole.stamps[first:last])
+            assert part.first_row == whole.first_row + first
+        assert list(opened.blocks(n)) == []
+
+
+@every_example
+def test_an_unknown_channel_gives_a_sentence(tmp_path: Path, example) -> None:
+    path = EXAMPLES[example](tmp_path)
+    with pytest.raises(SprungError, match=rf"{path.name}.* has no channel 'missing': choose from|holds no arrays"):
+        read(path, channels=["missing"])
+
+
+@every_example
+def test_a_beginning_with_other_bytes_gives_a_sentence(tmp_path: Path, example) -> None:
+    path = EXAMPLES[example](tmp_path)
+    content = path.read_bytes()
+    for part in (
+        bytes(300),
+        content[:12] + bytes(300),
+        content[:40],
+        content[:300] + bytes(300),
+        content[: len(content) // 2],
+        content[:-30],
+    ):
+        path.write_bytes(part)
+        assert is_refused(path) or example in READ_IN_PART
+
+
+def mutation(content: bytes, generator: random.Random) -> bytes:
+    """Return a file with flipped bits, extreme numbers, moved, lost or added bytes, or without its end."""
+    changed = bytearray(content)
+    for _ in range(generator.choice((1, 1, 2, 8))):
+        place = max(8, int(generator.random() ** generator.choice((1, 3)) * (len(changed) - 16)))
+        width = generator.choice((2, 4, 8))
+        numbers = (-1, 0, (1 << 63) - 1, 1 << generator.randrange(64), generator.randrange(len(changed)))
+        word = struct.pack("<q", generator.choice(numbers) % (1 << 63))[:width]
+        kind = generator.randrange(6)
+        if kind == 0:
+            changed[place] ^= 1 << generator.randrange(8)
+        elif kind == 1:
+            changed[place : place + width] = word
+        elif kind == 2:
+            del changed[max(64, generator.randrange(len(changed))) :]
+        elif kind == 3:
+            changed[place : place + 100] = changed[generator.randrange(len(changed)) :][:100]
+        elif kind == 4:
+            del changed[place : place + generator.randrange(1, 64)]
+        else:
+            changed[place:place] = generator.randbytes(generator.randrange(1, 32))
+        changed.extend(bytes(max(0, 64 - len(changed))))
+    return bytes(changed)
+
+
+@pytest.mark.slow
+@every_example
+def test_mutations_are_read_or_refused(tmp_path: Path, example) -> None:
+    path, generator = EXAMPLES[example](tmp_path), random.Random(example)
+    content = path.read_bytes()
+    assert not is_refused(path)
+    outcomes = []
+    for _ in range(300):
+        path.write_bytes(mutation(content, generator))
+        outcomes.append(is_refused(path))
+    assert sum(outcomes) > 30 or example in READ_IN_PART
+
+
+def is_refused(path, sampling_rate=None):
+    """Return whether a file is refused, in one line that names it, rather than read to its end in all groups."""
+    try:
+        for group in groups(path):
+            for _ in group.open(None).blocks():
+                pass
+            read(path, sampling_rate=sampling_rate, settings=ReadSettings(groups=[group.name]))
+    except SprungError as error:
+        message = str(error)
+    else:
+        return False
+    assert path.name in message
+    assert "\n" not in message
+    return True
+
 
 RELAXED = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 names = st.text(st.characters(codec="utf-8", categories=["L", "N", "P", "S", "Zs"]), min_size=1, max_size=12)
@@ -59,6 +243,7 @@ def any_recording(draw):
 @pytest.mark.parametrize("ending", WRITERS)
 @RELAXED
 @given(recording=any_recording())
+@example(recording=Recording(np.eye(3, 30), 104.36, tuple(map(Channel, ("Beschleunigung vorn", "a-1", "INC.2 (raw)")))))
 @example(recording=Recording(np.eye(1, 12), 1.0, (Channel("0[]", "acceleration"),)))
 @example(recording=Recording(np.eye(2, 20), 50.0, (Channel("größe 1"), Channel('a "b"; c,d', "acceleration"))))
 def test_write_then_read_gives_the_same(tmp_path: Path, ending, recording) -> None:
@@ -76,16 +261,6 @@ def test_write_then_read_gives_the_same(tmp_path: Path, ending, recording) -> No
     assert [gap.index for gap in again.gaps] == [gap.index for gap in recording.gaps]
     expected = [gap.duration for gap in recording.gaps]
     assert [gap.duration for gap in again.gaps] == pytest.approx(expected, rel=1e-6, abs=1e-5)
-
-
-@pytest.mark.parametrize("ending", WRITERS)
-def test_ordinary_names_are_written(tmp_path: Path, ending) -> None:
-    channels = tuple(Channel(name, "acceleration") for name in ("acc_fl", "Beschleunigung vorn", "a-1", "INC.2 (raw)"))
-    recording = Recording(np.random.default_rng(6).standard_normal((4, 30)), 104.36, channels)
-    write(recording, tmp_path / f"run{ending}")
-    again = read(tmp_path / f"run{ending}")
-    assert again.names == recording.names
-    assert again.sampling_rate == pytest.approx(104.36, rel=1e-9)
 
 
 @pytest.mark.parametrize("ending", WRITERS)
@@ -121,17 +296,7 @@ def test_random_bytes_give_a_sentence(tmp_path: Path, ending, content) -> None:
     path.write_bytes(content)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # foreign parsers warn about junk in their own words
-        refuse_or_read(path)
-
-
-def refuse_or_read(path):
-    message = path.name
-    try:
-        read(path, sampling_rate=10)
-    except SprungError as error:
-        message = str(error)
-    assert "\n" not in message
-    assert path.name in message
+        is_refused(path, sampling_rate=10)
 
 
 @RELAXED
@@ -149,20 +314,7 @@ def refuse_or_read(path):
 def test_scrambled_tables_give_a_sentence(tmp_path: Path, text, delimiter) -> None:
     path = tmp_path / "junk.csv"
     path.write_text("\n".join(delimiter.join(row) for row in text))
-    refuse_or_read(path)
-
-
-@pytest.mark.parametrize("ending", WRITERS)
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.999])
-def test_truncated_files_give_a_sentence(tmp_path: Path, ending, share) -> None:
-    path = tmp_path / f"run{ending}"
-    write(Recording(np.random.default_rng(7).standard_normal((3, 2000)), 100.0, tuple(map(Channel, "abc"))), path)
-    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
-    if ending != ".csv":
-        with pytest.raises(FormatError, match=f"run{ending} cannot be read"):
-            read(path)
-    else:
-        refuse_or_read(path)
+    is_refused(path)
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

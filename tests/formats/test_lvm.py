@@ -154,7 +154,7 @@ def test_channels_of_other_rates_and_lengths_are_groups(text_file) -> None:
 def test_damage_names_the_line(text_file) -> None:
     whole = lvm(segment(["a", "b"], ROWS))
     line = whole[: whole.index(b"\t7.5")].count(b"\n") + 1
-    with pytest.raises(FormatError, match=rf"run.lvm, line {line}, channel 'b': '-7.2x' is not a number: correct it"):
+    with pytest.raises(FormatError, match=rf"run.lvm, line {line}, column 'b': '-7.2x' is not a number: correct it"):
         read(text_file(whole.replace(b"-7.25", b"-7.2x"), "run.lvm"))
     with pytest.raises(FormatError, match=r"run.lvm cannot be read as a LabVIEW measurement: it has 1 header"):
         read(text_file(whole[:250], "run.lvm"))
@@ -186,29 +186,8 @@ def test_files_of_labview(real_file, name, rate, n_samples, first) -> None:
     assert np.array_equal(joined, run.samples)
 
 
-def test_every_number_of_the_long_file(real_file) -> None:
-    lines = real_file("formats/lvm/long_single_header_multi_ch.lvm").read_text().splitlines()[22:]
-    expected = np.array([[float(field) for field in line.split("\t")[1:4]] for line in lines]).T
-    run = read(real_file("formats/lvm/long_single_header_multi_ch.lvm"))
-    assert run.samples == pytest.approx(expected * [[STANDARD_GRAVITY], [1], [1]], rel=1e-15)
-    assert run.start == np.datetime64("2013-08-30T09:18:17.725441", "ns").astype(int)
-
-
 def test_comments_and_latin_letters(real_file) -> None:
     run = read(real_file("formats/lvm/with_comments.lvm"))
     assert run.names == ("Pressão ABS. (MPa)", "Temperatura (°C)", "Volume (ml)")
     assert run.channels[1].quantity == "temperature"
     assert "LOST COMMUNICATION" in run.comment
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("x_columns", ["No", "One", "Multi"])
-def test_mutations_of_lvm(mutations_give_a_sentence, x_columns) -> None:
-    times = [f"{0.01 * k:.2f}" for k in range(12)]
-    rows = {
-        "No": ROWS,
-        "One": [[time, *row[1:]] for time, row in zip(times, ROWS, strict=True)],
-        "Multi": [[time, row[1], time, row[2]] for time, row in zip(times, ROWS, strict=True)],
-    }
-    text = segment(["a", "b"], rows[x_columns], x_columns=x_columns)
-    mutations_give_a_sentence(lvm(text, text, x_columns=x_columns), "run.lvm", seed=13)

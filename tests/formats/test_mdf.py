@@ -2,16 +2,15 @@
 
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from asammdf import MDF, Signal
+from tests.formats.conftest import joined, table_of
 
-from sprung.errors import FormatError, ParameterError
-from sprung.formats import ReadSettings, groups, mdf, read, read_blocks
-from sprung.formats.table import join
+from sprung.errors import FormatError
+from sprung.formats import ReadSettings, groups, read
 
 VERSIONS = ("3.30", "4.10", "4.20")
 START = datetime(2026, 3, 4, 5, 6, 7, 891011, tzinfo=UTC)
@@ -23,10 +22,9 @@ def signals(rate, count, *names, **options):
     return [Signal(np.sin(stamps * (index + 3)), stamps, name=name, **options) for index, name in enumerate(names)]
 
 
-@pytest.fixture(params=VERSIONS)
-def path(tmp_path: Path, request) -> Path:
-    """A file with groups of 200 Hz and 25 Hz, units, comments, conversions and a start."""
-    file = MDF(version=request.param)
+def written(path: Path, version: str) -> Path:
+    """Write a file with groups of 200 Hz and 25 Hz, units, comments, conversions and a start."""
+    file = MDF(version=version)
     acc = signals(200, 1000, "acc_fl", "acc_fr", unit="g", comment="front axle")
     raw = np.arange(1000, dtype=np.int16) % 500
     state = {"val_0": 0, "val_1": 1, "text_0": b"off", "text_1": b"on", "default": b"?"}
@@ -36,23 +34,16 @@ def path(tmp_path: Path, request) -> Path:
     file.append(signals(25, 125, "speed", unit="km/h"), comment="bus", common_timebase=True)
     file.start_time = START
     file.header.author = "M. Ring"
-    file.save(tmp_path / "run.mf4", overwrite=True)
-    name = next(tmp_path.iterdir())
-    return name.rename(tmp_path / "run.mf4")
+    return Path(file.save(path, overwrite=True)).rename(path)
 
 
-def joined(table) -> Any:
-    """Return all rows of a table as one block."""
-    return join(list(table.blocks()))
+@pytest.fixture(params=VERSIONS)
+def path(tmp_path: Path, request) -> Path:
+    return written(tmp_path / "run.mf4", request.param)
 
 
 def start_of(path) -> int:
     return read(path, settings=ReadSettings(groups=[groups(path)[0].name])).start or 0
-
-
-def table_of(path, name, channels=None, **settings):
-    (group,) = [group for group in groups(path, ReadSettings(**settings)) if group.name == name]
-    return group.open(channels)
 
 
 def test_groups_are_listed_with_channels_and_rows(path):
@@ -80,29 +71,6 @@ def test_stamps_of_all_groups_count_from_the_start_of_the_file(path):
     body, bus = (joined(table_of(path, name)).stamps for name in ("body", "bus"))
     assert [body[0], bus[0], bus[1]] == pytest.approx([2.5, 2.5, 2.54], rel=1e-12)
     assert table_of(path, "body").start == table_of(path, "bus").start
-
-
-def test_any_rows_are_those_of_all_rows(path):
-    table = table_of(path, "body", ["force", "acc_fl"])
-    whole = joined(table)
-    for first, last in ((0, 1), (17, 400), (999, None), (500, 5000)):
-        part = join(list(table.blocks(first, last)))
-        np.testing.assert_array_equal(part.values, whole.values[:, first:last])
-        np.testing.assert_array_equal(part.stamps, whole.stamps[first:last])
-        assert part.first_row == first + 1
-    assert list(table.blocks(1000)) == []
-
-
-def test_pieces_are_those_of_the_whole(path, monkeypatch):
-    whole = read(path, settings=ReadSettings(groups=["body"]))
-    monkeypatch.setattr(mdf, "_PIECE_BYTES", 1000)
-    parts = list(read_blocks(path, settings=ReadSettings(groups=["body"]), block_samples=1000))
-    np.testing.assert_array_equal(np.hstack([part.samples for part in parts]), whole.samples)
-
-
-def test_an_unknown_channel_gives_a_sentence(path):
-    with pytest.raises(ParameterError, match=r"run.mf4 has no channel 'acc_z': choose from acc_fl, acc_fr, force"):
-        table_of(path, "body", ["acc_z"])
 
 
 def test_the_comment_says_what_was_measured_by_whom(tmp_path):
@@ -161,14 +129,6 @@ def test_invalid_values_are_missing(tmp_path):
     assert len(recording.gaps) == 5
 
 
-@pytest.mark.parametrize("compression", [0, 1, 2])
-def test_compressed_files_are_read(tmp_path, compression):
-    file = MDF(version="4.10")
-    file.append(signals(100, 5000, "a", "b"), common_timebase=True)
-    recording = read(file.save(tmp_path / "run.mf4", compression=compression))
-    np.testing.assert_array_equal(recording.samples[1], np.sin((2.5 + np.arange(5000) / 100) * 4))
-
-
 def test_texts_are_no_channels(tmp_path):
     file = MDF(version="4.10")
     words = np.array([b"one", b"two"] * 25)
@@ -176,29 +136,6 @@ def test_texts_are_no_channels(tmp_path):
     file.append([Signal(words, np.arange(50) / 100, name="word", encoding="utf-8")])
     (group,) = groups(file.save(tmp_path / "run.mf4"))
     assert group.headings == ("a",)
-
-
-def test_a_file_cut_short_gives_a_sentence(path):
-    path.write_bytes(path.read_bytes()[:-4000])
-    with pytest.raises(FormatError, match=r"run.mf4"):
-        read(path, settings=ReadSettings(groups=["body"]))
-
-
-@pytest.mark.parametrize("content", [b"", b"MDF     4.10", b"MDF     4.10".ljust(300), bytes(300)])
-def test_other_bytes_give_a_sentence(tmp_path, content):
-    (tmp_path / "run.mf4").write_bytes(content)
-    with pytest.raises(FormatError, match=r"run\.mf4 "):
-        read(tmp_path / "run.mf4")
-
-
-def test_the_converted_drive_equals_its_twin(real_file):
-    ours = read(real_file("formats/converted/car_imu_30s.mf4"))
-    twin = read(real_file("formats/converted/car_imu_30s.csv"))
-    assert ours.names == twin.names
-    assert [channel.unit for channel in ours.channels] == ["m/s^2"] * 3 + ["rad/s"] * 3
-    np.testing.assert_allclose(ours.samples, twin.samples, atol=6e-7)
-    assert ours.sampling_rate == pytest.approx(twin.sampling_rate, rel=1e-6)
-    assert (ours.start or 0) // 10**9 == 1_795_217_728
 
 
 @pytest.mark.parametrize("name", ["00000165_00000001-60FEB68B", "00000165_00000002-60FEB8E3"])

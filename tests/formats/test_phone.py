@@ -1,6 +1,5 @@
 """Recordings of phones, in the layouts of their apps: Sensor Logger, phyphox, Physics Toolbox."""
 
-import io
 import json
 import zipfile
 
@@ -210,12 +209,3 @@ def test_plain_tables_of_phyphox_and_physics_toolbox(text_file) -> None:
     assert np.array_equal(run.samples, VALUES)
     run = read(text_file(table(["time", "gFx", "gFy", "gFz"], rows).replace('"', "")))
     assert (run.names, run.sampling_rate) == (("gFx", "gFy", "gFz"), 100)
-
-
-@pytest.mark.parametrize("kind", ["json", "zip"])
-def test_mutations_of_phone_recordings(mutations_give_a_sentence, kind) -> None:
-    buffer = io.BytesIO()
-    rows = np.column_stack([np.arange(50) / 100, VALUES.T]).tolist()
-    archive(buffer, a_csv=table(["Time (s)", "x", "y", "z"], rows), meta__time_csv="event,a,b\nSTART,0,1e9\n")
-    whole = json.dumps([METADATA, *records("Accelerometer", 8)]).encode() if kind == "json" else buffer.getvalue()
-    mutations_give_a_sentence(whole, f"run.{kind}", seed=43)

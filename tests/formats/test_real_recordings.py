@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sprung.errors import FormatError, ParameterError
+from sprung.errors import ParameterError
 from sprung.formats import ReadSettings, read, read_blocks, write
 from sprung.signals.inspection import inspect
 
@@ -155,17 +155,3 @@ def test_originals_are_read_and_converted(real_file, tmp_path, name, groups) -> 
     assert again.names == recording.names
     np.testing.assert_allclose(again.samples, recording.samples, rtol=1e-12, equal_nan=False)
     assert again.sampling_rate == pytest.approx(recording.sampling_rate, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("name", "holds"),
-    [
-        ("heat_engine_housing", "nodes and elements"),
-        ("mesh_Oros-modal_uff15_uff2412", "nodes and elements"),
-        ("non_ascii_header", "frequency response functions"),
-        ("sample_dataset58_psd", "power spectral densities"),
-    ],
-)
-def test_files_without_time_histories_say_what_they_hold(real_file, name, holds) -> None:
-    with pytest.raises(FormatError, match=rf"holds .*{holds}.* but no time histories"):
-        read(real_file(f"formats/uff/{name}.uff"))

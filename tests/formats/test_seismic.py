@@ -107,9 +107,3 @@ def test_overlaps_and_damage(tmp_path) -> None:
     write_file(path, ("HNZ", VALUES[0], 200.0, START + SECOND), overwrite=False)
     with pytest.raises(FormatError, match=r"run.mseed: records of XX.CAR1.00.HNZ overlap at 2023-11-14T22:13:21"):
         read(path)
-
-
-@pytest.mark.parametrize("version", [2, 3])
-def test_mutations_of_miniseed(tmp_path, mutations_give_a_sentence, version) -> None:
-    path = write_file(tmp_path / "whole.mseed", ("HNZ", VALUES[0, :600], 200.0, START), version=version)
-    mutations_give_a_sentence(path.read_bytes(), "run.mseed", seed=37, head=80)

@@ -240,12 +240,6 @@ def test_units_by_label_then_by_the_units_of_the_file(file, ordinate, direction,
         assert "acc: unit 'Volts' is unknown, values as in the file" in run.history
 
 
-def test_without_units_values_stay_as_they_are(file) -> None:
-    run = read(file(dataset(ordinate=(12, "NONE"))))
-    assert run.channels[0].quantity == "unknown"
-    assert run.samples[0] == pytest.approx(VALUES, rel=1e-11)
-
-
 @pytest.mark.parametrize(
     ("part", "words"),
     [

@@ -59,7 +59,7 @@ FORMATS = cast(
 FOREIGN = cast(tuple[Format, ...], (mat, hdf5, mdf, tdms, ide, dewesoft, universal, seismic))
 
 #: Those whose files begin in no certain way.
-_WITHOUT_SIGNATURE = cast(tuple[Format, ...], (mat, csv))
+_WITHOUT_SIGNATURE = cast(tuple[Format, ...], (mat, hdf5, csv))
 
 #: Module that writes each ending.
 WRITERS = cast(

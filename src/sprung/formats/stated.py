@@ -54,13 +54,14 @@ def half_digit(number: str) -> float:
     return 0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
 
 
-def utc(year: str | int, *fields: str | int, fraction: str | None = "") -> int | None:
-    """Return a date with hour, minute and second as UTC [ns since 1970], given the digits after the second's point.
+def utc(*fields: str | int, fraction: str | None = "") -> int | None:
+    """Return year, month, day, hour, minute and second as UTC [ns since 1970], with digits after the second's point.
 
     None if there is no such time.
     """
     with suppress(ValueError, OverflowError):
-        seconds = round(datetime(int(year), *map(int, fields), tzinfo=UTC).timestamp())
+        year, month, day, hour, minute, second = map(int, fields)
+        seconds = round(datetime(year, month, day, hour, minute, second, tzinfo=UTC).timestamp())
         return seconds * 10**9 + int((fraction or "").ljust(9, "0")[:9])
     return None
 
