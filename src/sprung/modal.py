@@ -6,10 +6,9 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sprung._arrays import Complex, Indices, Real
-from sprung._checks import check_type, freeze, frozen_array
+from sprung._checks import check_type, freeze
 from sprung._display import Drawable, Tabular, counted, in_short, listed
 from sprung.errors import ParameterError
 
@@ -178,17 +177,12 @@ class Poles:
     changes_of: Callable[[Indices], Complex] | None = None
 
     def __post_init__(self) -> None:
-        freeze(self, poles=1, dtype=np.complex128)
-        changes = frozen_array("changes", self.changes, ndim=2, dtype=np.complex128)
-        object.__setattr__(self, "changes", changes)
-        n_poles = len(self.poles)
         freeze(self, natural_frequency_std=1, damping_ratio_std=1)
-        shapes = frozen_array("mode_shapes", self.mode_shapes, ndim=2, dtype=np.complex128)
-        object.__setattr__(self, "mode_shapes", shapes)
+        freeze(self, poles=1, mode_shapes=2, changes=2, dtype=np.complex128)
         freeze(self, rungs=1, dtype=np.intp)
-        if shapes.shape != (n_poles, len(self.channels)):
+        if self.mode_shapes.shape != (len(self.poles), len(self.channels)):
             raise ParameterError(
-                f"mode_shapes {shapes.shape} must have one row for each of {n_poles} poles"
+                f"mode_shapes {self.mode_shapes.shape} must have one row for each of {len(self.poles)} poles"
                 f" and one column for each of {len(self.channels)} channels"
             )
 
@@ -284,9 +278,7 @@ class Modes(Tabular, Drawable):
         if np.size(self.mode_shape_std) == 0:
             object.__setattr__(self, "mode_shape_std", np.full(np.shape(self.mode_shapes), complex(np.nan, np.nan)))
         freeze(self, natural_frequency_std=1, damping_ratio_std=1, stable_rate=1)
-        for name, ndim in (("poles", 1), ("mode_shapes", 2), ("mode_shape_std", 2)):
-            value = frozen_array(name, getattr(self, name), ndim=ndim, dtype=np.complex128)
-            object.__setattr__(self, name, value)
+        freeze(self, poles=1, mode_shapes=2, mode_shape_std=2, dtype=np.complex128)
         if self.mode_shapes.shape != (len(self.poles), len(self.channels)):
             raise ParameterError(
                 f"mode_shapes {self.mode_shapes.shape} must be {len(self.poles)} modes by {len(self.channels)} channels"
@@ -334,16 +326,12 @@ class Modes(Tabular, Drawable):
 
     def take(self, chosen: Indices) -> "Modes":
         """Return the modes at the given indices, in that order."""
-        return replace(
-            self,
-            poles=self.poles[chosen],
-            mode_shapes=self.mode_shapes[chosen],
-            natural_frequency_std=self.natural_frequency_std[chosen],
-            damping_ratio_std=self.damping_ratio_std[chosen],
-            stable_rate=self.stable_rate[chosen],
-            labels=tuple(self.labels[k] for k in chosen),
-            mode_shape_std=self.mode_shape_std[chosen],
-        )
+        arrays: dict[str, Any] = {name: getattr(self, name)[chosen] for name in _ARRAYS}
+        return replace(self, **arrays, labels=tuple(self.labels[k] for k in chosen))
+
+
+#: Fields of modes with an entry for each of them.
+_ARRAYS = ("poles", "natural_frequency_std", "damping_ratio_std", "stable_rate", "mode_shapes", "mode_shape_std")
 
 
 def join_modes(parts: Sequence[Modes]) -> Modes:
@@ -359,16 +347,5 @@ def join_modes(parts: Sequence[Modes]) -> Modes:
     (('bounce', 'wheel_hop'), [1.0, 5.0])
     """
 
-    def joined(name: str) -> NDArray[Any]:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    return replace(
-        parts[0],
-        poles=joined("poles"),
-        mode_shapes=joined("mode_shapes"),
-        natural_frequency_std=joined("natural_frequency_std"),
-        damping_ratio_std=joined("damping_ratio_std"),
-        stable_rate=joined("stable_rate"),
-        labels=tuple(label for part in parts for label in part.labels),
-        mode_shape_std=joined("mode_shape_std"),
-    )
+    arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS}
+    return replace(parts[0], **arrays, labels=tuple(label for part in parts for label in part.labels))
