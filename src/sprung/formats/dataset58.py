@@ -18,7 +18,7 @@ import numpy as np
 from sprung._arrays import Real
 from sprung.errors import FormatError
 from sprung.formats.stated import decoded, half_digit, mapped, plain, whole_lines
-from sprung.formats.table import PIECE_ROWS, Block, rebatch
+from sprung.formats.table import PIECE_ROWS, Block, rebatch, row_pieces, within
 
 #: Words for the function types of the format.
 FUNCTION_TYPES = (
@@ -331,46 +331,41 @@ def values_of(
     FormatError
         If the values are not numbers, or fewer than declared.
     """
-    rows = _binary_rows(content, function, first, last) if function.binary else _text_rows(path, content, function)
-    done = first if function.binary else 0
-    for block in rebatch((Block(1, None, piece.T) for piece in rows), PIECE_ROWS):
-        batch = block.values.T
-        wanted = batch[max(0, first - done) : max(0, last - done)]
-        done += len(batch)
-        if len(wanted):
-            yield (None if function.is_even else wanted[:, 0]), wanted[:, -1]
-        if done >= last:
-            return
-    if done < function.n_values:
-        raise _error(path, function.number, f"declares {function.n_values} values, but holds {done}")
+    if function.binary:
+        rows = _binary_rows(content, function, first, last)
+    else:
+        rows = within(_text_rows(path, content, function), first, last)
+    for block in rebatch(rows, PIECE_ROWS):
+        yield (None if function.is_even else block.values[0]), block.values[-1]
 
 
-def _binary_rows(content: mmap.mmap, function: Function, first: int, last: int) -> Iterator[Real]:
+def _binary_rows(content: mmap.mmap, function: Function, first: int, last: int) -> Iterator[Block]:
     """Yield rows of abscissa and value, or of the value alone."""
     abscissa, value = function.binary or ("", "")
     kind = np.dtype([("value", value)] if function.is_even else [("abscissa", abscissa), ("value", value)])
-    for begin in range(first, min(last, function.n_values), PIECE_ROWS):
-        count = min(PIECE_ROWS, last - begin, function.n_values - begin)
-        offset = function.begin + begin * kind.itemsize
-        rows = np.frombuffer(content[offset : offset + count * kind.itemsize], dtype=kind)
-        yield np.column_stack([rows[name].astype(np.float64) for name in kind.names or ()])
+    for part in row_pieces(function.n_values, first, last):
+        offset = function.begin + part.start * kind.itemsize
+        size = (part.stop - part.start) * kind.itemsize
+        rows = np.frombuffer(content[offset : offset + size], dtype=kind)
+        yield Block(part.start + 1, None, np.array([rows[name] for name in kind.names or ()], dtype=np.float64))
 
 
-def _text_rows(path: Path, content: mmap.mmap, function: Function) -> Iterator[Real]:
+def _text_rows(path: Path, content: mmap.mmap, function: Function) -> Iterator[Block]:
     """Yield rows of abscissa and value, or of the value alone, up to the declared number."""
     n_columns = 1 if function.is_even else 2
-    left, rest = function.n_values, np.empty(0)
+    done, rest = 0, np.empty(0)
     for begin, lines in whole_lines(content, function.begin, function.end):
         try:
             numbers = np.concatenate([rest, _numbers(lines, function)])
         except ValueError as error:
             raise _error(path, function.number, f"is not of numbers after byte {begin} ({error})") from None
-        n_rows = min(left, numbers.size // n_columns)
+        n_rows = min(function.n_values - done, numbers.size // n_columns)
         rest = numbers[n_rows * n_columns :]
-        left -= n_rows
-        yield numbers[: n_rows * n_columns].reshape(n_rows, n_columns)
-        if not left:
+        yield Block(done + 1, None, numbers[: n_rows * n_columns].reshape(n_rows, n_columns).T)
+        done += n_rows
+        if done == function.n_values:
             return
+    raise _error(path, function.number, f"declares {function.n_values} values, but holds {done}")
 
 
 def _numbers(lines: bytes, function: Function) -> Real:
