@@ -8,9 +8,8 @@ import numpy as np
 from sprung._arrays import Booleans, Real
 from sprung.bounce_tests.results import RULES, BounceTest
 from sprung.errors import DataError
-from sprung.identification.free_response import FreeFit, fit_free_response
+from sprung.identification.free_response import FreeFit, Transient, fit_free_response
 from sprung.identification.friction import FrictionFit, fit_friction
-from sprung.identification.transients import Transient
 from sprung.modal import Modes, mac, unit_shapes
 from sprung.recording import Recording
 

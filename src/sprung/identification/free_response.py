@@ -1,4 +1,4 @@
-"""Modes from free responses: pushes, drops and releases whose motion dies away."""
+"""Free responses: pushes, drops and releases in a recording, from where on their motion is free, and its modes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sprung._arrays import Complex, Real
-from sprung._checks import freeze
+from sprung._checks import check_type, freeze
 from sprung.errors import DataError
 from sprung.likelihood.free_response import FreeLines, FreeResponse, free_lines, poles_of, realised_poles
 from sprung.likelihood.modal import ModalParameters
@@ -16,7 +16,7 @@ from sprung.recording import Recording, each_recording
 
 
 @dataclass(frozen=True, slots=True)
-class FreeRules:
+class _FreeRules:
     """How free responses are fitted."""
 
     #: Most modes; states of the realisations are up to twice as many.
@@ -36,7 +36,7 @@ class FreeRules:
     forced_misfit: float = 1.5
 
 
-RULES = FreeRules()
+_FIT = _FreeRules()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -128,12 +128,12 @@ def fit_free_response(
     """
     runs = list(each_recording(recordings))
     lines = free_lines(runs, band=band or (0.0, 0.4 * runs[0].sampling_rate))
-    starts = _starts(lines, most=max_modes or RULES.max_modes)
-    nearest = sorted(starts, key=lambda start: start.criterion)[: RULES.n_refined]
+    starts = _starts(lines, most=max_modes or _FIT.max_modes)
+    nearest = sorted(starts, key=lambda start: start.criterion)[: _FIT.n_refined]
     best = min(map(_refined, nearest), key=lambda fitted: fitted.criterion, default=None)
     if best is None:
         raise DataError("no motion swings freely in these records: give the part after the push, or a wider band")
-    if _misfits(best).max() > RULES.forced_misfit:
+    if _misfits(best).max() > _FIT.forced_misfit:
         best = min(best, _refined(_with_forces(best)), key=lambda fitted: fitted.criterion)
     return _result(best, channels=runs[0].names)
 
@@ -180,7 +180,7 @@ class _Fitted:
 def _starts(lines: FreeLines, *, most: int, step: int = 1) -> list[_Fitted]:
     """Return the realisations nearest to the data with each number of modes, up to the most; `step` between states."""
     shortest = min((int(np.sum(lines.records == number)) for number in range(lines.n_records)), default=0)
-    rows, n_channels = int(min(RULES.max_block_rows, 2 * RULES.lines_of_block_rows * shortest)), lines.values.shape[1]
+    rows, n_channels = int(min(_FIT.max_block_rows, 2 * _FIT.lines_of_block_rows * shortest)), lines.values.shape[1]
     n_states = min(2 * most + 2, (rows - 1) * min(n_channels, 2))
     if n_states < 2:
         raise DataError("the records are too short for a free response: give longer ones, or a wider band")
@@ -191,7 +191,7 @@ def _starts(lines: FreeLines, *, most: int, step: int = 1) -> list[_Fitted]:
     sizes = range(step, n_states + 1, step)
     for poles, shapes in realised_poles(lines.scaled(1 / rms), n_states=sizes, block_rows=rows):
         xi = -poles.real / np.abs(poles)
-        swings = np.flatnonzero((xi < RULES.max_damping) & (np.abs(poles) < 2 * np.pi * lines.frequencies.max()))
+        swings = np.flatnonzero((xi < _FIT.max_damping) & (np.abs(poles) < 2 * np.pi * lines.frequencies.max()))
         if not 0 < swings.size <= most:
             continue
         start = _started(lines, poles[swings], unit_shapes(shapes[swings] * rms))
@@ -251,7 +251,7 @@ def _misfits(fitted: _Fitted) -> Real:
     misfits = np.empty(model.modal.n_modes)
     for k, (f, xi) in enumerate(zip(values.natural_frequency, values.damping_ratio, strict=True)):
         distance = np.abs(model.data.frequencies - f)
-        reach = max(RULES.judged_widths * f * xi, np.partition(distance, min(7, distance.size - 1))[7 % distance.size])
+        reach = max(_FIT.judged_widths * f * xi, np.partition(distance, min(7, distance.size - 1))[7 % distance.size])
         misfits[k] = np.mean(powers[distance <= reach])
     return np.maximum(misfits, 1.0) * n_data / max(n_data - n_mean, n_data / 4)
 
@@ -284,9 +284,7 @@ def _result(fitted: _Fitted, *, channels: tuple[str, ...]) -> FreeFit:
     durations = 2 / (gains * model.data.sampling_rate) ** 2
     amplitudes = 2 * fit.amplitudes / (1 - np.exp(np.outer(durations, poles)))
     order = np.argsort(f)
-    is_clear = (
-        (stds[:n] < RULES.max_deviation * xi) & (stds[n : 2 * n] < RULES.max_deviation) & (xi < RULES.max_damping)
-    )
+    is_clear = (stds[:n] < _FIT.max_deviation * xi) & (stds[n : 2 * n] < _FIT.max_deviation) & (xi < _FIT.max_damping)
     kept = order[is_clear[order]]
     rows = np.concatenate([kept, n + kept, *(np.flatnonzero(of_mode[2 * n :] == k) + 2 * n for k in kept)])
     left = np.sum(np.abs(fit.residuals) ** 2, axis=0)
@@ -299,3 +297,203 @@ def _result(fitted: _Fitted, *, channels: tuple[str, ...]) -> FreeFit:
         has_forces=model.has_forces,
         n_unclear=n - len(kept),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _TransientRules:
+    """What counts as motion that dies away."""
+
+    #: Bounds of the frequency of the swings [Hz] that sets the windows of the level.
+    swings: tuple[float, float] = (0.4, 30.0)
+    #: Level at which a motion begins and ends, over the largest level, and over that of the quiet parts.
+    edge: float = 0.06
+    edge_over_quiet: float = 3.0
+    #: Smallest peak of a motion over the largest.
+    min_peak: float = 0.4
+    #: Smallest fall of the level from the peak to the end.
+    min_fall: float = 3.0
+    #: Shortest free motion, in windows of the level.
+    min_windows: float = 1.2
+    #: Rise of the level over its minimum since the peak before from which another motion begins.
+    rise: float = 3.0
+    #: Level below which a record is quiet, over its peak, and least share of such samples of a record of free motion.
+    quiet: float = 0.08
+    min_quiet: float = 0.4
+    #: Fall of the level, from the first sixth to the last, of a record that is one decay.
+    fall_of_record: float = 5.0
+    #: Most motions in a record of free motion, and most windows of each that are fitted.
+    max_motions: int = 20
+    max_windows: float = 60.0
+    #: Windows of rest that are fitted after the end of a motion.
+    rest: int = 1
+    #: Starts of free motion that are tried, from a window before the peak of the level to two after it.
+    n_starts: int = 10
+    #: Frequencies that are fitted, over that of the windows, and most modes.
+    reach: float = 8.0
+    max_modes: int = 4
+    #: RMS of the residuals of the first free motion over the smallest of later starts.
+    beyond_least: float = 1.2
+    #: The same, in shares of the motion's own RMS, for motion with friction or progressive springs.
+    beyond_motion: float = 0.004
+
+
+_EVENTS = _TransientRules()
+
+
+@dataclass(frozen=True, slots=True)
+class Transient:
+    """Motion after a push, drop or release that dies away.
+
+    Parameters
+    ----------
+    onset
+        Time at which the motion begins [s] after the first sample of the recording.
+    begin, end
+        Times between which it is free [s].
+    window
+        Length of the windows of the level [s], about one period.
+    unexplained
+        RMS of what free modes leave of it from half a window after its peak, over that of the motion.
+    noise
+        RMS of the recording where it is quietest, over that of the motion.
+    """
+
+    onset: float
+    begin: float
+    end: float
+    window: float
+    unexplained: float
+    noise: float
+
+
+def motion_level(recording: Recording) -> tuple[Real, float]:
+    """Return the level of the motion over time, 1 at its largest, and the length of its windows [s].
+
+    Returns
+    -------
+    ndarray, float
+        Standard deviation within a window of about one period around each sample, root mean square over the channels,
+        each over its own largest; shape (samples,).
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    samples, rate = np.nan_to_num(recording.samples), recording.sampling_rate
+    slopes = np.abs(np.fft.rfft(np.diff(samples, axis=1), axis=1)) ** 2
+    frequencies = np.fft.rfftfreq(samples.shape[1] - 1, 1 / rate)
+    used = (frequencies >= _EVENTS.swings[0]) & (frequencies <= min(_EVENTS.swings[1], 0.4 * rate))
+    spectrum = np.mean(slopes[:, used] / np.maximum(slopes[:, used].sum(axis=1, keepdims=True), 1e-300), axis=0)
+    centre = float(np.sum(spectrum * frequencies[used]) / max(spectrum.sum(), 1e-300)) or _EVENTS.swings[0]
+    n = int(np.clip(rate / centre, 8, max(8, samples.shape[1] // 4)))
+    centred = samples - np.median(samples, axis=1, keepdims=True)
+    means, squares = (uniform_filter1d(values, n, axis=1, mode="nearest") for values in (centred, centred**2))
+    deviations = np.sqrt(np.maximum(squares - means**2, 0.0))
+    level = np.sqrt(np.mean((deviations / np.maximum(deviations.max(axis=1, keepdims=True), 1e-300)) ** 2, axis=0))
+    return np.asarray(level / max(level.max(), 1e-300)), n / rate
+
+
+def find_transients(recording: Recording) -> tuple[Transient, ...]:
+    """Return the motions of a recording that begin suddenly and die away, with the parts in which they are free.
+
+    Parameters
+    ----------
+    recording
+        Channels of motion, without missing values or gaps.
+
+    Returns
+    -------
+    tuple of Transient
+        By time; none where the motion never falls to a fraction of its peak.
+
+    Notes
+    -----
+    A motion is a part above the edge of the level whose peak is not far below the largest one. It is free from the
+    first start on from which modes leave hardly more than they leave of a later one (`unexplained`).
+    """
+    check_type("recording", recording, Recording)
+    level, window = motion_level(recording)
+    rate, width = recording.sampling_rate, round(window * recording.sampling_rate)
+    edge = max(_EVENTS.edge, min(_EVENTS.edge_over_quiet * float(np.quantile(level, 0.1)), 1 / _EVENTS.min_fall))
+    scale = np.maximum(np.std(recording.samples, axis=1, keepdims=True), 1e-300)
+    quietest = int(np.argmin(level))
+    noise = np.std(recording.samples[:, max(quietest - width // 2, 0) : quietest + width // 2 + 1], axis=1)
+    at_rest = np.sqrt(np.mean((noise / scale[:, 0]) ** 2))
+    events = _events(level, edge, width)
+    found = []
+    for first, last in events:
+        part = level[first : last + 1]
+        if part.max() < _EVENTS.min_peak or part[-1] > part.max() / _EVENTS.min_fall:
+            continue
+        peak = first + int(np.flatnonzero(part > 0.7 * part.max())[-1])
+        end = min([last + _EVENTS.rest * width, level.size, *(each[0] for each in events if each[0] > last)])
+        starts = np.linspace(peak - width, peak + 2 * width, _EVENTS.n_starts).astype(int)
+        starts = np.unique(np.clip(starts, 0, max(end - int(_EVENTS.min_windows * width), 0)))
+        left = [_left_over(recording, begin, end, scale, window) for begin in starts]
+        if not np.isfinite(left).any():
+            continue
+        motion = float(np.sqrt(np.mean((np.std(recording.samples[:, starts[0] : end], axis=1) / scale[:, 0]) ** 2)))
+        allowed = _EVENTS.beyond_least * min(left) + _EVENTS.beyond_motion * motion
+        number = int(np.flatnonzero(np.array(left) <= allowed)[0])
+        begin = int(starts[number])
+        judged = int(np.clip(np.searchsorted(starts, peak + width // 2), 0, len(starts) - 1))
+        own = np.sqrt(np.mean((np.std(recording.samples[:, starts[judged] : end], axis=1) / scale[:, 0]) ** 2))
+        relative, quiet = (float(each / max(own, 1e-300)) for each in (left[judged], at_rest))
+        found.append(Transient(float(first / rate), begin / rate, float(end / rate), window, relative, quiet))
+    return tuple(found)
+
+
+def _events(level: Real, edge: float, width: int) -> list[tuple[int, int]]:
+    """Return first and last sample of each motion above the edge; one that rises again is another one."""
+    events: list[tuple[int, int]] = []
+    first, lowest, highest = -1, 0, 0.0
+    for k in range(0, level.size, max(1, width // 8)):
+        value = level[k]
+        if first < 0:
+            first, lowest, highest = (k, k, value) if value > edge else (first, lowest, highest)
+            continue
+        highest = max(highest, value)
+        lowest = k if value < level[lowest] or value == highest else lowest
+        is_again = (
+            value > _EVENTS.rise * level[lowest] and value > _EVENTS.min_peak and highest > _EVENTS.rise * level[lowest]
+        )
+        is_over = level[k : k + width].max() <= edge
+        if is_over or is_again:
+            events.append((first, int(lowest if is_again else k)))
+            first, lowest, highest = (lowest, k, value) if is_again else (-1, 0, 0.0)
+    return [*events, (first, level.size - 1)] if first >= 0 else events
+
+
+def free_parts(recordings: Sequence[Recording], *, is_certain: bool = False) -> list[Recording]:
+    """Return the parts of records in which motion is free; none where they are records of random motion.
+
+    Parameters
+    ----------
+    recordings
+        Channels of motion, without missing values or gaps.
+    is_certain
+        Whether the records are known to be of free motion; otherwise most of each must be quiet, or its level must fall
+        from the beginning to the end.
+    """
+    parts = []
+    for recording in recordings:
+        level, window = motion_level(recording)
+        blocks = np.array([np.mean(block) for block in np.array_split(level, 6)])
+        falls = bool(np.all(np.diff(blocks) < 0)) and blocks[0] > _EVENTS.fall_of_record * blocks[-1]
+        if not is_certain and np.mean(level < _EVENTS.quiet) < _EVENTS.min_quiet and not falls:
+            return []
+        found = find_transients(recording)
+        if not 0 < len(found) <= _EVENTS.max_motions:
+            return []
+        rate = recording.sampling_rate
+        longest = _EVENTS.max_windows * window
+        for each in found:
+            until = min(each.end, each.begin + longest) if not falls else recording.duration
+            begin = 0.0 if each.onset == 0 else each.begin  # the record begins with free motion
+            parts.append(recording.part(round(begin * rate), round(until * rate)))
+    return parts
+
+
+def _left_over(recording: Recording, begin: int, end: int, scale: Real, window: float) -> float:
+    """Return what free modes leave of a part, over the scale of each channel."""
+    part = Recording(recording.samples[:, begin:end] / scale, recording.sampling_rate, recording.channels)
+    top = min(_EVENTS.reach / window, 0.45 * recording.sampling_rate)
+    return unexplained(part, band=(0.0, top), max_modes=_EVENTS.max_modes)
