@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 import sprung
-from sprung.results.documents import (
-    document_text,
-)
+from sprung.results.documents import document_text
 from sprung.simulation import SimulatedDrive
 from sprung.vehicles import Component
 

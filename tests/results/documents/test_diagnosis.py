@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 
 import sprung
-from sprung.diagnosis import ModeChange, Trend
+from sprung.diagnosis import Trend
 from sprung.errors import FormatError
-from sprung.results.documents import (
-    diagnosis_document,
-    finding_document,
-    observation_document,
-    observation_from_document,
-)
+from sprung.results.documents import diagnosis_document, observation_document, observation_from_document
 
 
 def test_windows_are_read_as_they_were_written(observations, same) -> None:
@@ -35,25 +30,6 @@ def test_windows_are_read_as_they_were_written(observations, same) -> None:
             assert same(getattr(again, name), getattr(observation, name))
     with pytest.raises(FormatError, match="the window's time is not valid"):
         observation_from_document({**observation_document(nothing), "time": "now"})
-
-
-def test_a_diagnosis_is_read_as_it_was_written(observations, baseline, plain, tmp_path) -> None:
-    diagnosis = sprung.diagnose(observations, baseline)
-    shapes = np.array([[1.0, 0.5], [1.0, 0.4]])
-    changes = [ModeChange("roll", (2.0, 1.9), (0.2, 0.21), 0.99, ("acc_fl", "acc_fr"), shapes, None, (1.9, 0.2))]
-    sprung.write_diagnosis(diagnosis, tmp_path / "diagnosis.json", modes=changes)
-    document = sprung.read_diagnosis(tmp_path / "diagnosis.json")
-    written = plain(diagnosis_document(diagnosis, modes=changes))
-    assert plain(document) == written
-    assert document.findings == diagnosis.findings
-    assert document.findings
-    assert written["findings"] == [finding_document(finding) for finding in diagnosis.findings]
-    assert written["findings"][0]["sentence"] == diagnosis.findings[0].sentence
-    assert written["windows"] == [observation_document(window) for window in observations]
-    assert written["detection"]["hypotheses"][0]["kind"] == "single"
-    assert (written["vehicle"], written["baseline"]) == ("car", 1)
-    assert written["modes"][0]["natural_frequency"] == [2.0, 1.9]
-    assert document.modes[0].measured_since == (1.9, 0.2)
 
 
 def test_a_finding_keeps_its_trend(observations, baseline, plain) -> None:

@@ -4,10 +4,7 @@ import pytest
 
 import sprung
 from sprung.errors import FormatError
-from sprung.results.documents import (
-    inspection_document,
-    truth_document,
-)
+from sprung.results.documents import inspection_document, truth_document
 
 
 def test_inspections_are_read_as_they_were_written(drive, plain, tmp_path) -> None:

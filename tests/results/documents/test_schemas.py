@@ -9,13 +9,7 @@ import pytest
 
 import sprung
 from sprung.errors import FormatError, ParameterError
-from sprung.results.documents import (
-    DOCUMENTS,
-    document_text,
-    json_schema,
-    read_document,
-    write_json_schemas,
-)
+from sprung.results.documents import DOCUMENTS, document_text, json_schema, read_document, write_json_schemas
 from sprung.results.documents.document import Estimate, checked, read_fields, write_document
 from sprung.results.documents.monitoring import AlertsDocument
 

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from sprung.bounce_tests import Bounce, BounceTest
-from sprung.results.documents.document import Document, Number, Pair
+from sprung.results.documents.document import Document, Number, Pair, document_from
 from sprung.results.documents.identification import IdentifiedMode, identified_modes
 
 
@@ -96,14 +96,13 @@ def bounce_document(bounce: Bounce) -> BounceDocument:
             "relative_to_nominal": value.value / value.nominal if known else np.nan,
             "is_identifiable": known,
         }
-    return BounceDocument(
-        schema="sprung.bounce/1",
+    return document_from(
+        BounceDocument,
+        bounce,
         channels=bounce.modes.channels,
-        tests=tuple(_test(test) for test in bounce.tests),
+        tests=[_test(test) for test in bounce.tests],
         modes=identified_modes(bounce.modes),
         corners=corners,
-        changes=tuple(BounceChangeDocument.model_validate(change) for change in bounce.changes),
-        notes=bounce.notes,
     )
 
 
@@ -115,23 +114,13 @@ def _test(test: BounceTest) -> BounceTestDocument:
         if fit is not None:
             largest = int(np.argmax(np.abs(fit.amplitudes)))
             names = [name for name, entry in zip(test.modes.channels, mode.mode_shape, strict=True) if entry != 0]
-            coulomb = CoulombDocument(
-                natural_frequency=fit.natural_frequency,
-                natural_frequency_std=fit.natural_frequency_std,
-                damping_ratio=fit.damping_ratio,
-                damping_ratio_std=fit.damping_ratio_std,
-                sticking=float(fit.sticking[largest]),
-                sticking_std=float(fit.friction_std * abs(fit.amplitudes[largest])),
+            coulomb = document_from(
+                CoulombDocument,
+                fit,
+                sticking=fit.sticking[largest],
+                sticking_std=fit.friction_std * abs(fit.amplitudes[largest]),
                 channel=names[largest],
-                is_significant=fit.is_significant,
             )
         modes.append(BounceMode(**{**dict(mode), "coulomb": coulomb}))
-    times = test.transient
-    return BounceTestDocument(
-        recording=test.recording,
-        onset=times.onset,
-        begin=times.begin,
-        end=times.end,
-        residual=test.residual,
-        modes=tuple(modes),
-    )
+    times = {name: getattr(test.transient, name) for name in ("onset", "begin", "end")}
+    return document_from(BounceTestDocument, test, modes=modes, **times)

@@ -1,6 +1,7 @@
 """The documents of windows and diagnoses, `sprung.diagnosis/1`."""
 
 from collections.abc import Iterable, Mapping
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -25,7 +26,6 @@ from sprung.diagnosis import (
 )
 from sprung.errors import FormatError
 from sprung.results.documents.document import (
-    Computed,
     Document,
     Number,
     Pair,
@@ -58,7 +58,8 @@ Window = Annotated[
     BeforeValidator(_restored),
 ]
 _WINDOW: TypeAdapter[Observation] = TypeAdapter(Window)
-_FINDING: TypeAdapter[Finding] = TypeAdapter(Annotated[Finding, Computed("sentence", "string")])
+PublishedFinding = Annotated[Finding, Published(sentence=attrgetter("sentence"))]
+_FINDING: TypeAdapter[Finding] = TypeAdapter(PublishedFinding)
 
 
 class PartDocument(Document):
@@ -125,7 +126,7 @@ class DiagnosisDocument(Document):
     false_alarms: float
     verdict: Verdict
     detectable: dict[str, float]
-    findings: tuple[Annotated[Finding, Computed("sentence", "string")], ...]
+    findings: tuple[PublishedFinding, ...]
     sensor_faults: tuple[SensorFault, ...]
     windows: tuple[Window, ...]
     detection: DetectionDocument | None
@@ -338,7 +339,7 @@ class ComparisonDocument(Document):
     false_alarms: float
     verdict: Verdict
     detectable: dict[str, float]
-    findings: tuple[Annotated[Finding, Computed("sentence", "string")], ...]
+    findings: tuple[PublishedFinding, ...]
     sensor_faults: tuple[SensorFault, ...]
     notes: tuple[str, ...]
 

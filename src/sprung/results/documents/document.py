@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
 
@@ -46,6 +45,11 @@ class Document(BaseModel):
 
     model_config = ConfigDict(frozen=True, from_attributes=True, arbitrary_types_allowed=True)
 
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        if "schema_name" in cls.model_fields:
+            KINDS[schema_of(cls)] = cls
+
     def __repr__(self) -> str:
         """Return the kind of document, and the names of its fields."""
         return in_short(f"{type(self).__name__}: {listed(type(self).model_fields)}")
@@ -64,72 +68,48 @@ class Document(BaseModel):
         return fields
 
 
+#: Published documents by the name of their schema; each enters as its module is imported.
+KINDS: dict[str, type[Document]] = {}
+
 _Document = TypeVar("_Document", bound=Document)
 
 
-class Computed:
-    """Annotation of a dataclass whose JSON object has a further key, computed from the value.
-
-    Parameters
-    ----------
-    name
-        Key in the JSON object.
-    json_type
-        Type of its value in JSON, such as "string".
-    function
-        Function of the dataclass that returns the value; default: its attribute `name`.
-    """
-
-    def __init__(self, name: str, json_type: str, function: Callable[[Any], Any] | None = None) -> None:
-        self._name, self._json_type = name, json_type
-        self._function = attrgetter(name) if function is None else function
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        def add(value: Any, serialise: SerializerFunctionWrapHandler) -> Any:
-            return {**serialise(value), self._name: self._function(value)}
-
-        inner = handler(source)
-        return core_schema.no_info_after_validator_function(
-            lambda value: value,
-            inner,
-            serialization=core_schema.wrap_serializer_function_ser_schema(add, schema=inner),
-        )
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        written = handler(schema)
-        fields = handler.resolve_ref_schema(written)
-        fields["properties"][self._name] = {"type": self._json_type}
-        return written
-
-
 class Published:
-    """Annotation of a dataclass whose JSON object has only some of its fields; reading sets the others to defaults.
+    """Annotation of a dataclass whose JSON object has other keys: fewer fields, or texts computed from the value.
+
+    Reading sets fields that are not published to their defaults.
 
     Parameters
     ----------
     names
-        Names of the fields in the JSON object.
+        Names of the fields in the JSON object; none: all.
+    computed
+        Functions of the dataclass that return the texts of further keys.
     """
 
-    def __init__(self, *names: str) -> None:
-        self._names = names
+    def __init__(self, *names: str, **computed: Callable[[Any], str]) -> None:
+        self._names, self._computed = names, computed
+
+    def _picked(self, fields: dict[str, Any]) -> dict[str, Any]:
+        return {name: fields[name] for name in self._names or fields}
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        def pick(value: Any, serialise: SerializerFunctionWrapHandler) -> Any:
-            fields = serialise(value)
-            return {name: fields[name] for name in self._names}
+        def publish(value: Any, serialise: SerializerFunctionWrapHandler) -> Any:
+            texts = {name: function(value) for name, function in self._computed.items()}
+            return {**self._picked(serialise(value)), **texts}
 
         inner = handler(source)
         return core_schema.no_info_after_validator_function(
             lambda value: value,
             inner,
-            serialization=core_schema.wrap_serializer_function_ser_schema(pick, schema=inner),
+            serialization=core_schema.wrap_serializer_function_ser_schema(publish, schema=inner),
         )
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         written = handler(schema)
         fields = handler.resolve_ref_schema(written)
-        fields["properties"] = {name: fields["properties"][name] for name in self._names}
+        texts = {name: {"type": "string"} for name in self._computed}
+        fields["properties"] = {**self._picked(fields["properties"]), **texts}
         return written
 
 

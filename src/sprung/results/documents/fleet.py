@@ -8,7 +8,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from sprung.diagnosis import RankedVehicle
-from sprung.results.documents.document import Document, Pair
+from sprung.results.documents.document import Document, Pair, document_from
 
 
 class RankedEntry(Document):
@@ -70,9 +70,7 @@ def fleet_document(
     [('car-2', 'front_left.spring')]
     """
     types = [{"name": name, "vehicles": list(map(_entry, ranked))} for name, ranked in rankings]
-    return FleetDocument.model_validate(
-        {"schema": "sprung.fleet/1", "rate": rate, "types": types, "notes": list(notes)}
-    )
+    return document_from(FleetDocument, None, rate=rate, types=types, notes=list(notes))
 
 
 def _entry(ranked: RankedVehicle) -> dict[str, object]:
@@ -164,13 +162,12 @@ def fleet_run_document(
     ('sprung.fleet-run/1', 3)
     """
     names = FleetFindingEntry.model_fields
-    return FleetRunDocument.model_validate(
-        {
-            "schema": "sprung.fleet-run/1",
-            **counts,
-            "reasons": [{"reason": reason, "windows": count} for reason, count in reasons],
-            "findings": [{name: row[name] for name in names} for row in findings],
-        }
+    return document_from(
+        FleetRunDocument,
+        None,
+        reasons=[{"reason": reason, "windows": count} for reason, count in reasons],
+        findings=[{name: row[name] for name in names} for row in findings],
+        **counts,
     )
 
 
@@ -185,7 +182,7 @@ def fleet_plan_document(fields: Mapping[str, Any]) -> FleetPlanDocument:
     >>> document.schema_name, document.new
     ('sprung.fleet-plan/1', {'corners': 1800})
     """
-    return FleetPlanDocument.model_validate({"schema": "sprung.fleet-plan/1", **fields})
+    return document_from(FleetPlanDocument, None, **fields)
 
 
 class LakeVehicle(Document):
@@ -277,21 +274,19 @@ def lake_document(
     >>> document.schema_name, document.vehicles[0].windows, document.removed is None
     ('sprung.lake/1', 144, True)
     """
-    names = ("vehicle", "windows", "first", "last")
-    return LakeDocument.model_validate(
-        {
-            "schema": "sprung.lake/1",
-            "lake": lake,
-            "windows": windows,
-            "files": files,
-            "bytes": n_bytes,
-            "first": first,
-            "last": last,
-            "vehicles": [dict(zip(names, own, strict=True)) for own in vehicles],
-            "compacted": compacted,
-            "removed": removed,
-            "exported": list(map(str, exported)),
-        }
+    return document_from(
+        LakeDocument,
+        None,
+        lake=lake,
+        windows=windows,
+        files=files,
+        bytes=n_bytes,
+        first=first,
+        last=last,
+        vehicles=[dict(zip(LakeVehicle.model_fields, own, strict=True)) for own in vehicles],
+        compacted=compacted,
+        removed=removed,
+        exported=list(map(str, exported)),
     )
 
 
@@ -316,12 +311,10 @@ def lake_import_document(
     >>> document.vehicles[0].added, document.bad_files[0].reason
     (10, 'no time column')
     """
-    names = ("vehicle", "files", "added", "known")
-    return LakeImportDocument.model_validate(
-        {
-            "schema": "sprung.lake-import/1",
-            "lake": lake,
-            "vehicles": [dict(zip(names, own, strict=True)) for own in vehicles],
-            "bad_files": [{"file": str(path), "reason": reason} for path, reason in bad_files],
-        }
+    return document_from(
+        LakeImportDocument,
+        None,
+        lake=lake,
+        vehicles=[dict(zip(ImportedVehicle.model_fields, own, strict=True)) for own in vehicles],
+        bad_files=[{"file": str(path), "reason": reason} for path, reason in bad_files],
     )

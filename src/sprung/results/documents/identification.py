@@ -17,10 +17,10 @@ from sprung.identification.refinement import Refinement
 from sprung.modal import Modes
 from sprung.recording import Channel
 from sprung.results.documents.document import (
-    Computed,
     Document,
     Number,
     Pair,
+    Published,
     checked,
     document_from,
     plain,
@@ -272,7 +272,7 @@ class IdentificationDocument(Document):
     band: tuple[Number, Number]
     modes: tuple[MergedMode, ...]
     subsets: tuple[SubsetDocument, ...]
-    harmonics: tuple[Annotated[Harmonic, Computed("unit", "string", lambda line: _UNITS[line.kind])], ...]
+    harmonics: tuple[Annotated[Harmonic, Published(unit=lambda line: _UNITS[line.kind])], ...]
     refinement: RefinementDocument | None = None
     settings: dict[str, Any]
     notes: tuple[str, ...]

@@ -1,13 +1,18 @@
 """Documents of plans, roads and rides: `sprung.plan/1`, `sprung.road/1`, `sprung.ride/1`."""
 
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import AliasChoices, Field
 
 from sprung.kits import KitPlan
-from sprung.results.documents.document import Document, Number, document_from
+from sprung.results.documents.document import Document, Number, Pair, document_from
 from sprung.ride import Ride
-from sprung.road import RoadSurvey, Stretch
+from sprung.road import RoadSurvey
+
+
+def _renamed(key: str, name: str) -> Any:
+    """Return a field with a key in JSON that is no name in Python."""
+    return Field(validation_alias=AliasChoices(key, name), serialization_alias=key)
 
 
 class PlannedPart(Document):
@@ -40,7 +45,7 @@ class TrackDocument(Document):
 
     iri: float
     iri_std: float
-    road_class: str = Field(alias="class")
+    road_class: str = _renamed("class", "road_class")
     roughness: float
     waviness: float
 
@@ -48,13 +53,13 @@ class TrackDocument(Document):
 class StretchDocument(Document):
     """A stretch of the road, from and to a distance [m]; place where the recordings have it [degrees]."""
 
-    begin: float = Field(alias="from")
-    end: float = Field(alias="to")
+    begin: float = _renamed("from", "begin")
+    end: float = _renamed("to", "end")
     left: TrackDocument
     right: TrackDocument
     n_passes: int
-    begin_place: tuple[float, float] | None = None
-    end_place: tuple[float, float] | None = None
+    begin_place: Pair | None = Field(default=None, exclude_if=lambda place: place is None)
+    end_place: Pair | None = Field(default=None, exclude_if=lambda place: place is None)
 
 
 class EventDocument(Document):
@@ -127,26 +132,7 @@ def plan_document(plan: KitPlan) -> PlanDocument:
 
 def road_document(survey: RoadSurvey) -> RoadDocument:
     """Return the road under a vehicle as `sprung.road/1`."""
-    stretches = [_stretch(stretch) for stretch in survey.stretches]
-    return RoadDocument.model_validate(
-        {"schema": "sprung.road/1", "stretches": stretches, "events": survey.events, "notes": survey.notes}
-    )
-
-
-def _stretch(stretch: Stretch) -> dict[str, object]:
-    sides = {
-        side: {
-            "iri": track.iri,
-            "iri_std": track.iri_std,
-            "class": track.road_class,
-            "roughness": track.roughness,
-            "waviness": track.waviness,
-        }
-        for side, track in (("left", stretch.left), ("right", stretch.right))
-    }
-    places = {"begin_place": stretch.begin_place, "end_place": stretch.end_place}
-    known = {name: place for name, place in places.items() if place is not None}
-    return {"from": stretch.begin, "to": stretch.end, **sides, "n_passes": stretch.n_passes, **known}
+    return document_from(RoadDocument, survey)
 
 
 def ride_document(ride: Ride) -> RideDocument:

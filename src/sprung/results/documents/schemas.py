@@ -1,78 +1,22 @@
 """All published documents by the name of their schema, and their JSON Schemas, which are part of the package."""
 
 import json
-from importlib import resources
+from importlib import import_module, resources
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
 from sprung.errors import FormatError, ParameterError
-from sprung.results.documents.baseline import BaselineDocument, TypeBaselineDocument
-from sprung.results.documents.bounce import BounceDocument
-from sprung.results.documents.corners import CalibrationDocument, CornersDocument
-from sprung.results.documents.diagnosis import ComparisonDocument, DiagnosisDocument
-from sprung.results.documents.document import Document, checked, read_fields, schema_of
-from sprung.results.documents.fleet import (
-    FleetDocument,
-    FleetPlanDocument,
-    FleetRunDocument,
-    LakeDocument,
-    LakeImportDocument,
-)
-from sprung.results.documents.identification import IdentificationDocument
-from sprung.results.documents.measured import PlanDocument, RideDocument, RoadDocument
-from sprung.results.documents.monitoring import (
-    AccountsDocument,
-    AlertHistoryDocument,
-    AlertsDocument,
-    ExportDocument,
-    NotificationDocument,
-    QuarantineDocument,
-    ReportDocument,
-    ReproductionDocument,
-    TokensDocument,
-    VehiclesDocument,
-    WorkOrderDocument,
-)
-from sprung.results.documents.recordings import InspectionDocument, TruthDocument
-from sprung.results.documents.tracking import TrackingDocument
+from sprung.results.documents.document import KINDS, Document, checked, read_fields
 
-_KINDS: tuple[type[Document], ...] = (
-    AccountsDocument,
-    NotificationDocument,
-    AlertHistoryDocument,
-    AlertsDocument,
-    QuarantineDocument,
-    BaselineDocument,
-    BounceDocument,
-    CalibrationDocument,
-    ComparisonDocument,
-    CornersDocument,
-    DiagnosisDocument,
-    ExportDocument,
-    FleetDocument,
-    FleetPlanDocument,
-    FleetRunDocument,
-    IdentificationDocument,
-    InspectionDocument,
-    LakeDocument,
-    LakeImportDocument,
-    PlanDocument,
-    ReportDocument,
-    ReproductionDocument,
-    RideDocument,
-    RoadDocument,
-    TokensDocument,
-    TrackingDocument,
-    TruthDocument,
-    TypeBaselineDocument,
-    VehiclesDocument,
-    WorkOrderDocument,
-)
+for _module in iter_modules([str(Path(__file__).parent)]):
+    import_module(f"sprung.results.documents.{_module.name}")
+
 #: Published documents by the name of their schema.
-DOCUMENTS = {schema_of(kind): kind for kind in _KINDS}
+DOCUMENTS = dict(sorted(KINDS.items()))
 
 
 def read_document(path: str | Path) -> Document:
