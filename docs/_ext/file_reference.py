@@ -33,12 +33,12 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in cells)
 
 
-def type_in_words(schema: Mapping[str, Any]) -> str:
+def describe_type(schema: Mapping[str, Any]) -> str:
     """Return what a JSON Schema allows, such as "number > 0 or null"."""
     if "$ref" in schema:
         return f"`{schema['$ref'].rpartition('/')[2]}`"
     if "anyOf" in schema:
-        return " or ".join(dict.fromkeys(type_in_words(option) for option in schema["anyOf"]))
+        return " or ".join(dict.fromkeys(describe_type(option) for option in schema["anyOf"]))
     if "const" in schema or "enum" in schema:
         return " or ".join(f"`{value}`" for value in schema.get("enum", [schema.get("const")]))
     kinds = schema.get("type", "any")
@@ -53,10 +53,10 @@ def _kind(kind: str, schema: Mapping[str, Any]) -> str:
     if kind == "array":
         entries = schema.get("prefixItems") or ([schema["items"]] if schema.get("items") else [])
         return "list" + (
-            f" of {' and '.join(dict.fromkeys(type_in_words(entry) for entry in entries))}" if entries else ""
+            f" of {' and '.join(dict.fromkeys(describe_type(entry) for entry in entries))}" if entries else ""
         )
     if kind == "object" and isinstance(schema.get("additionalProperties"), dict):
-        return f"object of {type_in_words(schema['additionalProperties'])}"
+        return f"object of {describe_type(schema['additionalProperties'])}"
     return {"null": "`null`", "string": "text"}.get(kind, kind)
 
 
@@ -120,7 +120,7 @@ def sections_of(model: type, name: str = "") -> Iterator[tuple[str, type, list[S
                 name: bound for word, name in _LIMITS.items() if (bound := getattr(limit, word, None)) is not None
             }
         meaning = field.description or meanings.get(field.alias or key, "")
-        rows.append((f"`{field.alias or key}`", type_in_words(schema), _default(field), meaning))
+        rows.append((f"`{field.alias or key}`", describe_type(schema), _default(field), meaning))
     yield name, model, rows
     for place, inner in below:
         yield from sections_of(inner, place)
@@ -201,7 +201,7 @@ def _document(name: str) -> str:
             paragraphs.append(part["description"].split("\n\n")[0])
         required = part.get("required", ())
         rows = [
-            (f"`{key}`", type_in_words(value), "yes" if key in required else "no")
+            (f"`{key}`", describe_type(value), "yes" if key in required else "no")
             for key, value in part.get("properties", {}).items()
         ]
         paragraphs.append(table(("key", "type", "always there"), rows))

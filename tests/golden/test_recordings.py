@@ -6,11 +6,12 @@ from tests.golden.freezing import NOISE, check
 from tests.golden.recordings import RECORDINGS, disturbed
 
 import sprung
+from sprung.results.documents import DOCUMENTS
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RECORDINGS)
-def test_recording(name, tmp_path) -> None:
+def test_recording(name, tmp_path, check_document) -> None:
     case = RECORDINGS[name]
     if case.needs:
         pytest.importorskip(case.needs)
@@ -20,6 +21,10 @@ def test_recording(name, tmp_path) -> None:
             step(tmp_path)
             continue
         seen.append(run_command(step, tmp_path))
+        for document in (seen[-1].get("out"), *seen[-1].get("files", {}).values()):
+            if isinstance(document, dict):
+                check_document(document)
+                assert DOCUMENTS[document["schema"]].model_validate(document).as_json() == document
         if NOISE and step.startswith("simulate "):
             for path in tmp_path.iterdir():
                 if str(path) == str(tmp_path / seen[-1]["command"].split("--out ")[1].split()[0]):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from sprung.errors import ParameterError
-from sprung.results.tables import time_in_words
+from sprung.results.tables.wording import format_time
 
 #: A date without a time, and a day [ns].
 _DAY_ALONE, _DAY = re.compile(r"\d{4}-?\d{2}-?\d{2}"), 86400 * 10**9
@@ -33,7 +33,7 @@ class Period:
 
     def __post_init__(self) -> None:
         if self.since is not None and self.until is not None and self.until < self.since:
-            begin, end = time_in_words(self.since), time_in_words(self.until)
+            begin, end = format_time(self.since), format_time(self.until)
             raise ParameterError(f"the period ends at {end}, before it begins at {begin}: swap since and until")
 
     def overlaps(self, begin: int, end: int | None) -> bool:

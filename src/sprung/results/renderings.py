@@ -30,68 +30,61 @@ class Renderings:
     columns
         Columns of the data frame, by names with their unit in brackets.
     parts
-        Headings, tables and lists of sentences.
+        Headings (texts), tables, lists of tables and sentences, or tuples of all these, in the order in which they are
+        shown; after a dot, an attribute of the value.
     picture
         The one picture.
     """
 
     document: str = ""
     columns: str = ""
-    parts: str = ""
+    parts: tuple[str, ...] = ()
     picture: str = ""
 
 
-def _tabulated(name: str, *, document: str = "", picture: str = "") -> Renderings:
-    """Return the renderings of a type that has columns and tables."""
-    return Renderings(document, f"tables.frames:{name}_columns", f"tables.frames:{name}_parts", picture)
+def _of(document: str = "", columns: str = "", parts: str = "", picture: str = "") -> Renderings:
+    """Return renderings by names below `documents`, `tables.frames`, `tables` and `figures`."""
+    names = tuple(name if name.startswith(".") else f"tables.{name}" for name in parts.split())
+    columns = columns and f"tables.frames:{columns}_columns"
+    return Renderings(document and f"documents.{document}", columns, names, picture and f"figures.{picture}")
 
+
+_BOUNCE = "corners:describe_bounce corners:bounce_tables"
+_CALIBRATION = "corners:calibration_table corners:describe_calibration"
+_CORNERS = "corners:components_table corners:fitted_modes_table corners:describe_payload"
+_DIAGNOSED, _DIAGNOSIS = "diagnosis:diagnosis_document", "diagnosis:describe_diagnosis diagnosis:diagnosis_tables"
+_IDENTIFIED = "identification:identification_document"
+_MODES = "identification:describe_identification identification:identification_tables"
+_INSPECTION = "recordings:describe_inspection recordings:inspection_table"
+_TRACKS = "identification:describe_tracks identification:tracks_table"
+_FINDINGS = _of("", "findings", "diagnosis:findings_table")
+_OBSERVATIONS = _of("", "observations", "diagnosis:observations_table")
 
 #: Renderings by the name of the type.
 RENDERINGS: Mapping[str, Renderings] = MappingProxyType(
     {
-        "Baseline": _tabulated("baseline", document="documents.baseline:baseline_document"),
-        "Bounce": Renderings(
-            "documents.bounce:bounce_document",
-            "tables.bounce:bounce_columns",
-            "tables.bounce:bounce_parts",
-            "figures.bounce:bounce_figure",
+        "Baseline": _of(
+            "baseline:baseline_document", "baseline", "diagnosis:baseline_table diagnosis:describe_baseline"
         ),
-        "Calibration": _tabulated(
-            "calibration",
-            document="documents.corners:calibration_document",
-            picture="figures.corners:misfit_figure",
-        ),
-        "CornerFit": _tabulated(
-            "corners", document="documents.corners:corners_document", picture="figures.corners:corners_figure"
-        ),
-        "Diagnosis": _tabulated(
-            "diagnosis",
-            document="documents.diagnosis:diagnosis_document",
-            picture="figures.diagnosis:corner_changes_figure",
-        ),
-        "Document": Renderings(document="renderings:_itself"),
-        "Finding": _tabulated("finding"),
-        "Findings": _tabulated("findings"),
-        "Identification": _tabulated(
-            "identification",
-            document="documents.identification:identification_document",
-            picture="figures.stabilisation:stabilisation_figure",
-        ),
-        "Inspection": _tabulated("inspection", document="documents.recordings:one_inspection_document"),
-        "Modes": _tabulated("modes", picture="figures.shapes:plain_shapes_figure"),
-        "Observation": _tabulated("observation"),
-        "Observations": _tabulated("observations"),
-        "KitPlan": Renderings("documents.measured:plan_document", picture="figures.measured:kit_figure"),
-        "Ride": Renderings("documents.measured:ride_document", picture="figures.measured:ride_figure"),
-        "RoadSurvey": Renderings("documents.measured:road_document", picture="figures.measured:road_figure"),
-        "Recording": _tabulated("recording", picture="figures.signals:recording_figure"),
-        "StabilisationDiagram": _tabulated("diagram"),
-        "TrackedModes": _tabulated(
-            "tracks",
-            document="documents.tracking:plain_tracking_document",
-            picture="figures.history:plain_tracks_figure",
-        ),
-        "TypeBaseline": Renderings(document="documents.baseline:type_baseline_document"),
+        "Bounce": _of("bounce:bounce_document", "bounce", f"{_BOUNCE} .notes", "measured:bounce_figure"),
+        "Calibration": _of("corners:calibration_document", "calibration", _CALIBRATION, "corners:misfit_figure"),
+        "CornerFit": _of("corners:corners_document", "corners", f"{_CORNERS} .notes", "corners:corners_figure"),
+        "Diagnosis": _of(_DIAGNOSED, "findings", f"{_DIAGNOSIS} .notes", "diagnosis:corner_changes_figure"),
+        "Document": Renderings("renderings:_itself"),
+        "Finding": _FINDINGS,
+        "Findings": _FINDINGS,
+        "Identification": _of(_IDENTIFIED, "identification", f"{_MODES} .notes", "stabilisation:stabilisation_figure"),
+        "Inspection": _of("recordings:one_inspection_document", "inspection", _INSPECTION),
+        "KitPlan": _of("measured:plan_document", picture="measured:kit_figure"),
+        "Modes": _of("", "modes", "identification:modes_table", "shapes:plain_shapes_figure"),
+        "Observation": _OBSERVATIONS,
+        "Observations": _OBSERVATIONS,
+        "Recording": _of("", "recording", "recordings:recording_parts", "signals:recording_figure"),
+        "Ride": _of("measured:ride_document", picture="measured:ride_figure"),
+        "RoadSurvey": _of("measured:road_document", picture="measured:road_figure"),
+        "StabilisationDiagram": _of("", "diagram", "identification:diagram_table"),
+        "TrackedModes": _of("tracking:plain_tracking_document", "tracks", _TRACKS, "history:plain_tracks_figure"),
+        "TypeBaseline": _of("baseline:type_baseline_document"),
     }
 )
 
@@ -190,7 +183,11 @@ def as_html(value: object) -> str:
     ParameterError
         If a value of this type has no tables.
     """
-    parts = _rendered(value, "parts", "tables: pass a recording, modes or a result")
+    names = _found(value, "parts", "tables: pass a recording, modes or a result")
+    parts = [
+        list(getattr(value, name[1:])) if name.startswith(".") else resolve_name(f"sprung.results.{name}")(value)
+        for name in names
+    ]
     text: str = resolve_name("sprung.results.tables.frames:as_html")(parts)
     return text
 
@@ -223,10 +220,14 @@ def picture_of(value: object) -> "Figure":
     return figure
 
 
-def _rendered(value: object, kind: str, lack: str) -> Any:
-    """Return one rendering of a value, by the first of its types that has one."""
+def _found(value: object, kind: str, lack: str) -> Any:
+    """Return the names of the functions for one rendering of a value, by the first of its types that has one."""
     for each in type(value).__mro__:
-        function = getattr(RENDERINGS.get(each.__name__), kind, "") if each.__module__.startswith("sprung.") else ""
-        if function:
-            return resolve_name(f"sprung.results.{function}")(value)
+        names = getattr(RENDERINGS.get(each.__name__), kind, "") if each.__module__.startswith("sprung.") else ""
+        if names:
+            return names
     raise ParameterError(f"a {type(value).__name__} has no {lack}")
+
+
+def _rendered(value: object, kind: str, lack: str) -> Any:
+    return resolve_name(f"sprung.results.{_found(value, kind, lack)}")(value)

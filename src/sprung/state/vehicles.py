@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from sprung._display import counted
 from sprung.diagnosis import Observation, doubt_about
-from sprung.results.tables import no_change_in_words
+from sprung.results.tables import describe_no_change
 from sprung.state.alerts import AlertState, health_index
 from sprung.state.reference import PartState, Reference, Verdict
 from sprung.vehicles import Component
@@ -237,7 +237,7 @@ def _by_windows(
     if said and status is not None and status.note:
         return Verdict.INCONCLUSIVE, f"inconclusive: {said}"
     limits = {Component.parse(part.part): part.detectable for part in parts if part.detectable is not None}
-    sentence = "; ".join(text for text in (no_change_in_words(limits, doubt or ""), said) if text)
+    sentence = "; ".join(text for text in (describe_no_change(limits, doubt or ""), said) if text)
     return Verdict.INCONCLUSIVE if doubt else Verdict.NO_CHANGE_DETECTED, sentence
 
 

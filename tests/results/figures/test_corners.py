@@ -28,47 +28,6 @@ def intervals(axes):
     return np.array([segment[:, 1] for collection in lines for segment in collection.get_segments()])
 
 
-def test_bars_are_changes_in_percent_with_their_intervals() -> None:
-    log_ratios, deviations = np.full(12, np.log(1.1)), np.full(12, 0.05)
-    log_ratios[4] = np.log(0.8)  # the damper at the front right
-    is_identifiable = np.arange(12) != 2
-    figure = corner_bars(
-        COMPONENTS, log_ratios, deviations, is_identifiable=is_identifiable, heading=("Corners", "simulated")
-    )
-    panels = figure.axes
-    assert [axes.get_title(loc="left") for axes in panels] == ["front left", "front right", "rear left", "rear right"]
-    assert [tick.get_text() for tick in panels[0].get_xticklabels()] == ["spring", "damper", "tyre"]
-    assert [bar.get_height() for bar in bars(panels[0])] == pytest.approx([10.0, 10.0, 10.0])
-    assert [bar.get_height() for bar in bars(panels[1])] == pytest.approx([10.0, -20.0, 10.0])
-    low, high = intervals(panels[1])[1]
-    assert (np.log1p(high / 100) - np.log1p(low / 100)) / 0.05 == pytest.approx(2 * 1.96, rel=1e-3)
-    assert [text.get_text() for text in panels[1].texts] == ["+10.0 %", "-20.0 %", "+10.0 %"]
-
-
-def test_what_is_not_identifiable_is_grey_and_has_no_figure() -> None:
-    is_identifiable = np.arange(12) != 2
-    figure = corner_bars(
-        COMPONENTS, np.full(12, 0.1), np.full(12, 0.05), is_identifiable=is_identifiable, heading=("Corners", "")
-    )
-    spring, damper, tyre = (bar.get_facecolor()[:3] for bar in bars(figure.axes[0]))
-    assert len(set(tyre)) == 1
-    assert len({spring, damper, tyre}) == 3
-    assert len(figure.axes[0].texts) == 2
-
-
-def test_the_part_of_chance_lies_within_the_interval() -> None:
-    figure = corner_bars(
-        COMPONENTS,
-        np.zeros(12),
-        np.full(12, 0.1),
-        is_identifiable=np.ones(12, dtype=bool),
-        heading=("Corners", ""),
-        by_chance=np.full(12, 0.05),
-    )
-    thin, thick = intervals(figure.axes[3])[:3], intervals(figure.axes[3])[3:]
-    np.testing.assert_allclose(np.log1p(thin / 100), 2 * np.log1p(thick / 100))
-
-
 @pytest.fixture(scope="module")
 def fit():
     pytest.importorskip("numba")
@@ -88,15 +47,6 @@ def test_figures_of_a_fit(fit) -> None:
         np.testing.assert_allclose(misfit, 100 * fit.misfit[row])
     heights = [bar.get_height() for axes in corners_figure(fit).axes for bar in bars(axes)]
     np.testing.assert_allclose(heights, 100 * np.expm1(fit.log_ratios))
-
-
-def test_correlations_of_the_estimates(fit) -> None:
-    (image,) = correlation_figure(fit).axes[0].get_images()
-    values = np.asarray(image.get_array())
-    assert values.shape == (12, 12)
-    np.testing.assert_allclose(np.diag(values), 1)
-    np.testing.assert_allclose(values, values.T)
-    assert np.abs(values).max() <= 1 + 1e-12
 
 
 def test_the_axis_is_scaled_to_the_changes_and_not_to_absurd_intervals() -> None:

@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.diagnosis import Observation, SensorFault, diagnose, learn, mode_changes
+from sprung.diagnosis import Observation, SensorFault, diagnose, learn
 from sprung.errors import ParameterError
-from sprung.results.figures import corner_changes_figure, evidence_figure, mode_changes_figure, trends_figure
-from sprung.vehicles import Component, read_vehicle
+from sprung.results.figures import corner_changes_figure, evidence_figure, trends_figure
+from sprung.vehicles import Component
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
 COMPONENTS = tuple(Component(corner, kind) for corner in CORNERS for kind in ("spring", "damper", "tyre"))
@@ -21,19 +21,24 @@ def window(generator, time, change=0.0):
     return Observation(time, COMPONENTS, values, COVARIANCE, {}, {"roll": (2.0 + change, 0.2)}, ())
 
 
-@pytest.fixture(scope="module")
-def baseline():
+def softened_spring():
+    """A baseline; four healthy windows, one with a failing sensor, then a spring that goes on softening."""
     generator = np.random.default_rng(0)
-    return learn([window(generator, 600.0 * k) for k in range(12)])
-
-
-@pytest.fixture(scope="module")
-def softening(baseline):
-    """Four healthy windows, one with a failing sensor, then a spring that goes on softening."""
+    baseline = learn([window(generator, 600.0 * k) for k in range(12)])
     generator = np.random.default_rng(1)
     every = [window(generator, 600.0 * k, -0.15 + SLOPE * (k - 4) if k > 4 else 0.0) for k in range(14)]
     every[4] = replace(window(generator, 2400.0, 2.0), sensor_faults=(SensorFault("acc_fl", "drifting", ""),))
-    return diagnose(every, baseline)
+    return baseline, diagnose(every, baseline)
+
+
+@pytest.fixture(scope="module")
+def baseline():
+    return softened_spring()[0]
+
+
+@pytest.fixture(scope="module")
+def softening():
+    return softened_spring()[1]
 
 
 def test_components_are_drawn_with_limits_onset_and_trend(softening, baseline) -> None:
@@ -108,24 +113,6 @@ def test_corners_leave_out_windows_whose_sensors_fail(softening, baseline) -> No
         strict=True,
     ):
         np.testing.assert_allclose(one, other)
-
-
-def test_body_modes_are_drawn_as_implied_and_as_measured(softening) -> None:
-    (finding,) = softening.findings
-    bare = mode_changes(read_vehicle("zafira"), finding)
-    assert all(change.measured_before is None and change.measured_since is None for change in bare)
-    changes = mode_changes(read_vehicle("zafira"), finding, observations=softening.observations)
-    bounce, _, roll = changes
-    assert (bounce.measured_before, bounce.measured_since) == (None, None)
-    sound = [one for one in softening.observations if not one.sensor_faults]
-    before = [one.modes["roll"][0] for one in sound if one.time < finding.since]
-    since = [one.modes["roll"][0] for one in sound if one.time >= finding.since]
-    assert roll.measured_before == pytest.approx((np.median(before), 0.2))
-    assert roll.measured_since == pytest.approx((np.median(since), 0.2))
-    figure = mode_changes_figure(changes, heading=finding.sentence)
-    assert figure.get_suptitle().startswith("Body modes before and after, as the finding implies")
-    assert "measured" not in figure.axes[0].get_title()
-    assert f"measured: {np.median(before):.3g} to {np.median(since):.3g} Hz" in figure.axes[2].get_title()
 
 
 def test_diagnosis_without_conclusive_window_is_refused(softening) -> None:

@@ -8,15 +8,7 @@ from matplotlib.figure import Figure
 
 from sprung.identification.tracking import TrackingSettings, track_modes
 from sprung.modal import Modes
-from sprung.results.figures import (
-    Stretch,
-    components_history_figure,
-    evidence_history_figure,
-    findings_history_figure,
-    modes_history_figure,
-    plan_figure,
-    tracks_figure,
-)
+from sprung.results.figures import modes_history_figure, plan_figure, tracks_figure
 from sprung.vehicles import Component
 
 COMPONENTS = tuple(
@@ -40,40 +32,6 @@ def texts(figure: Figure) -> set[str]:
     figure.canvas.draw()
     axes = [text.get_text() for each in figure.axes for text in each.findobj() if hasattr(text, "get_text")]
     return set(axes)
-
-
-def test_components_are_in_per_cent_with_intervals_in_their_panels() -> None:
-    values = np.zeros((20, 12))
-    values[10:, 0] = np.log(0.8)
-    figure = components_history_figure(
-        TIMES,
-        values,
-        np.full((20, 12), 0.05),
-        components=COMPONENTS,
-        usual=np.full(12, 0.1),
-        alerts=[Stretch("front_left.spring", int(TIMES[10]), int(TIMES[-1])), Stretch("silent", 0, 1)],
-        baselines=[int(TIMES[5])],
-    )
-    panels = drawn(figure)
-    assert len(panels) == 12
-    points = next(line for line in panels[0].lines if line.get_marker() == "o")
-    np.testing.assert_allclose(points.get_ydata(), [0.0] * 10 + [-20.0] * 10)
-    (intervals,) = panels[0].collections
-    low, high = intervals.get_segments()[15][:, 1]
-    assert (low, high) == pytest.approx([100 * np.expm1(np.log(0.8) + sign * 1.96 * 0.05) for sign in (-1, 1)])
-    assert [len(axes.patches) for axes in panels] == [2, *[1] * 11]  # the usual range, and the alert in one panel
-
-
-def test_modes_findings_and_evidence_are_drawn_at_their_values() -> None:
-    left, right = drawn(modes_history_figure({"bounce": (TIMES, np.full(20, 1.3), np.full(20, 0.2))}))
-    np.testing.assert_allclose(left.lines[0].get_ydata(), 1.3)
-    np.testing.assert_allclose(right.lines[0].get_ydata(), 20.0)
-    sizes = {"front_left.spring": (TIMES[:1], np.array([[-0.2, -0.22, -0.18]]))}
-    (axes,) = drawn(findings_history_figure(sizes))
-    np.testing.assert_allclose(axes.lines[-1].get_ydata(), -20.0)
-    np.testing.assert_allclose(axes.collections[0].get_segments()[0][:, 1], [-22.0, -18.0])
-    (axes,) = drawn(evidence_history_figure(TIMES, np.arange(20.0), threshold=10.8))
-    np.testing.assert_allclose(axes.lines[1].get_ydata(), 10.8)
 
 
 def test_many_windows_are_drawn_as_medians_with_their_spread() -> None:
@@ -119,6 +77,10 @@ def modes(*frequencies):
 
 @pytest.fixture(scope="module")
 def tracked():
+    return followed()
+
+
+def followed():
     """Twenty hours: 2 Hz throughout with a jump to 2.1 Hz, 5 Hz from hour 8 on, no results in hours 4 to 6."""
     windows = [modes(2.0 if k < 14 else 2.1, *([5.0] if k >= 8 else [])) for k in range(20)]
     windows[4:7] = [None] * 3
@@ -144,22 +106,7 @@ def test_gaps_births_and_jumps(tracked) -> None:
     assert any(axes.get_xlabel() == "time since the first window [h]" for axes in figure.axes)
 
 
-def test_axes_of_dates_and_of_numbers(tracked) -> None:
-    labels = {axes.get_xlabel() for axes in tracks_figure(tracked, start=1_790_000_000 * 10**9).axes}
-    assert "time (UTC)" in labels
-    assert "window" in {axes.get_xlabel() for axes in tracks_figure(tracked, has_times=False).axes}
-
-
 def test_no_track_is_said() -> None:
     nothing = track_modes([modes(2.0), modes(3.0)], settings=TrackingSettings(min_count=2, out_of=2))
     (axes,) = tracks_figure(nothing).axes
     assert axes.texts[0].get_text() == "No mode was found in enough windows."
-
-
-def test_the_legend_lists_what_the_figure_shows(tracked) -> None:
-    (legend,) = tracks_figure(tracked).legends
-    assert [text.get_text() for text in legend.get_texts()] == [
-        *("window, with 95 % interval", "first window of a mode", "last window", "jump", "window without modes"),
-    ]
-    (plain,) = tracks_figure(track_modes([modes(2.0, 5.0)] * 6)).legends
-    assert [text.get_text() for text in plain.get_texts()] == ["window, with 95 % interval"]

@@ -15,41 +15,32 @@ ALWAYS = {"stabilisation.png", "spectra.png"}
 OF_MODES = {"mode_shapes.png", "complexity.png", "mac.png"}
 
 
-def check(paths, directory, names):
+@pytest.fixture
+def none(chain):
+    """An identification without modes."""
+    return replace(chain, modes=chain.modes.take([]), members=chain.members[:0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "names"),
+    [
+        ("chain_with_lines", ALWAYS | OF_MODES),
+        ("edited", ALWAYS | OF_MODES),
+        ("single", ALWAYS),
+        ("none", ALWAYS),
+        ("car", ALWAYS | OF_MODES | {"subsets.png"}),
+    ],
+)
+def test_all_pictures_are_written(name, names, tmp_path: Path, request) -> None:
+    identification, folder = request.getfixturevalue(name), tmp_path / "new" / "figures"
+    paths = save_figures(identification, folder, source="run.csv")
     assert {path.name for path in paths} == names
     for path in paths:
-        assert path.parent == directory
+        assert path.parent == folder
         picture = imread(path)
         assert min(picture.shape[:2]) > 300
         assert 0.01 < np.mean(picture[..., :3].min(axis=-1) < 0.95) < 0.9
-
-
-@pytest.mark.slow
-def test_all_pictures_of_a_record_are_written(chain_with_lines, tmp_path: Path) -> None:
-    folder = tmp_path / "new" / "figures"
-    check(save_figures(chain_with_lines, folder, source="run.csv"), folder, ALWAYS | OF_MODES)
-
-
-@pytest.mark.slow
-def test_edited_spectra_are_written(edited, tmp_path: Path) -> None:
-    check(save_figures(edited, str(tmp_path)), tmp_path, ALWAYS | OF_MODES)
-
-
-def test_one_channel_has_no_shapes(single, tmp_path: Path) -> None:
-    assert len(single.modes) == 3
-    check(save_figures(single, tmp_path), tmp_path, ALWAYS)
-
-
-def test_without_modes_there_are_no_shapes(chain, tmp_path: Path) -> None:
-    none = replace(chain, modes=chain.modes.take([]), members=chain.members[:0])
-    check(save_figures(none, tmp_path), tmp_path, ALWAYS)
-    assert "No mode was identified." in figures(none)["spectra"].get_suptitle()
-
-
-@pytest.mark.slow
-def test_figures_of_a_car_are_written(car, tmp_path: Path) -> None:
-    assert {"bounce", "pitch", "roll"} <= set(car.modes.labels)
-    check(save_figures(car, tmp_path), tmp_path, ALWAYS | OF_MODES | {"subsets.png"})
 
 
 def test_headings_name_the_source_and_the_method(chain) -> None:

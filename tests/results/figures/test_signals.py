@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from sprung.recording import Channel, Recording
-from sprung.results.figures import (
-    Spread,
-    densities_figure,
-    histories_figure,
-    levels_figure,
-    runs_figure,
-)
+from sprung.results.figures import densities_figure, histories_figure, levels_figure
 
 
 @pytest.fixture
@@ -29,11 +23,6 @@ def test_histories_keep_the_extremes_of_long_records(run) -> None:
     assert figure.axes[-1].get_xlabel() == "Time [s]"
 
 
-def test_window_shows_the_beginning(run) -> None:
-    figure = histories_figure([("run", run)], title="t", window=2.0)
-    assert np.max(figure.axes[0].lines[0].get_xdata()) == pytest.approx(1.99)
-
-
 def test_levels_are_the_rms_of_each_interval(run) -> None:
     figure = levels_figure([("run", run)], title="t", interval=2.0)
     line = figure.axes[0].lines[0]
@@ -48,12 +37,3 @@ def test_density_integrates_to_the_power(run) -> None:
     assert density.sum() * (frequency[1] - frequency[0]) == pytest.approx(9.0, rel=0.01)
     assert figure.axes[0].get_ylabel() == "PSD [(m/s²)²/Hz]"
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["raw", "again"]
-
-
-def test_runs_say_how_many_found_a_value() -> None:
-    values = np.array([[1.0, 2.0, np.nan], [np.nan, np.nan, np.nan]])
-    figure = runs_figure([Spread("f [Hz]", ("one", "two"), values, 1.5, (1.4, np.nan))], title="t")
-    axes = figure.axes[0]
-    assert [text.get_text() for text in axes.texts] == ["2 of 3", "0 of 3"]
-    assert [tick.get_text() for tick in axes.get_yticklabels()] == ["one", "two"]
-    assert axes.get_xlabel() == "f [Hz]"

@@ -7,14 +7,7 @@ import pytest
 from matplotlib.axes import Axes
 
 from sprung._arrays import Real
-from sprung.modal import Modes, join_modes, mac
-from sprung.results.figures import (
-    alignment_rates,
-    mac_figure,
-    reference_mac_figure,
-    stable_rates_figure,
-    subsets_figure,
-)
+from sprung.results.figures import alignment_rates, mac_figure, stable_rates_figure, subsets_figure
 
 
 def matrix(axes: Axes) -> Real:
@@ -42,25 +35,6 @@ def test_values_of_the_modes(chain) -> None:
     assert axes.get_yticklabels()[0].get_text() == f"1\n{chain.modes.natural_frequency[0]:.2f} Hz"
 
 
-def test_values_between_the_subsets(subsets) -> None:
-    axes = mac_figure(subsets).axes[1]
-    parts = [subset.modes for subset in subsets.subsets]
-    shapes = join_modes(parts).mode_shapes
-    np.testing.assert_allclose(matrix(axes), mac(shapes, shapes))
-    np.testing.assert_allclose(printed(axes), mac(shapes, shapes), atol=0.0051)
-    places = [np.asarray(line.get_xdata()) for line in axes.get_lines()]
-    edges = np.array([place[0] for place in places if np.ptp(place) == 0])
-    np.testing.assert_allclose(edges, np.cumsum([len(part) for part in parts])[:-1] - 0.5)
-
-
-def test_names_have_the_colours_of_the_modes(subsets) -> None:
-    axes = mac_figure(subsets).axes
-    colours = {label.get_text().split("\n")[-1]: label.get_color() for label in axes[0].get_yticklabels()}
-    assert len(set(colours.values())) == len(subsets.modes)
-    merged = [label.get_color() for label in axes[1].get_yticklabels()]
-    assert set(merged) >= set(colours.values())
-
-
 def test_very_many_modes_have_no_printed_values(chain) -> None:
     many = chain.modes.take(np.arange(30) % 3)
     figure = mac_figure(replace(chain, modes=many, members=np.full((30, 1), -1)))
@@ -74,15 +48,6 @@ def test_no_mode_is_said(result, request: pytest.FixtureRequest) -> None:
     identification = request.getfixturevalue(result)
     none = replace(identification, modes=identification.modes.take([]), members=identification.members[:0])
     assert mac_figure(none).axes[0].texts[0].get_text() == "No mode was identified."
-
-
-def test_mac_against_a_reference(chain) -> None:
-    nothing = chain.modes.take(np.array([], dtype=int))
-    figure = reference_mac_figure([("all", chain.modes), ("none", nothing)], chain.modes, title="t")
-    values = [float(text.get_text()) for text in figure.axes[0].texts]
-    assert np.reshape(values, (3, 3)).diagonal() == pytest.approx(1)
-    assert figure.axes[1].texts[0].get_text() == "No mode was identified."
-    assert isinstance(chain.modes, Modes)
 
 
 def panels(figure):
@@ -114,24 +79,6 @@ def test_values_and_intervals_stand_at_the_levels(subsets) -> None:
             assert merged == pytest.approx(factor * getattr(subsets.modes, name)[k])
 
 
-def test_a_dependence_on_the_level_is_a_line(subsets) -> None:
-    trends = replace(
-        subsets.level_trends,
-        natural_frequency=np.array([0.05, 0.0, 0.0]),
-        damping_ratio=np.array([-0.01, 0.0, 0.0]),
-        p_value=np.array([1e-9, 0.5, 0.5]),
-    )
-    modes, _ = panels(subsets_figure(replace(subsets, level_trends=trends)))
-    lines = [[line for line in upper.get_lines() if line.get_gid() == "trend"] for upper, _ in modes]
-    assert [len(drawn) for drawn in lines] == [1, 0, 0]
-    x, y = lines[0][0].get_data()
-    frequency = subsets.modes.natural_frequency[0]
-    assert (y[-1] - y[0]) / np.log2(x[-1] / x[0]) == pytest.approx(0.05 * frequency)
-    (damping,) = (line for line in modes[0][1].get_lines() if line.get_gid() == "trend")
-    x, y = damping.get_data()
-    assert (y[-1] - y[0]) / np.log2(x[-1] / x[0]) == pytest.approx(-1.0)
-
-
 def test_small_changes_look_small(subsets) -> None:
     for upper, lower in panels(subsets_figure(subsets))[0]:
         assert np.ptp(upper.get_ylim()) >= 0.04 * np.mean(upper.get_ylim()) * 0.95
@@ -145,13 +92,6 @@ def test_a_mode_that_a_subset_lacks_is_a_cross_on_the_axis(subsets) -> None:
     crosses = [[line for line in upper.get_lines() if line.get_gid() == "not found"] for upper, _ in modes]
     assert [len(lines) for lines in crosses] == [0, 1, 0]
     assert crosses[1][0].get_xdata()[0] == pytest.approx(np.mean(subsets.subsets[0].level))
-
-
-def test_segments_of_each_subset(subsets) -> None:
-    _, axes = panels(subsets_figure(subsets))
-    counts = [subset.n_segments for subset in subsets.subsets]
-    assert [bar.get_height() for bar in axes.containers[0]] == counts
-    assert [text.get_text() for text in axes.texts] == [f"subset {k + 1}: {n}" for k, n in enumerate(counts)]
 
 
 def test_without_levels_or_modes_that_is_said(chain, subsets) -> None:

@@ -7,8 +7,8 @@ from sprung.identification import cov_ssi
 from sprung.identification.methods import WindowModes
 from sprung.identification.tracking import track_modes
 from sprung.modal import Modes
-from sprung.results.tables import modes_table, tracks_in_words, tracks_notes, tracks_table
-from sprung.results.tables.identification import moment_in_words
+from sprung.results.tables import describe_tracks, modes_table, tracks_notes, tracks_table
+from sprung.results.tables.identification import format_moment
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain
 
@@ -49,7 +49,7 @@ def test_table_and_notes() -> None:
     windows = [WindowModes(60.0 * k, "f.csv", modes(frequency)) for k, frequency in enumerate(frequencies)]
     windows[3] = WindowModes(180.0, "f.csv", None, "too short")
     tracked = track_modes([window.modes for window in windows], times=[window.time for window in windows])
-    assert tracks_in_words(tracked) == "1 mode followed over 19 windows with modes, of 20"
+    assert describe_tracks(tracked) == "1 mode followed over 19 windows with modes, of 20"
     assert tracks_notes(tracked, windows) == ["window 4 (f.csv): too short"]
     ((name, frequency, change, damping, ratio, count, span, jumps),) = tracks_table(tracked).rows
     assert name == "1 wheel hop"
@@ -65,7 +65,7 @@ def test_table_and_notes() -> None:
 
 
 def test_moments() -> None:
-    assert moment_in_words(4.0, start=None, has_times=False) == "5"
-    assert moment_in_words(90.0, start=None, has_times=True) == "90 s"
-    assert moment_in_words(5400.0, start=None, has_times=True) == "90 min"
-    assert moment_in_words(10800.0, start=None, has_times=True) == "3 h"
+    assert format_moment(4.0, start=None, has_times=False) == "5"
+    assert format_moment(90.0, start=None, has_times=True) == "90 s"
+    assert format_moment(5400.0, start=None, has_times=True) == "90 min"
+    assert format_moment(10800.0, start=None, has_times=True) == "3 h"

@@ -10,15 +10,12 @@ from sprung.diagnosis import Trend
 from sprung.results.tables import (
     alert_history_table,
     alerts_table,
-    counted,
-    orders_in_words,
-    shapes_in_words,
-    span_in_words,
-    trend_in_words,
-    true_modes_table,
+    describe_shapes,
+    describe_trend,
+    format_orders,
     vehicles_table,
-    with_deviation,
 )
+from sprung.results.tables.wording import format_estimate
 
 MINUTE = 60 * 10**9
 NOON = round(datetime(2026, 11, 21, 12, tzinfo=UTC).timestamp()) * 10**9
@@ -67,43 +64,29 @@ def test_vehicles_have_their_baseline_health_and_age():
     assert rows[2][3] == "87"
 
 
-def test_true_modes_keep_their_digits():
-    modes = [{"natural_frequency": 12.0, "damping_ratio": 0.24, "label": "wheel_hop"}]
-    assert true_modes_table({"modes": modes}).rows == (("12.00", "24.00", "wheel hop"),)
-
-
-def test_a_span_names_its_day_once():
-    assert span_in_words(NOON, NOON + 10 * MINUTE) == "2026-11-21 12:00 to 12:10 UTC"
-    assert span_in_words(NOON, NOON + 1440 * MINUTE) == "2026-11-21 12:00 to 2026-11-22 12:00 UTC"
-
-
 def test_values_have_the_digits_that_their_uncertainty_leaves():
-    assert with_deviation(7.01234, 0.0123) == "7.012 ± 0.012"
-    assert with_deviation(1234.5, 67.0) == "1234 ± 67"
-    assert with_deviation(44279.6, 723.4) == "44280 ± 720"
-    assert with_deviation(0.1882345, 0.00024) == "0.18823 ± 0.00024"
-    assert with_deviation(19.6543, math.nan) == "19.65"
-    assert with_deviation(19.6543, 0.0) == "19.65"
+    assert format_estimate(7.01234, 0.0123) == "7.012 ± 0.012"
+    assert format_estimate(1234.5, 67.0) == "1234 ± 67"
+    assert format_estimate(44279.6, 723.4) == "44280 ± 720"
+    assert format_estimate(0.1882345, 0.00024) == "0.18823 ± 0.00024"
+    assert format_estimate(19.6543, math.nan) == "19.65"
+    assert format_estimate(19.6543, 0.0) == "19.65"
 
 
 def test_shapes_in_words():
     shapes = np.array([[1.0, 0.9 + 0.1j, -0.8, 0.1], [0.2, 0.5j, 1.0, -0.6]])
     channels = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
-    assert shapes_in_words(channels, shapes) == ["fl+ fr+ rl-", "fr~ rl+ rr-"]
-    assert shapes_in_words(("a_1", "b_1", "c", "d"), shapes)[0] == "a_1+ b_1+ c-"
-    assert shapes_in_words(("only",), np.ones((1, 1), dtype=complex)) == ["only+"]
+    assert describe_shapes(channels, shapes) == ["fl+ fr+ rl-", "fr~ rl+ rr-"]
+    assert describe_shapes(("a_1", "b_1", "c", "d"), shapes)[0] == "a_1+ b_1+ c-"
+    assert describe_shapes(("only",), np.ones((1, 1), dtype=complex)) == ["only+"]
     many = [f"s{k}" for k in range(8)]
-    assert shapes_in_words(many, np.linspace(0.3, 1, 8, dtype=complex)[None]) == ["s2+ s3+ s4+ s5+ s6+ s7+ ..."]
+    assert describe_shapes(many, np.linspace(0.3, 1, 8, dtype=complex)[None]) == ["s2+ s3+ s4+ s5+ s6+ s7+ ..."]
 
 
 def test_orders_inorders_in_words():
-    assert orders_in_words([1]) == ""
-    assert orders_in_words([1, 2, 3, 5, 7, 8]) == "1 to 3, 5, 7 to 8"
-    assert orders_in_words([2]) == "2"
-
-
-def test_counts_in_words():
-    assert [counted(number, "mode") for number in (0, 1, 2)] == ["0 modes", "1 mode", "2 modes"]
+    assert format_orders([1]) == ""
+    assert format_orders([1, 2, 3, 5, 7, 8]) == "1 to 3, 5, 7 to 8"
+    assert format_orders([2]) == "2"
 
 
 @pytest.mark.parametrize(
@@ -120,4 +103,4 @@ def test_counts_in_words():
     ],
 )
 def test_a_trend_in_words(trend, words):
-    assert trend_in_words(trend) == words
+    assert describe_trend(trend) == words

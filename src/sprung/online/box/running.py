@@ -19,7 +19,7 @@ from sprung.online.box.can import can_bus, from_can
 from sprung.online.box.mqtt_source import from_mqtt
 from sprung.online.box.sources import after, from_files, from_folder, from_lines, from_simulator, paced
 from sprung.recording import Recording
-from sprung.results.tables import span_in_words
+from sprung.results.tables.wording import format_span
 from sprung.vehicles import Vehicle, vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
 
@@ -428,7 +428,7 @@ def describe_losses(losses: Sequence[Loss]) -> str:
     if not losses:
         return ""
     begin, end = span_of(losses)
-    span = f", {span_in_words(begin, end)}," if begin else ""
+    span = f", {format_span(begin, end)}," if begin else ""
     n_frames = sum(loss.n_frames for loss in losses)
     dropped = f"{counted(n_frames, 'frame')}{span} {'was' if n_frames == 1 else 'were'} dropped"
     return (

@@ -22,7 +22,7 @@ from sprung.formats.table import MISSING, Column, chosen_columns, is_number, is_
 from sprung.link import TIME_SET, TIME_UNKNOWN, joined
 from sprung.online.box.resampling import BLOCK
 from sprung.recording import Channel, Recording
-from sprung.results.tables import time_in_words
+from sprung.results.tables.wording import format_time
 from sprung.vehicles import Vehicle
 
 if TYPE_CHECKING:
@@ -486,7 +486,7 @@ class ReplayTimes:
             return []
         others = f" and {counted(len(self.untimed) - 1, 'other file')}" if self.untimed[1:] else ""
         how = "as given" if self.is_given else "so that they end now; give --start TIME for the time of recording"
-        begin = time_in_words(self.start)
+        begin = format_time(self.start)
         return [f"no start time in {self.untimed[0]}{others}: samples count from {begin} UTC on, {how}"]
 
 

@@ -11,7 +11,7 @@ from sprung.online.monitor.assessment import describe_fault
 from sprung.online.monitor.events import Observed
 from sprung.online.store import Store
 from sprung.results.documents import detectable_document, detection_document, finding_document
-from sprung.results.tables import span_in_words
+from sprung.results.tables.wording import format_span
 from sprung.state import AlertState, is_of_suspension
 
 #: Severity of a failing sensor.
@@ -103,7 +103,7 @@ class AlertBook:
             present = before if known is not None and known.is_active else {"frames": 0, "from": 0, "to": 0}
             n_frames = n_new + present["frames"]
             begin, end = min(filter(None, (begin, present["from"])), default=0), max(end, present["to"])
-            when = f", {span_in_words(begin, end)}," if begin else ""
+            when = f", {format_span(begin, end)}," if begin else ""
             is_one = n_frames == 1
             sentence = (
                 f"{counted(n_frames, 'frame')} of {vehicle}{when} {'is' if is_one else 'are'} lost, as its box had to"

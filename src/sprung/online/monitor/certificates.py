@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from sprung.errors import ParameterError
 from sprung.link import Address, valid_until
 from sprung.online.monitor.site import Site, embedded_port
-from sprung.results.tables import time_in_words
+from sprung.results.tables.wording import format_time
 
 #: Time before the expiry of a certificate from which on it is reported [ns].
 _WARN = 30 * 86400 * 10**9
@@ -39,7 +39,7 @@ class Certificate:
         if self.expires - now >= _WARN:
             return None
         verb = "has expired" if self.expires <= now else "expires"
-        end = time_in_words(self.expires)
+        end = format_time(self.expires)
         return f"the {self.purpose} {self.path} {verb} at {end} UTC: renew it, then restart the monitor"
 
 

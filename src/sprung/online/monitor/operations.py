@@ -43,7 +43,7 @@ from sprung.online.monitor.states import StateError
 from sprung.online.store import QuarantineRow, Store, VehicleRow, VerdictRow
 from sprung.results.documents import WorkOrderDocument, fleet_document
 from sprung.results.documents.monitoring import HistoryEntry
-from sprung.results.tables import counted, diagnosis_in_words
+from sprung.results.tables import counted, describe_diagnosis
 from sprung.state import AlertState
 
 #: Possible verdicts of the workshop on an alert.
@@ -505,7 +505,7 @@ def _analysed(store: Store, vehicle: str, rows: Sequence[QuarantineRow]) -> str:
     said = f"can be analysed: {counted(len(windows), 'window')}, {counted(n_identified, 'identification')} of modes"
     if not windows or windows[-1].diagnosis is None:
         return said
-    return f"{said}; {diagnosis_in_words(windows[-1].diagnosis)[0]}"
+    return f"{said}; {describe_diagnosis(windows[-1].diagnosis)[0]}"
 
 
 def _act(

@@ -7,7 +7,7 @@ from sprung.errors import DataError, ParameterError
 from sprung.online.monitor.histories import ROLL_BACK
 from sprung.online.monitor.site import Site
 from sprung.online.store import CommandRow, Store
-from sprung.results.tables import span_in_words, time_in_words
+from sprung.results.tables.wording import format_span, format_time
 
 #: Time between checks of a request [s].
 _LOOK = 0.2
@@ -44,7 +44,7 @@ def wait_for_samples(
         return describe_request(row)
     if row.done is None:
         known = store.inbox.vehicle(row.vehicle)
-        seen = "never" if known is None else f"at {time_in_words(known.last_seen)} UTC"
+        seen = "never" if known is None else f"at {format_time(known.last_seen)} UTC"
         raise DataError(
             f"no samples {_span(row.detail)} of {row.vehicle} within {timeout:g} s (last seen {seen}): check that its"
             " box and the monitor run; the request stays open and is sent again when the vehicle is next seen"
@@ -78,7 +78,7 @@ def describe_request(row: CommandRow) -> str:
         what = f"return to baseline {row.detail['version']} ({row.detail['reason']!r})"
     else:
         what = f"new baseline ({row.detail!r})"
-    return f"{row.vehicle}: {what} requested at {time_in_words(row.created)} UTC, not yet done"
+    return f"{row.vehicle}: {what} requested at {format_time(row.created)} UTC, not yet done"
 
 
 def _request(store: Store, number: int) -> CommandRow:
@@ -91,4 +91,4 @@ def _request(store: Store, number: int) -> CommandRow:
 
 def _span(times: dict[str, int]) -> str:
     """Return begin and end of samples in words."""
-    return span_in_words(times["from"], times["to"])
+    return format_span(times["from"], times["to"])

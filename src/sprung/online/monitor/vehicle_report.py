@@ -20,15 +20,8 @@ from sprung.online.store import Store
 from sprung.results.documents import ReportDocument
 from sprung.results.page.page import Block, Paragraph, Picture, Report, Section, Sentences, picture
 from sprung.results.periods import Period
-from sprung.results.tables import (
-    Table,
-    alert_history_table,
-    counted,
-    hypotheses_table,
-    time_in_words,
-    with_deviation,
-)
-from sprung.results.tables.table import in_words
+from sprung.results.tables import Table, alert_history_table, counted, hypotheses_table
+from sprung.results.tables.wording import format_estimate, format_name, format_time
 from sprung.state import STEPS, AlertState, is_of_suspension
 from sprung.vehicles import Component
 
@@ -101,7 +94,7 @@ def vehicle_report(store: Store, vehicle: str, *, period: Period, now: int) -> R
     begin, end = (int(history.times[k]) if len(history.times) else None for k in (0, -1))
     # Whole seconds: a day that ends a nanosecond before midnight is that day.
     ends = [
-        f"{word} {time_in_words(time // 10**9 * 10**9)}"
+        f"{word} {format_time(time // 10**9 * 10**9)}"
         for word, time in (
             ("from", begin if period.since is None else period.since),
             ("to", end if period.until is None else period.until),
@@ -176,7 +169,7 @@ def _parts(history: VehicleHistory, document: ReportDocument) -> list[Block]:
     signs = "Signs of active alerts: ○ note, △ low, ◇ medium, ■ high, ✖ critical."
     rows = tuple(
         (
-            in_words(change.component),
+            format_name(change.component),
             _in_percent(change.change),
             " to ".join(map(_in_percent, change.interval)),
             "" if change.detectable is None else f"{100 * change.detectable:.0f}",
@@ -189,7 +182,7 @@ def _parts(history: VehicleHistory, document: ReportDocument) -> list[Block]:
         for change in document.changes
     )
     columns = ("part", "change [%]", "95 % interval [%]", "detectable loss [%]", "alert")
-    since = time_in_words(document.changes_since)
+    since = format_time(document.changes_since)
     caption = (
         f"Mean of {counted(state.n_windows, 'window')} since {since} UTC against baseline {document.baseline},"
         " under the conditions of each; of a part that an alert names, the size of its finding. Common effects such as"
@@ -259,14 +252,14 @@ def _alerts(history: VehicleHistory, document: ReportDocument) -> list[Block]:
     blocks: list[Block] = []
     for each, reported in zip(history.alerts, document.alerts[:_MAX_ALERTS], strict=False):
         alert = each.alert
-        cause = in_words(alert.cause) if alert.is_of_suspension else alert.cause.replace(":", " ")
+        cause = format_name(alert.cause) if alert.is_of_suspension else alert.cause.replace(":", " ")
         facts = tuple((name, value) for name, value in _facts(alert).items() if value)
         blocks.append(Table(f"Alert {alert.number}: {cause}", ("fact", "value"), facts))
         events = alert_history_table({"history": [event.as_json() for event in reported.history]})
         blocks.append(Table(f"History of alert {alert.number}", events.columns, events.rows, n_words=3))
         if reported.verdicts:
             rows = tuple(
-                (time_in_words(given.time), given.verdict, given.part, given.action, given.who)
+                (format_time(given.time), given.verdict, given.part, given.action, given.who)
                 for given in reported.verdicts
             )
             columns = ("time (UTC)", "verdict", "part", "what was done", "by")
@@ -292,14 +285,14 @@ def _facts(alert: AlertState) -> dict[str, str]:
         "finding": alert.text,
         "state": alert.state,
         "severity": f"{alert.step} ({alert.severity} of 1000)",
-        "raised (UTC)": f"{time_in_words(alert.raised)}, occurrence {alert.count}",
-        "cleared (UTC)": "" if alert.cleared is None else time_in_words(alert.cleared),
+        "raised (UTC)": f"{format_time(alert.raised)}, occurrence {alert.count}",
+        "cleared (UTC)": "" if alert.cleared is None else format_time(alert.cleared),
         "assigned to": alert.assignee or "nobody",
         "change [%]": "" if alert.change is None else _in_percent(alert.change),
         "95 % interval [%]": " to ".join(map(_in_percent, alert.interval or ())),
         "size over standard deviation": "" if score is None else _with_minus(f"{score:.1f}"),
-        "since (UTC)": time_in_words(round(1e9 * since)) if since else "",
-        "onset between (UTC)": " and ".join(map(time_in_words, span)),
+        "since (UTC)": format_time(round(1e9 * since)) if since else "",
+        "onset between (UTC)": " and ".join(map(format_time, span)),
         "second hypothesis": alert.runner_up or "",
         "detectable loss of any part [%]": " to ".join(dict.fromkeys(ends)),
     }
@@ -311,7 +304,7 @@ def _modes(history: VehicleHistory, document: ReportDocument) -> list[Block]:
     if document.modes:
         rows = tuple(
             (
-                in_words(label),
+                format_name(label),
                 str(mode.windows),
                 f"{mode.natural_frequency.median:.3f}",
                 f"{mode.natural_frequency.low:.3f} to {mode.natural_frequency.high:.3f}",
@@ -328,15 +321,15 @@ def _modes(history: VehicleHistory, document: ReportDocument) -> list[Block]:
         identified = tuple(
             (
                 str(number),
-                in_words(mode.get("label") or ""),
-                with_deviation(mode["natural_frequency"], mode.get("natural_frequency_std") or 0.0),
-                with_deviation(100 * mode["damping_ratio"], 100 * (mode.get("damping_ratio_std") or 0.0)),
+                format_name(mode.get("label") or ""),
+                format_estimate(mode["natural_frequency"], mode.get("natural_frequency_std") or 0.0),
+                format_estimate(100 * mode["damping_ratio"], 100 * (mode.get("damping_ratio_std") or 0.0)),
                 "" if mode.get("mpc") is None else f"{mode['mpc']:.2f}",
             )
             for number, mode in enumerate(last.document["modes"], start=1)
         )
         names = ("number", "label", "frequency [Hz]", "damping [%]", "MPC")
-        title = f"Modes identified last, from {time_in_words(last.t0)} UTC"
+        title = f"Modes identified last, from {format_time(last.t0)} UTC"
         caption = "± is one standard deviation. MPC: modal phase collinearity, 1 for a shape without phase differences."
         blocks.append(Table(title, names, identified, n_words=2, ends_in_words=False, caption=caption))
     return blocks or [Paragraph("No mode was identified in this period.")]
@@ -353,7 +346,7 @@ def _conditions(history: VehicleHistory, document: ReportDocument) -> list[Block
 
     rows = tuple(
         (
-            in_words(name),
+            format_name(name),
             _SHARES.get(name, CONDITION_UNITS.get(name, "")).replace("^2", "²").replace("^3", "³"),
             *(shown(name, value) for value in (met.low, met.median, met.high)),
             " to ".join(shown(name, end) for end in learnt.get(name, ())),
@@ -371,7 +364,7 @@ def _data(history: VehicleHistory, document: ReportDocument) -> list[Block]:
     share = f" ({100 * document.usable / n_windows:.0f} %)" if n_windows else ""
     sentences = [f"{document.usable} of {counted(n_windows, 'window')} were usable{share}."]
     if n_windows:
-        first, last = (time_in_words(int(times[k])) for k in (0, -1))
+        first, last = (format_time(int(times[k])) for k in (0, -1))
         sentences.append(f"The first window began at {first}, the last one at {last} UTC.")
     if history.n_earlier:
         sentences.append(f"{history.n_earlier} earlier windows of the period are left out: choose a shorter period.")
@@ -384,7 +377,7 @@ def _data(history: VehicleHistory, document: ReportDocument) -> list[Block]:
     blocks: list[Block] = [Sentences(tuple(sentences))]
     if document.sensor_faults:
         faults = tuple(
-            (each.channel, in_words(each.kind), str(each.windows), time_in_words(each.first), time_in_words(each.last))
+            (each.channel, format_name(each.kind), str(each.windows), format_time(each.first), format_time(each.last))
             for each in document.sensor_faults
         )
         columns = ("channel", "fault", "windows", "first (UTC)", "last (UTC)")
@@ -398,7 +391,7 @@ def _data(history: VehicleHistory, document: ReportDocument) -> list[Block]:
     window = 1e9 * history.status.window if history.status is not None else 0.0
     usual = window or (float(np.median(steps)) if len(steps) else 0.0)
     gaps = tuple(
-        (time_in_words(int(times[k])), time_in_words(int(times[k + 1])), f"{steps[k] / 3600e9:.1f}")
+        (format_time(int(times[k])), format_time(int(times[k + 1])), f"{steps[k] / 3600e9:.1f}")
         for k in sorted(np.flatnonzero(steps > _GAP * usual), key=lambda k: -steps[k])[:_MAX_GAPS]
     )
     if gaps:
@@ -416,8 +409,8 @@ def _settings(history: VehicleHistory, _: ReportDocument) -> list[Block]:
         "vehicle": vehicle.vehicle,
         "channels": ", ".join(f"{name} ({quantity})" for name, quantity in dict(vehicle.channels).items()),
         "configuration of its box": vehicle.configuration,
-        "first seen (UTC)": time_in_words(vehicle.first_seen),
-        "last seen (UTC)": time_in_words(vehicle.last_seen),
+        "first seen (UTC)": format_time(vehicle.first_seen),
+        "last seen (UTC)": format_time(vehicle.last_seen),
         "length of a window": f"{status.window / 60:g} min" if status and status.window else "",
         "rate of false alarms": f"{diagnosis.false_alarms:g} per day of driving" if diagnosis else "",
     }
@@ -427,7 +420,7 @@ def _settings(history: VehicleHistory, _: ReportDocument) -> list[Block]:
         rows = tuple(
             (
                 str(row.version),
-                time_in_words(row.created),
+                format_time(row.created),
                 str(row.document.get("n_windows", "")),
                 "" if own is None or not own.model_error else f"{100 * own.model_error:.0f}",
                 row.reason,

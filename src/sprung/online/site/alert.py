@@ -21,7 +21,7 @@ from sprung.online.site.shared import Answer, Context, Done, Given, Line, Name, 
 from sprung.online.store import Entry, VerdictRow
 from sprung.results.documents import WorkOrderDocument, document_text
 from sprung.results.documents.monitoring import AlertEntry, HistoryEntry
-from sprung.results.tables.table import in_words
+from sprung.results.tables.wording import format_name
 from sprung.state import TIME_ROUNDING, AlertState, interval_95
 from sprung.vehicles import Component
 
@@ -334,7 +334,7 @@ def _page(
         shelves=[(round(24 * days), words) for days, words in PAGE.shelf_days],
         has_webhook=bool(context.site.send.webhook),
         state_signs=STATES,
-        in_words=in_words,
+        in_words=format_name,
         verdicts=operations.VERDICTS,
         n_before=PAGE.before,
         n_since=PAGE.since,

@@ -20,7 +20,7 @@ from sprung.modal import INTERVAL_95
 from sprung.online.site.access import find_person, set_session
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.shared import context_of
-from sprung.results.tables import age_in_words, time_in_words
+from sprung.results.tables.wording import format_age, format_time
 from sprung.state import STEPS, PartState, Verdict
 
 #: Sign of each step of severity, and of each state of a vehicle: none is known by its colour alone.
@@ -184,11 +184,11 @@ def _environment() -> Environment:
     )
     made.filters.update(
         iso=_iso,
-        utc=lambda time: f"{time_in_words(time)} UTC",
+        utc=lambda time: f"{format_time(time)} UTC",
         duration=_duration,
         unbroken=_unbroken,
         brief=lambda sentence: "; ".join(sentence.split("; ")[:2]),
-        ago=lambda time, now: age_in_words(time, now=now),
+        ago=lambda time, now: format_age(time, now=now),
     )
     made.globals.update(
         static=static,
@@ -207,12 +207,12 @@ def _environment() -> Environment:
 
 def _iso(time: int) -> str:
     """Return a time [UTC ns] as pages' scripts read it."""
-    return f"{time_in_words(time).replace(' ', 'T')}:{time // 10**9 % 60:02d}Z"
+    return f"{format_time(time).replace(' ', 'T')}:{time // 10**9 % 60:02d}Z"
 
 
 def _duration(length: int) -> str:
     """Return a length of time [ns] in one unit."""
-    return age_in_words(0, now=length).removesuffix(" ago").replace("just now", "less than a minute")
+    return format_age(0, now=length).removesuffix(" ago").replace("just now", "less than a minute")
 
 
 def _unbroken(sentence: str) -> Markup:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
 from sprung._arrays import Complex, Indices, Real
@@ -22,20 +20,9 @@ from sprung.errors import ParameterError
 from sprung.formats.nodes import nodes_of
 from sprung.modal import Modes
 from sprung.recording import Channel
+from sprung.results.figures import draw
 from sprung.results.figures.shapes import body_shapes, projected
-from sprung.results.figures.style import (
-    FAINT,
-    INK,
-    NORMAL,
-    SMALL,
-    STYLE,
-    in_hertz,
-    in_percent,
-    mode_colour,
-    mode_name,
-    new_figure,
-    panel_grid,
-)
+from sprung.results.figures.style import STYLE, in_hertz, in_percent, mode_colour, mode_name
 
 ENDINGS = (".gif", ".html")
 
@@ -187,12 +174,12 @@ def save_animation(modes: Modes, channels: Sequence[Channel], path: str | PathLi
 
 def animated_figure(modes: Modes, scene: Scene, *, source: str = "") -> tuple[Figure, Any]:
     """Return the figure of all modes, and the function that moves it to a frame, from 0 to 23."""
-    n_rows, n_columns = panel_grid(len(modes), max_columns=3)
+    n_rows, n_columns = draw.panel_grid(len(modes), max_columns=3)
     width = max(3.6 * n_columns, 6.0)
     where = f"{scene.remark} Grey: at rest. Every mode takes two seconds for a cycle."
     low, high = scene.limits()
     picture = float(np.clip(width / n_columns * (high - low)[1] / (high - low)[0], 1.2, 4.5))
-    figure = new_figure("Mode shapes", where, width=width, height=(picture + 0.6) * n_rows + 1.0, source=source)
+    figure = draw.new_figure("Mode shapes", where, width=width, height=(picture + 0.6) * n_rows + 1.0, source=source)
     motions = scene.scaled_motions()
     panels = figure.subplots(n_rows, n_columns, squeeze=False).ravel()
     for axes in panels:
@@ -212,7 +199,8 @@ def _draw(axes: Axes, modes: Modes, scene: Scene, motions: Complex, index: int) 
     """Draw one mode at rest, and return the function that moves it to a frame."""
     colour, rest = mode_colour(index), scene.flat(scene.positions)
     axes.set_aspect("equal")
-    axes.set_title(_title(modes, index), fontsize=NORMAL, color=colour, y=1.0)
+    title = f"Mode {mode_name(modes, index)}\n{_values(modes, index)}"
+    draw.title(axes, title, colour=colour, y=1.0, loc="center")
     axes.set(xticks=[], yticks=[])  # hidden ticks and a title without a fixed height would be laid out in every frame
     axes.add_collection(LineCollection(list(rest[scene.lines]), colors="#C8C8C8", linewidths=1.0, zorder=1))
     axes.plot(*rest.T, linestyle="none", marker="o", markersize=2.5, color="#C8C8C8", zorder=1)
@@ -221,32 +209,25 @@ def _draw(axes: Axes, modes: Modes, scene: Scene, motions: Complex, index: int) 
     axes.add_collection(face)
     axes.add_collection(lines)
     named = [k for k, name in enumerate(scene.names) if name]
-    (points,) = axes.plot([], [], linestyle="none", marker="o", markersize=4, color=INK, zorder=4)
+    (points,) = axes.plot([], [], linestyle="none", marker="o", markersize=4, color=STYLE.ink, zorder=4)
     low, high = scene.limits()
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    if len(named) <= STYLE.max_nodes:
-        for k in named:
-            axes.annotate(
-                scene.names[k],
-                rest[k],
-                xytext=(0, -5),
-                textcoords="offset points",
-                ha="center",
-                va="top",
-                fontsize=SMALL,
-                color="#6B6B6B",
-                zorder=1.5,
-                path_effects=[withStroke(linewidth=2.0, foreground="white")],
-            )
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    text: dict[str, Any] = {"ha": "center", "va": "top", "color": "#6B6B6B", "zorder": 1.5}
+    for k in named if len(named) <= STYLE.max_nodes else ():
+        outline = [withStroke(linewidth=2.0, foreground="white")]
+        draw.note(axes, scene.names[k], rest[k], offset=(0, -5), path_effects=outline, **text)
     if scene.has_metres and index == 0:
         _draw_axes(axes, scene, low)
-    return partial(_move, scene=scene, motions=motions, drawn=(face, lines, points), named=named)
 
+    def move(frame: int) -> list[Any]:
+        moved = scene.flat(scene.positions + (motions * np.exp(2j * np.pi * frame / STYLE.frames)).real)
+        if scene.face:
+            face.set_verts([moved[list(scene.face)]])
+        lines.set_segments(list(moved[scene.lines]))
+        points.set_data(*moved[list(named)].T)
+        return [face, lines, points]
 
-def _title(modes: Modes, index: int) -> str:
-    """Return number, label, frequency and damping of a mode with their standard deviations."""
-    return f"Mode {mode_name(modes, index)}\n{_values(modes, index)}"
+    return move
 
 
 def _values(modes: Modes, index: int) -> str:
@@ -265,31 +246,13 @@ def _draw_axes(axes: Axes, scene: Scene, corner: Real) -> None:
     length = float(f"{0.2 * scene.size:.1g}")
     ends = projected(length * np.eye(3))
     origin = corner + np.array([0.06 * scene.size, 0.02 * scene.size]) - np.minimum(ends.min(axis=0), 0)
+    text: dict[str, Any] = {"fontsize": STYLE.small, "color": STYLE.faint, "va": "center"}
     for name, end in zip("xyz", ends, strict=True):
-        axes.plot(*np.stack([origin, origin + end], axis=1), color=FAINT, linewidth=1.2, zorder=5)
+        axes.plot(*np.stack([origin, origin + end], axis=1), color=STYLE.faint, linewidth=1.2, zorder=5)
         x, y = (origin + 1.25 * end).tolist()
-        axes.text(x, y, name, fontsize=SMALL, color=FAINT, ha="center", va="center", zorder=5)
+        axes.text(x, y, name, ha="center", zorder=5, **text)
     x = float(origin[0] + 0.12 * scene.size + max(ends[:, 0].max(), 0.0))
-    axes.text(x, float(origin[1]) - 0.02 * scene.size, f"{length:g} m each", fontsize=SMALL, color=FAINT, va="center")
-
-
-def _move(
-    frame: int,
-    *,
-    scene: Scene,
-    motions: Complex,
-    drawn: tuple[PolyCollection, LineCollection, Line2D],
-    named: Sequence[int],
-) -> list[Any]:
-    """Move one mode to a frame."""
-    phase = np.exp(2j * np.pi * frame / STYLE.frames)
-    moved = scene.flat(scene.positions + (motions * phase).real)
-    face, lines, points = drawn
-    if scene.face:
-        face.set_verts([moved[list(scene.face)]])
-    lines.set_segments(list(moved[scene.lines]))
-    points.set_data(*moved[list(named)].T)
-    return list(drawn)
+    axes.text(x, float(origin[1]) - 0.02 * scene.size, f"{length:g} m each", **text)
 
 
 def animation_page(modes: Modes, scene: Scene, *, source: str = "") -> str:

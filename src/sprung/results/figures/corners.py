@@ -5,26 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.markers import CARETDOWN, CARETUP
 from matplotlib.patches import Rectangle
 
 from sprung._arrays import Booleans, Real
 from sprung.calibration import Calibration
 from sprung.likelihood import CornerFit
-from sprung.results.figures.style import (
-    FAINT,
-    HALF_WIDTH_95,
-    INK,
-    KINDS,
-    MODE_COLOURS,
-    NORMAL,
-    SMALL,
-    STYLE,
-    draw_matrix,
-    new_figure,
-    percent,
-    plain,
-)
+from sprung.modal import INTERVAL_95
+from sprung.results.figures import draw
+from sprung.results.figures.style import STYLE, percent
 from sprung.vehicles import Component
 
 _UNITS = {"bounce": "(m/s²)²/Hz", "pitch": "(rad/s²)²/Hz", "roll": "(rad/s²)²/Hz"}
@@ -57,25 +45,28 @@ def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
     spectra, names = fit.model.spectra, fit.model.layout.coordinates
     measured, fitted = mean_spectra(fit)
     where = f"{spectra.n_segments} segments of {spectra.segment_length:.3g} s in {spectra.counts.size} speed classes"
-    figure = new_figure("Measured and fitted spectra", where, width=9.5, height=1.3 + 1.9 * len(names), source=source)
-    panels = figure.subplots(len(names), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
-    chance = HALF_WIDTH_95 * np.sqrt(1.06 / spectra.n_segments)
+    figure = draw.new_figure("Measured and fitted spectra", where, height=1.3 + 1.9 * len(names), source=source)
+    panels = draw.panels(figure, len(names), 2, size=STYLE.small, sharex=True, width_ratios=(3, 2))
     for row, name in enumerate(names):
         left, right = panels[row]
-        for axes in (left, right):
-            plain(axes)
-        for values, colour, label in ((measured, FAINT, "measured"), (fitted, MODE_COLOURS[1], "fitted")):
+        for values, colour, label in ((measured, STYLE.faint, "measured"), (fitted, STYLE.colours[1], "fitted")):
             left.semilogy(spectra.frequencies, values[row], color=colour, label=label, linewidth=1.4)
-        left.set_ylabel(f"{name}\n[{unit_of_spectra(name)}]", fontsize=SMALL)
-        right.axhspan(-100 * chance, 100 * chance, color="#E6E6E6")
-        right.plot(spectra.frequencies, 100 * fit.misfit[row], color=MODE_COLOURS[0], linewidth=1)
-        right.axhline(0, color=INK, linewidth=0.8)
-        right.set_ylabel("misfit [%]", fontsize=SMALL)
-    panels[0, 0].legend(fontsize=SMALL, frameon=False)
-    panels[0, 1].set_title("measured over fitted, minus 1; grey: 95 % range of chance", fontsize=SMALL)
+        left.set_ylabel(f"{name}\n[{unit_of_spectra(name)}]")
+        right.plot(spectra.frequencies, 100 * fit.misfit[row], color=STYLE.colours[0], linewidth=1)
+        _draw_chance(right, spectra.n_segments)
+        right.set_ylabel("misfit [%]")
+    draw.legend(panels[0, 0])
+    panels[0, 1].set_title("measured over fitted, minus 1; grey: 95 % range of chance", fontsize=STYLE.small)
     for axes in panels[-1]:
-        axes.set_xlabel("Frequency [Hz]", fontsize=NORMAL)
+        axes.set_xlabel("Frequency [Hz]", fontsize=STYLE.normal)
     return figure
+
+
+def _draw_chance(axes: Axes, n_segments: int) -> None:
+    """Draw the range [%] in which the misfit of an averaged spectrum is by chance."""
+    chance = INTERVAL_95 * np.sqrt(1.06 / n_segments)
+    axes.axhspan(-100 * chance, 100 * chance, color=STYLE.usual, label="95 % range of chance")
+    axes.axhline(0, color=STYLE.ink, linewidth=0.8)
 
 
 def mean_spectra(fit: CornerFit) -> tuple[Real, Real]:
@@ -118,11 +109,10 @@ def corners_figure(fit: CornerFit, *, source: str = "") -> Figure:
     >>> axes.get_title(loc="left"), [label.get_text() for label in axes.get_xticklabels()]
     ('front left', ['spring', 'damper', 'tyre'])
     """
-    what = f"Corners against nominal: {source}" if source else "Corners against nominal"
     where = "Bars: change against the vehicle file [%], with 95 % intervals. Grey: not identifiable from this run."
-    return corner_bars(
-        fit.components, fit.log_ratios, fit.log_ratios_std, is_identifiable=fit.is_identifiable, heading=(what, where)
-    )
+    heading = f"Corners against nominal: {source}" if source else "Corners against nominal", where
+    known = fit.is_identifiable
+    return corner_bars(fit.components, fit.log_ratios, fit.log_ratios_std, is_identifiable=known, heading=heading)
 
 
 def corner_bars(
@@ -155,23 +145,24 @@ def corner_bars(
     """
     corners = list(dict.fromkeys(component.corner for component in components))
     n_axles = len(corners) // 2
-    figure = new_figure(*heading, width=9.5, height=1.4 + 2.1 * n_axles)
-    panels = figure.subplots(n_axles, 2, squeeze=False, sharey=True)
-    change, low, high = (percent(log_ratios + sign * HALF_WIDTH_95 * deviations) for sign in (0, -1, 1))
+    figure = draw.new_figure(*heading, height=1.4 + 2.1 * n_axles)
+    panels = draw.panels(figure, n_axles, 2, size=STYLE.small, sharey=True)
+    change, low, high = (percent(log_ratios + sign * INTERVAL_95 * deviations) for sign in (0, -1, 1))
     inner = deviations if by_chance is None else by_chance
-    near, far = (percent(log_ratios + sign * HALF_WIDTH_95 * inner) for sign in (-1, 1))
+    near, far = (percent(log_ratios + sign * INTERVAL_95 * inner) for sign in (-1, 1))
     reach = _reach(change[is_identifiable], near[is_identifiable], far[is_identifiable])
     for axes, corner in zip(panels.ravel(), corners, strict=True):
         rows = [row for row, component in enumerate(components) if component.corner == corner]
-        words = [components[row].kind for row in rows]
         axes.set_ylim(-reach, reach)
-        intervals = np.array([low[rows], near[rows], far[rows], high[rows]])
-        _draw_corner(axes, words, is_identifiable[rows], change[rows], intervals)
+        kinds = [components[row].kind for row in rows]
+        _draw_corner(axes, kinds, is_identifiable[rows], change[rows], (near[rows], far[rows]))
+        axes.vlines(range(len(rows)), low[rows], high[rows], color=STYLE.ink, linewidth=1.3)
+        draw.mark_beyond(axes, range(len(rows)), low[rows], high[rows], reach=reach)
         if by_chance is not None:
-            axes.vlines(range(len(rows)), intervals[1], intervals[2], color=INK, linewidth=4)
-        axes.set_title(corner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
+            axes.vlines(range(len(rows)), near[rows], far[rows], color=STYLE.ink, linewidth=4)
+        draw.title(axes, corner.replace("_", " "))
     for axes in panels[:, 0]:
-        axes.set_ylabel("change [%]", fontsize=SMALL)
+        axes.set_ylabel("change [%]")
     return figure
 
 
@@ -182,36 +173,24 @@ def _reach(change: Real, low: Real, high: Real) -> float:
     return float(1.35 * max(largest, min(ends, max(2.0 * largest, 10.0)), 7.5))
 
 
-def _draw_corner(axes: Axes, names: list[str], is_identifiable: Booleans, change: Real, intervals: Real) -> None:
+def _draw_corner(
+    axes: Axes, names: list[str], is_identifiable: Booleans, change: Real, ends: tuple[Real, Real]
+) -> None:
     """Draw the bars of one corner: the change of each component [%], grey where it is not identifiable.
 
-    Intervals are the ends of those of all and of independent scatter [%], rising, shape (4, components); one that goes
-    beyond the axis ends in an arrow.
+    The change is written next to an end of the interval of independent scatter.
     """
-    plain(axes)
-    axes.axhline(0, color=INK, linewidth=1)
-    bottom, top = axes.get_ylim()
+    axes.axhline(0, color=STYLE.ink, linewidth=1)
+    near, far = ends
     for place, (name, is_known) in enumerate(zip(names, is_identifiable, strict=True)):
-        low, near, far, high = intervals[:, place]
-        colour = MODE_COLOURS[KINDS.index(name) % 3] if is_known else "#C8C8C8"
+        colour = STYLE.colours[STYLE.kinds.index(name) % 3] if is_known else "#C8C8C8"
         axes.add_patch(Rectangle((place - 0.3, 0), 0.6, change[place], color=colour, alpha=0.75, linewidth=0))
-        axes.vlines(place, low, high, color=INK, linewidth=1.3)
-        for is_beyond, limit, marker in ((low < bottom, bottom, CARETDOWN), (high > top, top, CARETUP)):
-            if is_beyond:
-                axes.plot(place, limit, marker=marker, color=INK, markersize=6, clip_on=False, gid="cut off")
-        if is_known:
-            above = change[place] >= 0
-            axes.annotate(
-                f"{change[place]:+.1f} %",
-                (place, max(far, 0.0) if above else min(near, 0.0)),
-                xytext=(4, 1 if above else -1),
-                textcoords="offset points",
-                ha="left",
-                va="bottom" if above else "top",
-                fontsize=SMALL,
-            )
+        if is_known and change[place] >= 0:
+            draw.note(axes, f"{change[place]:+.1f} %", (place, max(far[place], 0.0)), offset=(4, 1), va="bottom")
+        elif is_known:
+            draw.note(axes, f"{change[place]:+.1f} %", (place, min(near[place], 0.0)), offset=(4, -1), va="top")
     axes.set_xlim(-0.6, len(names) - 0.4)
-    axes.set_xticks(range(len(names)), names, fontsize=SMALL)
+    axes.set_xticks(range(len(names)), names, fontsize=STYLE.small)
 
 
 def correlation_figure(fit: CornerFit, *, source: str = "") -> Figure:
@@ -234,17 +213,13 @@ def correlation_figure(fit: CornerFit, *, source: str = "") -> Figure:
     deviations = np.sqrt(np.diag(fit.covariance))[:count]
     values = fit.covariance[:count, :count] / np.outer(deviations, deviations)
     names = [f"{component.corner.replace('_', ' ')} {component.kind}" for component in fit.components]
-    size = 2.6 + 0.42 * count
-    figure = new_figure(
-        "Correlation of the estimates",
-        f"Values from {STYLE.min_correlation:g} in size are printed.",
-        width=max(size + 1, 7.5),
-        height=size,
-        source=source,
+    where, size = f"Values from {STYLE.min_correlation:g} in size are printed.", 2.6 + 0.42 * count
+    figure = draw.new_figure(
+        "Correlation of the estimates", where, width=max(size + 1, 7.5), height=size, source=source
     )
     axes = figure.subplots()
-    image = draw_matrix(axes, values, names, names, text=_correlation, max_printed=count, cmap="RdBu_r", vmin=-1)
-    figure.colorbar(image, ax=axes, shrink=0.8).set_label("correlation [-]", fontsize=NORMAL)
+    image = draw.matrix(axes, values, names, names, text=_correlation, max_printed=count, cmap="RdBu_r", vmin=-1)
+    figure.colorbar(image, ax=axes, shrink=0.8).set_label("correlation [-]", fontsize=STYLE.normal)
     return figure
 
 
@@ -284,23 +259,16 @@ def misfit_figure(calibration: Calibration, *, source: str = "") -> Figure:
     names = calibration.coordinates
     n_segments = sum(calibration.n_segments)
     where = f"measured over fitted power, minus 1: {calibration.n_windows} windows, {n_segments} segments"
-    figure = new_figure(
-        "Misfit before and after calibration", where, width=9.5, height=1.3 + 1.9 * len(names), source=source
-    )
-    panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-    chance = HALF_WIDTH_95 * np.sqrt(1.06 / n_segments)
+    figure = draw.new_figure("Misfit before and after calibration", where, height=1.3 + 1.9 * len(names), source=source)
+    panels = draw.panels(figure, len(names), size=STYLE.small, sharex=True)[:, 0]
+    given = (calibration.misfit_before, STYLE.faint, "as given")
     for row, (name, axes) in enumerate(zip(names, panels, strict=True)):
-        plain(axes)
-        axes.axhspan(-100 * chance, 100 * chance, color="#E6E6E6", label="95 % range of chance")
-        for misfit, colour, label in (
-            (calibration.misfit_before, FAINT, "as given"),
-            (calibration.misfit_after, MODE_COLOURS[0], "calibrated"),
-        ):
+        for misfit, colour, label in (given, (calibration.misfit_after, STYLE.colours[0], "calibrated")):
             axes.plot(calibration.frequencies, 100 * misfit[row], color=colour, label=label, linewidth=1.2)
-        axes.axhline(0, color=INK, linewidth=0.8)
-        axes.set_ylabel(f"{name}\n[%]", fontsize=SMALL)
-    panels[0].legend(fontsize=SMALL, frameon=False, ncols=3)
-    panels[-1].set_xlabel("Frequency [Hz]", fontsize=NORMAL)
+        _draw_chance(axes, n_segments)
+        axes.set_ylabel(f"{name}\n[%]")
+    draw.legend(panels[0], n_columns=3)
+    panels[-1].set_xlabel("Frequency [Hz]", fontsize=STYLE.normal)
     return figure
 
 
@@ -330,23 +298,15 @@ def learnt_figure(calibration: Calibration, *, source: str = "") -> Figure:
     """
     known = (number for number in calibration.learnt if number.is_identifiable and number.nominal_value is not None)
     numbers = list(known)[: STYLE.max_numbers]
-    where = "in usual standard deviations, with 95 % intervals"
-    figure = new_figure(
-        "Learnt numbers against the vehicle file",
-        where,
-        width=7.5,
-        height=1.5 + 0.22 * max(len(numbers), 4),
-        source=source,
-    )
-    axes = figure.subplots()
-    plain(axes)
-    axes.axvline(0, color=INK, linewidth=0.8)
-    for row, number in enumerate(numbers):
-        centre = (number.value - (number.nominal_value or 0.0)) / number.prior_std
-        reach = HALF_WIDTH_95 * number.std / number.prior_std
-        axes.hlines(row, centre - reach, centre + reach, color=MODE_COLOURS[0], linewidth=1.5)
-        axes.plot(centre, row, "o", color=MODE_COLOURS[0], markersize=4)
-    axes.set_yticks(range(len(numbers)), [number.name for number in numbers], fontsize=SMALL)
+    what, where = "Learnt numbers against the vehicle file", "in usual standard deviations, with 95 % intervals"
+    height = 1.5 + 0.22 * max(len(numbers), 4)
+    axes = draw.panels(draw.new_figure(what, where, width=7.5, height=height, source=source))[0, 0]
+    axes.axvline(0, color=STYLE.ink, linewidth=0.8)
+    centres = np.array([(number.value - (number.nominal_value or 0.0)) / number.prior_std for number in numbers])
+    reaches = INTERVAL_95 * np.array([number.std / number.prior_std for number in numbers])
+    intervals = (centres, centres - reaches, centres + reaches)
+    draw.intervals(axes, range(len(numbers)), intervals, colour=STYLE.colours[0], size=4, width=1.5, is_flat=True)
+    axes.set_yticks(range(len(numbers)), [number.name for number in numbers], fontsize=STYLE.small)
     axes.invert_yaxis()
-    axes.set_xlabel("(learnt - given) / usual deviation [-]", fontsize=NORMAL)
-    return figure
+    axes.set_xlabel("(learnt - given) / usual deviation [-]")
+    return axes.figure

@@ -1,6 +1,7 @@
 """Figures of a diagnosis: evidence, changes of the corners, components over time, implied changes of the modes."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,26 +12,13 @@ from sprung.diagnosis import Baseline, Diagnosis, Finding, Hypothesis, ModeChang
 from sprung.diagnosis.baseline import mean_deviation, typical_std
 from sprung.diagnosis.findings import format_time
 from sprung.errors import ParameterError
+from sprung.modal import INTERVAL_95
+from sprung.results.figures import draw
 from sprung.results.figures.corners import corner_bars
-from sprung.results.figures.style import (
-    FAINT,
-    HALF_WIDTH_95,
-    INK,
-    MODE_COLOURS,
-    NORMAL,
-    SMALL,
-    STYLE,
-    component_panels,
-    new_figure,
-    percent,
-    plain,
-)
-from sprung.vehicles import Component
+from sprung.results.figures.style import STYLE, percent
 
 #: Colours of the usual range, with and without the scatter that corners share.
 _BANDS = ("#EDEDED", "#D5D5D5")
-#: Colour of the interval of an onset.
-_ONSET = "#F3D9C9"
 
 
 def evidence_figure(diagnosis: Diagnosis) -> Figure:
@@ -64,38 +52,25 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
     if detection is None:
         raise ParameterError("the diagnosis has no conclusive window, but its evidence needs one: add windows")
     sentence = diagnosis.findings[0].sentence if diagnosis.findings else diagnosis.verdict.replace("_", " ")
-    figure = new_figure("Evidence of a change", sentence[:1].upper() + sentence[1:], width=9.5, height=4.2)
-    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
-    for axes in (left, right):
-        plain(axes)
+    figure = draw.new_figure("Evidence of a change", sentence[:1].upper() + sentence[1:], height=4.2)
+    left, right = draw.panels(figure, 1, 2, width_ratios=(3, 2))[0]
     minutes = detection.times / 60
-    left.plot(minutes, detection.evidence, marker="o", markersize=3, color=MODE_COLOURS[0])
-    left.axhline(detection.threshold, color=MODE_COLOURS[1], linewidth=1.2)
-    left.annotate(
-        "threshold",
-        (minutes[0], detection.threshold),
-        xytext=(0, 3),
-        textcoords="offset points",
-        fontsize=SMALL,
-        color=MODE_COLOURS[1],
-    )
+    left.plot(minutes, detection.evidence, marker="o", markersize=3, color=STYLE.colours[0])
+    left.axhline(detection.threshold, color=STYLE.colours[1], linewidth=1.2)
+    draw.note(left, "threshold", (minutes[0], detection.threshold), offset=(0, 3), color=STYLE.colours[1])
     if diagnosis.findings:
-        left.axvspan(*(time / 60 for time in diagnosis.findings[0].since_interval), color=_ONSET, zorder=0)
-        left.axvline(diagnosis.findings[0].since / 60, color=FAINT, linewidth=1, label="onset, with 95 % interval")
-        left.legend(fontsize=SMALL, frameon=False)
-    left.set_xlim(*_span(minutes))
-    left.set_xlabel("start of the window [min]", fontsize=NORMAL)
-    left.set_ylabel("ln evidence of any change", fontsize=NORMAL)
+        _draw_onset(left, diagnosis.findings[0], color=STYLE.faint, linewidth=1)
+        draw.legend(left)
+    left.set(xlim=_span(minutes), xlabel="start of the window [min]", ylabel="ln evidence of any change")
     best = detection.candidates[: STYLE.max_hypotheses][::-1]
     named = "+".join(finding.hypothesis for finding in diagnosis.findings) or best[-1].hypothesis.name
     right.barh(
         [candidate.hypothesis.name.replace("_", " ").replace(".", " ").replace("all ", "every ") for candidate in best],
         [candidate.log_evidence for candidate in best],
-        color=[MODE_COLOURS[0] if candidate.hypothesis.name == named else FAINT for candidate in best],
+        color=[STYLE.colours[0] if candidate.hypothesis.name == named else STYLE.faint for candidate in best],
     )
-    right.axvline(0, color=INK, linewidth=0.8)
-    right.set_xlabel("ln evidence of each hypothesis", fontsize=NORMAL)
-    right.tick_params(labelsize=SMALL)
+    right.axvline(0, color=STYLE.ink, linewidth=0.8)
+    right.set_xlabel("ln evidence of each hypothesis")
     return figure
 
 
@@ -130,10 +105,7 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
     >>> figure.axes[0].get_title(loc="left"), figure.axes[0].texts[0].get_text()
     ('front left', '-29.0 %')
     """
-    normal = baseline or diagnosis.baseline
-    if diagnosis.detection is None or normal is None:
-        raise ParameterError("the diagnosis has no conclusive window, but changes of corners need one: add windows")
-    conclusive = _witnesses(diagnosis)
+    normal, conclusive = _normal(diagnosis, baseline, "changes of corners need")
     since = diagnosis.findings[0].since if diagnosis.findings else conclusive[0].time
     conclusive = [window for window in conclusive if window.time >= since]
     mean = mean_deviation(normal, conclusive)
@@ -148,6 +120,15 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
         ),
         by_chance=mean.std_by_chance,
     )
+
+
+def _normal(diagnosis: Diagnosis, baseline: Baseline | None, needed: str) -> tuple[Baseline, list[Observation]]:
+    """Return what is normal, and the windows of the change test: neither excluded ones nor those of failing sensors."""
+    normal = baseline or diagnosis.baseline
+    if diagnosis.detection is None or normal is None:
+        raise ParameterError(f"the diagnosis has no conclusive window, but {needed} one: add windows")
+    tested = set(diagnosis.detection.times.tolist())
+    return normal, [window for window in diagnosis.observations if window.time in tested]
 
 
 def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Figure:
@@ -187,51 +168,50 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
     >>> len(figure.axes), figure.axes[0].get_title(loc="left"), figure.axes[0].get_ylabel()
     (12, 'front left', 'spring [%]')
     """
-    normal = baseline or diagnosis.baseline
-    if diagnosis.detection is None or normal is None:
-        raise ParameterError("the diagnosis has no conclusive window, but trends need one: add windows")
-    conclusive = _witnesses(diagnosis)
+    normal, conclusive = _normal(diagnosis, baseline, "trends need")
     components = normal.components
     n_corners = len({component.corner for component in components})
     what = "Components over time against the vehicle file, with 95 % intervals"
     where = f"Grey: 95 % of usual windows by {_name(normal)}; darker: without common effects"
-    figure = new_figure(what, where, width=max(9.5, 2.4 * n_corners), height=7)
-    panels, shown = component_panels(figure, components)
+    figure = draw.new_figure(what, where, width=max(9.5, 2.4 * n_corners), height=7)
+    panels, shown = draw.component_panels(figure, components)
     minutes = np.array([window.time for window in conclusive]) / 60
     values = np.array([normal.mean + normal.residual(window) for window in conclusive])
-    bars = HALF_WIDTH_95 * np.sqrt([np.diag(window.covariance) for window in conclusive])
-    own, usual = (HALF_WIDTH_95 * std for std in (np.sqrt(np.diag(normal.covariance)), typical_std(normal)))
+    bars = INTERVAL_95 * np.sqrt([np.diag(window.covariance) for window in conclusive])
+    halves = [INTERVAL_95 * std for std in (typical_std(normal), np.sqrt(np.diag(normal.covariance)))]
     for axes, row in shown:
-        _draw_limits(axes, float(normal.mean[row]), (usual[row], own[row]))
+        mean = float(normal.mean[row])
+        for half, colour in zip(halves, _BANDS, strict=True):
+            axes.axhspan(*percent([mean - half[row], mean + half[row]]), color=colour, zorder=0)
+        axes.axhline(float(percent(mean)), color=STYLE.ink, linewidth=0.8)
         middle, low, high = (percent(values[:, row] + sign * bars[:, row]) for sign in (0, -1, 1))
-        axes.errorbar(minutes, middle, (middle - low, high - middle), fmt="o", color=MODE_COLOURS[0], markersize=3)
+        axes.errorbar(minutes, middle, (middle - low, high - middle), fmt="o", color=STYLE.colours[0], markersize=3)
         for finding in diagnosis.findings:
-            if components[row] in _parts(finding, components):
-                _draw_onset(axes, finding, minutes, values[:, row])
+            if components[row] in Hypothesis("", finding.corner, finding.component).parts(components):
+                _draw_onset(axes, finding, color=STYLE.colours[1], linewidth=1.2)
+                _draw_trend(axes, finding, minutes, values[:, row])
+                draw.legend(axes)
     panels[0, 0].set_xlim(*_span(minutes))
     for axes in panels[-1]:
-        axes.set_xlabel("start of the window [min]", fontsize=NORMAL)
+        axes.set_xlabel("start of the window [min]", fontsize=STYLE.normal)
     return figure
 
 
-def _draw_limits(axes: Axes, mean: float, halves: tuple[float, float]) -> None:
-    """Draw the usual range: its mean, and a light and a dark band of given half widths [ln]."""
-    for half, colour in zip(halves, _BANDS, strict=True):
-        axes.axhspan(*percent([mean - half, mean + half]), color=colour, zorder=0)
-    axes.axhline(float(percent(mean)), color=INK, linewidth=0.8)
+def _draw_onset(axes: Axes, finding: Finding, **style: Any) -> None:
+    """Draw the onset of a finding with its interval."""
+    axes.axvspan(*(time / 60 for time in finding.since_interval), color=STYLE.attention, zorder=0.5)
+    axes.axvline(finding.since / 60, label="onset, with 95 % interval", **style)
 
 
-def _draw_onset(axes: Axes, finding: Finding, minutes: Real, values: Real) -> None:
-    """Draw the onset of a finding with its interval, and its trend through the values [ln] since then."""
-    axes.axvspan(*(time / 60 for time in finding.since_interval), color=_ONSET, zorder=0.5)
-    axes.axvline(finding.since / 60, color=MODE_COLOURS[1], linewidth=1.2, label="onset, with 95 % interval")
-    if finding.trend is not None:
-        later = minutes >= finding.since / 60
-        away = minutes[later] - minutes[later].mean()
-        trend = values[later].mean() + np.log1p(finding.trend.per_hour) * away / 60
-        label = f"{100 * finding.trend.per_hour:+.1f} % per hour"
-        axes.plot(minutes[later], percent(trend), color=MODE_COLOURS[1], linewidth=1.5, linestyle="--", label=label)
-    axes.legend(fontsize=SMALL, frameon=False)
+def _draw_trend(axes: Axes, finding: Finding, minutes: Real, values: Real) -> None:
+    """Draw the trend of a finding through the values [ln] since its onset."""
+    if finding.trend is None:
+        return
+    later = minutes >= finding.since / 60
+    away = minutes[later] - minutes[later].mean()
+    trend = values[later].mean() + np.log1p(finding.trend.per_hour) * away / 60
+    label = f"{100 * finding.trend.per_hour:+.1f} % per hour"
+    axes.plot(minutes[later], percent(trend), color=STYLE.colours[1], linewidth=1.5, linestyle="--", label=label)
 
 
 def _name(normal: Baseline) -> str:
@@ -239,17 +219,6 @@ def _name(normal: Baseline) -> str:
     if normal.version:
         return f"baseline {normal.version}"
     return "the type" if normal.n_windows else "the vehicle file"
-
-
-def _witnesses(diagnosis: Diagnosis) -> list[Observation]:
-    """Return the windows of the change test, without excluded ones and those with failing sensors."""
-    tested = set() if diagnosis.detection is None else set(diagnosis.detection.times.tolist())
-    return [window for window in diagnosis.observations if window.time in tested]
-
-
-def _parts(finding: Finding, components: tuple[Component, ...]) -> tuple[Component, ...]:
-    """Return the components that a finding concerns."""
-    return Hypothesis("", finding.corner, finding.component).parts(components)
 
 
 def _span(minutes: Real) -> tuple[float, float]:
@@ -290,22 +259,21 @@ def mode_changes_figure(changes: Sequence[ModeChange], *, heading: str = "") -> 
     """
     if not changes:
         raise ParameterError("changes is empty, but must hold at least one change of a mode: draw it only for findings")
-    figure = new_figure("Body modes before and after, as the finding implies", heading, width=9.5, height=3.4)
-    panels = figure.subplots(1, len(changes), sharey=True, squeeze=False)[0]
+    figure = draw.new_figure("Body modes before and after, as the finding implies", heading, height=3.4)
+    panels = draw.panels(figure, 1, len(changes), sharey=True)[0]
     for axes, change in zip(panels, changes, strict=True):
-        plain(axes)
         places = np.arange(len(change.channels))
         for shift, shape, colour, label in (
-            (-0.2, change.shapes[0], FAINT, "before"),
-            (0.2, change.shapes[1], MODE_COLOURS[0], "after"),
+            (-0.2, change.shapes[0], STYLE.faint, "before"),
+            (0.2, change.shapes[1], STYLE.colours[0], "after"),
         ):
             axes.bar(places + shift, shape, 0.4, color=colour, label=label)
-        axes.set_xticks(places, [name.replace("acc_", "").upper() for name in change.channels], fontsize=SMALL)
+        names = [name.replace("acc_", "").upper() for name in change.channels]
+        axes.set_xticks(places, names, fontsize=STYLE.small)
         title = f"{change.label}: {change.frequency[0]:.3g} to {change.frequency[1]:.3g} Hz, MAC {change.mac:.3f}"
         if change.measured_before is not None and change.measured_since is not None:
             title += f"\nmeasured: {change.measured_before[0]:.3g} to {change.measured_since[0]:.3g} Hz"
-        axes.set_title(title, fontsize=SMALL)
-    panels[0].set_ylabel("modulus of the shape [-]", fontsize=NORMAL)
-    panels[0].set_ylim(0, 1.2)
-    panels[-1].legend(fontsize=SMALL, frameon=False, loc="upper right", ncols=2)
+        draw.title(axes, title, size=STYLE.small, loc="center")
+    panels[0].set(ylabel="modulus of the shape [-]", ylim=(0, 1.2))
+    draw.legend(panels[-1], loc="upper right", n_columns=2)
     return figure

@@ -9,33 +9,16 @@ from matplotlib import dates
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.markers import CARETLEFT, CARETRIGHT
 from matplotlib.patches import FancyBboxPatch, Patch
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from numpy.typing import NDArray
 
 from sprung._arrays import Indices, Real
 from sprung.identification.tracking import Track, TrackedModes
-from sprung.results.figures.style import (
-    FAINT,
-    HALF_WIDTH_95,
-    INK,
-    MODE_COLOURS,
-    NORMAL,
-    SMALL,
-    STYLE,
-    component_panels,
-    in_hertz,
-    mode_colour,
-    new_figure,
-    percent,
-    plain,
-    write_sentence,
-)
+from sprung.modal import INTERVAL_95
+from sprung.results.figures import draw
+from sprung.results.figures.style import STYLE, in_hertz, mode_colour, percent
 from sprung.vehicles import Component
-
-#: Colours of the range of usual windows, and of the time of an alert.
-_USUAL, _ALERT = "#E6E6E6", "#F3D9C9"
 
 #: Untyped part of matplotlib.
 _DATES: Any = dates
@@ -111,35 +94,33 @@ def components_history_figure(
     groups, length = _grouped(times)
     points = f"medians of {length} h, with 95 % of their windows" if length else "single windows with 95 % intervals"
     where = f"Points: {points}. Grey: usual windows. Shaded: alert."
-    figure = new_figure("Components against the baseline", where, width=max(9.5, 2.4 * n_corners), height=6.6)
-    panels, shown = component_panels(figure, components)
+    figure = draw.new_figure("Components against the baseline", where, width=max(9.5, 2.4 * n_corners), height=6.6)
+    panels, shown = draw.component_panels(figure, components)
     spans, learnt = list(alerts), list(baselines)
     for axes, row in shown:
-        band = HALF_WIDTH_95 * float(usual[row])
-        axes.axhspan(*percent([-band, band]), color=_USUAL, zorder=0)
-        axes.axhline(0, color=INK, linewidth=0.8)
-        _shade(axes, [span for span in spans if span.cause == str(components[row])])
-        half = HALF_WIDTH_95 * deviations[:, row]
+        band = INTERVAL_95 * float(usual[row])
+        axes.axhspan(*percent([-band, band]), color=STYLE.usual, zorder=0)
+        axes.axhline(0, color=STYLE.ink, linewidth=0.8)
+        for span in spans:
+            if span.cause == str(components[row]):
+                begin, end = _places(np.array([span.begin, span.end]))
+                axes.axvspan(begin, end, color=STYLE.attention, zorder=0.5)
+                axes.plot([begin], [0.97], "v", color=STYLE.faint, markersize=5, transform=axes.get_xaxis_transform())
+        half = INTERVAL_95 * deviations[:, row]
         values = np.array([percent(log_ratios[:, row] + sign * half) for sign in (0, -1, 1)])
-        _draw_points(axes, _places(times), values, groups, colour=MODE_COLOURS[0])
-        _draw_lines(axes, learnt)
+        _draw_points(axes, _places(times), values, groups, colour=STYLE.colours[0])
+        for place in _places(np.array(learnt, dtype=np.int64)):
+            axes.axvline(float(place), color=STYLE.ink, linewidth=0.9, linestyle=":")
     for axes in panels[-1]:
         _set_dates(axes, times, n_ticks=4)
+    label = "median, 95 % of the windows" if length else "window, 95 % interval"
     handles: list[Any] = [
-        Line2D(
-            [],
-            [],
-            color=MODE_COLOURS[0],
-            marker="o",
-            markersize=3,
-            linewidth=1,
-            label="median, 95 % of the windows" if length else "window, 95 % interval",
-        ),
-        Patch(color=_USUAL, label="95 % of usual windows"),
+        draw.entry(label, color=STYLE.colours[0], marker="o", markersize=3, linewidth=1),
+        Patch(color=STYLE.usual, label="95 % of usual windows"),
     ]
-    handles += [Patch(color=_ALERT, label="alert active")] if spans else []
-    handles += [Line2D([], [], color=INK, linestyle=":", label="new baseline")] if learnt else []
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
+    handles += [Patch(color=STYLE.attention, label="alert active")] if spans else []
+    handles += [draw.entry("new baseline", color=STYLE.ink, linestyle=":")] if learnt else []
+    draw.legend(figure, handles, n_columns=4)
     return figure
 
 
@@ -164,17 +145,16 @@ def modes_history_figure(modes: Mapping[str, tuple[Times, Real, Real]]) -> Figur
     _, length = _grouped(every)
     points = f"medians of {length} h, with 95 % of their windows" if length else "single windows"
     where = f"Points: {points}; where there are none, nothing was identified."
-    figure = new_figure("Body modes over time", where, width=9.5, height=1.2 + 1.5 * len(modes))
-    panels = figure.subplots(len(modes), 2, sharex=True, squeeze=False)
+    figure = draw.new_figure("Body modes over time", where, height=1.2 + 1.5 * len(modes))
+    panels = draw.panels(figure, len(modes), 2, size=STYLE.small, sharex=True)
     for number, (label, (times, frequencies, ratios)) in enumerate(modes.items()):
-        colour = MODE_COLOURS[number % len(MODE_COLOURS)]
-        left, right = panels[number]
+        colour = mode_colour(number)
         groups = _grouped(times, length=length)[0]
-        for axes, values, unit in ((left, frequencies, "frequency [Hz]"), (right, 100 * ratios, "damping [%]")):
-            plain(axes)
+        kinds = (frequencies, "frequency [Hz]"), (100 * ratios, "damping [%]")
+        for axes, (values, unit) in zip(panels[number], kinds, strict=True):
             _draw_points(axes, _places(times), np.array([values, values, values]), groups, colour=colour)
-            axes.set_ylabel(unit, fontsize=SMALL)
-        left.set_title(label.replace("_", " "), fontsize=NORMAL, loc="left", color=colour)
+            axes.set_ylabel(unit)
+        draw.title(panels[number, 0], label.replace("_", " "), colour=colour)
     for axes in panels[-1]:
         _set_dates(axes, every, n_ticks=6)
     return figure
@@ -199,20 +179,17 @@ def findings_history_figure(findings: Mapping[str, tuple[Times, Real]]) -> Figur
     [-20.0, -20.0, -20.0, -20.0, -20.0, -20.0, -20.0, -20.0, -20.0, -20.0]
     """
     where = "Estimated after each window from all windows since the onset, with 95 % intervals."
-    figure = new_figure("Sizes of the findings", where, width=9.5, height=3.2)
-    axes = figure.subplots()
-    plain(axes)
-    axes.axhline(0, color=INK, linewidth=0.8)
+    figure = draw.new_figure("Sizes of the findings", where, height=3.2)
+    axes = draw.panels(figure)[0, 0]
+    axes.axhline(0, color=STYLE.ink, linewidth=0.8)
     markers = "osD^v"
     for number, (name, (times, values)) in enumerate(findings.items()):
-        middle, low, high = (100 * values).T
-        colour, marker = MODE_COLOURS[number % len(MODE_COLOURS)], markers[number % len(markers)]
-        axes.vlines(_places(times), low, high, color=colour, linewidth=1, alpha=0.5)
-        words = name.replace("_", " ").replace(".", " ")
-        axes.plot(_places(times), middle, marker, color=colour, markersize=3.5, label=words)
-    axes.set_ylabel("change [%]", fontsize=NORMAL)
+        colour, marker = mode_colour(number), markers[number % len(markers)]
+        style: dict[str, Any] = {"colour": colour, "marker": marker, "size": 3.5, "opacity": 0.5}
+        draw.intervals(axes, _places(times), 100 * values.T, label=name.replace("_", " ").replace(".", " "), **style)
+    axes.set_ylabel("change [%]")
     _set_dates(axes, np.concatenate([times for times, _ in findings.values()]), n_ticks=9)
-    axes.legend(fontsize=SMALL, frameon=False)
+    draw.legend(axes)
     return figure
 
 
@@ -237,14 +214,13 @@ def evidence_history_figure(times: Times, evidence: Real, *, threshold: float) -
     [9.0, 10.8]
     """
     where = "ln evidence after each window of the present change test; above the threshold a change is reported."
-    figure = new_figure("Evidence of a change", where, width=9.5, height=3.0)
-    axes = figure.subplots()
-    plain(axes)
-    axes.plot(_places(times), evidence, "o", color=MODE_COLOURS[0], markersize=3)
-    axes.axhline(threshold, color=MODE_COLOURS[1], linewidth=1.2, label=f"threshold {threshold:.1f}")
-    axes.set_ylabel("ln evidence [-]", fontsize=NORMAL)
+    figure = draw.new_figure("Evidence of a change", where, height=3.0)
+    axes = draw.panels(figure)[0, 0]
+    axes.plot(_places(times), evidence, "o", color=STYLE.colours[0], markersize=3)
+    axes.axhline(threshold, color=STYLE.colours[1], linewidth=1.2, label=f"threshold {threshold:.1f}")
+    axes.set_ylabel("ln evidence [-]")
     _set_dates(axes, times, n_ticks=9)
-    axes.legend(fontsize=SMALL, frameon=False)
+    draw.legend(axes)
     return figure
 
 
@@ -258,10 +234,14 @@ def _set_dates(axes: Axes, times: Times, *, n_ticks: int) -> None:
     places = _places(times)
     room = 0.02 * float(np.ptp(places)) or 0.05
     axes.set_xlim(float(places.min()) - room, float(places.max()) + room)
-    locator = _DATES.AutoDateLocator(minticks=2, maxticks=n_ticks)
+    _tick_dates(axes, minticks=2, maxticks=n_ticks)
+    axes.set_xlabel("time (UTC)", fontsize=STYLE.small)
+
+
+def _tick_dates(axes: Axes, **limits: int) -> None:
+    locator = _DATES.AutoDateLocator(**limits)
     axes.xaxis.set_major_locator(locator)
     axes.xaxis.set_major_formatter(_DATES.ConciseDateFormatter(locator))
-    axes.set_xlabel("time (UTC)", fontsize=SMALL)
 
 
 def _grouped(times: Times, *, length: int | None = None) -> tuple[list[Indices], int]:
@@ -271,11 +251,8 @@ def _grouped(times: Times, *, length: int | None = None) -> tuple[list[Indices],
     """
     if length is None:
         hours = float(np.ptp(times)) / 3600e9 if len(times) > STYLE.many_windows else 0.0
-        length = (
-            next((each for each in STYLE.group_hours if hours <= STYLE.max_groups * each), STYLE.group_hours[-1])
-            if hours
-            else 0
-        )
+        enough = (each for each in STYLE.group_hours if hours <= STYLE.max_groups * each)
+        length = next(enough, STYLE.group_hours[-1]) if hours else 0
     if not length:
         return [np.array([k]) for k in range(len(times))], 0
     groups = times // (length * 3600 * 10**9)
@@ -287,28 +264,11 @@ def _draw_points(axes: Axes, places: Real, values: Real, groups: list[Indices], 
     if len(groups) < len(places):
         values = np.array([np.quantile(values[0, group], (0.5, 0.025, 0.975)) for group in groups]).T
         places = np.array([places[group].mean() for group in groups])
-    axes.vlines(places, values[1], values[2], color=colour, linewidth=1, alpha=0.4)
-    axes.plot(places, values[0], "o", color=colour, markersize=2.5)
-
-
-def _shade(axes: Axes, spans: Sequence[Stretch]) -> None:
-    """Shade stretches of time."""
-    for span in spans:
-        begin, end = _places(np.array([span.begin, span.end], dtype=np.int64))
-        axes.axvspan(begin, end, color=_ALERT, zorder=0.5)
-        axes.plot([begin], [0.97], "v", color=FAINT, markersize=5, transform=axes.get_xaxis_transform())
-
-
-def _draw_lines(axes: Axes, times: Sequence[int]) -> None:
-    """Draw a dotted line at each of some times."""
-    for place in _places(np.array(times, dtype=np.int64)):
-        axes.axvline(float(place), color=INK, linewidth=0.9, linestyle=":")
+    draw.intervals(axes, places, values, colour=colour, size=2.5, opacity=0.4)
 
 
 #: Colours of modes of no track, and of windows without modes.
 _STRAY, _EMPTY = "#8C8C8C", "#E4E4E4"
-
-#: Untyped part of matplotlib.
 
 
 def tracks_figure(
@@ -344,34 +304,29 @@ def tracks_figure(
     >>> [axes.get_title(loc="left") for axes in figure.axes if axes.get_ylabel() == "f [Hz]"]
     ['1: 2.00 Hz', '2: 5.00 Hz']
     """
-    what = f"Modes over time: {source}" if source else "Modes over time"
+    what = "Modes over time"
     numbers = sorted(range(len(tracked.tracks)), key=lambda number: -len(tracked.tracks[number]))
     tracks = [(number, tracked.tracks[number]) for number in sorted(numbers[: STYLE.max_tracks])]
-    n_omitted = len(numbers) - len(tracks)
-    where = f"In separate panels: the {len(tracks)} modes found in the most windows" if n_omitted else ""
+    where = f"In separate panels: the {len(tracks)} modes found in the most windows" * (len(numbers) > len(tracks))
     if not tracks:
-        return write_sentence(new_figure(what, "", width=9.5, height=3), "No mode was found in enough windows.")
+        return draw.sentence(draw.new_figure(what, height=3, source=source), "No mode was found in enough windows.")
     axis, label, is_date = _time_axis(tracked.times, start=start, has_times=has_times)
-    height = 1.0 + STYLE.overview + STYLE.track * len(tracks)
-    figure = new_figure(what, where, width=9.5, height=height)
-    above, below = figure.subfigures(
-        2, 1, squeeze=False, height_ratios=[STYLE.overview, STYLE.track * len(tracks) + 0.6]
-    )[:, 0]
-    overview = above.subplots()
+    heights = [STYLE.overview, STYLE.track * len(tracks) + 0.6]
+    figure = draw.new_figure(what, where, height=0.4 + sum(heights), source=source)
+    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=heights)[:, 0]
+    overview = draw.panels(above, size=STYLE.small)[0, 0]
     _draw_overview(overview, tracked, axis)
-    panels = below.subplots(len(tracks), 2, sharex=True, squeeze=False)
+    panels = draw.panels(below, len(tracks), 2, size=STYLE.small, sharex=True)
     for row, (number, track) in zip(panels, tracks, strict=True):
         _draw_track(row, tracked, track, number, axis)
     for axes in (overview, *panels[-1]):
-        axes.set_xlabel(label, fontsize=SMALL)
+        axes.set_xlabel(label)
         if is_date:
-            locator = _DATES.AutoDateLocator(maxticks=9 if axes is overview else 6)
-            axes.xaxis.set_major_locator(locator)
-            axes.xaxis.set_major_formatter(_DATES.ConciseDateFormatter(locator))
+            _tick_dates(axes, maxticks=9 if axes is overview else 6)
     room = 0.02 * float(np.ptp(axis)) or 0.5
     for axes in (overview, panels[0, 0]):
         axes.set_xlim(float(axis[0]) - room, float(axis[-1]) + room)
-    figure.legend(handles=_legend(tracked), loc="outside lower center", ncols=5, fontsize=SMALL, frameon=False)
+    draw.legend(figure, _legend(tracked), n_columns=5)
     return figure
 
 
@@ -389,46 +344,33 @@ def _time_axis(times: Real, *, start: int | None, has_times: bool) -> tuple[Real
 
 def _draw_overview(axes: Axes, tracked: TrackedModes, axis: Real) -> None:
     """Draw the frequencies of all modes, those of tracks in their colours."""
-    plain(axes)
     for track in tracked.untracked_modes:
         axes.plot(axis[track.windows], track.modes.natural_frequency, ".", color=_STRAY, markersize=4)
     for number, track in enumerate(tracked.tracks):
-        colour = mode_colour(number)
-        style: dict[str, Any] = {"color": colour, "markersize": 3, "linewidth": 0.6}
-        for part in _unbroken(axis[track.windows], _step(axis)):
-            places = axis[track.windows][part]
-            axes.plot(places, track.modes.natural_frequency[part], marker=".", alpha=0.8, **style)
-        place = (float(axis[track.windows[-1]]), float(track.modes.natural_frequency[-1]))
-        text: dict[str, Any] = {"textcoords": "offset points", "fontsize": SMALL, "color": colour, "va": "center"}
-        axes.annotate(str(number + 1), place, xytext=(5, 0), **text)
+        style: dict[str, Any] = {"color": mode_colour(number), "marker": ".", "markersize": 3, "linewidth": 0.6}
+        places, values = axis[track.windows], track.modes.natural_frequency
+        for part in _unbroken(places, _step(axis)):
+            axes.plot(places[part], values[part], alpha=0.8, **style)
+        draw.note(
+            axes, str(number + 1), (places[-1], values[-1]), offset=(5, 0), color=mode_colour(number), va="center"
+        )
     for empty in axis[~tracked.has_result]:
         axes.axvline(float(empty), color=_EMPTY, linewidth=2.5, zorder=0)
     top = max(float(np.percentile(track.modes.natural_frequency, 99)) for track in tracked.tracks)
-    axes.set_ylim(0, 1.12 * top)
-    axes.set_ylabel("Natural frequency [Hz]", fontsize=SMALL)
+    axes.set(ylim=(0, 1.12 * top), ylabel="Natural frequency [Hz]")
 
 
 def _draw_track(row: NDArray[Any], tracked: TrackedModes, track: Track, number: int, axis: Real) -> None:
     """Draw frequency and damping of a track."""
-    modes, colour = track.modes, mode_colour(number)
-    for axes, factor, values, deviations, summary, least in (
-        (
-            row[0],
-            1.0,
-            modes.natural_frequency,
-            modes.natural_frequency_std,
-            track.natural_frequency,
-            STYLE.time_ranges[0],
-        ),
-        (row[1], 100.0, modes.damping_ratio, modes.damping_ratio_std, track.damping_ratio, STYLE.time_ranges[1]),
-    ):
-        plain(axes)
-        places = axis[track.windows]
-        halves = factor * HALF_WIDTH_95 * np.nan_to_num(deviations)
-        _draw_values(axes, places, factor * values, halves, step=_step(axis), colour=colour)
+    modes, colour, places = track.modes, mode_colour(number), axis[track.windows]
+    names = ("natural_frequency", "damping_ratio")
+    for axes, name, factor, least in zip(row, names, (1.0, 100.0), STYLE.time_ranges, strict=True):
+        summary, values = getattr(track, name), factor * getattr(modes, name)
+        halves = factor * INTERVAL_95 * np.nan_to_num(getattr(modes, f"{name}_std"))
+        _draw_values(axes, places, values, halves, step=_step(axis), colour=colour)
         _draw_ends(axes, tracked, track, axis, colour)
         for jump in track.jumps:
-            axes.axvline(float(axis[jump.window]), color=INK, linewidth=0.9, linestyle=(0, (2, 2)))
+            axes.axvline(float(axis[jump.window]), **_JUMP)
         low, high = (factor * end for end in (summary.low, summary.high))
         room = max(0.25 * (high - low), factor * least * summary.mean / 2)
         room = max(room, min(1.1 * float(np.median(halves)), high - low))
@@ -436,9 +378,13 @@ def _draw_track(row: NDArray[Any], tracked: TrackedModes, track: Track, number: 
         axes.yaxis.set_major_locator(MaxNLocator(4))
         axes.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
     name = f"{number + 1} {track.label.replace('_', ' ')}" if track.label else f"{number + 1}"
-    row[0].set_title(f"{name}: {in_hertz(track.natural_frequency.mean)}", fontsize=NORMAL, color=colour, loc="left")
-    row[0].set_ylabel("f [Hz]", fontsize=SMALL)
-    row[1].set_ylabel("damping [%]", fontsize=SMALL)
+    draw.title(row[0], f"{name}: {in_hertz(track.natural_frequency.mean)}", colour=colour)
+    row[0].set_ylabel("f [Hz]")
+    row[1].set_ylabel("damping [%]")
+
+
+#: Line at a jump of frequency.
+_JUMP: dict[str, Any] = {"color": STYLE.ink, "linewidth": 0.9, "linestyle": (0, (2, 2))}
 
 
 def _draw_values(axes: Axes, places: Real, values: Real, halves: Real, *, step: float, colour: str) -> None:
@@ -459,9 +405,9 @@ def _unbroken(places: Real, step: float) -> list[Indices]:
 def _draw_ends(axes: Axes, tracked: TrackedModes, track: Track, axis: Real, colour: str) -> None:
     """Mark the begin and the end of a track within the windows that have modes."""
     present = np.flatnonzero(tracked.has_result)
+    style: dict[str, Any] = {"color": colour, "markersize": 6, "clip_on": False}
     for end, limit, marker in ((track.windows[0], present[0], ">"), (track.windows[-1], present[-1], "<")):
         if end != limit:
-            style: dict[str, Any] = {"color": colour, "markersize": 6, "clip_on": False}
             axes.plot([axis[end]], [0], marker, transform=axes.get_xaxis_transform(), **style)
 
 
@@ -472,20 +418,22 @@ def _step(axis: Real) -> float:
 
 def _legend(tracked: TrackedModes) -> list[Line2D]:
     """Return legend entries for what the figure shows."""
-    grey: dict[str, Any] = {"color": FAINT, "linestyle": "none"}
+    grey: dict[str, Any] = {"color": STYLE.faint, "linestyle": "none", "markersize": 5}
     present = np.flatnonzero(tracked.has_result)
     ends = {int(present[0]), int(present[-1])}
-    handles = [Line2D([], [], color=FAINT, marker="o", markersize=4, linewidth=1, label="window, with 95 % interval")]
-    if any(not {int(track.windows[0]), int(track.windows[-1])} <= ends for track in tracked.tracks):
-        handles.append(Line2D([], [], **grey, marker=">", markersize=5, label="first window of a mode"))
-        handles.append(Line2D([], [], **grey, marker="<", markersize=5, label="last window"))
-    if any(track.jumps for track in tracked.tracks):
-        handles.append(Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (2, 2)), label="jump"))
-    if tracked.untracked_modes:
-        handles.append(Line2D([], [], color=_STRAY, linestyle="none", marker=".", label="identified, in no track"))
-    if not tracked.has_result.all():
-        handles.append(Line2D([], [], color=_EMPTY, linewidth=4, label="window without modes"))
-    return handles
+    begins_late = any(not {int(track.windows[0]), int(track.windows[-1])} <= ends for track in tracked.tracks)
+    return [
+        draw.entry("window, with 95 % interval", color=STYLE.faint, marker="o", markersize=4, linewidth=1),
+        *([draw.entry("first window of a mode", marker=">", **grey)] if begins_late else []),
+        *([draw.entry("last window", marker="<", **grey)] if begins_late else []),
+        *([draw.entry("jump", **_JUMP)] if any(track.jumps for track in tracked.tracks) else []),
+        *(
+            [draw.entry("identified, in no track", color=_STRAY, linestyle="none", marker=".")]
+            if tracked.untracked_modes
+            else []
+        ),
+        *([draw.entry("window without modes", color=_EMPTY, linewidth=4)] if not tracked.has_result.all() else []),
+    ]
 
 
 def plain_tracks_figure(tracked: TrackedModes) -> Figure:
@@ -536,7 +484,7 @@ def plan_figure(
     """
     corners = list(dict.fromkeys(component.corner for component in components))
     n_axles = max(1, len(corners) // 2)
-    figure = new_figure(*heading, width=9.5, height=max(1.3 + 1.5 * n_axles, 1.3 + 0.24 * len(components)))
+    figure = draw.new_figure(*heading, height=max(1.3 + 1.5 * n_axles, 1.3 + 0.24 * len(components)))
     left, right = figure.subplots(1, 2, width_ratios=(5, 6))
     _draw_plan(left, components, corners, 100 * changes, steps)
     _draw_changes(right, components, 100 * changes, 100 * intervals.T, steps=steps, detectable=detectable)
@@ -551,15 +499,21 @@ def _draw_plan(
     axes.set_axis_off()
     axes.set_xlim(-2.1, 2.1)
     axes.set_ylim(-n_axles - 0.1, 0.6)
-    style: dict[str, Any] = {"boxstyle": "round,pad=0,rounding_size=0.25", "facecolor": "#F4F4F4", "edgecolor": FAINT}
+    style: dict[str, Any] = {
+        "boxstyle": "round,pad=0,rounding_size=0.25",
+        "facecolor": "#F4F4F4",
+        "edgecolor": STYLE.faint,
+    }
     axes.add_patch(FancyBboxPatch((-0.55, -n_axles), 1.1, n_axles + 0.5, **style))
-    axes.annotate("", (0, 0.35), xytext=(0, -0.35), arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 1.5})
-    axes.text(0, -0.45, "forward", ha="center", va="top", fontsize=SMALL, color=INK)
+    axes.annotate(
+        "", (0, 0.35), xytext=(0, -0.35), arrowprops={"arrowstyle": "-|>", "color": STYLE.ink, "linewidth": 1.5}
+    )
+    axes.text(0, -0.45, "forward", ha="center", va="top", fontsize=STYLE.small, color=STYLE.ink)
     for number, corner in enumerate(corners):
         row, side = divmod(number, 2)
         x = (-2.05, 0.65)[side]
         y = 0.32 - row
-        axes.text(x, y, corner.replace("_", " "), fontsize=SMALL, color=INK, va="bottom", weight="bold")
+        axes.text(x, y, corner.replace("_", " "), fontsize=STYLE.small, color=STYLE.ink, va="bottom", weight="bold")
         of_corner = [k for k, component in enumerate(components) if component.corner == corner]
         for line, k in enumerate(of_corner):
             _draw_cell(axes, (x, y - 0.05 - 0.24 * line), components[k], float(change[k]), steps)
@@ -572,10 +526,10 @@ def _draw_cell(
     x, y = place
     step = steps.get(str(component))
     sign, colour = ("", "#FFFFFF") if step is None else _STEPS[step]
-    ink = "white" if step is not None and step >= 3 else INK
+    ink = "white" if step is not None and step >= 3 else STYLE.ink
     style: dict[str, Any] = {"boxstyle": "round,pad=0,rounding_size=0.04", "facecolor": colour, "edgecolor": "#BBBBBB"}
     axes.add_patch(FancyBboxPatch((x, y - 0.21), 1.4, 0.2, linewidth=0.7, **style))
-    text: dict[str, Any] = {"fontsize": SMALL, "color": ink, "va": "center"}
+    text: dict[str, Any] = {"fontsize": STYLE.small, "color": ink, "va": "center"}
     axes.text(x + 0.06, y - 0.115, component.kind, **text)
     axes.text(x + 1.34, y - 0.115, f"{sign} {change:+.1f} %".replace("-", "−").strip(), ha="right", **text)
 
@@ -593,24 +547,18 @@ def _draw_changes(
 
     An interval that goes beyond the axis ends in an arrow.
     """
-    plain(axes)
+    draw.plain(axes)
     reach = max(10.0, 1.15 * np.abs(change).max(initial=0.0), 1.15 * float(np.median(np.abs(interval))))
-    axes.axvline(0, color=INK, linewidth=1)
+    axes.axvline(0, color=STYLE.ink, linewidth=1)
     for place, component in enumerate(components):
         limit = 100 * detectable.get(str(component), 0.0)
         if limit:
-            axes.plot([-limit, -limit], [place - 0.3, place + 0.3], color=FAINT, linewidth=1.5)
-        colour, marker = (MODE_COLOURS[1], "D") if str(component) in steps else (MODE_COLOURS[0], "o")
-        axes.hlines(place, *interval[:, place], color=colour, linewidth=3)
-        axes.plot(change[place], place, marker, color=colour, markersize=5)
-        for is_beyond, end, arrow in (
-            (interval[0, place] < -reach, -reach, CARETLEFT),
-            (interval[1, place] > reach, reach, CARETRIGHT),
-        ):
-            if is_beyond:
-                axes.plot(end, place, marker=arrow, color=colour, markersize=6, clip_on=False)
+            axes.plot([-limit, -limit], [place - 0.3, place + 0.3], color=STYLE.faint, linewidth=1.5)
+        colour, marker = (STYLE.colours[1], "D") if str(component) in steps else (STYLE.colours[0], "o")
+        values = np.array([[change[place]], *interval[:, [place]]])
+        style: dict[str, Any] = {"marker": marker, "size": 5, "width": 3, "reach": reach}
+        draw.intervals(axes, [place], values, colour=colour, is_flat=True, **style)
     names = [f"{component.corner.replace('_', ' ')} {component.kind}" for component in components]
-    axes.set_yticks(range(len(components)), names, fontsize=SMALL)
-    axes.set_ylim(len(components) - 0.4, -0.6)
-    axes.set_xlim(-reach, reach)
-    axes.set_xlabel("change against the baseline [%]", fontsize=NORMAL)
+    axes.set_yticks(range(len(components)), names, fontsize=STYLE.small)
+    axes.set(ylim=(len(components) - 0.4, -0.6), xlim=(-reach, reach))
+    axes.set_xlabel("change against the baseline [%]", fontsize=STYLE.normal)

@@ -1,12 +1,16 @@
-"""Figures of plans, roads and rides."""
+"""Figures of plans, roads, rides and bounce tests."""
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from sprung.bounce_tests import Bounce, BounceTest
 from sprung.kits import KitPlan
-from sprung.results.figures.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
-from sprung.results.tables.table import in_words
+from sprung.modal import INTERVAL_95
+from sprung.results.figures import draw
+from sprung.results.figures.style import STYLE, with_unit
+from sprung.results.tables.wording import format_name
 from sprung.ride import Ride
 from sprung.road import RoadSurvey
 
@@ -22,36 +26,35 @@ def kit_figure(plan: KitPlan) -> Figure:
     >>> [axes.get_title(loc="left") for axes in figure.axes]
     ['sensors', 'expected standard deviation of one window']
     """
-    figure = new_figure("What the kit will see", "", width=9.5, height=4.6)
-    above, stds = figure.subplots(1, 2, width_ratios=(1, 2.2))
+    figure = draw.new_figure("What the kit will see", height=4.6)
+    above, stds = draw.panels(figure, 1, 2, width_ratios=(1, 2.2))[0]
     vehicle = plan.vehicle
     half = max(axle.half_track for axle in vehicle.axle)
     front, rear = vehicle.axle[0].x, vehicle.axle[-1].x
-    above.add_patch(Rectangle((-half, rear - 0.8), 2 * half, front - rear + 1.6, fill=False, edgecolor=FAINT))
+    above.add_patch(Rectangle((-half, rear - 0.8), 2 * half, front - rear + 1.6, fill=False, edgecolor=STYLE.faint))
     for axle in vehicle.axle:
         for side in (1, -1):
             above.add_patch(Rectangle((side * axle.half_track - 0.1, axle.x - 0.3), 0.2, 0.6, color="#D8D8D8"))
     for sensor in vehicle.sensor:
         if sensor.position is not None:
-            above.plot(-sensor.position[1], sensor.position[0], "o", color=MODE_COLOURS[0], markersize=6)
-            place = (-sensor.position[1], sensor.position[0] + 0.15)
-            above.annotate(sensor.channel, place, ha="center", fontsize=SMALL, color=INK)
+            x, y = -sensor.position[1], sensor.position[0]
+            above.plot(x, y, "o", color=STYLE.colours[0], markersize=6)
+            draw.note(above, sensor.channel, (x, y + 0.15), ha="center")
     above.set_aspect("equal")
     above.autoscale_view()
     above.margins(0.15)
     above.axis("off")
-    above.set_title("sensors", loc="left", fontsize=NORMAL)
+    draw.title(above, "sensors")
     places = np.arange(len(plan.components))[::-1]
     for offset, colour, label, values in (
-        (0.2, MODE_COLOURS[0], "value", [part.std for part in plan.components]),
-        (-0.2, MODE_COLOURS[1], "left over right", [part.contrast_std or np.nan for part in plan.components]),
+        (0.2, STYLE.colours[0], "value", [part.std for part in plan.components]),
+        (-0.2, STYLE.colours[1], "left over right", [part.contrast_std or np.nan for part in plan.components]),
     ):
         stds.barh(places + offset, 100 * np.array(values), 0.36, color=colour, label=label)
-    stds.set_yticks(places, [in_words(str(part.component)) for part in plan.components], fontsize=SMALL)
-    stds.set_xlabel("Standard deviation [%]", fontsize=NORMAL)
-    stds.set_title("expected standard deviation of one window", loc="left", fontsize=NORMAL)
-    stds.legend(fontsize=SMALL, frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
-    plain(stds)
+    stds.set_yticks(places, [format_name(str(part.component)) for part in plan.components], fontsize=STYLE.small)
+    stds.set_xlabel("Standard deviation [%]")
+    draw.title(stds, "expected standard deviation of one window")
+    draw.legend(stds, n_columns=2, loc="lower right", bbox_to_anchor=(1, 1))
     return figure
 
 
@@ -67,34 +70,28 @@ def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
     'IRI [m/km]'
     """
     has_map = all(stretch.begin_place for stretch in survey.stretches)
-    what = f"Road: {source}" if source else "Road"
-    figure = new_figure(what, "Bands: 95 % intervals; marks: potholes and bumps", width=9.5, height=4.0)
-    axes, *maps = figure.subplots(1, 1 + has_map, squeeze=False, width_ratios=(2, 1)[: 1 + has_map])[0]
-    begins = np.array([[stretch.begin, stretch.end] for stretch in survey.stretches])
-    for side, colour in (("left", MODE_COLOURS[0]), ("right", MODE_COLOURS[1])):
+    figure = draw.new_figure("Road", "Bands: 95 % intervals; marks: potholes and bumps", height=4.0, source=source)
+    axes, *maps = draw.panels(figure, 1, 1 + has_map, width_ratios=(2, 1)[: 1 + has_map])[0]
+    edges = [*(stretch.begin for stretch in survey.stretches), survey.stretches[-1].end]
+    for side, colour in (("left", STYLE.colours[0]), ("right", STYLE.colours[1])):
         tracks = [getattr(stretch, side) for stretch in survey.stretches]
         index, std = (np.array([getattr(track, name) for track in tracks]) for name in ("iri", "iri_std"))
-        edges = [*begins[:, 0], begins[-1, 1]]
         axes.stairs(index, edges, color=colour, label=side, linewidth=1.4, baseline=None)
-        low, high = index - HALF_WIDTH_95 * std, index + HALF_WIDTH_95 * std
+        low, high = index - INTERVAL_95 * std, index + INTERVAL_95 * std
         axes.fill_between(edges, [*low, low[-1]], [*high, high[-1]], step="post", color=colour, alpha=0.2, linewidth=0)
     top = axes.get_ylim()[1]
     for event in survey.events:
-        axes.plot(event.at, top, "v" if event.kind == "pothole" else "^", color=INK, markersize=4, clip_on=False)
-    axes.set_ylim(0, top)
-    axes.set_xlabel("Distance [m]", fontsize=NORMAL)
-    axes.set_ylabel("IRI [m/km]", fontsize=NORMAL)
-    axes.legend(fontsize=SMALL, frameon=False)
-    plain(axes)
+        marker = "v" if event.kind == "pothole" else "^"
+        axes.plot(event.at, top, marker, color=STYLE.ink, markersize=4, clip_on=False)
+    axes.set(ylim=(0, top), xlabel="Distance [m]", ylabel="IRI [m/km]")
+    draw.legend(axes)
     for panel in maps:
         places = np.array([stretch.begin_place for stretch in survey.stretches])
         mean = np.array([(stretch.left.iri + stretch.right.iri) / 2 for stretch in survey.stretches])
         marks = panel.scatter(places[:, 1], places[:, 0], c=mean, s=12, cmap="viridis")
         figure.colorbar(marks, ax=panel, label="IRI [m/km]")
-        panel.set_xlabel("Longitude [°]", fontsize=NORMAL)
-        panel.set_ylabel("Latitude [°]", fontsize=NORMAL)
+        panel.set(xlabel="Longitude [°]", ylabel="Latitude [°]")
         panel.set_aspect(1 / np.cos(np.radians(places[:, 0].mean())))
-        plain(panel)
     return figure
 
 
@@ -108,19 +105,74 @@ def ride_figure(ride: Ride, *, source: str = "") -> Figure:
     >>> ride_figure(Ride((point,), (), None, ())).axes[0].get_xlabel()
     'Weighted RMS [m/s²]'
     """
-    what = f"Ride: {source}" if source else "Ride"
     where = "Light: largest running value (MTVV). Lines: limits of comfort of ISO 2631-1 for the RMS"
-    figure = new_figure(what, where, width=8.0, height=1.6 + 0.35 * max(len(ride.points), 3))
-    axes = figure.subplots()
+    height = 1.6 + 0.35 * max(len(ride.points), 3)
+    figure = draw.new_figure("Ride", where, width=8.0, height=height, source=source)
+    axes = draw.panels(figure)[0, 0]
     places = np.arange(len(ride.points))[::-1]
     axes.barh(places, [point.mtvv for point in ride.points], 0.6, color="#CFE0EC")
-    axes.barh(places, [point.rms for point in ride.points], 0.6, color=MODE_COLOURS[0])
+    axes.barh(places, [point.rms for point in ride.points], 0.6, color=STYLE.colours[0])
     names = [f"{point.channel} {point.axis}, {point.standard}, {point.weighting}" for point in ride.points]
-    axes.set_yticks(places, names, fontsize=SMALL)
+    axes.set_yticks(places, names, fontsize=STYLE.small)
     reach = axes.get_xlim()[1]
     for limit in (0.315, 0.5, 0.8, 1.25, 2.0):
         if limit < reach:
-            axes.axvline(limit, color=FAINT, linewidth=0.8, linestyle=":")
-    axes.set_xlabel("Weighted RMS [m/s²]", fontsize=NORMAL)
-    plain(axes)
+            axes.axvline(limit, color=STYLE.faint, linewidth=0.8, linestyle=":")
+    axes.set_xlabel("Weighted RMS [m/s²]")
     return figure
+
+
+#: Most tests that are drawn, and most channels of each.
+_MAX_TESTS, _MAX_CHANNELS = 6, 4
+
+
+def bounce_figure(bounce: Bounce, *, source: str = "") -> Figure:
+    """Draw the channels of each test over time, with the fitted motion, and the envelope of its slowest mode.
+
+    Examples
+    --------
+    >>> import sprung
+    >>> time = np.arange(300) / 100
+    >>> swing = np.exp(-0.2 * 2 * np.pi * 1.5 * time) * np.sin(2 * np.pi * 1.5 * np.sqrt(1 - 0.2**2) * time)
+    >>> rest = np.zeros(300)
+    >>> motion = np.concatenate([rest, swing, rest]) + 0.01 * np.random.default_rng(1).standard_normal(900)
+    >>> tests = sprung.bounce(sprung.Recording(motion[None], 100.0, (sprung.Channel("acc", "acceleration"),)))
+    >>> len(bounce_figure(tests).axes)
+    1
+    """
+    tests = bounce.tests[:_MAX_TESTS]
+    n_channels = min(len(tests[0].part.channels), _MAX_CHANNELS)
+    what = "Free motion after each push: record, fit and envelope"
+    figure = draw.new_figure(what, source, width=max(4.0 * len(tests), 7.0), height=1.6 + 1.9 * n_channels)
+    grid = draw.panels(figure, n_channels, len(tests), size=STYLE.small, sharex="col")
+    for column, test in enumerate(tests):
+        for row in range(n_channels):
+            _draw_test(grid[row, column], test, row)
+        title = f"test {column + 1}, at {test.transient.onset:.1f} s"
+        draw.title(grid[0, column], title, size=STYLE.small)
+        grid[-1, column].set_xlabel("Time [s]")
+    for axes, channel in zip(grid[:, 0], tests[0].part.channels, strict=False):
+        axes.set_ylabel(with_unit(channel.name, channel.unit))
+    draw.legend(figure, grid[0, 0].get_legend_handles_labels()[0], n_columns=3, loc="outside lower left")
+    return figure
+
+
+def _draw_test(axes: Axes, test: BounceTest, row: int) -> None:
+    """Draw one channel of a test."""
+    part, times = test.part, test.transient
+    time = times.begin + np.arange(part.n_samples) / part.sampling_rate
+    step = max(1, part.n_samples // 2000)
+    axes.plot(time[::step], part.samples[row, ::step], color=STYLE.ink, linewidth=0.8, label="record")
+    fitted = test.fitted[row]
+    axes.plot(time[::step], fitted[::step], color=STYLE.colours[0], linewidth=1.4, linestyle="--", label="fit")
+    known = np.flatnonzero(np.isfinite(fitted))
+    if known.size:
+        middle = float(fitted[known[-1]])
+        slowest = int(np.argmax(np.abs(test.modes.mode_shapes[:, row])))
+        rate = test.modes.damping_ratio[slowest] * 2 * np.pi * test.modes.natural_frequency[slowest]
+        largest = float(np.max(np.abs(fitted[known] - middle)))
+        first = int(known[np.argmax(np.abs(fitted[known] - middle))])
+        envelope = largest * np.exp(-rate * (time[first:] - time[first]))
+        for side in (1, -1):
+            label = "envelope" if side == 1 else None
+            axes.plot(time[first:], middle + side * envelope, color=STYLE.colours[1], linewidth=0.8, label=label)

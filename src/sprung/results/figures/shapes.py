@@ -7,7 +7,6 @@ from typing import Any, cast
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.projections.polar import PolarAxes
@@ -15,23 +14,8 @@ from matplotlib.projections.polar import PolarAxes
 from sprung._arrays import Complex, Indices, Real
 from sprung.modal import Modes
 from sprung.recording import Channel
-from sprung.results.figures.style import (
-    FAINT,
-    INK,
-    NO_MODE,
-    NORMAL,
-    SMALL,
-    STYLE,
-    mode_colour,
-    mode_name,
-    mode_values,
-    new_figure,
-    panel_grid,
-    plain,
-    pretty_unit,
-    spread,
-    write_sentence,
-)
+from sprung.results.figures import draw
+from sprung.results.figures.style import STYLE, mode_colour, mode_name, mode_values, pretty_unit
 from sprung.vehicles import sensor_outputs
 from sprung.vehicles.labels import MOTIONS, rigid_body_participation
 
@@ -144,16 +128,15 @@ def draw_body(axes: Axes, shapes: BodyShapes, index: int, channels: Sequence[Cha
     size = (np.ptp(rest[:, 0]) + np.ptp(rest[:, 1])) / 2
     scale = STYLE.displacement * size / max(np.abs(motion).max(), np.nanmax(np.abs(sensed), initial=0.0), 1e-12)
     _draw_plate(axes, rest, scale * motion, mode_colour(index))
-    _draw_front(axes, rest)
     at_sensor = _with_room(channels, sensed)
+    texts = [f"{channel.name} {amplitude_and_phase(values[k])}" for k, channel in enumerate(channels)]
     for k in (int(row) for row in np.flatnonzero(np.isfinite(sensed))):
-        text = f"{channels[k].name}\n{amplitude_and_phase(values[k])}" if k in at_sensor else ""
+        text = "\n".join(texts[k].split(" ", 1)) if k in at_sensor else ""
         _draw_sensor(axes, channels[k], scale * float(sensed[k]), text, STYLE.shortest_arrow * size)
-    listed_below = [
-        f"{channel.name} {amplitude_and_phase(values[k])}" for k, channel in enumerate(channels) if k not in at_sensor
-    ]
-    rows = ["    ".join(listed_below[first : first + 3]) for first in range(0, len(listed_below), 3)]
-    axes.text(0.5, 0.0, "\n".join(rows), transform=axes.transAxes, ha="center", va="bottom", fontsize=SMALL, color=INK)
+    below = [text for k, text in enumerate(texts) if k not in at_sensor]
+    rows = ["    ".join(below[first : first + 3]) for first in range(0, len(below), 3)]
+    style: dict[str, Any] = {"ha": "center", "va": "bottom", "fontsize": STYLE.small, "color": STYLE.ink}
+    axes.text(0.5, 0.0, "\n".join(rows), transform=axes.transAxes, **style)
     flat = projected(rest)
     low, high = flat.min(axis=0), flat.max(axis=0)
     reach = STYLE.displacement * size * np.cos(np.radians(STYLE.elevation)) + STYLE.two_lines * size
@@ -162,32 +145,19 @@ def draw_body(axes: Axes, shapes: BodyShapes, index: int, channels: Sequence[Cha
 
 
 def _draw_plate(axes: Axes, rest: Real, motion: Real, colour: str) -> None:
-    """Draw the plate at rest in grey and displaced in colour."""
+    """Draw the plate at rest in grey and displaced in colour, and an arrow to the front of the body."""
     flat = projected(rest)
     raised = projected(rest + np.column_stack([np.zeros((4, 2)), motion]))
-    axes.fill(*flat.T, facecolor="#F0F0F0", edgecolor=FAINT, linewidth=1.0, gid="rest", zorder=1)
+    axes.fill(*flat.T, facecolor="#F0F0F0", edgecolor=STYLE.faint, linewidth=1.0, gid="rest", zorder=1)
     for ends in np.stack([flat, raised], axis=1):
         axes.plot(*ends.T, color=colour, linewidth=0.7, linestyle=":", zorder=1.5)
     axes.fill(*raised.T, facecolor=colour, alpha=0.28, linewidth=0, zorder=2)
     axes.fill(*raised.T, facecolor="none", edgecolor=colour, linewidth=1.8, gid="moved", zorder=2.1)
-
-
-def _draw_front(axes: Axes, rest: Real) -> None:
-    """Draw an arrow to the front of the body."""
     front, rear = rest[:2].mean(axis=0), rest[2:].mean(axis=0)
     tail, tip = projected(np.array([0.75 * front + 0.25 * rear, 0.96 * front + 0.04 * rear]))
-    arrow = {"arrowstyle": "->", "color": FAINT, "linewidth": 1.2, "shrinkA": 1, "shrinkB": 0}
-    axes.annotate(
-        "front",
-        xy=tuple(tip),
-        xytext=tuple(tail),
-        ha="right",
-        va="center",
-        fontsize=SMALL,
-        color="#6B6B6B",
-        arrowprops=arrow,
-        zorder=2.5,
-    )
+    arrow = {"arrowstyle": "->", "color": STYLE.faint, "linewidth": 1.2, "shrinkA": 1, "shrinkB": 0}
+    text: dict[str, Any] = {"ha": "right", "va": "center", "fontsize": STYLE.small, "color": "#6B6B6B"}
+    axes.annotate("front", xy=tuple(tip), xytext=tuple(tail), arrowprops=arrow, zorder=2.5, **text)
 
 
 def _with_room(channels: Sequence[Channel], sensed: Real) -> set[int]:
@@ -201,23 +171,14 @@ def _draw_sensor(axes: Axes, channel: Channel, length: float, text: str, shortes
     """Draw an arrow along a sensor's direction, with a text at its tip."""
     foot = np.array(channel.position)
     start, end = projected(foot), projected(foot + length * np.array(channel.direction))
-    axes.plot(*start, marker="o", markersize=3, color=INK, zorder=3)
+    axes.plot(*start, marker="o", markersize=3, color=STYLE.ink, zorder=3)
     if np.hypot(*(end - start)) > shortest:
-        arrow = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.3, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 8}
+        head = {"arrowstyle": "-|>", "color": STYLE.ink, "linewidth": 1.3, "mutation_scale": 8}
+        arrow = {**head, "shrinkA": 0, "shrinkB": 0}
         axes.annotate("", xy=tuple(end), xytext=tuple(start), arrowprops=arrow, gid="sensor", zorder=4)
-    is_up = end[1] >= start[1]
-    axes.annotate(
-        text,
-        xy=tuple(end),
-        xytext=(0, 3 if is_up else -3),
-        textcoords="offset points",
-        ha="center",
-        va="bottom" if is_up else "top",
-        fontsize=SMALL,
-        color=INK,
-        zorder=5,
-        path_effects=[withStroke(linewidth=2.5, foreground="white")],
-    )
+    side, place = (3, "bottom") if end[1] >= start[1] else (-3, "top")
+    outline = [withStroke(linewidth=2.5, foreground="white")]
+    draw.note(axes, text, tuple(end), offset=(0, side), ha="center", va=place, zorder=5, path_effects=outline)
 
 
 def amplitude_and_phase(value: complex) -> str:
@@ -267,40 +228,37 @@ def shapes_figure(modes: Modes, channels: Sequence[Channel], *, source: str = ""
     >>> [axes.get_title().partition(":")[0] for axes in figure.axes], figure.axes[0].get_title().endswith("MPC 1.00")
     (['1', '2', '3'], True)
     """
-    what = f"Mode shapes: {source}" if source else "Mode shapes"
     if not len(modes):
-        return write_sentence(new_figure(what, "", width=8, height=3), NO_MODE)
+        return draw.sentence(draw.new_figure("Mode shapes", width=8, height=3, source=source), STYLE.no_mode)
     shapes = body_shapes(modes, channels)
-    return _bars(modes, channels, what) if shapes is None else _bodies(modes, channels, shapes, what)
+    return _bars(modes, channels, source) if shapes is None else _bodies(modes, channels, shapes, source)
 
 
-def _bodies(modes: Modes, channels: Sequence[Channel], shapes: BodyShapes, what: str) -> Figure:
+def _bodies(modes: Modes, channels: Sequence[Channel], shapes: BodyShapes, source: str) -> Figure:
     """Draw the body in each mode."""
-    n_rows, n_columns = panel_grid(len(modes), max_columns=3)
+    n_rows, n_columns = draw.panel_grid(len(modes), max_columns=3)
     where = "Grey: at rest. Plate: rigid-body motion. Arrows: sensor signals (amplitude, phase)."
-    if shapes.is_nominal:
-        where += " The outline is nominal."
+    where += " The outline is nominal." if shapes.is_nominal else ""
     width = max(1.28 * 3.4 * n_columns, 8.5)
-    figure = new_figure(what, where, width=width, height=1.2 + 3.1 * n_rows)
-    for k, axes in enumerate(_panels(figure, n_rows, n_columns, len(modes))):
+    figure = draw.new_figure("Mode shapes", where, width=width, height=1.2 + 3.1 * n_rows, source=source)
+    for k, axes in enumerate(draw.panels(figure, n_rows, n_columns, n_used=len(modes)).flat[: len(modes)]):
         draw_body(axes, shapes, k, channels, modes.mode_shapes[k])
         _name(axes, modes, k, f"rigid body explains {100 * shapes.explained[k]:.0f} %, MPC {modes.mpc[k]:.2f}")
     return figure
 
 
-def _bars(modes: Modes, channels: Sequence[Channel], what: str) -> Figure:
+def _bars(modes: Modes, channels: Sequence[Channel], source: str) -> Figure:
     """Draw real and imaginary part of each channel in each mode, channels of one quantity side by side."""
     groups = _quantities(channels)
     order = np.concatenate(groups)
     names = [modes.channels[row] for row in order]
     is_wide = len(names) > STYLE.many_channels
-    n_rows, n_columns = panel_grid(len(modes), max_columns=2 if is_wide else 4 if len(groups) == 1 else 3)
+    n_rows, n_columns = draw.panel_grid(len(modes), max_columns=2 if is_wide else 4 if len(groups) == 1 else 3)
     width = max((1.9 if is_wide else 1.0) * 3.4 * n_columns, 7.0)
-    longest = max(map(len, names))
     where = f"Relative to the largest channel{_OF_QUANTITY if len(groups) > 1 else ''}"
-    figure = new_figure(what, where, width=width, height=1.6 + 2.4 * n_rows + 0.07 * longest)
-    for k, axes in enumerate(_panels(figure, n_rows, n_columns, len(modes))):
-        plain(axes)
+    height = 1.6 + 2.4 * n_rows + 0.07 * max(map(len, names))
+    figure = draw.new_figure("Mode shapes", where, width=width, height=height, source=source)
+    for k, axes in enumerate(draw.panels(figure, n_rows, n_columns, n_used=len(modes)).flat[: len(modes)]):
         _draw_bars(axes, _relative(modes.mode_shapes[k], groups)[order], mode_colour(k))
         is_lowest = k + n_columns >= len(modes)
         _label_channels(axes, names if is_lowest else [""] * len(names), 0.75 * width / n_columns)
@@ -309,12 +267,10 @@ def _bars(modes: Modes, channels: Sequence[Channel], what: str) -> Figure:
         if len(groups) > 1:
             _draw_scales(axes, modes.mode_shapes[k], channels, groups)
         if k % n_columns == 0:
-            axes.set_ylabel("Amplitude [-]", fontsize=NORMAL)
-    handles: list[Patch | Line2D] = [
-        Patch(facecolor=FAINT, label="real part (mode's colour)"),
-        Line2D([], [], color=INK, marker="D", markerfacecolor="white", linestyle="none", label="imaginary part"),
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=SMALL, frameon=False)
+            axes.set_ylabel("Amplitude [-]")
+    diamond: dict[str, Any] = {"marker": "D", "markerfacecolor": "white", "linestyle": "none"}
+    real = Patch(facecolor=STYLE.faint, label="real part (mode's colour)")
+    draw.legend(figure, [real, draw.entry("imaginary part", color=STYLE.ink, **diamond)], n_columns=2)
     return figure
 
 
@@ -336,12 +292,18 @@ def _draw_scales(axes: Axes, shape: Complex, channels: Sequence[Channel], groups
     """Write what 1 is for each quantity, where 1 is one unit of the largest channel, with lines between them."""
     edges = np.cumsum([0, *map(len, groups)]) - 0.5
     for edge in edges[1:-1]:
-        axes.axvline(edge, color=INK, linewidth=0.8, linestyle=(0, (3, 2)))
+        axes.axvline(edge, color=STYLE.ink, linewidth=0.8, linestyle=(0, (3, 2)))
     axes.set_yticks([-1, -0.5, 0, 0.5, 1])
     for rows, left, right in zip(groups, edges, edges[1:], strict=False):
         quantity = channels[rows[0]].quantity.replace("unknown", "as recorded").replace("_", " ")
         size = f"{np.abs(shape[rows]).max():.2g} {pretty_unit(channels[rows[0]].unit)}".rstrip()
-        style: dict[str, Any] = {"ha": "center", "va": "top", "fontsize": SMALL - 1, "color": INK, "gid": "scale"}
+        style: dict[str, Any] = {
+            "ha": "center",
+            "va": "top",
+            "fontsize": STYLE.small - 1,
+            "color": STYLE.ink,
+            "gid": "scale",
+        }
         axes.text((left + right) / 2, STYLE.with_scales - 0.05, f"{quantity}\n1 = {size}", **style)
 
 
@@ -351,16 +313,16 @@ def _draw_bars(axes: Axes, shape: Complex, colour: str) -> None:
     axes.bar(places, shape.real, width=0.7, color=colour, alpha=0.85)
     size = 5 if len(shape) <= STYLE.many_channels else 3
     style: dict[str, Any] = {"marker": "D", "markersize": size, "markerfacecolor": "white", "linestyle": "none"}
-    axes.plot(places, shape.imag, color=INK, markeredgewidth=0.9, gid="imaginary part", **style)
-    axes.axhline(0, color=INK, linewidth=0.8)
+    axes.plot(places, shape.imag, color=STYLE.ink, markeredgewidth=0.9, gid="imaginary part", **style)
+    axes.axhline(0, color=STYLE.ink, linewidth=0.8)
 
 
 def _label_channels(axes: Axes, names: Sequence[str], width: float) -> None:
     """Write the names of the channels below the axis, vertically if they are long, and every n-th of very many."""
     step = -(-len(names) // STYLE.max_ticks)
     longest = max(len(name) for name in names)
-    is_upright = longest * len(names) * 0.6 * SMALL / 72 > width
-    axes.set_xticks(range(0, len(names), step), names[::step], rotation=90 if is_upright else 0, fontsize=SMALL)
+    is_upright = longest * len(names) * 0.6 * STYLE.small / 72 > width
+    axes.set_xticks(range(0, len(names), step), names[::step], rotation=90 if is_upright else 0, fontsize=STYLE.small)
     axes.grid(visible=False, axis="x")
 
 
@@ -393,19 +355,18 @@ def complexity_figure(modes: Modes, channels: Sequence[Channel] = (), *, source:
     >>> [axes.get_title().partition(":")[0] for axes in figure.axes], figure.axes[0].get_title().endswith("MPC 1.00")
     (['1', '2', '3'], True)
     """
-    what = f"Complexity of the mode shapes: {source}" if source else "Complexity of the mode shapes"
+    what = "Complexity of the mode shapes"
     if not len(modes):
-        return write_sentence(new_figure(what, "", width=8, height=3), NO_MODE)
+        return draw.sentence(draw.new_figure(what, width=8, height=3, source=source), STYLE.no_mode)
     groups = _quantities(channels) if channels else [np.arange(len(modes.channels))]
     has_markers = len(modes.channels) <= len(_MARKERS)
-    n_rows, n_columns = panel_grid(len(modes), max_columns=4 if has_markers else 3)
+    n_rows, n_columns = draw.panel_grid(len(modes), max_columns=4 if has_markers else 3)
     where = "Radius: amplitude relative to the largest channel. Angle: phase relative to it."
     if len(groups) > 1:
         where = where.replace("channel.", f"channel{_OF_QUANTITY}.").replace("to it", "to the largest of all")
-    if not has_markers:
-        where += f" Named: the {STYLE.max_named} largest."
-    panel = 2.9 if has_markers else 4.2
-    figure = new_figure(what, where, width=max(panel * n_columns, 7.5), height=1.4 + 2.9 * n_rows)
+    where += "" if has_markers else f" Named: the {STYLE.max_named} largest."
+    width = max((2.9 if has_markers else 4.2) * n_columns, 7.5)
+    figure = draw.new_figure(what, where, width=width, height=1.4 + 2.9 * n_rows, source=source)
     for k in range(len(modes)):
         axes = cast(PolarAxes, figure.add_subplot(n_rows, n_columns, k + 1, projection="polar"))
         shape = _relative(modes.mode_shapes[k], groups)
@@ -414,11 +375,9 @@ def complexity_figure(modes: Modes, channels: Sequence[Channel] = (), *, source:
             _name_largest(axes, modes.channels, shape)
         _name(axes, modes, k, f"MPC {modes.mpc[k]:.2f}")
     if has_markers:
-        handles = [
-            Line2D([], [], color=FAINT, marker=marker, markerfacecolor="white", label=name)
-            for marker, name in zip(_MARKERS, modes.channels, strict=False)
-        ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=8, fontsize=SMALL, frameon=False)
+        white: dict[str, Any] = {"color": STYLE.faint, "markerfacecolor": "white"}
+        named = zip(_MARKERS, modes.channels, strict=False)
+        draw.legend(figure, [draw.entry(name, marker=marker, **white) for marker, name in named], n_columns=8)
     return figure
 
 
@@ -433,47 +392,31 @@ def _draw_compass(axes: PolarAxes, shape: Complex, colour: str) -> None:
     axes.set_rlim(0, 1.0)
     axes.set_rticks([0.5, 1.0], labels=[])
     labels = ["0°", "90°", "180°", "−90°"] if has_markers else ["", "90°", "", "−90°"]
-    axes.set_thetagrids(range(0, 360, 90), labels, fontsize=SMALL)
+    axes.set_thetagrids(range(0, 360, 90), labels, fontsize=STYLE.small)
 
 
 def _name_largest(axes: Axes, names: Sequence[str], shape: Complex) -> None:
     """Write the names of the largest channels to the left and right of a compass, with lines to their arrows."""
     largest = np.argsort(-np.abs(shape), kind="stable")[: STYLE.max_named]
-    for side, rows in ((1, largest[shape[largest].real >= 0]), (-1, largest[shape[largest].real < 0])):
+    line = {"arrowstyle": "-", "color": STYLE.faint, "linewidth": 0.6, "shrinkA": 1, "shrinkB": 2}
+    for side, place in ((1, "left"), (-1, "right")):
+        rows = largest[(shape[largest].real >= 0) == (side > 0)]
         rising = rows[np.argsort(shape[rows].imag, kind="stable")]
-        heights = spread((1 + shape[rising].imag) / 2, 0.075)
-        for row, height in zip(rising, heights, strict=True):
+        text: dict[str, Any] = {"ha": place, "va": "center", "fontsize": STYLE.small, "color": STYLE.ink, "gid": "name"}
+        for row, height in zip(rising, draw.spread((1 + shape[rising].imag) / 2, 0.075), strict=True):
+            ends: dict[str, Any] = {
+                "xy": ((1 + float(shape[row].real)) / 2, (1 + float(shape[row].imag)) / 2),
+                "xytext": (0.5 + side * 0.55, float(height)),
+            }
             axes.annotate(
-                names[row],
-                xy=((1 + float(shape[row].real)) / 2, (1 + float(shape[row].imag)) / 2),
-                xytext=(0.5 + side * 0.55, float(height)),
-                xycoords="axes fraction",
-                textcoords="axes fraction",
-                ha="left" if side > 0 else "right",
-                va="center",
-                fontsize=SMALL,
-                color=INK,
-                gid="name",
-                arrowprops={"arrowstyle": "-", "color": FAINT, "linewidth": 0.6, "shrinkA": 1, "shrinkB": 2},
+                names[row], **ends, xycoords="axes fraction", textcoords="axes fraction", arrowprops=line, **text
             )
-
-
-def _panels(figure: Figure, n_rows: int, n_columns: int, n_used: int) -> list[Axes]:
-    """Return the first axes of a grid and hide the rest."""
-    panels = list(figure.subplots(n_rows, n_columns, squeeze=False).flat)
-    for axes in panels[n_used:]:
-        axes.set_axis_off()
-    return panels[:n_used]
 
 
 def _name(axes: Axes, modes: Modes, index: int, remark: str) -> None:
     """Write number, name, frequency and damping of a mode above its panel, and a remark below them."""
-    axes.set_title(
-        f"{mode_name(modes, index)}: {mode_values(modes, index)}\n{remark}",
-        fontsize=NORMAL,
-        color=mode_colour(index),
-        fontweight="bold",
-    )
+    title = f"{mode_name(modes, index)}: {mode_values(modes, index)}\n{remark}"
+    draw.title(axes, title, colour=mode_colour(index), fontweight="bold", loc="center")
 
 
 def plain_shapes_figure(modes: Modes) -> Figure:

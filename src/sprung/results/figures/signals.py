@@ -12,17 +12,8 @@ from scipy.signal.windows import hann
 
 from sprung._arrays import Real
 from sprung.recording import Recording
-from sprung.results.figures.style import (
-    INK,
-    MODE_COLOURS,
-    NORMAL,
-    SMALL,
-    STYLE,
-    new_figure,
-    panel_grid,
-    plain,
-    with_unit,
-)
+from sprung.results.figures import draw
+from sprung.results.figures.style import STYLE, mode_colour, with_unit
 from sprung.signals.data_faults import is_condition
 from sprung.signals.spectrum import spectral_matrix
 
@@ -50,16 +41,16 @@ def histories_figure(recordings: Sequence[tuple[str, Recording]], *, title: str,
     ('acceleration [m/s²]', 1.99)
     """
 
-    def draw(axes: Axes, row: int, recording: Recording, style: dict[str, Any]) -> None:
+    def curve(axes: Axes, row: int, recording: Recording, style: dict[str, Any]) -> None:
         rate = recording.sampling_rate
         shown = recording.n_samples if window is None else min(recording.n_samples, round(window * rate))
         time, values = _envelope(np.arange(shown) / rate, recording.samples[row, :shown])
         axes.plot(time, values, **style, linewidth=0.7)
 
-    figure = _channels_figure(recordings, draw, title=title, axis="Time [s]")
+    figure = _channels_figure(recordings, curve, title=title, axis="Time [s]")
     for axes, channel in zip(figure.axes, recordings[0][1].channels, strict=False):
         quantity = "value" if channel.quantity == "unknown" else channel.quantity.replace("_", " ")
-        axes.set_ylabel(with_unit(quantity, channel.unit), fontsize=SMALL)
+        axes.set_ylabel(with_unit(quantity, channel.unit))
     return figure
 
 
@@ -79,16 +70,15 @@ def levels_figure(recordings: Sequence[tuple[str, Recording]], *, title: str, in
     (20, 3.0)
     """
 
-    def draw(axes: Axes, row: int, recording: Recording, style: dict[str, Any]) -> None:
+    def curve(axes: Axes, row: int, recording: Recording, style: dict[str, Any]) -> None:
         per = round(interval * recording.sampling_rate)
         blocks = recording.samples[row, : recording.n_samples // per * per].reshape(-1, per)
         times = (np.arange(len(blocks)) + 0.5) * interval
         axes.plot(times, np.sqrt(np.mean(blocks**2, axis=1)), **style, marker=".", linewidth=1)
 
-    figure = _channels_figure(recordings, draw, title=title, axis="Time [s]")
+    figure = _channels_figure(recordings, curve, title=title, axis="Time [s]")
     for axes, channel in zip(figure.axes, recordings[0][1].channels, strict=False):
-        axes.set_ylim(0, None)
-        axes.set_ylabel(with_unit("RMS", channel.unit), fontsize=SMALL)
+        axes.set(ylim=(0, None), ylabel=with_unit("RMS", channel.unit))
     return figure
 
 
@@ -131,16 +121,17 @@ def densities_figure(
     """
     spectra = {id(recording): spectral_matrix(recording, segment_length=segment) for _, recording in recordings}
 
-    def draw(axes: Axes, row: int, recording: Recording, style: dict[str, Any]) -> None:
+    def curve(axes: Axes, row: int, recording: Recording, style: dict[str, Any]) -> None:
         one = spectra[id(recording)]
         shown = (one.frequencies >= max(lowest, 1 / segment)) & (one.frequencies <= highest)
         axes.semilogy(one.frequencies[shown], np.maximum(one.densities[row, shown], 1e-30), **style, linewidth=1)
 
-    figure = _channels_figure(recordings, draw, title=title, axis="Frequency [Hz]")
+    figure = _channels_figure(recordings, curve, title=title, axis="Frequency [Hz]")
     for axes, channel in zip(figure.axes, recordings[0][1].channels, strict=False):
-        _mark_frequencies(axes, marked, top=axes is figure.axes[0])
+        is_first = axes is figure.axes[0]
+        draw.mark_frequencies(axes, [(name * is_first, frequency) for name, frequency in marked], height=1.0)
         axes.set_xlim(lowest, highest)
-        axes.set_ylabel(with_unit("PSD", channel.unit and f"({channel.unit})^2/Hz"), fontsize=SMALL)
+        axes.set_ylabel(with_unit("PSD", channel.unit and f"({channel.unit})^2/Hz"))
     return figure
 
 
@@ -177,7 +168,7 @@ def spectrogram_figure(recording: Recording, *, title: str, highest: float, segm
     hop = max(n_segment // 2, recording.n_samples // STYLE.max_columns)
     transform = ShortTimeFFT(hann(n_segment, sym=False), hop, rate, scale_to="psd", fft_mode="onesided2X")
 
-    def draw(axes: Axes, row: int, one: Recording, style: dict[str, Any]) -> None:
+    def curve(axes: Axes, row: int, one: Recording, style: dict[str, Any]) -> None:
         values = one.samples[row] - np.nanmean(one.samples[row]) if np.isfinite(one.samples[row]).any() else 0.0
         power = transform.spectrogram(np.nan_to_num(values * np.ones(one.n_samples)))
         shown = (transform.f > 0) & (transform.f <= highest)
@@ -186,9 +177,9 @@ def spectrogram_figure(recording: Recording, *, title: str, highest: float, segm
         axes.pcolormesh(times, transform.f[shown], level, vmin=top - 60, vmax=top, cmap="cividis", rasterized=True)
         axes.set_xlim(0, one.duration)
 
-    figure = _channels_figure([("", recording)], draw, title=title, axis="Time [s]")
+    figure = _channels_figure([("", recording)], curve, title=title, axis="Time [s]")
     for axes in figure.axes[: len(recording.channels)]:
-        axes.set_ylabel("Frequency [Hz]", fontsize=SMALL)
+        axes.set_ylabel("Frequency [Hz]")
     return figure
 
 
@@ -205,45 +196,28 @@ def overview_figures(recording: Recording, *, source: str) -> dict[str, Figure]:
     }
 
 
-def _mark_frequencies(axes: Axes, marked: Sequence[tuple[str, float]], *, top: bool) -> None:
-    """Draw dotted lines at frequencies, with their names where the axes are the top ones."""
-    for name, frequency in marked:
-        axes.axvline(frequency, color="#888888", linewidth=0.8, linestyle=":")
-        if top:
-            place: dict[str, Any] = {
-                "rotation": 90,
-                "ha": "right",
-                "va": "top",
-                "transform": axes.get_xaxis_transform(),
-            }
-            axes.text(frequency, 1.0, name, fontsize=SMALL, color="#555555", **place)
-
-
 def _channels_figure(
     recordings: Sequence[tuple[str, Recording]],
-    draw: Callable[[Axes, int, Recording, dict[str, Any]], None],
+    curve: Callable[[Axes, int, Recording, dict[str, Any]], None],
     *,
     title: str,
     axis: str,
 ) -> Figure:
     """Return a figure with a panel for each channel of the first recording, one below another; two columns for many."""
     channels = recordings[0][1].channels
-    n_rows, n_columns = panel_grid(len(channels), max_columns=1 if len(channels) <= 3 else 2)
-    figure = new_figure(title, "", width=9.5, height=1.1 + 1.75 * n_rows)
-    panels = figure.subplots(n_rows, n_columns, sharex=True, squeeze=False).ravel()
-    for axes in panels[len(channels) :]:
-        axes.set_visible(False)
+    n_rows, n_columns = draw.panel_grid(len(channels), max_columns=1 if len(channels) <= 3 else 2)
+    figure = draw.new_figure(title, height=1.1 + 1.75 * n_rows)
+    panels = draw.panels(figure, n_rows, n_columns, n_used=len(channels), size=STYLE.small, sharex=True).ravel()
     for row, (axes, channel) in enumerate(zip(panels, channels, strict=False)):
-        plain(axes)
         for number, (_, recording) in enumerate(recordings):
-            draw(axes, row, recording, {"color": MODE_COLOURS[number % len(MODE_COLOURS)]})
-        axes.set_title(channel.name, fontsize=NORMAL, color=INK, loc="left")
+            curve(axes, row, recording, {"color": mode_colour(number)})
+        draw.title(axes, channel.name)
         if row >= len(channels) - n_columns:
             axes.tick_params(labelbottom=True)
-            axes.set_xlabel(axis, fontsize=NORMAL)
+            axes.set_xlabel(axis, fontsize=STYLE.normal)
     if len(recordings) > 1:
         handles, names = panels[0].lines[: len(recordings)], [name for name, _ in recordings]
-        figure.legend(handles, names, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
+        draw.legend(figure, handles, labels=names, n_columns=4)
     return figure
 
 
@@ -308,17 +282,12 @@ def runs_figure(spreads: Sequence[Spread], *, title: str) -> Figure:
     >>> [text.get_text() for text in figure.axes[0].texts]
     ['2 of 3']
     """
-    n_rows, n_columns = panel_grid(len(spreads), max_columns=3)
+    n_rows, n_columns = draw.panel_grid(len(spreads), max_columns=3)
     longest = max(len(name) for spread in spreads for name in spread.rows)
-    height = 1.3 + n_rows * (0.9 + 0.33 * len(spreads[0].rows))
-    figure = new_figure(
-        title, "Points: runs. Bar: median. Line: true value. Diamond: published.", width=9.5, height=height
-    )
-    panels = figure.subplots(n_rows, n_columns, squeeze=False, sharey=longest > 0).ravel()
-    for axes in panels[len(spreads) :]:
-        axes.set_visible(False)
+    where = "Points: runs. Bar: median. Line: true value. Diamond: published."
+    figure = draw.new_figure(title, where, height=1.3 + n_rows * (0.9 + 0.33 * len(spreads[0].rows)))
+    panels = draw.panels(figure, n_rows, n_columns, n_used=len(spreads), sharey=longest > 0).ravel()
     for axes, spread in zip(panels, spreads, strict=False):
-        plain(axes)
         _draw(axes, spread)
     return figure
 
@@ -328,17 +297,18 @@ def _draw(axes: Axes, spread: Spread) -> None:
     for row, values in enumerate(spread.values):
         finite = values[np.isfinite(values)]
         offsets = 0.22 * np.sin(np.arange(finite.size) * 2.399)  # the golden angle spreads them evenly
-        axes.plot(finite, row + offsets, ".", color=MODE_COLOURS[0], markersize=3, alpha=0.5)
+        axes.plot(finite, row + offsets, ".", color=STYLE.colours[0], markersize=3, alpha=0.5)
         if finite.size:
-            axes.plot([np.median(finite)] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=1.5)
+            axes.plot([np.median(finite)] * 2, [row - 0.35, row + 0.35], color=STYLE.ink, linewidth=1.5)
         remark = f"{finite.size} of {values.size}"
-        axes.annotate(remark, (0.995, row), xycoords=("axes fraction", "data"), fontsize=SMALL, ha="right", va="center")
+        axes.annotate(
+            remark, (0.995, row), xycoords=("axes fraction", "data"), fontsize=STYLE.small, ha="right", va="center"
+        )
         if row < len(spread.published) and np.isfinite(spread.published[row]):
-            axes.plot(spread.published[row], row, "D", color=MODE_COLOURS[1], markersize=5)
+            axes.plot(spread.published[row], row, "D", color=STYLE.colours[1], markersize=5)
     if np.isfinite(spread.truth):
-        axes.axvline(spread.truth, color=MODE_COLOURS[2], linewidth=1)
+        axes.axvline(spread.truth, color=STYLE.colours[2], linewidth=1)
     low, high = axes.get_xlim()
     axes.set_xlim(low, high + 0.25 * (high - low))
-    axes.set_yticks(range(len(spread.rows)), spread.rows, fontsize=SMALL)
-    axes.set_ylim(len(spread.rows) - 0.5, -0.5)
-    axes.set_xlabel(spread.name, fontsize=NORMAL)
+    axes.set_yticks(range(len(spread.rows)), spread.rows, fontsize=STYLE.small)
+    axes.set(ylim=(len(spread.rows) - 0.5, -0.5), xlabel=spread.name)

@@ -11,13 +11,8 @@ from matplotlib.patches import Patch
 
 from sprung._arrays import Complex, Real
 from sprung.identification import Identification
-from sprung.results.figures.style import (
-    FAINT,
-    INK,
-    MODE_COLOURS,
-    NORMAL,
-    SMALL,
-    STYLE,
+from sprung.results.figures import draw
+from sprung.results.figures.frequency_axis import (
     FrequencyRange,
     curve_limits,
     frequency_range,
@@ -25,12 +20,8 @@ from sprung.results.figures.style import (
     head_room,
     mark_harmonics,
     mark_modes,
-    new_figure,
-    origin,
-    panel_grid,
-    plain,
-    pretty_unit,
 )
+from sprung.results.figures.style import STYLE, mode_colour, origin, pretty_unit
 from sprung.signals.spectrum import SpectralMatrix
 
 
@@ -62,28 +53,21 @@ def spectra_figure(identification: Identification, *, source: str = "") -> Figur
     (3, 'Frequency [Hz]')
     """
     n_channels = min(len(identification.channels), STYLE.max_channels)
-    n_rows, n_columns = panel_grid(n_channels, max_columns=1 if n_channels <= 4 else 2 if n_channels <= 10 else 3)
+    n_rows, n_columns = draw.panel_grid(n_channels, max_columns=1 if n_channels <= 4 else 2 if n_channels <= 10 else 3)
     what = "Power spectral densities"
     if identification.edited_spectra is not None:
         what += " before and after cepstrum editing"
     if n_channels < len(identification.channels):
         what += f" of the first {n_channels} of {len(identification.channels)} channels"
     row_height = 3.4 if n_rows == 1 else 2.1
-    figure = new_figure(
-        f"{what}: {source}" if source else what,
-        origin(identification),
-        width=STYLE.wide,
-        height=2.0 + row_height * (n_rows + STYLE.labelled * bool(identification.harmonics)),
-    )
-    heights = [1.0 + STYLE.labelled * bool(identification.harmonics)] + [1.0] * (n_rows - 1)
-    panels = figure.subplots(n_rows, n_columns, sharex=True, squeeze=False, height_ratios=heights)
+    labels = STYLE.labelled * bool(identification.harmonics)
+    size: dict[str, float] = {"width": STYLE.wide, "height": 2.0 + row_height * (n_rows + labels)}
+    figure = draw.new_figure(what, origin(identification), source=source, **size)
+    heights = [1.0 + labels] + [1.0] * (n_rows - 1)
+    panels = draw.panels(figure, n_rows, n_columns, n_used=n_channels, sharex=True, height_ratios=heights)
     shown = frequency_range(identification)
     width = 0.9 * STYLE.wide / n_columns
-    for k, axes in enumerate(panels.flat):
-        if k >= n_channels:
-            axes.set_axis_off()
-            continue
-        plain(axes)
+    for k, axes in enumerate(panels.flat[:n_channels]):
         shown.put_on(axes)
         has_labels = k < n_columns
         name = identification.channels[k].name
@@ -92,11 +76,11 @@ def spectra_figure(identification: Identification, *, source: str = "") -> Figur
         mark_harmonics(axes, identification.harmonics, width=width, channel=name, has_labels=has_labels)
         style: dict[str, Any] = {"has_labels": has_labels, "is_short": n_columns > 1}
         mark_modes(axes, identification.modes, width=width, height=0.8 * row_height, **style)
-        axes.set_ylabel(f"{name}\n{_level_unit(identification.channels[k].unit)}", fontsize=SMALL)
+        axes.set_ylabel(f"{name}\n{_level_unit(identification.channels[k].unit)}", fontsize=STYLE.small)
         if k + n_columns >= n_channels:
-            axes.set_xlabel("Frequency [Hz]", fontsize=NORMAL)
+            axes.set_xlabel("Frequency [Hz]")
             axes.tick_params(labelbottom=True)
-    figure.legend(handles=_legend(identification), loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
+    draw.legend(figure, _legend(identification), n_columns=4)
     return figure
 
 
@@ -111,9 +95,9 @@ def _level_unit(unit: str) -> str:
 def _draw_channel(axes: Axes, identification: Identification, row: int, shown: FrequencyRange, room: float) -> None:
     """Draw the curves of one channel and leave room above them for labels."""
     before, after = identification.spectra, identification.edited_spectra
-    curves = [(after or before, INK, 1.3, "spectrum")]
+    curves = [(after or before, STYLE.ink, 1.3, "spectrum")]
     if after is not None:
-        curves.insert(0, (before, FAINT, 0.9, "spectrum before editing"))
+        curves.insert(0, (before, STYLE.faint, 0.9, "spectrum before editing"))
     levels = []
     for spectra, colour, width, gid in curves:
         level = _decibels(spectra, row)
@@ -129,15 +113,17 @@ def _decibels(spectra: SpectralMatrix, row: int) -> Real:
 
 def _legend(identification: Identification) -> list[Line2D | Patch]:
     """Return a legend entry for each kind of line."""
-    after = Line2D([], [], color=INK, linewidth=1.3, label="power spectral density")
-    handles: list[Line2D | Patch] = [after]
+    name, before = "power spectral density", []
     if identification.edited_spectra is not None:
-        after.set_label("power spectral density after cepstrum editing")
-        handles.insert(0, Line2D([], [], color=FAINT, linewidth=0.9, label="before editing"))
-    handles += harmonic_handles(identification.harmonics)
-    if any(set(line.channels) != {c.name for c in identification.channels} for line in identification.harmonics):
-        handles.append(Line2D([], [], linestyle="none", label="(faint: not in this channel)"))
-    return handles
+        name, before = (
+            f"{name} after cepstrum editing",
+            [draw.entry("before editing", color=STYLE.faint, linewidth=0.9)],
+        )
+    every = {channel.name for channel in identification.channels}
+    is_partial = any(set(line.channels) != every for line in identification.harmonics)
+    faint = [draw.entry("(faint: not in this channel)", linestyle="none")] if is_partial else []
+    after = draw.entry(name, color=STYLE.ink, linewidth=1.3)
+    return [*before, after, *harmonic_handles(identification.harmonics), *faint]
 
 
 def response_figure(
@@ -177,35 +163,21 @@ def response_figure(
     >>> round(float(magnitude[10]), 3), round(float(phase[10]), 1)
     (0.707, -45.0)
     """
-    figure = new_figure(title, "", width=9.5, height=5.5 if has_phase else 3.8)
-    panels = figure.subplots(2 if has_phase else 1, 1, sharex=True, squeeze=False)[:, 0]
+    figure = draw.new_figure(title, height=5.5 if has_phase else 3.8)
+    panels = draw.panels(figure, 1 + has_phase, sharex=True)[:, 0]
     for number, (name, values) in enumerate(responses):
-        colour = MODE_COLOURS[number % len(MODE_COLOURS)]
-        panels[0].semilogy(frequencies, np.abs(values), color=colour, label=name, linewidth=1.3)
+        style: dict[str, Any] = {"color": mode_colour(number), "linewidth": 1.3}
+        panels[0].semilogy(frequencies, np.abs(values), label=name, **style)
         if has_phase:
-            panels[1].plot(frequencies, np.degrees(np.unwrap(np.angle(values))), color=colour, linewidth=1.3)
+            panels[1].plot(frequencies, np.degrees(np.unwrap(np.angle(values))), **style)
+            panels[1].set_ylabel("Phase [degrees]")
     for axes in panels:
-        plain(axes)
-        for _, frequency in marked:
-            axes.axvline(frequency, color="#888888", linewidth=0.8, linestyle=":")
-    for name, frequency in marked:
-        panels[0].annotate(
-            f"{name} {frequency:.2f} Hz",
-            (frequency, 0.02),
-            xycoords=("data", "axes fraction"),
-            rotation=90,
-            fontsize=SMALL,
-            ha="right",
-            va="bottom",
-            color="#555555",
-        )
-    panels[0].set_ylabel(f"Magnitude [{unit}]", fontsize=NORMAL)
-    if has_phase:
-        panels[1].set_ylabel("Phase [degrees]", fontsize=NORMAL)
-    panels[-1].set_xlabel("Frequency [Hz]", fontsize=NORMAL)
-    panels[-1].set_xlim(frequencies[0], frequencies[-1])
+        named = [(f"{name} {frequency:.2f} Hz" if axes is panels[0] else "", frequency) for name, frequency in marked]
+        draw.mark_frequencies(axes, named, height=0.02)
+    panels[0].set_ylabel(f"Magnitude [{unit}]")
+    panels[-1].set(xlabel="Frequency [Hz]", xlim=(frequencies[0], frequencies[-1]))
     if len(responses) > 1:
-        panels[0].legend(fontsize=SMALL, frameon=False)
+        draw.legend(panels[0])
     return figure
 
 
@@ -239,18 +211,16 @@ def cepstrum_figure(
     >>> bool(np.array_equal(figure.axes[1].lines[0].get_ydata(), lifter))
     True
     """
-    figure = new_figure(title, "", width=9.5, height=4.2)
-    panels = figure.subplots(2, 1, sharex=True)
+    figure = draw.new_figure(title, height=4.2)
+    panels = draw.panels(figure, 2, sharex=True)[:, 0]
     limit = 1.3 * np.abs(cepstrum[quefrencies > 0.02]).max()
     for axes, values, name in ((panels[0], cepstrum, "raw"), (panels[1], cepstrum * lifter, "edited")):
-        plain(axes)
-        axes.plot(quefrencies, values, color=MODE_COLOURS[0], linewidth=0.8)
-        axes.plot(quefrencies, limit * 0.9 * lifter, color=INK, linewidth=1.2, linestyle="--")
-        axes.set_ylim(-limit, limit)
-        axes.set_ylabel(f"{name} [-]", fontsize=NORMAL)
+        axes.plot(quefrencies, values, color=STYLE.colours[0], linewidth=0.8)
+        axes.plot(quefrencies, limit * 0.9 * lifter, color=STYLE.ink, linewidth=1.2, linestyle="--")
+        axes.set(ylim=(-limit, limit), ylabel=f"{name} [-]")
         if pulse_period is not None:
             for number in range(1, int(quefrencies[-1] / pulse_period) + 1):
-                axes.axvline(number * pulse_period, color=MODE_COLOURS[1], linewidth=0.8, linestyle=":")
+                axes.axvline(number * pulse_period, color=STYLE.colours[1], linewidth=0.8, linestyle=":")
     dotted = "" if pulse_period is None else "; dotted: rahmonics of the pulses"
-    panels[1].set_xlabel(f"Quefrency [s]; dashed: lifter{dotted}", fontsize=NORMAL)
+    panels[1].set_xlabel(f"Quefrency [s]; dashed: lifter{dotted}")
     return figure

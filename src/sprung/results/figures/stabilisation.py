@@ -15,14 +15,8 @@ from sprung.identification.fdd import find_bells
 from sprung.identification.plscf import PolynomialLadder
 from sprung.identification.stabilisation import StabilisationDiagram
 from sprung.modal import PoleStatus
-from sprung.results.figures.style import (
-    BACKGROUND_CURVE,
-    FAINT,
-    HARMONIC_COLOUR,
-    INK,
-    NORMAL,
-    SMALL,
-    STYLE,
+from sprung.results.figures import draw
+from sprung.results.figures.frequency_axis import (
     FrequencyRange,
     curve_limits,
     frequency_range,
@@ -30,11 +24,8 @@ from sprung.results.figures.style import (
     head_room,
     mark_harmonics,
     mark_modes,
-    mode_colour,
-    new_figure,
-    origin,
-    plain,
 )
+from sprung.results.figures.style import STYLE, mode_colour, origin
 from sprung.signals.spectrum import SpectralMatrix, singular_values
 
 #: Colour of the second and further singular values, and mark of the peaks of the first.
@@ -111,13 +102,11 @@ def stabilisation_figure(identification: Identification, *, source: str = "") ->
     subsets = identification.subsets
     height = 4.6 if len(subsets) == 1 else 3.45
     title = "Stabilisation diagram" if subsets[0].diagrams else "Singular values of the spectra"
-    figure = new_figure(
-        title, origin(identification), width=STYLE.wide, height=1.9 + height * len(subsets), source=source
-    )
-    panels = figure.subplots(len(subsets), 1, sharex=True, squeeze=False)[:, 0]
+    size: dict[str, float] = {"width": STYLE.wide, "height": 1.9 + height * len(subsets)}
+    figure = draw.new_figure(title, origin(identification), source=source, **size)
+    panels = draw.panels(figure, len(subsets), sharex=True)[:, 0]
     shown = frequency_range(identification)
     for k, (axes, subset) in enumerate(zip(panels, subsets, strict=True)):
-        plain(axes)
         shown.put_on(axes)
         _draw_poles(axes, subset, identification.members[:, k])
         room = head_room(identification.harmonics, 0.9 * height)
@@ -126,12 +115,11 @@ def stabilisation_figure(identification: Identification, *, source: str = "") ->
         if not subset.diagrams:
             axes.set_yticks([])
         mark_harmonics(axes, identification.harmonics, width=0.83 * STYLE.wide)
-        is_first = k == 0
-        mark_modes(axes, identification.modes, width=0.83 * STYLE.wide, height=height, has_labels=is_first)
+        mark_modes(axes, identification.modes, width=0.83 * STYLE.wide, height=height, has_labels=k == 0)
         _draw_spectra(axes, identification, shown, room)
-        axes.set_ylabel(_rung_label(identification, k), fontsize=NORMAL)
-    panels[-1].set_xlabel("Frequency [Hz]", fontsize=NORMAL)
-    figure.legend(handles=_legend(identification), loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
+        axes.set_ylabel(_rung_label(identification, k))
+    panels[-1].set_xlabel("Frequency [Hz]")
+    draw.legend(figure, _legend(identification), n_columns=4)
     return figure
 
 
@@ -175,7 +163,7 @@ def _mode_numbers(diagram: StabilisationDiagram, alignments: Indices, members: I
     return numbers
 
 
-def _marker(status: PoleStatus, colour: str = INK) -> dict[str, Any]:
+def _marker(status: PoleStatus, colour: str = STYLE.ink) -> dict[str, Any]:
     """Return the marker of a pole of this status; `colour` is that of a selected pole."""
     style = {"linestyle": "none", "zorder": 2.0, "markeredgewidth": 0.8, **_WORDS_AND_MARKERS[status][1]}
     if status == PoleStatus.SELECTED:
@@ -183,8 +171,8 @@ def _marker(status: PoleStatus, colour: str = INK) -> dict[str, Any]:
     if status in _STABLE:
         return style | {"markerfacecolor": "none", "markeredgecolor": "#444444", "zorder": 3.0}
     if status == PoleStatus.HARMONIC:
-        return style | {"markeredgecolor": HARMONIC_COLOUR, "markeredgewidth": 1.2, "zorder": 3.0}
-    return style | {"color": FAINT}
+        return style | {"markeredgecolor": STYLE.harmonic, "markeredgewidth": 1.2, "zorder": 3.0}
+    return style | {"color": STYLE.faint}
 
 
 def _draw_spectra(axes: Axes, identification: Identification, shown: FrequencyRange, room: float) -> None:
@@ -201,16 +189,16 @@ def _draw_spectra(axes: Axes, identification: Identification, shown: FrequencyRa
     for spectra, style, gid in curves:
         levels = singular_values_in_decibels(spectra, like=identification.spectra)
         level = levels[0]
-        behind.plot(spectra.frequencies[1:], level[1:], color=BACKGROUND_CURVE, linestyle=style, linewidth=1.0, gid=gid)
+        behind.plot(spectra.frequencies[1:], level[1:], color=STYLE.background, linestyle=style, linewidth=1.0, gid=gid)
         seen.append(level[shown.holds(spectra.frequencies)])
         if spectra is used:
             for lower in levels[1:]:
                 behind.plot(spectra.frequencies[1:], lower[1:], color=_LOWER_CURVE, linewidth=0.7, gid="singular value")
             _mark_peaks(behind, identification, used, level)
     behind.set_ylim(curve_limits(np.concatenate(seen), dynamic_range=STYLE.diagram_span, room=room))
-    behind.set_ylabel("Singular values of the spectra,\nchannels of variance 1 [dB re 1/Hz]", fontsize=SMALL)
+    behind.set_ylabel("Singular values of the spectra,\nchannels of variance 1 [dB re 1/Hz]", fontsize=STYLE.small)
     behind.yaxis.label.set_color("#5A738A")
-    behind.tick_params(labelsize=SMALL, colors="#5A738A")
+    behind.tick_params(labelsize=STYLE.small, colors="#5A738A")
     behind.spines["top"].set_visible(False)
 
 
@@ -242,17 +230,17 @@ def _legend(identification: Identification) -> list[Line2D | Patch]:
     """Return a legend entry with its count for each status that occurs, and for the lines."""
     statuses = [diagram.status for subset in identification.subsets for diagram in subset.diagrams]
     counts = np.bincount(np.concatenate([np.zeros(0, dtype=np.int8), *statuses]), minlength=len(PoleStatus))
-    handles: list[Line2D | Patch] = []
-    for status in PoleStatus:
-        if counts[status]:
-            label = f"{_WORDS_AND_MARKERS[status][0]} ({counts[status]})"
-            handles.append(Line2D([], [], label=label, **_marker(status)))
-    handles += harmonic_handles(identification.harmonics)
-    name = "first singular value"
+    found = [status for status in PoleStatus if counts[status]]
+    name, line = "first singular value", {"color": STYLE.background}
+    before = []
     if identification.edited_spectra is not None:
-        handles.append(Line2D([], [], color=BACKGROUND_CURVE, linestyle=(0, (2, 1.5)), label=f"{name} before editing"))
+        before = [draw.entry(f"{name} before editing", linestyle=(0, (2, 1.5)), **line)]
         name = f"{name} after cepstrum editing"
-    handles.append(Line2D([], [], color=BACKGROUND_CURVE, label=name))
-    handles.append(Line2D([], [], color=_LOWER_CURVE, label="further singular values"))
-    handles.append(Line2D([], [], label="peak above chance", **_PEAK))
-    return handles
+    return [
+        *(draw.entry(f"{_WORDS_AND_MARKERS[status][0]} ({counts[status]})", **_marker(status)) for status in found),
+        *harmonic_handles(identification.harmonics),
+        *before,
+        draw.entry(name, **line),
+        draw.entry("further singular values", color=_LOWER_CURVE),
+        draw.entry("peak above chance", **_PEAK),
+    ]

@@ -11,28 +11,10 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from sprung._arrays import Indices, Real
 from sprung.identification import Identification, SubsetModes
-from sprung.modal import Modes, join_modes, mac
-from sprung.results.figures.style import (
-    FAINT,
-    HALF_WIDTH_95,
-    INK,
-    MODE_COLOURS,
-    NO_MODE,
-    NORMAL,
-    SMALL,
-    STYLE,
-    draw_matrix,
-    frequency_range,
-    in_hertz,
-    mode_colour,
-    mode_name,
-    mode_values,
-    new_figure,
-    origin,
-    panel_grid,
-    plain,
-    write_sentence,
-)
+from sprung.modal import INTERVAL_95, Modes, join_modes, mac
+from sprung.results.figures import draw
+from sprung.results.figures.frequency_axis import frequency_range
+from sprung.results.figures.style import STYLE, in_hertz, mode_colour, mode_name, mode_values, origin
 
 
 def mac_figure(identification: Identification, *, source: str = "") -> Figure:
@@ -59,28 +41,30 @@ def mac_figure(identification: Identification, *, source: str = "") -> Figure:
     ((3, 3), True)
     """
     modes = identification.modes
-    what = f"MAC of the mode shapes: {source}" if source else "MAC of the mode shapes"
+    what, where = "MAC of the mode shapes", origin(identification)
     if not len(modes):
-        return write_sentence(new_figure(what, origin(identification), width=8, height=3), NO_MODE)
+        return draw.sentence(draw.new_figure(what, where, width=8, height=3, source=source), STYLE.no_mode)
     parts = [subset.modes for subset in identification.subsets]
-    n_parts = sum(len(part) for part in parts)
-    has_subsets = len(parts) > 1
-    sides = [max(STYLE.cell * n, 1.5) for n in ((len(modes), n_parts) if has_subsets else (len(modes),))]
-    sides = [min(side, 9.0) for side in sides]
-    figure = new_figure(
-        what, origin(identification), width=max(sum(sides) + 2.2 * len(sides) + 0.8, 7.5), height=max(sides) + 2.6
-    )
+    counts = (len(modes), sum(len(part) for part in parts))[: 1 + (len(parts) > 1)]
+    sides = [min(max(STYLE.cell * n, 1.5), 9.0) for n in counts]
+    width = max(sum(sides) + 2.2 * len(sides) + 0.8, 7.5)
+    figure = draw.new_figure(what, where, width=width, height=max(sides) + 2.6, source=source)
     panels = figure.subplots(1, len(sides), squeeze=False, width_ratios=sides)[0]
     for axes in panels:
         axes.set_anchor("N")
-    names = [f"{mode_name(modes, k)}\n{in_hertz(modes.natural_frequency[k])}" for k in range(len(modes))]
-    image = draw_matrix(panels[0], mac(modes.mode_shapes, modes.mode_shapes), names, names, gid="mac")
-    panels[0].set_title("between the modes", fontsize=NORMAL)
+    names = _names(modes)
+    image = draw.matrix(panels[0], mac(modes.mode_shapes, modes.mode_shapes), names, names, gid="mac")
+    panels[0].set_title("between the modes", fontsize=STYLE.normal)
     _colour_ticks(panels[0], list(range(len(modes))))
-    if has_subsets:
+    if len(parts) > 1:
         _draw_subsets(panels[1], parts, identification.members)
-    figure.colorbar(image, ax=list(panels), shrink=0.7, pad=0.02, panchor=False).set_label("MAC [-]", fontsize=NORMAL)
+    bar = figure.colorbar(image, ax=list(panels), shrink=0.7, pad=0.02, panchor=False)
+    bar.set_label("MAC [-]", fontsize=STYLE.normal)
     return figure
+
+
+def _names(modes: Modes) -> list[str]:
+    return [f"{mode_name(modes, k)}\n{in_hertz(modes.natural_frequency[k])}" for k in range(len(modes))]
 
 
 def _draw_subsets(axes: Axes, parts: Sequence[Modes], members: Indices) -> None:
@@ -92,11 +76,11 @@ def _draw_subsets(axes: Axes, parts: Sequence[Modes], members: Indices) -> None:
             names.append(f"S{k + 1}  {in_hertz(frequency)}")
             matches = np.flatnonzero(members[:, k] == index)
             merged.append(int(matches[0]) if matches.size else None)
-    draw_matrix(axes, mac(together.mode_shapes, together.mode_shapes), names, names, gid="mac")
+    draw.matrix(axes, mac(together.mode_shapes, together.mode_shapes), names, names, gid="mac")
     for edge in np.cumsum([len(part) for part in parts])[:-1] - 0.5:
-        axes.axhline(edge, color=INK, linewidth=1.5)
-        axes.axvline(edge, color=INK, linewidth=1.5)
-    axes.set_title("between the subsets (S1: lowest level; grey: not kept in merging)", fontsize=NORMAL)
+        axes.axhline(edge, color=STYLE.ink, linewidth=1.5)
+        axes.axvline(edge, color=STYLE.ink, linewidth=1.5)
+    axes.set_title("between the subsets (S1: lowest level; grey: not kept in merging)", fontsize=STYLE.normal)
     _colour_ticks(axes, merged)
 
 
@@ -135,24 +119,17 @@ def reference_mac_figure(parts: Sequence[tuple[str, Modes]], reference: Modes, *
     True
     """
     width = max(7.5, 1.0 + sum(max(STYLE.cell * len(modes), 1.2) + 1.2 for _, modes in parts))
-    figure = new_figure(title, "", width=min(width, 12.0), height=1.9 + STYLE.cell * len(reference))
+    figure = draw.new_figure(title, width=min(width, 12.0), height=1.9 + STYLE.cell * len(reference))
     panels = figure.subplots(1, len(parts), squeeze=False)[0]
-    names = [f"{mode_name(reference, k)}\n{in_hertz(reference.natural_frequency[k])}" for k in range(len(reference))]
     for axes, (name, modes) in zip(panels, parts, strict=True):
-        axes.set_title(name, fontsize=NORMAL)
-        if not len(modes):
-            write_no_mode(axes)
-            continue
-        values = mac(reference.mode_shapes, modes.mode_shapes)
-        found = [in_hertz(frequency) for frequency in modes.natural_frequency]
-        draw_matrix(axes, values, names, found, rotation=30, aspect="auto")
+        axes.set_title(name, fontsize=STYLE.normal)
+        if len(modes):
+            values = mac(reference.mode_shapes, modes.mode_shapes)
+            found = [in_hertz(frequency) for frequency in modes.natural_frequency]
+            draw.matrix(axes, values, _names(reference), found, rotation=30, aspect="auto")
+        else:
+            draw.write_in(axes, STYLE.no_mode, size=STYLE.small)
     return figure
-
-
-def write_no_mode(axes: Axes) -> None:
-    """Write into an empty panel that no mode was identified."""
-    axes.set_axis_off()
-    axes.text(0.5, 0.5, NO_MODE, ha="center", va="center", fontsize=SMALL, color=INK, transform=axes.transAxes)
 
 
 def subsets_figure(identification: Identification, *, source: str = "") -> Figure:
@@ -182,29 +159,27 @@ def subsets_figure(identification: Identification, *, source: str = "") -> Figur
     >>> [axes.get_title()[0] for axes in above.axes if axes.get_title()], below.axes[0].get_ylabel()
     (['1', '2', '3'], 'Segments [-]')
     """
-    what = "Modes against the level of the subsets"
-    what = f"{what}: {source}" if source else what
+    what, where = "Modes against the level of the subsets", origin(identification)
     modes = identification.modes
     if any(subset.level is None for subset in identification.subsets):
-        return write_sentence(
-            new_figure(what, origin(identification), width=8, height=3), "Segments were not sorted by level."
-        )
-    n_bands, n_columns = panel_grid(max(len(modes), 1), max_columns=5)
+        figure = draw.new_figure(what, where, width=8, height=3, source=source)
+        return draw.sentence(figure, "Segments were not sorted by level.")
+    n_bands, n_columns = draw.panel_grid(max(len(modes), 1), max_columns=5)
     width = max(2.7 * n_columns + 0.8, 8.5)
-    figure = new_figure(what, origin(identification), width=width, height=2.9 + 4.2 * n_bands)
+    figure = draw.new_figure(what, where, width=width, height=2.9 + 4.2 * n_bands, source=source)
     above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[4.2 * n_bands, 1.7])[:, 0]
     if len(modes):
         _draw_modes(above, identification, n_bands, n_columns)
-        figure.legend(handles=_legend(), loc="outside lower center", ncols=2, fontsize=SMALL, frameon=False)
+        draw.legend(figure, _legend(), n_columns=2)
     else:
-        write_sentence(above, NO_MODE)
-    _draw_counts(below.subplots(), identification)
+        draw.sentence(above, STYLE.no_mode)
+    _draw_counts(draw.panels(below, size=STYLE.small)[0, 0], identification)
     return figure
 
 
 def _draw_modes(figure: SubFigure, identification: Identification, n_bands: int, n_columns: int) -> None:
     """Draw two panels for each mode, in rows one below another."""
-    panels = figure.subplots(2 * n_bands, n_columns, squeeze=False)
+    panels = draw.panels(figure, 2 * n_bands, n_columns, size=STYLE.small)
     for k in range(n_bands * n_columns):
         band, column = divmod(k, n_columns)
         upper, lower = panels[2 * band : 2 * band + 2, column]
@@ -214,19 +189,22 @@ def _draw_modes(figure: SubFigure, identification: Identification, n_bands: int,
             continue
         _draw_mode(upper, lower, identification, k)
         if column == 0:
-            upper.set_ylabel("Natural frequency [Hz]", fontsize=SMALL)
-            lower.set_ylabel("Damping ratio [%]", fontsize=SMALL)
+            upper.set_ylabel("Natural frequency [Hz]")
+            lower.set_ylabel("Damping ratio [%]")
 
 
 def _legend() -> list[Line2D]:
     """Return legend entries for values, merged values and missing ones."""
-    value: dict[str, Any] = {"color": FAINT, "marker": "o", "linewidth": 1.2}
-    cross: dict[str, Any] = {"color": FAINT, "marker": "X", "linestyle": "none"}
     return [
-        Line2D([], [], **value, label="in one subset; vertical: 95 % interval, horizontal: range of levels"),
-        Line2D([], [], color=FAINT, linestyle=(0, (5, 3)), label="merged over the subsets"),
-        Line2D([], [], color=INK, linewidth=1.2, label="dependence on the level, where detected"),
-        Line2D([], [], **cross, label="on the axis: not found in that subset"),
+        draw.entry(
+            "in one subset; vertical: 95 % interval, horizontal: range of levels",
+            color=STYLE.faint,
+            marker="o",
+            linewidth=1.2,
+        ),
+        draw.entry("merged over the subsets", color=STYLE.faint, linestyle=(0, (5, 3))),
+        draw.entry("dependence on the level, where detected", color=STYLE.ink, linewidth=1.2),
+        draw.entry("on the axis: not found in that subset", color=STYLE.faint, marker="X", linestyle="none"),
     ]
 
 
@@ -237,26 +215,23 @@ def _draw_mode(upper: Axes, lower: Axes, identification: Identification, index: 
         (subset.modes, int(member))
         for subset, member in zip(identification.subsets, identification.members[index], strict=True)
     ]
-    merged = (modes.natural_frequency[index], 100 * modes.damping_ratio[index])
-    for axes, name, factor, whole, least in zip(
-        (upper, lower), ("natural_frequency", "damping_ratio"), (1, 100), merged, STYLE.level_ranges, strict=True
-    ):
-        plain(axes)
+    kinds = ("natural_frequency", 1.0), ("damping_ratio", 100.0)
+    for axes, (name, factor), least in zip((upper, lower), kinds, STYLE.level_ranges, strict=True):
+        whole = factor * getattr(modes, name)[index]
         values = [factor * getattr(part, name)[m] if m >= 0 else np.nan for part, m in rows]
         spreads = [factor * getattr(part, f"{name}_std")[m] if m >= 0 else np.nan for part, m in rows]
         axes.axhline(whole, color=colour, linestyle=(0, (5, 3)), linewidth=1.0, gid="merged")
         _draw_trend(axes, identification, index, name, factor)
-        _draw_values(axes, _levels(identification), np.array(values), HALF_WIDTH_95 * np.array(spreads), colour)
-        _widen(axes, whole, least * whole)
+        _draw_values(axes, _levels(identification), np.array(values), INTERVAL_95 * np.array(spreads), colour)
+        low, high = axes.get_ylim()
+        axes.set_ylim(min(low, whole - least * whole), max(high, whole + least * whole))
+        axes.yaxis.set_major_locator(MaxNLocator(5))
+        axes.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
     upper.tick_params(labelbottom=False)
     lower.xaxis.set_major_locator(MaxNLocator(4))
-    lower.set_xlabel("Level [-]", fontsize=SMALL)
-    upper.set_title(
-        f"{mode_name(modes, index)}\n{mode_values(modes, index)}",
-        fontsize=NORMAL,
-        color=colour,
-        fontweight="bold",
-    )
+    lower.set_xlabel("Level [-]")
+    title = f"{mode_name(modes, index)}\n{mode_values(modes, index)}"
+    draw.title(upper, title, colour=colour, loc="center", fontweight="bold")
 
 
 def _draw_trend(axes: Axes, identification: Identification, index: int, name: str, factor: float) -> None:
@@ -271,7 +246,7 @@ def _draw_trend(axes: Axes, identification: Identification, index: int, name: st
     value, slope = getattr(identification.modes, name)[index], getattr(trends, name)[index]
     slope = slope * value if name == "natural_frequency" else slope
     x = np.geomspace(centres[0], centres[-1], 40)
-    axes.plot(x, factor * (value + slope * np.log2(x / middle)), color=INK, linewidth=1.2, gid="trend")
+    axes.plot(x, factor * (value + slope * np.log2(x / middle)), color=STYLE.ink, linewidth=1.2, gid="trend")
 
 
 def _levels(identification: Identification) -> Real:
@@ -279,60 +254,35 @@ def _levels(identification: Identification) -> Real:
     return np.array([subset.level for subset in identification.subsets], dtype=np.float64).reshape(-1, 2)
 
 
-def _draw_values(
-    axes: Axes,
-    levels: Real,
-    values: Real,
-    intervals: Real,
-    colour: str,
-) -> None:
+def _draw_values(axes: Axes, levels: Real, values: Real, intervals: Real, colour: str) -> None:
     """Draw values at the middle of their levels, and a cross on the axis for a missing one."""
     centres, half = levels.mean(axis=1), np.diff(levels, axis=1)[:, 0] / 2
-    is_present = np.isfinite(values)
-    axes.errorbar(
-        centres[is_present],
-        values[is_present],
-        xerr=half[is_present],
-        yerr=np.nan_to_num(intervals[is_present]),
-        fmt="o",
-        color=colour,
-        markersize=5.5,
-        capsize=3,
-        linewidth=1.2,
-    )
-    for centre in centres[~is_present]:
-        style: dict[str, Any] = {"marker": "X", "markersize": 6, "color": FAINT, "clip_on": False}
-        axes.plot([centre], [0], transform=axes.get_xaxis_transform(), gid="not found", **style)
+    shown = np.isfinite(values)
+    lengths: dict[str, Any] = {"xerr": half[shown], "yerr": np.nan_to_num(intervals[shown])}
+    style: dict[str, Any] = {"fmt": "o", "color": colour, "markersize": 5.5, "capsize": 3, "linewidth": 1.2}
+    axes.errorbar(centres[shown], values[shown], **lengths, **style)
+    missing: dict[str, Any] = {"marker": "X", "markersize": 6, "color": STYLE.faint, "clip_on": False}
+    for centre in centres[~shown]:
+        axes.plot([centre], [0], transform=axes.get_xaxis_transform(), gid="not found", **missing)
     low, high = levels.min(), levels.max()
     margin = 0.06 * (high - low) or 0.1 * abs(high) or 1.0
     axes.set_xlim(low - margin, high + margin)
 
 
-def _widen(axes: Axes, centre: float, half: float) -> None:
-    """Show at least `half` on either side of the merged value, in plain numbers."""
-    low, high = axes.get_ylim()
-    axes.set_ylim(min(low, centre - half), max(high, centre + half))
-    axes.yaxis.set_major_locator(MaxNLocator(5))
-    axes.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
-
-
 def _draw_counts(axes: Axes, identification: Identification) -> None:
     """Draw the number of segments in each subset."""
-    plain(axes)
     levels = _levels(identification)
     counts = [subset.n_segments for subset in identification.subsets]
     centres = levels.mean(axis=1)
     widths = np.maximum(np.diff(levels, axis=1)[:, 0] * 0.94, 1e-12)
-    axes.bar(centres, counts, width=widths, color="#C9D3DC", edgecolor=FAINT)
+    axes.bar(centres, counts, width=widths, color="#C9D3DC", edgecolor=STYLE.faint)
     for k, (centre, count) in enumerate(zip(centres, counts, strict=True)):
-        text = f"subset {k + 1}: {count}"
-        axes.text(centre, count + 0.04 * max(counts), text, ha="center", va="bottom", fontsize=SMALL, color=INK)
+        draw.note(axes, f"subset {k + 1}: {count}", (centre, count + 0.04 * max(counts)), ha="center", va="bottom")
     axes.set_ylim(0, max(1.35 * max(counts), 3))
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
-    axes.set_ylabel("Segments [-]", fontsize=SMALL)
+    axes.set_ylabel("Segments [-]")
     axes.set_xlabel(
-        "Level: RMS of the channels over that of the first record; of the thesis: RMS of the correlations [-]",
-        fontsize=SMALL,
+        "Level: RMS of the channels over that of the first record; of the thesis: RMS of the correlations [-]"
     )
 
 
@@ -362,24 +312,22 @@ def stable_rates_figure(identification: Identification, *, source: str = "", thr
     """
     wanted = identification.settings.criteria.stable_rate if threshold is None else threshold
     subsets = identification.subsets
-    what = f"Rate of stable points: {source}" if source else "Rate of stable points"
-    figure = new_figure(what, origin(identification), width=9.5, height=1.5 + 1.7 * len(subsets))
-    panels = figure.subplots(len(subsets), 1, sharex=True, squeeze=False)[:, 0]
+    height = 1.5 + 1.7 * len(subsets)
+    figure = draw.new_figure("Rate of stable points", origin(identification), height=height, source=source)
+    panels = draw.panels(figure, len(subsets), sharex=True)[:, 0]
     shown = frequency_range(identification)
     for number, (axes, subset) in enumerate(zip(panels, subsets, strict=True)):
-        plain(axes)
         shown.put_on(axes)
         frequency, rate = alignment_rates(subset)
         is_kept = rate >= wanted
-        for chosen, colour in ((~is_kept, FAINT), (is_kept, MODE_COLOURS[0])):
+        for chosen, colour in ((~is_kept, STYLE.faint), (is_kept, STYLE.colours[0])):
             axes.vlines(frequency[chosen], 0, rate[chosen], color=colour, linewidth=2.5)
         for place, height in zip(frequency[is_kept], rate[is_kept], strict=True):
-            axes.annotate(f"{place:.2f}", (place, height), fontsize=SMALL, ha="center", va="bottom", color=INK)
-        axes.axhline(wanted, color=MODE_COLOURS[1], linewidth=1, linestyle="--")
-        axes.set_ylim(0, 1.15)
+            draw.note(axes, f"{place:.2f}", (place, height), ha="center", va="bottom")
+        axes.axhline(wanted, color=STYLE.colours[1], linewidth=1, linestyle="--")
         name = "" if subset.level is None else f"subset {number + 1}\n{subset.n_segments} segments\n"
-        axes.set_ylabel(f"{name}rate [-]", fontsize=NORMAL)
-    panels[-1].set_xlabel("Frequency [Hz]; dashed: threshold", fontsize=NORMAL)
+        axes.set(ylim=(0, 1.15), ylabel=f"{name}rate [-]")
+    panels[-1].set_xlabel("Frequency [Hz]; dashed: threshold")
     return figure
 
 

@@ -65,10 +65,14 @@ Block = Paragraph | Sentences | Table | Picture
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A part of a report under one heading."""
+    """A part of a report under one heading; lists without sentences are left out."""
 
     title: str
     blocks: tuple[Block, ...]
+
+    def __post_init__(self) -> None:
+        said = tuple(block for block in self.blocks if not isinstance(block, Sentences) or block.lines)
+        object.__setattr__(self, "blocks", said)
 
 
 @dataclass(frozen=True, slots=True)

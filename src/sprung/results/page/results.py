@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -19,30 +19,13 @@ from sprung.identification.ladders import BlockRowLadder
 from sprung.identification.tracking import TrackedModes
 from sprung.likelihood import CornerFit
 from sprung.likelihood.plate_test import plate_tests
+from sprung.results import tables
 from sprung.results.documents import Document
 from sprung.results.page.page import Block, Paragraph, Picture, Report, Section, Sentences, picture
 from sprung.results.renderings import document_of, picture_of
-from sprung.results.tables import (
-    Table,
-    bounce_in_words,
-    bounce_tables,
-    components_table,
-    counted,
-    diagnosis_in_words,
-    diagnosis_tables,
-    fitted_modes_table,
-    identification_in_words,
-    identification_tables,
-    inspection_in_words,
-    inspection_table,
-    payload_in_words,
-    plate_tests_table,
-    tracks_in_words,
-    tracks_table,
-    why_none,
-)
-from sprung.results.tables.identification import jumps_in_words
-from sprung.results.tables.table import in_words, with_deviation
+from sprung.results.tables.identification import describe_jumps
+from sprung.results.tables.table import Table
+from sprung.results.tables.wording import format_estimate, format_name
 from sprung.signals.inspection import Inspection, inspect_blocks
 
 if TYPE_CHECKING:
@@ -73,7 +56,7 @@ class Inputs:
     @property
     def title(self) -> str:
         """Name of the file, or number of files."""
-        return self.files[0].name if len(self.files) == 1 else counted(len(self.files), "file")
+        return self.files[0].name if len(self.files) == 1 else tables.counted(len(self.files), "file")
 
 
 def inspected(
@@ -118,20 +101,18 @@ def inspected(
 
 def data_section(inputs: Inputs) -> Section:
     """Return the section on the quality of the data."""
-    blocks: list[Block] = []
+    several = len(inputs.inspections) > 1
+    faults = {name: _faults(inspection) for name, inspection in inputs.inspections.items()}
+    every = (f"{name}, {fault}" if several else fault for name, own in faults.items() for fault in own)
+    blocks: list[Block] = [Sentences(tuple(dict.fromkeys(every)))]
+    if inputs.inspections and not any(faults.values()):
+        blocks = [Paragraph("No channel shows a fault, and no value is missing.")]
     for number, (name, inspection) in enumerate(inputs.inspections.items()):
-        blocks.append(Paragraph(f"{name}: {inspection_in_words(inspection)}"))
+        blocks.append(Paragraph(f"{name}: {tables.describe_inspection(inspection)}"))
         if number < _MAX_LISTED:
-            blocks.append(inspection_table(inspection))
-        elif faults := _faults(inspection):
-            blocks.append(Sentences(faults))
-        if inspection.history and number < _MAX_LISTED:
-            blocks.append(Sentences(inspection.history))
-    healthy = [not _faults(inspection) for inspection in inputs.inspections.values()]
-    if healthy and all(healthy):
-        blocks.insert(0, Paragraph("No channel shows a fault, and no value is missing."))
-    elif healthy:
-        blocks.insert(0, Sentences(tuple(dict.fromkeys(_all_faults(inputs)))))
+            blocks += [tables.inspection_table(inspection), Sentences(inspection.history)]
+        else:
+            blocks.append(Sentences(faults[name]))
     return Section("Data", tuple(blocks))
 
 
@@ -145,18 +126,8 @@ def footer(inputs: Inputs) -> str:
 
 def _faults(inspection: Inspection) -> tuple[str, ...]:
     """Return a sentence for each faulty channel."""
-    table = inspection_table(inspection)
+    table = tables.inspection_table(inspection)
     return tuple(f"{row[0]}: {row[-1]}" for row in table.rows if row[-1])
-
-
-def _all_faults(inputs: Inputs) -> list[str]:
-    """Return a sentence for each faulty channel of all files."""
-    several = len(inputs.inspections) > 1
-    return [
-        f"{name}, {fault}" if several else fault
-        for name, inspection in inputs.inspections.items()
-        for fault in _faults(inspection)
-    ]
 
 
 #: Resolution of the figures [dots per inch], and largest JSON document that is embedded [characters].
@@ -218,19 +189,19 @@ def identification_report(
     >>> identification = cov_ssi(run.select(["acc_1"]))
     >>> report = identification_report(identification, Inputs((Path("run.csv"),), {}, {}))
     >>> report.title, [section.title for section in report.sections]
-    ('Modes of run.csv', ['Modes', 'Notes', 'Figures', 'Data', 'Settings', 'What this says, and what it does not'])
+    ('Modes of run.csv', ['Modes', 'Notes', 'Figures', 'Settings', 'What this says, and what it does not'])
     """
     from sprung.results.figures.saving import figures
 
     modes = identification.modes
     shown = [
         f"{modes.natural_frequency[k]:.4g} Hz ({100 * modes.damping_ratio[k]:.2g} % damping"
-        + (f", {in_words(label)})" if (label := modes.labels[k]) else ")")
+        + (f", {format_name(label)})" if (label := modes.labels[k]) else ")")
         for k in range(min(len(modes), _MAX_MODES))
     ]
     more = f" and {len(modes) - len(shown)} more" if len(modes) > len(shown) else ""
-    verdict = f"{counted(len(modes), 'mode')} found: {', '.join(shown)}{more}."
-    origin = Paragraph(identification_in_words(identification) + ".")
+    verdict = f"{tables.counted(len(modes), 'mode')} found: {', '.join(shown)}{more}."
+    origin = Paragraph(tables.describe_identification(identification) + ".")
     limits = [
         "± is one standard deviation, from the scatter of the blocks of the records: it covers chance, not changes of"
         " the conditions. The true value lies within two of them in about 95 of 100 cases.",
@@ -244,10 +215,10 @@ def identification_report(
         )
     return _report(
         f"Modes of {inputs.title}",
-        verdict if len(modes) else _sentence(why_none(identification)),
+        verdict if len(modes) else _sentence(tables.why_none(identification)),
         [
-            Section("Modes", (origin, *identification_tables(identification))),
-            *_notes(identification.notes),
+            Section("Modes", (origin, *tables.identification_tables(identification))),
+            _notes(identification.notes),
             _pictures(figures(identification, source=inputs.title), _CAPTIONS["identification"]),
             data_section(inputs),
             Section("Settings", (_plan_table(identification),)),
@@ -260,7 +231,7 @@ def identification_report(
 
 def bounce_report(bounce: Bounce, inputs: Inputs, *, document: Document | None = None) -> Report:
     """Return the report of bounce tests; parameters as for `identification_report`."""
-    from sprung.results.figures.bounce import bounce_figure
+    from sprung.results.figures.measured import bounce_figure
 
     limits = [
         "± is one standard deviation; it covers noise, and motion that the fit does not explain, of these tests alone:"
@@ -269,13 +240,13 @@ def bounce_report(bounce: Bounce, inputs: Inputs, *, document: Document | None =
         "Springs and dampers rest on masses and positions in the vehicle file.",
     ]
     sections = [
-        Section("Results", tuple(bounce_tables(bounce))),
-        *_notes(bounce.notes),
+        Section("Results", tuple(tables.bounce_tables(bounce))),
+        _notes(bounce.notes),
         _pictures({"bounce": bounce_figure(bounce, source=inputs.title)}, _CAPTIONS["bounce"]),
         data_section(inputs),
         _limits(limits),
     ]
-    verdict = _sentence(f"{bounce_in_words(bounce)}: {bounce.modes.in_words}")
+    verdict = _sentence(f"{tables.describe_bounce(bounce)}: {bounce.modes.in_words}")
     return _report(f"Bounce test: {inputs.title}", verdict, sections, inputs, document)
 
 
@@ -296,7 +267,7 @@ def corners_report(fit: CornerFit, inputs: Inputs, *, document: Document | None 
     >>> report.title
     'Springs, dampers and tyres from drive.csv'
     >>> [section.title for section in report.sections]
-    ['Components', 'Modes', 'Inspection', 'Figures', 'Data', 'Settings', 'What this says, and what it does not']
+    ['Components', 'Modes', 'Inspection', 'Figures', 'Settings', 'What this says, and what it does not']
     """
     from sprung.results.figures.saving import corner_figures
 
@@ -304,11 +275,12 @@ def corners_report(fit: CornerFit, inputs: Inputs, *, document: Document | None 
     known = np.flatnonzero(fit.is_identifiable & (np.abs(ratios) > _DIFFERENT * deviations))
     farthest = sorted(known, key=lambda k: -abs(ratios[k]))[:_MAX_MODES]
     apart = ", ".join(
-        f"{in_words(str(fit.components[k]))} {with_deviation(*_percent(ratios[k], deviations[k]))} %" for k in farthest
+        f"{format_name(str(fit.components[k]))} {format_estimate(*_percent(ratios[k], deviations[k]))} %"
+        for k in farthest
     )
     differing = f"Different from the vehicle file: {apart}." if apart else "None differs from the vehicle file."
-    known_in_words = f"{int(fit.is_identifiable.sum())} of {len(fit.components)} springs, dampers and tyres"
-    verdict = f"{known_in_words} are determined by these data. {differing} {_fit_in_words(fit)}"
+    determined = f"{int(fit.is_identifiable.sum())} of {len(fit.components)} springs, dampers and tyres"
+    verdict = f"{determined} are determined by these data. {differing} {_describe_fit(fit)}"
     limits = [
         "± is one standard deviation. It covers chance and the misfit of the model, not what the vehicle file omits or"
         " states wrongly.",
@@ -320,10 +292,10 @@ def corners_report(fit: CornerFit, inputs: Inputs, *, document: Document | None 
         f"Springs, dampers and tyres from {inputs.title}",
         verdict,
         [
-            Section("Components", (components_table(fit), *_sentences(payload_in_words(fit)))),
-            Section("Modes", (fitted_modes_table(fit),)),
-            *([Section("Inspection", (plate_tests_table(tests),))] if (tests := plate_tests(fit)) else []),
-            *_notes(fit.notes),
+            Section("Components", (tables.components_table(fit), Sentences(tuple(tables.describe_payload(fit))))),
+            Section("Modes", (tables.fitted_modes_table(fit),)),
+            *([Section("Inspection", (tables.plate_tests_table(tests),))] if (tests := plate_tests(fit)) else []),
+            _notes(fit.notes),
             _pictures(corner_figures(fit, source=inputs.title), _CAPTIONS["corners"]),
             data_section(inputs),
             Section("Settings", (_fit_table(fit),)),
@@ -369,12 +341,12 @@ def diagnosis_report(
     >>> print(report.verdict)
     Inconclusive: no window was usable.
     >>> [section.title for section in report.sections]
-    ['Result', 'Notes', 'Windows', 'Data', 'What this says, and what it does not']
+    ['Result', 'Notes', 'Windows', 'What this says, and what it does not']
     """
-    first, *others = diagnosis_in_words(diagnosis)
+    first, *others = tables.describe_diagnosis(diagnosis)
     windows = diagnosis.observations
     n_usable = sum(window.is_conclusive for window in windows)
-    sections = [Section("Result", (*_sentences(others), *diagnosis_tables(diagnosis, changes)))]
+    sections = [Section("Result", (Sentences(tuple(others)), *tables.diagnosis_tables(diagnosis, changes)))]
     if diagnosis.detection is not None:
         from sprung.results.figures.saving import diagnosis_figures
 
@@ -383,7 +355,7 @@ def diagnosis_report(
     reasons = [
         f"window at {window.time / 60:.4g} min: {window.reason}" for window in windows if not window.is_conclusive
     ]
-    used = Paragraph(f"{n_usable} of {counted(len(windows), 'window')} were usable.")
+    used = Paragraph(f"{n_usable} of {tables.counted(len(windows), 'window')} were usable.")
     limits = [
         "A change is reported where the evidence of all windows together exceeds a threshold, which is set by the rate"
         f" of false alarms: {diagnosis.false_alarms:g} per vehicle and day.",
@@ -399,8 +371,8 @@ def diagnosis_report(
         _sentence(first),
         [
             *sections,
-            *_notes(diagnosis.notes),
-            Section("Windows", (used, *_sentences(reasons))),
+            _notes(diagnosis.notes),
+            Section("Windows", (used, Sentences(tuple(reasons)))),
             data_section(inputs),
             _limits(limits),
         ],
@@ -451,11 +423,11 @@ def tracking_report(
 
     shown = ", ".join(f"{track.natural_frequency.mean:.4g} Hz" for track in tracked.tracks[:_MAX_MODES])
     more = f" and {len(tracked.tracks) - _MAX_MODES} more" if len(tracked.tracks) > _MAX_MODES else ""
-    verdict = f"{tracks_in_words(tracked)}: {shown}{more}." if shown else f"{tracks_in_words(tracked)}."
+    verdict = f"{tables.describe_tracks(tracked)}: {shown}{more}." if shown else f"{tables.describe_tracks(tracked)}."
     jumps = [
         f"mode {number}: {words}"
         for number, track in enumerate(tracked.tracks, start=1)
-        for words in jumps_in_words(tracked, track, start=start, has_times=has_times)
+        for words in describe_jumps(tracked, track, start=start, has_times=has_times)
     ]
     verdict += f" Sudden changes of frequency: {'; '.join(jumps)}." if jumps else " No frequency changed suddenly."
     figure = tracks_figure(tracked, start=start, has_times=has_times, source=inputs.title)
@@ -466,12 +438,11 @@ def tracking_report(
     ]
     caption = "Frequency and damping of every mode over time, with 95 % intervals."
     sections = [
-        Section("Modes", (tracks_table(tracked, start=start, has_times=has_times),)),
-        *_notes(notes),
+        Section("Modes", (tables.tracks_table(tracked, start=start, has_times=has_times),)),
+        _notes(notes),
         _pictures({"tracks": figure}, {"tracks": caption}),
+        data_section(inputs),
     ]
-    if inputs.inspections:
-        sections.append(data_section(inputs))
     return _report(f"Modes over time: {inputs.title}", verdict, [*sections, _limits(limits)], inputs, document)
 
 
@@ -496,40 +467,34 @@ def plain_report(
     figure = picture_of(value)
     sections = [
         Section("Result", tuple(tables)),
-        *_notes(sentences[1:]),
+        _notes(sentences[1:]),
         Section("Figures", (picture(figure, title, resolution=_RESOLUTION),)),
-        *([data_section(inputs)] if inputs.inspections else []),
+        data_section(inputs),
     ]
     verdict = _sentence(sentences[0]) if sentences else ""
     return _report(title, verdict, sections, inputs, document_of(value))
 
 
 def _report(title: str, verdict: str, sections: Sequence[Section], inputs: Inputs, document: Document | None) -> Report:
-    """Return a report with its document, unless that is too large, and its footer."""
+    """Return a report of the sections that say something, with its document unless that is too large, and footer."""
     fields = None if document is None else document.as_json()
-    report = Report(title, verdict, tuple(sections), document=fields, footer=footer(inputs))
-    if len(report.data) <= _LARGEST:
-        return report
-    return Report(title, verdict, tuple(sections), footer=footer(inputs))
+    filled = tuple(section for section in sections if section.blocks)
+    report = Report(title, verdict, filled, document=fields, footer=footer(inputs))
+    return report if len(report.data) <= _LARGEST else replace(report, document=None)
 
 
 def _pictures(drawn: Mapping[str, "Figure"], captions: Mapping[str, str]) -> Section:
     """Return the section of figures."""
     pictures: list[Picture] = [
-        picture(figure, f"Figure {number}. {captions.get(name, in_words(name))}", resolution=_RESOLUTION)
+        picture(figure, f"Figure {number}. {captions.get(name, format_name(name))}", resolution=_RESOLUTION)
         for number, (name, figure) in enumerate(drawn.items(), start=1)
     ]
     return Section("Figures", tuple(pictures))
 
 
-def _notes(notes: Sequence[str]) -> list[Section]:
-    """Return the section of notes; none without notes."""
-    return [Section("Notes", (Sentences(tuple(notes)),))] if notes else []
-
-
-def _sentences(lines: Sequence[str]) -> list[Block]:
-    """Return a list of sentences; none where it is empty."""
-    return [Sentences(tuple(lines))] if lines else []
+def _notes(notes: Sequence[str]) -> Section:
+    """Return the section of notes."""
+    return Section("Notes", (Sentences(tuple(notes)),))
 
 
 def _limits(lines: Sequence[str]) -> Section:
@@ -547,7 +512,7 @@ def _percent(log_ratio: float, deviation: float) -> tuple[float, float]:
     return 100 * float(np.expm1(log_ratio)), 100 * float(np.exp(log_ratio) * deviation)
 
 
-def _fit_in_words(fit: CornerFit) -> str:
+def _describe_fit(fit: CornerFit) -> str:
     """Return how well the vehicle file explains the run, in a sentence."""
     percent = f"(model error {100 * fit.model_error:.0f} %)"
     if fit.model_error < _EXPLAINS:
@@ -588,7 +553,7 @@ def _fit_table(fit: CornerFit) -> Table:
         ("band", f"{frequencies[0]:.3g} to {frequencies[-1]:.3g} Hz"),
         ("model error", f"{100 * fit.model_error:.1f} %"),
         *(
-            (f"excitation: {in_words(name)}", f"{value:.4g} {_INPUT_UNITS.get(name, '')}".strip())
+            (f"excitation: {format_name(name)}", f"{value:.4g} {_INPUT_UNITS.get(name, '')}".strip())
             for name, value in fit.inputs.items()
         ),
     )

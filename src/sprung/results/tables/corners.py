@@ -1,8 +1,14 @@
-"""Corners, calibrations and inspected recordings as tables and sentences."""
+"""Corners, calibrations and bounce tests as tables and sentences."""
 
+import numpy as np
+
+from sprung._display import counted
+from sprung.bounce_tests import Bounce
 from sprung.calibration import CalibratedNumber, Calibration
 from sprung.likelihood import CornerFit
-from sprung.results.tables.table import Table, in_words, with_deviation
+from sprung.results.tables.identification import describe_shapes
+from sprung.results.tables.table import Table
+from sprung.results.tables.wording import format_estimate, format_name
 
 #: Letters of the longest bar, and the relative change at which it is reached.
 _BAR, _FULL = 8, 0.4
@@ -28,11 +34,11 @@ def components_table(fit: CornerFit) -> Table:
     rows = []
     for row, component in enumerate(fit.components):
         value, change = fit.values[row], float(fit.values[row] / fit.nominal[row] - 1)
-        estimate = with_deviation(value, value * fit.log_ratios_std[row])
+        estimate = format_estimate(value, value * fit.log_ratios_std[row])
         numbers = (estimate, f"{100 * change:+.1f}", _bar(change))
         unknown = ("–", "–", "not identifiable")
         kind = f"{component.kind} [{_UNITS.get(component.kind, '-')}]"
-        rows.append((in_words(component.corner), kind, *(numbers if fit.is_identifiable[row] else unknown)))
+        rows.append((format_name(component.corner), kind, *(numbers if fit.is_identifiable[row] else unknown)))
     return Table("Corners", columns, tuple(rows), n_words=2, caption="± standard deviation")
 
 
@@ -54,9 +60,9 @@ def fitted_modes_table(fit: CornerFit) -> Table:
     modes, (frequency_std, damping_std) = fit.modes(), fit.modes_std()
     rows = tuple(
         (
-            with_deviation(modes.natural_frequency[k], frequency_std[k]),
-            with_deviation(100 * modes.damping_ratio[k], 100 * damping_std[k]),
-            in_words(modes.labels[k] or ""),
+            format_estimate(modes.natural_frequency[k], frequency_std[k]),
+            format_estimate(100 * modes.damping_ratio[k], 100 * damping_std[k]),
+            format_name(modes.labels[k] or ""),
         )
         for k in range(modes.poles.size)
     )
@@ -64,7 +70,7 @@ def fitted_modes_table(fit: CornerFit) -> Table:
     return Table("Modes of the fitted vehicle", columns, rows, n_words=0)
 
 
-def payload_in_words(fit: CornerFit) -> list[str]:
+def describe_payload(fit: CornerFit) -> list[str]:
     """Return a sentence about the fitted payload; none where it was not fitted.
 
     Examples
@@ -75,7 +81,7 @@ def payload_in_words(fit: CornerFit) -> list[str]:
     >>> vehicle = read_vehicle("zafira")
     >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
     >>> fit = fit_corners(drive.recording, vehicle)
-    >>> (sentence,) = payload_in_words(fit)
+    >>> (sentence,) = describe_payload(fit)
     >>> sentence.startswith("payload: "), sentence.endswith(" kg")
     (True, True)
     """
@@ -121,7 +127,7 @@ def calibration_table(calibration: Calibration) -> Table:
     return Table("Parameters of the vehicle file", columns, rows, n_words=1, caption="± standard deviation")
 
 
-def calibration_in_words(calibration: Calibration) -> list[str]:
+def describe_calibration(calibration: Calibration) -> list[str]:
     """Return sentences on the misfit before and after, and the notes.
 
     Examples
@@ -135,7 +141,7 @@ def calibration_in_words(calibration: Calibration) -> list[str]:
     >>> errors = {"model_errors_before": (0.3,), "model_errors_after": (0.04,), "evidence_gain": 120.0}
     >>> rest = {**misfits, **errors, "n_segments": (200,), "notes": ()}
     >>> calibration = Calibration(vehicle, (place,), ("bounce",), f, **rest)
-    >>> calibration_in_words(calibration)[0]
+    >>> describe_calibration(calibration)[0]
     'model error of the windows: 30 % before, 4 % after'
     """
     before, after = (
@@ -155,4 +161,95 @@ def _number_cells(number: CalibratedNumber) -> tuple[str, ...]:
         percent = f"{100 * (number.value / number.nominal_value - 1):+.1f} %"
         change = f"{number.value - number.nominal_value:+.2g}" if number.unit in {"m", "s"} else percent
     determined = "yes" if number.is_identifiable else "no"
-    return f"{number.name}{unit}", given, with_deviation(number.value, number.std), change, determined
+    return f"{number.name}{unit}", given, format_estimate(number.value, number.std), change, determined
+
+
+_QUANTITIES = {"natural_frequency": "frequency", "damping_ratio": "damping", "value": "value"}
+
+
+def describe_bounce(bounce: Bounce) -> str:
+    """Return the number of tests and modes, and the largest change, in a line."""
+    sizes = f"{counted(len(bounce.tests), 'test')}, {counted(len(bounce.modes), 'mode')}"
+    if not bounce.changes:
+        return sizes
+    significant = [change for change in bounce.changes if change.is_significant]
+    if not significant:
+        return f"{sizes}; no change detected"
+    largest = max(significant, key=lambda change: change.score)
+    what = f"{format_name(largest.part)} {_QUANTITIES[largest.quantity]}".removesuffix(" value")
+    return f"{sizes}; changed: {what} {100 * largest.change:+.0f} %"
+
+
+def bounce_tables(bounce: Bounce) -> list[Table]:
+    """Return the modes of all tests, the single tests, springs and dampers, and changes as tables."""
+    tables = [_modes_table(bounce), _tests_table(bounce)]
+    known = [value for value in bounce.corners if value.is_identifiable]
+    if known:
+        rows = tuple(
+            (
+                format_name(value.component.corner),
+                f"{value.component.kind} [{_UNITS[value.component.kind]}]",
+                format_estimate(value.value, value.value * value.std),
+                f"{100 * (value.value / value.nominal - 1):+.1f}",
+            )
+            for value in known
+        )
+        columns = ("corner", "component", "value", "from nominal [%]")
+        tables.append(Table("Corners", columns, rows, n_words=2, caption="± standard deviation"))
+    if bounce.changes:
+        changes = tuple(
+            (
+                format_name(change.part),
+                _QUANTITIES[change.quantity],
+                f"{100 * change.change:+.1f}",
+                f"{100 * change.interval[0]:+.0f} .. {100 * change.interval[1]:+.0f}",
+                "changed" if change.is_significant else "no change detected",
+            )
+            for change in bounce.changes
+        )
+        headings = ("part", "quantity", "change [%]", "95 % [%]", "verdict")
+        tables.append(Table("Changes since the test before", headings, changes, n_words=2))
+    return tables
+
+
+def _modes_table(bounce: Bounce) -> Table:
+    """Return the modes of all tests together."""
+    modes = bounce.modes
+    shapes = describe_shapes(modes.channels, modes.mode_shapes)
+    rows = tuple(
+        (
+            format_estimate(modes.natural_frequency[k], modes.natural_frequency_std[k]),
+            format_estimate(100 * modes.damping_ratio[k], 100 * modes.damping_ratio_std[k]),
+            format_name(modes.labels[k] or ""),
+            shapes[k],
+        )
+        for k in range(len(modes))
+    )
+    columns = ("frequency [Hz]", "damping [%]", "label", "shape")
+    return Table("Modes", columns, rows, n_words=0, caption="± standard deviation")
+
+
+def _tests_table(bounce: Bounce) -> Table:
+    """Return the modes of each test, with friction where it is stated apart."""
+    rows = []
+    for number, test in enumerate(bounce.tests, start=1):
+        modes = test.modes
+        for k, fit in enumerate(test.frictions):
+            friction = ("", "")
+            if fit is not None and fit.is_significant:
+                sticking = float(np.max(fit.sticking))
+                viscous = format_estimate(100 * fit.damping_ratio, 100 * fit.damping_ratio_std)
+                friction = viscous, format_estimate(sticking, sticking * fit.friction_std / fit.friction)
+            rows.append(
+                (
+                    str(number) if k == 0 else "",
+                    f"{test.transient.onset:.1f}" if k == 0 else "",
+                    format_estimate(modes.natural_frequency[k], modes.natural_frequency_std[k]),
+                    format_estimate(100 * modes.damping_ratio[k], 100 * modes.damping_ratio_std[k]),
+                    *friction,
+                    f"{100 * test.residual:.1f}" if k == 0 else "",
+                )
+            )
+    columns = ("test", "at [s]", "frequency [Hz]", "damping [%]", "viscous [%]", "sticks below", "left [%]")
+    caption = "damping: with friction, of equal energy; sticks below: in the unit of travel; left: RMS not explained"
+    return Table("Tests", columns, tuple(rows), n_words=0, caption=caption)

@@ -20,7 +20,8 @@ from sprung.diagnosis import (
 from sprung.diagnosis.baseline import CONDITIONS
 from sprung.diagnosis.findings import format_time
 from sprung.diagnosis.observation import CONDITION_UNITS
-from sprung.results.tables.table import Table, in_words
+from sprung.results.tables.table import Table
+from sprung.results.tables.wording import format_name
 from sprung.vehicles import Component
 
 #: Hypotheses in the table.
@@ -50,7 +51,7 @@ def baseline_table(baseline: Baseline) -> Table:
     losses = [detectable(baseline, n_windows=count) for count in _FURTHER]
     rows = tuple(
         (
-            in_words(str(component)),
+            format_name(str(component)),
             f"{100 * np.expm1(mean):+.1f}",
             f"{100 * deviation:.1f}",
             " / ".join(f"{100 * loss[component]:.0f}" for loss in losses),
@@ -67,7 +68,7 @@ def baseline_table(baseline: Baseline) -> Table:
     return Table("Baseline", columns, rows, ends_in_words=False)
 
 
-def baseline_in_words(baseline: Baseline, *, n_windows: int) -> list[str]:
+def describe_baseline(baseline: Baseline, *, n_windows: int | None = None) -> list[str]:
     """Return version, conditions and notes of a baseline in sentences.
 
     Parameters
@@ -75,7 +76,7 @@ def baseline_in_words(baseline: Baseline, *, n_windows: int) -> list[str]:
     baseline
         Baseline.
     n_windows
-        Number of windows that it could be learnt from.
+        Number of windows that it could be learnt from; None: those of the baseline, and those that it refused.
 
     Examples
     --------
@@ -85,10 +86,11 @@ def baseline_in_words(baseline: Baseline, *, n_windows: int) -> list[str]:
     >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
     >>> C = 0.02**2 * np.eye(12)
     >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
-    >>> baseline_in_words(sprung.learn(windows), n_windows=12)[0]
+    >>> describe_baseline(sprung.learn(windows), n_windows=12)[0]
     'version 1 (first learning): learnt from 12 of 12 windows'
     """
-    learnt = f"learnt from {baseline.n_windows} of {counted(n_windows, 'window')}"
+    seen = baseline.n_windows + baseline.n_refused if n_windows is None else n_windows
+    learnt = f"learnt from {baseline.n_windows} of {counted(seen, 'window')}"
     sentences = [f"version {baseline.version} ({baseline.reason}): {learnt}"]
     if baseline.ranges:
         ranges = ", ".join(
@@ -100,7 +102,7 @@ def baseline_in_words(baseline: Baseline, *, n_windows: int) -> list[str]:
     return [*sentences, *baseline.notes]
 
 
-def diagnosis_in_words(diagnosis: Diagnosis) -> list[str]:
+def describe_diagnosis(diagnosis: Diagnosis) -> list[str]:
     """Return verdict, findings and sensor faults of a diagnosis in sentences, with evidence and threshold.
 
     Examples
@@ -113,14 +115,14 @@ def diagnosis_in_words(diagnosis: Diagnosis) -> list[str]:
     >>> C = 0.02**2 * np.eye(12)
     >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
     >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
-    >>> for sentence in diagnosis_in_words(diagnosis):
+    >>> for sentence in describe_diagnosis(diagnosis):
     ...     print(sentence)
     front-left spring 30 % (27 to 32 %) softer, since 80 min; inspect before the next 500 km
     no trend detected: -10.6 to +4.1 % per hour of driving
     ln evidence 91.0; alarm threshold 10.8; a change of 8 to 11 % of any part would have been found
     """
-    sentences = [line for finding in diagnosis.findings for line in (finding.sentence, trend_in_words(finding.trend))]
-    sentences = sentences or [verdict_in_words(diagnosis)]
+    sentences = [line for finding in diagnosis.findings for line in (finding.sentence, describe_trend(finding.trend))]
+    sentences = sentences or [describe_verdict(diagnosis)]
     sentences += [f"sensor {fault.statement}: {fault.detail}" for fault in diagnosis.sensor_faults]
     if diagnosis.detection is None:
         return sentences
@@ -130,14 +132,14 @@ def diagnosis_in_words(diagnosis: Diagnosis) -> list[str]:
     return [*sentences, numbers]
 
 
-def verdict_in_words(diagnosis: Diagnosis) -> str:
+def describe_verdict(diagnosis: Diagnosis) -> str:
     """Return the verdict of a diagnosis without findings in one sentence."""
     if diagnosis.detection is None:
         return "inconclusive: no window was usable"
-    return no_change_in_words(diagnosis.detectable, next(iter(diagnosis.doubts), ""))
+    return describe_no_change(diagnosis.detectable, next(iter(diagnosis.doubts), ""))
 
 
-def no_change_in_words(detectable: Mapping[Component, float], doubt: str) -> str:
+def describe_no_change(detectable: Mapping[Component, float], doubt: str) -> str:
     """Return a verdict without findings in one sentence.
 
     Parameters
@@ -150,7 +152,7 @@ def no_change_in_words(detectable: Mapping[Component, float], doubt: str) -> str
     Examples
     --------
     >>> from sprung.vehicles import Component
-    >>> no_change_in_words({Component("front_left", "spring"): 0.07}, "")
+    >>> describe_no_change({Component("front_left", "spring"): 0.07}, "")
     'no change detected; a change of 7 % of any part would have been found'
     """
     if doubt:
@@ -185,7 +187,7 @@ def why_unusable(diagnosis: Diagnosis, baseline: Baseline | None) -> str:
     return diagnosis.notes[0] if diagnosis.notes else "there are no windows"
 
 
-def diagnosis_tables(diagnosis: Diagnosis, changes: Sequence[ModeChange]) -> list[Table]:
+def diagnosis_tables(diagnosis: Diagnosis, changes: Sequence[ModeChange] = ()) -> list[Table]:
     """Return all tables of a diagnosis that have rows.
 
     Parameters
@@ -213,7 +215,7 @@ def diagnosis_tables(diagnosis: Diagnosis, changes: Sequence[ModeChange]) -> lis
     return [*tables, mode_changes_table(changes)] if changes else tables
 
 
-def findings_table(findings: Sequence[Finding]) -> Table:
+def findings_table(value: Sequence[Finding] | Finding) -> Table:
     """Return the table of findings: part, size, onset, severity and advice.
 
     Examples
@@ -232,9 +234,10 @@ def findings_table(findings: Sequence[Finding]) -> Table:
     part | change [%] | 95 % interval [%] | since | severity | advice
     front left spring | -29.6 | -32.0 to -27.1 | 80 min | high | inspect before the next 500 km
     """
+    findings = (value,) if isinstance(value, Finding) else value
     rows = tuple(
         (
-            in_words(finding.hypothesis),
+            format_name(finding.hypothesis),
             "" if finding.change is None else f"{100 * finding.change:+.1f}",
             "" if finding.interval is None else " to ".join(f"{100 * end:+.1f}" for end in finding.interval),
             format_time(finding.since),
@@ -246,7 +249,7 @@ def findings_table(findings: Sequence[Finding]) -> Table:
     return Table("Findings", ("part", "change [%]", "95 % interval [%]", "since", "severity", "advice"), rows)
 
 
-def observations_table(observations: Sequence[Observation]) -> Table:
+def observations_table(value: Sequence[Observation] | Observation) -> Table:
     """Return the table of windows: conditions, body modes, quality of the fit, faults of sensors.
 
     Examples
@@ -259,6 +262,7 @@ def observations_table(observations: Sequence[Observation]) -> Table:
     >>> dict(zip(table.columns, table.rows[0]))
     {'start': '10 min', 'speed [m/s]': '15', 'model error [%]': '', 'bounce': '1.40 Hz, 25.0 %', 'remarks': ''}
     """
+    observations = (value,) if isinstance(value, Observation) else value
     labels = list(dict.fromkeys(label for window in observations for label in window.modes))
     columns = ("start", "speed [m/s]", "model error [%]", *labels, "remarks")
     rows = tuple(
@@ -266,11 +270,11 @@ def observations_table(observations: Sequence[Observation]) -> Table:
             format_time(window.time),
             _condition(window, "speed"),
             _condition(window, "model_error", factor=100.0),
-            *(_mode_in_words(window.modes.get(label)) for label in labels),
+            *(_format_mode(window.modes.get(label)) for label in labels),
             "; ".join(
                 [
                     *([f"inconclusive: {window.reason}"] if window.reason else []),
-                    *(f"{fault.channel} {in_words(fault.kind)}" for fault in window.sensor_faults),
+                    *(f"{fault.channel} {format_name(fault.kind)}" for fault in window.sensor_faults),
                 ]
             ),
         )
@@ -306,7 +310,7 @@ def hypotheses_table(detection: Detection) -> Table:
     """
     rows = tuple(
         (
-            in_words(candidate.hypothesis.name).replace("all ", "every ").replace("+", ", "),
+            format_name(candidate.hypothesis.name).replace("all ", "every ").replace("+", ", "),
             f"{candidate.log_evidence:.1f}",
             ", ".join(f"{100 * size.change:+.1f}" for size in candidate.sizes),
             ", ".join(" to ".join(f"{100 * end:+.1f}" for end in size.interval) for size in candidate.sizes),
@@ -340,27 +344,27 @@ def mode_changes_table(changes: Sequence[ModeChange]) -> Table:
     columns = ("mode", "frequency [Hz]", "damping [%]", "MAC", "measured before", "measured since")
     rows = tuple(
         (
-            in_words(change.label),
+            format_name(change.label),
             " -> ".join(f"{frequency:#.3g}" for frequency in change.frequency),
             " -> ".join(f"{100 * ratio:#.3g}" for ratio in change.damping),
             f"{change.mac:.3f}",
-            _mode_in_words(change.measured_before),
-            _mode_in_words(change.measured_since),
+            _format_mode(change.measured_before),
+            _format_mode(change.measured_since),
         )
         for change in changes
     )
     return Table("Body modes as the finding implies and as measured", columns, rows, ends_in_words=False)
 
 
-def trend_in_words(trend: Trend | None) -> str:
+def describe_trend(trend: Trend | None) -> str:
     """Return a sentence about how a change develops.
 
     Examples
     --------
     >>> from sprung.diagnosis import Trend
-    >>> trend_in_words(Trend(per_hour=-0.02, interval=(-0.03, -0.01), hours_to_limit=(2.0, 6.0)))
+    >>> describe_trend(Trend(per_hour=-0.02, interval=(-0.03, -0.01), hours_to_limit=(2.0, 6.0)))
     'trend: -2.0 % (-3.0 to -1.0) per hour of driving, 30 % in 2.0 to 6.0 hours'
-    >>> trend_in_words(Trend(per_hour=0.01, interval=(-0.01, 0.03), hours_to_limit=None))
+    >>> describe_trend(Trend(per_hour=0.01, interval=(-0.01, 0.03), hours_to_limit=None))
     'no trend detected: -1.0 to +3.0 % per hour of driving'
     """
     if trend is None:
@@ -375,6 +379,6 @@ def trend_in_words(trend: Trend | None) -> str:
     return f"{text}, 30 % {f'in {soonest:.1f} to {latest:.1f} hours' if latest else 'is reached'}"
 
 
-def _mode_in_words(mode: tuple[float, float] | None) -> str:
+def _format_mode(mode: tuple[float, float] | None) -> str:
     """Return frequency and damping ratio of a mode; empty if it is unknown."""
     return "" if mode is None else f"{mode[0]:#.3g} Hz, {100 * mode[1]:#.3g} %"

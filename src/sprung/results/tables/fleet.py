@@ -6,7 +6,8 @@ from typing import Any
 
 from sprung._display import counted
 from sprung.diagnosis import TypeBaseline
-from sprung.results.tables.table import Table, in_words, time_in_words
+from sprung.results.tables.table import Table
+from sprung.results.tables.wording import format_name, format_time
 
 
 def fleet_tables(document: Mapping[str, Any]) -> list[Table]:
@@ -41,7 +42,7 @@ def fleet_tables(document: Mapping[str, Any]) -> list[Table]:
     ]
 
 
-def type_in_words(type_baseline: TypeBaseline) -> str:
+def describe_type(type_baseline: TypeBaseline) -> str:
     """Return a sentence on the numbers of vehicles and windows that the baseline of a type was learnt from.
 
     Examples
@@ -55,7 +56,7 @@ def type_in_words(type_baseline: TypeBaseline) -> str:
     ...     f"car-{n}": [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(of_car)]
     ...     for n, of_car in enumerate(values)
     ... }
-    >>> type_in_words(sprung.learn_type(fleet, name="zafira"))
+    >>> describe_type(sprung.learn_type(fleet, name="zafira"))
     'baseline of the type zafira: learnt from 24 windows of 8 vehicles'
     """
     vehicles = counted(type_baseline.n_vehicles, "vehicle")
@@ -73,7 +74,7 @@ def _row(entry: Mapping[str, Any]) -> tuple[str, ...]:
     if entry["change"] is not None:
         low, high = entry["interval"]
         size = f"{100 * entry['change']:+.0f} ({100 * low:+.0f} to {100 * high:+.0f})"
-    what = "several parts, or one that the model lacks" if entry["change"] is None else in_words(entry["part"])
+    what = "several parts, or one that the model lacks" if entry["change"] is None else format_name(entry["part"])
     return (entry["vehicle"], str(entry["windows"]), f"{entry['p_value']:.2g}", size, f"deviates: {what}")
 
 
@@ -126,14 +127,14 @@ def fleet_run_tables(document: Mapping[str, Any]) -> list[Table]:
     return [table for table in tables if table.rows]
 
 
-def fleet_run_in_words(document: Mapping[str, Any]) -> list[str]:
+def describe_fleet_run(document: Mapping[str, Any]) -> list[str]:
     """Return what a run has done, and why windows have no result, one sentence each.
 
     Examples
     --------
     >>> reasons = [{"reason": "the vehicle stood still", "windows": 3}]
     >>> run = {"analysed": {"windows": 12}, "vehicles_assessed": 4, "analysis_time": 61.0, "reasons": reasons}
-    >>> fleet_run_in_words(run)
+    >>> describe_fleet_run(run)
     ['12 windows analysed and 4 vehicles assessed in 61 s', '3 windows: the vehicle stood still']
     """
     new = max(document["analysed"].values(), default=0)
@@ -177,13 +178,13 @@ def fleet_plan_table(document: Mapping[str, Any]) -> Table:
     )
 
 
-def fleet_plan_in_words(document: Mapping[str, Any]) -> list[str]:
+def describe_fleet_plan(document: Mapping[str, Any]) -> list[str]:
     """Return the estimate of a plan, and what is missing, one sentence each.
 
     Examples
     --------
     >>> plan = {"vehicles": 40, "core_hours": 16.0, "cores": 8, "without_vehicle_file": 12}
-    >>> for sentence in fleet_plan_in_words(plan):
+    >>> for sentence in describe_fleet_plan(plan):
     ...     print(sentence)
     40 vehicles, 16.00 core hours: about 2.0 h on 8 cores
     12 windows of vehicles without a usable vehicle file: they are recorded with this reason
@@ -207,20 +208,20 @@ def _finding(row: Mapping[str, Any]) -> tuple[str, ...]:
     part = "several parts, or one that the model lacks"
     size = ""
     if row["change"] is not None:
-        part = in_words(f"{row['corner']}.{row['component']}")
+        part = format_name(f"{row['corner']}.{row['component']}")
         size = f"{100 * row['change']:+.0f} ({100 * row['lower']:+.0f} to {100 * row['upper']:+.0f})"
     since = f"{datetime.fromtimestamp(row['since'], UTC):%Y-%m-%d %H:%M}"
     return (row["vehicle"], part, size, since, row["severity"])
 
 
-def lake_in_words(document: Mapping[str, Any]) -> list[str]:
+def describe_lake(document: Mapping[str, Any]) -> list[str]:
     """Return what a `sprung.lake/1` holds, and what was done to it, in sentences.
 
     Examples
     --------
     >>> contents = {"windows": 144, "files": 3, "bytes": 21_000_000, "vehicles": [{"vehicle": "bus-17"}]}
     >>> contents |= {"first": "2026-11-20", "last": "2026-11-21", "compacted": None, "removed": 12}
-    >>> lake_in_words(contents)
+    >>> describe_lake(contents)
     ['144 windows of 1 vehicle in 3 files, 21 MB, 2026-11-20 to 2026-11-21', 'deleted 12 windows']
     """
     size = f"{counted(document['windows'], 'window')} of {counted(len(document['vehicles']), 'vehicle')}"
@@ -247,7 +248,7 @@ def lake_table(document: Mapping[str, Any]) -> Table:
     bus-17 | 144 | 2026-09-21 14:13 | 2026-09-21 15:13
     """
     rows = (
-        (own["vehicle"], str(own["windows"]), time_in_words(own["first"]), time_in_words(own["last"]))
+        (own["vehicle"], str(own["windows"]), format_time(own["first"]), format_time(own["last"]))
         for own in document["vehicles"]
     )
     return Table("", ("vehicle", "windows", "first (UTC)", "last (UTC)"), tuple(rows))

@@ -1,4 +1,4 @@
-"""Values as columns of data frames, and as the parts that notebooks show."""
+"""Values as columns of data frames, and headings, tables and sentences as HTML."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from sprung._checks import data_frame_of, required
+from sprung.bounce_tests import Bounce
 from sprung.calibration import Calibration
 from sprung.diagnosis import Baseline, Diagnosis, Finding, Findings, Observation, Observations
 from sprung.diagnosis.observation import CONDITION_UNITS
@@ -16,33 +17,21 @@ from sprung.identification.tracking import TrackedModes
 from sprung.likelihood import CornerFit
 from sprung.modal import Modes, PoleStatus
 from sprung.recording import Recording
-from sprung.results.tables.corners import (
-    calibration_in_words,
-    calibration_table,
-    components_table,
-    fitted_modes_table,
-    payload_in_words,
-)
-from sprung.results.tables.diagnosis import (
-    baseline_in_words,
-    baseline_table,
-    diagnosis_in_words,
-    diagnosis_tables,
-    findings_table,
-    observations_table,
-)
-from sprung.results.tables.identification import (
-    identification_in_words,
-    identification_tables,
-    modes_table,
-    tracks_in_words,
-    tracks_table,
-)
-from sprung.results.tables.recordings import inspection_in_words, inspection_table
 from sprung.results.tables.table import Table
-from sprung.signals.inspection import Inspection, inspect
+from sprung.signals.inspection import Inspection
 
 _Columns = Mapping[str, Any]
+_MODES = ("natural_frequency [Hz]", "natural_frequency_std [Hz]", "damping_ratio [-]", "damping_ratio_std [-]")
+
+
+def _fields(value: object, columns: Iterable[str]) -> dict[str, Any]:
+    """Return attributes of a value as columns, whose names have the unit in brackets."""
+    return {column: getattr(value, column.partition(" ")[0]) for column in columns}
+
+
+def _items(values: Sequence[object], columns: Iterable[str]) -> dict[str, list[Any]]:
+    """Return an attribute of all values in each column."""
+    return {column: [getattr(value, column.partition(" ")[0]) for value in values] for column in columns}
 
 
 def data_frame(value: object, columns: _Columns) -> Any:
@@ -74,16 +63,13 @@ def _times(recording: Recording) -> Any:
 
 def modes_columns(modes: Modes) -> _Columns:
     """Return the columns of modes."""
-    return {
-        "natural_frequency [Hz]": modes.natural_frequency,
-        "natural_frequency_std [Hz]": modes.natural_frequency_std,
-        "damping_ratio [-]": modes.damping_ratio,
-        "damping_ratio_std [-]": modes.damping_ratio_std,
-        "stable_rate [-]": modes.stable_rate,
-        "mpc [-]": modes.mpc,
-        "label": modes.labels,
-        **{f"mode_shape {name} [-]": modes.mode_shapes[:, k] for k, name in enumerate(modes.channels)},
-    }
+    shapes = {f"mode_shape {name} [-]": modes.mode_shapes[:, k] for k, name in enumerate(modes.channels)}
+    return {**_fields(modes, _MODES), **_fields(modes, ("stable_rate [-]", "mpc [-]")), "label": modes.labels, **shapes}
+
+
+def bounce_columns(bounce: Bounce) -> _Columns:
+    """Return the columns of the modes of bounce tests."""
+    return {**_fields(bounce.modes, _MODES), "label": bounce.modes.labels}
 
 
 def identification_columns(identification: Identification) -> _Columns:
@@ -105,8 +91,7 @@ def diagram_columns(diagram: StabilisationDiagram) -> _Columns:
 def corners_columns(fit: CornerFit) -> _Columns:
     """Return the columns of a fit of the corners."""
     return {
-        "corner": [component.corner for component in fit.components],
-        "component": [component.kind for component in fit.components],
+        **_components(fit),
         "value [N/m, N s/m]": fit.values,
         "std [N/m, N s/m]": fit.values * fit.log_ratios_std,
         "relative_to_nominal [-]": fit.values / fit.nominal,
@@ -117,29 +102,25 @@ def corners_columns(fit: CornerFit) -> _Columns:
 def baseline_columns(baseline: Baseline) -> _Columns:
     """Return the columns of a baseline."""
     return {
-        "corner": [component.corner for component in baseline.components],
-        "component": [component.kind for component in baseline.components],
+        **_components(baseline),
         "mean_change_from_nominal [-]": np.expm1(baseline.mean),
         "std_of_a_window [-]": np.sqrt(np.diag(baseline.covariance)),
     }
 
 
-def diagnosis_columns(diagnosis: Diagnosis) -> _Columns:
-    """Return the columns of a diagnosis."""
-    return findings_columns(Findings(diagnosis.findings))
+def _components(value: CornerFit | Baseline) -> dict[str, list[str]]:
+    return {
+        "corner": [component.corner for component in value.components],
+        "component": [component.kind for component in value.components],
+    }
 
 
-def finding_columns(finding: Finding) -> _Columns:
-    """Return the columns of a finding."""
-    return findings_columns(Findings((finding,)))
-
-
-def findings_columns(findings: Findings) -> _Columns:
-    """Return the columns of findings."""
+def findings_columns(value: Findings | Finding | Diagnosis) -> _Columns:
+    """Return the columns of findings: all of them, one, or those of a diagnosis."""
+    findings = value.findings if isinstance(value, Diagnosis) else (value,) if isinstance(value, Finding) else value
     intervals = [finding.interval or (np.nan, np.nan) for finding in findings]
     return {
-        "corner": [finding.corner for finding in findings],
-        "component": [finding.component for finding in findings],
+        **_items(findings, ("corner", "component")),
         "change [-]": _numbers(finding.change for finding in findings),
         "change_low [-]": _numbers(low for low, _ in intervals),
         "change_high [-]": _numbers(high for _, high in intervals),
@@ -153,13 +134,9 @@ def findings_columns(findings: Findings) -> _Columns:
     }
 
 
-def observation_columns(observation: Observation) -> _Columns:
-    """Return the columns of the observation of a window."""
-    return observations_columns(Observations((observation,)))
-
-
-def observations_columns(observations: Observations) -> _Columns:
-    """Return the columns of observations of windows."""
+def observations_columns(value: Observations | Observation) -> _Columns:
+    """Return the columns of observations of windows, or of one."""
+    observations = (value,) if isinstance(value, Observation) else value
     conditions = list(dict.fromkeys(name for window in observations for name in window.conditions))
     labels = list(dict.fromkeys(label for window in observations for label in window.modes))
     parts = list(dict.fromkeys(part for window in observations for part in window.components))
@@ -170,9 +147,7 @@ def observations_columns(observations: Observations) -> _Columns:
     ]
     columns: dict[str, Any] = {
         "time [s]": _numbers(window.time for window in observations),
-        "vehicle": [window.vehicle for window in observations],
-        "is_conclusive": [window.is_conclusive for window in observations],
-        "reason": [window.reason for window in observations],
+        **_items(observations, ("vehicle", "is_conclusive", "reason")),
         "sensor_faults": [", ".join(f"{f.channel} {f.kind}" for f in window.sensor_faults) for window in observations],
     }
     for name in conditions:
@@ -191,34 +166,32 @@ def observations_columns(observations: Observations) -> _Columns:
 
 def tracks_columns(tracked: TrackedModes) -> _Columns:
     """Return the columns of tracked modes."""
-    unit = "s" if tracked.has_times else "windows"
-    points = [(number, track, k) for number, track in enumerate(tracked.tracks, start=1) for k in range(len(track))]
-    likeness = {number: track.likeness for number, track in enumerate(tracked.tracks, start=1)}
+    tracks = [(number, track) for number, track in enumerate(tracked.tracks, start=1)]
+    points = [(number, track) for number, track in tracks for _ in range(len(track))]
+
+    def joined(values: Iterable[Any]) -> Any:
+        return np.concatenate([np.zeros(0), *map(np.asarray, values)])
+
     return {
-        "track": [number for number, _, _ in points],
-        "label": [track.label for _, track, _ in points],
-        "window": [int(track.windows[k]) for _, track, k in points],
-        f"time [{unit}]": _numbers(track.times[k] for _, track, k in points),
-        "natural_frequency [Hz]": _numbers(track.modes.natural_frequency[k] for _, track, k in points),
-        "natural_frequency_std [Hz]": _numbers(track.modes.natural_frequency_std[k] for _, track, k in points),
-        "damping_ratio [-]": _numbers(track.modes.damping_ratio[k] for _, track, k in points),
-        "damping_ratio_std [-]": _numbers(track.modes.damping_ratio_std[k] for _, track, k in points),
-        "mac [-]": _numbers(likeness[number][k] for number, _, k in points),
+        "track": [number for number, _ in points],
+        "label": [track.label for _, track in points],
+        "window": joined(track.windows for _, track in tracks).astype(int),
+        f"time [{'s' if tracked.has_times else 'windows'}]": joined(track.times for _, track in tracks),
+        **{name: joined(_fields(track.modes, (name,))[name] for _, track in tracks) for name in _MODES},
+        "mac [-]": joined(track.likeness for _, track in tracks),
     }
 
 
 def inspection_columns(inspection: Inspection) -> _Columns:
     """Return the columns of an inspection."""
     names = ("name", "quantity", "unit", "n_values", "mean", "rms", "standard_deviation", "minimum", "maximum")
-    shares = {f"{name} [-]": [getattr(facts, name) for facts in inspection.channels] for name in ("clipped", "stuck")}
-    facts = {name: [getattr(facts, name) for facts in inspection.channels] for name in names}
-    return {**facts, **shares, "is_dead": [channel.is_dead for channel in inspection.channels]}
+    return _items(inspection.channels, (*names, "clipped [-]", "stuck [-]", "is_dead"))
 
 
 def calibration_columns(calibration: Calibration) -> _Columns:
     """Return the columns of a calibration."""
     names = ("name", "group", "unit", "nominal_value", "value", "std", "prior_std", "is_identifiable")
-    return {name: [getattr(number, name) for number in calibration.learnt] for name in names}
+    return _items(calibration.learnt, names)
 
 
 def _numbers(values: Iterable[float | None]) -> list[float]:
@@ -226,96 +199,26 @@ def _numbers(values: Iterable[float | None]) -> list[float]:
     return [np.nan if value is None else float(value) for value in values]
 
 
-#: Tables, lists of sentences, and headings.
-Parts = Sequence[Table | Sequence[str] | str]
-
-
-def as_html(parts: Parts) -> str:
-    """Return headings, tables and lists of sentences as HTML."""
-    return "\n".join(_block(part) for part in parts if part)
-
-
-def recording_parts(recording: Recording) -> Parts:
-    """Return the tables and sentences of a recording."""
-    return [*inspection_parts(inspect(recording)), recording.history]
-
-
-def inspection_parts(inspection: Inspection) -> Parts:
-    """Return the tables and sentences of an inspection."""
-    return [inspection_in_words(inspection), inspection_table(inspection)]
-
-
-def modes_parts(modes: Modes) -> Parts:
-    """Return the tables and sentences of modes."""
-    return [modes_table(modes)]
-
-
-def identification_parts(identification: Identification) -> Parts:
-    """Return the tables and sentences of an identification."""
-    return [
-        identification_in_words(identification),
-        *identification_tables(identification),
-        identification.notes,
-    ]
-
-
-def diagram_parts(diagram: StabilisationDiagram) -> Parts:
-    """Return the tables and sentences of a stabilisation diagram."""
-    counts = {status: int((diagram.status == status).sum()) for status in PoleStatus}
-    rows = tuple((str(count), status.sentence) for status, count in counts.items() if count)
-    return [Table("Stabilisation diagram", ("poles", "status"), rows, n_words=0)]
-
-
-def tracks_parts(tracked: TrackedModes) -> Parts:
-    """Return the tables and sentences of tracked modes."""
-    return [tracks_in_words(tracked), tracks_table(tracked, has_times=tracked.has_times)]
-
-
-def corners_parts(fit: CornerFit) -> Parts:
-    """Return the tables and sentences of a fit of the corners."""
-    return [components_table(fit), fitted_modes_table(fit), [*payload_in_words(fit), *fit.notes]]
-
-
-def baseline_parts(baseline: Baseline) -> Parts:
-    """Return the tables and sentences of a baseline."""
-    words = baseline_in_words(baseline, n_windows=baseline.n_windows + baseline.n_refused)
-    return [baseline_table(baseline), words]
-
-
-def diagnosis_parts(diagnosis: Diagnosis) -> Parts:
-    """Return the tables and sentences of a diagnosis."""
-    return [diagnosis_in_words(diagnosis), *diagnosis_tables(diagnosis, ()), diagnosis.notes]
-
-
-def finding_parts(finding: Finding) -> Parts:
-    """Return the tables and sentences of a finding."""
-    return [findings_table((finding,))]
-
-
-def findings_parts(findings: Findings) -> Parts:
-    """Return the tables and sentences of findings."""
-    return [findings_table(findings)] if findings else ["no findings"]
-
-
-def observation_parts(observation: Observation) -> Parts:
-    """Return the tables and sentences of the observation of a window."""
-    return [observations_table((observation,))]
-
-
-def observations_parts(observations: Observations) -> Parts:
-    """Return the tables and sentences of observations of windows."""
-    return [observations_table(observations)] if observations else ["no windows"]
-
-
-def calibration_parts(calibration: Calibration) -> Parts:
-    """Return the tables and sentences of a calibration."""
-    return [calibration_table(calibration), calibration_in_words(calibration)]
+def as_html(parts: Iterable[Any]) -> str:
+    """Return headings (texts), tables, lists of tables and sentences, and tuples of all these as HTML."""
+    blocks: list[Table | Sequence[str] | str] = []
+    for part in parts:
+        if isinstance(part, list):
+            blocks += [
+                *(each for each in part if isinstance(each, Table)),
+                [each for each in part if isinstance(each, str)],
+            ]
+        else:
+            blocks += part if isinstance(part, tuple) else (part,)
+    return "\n".join(_block(block) for block in blocks if block)
 
 
 def _block(part: Table | Sequence[str] | str) -> str:
     """Return a heading, a table or a list of sentences in HTML."""
     if isinstance(part, str):
         return f"<p><strong>{_text(part)}</strong></p>"
+    if isinstance(part, Table) and part.title and not part.rows:
+        return f"<p><strong>no {_text(part.title.lower())}</strong></p>"
     if isinstance(part, Table):
         return _table(part)
     items = "".join(f"<li>{_text(sentence)}</li>" for sentence in part)

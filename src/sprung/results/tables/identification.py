@@ -11,9 +11,11 @@ from sprung._arrays import Complex
 from sprung._display import counted
 from sprung.identification import METHOD_NAMES, Identification, LevelTrends, RovingSetups, SubsetModes
 from sprung.identification.methods import WindowModes
+from sprung.identification.stabilisation import StabilisationDiagram
 from sprung.identification.tracking import Track, TrackedModes, TrackedValue
 from sprung.modal import Modes, PoleStatus
-from sprung.results.tables.table import Table, duration_in_words, in_words, time_in_words, with_deviation
+from sprung.results.tables.table import Table
+from sprung.results.tables.wording import format_duration, format_estimate, format_name, format_time
 from sprung.signals.harmonics import Harmonic
 
 #: Channels below this share of the largest one are omitted from a shape in words.
@@ -68,7 +70,7 @@ def why_none(identification: Identification) -> str:
     return f"no mode found in {reasons.total()} poles ({counts}): record longer, or widen --band"
 
 
-def identification_in_words(identification: Identification) -> str:
+def describe_identification(identification: Identification) -> str:
     """Return the number of modes, the method and the channels of an identification in a line.
 
     Examples
@@ -79,7 +81,7 @@ def identification_in_words(identification: Identification) -> str:
     >>> masses = chain()
     >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
     >>> identification = cov_ssi(run)
-    >>> identification_in_words(identification)
+    >>> describe_identification(identification)
     '3 modes by Cov-SSI from 3 channels at 200 Hz'
     """
     modes, channels = counted(len(identification.modes), "mode"), counted(len(identification.channels), "channel")
@@ -140,16 +142,16 @@ def modes_table(modes: Modes, sources: Sequence[str] = ()) -> Table:
     (('frequency [Hz]', 'damping [%]'), [7, 20, 28])
     """
     sources = sources or ("",) * len(modes)
-    shapes = shapes_in_words(modes.channels, modes.mode_shapes)
+    shapes = describe_shapes(modes.channels, modes.mode_shapes)
     has_sources = "road_likelihood" in sources
     columns = ("frequency [Hz]", "damping [%]", "stable", "MPC", "label", *(["source"] if has_sources else []), "shape")
     rows = tuple(
         (
-            with_deviation(modes.natural_frequency[k], modes.natural_frequency_std[k]),
-            with_deviation(100 * modes.damping_ratio[k], 100 * modes.damping_ratio_std[k]),
+            format_estimate(modes.natural_frequency[k], modes.natural_frequency_std[k]),
+            format_estimate(100 * modes.damping_ratio[k], 100 * modes.damping_ratio_std[k]),
             _stable(modes.stable_rate[k], sources[k]),
             f"{modes.mpc[k]:.2f}",
-            in_words(modes.labels[k] or ""),
+            format_name(modes.labels[k] or ""),
             *([_SOURCES[sources[k]]] if has_sources else []),
             shapes[k],
         )
@@ -164,7 +166,7 @@ def _stable(rate: float, source: str) -> str:
     return f"{100 * rate:.0f} %" if is_known else "-"
 
 
-def shapes_in_words(channels: Sequence[str], mode_shapes: Complex) -> list[str]:
+def describe_shapes(channels: Sequence[str], mode_shapes: Complex) -> list[str]:
     """Return for each shape its main channels and the signs of their motion.
 
     Examples
@@ -173,7 +175,7 @@ def shapes_in_words(channels: Sequence[str], mode_shapes: Complex) -> list[str]:
 
     >>> import numpy as np
     >>> shapes = np.array([[1.0, 0.9, -0.8, -0.9], [1.0, -1.0, 0.1, 0.1]], dtype=complex)
-    >>> shapes_in_words(("acc_fl", "acc_fr", "acc_rl", "acc_rr"), shapes)
+    >>> describe_shapes(("acc_fl", "acc_fr", "acc_rl", "acc_rr"), shapes)
     ['fl+ fr+ rl- rr-', 'fl+ fr-']
     """
     return [_shape(_without_common_prefix(channels), shape.tolist()) for shape in mode_shapes]
@@ -317,19 +319,19 @@ def _family(fundamental: float, lines: Sequence[Harmonic]) -> tuple[str, ...]:
     low, high = min(line.band[0] for line in lines), max(line.band[1] for line in lines)
     return (
         f"{fundamental:.4g} {'Hz' if is_over_time else 'per metre'}",
-        orders_in_words(sorted(line.order for line in lines)),
+        format_orders(sorted(line.order for line in lines)),
         f"{lines[0].frequency:.4g}" if len(lines) == 1 and lines[0].kind == "constant" else f"{low:.3g} to {high:.3g}",
         f"{max(line.prominence for line in lines):.0f} dB",
         _listed(sorted({name for line in lines for name in line.channels})),
     )
 
 
-def orders_in_words(orders: Sequence[int]) -> str:
+def format_orders(orders: Sequence[int]) -> str:
     """Return rising orders as ranges, such as 1 to 4, 6; empty for a single line.
 
     Examples
     --------
-    >>> orders_in_words([1, 2, 3, 4, 6])
+    >>> format_orders([1, 2, 3, 4, 6])
     '1 to 4, 6'
     """
     if orders[-1] == 1:
@@ -344,6 +346,13 @@ def _listed(words: Sequence[str], separator: str = " ") -> str:
     return separator.join([*words[:_MAX_WORDS], *(["..."] if len(words) > _MAX_WORDS else [])])
 
 
+def diagram_table(diagram: StabilisationDiagram) -> Table:
+    """Return the table of the numbers of poles of each status."""
+    counts = {status: int((diagram.status == status).sum()) for status in PoleStatus}
+    rows = tuple((str(count), status.sentence) for status, count in counts.items() if count)
+    return Table("Stabilisation diagram", ("poles", "status"), rows, n_words=0)
+
+
 #: Largest number of jumps in a cell, and of windows without a result in the sentences.
 _MAX_LISTED = 3
 #: Fewest windows for a ratio of deviations.
@@ -355,7 +364,7 @@ _CAPTION = (
 )
 
 
-def tracks_table(tracked: TrackedModes, *, start: int | None = None, has_times: bool = True) -> Table:
+def tracks_table(tracked: TrackedModes, *, start: int | None = None, has_times: bool | None = None) -> Table:
     """Return the table of tracked modes, one line for each.
 
     Parameters
@@ -365,7 +374,7 @@ def tracks_table(tracked: TrackedModes, *, start: int | None = None, has_times: 
     start
         Time of the first window, UTC in nanoseconds since 1970; None if unknown.
     has_times
-        Whether times are seconds, not numbers of windows.
+        Whether times are seconds, not numbers of windows; None: as the modes were tracked.
 
     Examples
     --------
@@ -380,6 +389,7 @@ def tracks_table(tracked: TrackedModes, *, start: int | None = None, has_times: 
     >>> [row[:2] for row in table.rows], table.columns[:2]
     ([('1', '2'), ('2', '5')], ('mode', 'frequency [Hz]'))
     """
+    has_times = tracked.has_times if has_times is None else has_times
     columns = (
         "mode",
         "frequency [Hz]",
@@ -392,24 +402,24 @@ def tracks_table(tracked: TrackedModes, *, start: int | None = None, has_times: 
     )
     rows = tuple(
         (
-            f"{number} {in_words(track.label or '')}".strip(),
-            with_deviation(track.natural_frequency.mean, track.natural_frequency.scatter),
-            change_in_words(track.natural_frequency),
-            with_deviation(100 * track.damping_ratio.mean, 100 * track.damping_ratio.scatter),
+            f"{number} {format_name(track.label or '')}".strip(),
+            format_estimate(track.natural_frequency.mean, track.natural_frequency.scatter),
+            format_change(track.natural_frequency),
+            format_estimate(100 * track.damping_ratio.mean, 100 * track.damping_ratio.scatter),
             _ratio(track.natural_frequency, len(track)),
             f"{len(track)} ({100 * track.presence:.0f} %)",
             "\n".join(
-                moment_in_words(float(time), start=start, has_times=has_times)
+                format_moment(float(time), start=start, has_times=has_times)
                 for time in (track.times[0], track.times[-1])
             ),
-            "\n".join(jumps_in_words(tracked, track, start=start, has_times=has_times)),
+            "\n".join(describe_jumps(tracked, track, start=start, has_times=has_times)),
         )
         for number, track in enumerate(tracked.tracks, start=1)
     )
     return Table("", columns, rows, caption=_CAPTION)
 
 
-def tracks_in_words(tracked: TrackedModes) -> str:
+def describe_tracks(tracked: TrackedModes) -> str:
     """Return the number of modes and windows in a line.
 
     Examples
@@ -421,7 +431,7 @@ def tracks_in_words(tracked: TrackedModes) -> str:
     >>> poles = 2 * np.pi * np.array([2.0, 5.0]) * (1j - 0.01)
     >>> modes = Modes(poles, np.eye(2, dtype=complex), ("a", "b"), some, some, np.ones(2), (None, None))
     >>> tracked = track_modes([modes] * 6, times=3600.0 * np.arange(6))
-    >>> tracks_in_words(tracked)
+    >>> describe_tracks(tracked)
     '2 modes followed over 6 windows with modes, of 6'
     """
     count = counted(int(tracked.has_result.sum()), "window")
@@ -461,31 +471,31 @@ def tracks_notes(tracked: TrackedModes, windows: Sequence[WindowModes]) -> list[
     return notes
 
 
-def jumps_in_words(tracked: TrackedModes, track: Track, *, start: int | None, has_times: bool) -> list[str]:
+def describe_jumps(tracked: TrackedModes, track: Track, *, start: int | None, has_times: bool) -> list[str]:
     """Return the sudden changes of a track's frequency, the first few of many."""
     words = [
         f"{100 * (jump.after / jump.before - 1):+.2g} % at "
-        + moment_in_words(float(tracked.times[jump.window]), start=start, has_times=has_times)
+        + format_moment(float(tracked.times[jump.window]), start=start, has_times=has_times)
         for jump in track.jumps
     ]
     return [*words[:_MAX_LISTED], "..."] if len(words) > _MAX_LISTED else words
 
 
-def change_in_words(value: TrackedValue) -> str:
+def format_change(value: TrackedValue) -> str:
     """Return the relative change over a track [%] with its standard deviation; empty for a short one."""
     trend = value.trend
     if trend is None:
         return ""
-    return with_deviation(100 * trend.change / value.mean, 100 * trend.change_std / value.mean)
+    return format_estimate(100 * trend.change / value.mean, 100 * trend.change_std / value.mean)
 
 
-def moment_in_words(time: float, *, start: int | None, has_times: bool) -> str:
+def format_moment(time: float, *, start: int | None, has_times: bool) -> str:
     """Return the time of a window: date and minute, time since the first window, or number of the window."""
     if not has_times:
         return str(round(time) + 1)
     if start is not None:
-        return time_in_words(start + round(1e9 * time))
-    return duration_in_words(time)
+        return format_time(start + round(1e9 * time))
+    return format_duration(time)
 
 
 def _ratio(value: TrackedValue, n_windows: int) -> str:

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from sprung.kits import CHANGES, KitPlan
 from sprung.likelihood.plate_test import PLATE, PlateTest
 from sprung.modal import INTERVAL_95
-from sprung.results.tables.table import Table, in_words, with_deviation
+from sprung.results.tables.table import Table
+from sprung.results.tables.wording import format_estimate, format_name
 from sprung.ride import Ride, mean_comfort_in_words
 from sprung.road import RoadSurvey, TrackRoughness
 
@@ -22,7 +23,7 @@ def plan_tables(plan: KitPlan) -> tuple[Table, Table]:
         contrast = "" if part.contrast_std is None else f"{100 * part.contrast_std:.1f}"
         times = [_minutes(part.minutes[change], plan) for change in CHANGES]
         values = (f"{100 * part.std:.1f}", contrast, *times) if part.is_identifiable else ("–",) * 5
-        rows.append((in_words(str(part.component)), *values))
+        rows.append((format_name(str(part.component)), *values))
     caption = "std: of one window; –: not determined; >: not within 64 windows; times are medians"
     components = Table("What the kit will see", columns, tuple(rows), ends_in_words=False, caption=caption)
     sensors = tuple((sensor.channel, f"{100 * sensor.gain:.0f}") for sensor in plan.sensors)
@@ -33,7 +34,7 @@ def _minutes(value: float | None, plan: KitPlan) -> str:
     return f"> {64 * plan.drive.minutes:.0f}" if value is None else f"{value:.0f}"
 
 
-def plan_in_words(plan: KitPlan) -> list[str]:
+def describe_plan(plan: KitPlan) -> list[str]:
     """Return the conditions of a plan, and its limits."""
     low, high = plan.drive.speed
     drive = f"windows of {plan.drive.minutes:g} min at {3.6 * low:.0f} to {3.6 * high:.0f} km/h"
@@ -67,7 +68,7 @@ def road_table(survey: RoadSurvey) -> Table:
 
 
 def _index(track: TrackRoughness) -> str:
-    return with_deviation(track.iri, track.iri_std)
+    return format_estimate(track.iri, track.iri_std)
 
 
 def events_table(survey: RoadSurvey) -> Table:
@@ -118,7 +119,7 @@ def ride_tables(ride: Ride) -> list[Table]:
     return tables
 
 
-def ride_in_words(ride: Ride) -> list[str]:
+def describe_ride(ride: Ride) -> list[str]:
     """Return the mean comfort, and the limits of a ride."""
     if ride.mean_comfort is None:
         return list(ride.notes)
@@ -131,11 +132,11 @@ def plate_tests_table(tests: Mapping[str, PlateTest]) -> Table:
     columns = ("corner", "phase shift [°]", "adhesion [%]", "damping body [%]", "damping wheel [%]", "remark")
     rows = tuple(
         (
-            in_words(corner),
-            with_deviation(test.phase_shift, test.phase_shift_std),
-            with_deviation(100 * test.adhesion, 100 * test.adhesion_std),
-            with_deviation(100 * test.damping_ratio, 100 * test.damping_ratio_std),
-            with_deviation(100 * test.wheel_damping_ratio, 100 * test.wheel_damping_ratio_std),
+            format_name(corner),
+            format_estimate(test.phase_shift, test.phase_shift_std),
+            format_estimate(100 * test.adhesion, 100 * test.adhesion_std),
+            format_estimate(100 * test.damping_ratio, 100 * test.damping_ratio_std),
+            format_estimate(100 * test.wheel_damping_ratio, 100 * test.wheel_damping_ratio_std),
             _remark(test),
         )
         for corner, test in tests.items()

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from sprung.results.tables.table import Table, age_in_words, time_in_words
+from sprung.results.tables.table import Table
+from sprung.results.tables.wording import format_age, format_time
 
 #: Events of the notification of an alert, in words.
 _DELIVERIES = {"undelivered": "not delivered", "delivered": "delivered", "abandoned": "abandoned"}
@@ -26,8 +27,8 @@ def alerts_table(document: Mapping[str, Any]) -> Table:
         (
             str(alert["number"]),
             alert["vehicle"],
-            _state_in_words(alert["state"], alert["shelved_until"]),
-            time_in_words(alert["raised"]),
+            _describe_state(alert["state"], alert["shelved_until"]),
+            format_time(alert["raised"]),
             str(alert["severity"]),
             alert["assignee"] or "",
             alert["text"],
@@ -54,7 +55,7 @@ def alert_history_table(document: Mapping[str, Any]) -> Table:
     2026-09-21 14:13 | assigned to bert | anna
     """
     rows = tuple(
-        (time_in_words(entry["time"]), _event_in_words(entry), entry["who"] or "the monitor", entry["comment"])
+        (format_time(entry["time"]), _describe_event(entry), entry["who"] or "the monitor", entry["comment"])
         for entry in document["history"]
     )
     return Table("", ("time (UTC)", "event", "by", "comment"), rows, n_words=3)
@@ -78,9 +79,9 @@ def quarantine_table(document: Mapping[str, Any]) -> Table:
     rows = tuple(
         (
             entry["vehicle"],
-            _part_in_words(entry),
-            time_in_words(entry["begin"]),
-            time_in_words(entry["stored"]),
+            _describe_part(entry),
+            format_time(entry["begin"]),
+            format_time(entry["stored"]),
             entry["reason"],
             *([entry["again"] or ""] if is_analysed else []),
         )
@@ -91,7 +92,7 @@ def quarantine_table(document: Mapping[str, Any]) -> Table:
     return Table("", (*columns, *again), rows, n_words=len(columns) + len(again))
 
 
-def _part_in_words(entry: Mapping[str, Any]) -> str:
+def _describe_part(entry: Mapping[str, Any]) -> str:
     """Return which frames, or that it is a state."""
     kind, first, last = entry["kind"], entry["first"], entry["last"]
     if kind == "state":
@@ -120,7 +121,7 @@ def vehicles_table(document: Mapping[str, Any], *, now: int) -> Table:
             str(vehicle["windows"]),
             "none" if vehicle["baseline"] is None else f"version {vehicle['baseline']}",
             "unknown" if vehicle["health_index"] is None else f"{vehicle['health_index']:.0f}",
-            age_in_words(vehicle["last_seen"], now=now),
+            format_age(vehicle["last_seen"], now=now),
             "" if vehicle["data_until"] is None else _time_and_age(vehicle["data_until"], now=now),
             vehicle["summary"],
         )
@@ -132,22 +133,22 @@ def vehicles_table(document: Mapping[str, Any], *, now: int) -> Table:
 
 def _time_and_age(time: int, *, now: int) -> str:
     """Return a time, in a second line its age."""
-    return f"{time_in_words(time)}\n{age_in_words(time, now=now)}"
+    return f"{format_time(time)}\n{format_age(time, now=now)}"
 
 
-def _event_in_words(entry: Mapping[str, Any]) -> str:
+def _describe_event(entry: Mapping[str, Any]) -> str:
     """Return what happened to an alert."""
     if entry["what"] == "assigned":
         return f"assigned to {entry['assignee'] or 'nobody'}"
     if entry["what"] in _DELIVERIES:
         return f"notification {_DELIVERIES[entry['what']]}"
-    return _state_in_words(entry["what"], entry["shelved_until"])
+    return _describe_state(entry["what"], entry["shelved_until"])
 
 
-def _state_in_words(state: str, shelved_until: int | None) -> str:
+def _describe_state(state: str, shelved_until: int | None) -> str:
     """Return a state or event; for shelving, with its end."""
     is_shelf = state == "shelved" and shelved_until is not None
-    return f"shelved until {time_in_words(shelved_until or 0)} UTC" if is_shelf else state
+    return f"shelved until {format_time(shelved_until or 0)} UTC" if is_shelf else state
 
 
 def accounts_table(document: Mapping[str, Any]) -> Table:
@@ -162,7 +163,7 @@ def accounts_table(document: Mapping[str, Any]) -> Table:
     name | role | created (UTC)
     anna | operator | 2026-09-21 14:13
     """
-    rows = tuple((entry["name"], entry["role"], time_in_words(entry["created"])) for entry in document["accounts"])
+    rows = tuple((entry["name"], entry["role"], format_time(entry["created"])) for entry in document["accounts"])
     return Table("", ("name", "role", "created (UTC)"), rows, n_words=2)
 
 
@@ -184,9 +185,9 @@ def tokens_table(document: Mapping[str, Any]) -> Table:
             str(entry["number"]),
             entry["name"],
             entry["role"],
-            time_in_words(entry["created"]),
+            format_time(entry["created"]),
             entry["created_by"],
-            "never" if entry["expires"] is None else time_in_words(entry["expires"]),
+            "never" if entry["expires"] is None else format_time(entry["expires"]),
         )
         for entry in document["tokens"]
     )

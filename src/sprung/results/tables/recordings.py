@@ -5,8 +5,10 @@ from datetime import UTC, datetime
 from typing import Any
 
 from sprung._display import counted
-from sprung.results.tables.table import Table, duration_in_words, in_words
-from sprung.signals.inspection import ChannelFacts, Inspection
+from sprung.recording import Recording
+from sprung.results.tables.table import Table
+from sprung.results.tables.wording import format_duration, format_name
+from sprung.signals.inspection import ChannelFacts, Inspection, inspect
 
 
 def true_modes_table(truth: Mapping[str, Any]) -> Table:
@@ -25,7 +27,7 @@ def true_modes_table(truth: Mapping[str, Any]) -> Table:
         (
             f"{mode['natural_frequency']:#.4g}",
             f"{100 * mode['damping_ratio']:#.4g}",
-            in_words(mode["label"] or ""),
+            format_name(mode["label"] or ""),
         )
         for mode in truth["modes"]
     )
@@ -51,7 +53,7 @@ def inspection_table(inspection: Inspection) -> Table:
     return Table("", columns, tuple(_channel_cells(facts) for facts in inspection.channels), n_words=3)
 
 
-def inspection_in_words(inspection: Inspection) -> str:
+def describe_inspection(inspection: Inspection) -> str:
     """Return length, rate, gaps and start of a recording in one line.
 
     Examples
@@ -61,17 +63,23 @@ def inspection_in_words(inspection: Inspection) -> str:
     >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
     >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
     >>> import sprung
-    >>> inspection_in_words(sprung.inspect(run))
+    >>> describe_inspection(sprung.inspect(run))
     '4000 samples at 100 Hz: 40 s, no gaps'
     """
-    length = duration_in_words(inspection.duration)
+    length = format_duration(inspection.duration)
     gaps = "no gaps"
     if inspection.n_gaps:
-        gaps = f"{counted(inspection.n_gaps, 'gap')} of {duration_in_words(inspection.gap_duration)} in all"
+        gaps = f"{counted(inspection.n_gaps, 'gap')} of {format_duration(inspection.gap_duration)} in all"
     start = ""
     if inspection.start is not None:
         start = f", from {datetime.fromtimestamp(inspection.start // 10**9, tz=UTC):%Y-%m-%d %H:%M:%S} UTC"
     return f"{inspection.n_samples} samples at {inspection.sampling_rate:.8g} Hz: {length}, {gaps}{start}"
+
+
+def recording_parts(recording: Recording) -> tuple[Any, ...]:
+    """Return what a recording contains: a heading, the table of its channels, and its history."""
+    inspection = inspect(recording)
+    return describe_inspection(inspection), inspection_table(inspection), recording.history
 
 
 def _channel_cells(facts: ChannelFacts) -> tuple[str, ...]:

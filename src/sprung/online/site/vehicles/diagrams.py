@@ -38,7 +38,7 @@ from sprung.online.site.shared import (
 from sprung.online.site.vehicles.windows import window
 from sprung.online.store import Entry
 from sprung.results.documents.document import Pair
-from sprung.results.tables import time_in_words
+from sprung.results.tables.wording import format_time
 
 api = APIRouter(tags=["vehicles"])
 pages = APIRouter(include_in_schema=False)
@@ -354,7 +354,7 @@ def computed_diagrams(request: Request, entry: Entry, *, again: bool = False) ->
             "quantities": dict(row.channels),
             "description": completed or row.description,
             "method": context.site.watch.method,
-            "source": f"{entry.vehicle}, {time_in_words(entry.t0)} UTC",
+            "source": f"{entry.vehicle}, {format_time(entry.t0)} UTC",
         },
         again=again,
     )
