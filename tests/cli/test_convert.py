@@ -62,12 +62,6 @@ def test_parts_and_channels(sprung, run, tmp_path) -> None:
     assert part.start == 10**18 + 10**9
 
 
-def test_several_files_into_a_folder(sprung, run, tmp_path) -> None:
-    write(read(run), tmp_path / "second.csv")
-    assert sprung("convert", run, tmp_path / "second.csv", tmp_path / "folder", "--ending", ".h5").code == 0
-    assert sorted(path.name for path in (tmp_path / "folder").iterdir()) == ["run.h5", "second.h5"]
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [

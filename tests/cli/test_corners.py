@@ -20,36 +20,6 @@ def drive(tmp_path_factory):
     return folder / "run.parquet", folder / "car.toml"
 
 
-def test_json_has_the_contracts_names(sprung, drive, tmp_path):
-    run, car = drive
-    document = sprung("corners", run, "--vehicle", car, "--json", "-").document()
-    assert document["schema"] == "sprung.corners/1"
-    spring = document["corners"]["front_left"]["spring"]
-    assert spring["relative_to_nominal"] == pytest.approx(0.6, abs=0.08)
-    assert spring["value"] == pytest.approx(0.6 * 44179, rel=0.1)
-    assert 0 < spring["std"] < 0.08 * spring["value"]
-    assert set(document["corners"]) == {"front_left", "front_right", "rear_left", "rear_right"}
-    assert set(document["corners"]["rear_right"]) == {"spring", "damper", "tyre"}
-    assert [mode["label"] for mode in document["modes"][:3]] == ["bounce", "pitch", "roll"]
-    assert {"roughness", "waviness", "coherence_length"} <= set(document["road"])
-    assert abs(document["payload"]["payload_mass"]["value"]) < 4 * document["payload"]["payload_mass"]["std"]
-    assert {"model_error", "n_segments", "band", "correlation"} <= set(document["fit"])
-    assert isinstance(document["notes"], list)
-
-
-@pytest.mark.slow
-def test_table_and_figures(sprung, drive, tmp_path):
-    run, car = drive
-    outcome = sprung("corners", run, "--vehicle", car, "--figures", tmp_path / "figures", "--json", tmp_path / "c.json")
-    assert outcome.code == 0
-    assert "front left" in outcome.out
-    assert "█" in outcome.out
-    assert "bounce" in outcome.out
-    for name in ("corners", "spectra", "correlation"):
-        assert (tmp_path / "figures" / f"{name}.png").stat().st_size > 10_000
-    assert json.loads((tmp_path / "c.json").read_text())["schema"] == "sprung.corners/1"
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -64,23 +34,6 @@ def test_bad_usage_is_one_sentence(sprung, drive, words, message):
     outcome = sprung("corners", drive[0], *words)
     assert outcome.code == 2
     assert message in outcome.err
-
-
-@pytest.mark.slow
-def test_missing_speed_comes_from_the_delay(sprung, drive):
-    outcome = sprung("corners", drive[0], "--vehicle", "zafira", "--channels", "acc_fl,acc_fr,acc_rl,acc_rr")
-    assert outcome.code == 0
-    assert "the speed was not recorded:" in outcome.out
-
-
-def test_options_choose_what_is_fitted(sprung, drive):
-    run, car = drive
-    words = ("--free", "spring", "--no-payload", "--sensors", "--json", "-")
-    document = sprung("corners", run, "--vehicle", car, *words).document()
-    assert set(document["corners"]["rear_right"]) == {"spring"}
-    assert document["payload"] == {}
-    assert abs(document["sensors"]["acc_fl_lag"]["value"]) < 2e-3
-    assert abs(document["sensors"]["acc_fl_x"]["value"]) < 0.05
 
 
 @pytest.fixture(scope="module")

@@ -68,58 +68,6 @@ def test_hostile_names_stay_text_and_faults_are_named(sprung, chain, tmp_path) -
     assert "No channel shows a fault" not in page
 
 
-def test_report_without_modes_says_why(sprung, tmp_path) -> None:
-    generator = np.random.default_rng(1)
-    run = tmp_path / "noise.csv"
-    np.savetxt(run, generator.standard_normal((20000, 2)), delimiter=",", header="a,b", comments="")
-    outcome = sprung("identify", run, "--sampling-rate", 100, "--report", tmp_path / "r.html")
-    assert outcome.code == 3
-    page = (tmp_path / "r.html").read_text(encoding="utf-8")
-    assert "No mode found" in page
-    assert document_of(page)["modes"] == []
-
-
-@pytest.mark.slow
-def test_report_of_modes_over_time(sprung, chain, tmp_path) -> None:
-    assert sprung("track", chain, "--window", 40, "--report", tmp_path / "t.html").code == 0
-    page = (tmp_path / "t.html").read_text(encoding="utf-8")
-    assert re.search(r"3 modes followed over 3 windows with modes, of 3: (6.9|7.0)\d* Hz, ", page)
-    assert document_of(page)["schema"] == "sprung.track/1"
-    assert sprung("identify", chain, "--json", tmp_path / "i.json").code == 0
-    assert sprung("track", tmp_path / "i.json", "--report", tmp_path / "t.html").code == 0
-    assert "Modes over time: i.json" in (tmp_path / "t.html").read_text(encoding="utf-8")
-
-
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory):
-    """Four minutes of a car with a soft spring."""
-    from sprung.cli import main
-
-    path = tmp_path_factory.mktemp("drive") / "d.parquet"
-    words = ["simulate", "road", "--vehicle", "zafira", "--minutes", "4", "--fault", "front_left.spring=-0.4"]
-    assert main([*words, "--seed", "1", "--out", str(path)]) == 0
-    return path
-
-
-@pytest.mark.slow
-def test_reports_of_corners_and_diagnosis(sprung, drive, tmp_path) -> None:
-    vehicle = f"{drive}.vehicle.toml"
-    page = tmp_path / "p.html"
-    assert sprung("corners", drive, "--vehicle", vehicle, "--report", page).code == 0
-    text = page.read_text(encoding="utf-8")
-    assert re.search(r"Different from the vehicle file: front left spring -[34]\d", text)
-    assert text.count("data:image/png;base64") == 3
-    assert "vehicle: " in text
-    outcome = sprung("diagnose", drive, "--vehicle", vehicle, "--window", 2, "--report", page)
-    assert outcome.code == 0
-    text = page.read_text(encoding="utf-8")
-    assert "Diagnosis of zafira" in text
-    assert "Front-left spring" in text
-    assert "2 of 2 windows were usable." in text
-    assert "This vehicle has no baseline" in text
-    assert outcome.check_document(document_of(text))["verdict"] == "change"
-
-
 def test_report_must_be_a_file_of_its_own(sprung, chain, tmp_path) -> None:
     for path, message in (
         (chain, "--report"),

@@ -1,6 +1,7 @@
-import inspect
 import json
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,17 +13,6 @@ from sprung.simulation import RailDrive, RigRun, RoadDrive
 from sprung.vehicles import read_description, read_vehicle
 
 SHORT = ("--minutes", "0.2", "--sampling-rate", "200")
-
-
-@pytest.mark.parametrize("ending", ["csv", "parquet", "npz", "mat"])
-def test_formats_by_ending(sprung, tmp_path, ending):
-    path = tmp_path / f"run.{ending}"
-    outcome = sprung("simulate", "chain", *SHORT, "--out", path)
-    assert (outcome.code, outcome.err) == (0, "")
-    recording = read(path)
-    assert recording.names == ("acc_1", "acc_2", "acc_3")
-    assert (recording.n_samples, recording.sampling_rate) == (2400, 200.0)
-    assert all(channel.quantity == "acceleration" for channel in recording.channels)
 
 
 def test_truth_and_vehicle_stand_beside_the_recording(sprung, tmp_path):
@@ -37,13 +27,6 @@ def test_truth_and_vehicle_stand_beside_the_recording(sprung, tmp_path):
     assert (document["seed"], document["speed"], document["faults"]) == (7, None, {})
     assert document["files"] == [str(path)]
     assert read_description(f"{path}.vehicle.toml") == read_description("chain3")
-
-
-def test_vehicle_file_that_was_written_can_be_simulated(sprung, tmp_path):
-    assert sprung("simulate", "quarter", *SHORT, "--out", tmp_path / "a.npz").code == 0
-    words = ("simulate", "quarter", *SHORT, "--vehicle", tmp_path / "a.npz.vehicle.toml", "--out", tmp_path / "b.npz")
-    assert sprung(*words).code == 0
-    np.testing.assert_array_equal(read(tmp_path / "a.npz").samples, read(tmp_path / "b.npz").samples)
 
 
 def test_noise_has_the_stated_ratio(sprung, tmp_path):
@@ -105,54 +88,12 @@ def test_drives_have_speed_truth_and_vehicle(sprung, tmp_path, kind, vehicle):
     assert read_vehicle(f"{path}.vehicle.toml") == read_vehicle(vehicle).model_copy(update={"kind": kind})
 
 
-def test_vehicle_file_states_the_excitation_of_the_drive(sprung, tmp_path):
-    path = tmp_path / "run.parquet"
-    sprung("simulate", "rail", "--vehicle", "y25", "--minutes", "0.2", "--out", path)
-    assert (read_vehicle("y25").kind, read_vehicle(f"{path}.vehicle.toml").kind) == ("rig", "rail")
-
-
-def test_units_of_a_drive_are_in_its_table(sprung, tmp_path):
-    assert sprung("simulate", "road", "--minutes", "0.05", "--out", tmp_path / "run.csv").code == 0
-    heading = (tmp_path / "run.csv").read_text().split("\n")[0]
-    assert heading == "time,acc_fl [m/s^2],acc_fr [m/s^2],acc_rl [m/s^2],acc_rr [m/s^2],speed [m/s]"
-
-
-def test_records_of_a_drive_differ_and_each_has_its_speed(sprung, tmp_path):
-    words = ("simulate", "road", "--minutes", "0.1", "--records", "2", "--out", tmp_path / "r.npz", "--json", "-")
-    document = sprung(*words).document()
-    first, second = (read(tmp_path / f"r-0{k}.npz").samples for k in (1, 2))
-    assert not np.allclose(first, second)
-    assert len(document["speeds"]) == 2
-
-
 @pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("chain", "--road", "C"), "No such option: --road"),
-        (("rig", "--road", "C"), "No such option: --road"),
-        (("road", "--case", "2"), "No such option: --case"),
-        (("road", "--road", "K"), "road class 'K' is not one of A, B"),
-        (("road", "--fault", "front_left.spring"), "is not of the form CORNER.COMPONENT=CHANGE"),
-        (("road", "--fault", "front_left.sprong=-0.1"), "component 'front_left.sprong' is not one of"),
-        (("road", "--vehicle", "chain3"), "vehicle 'chain3' is of kind chain, not road"),
-        (("road", "--speed", "20", "10"), "highest speed=10 must be at least 20"),
-        (("chain", "--noise-band", "1", "9"), "--noise-band needs --snr"),
-        (("road", "--noise-band", "1", "9"), "No such option: --noise-band"),
-        (("quarter", "--fault", "corner.spring=-0.1@5"), "as only faults of drives can"),
-    ],
+    ("options", "settings"),
+    [(simulate._Road, RoadDrive()), (simulate._Rail, RailDrive()), (simulate._Rig, RigRun())],
 )
-def test_options_of_drives_that_do_not_fit(sprung, tmp_path, words, message):
-    outcome = sprung("simulate", *words, "--minutes", "0.1", "--out", tmp_path / "a.csv")
-    assert outcome.code == 2
-    assert message in outcome.err
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
-    ("command", "settings"), [(simulate.road, RoadDrive()), (simulate.rail, RailDrive()), (simulate.rig, RigRun())]
-)
-def test_defaults_of_a_drive_are_those_of_its_settings(command, settings):
-    defaults = {name: parameter.default for name, parameter in inspect.signature(command).parameters.items()}
+def test_defaults_of_a_drive_are_those_of_its_settings(options, settings):
+    defaults: dict[str, Any] = {field.name: field.default for field in fields(options)}
     assert 60 * defaults["minutes"] == settings.duration
     assert (defaults["sampling_rate"], defaults["speed"]) == (settings.sampling_rate, settings.speed)
     assert defaults["snr"] == settings.snr
@@ -236,12 +177,6 @@ def test_the_road_of_the_command_line_is_rougher_than_that_of_the_file(sprung, t
     assert [(road["road_class"], road["right_rougher_db"]) for road in roads] == [("A", 1.0), ("E", 1.0)]
 
 
-def test_nonlinear_suspensions_and_front_rollers_are_conditions(sprung, tmp_path, conditions):
-    file = conditions('driven = "front"\n[suspension]\nnonlinear = true')
-    words = ("simulate", "rig", "--minutes", "0.05", "--conditions", file, "--out", tmp_path / "r.npz", "--json", "-")
-    assert sprung(*words).document()["nonlinear"]
-
-
 def test_a_part_wears_from_record_to_record(sprung, tmp_path, conditions):
     file = conditions('[[deviations.wear]]\ncomponent = "rear_left.damper"\nper_drive = -0.1')
     words = ("simulate", "road", "--minutes", "0.05", "--conditions", file, "--records", "3")
@@ -279,11 +214,3 @@ def test_conditions_that_cannot_be_are_refused(sprung, tmp_path, kind, text, mes
     assert message in " ".join(outcome.err.split())
     assert str(file) in outcome.err
     assert list(tmp_path.iterdir()) == [file]
-
-
-def test_help_shows_only_the_options_of_the_kind(sprung):
-    shown = {kind: sprung("simulate", kind, "--help").out for kind in ("road", "rail", "rig", "chain", "quarter")}
-    assert {kind for kind, text in shown.items() if "--road" in text} == {"road"}
-    assert {kind for kind, text in shown.items() if "--case" in text} == {"quarter"}
-    assert {kind for kind, text in shown.items() if "--noise-band" in text} == {"chain", "quarter"}
-    assert {kind for kind, text in shown.items() if "--conditions" in text} == {"road", "rail", "rig"}

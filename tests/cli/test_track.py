@@ -6,7 +6,6 @@ import pytest
 
 from sprung import write
 from sprung.recording import join
-from sprung.results.documents import TrackingDocument, read_document
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain as chain_of
 
@@ -68,14 +67,6 @@ def test_identifications_as_files(sprung, chain, bogie, tmp_path) -> None:
     assert sprung("identify", bogie, "--json", tmp_path / "other.json").code == 0
     other = sprung("track", files[0], tmp_path / "other.json")
     assert (other.code, "window 2 has the channels" in other.err) == (2, True)
-
-
-@pytest.mark.slow
-def test_document_is_read_again(sprung, chain, tmp_path) -> None:
-    assert sprung("track", chain, "--window", 40, "--json", tmp_path / "t.json").code == 0
-    document = read_document(tmp_path / "t.json")
-    assert isinstance(document, TrackingDocument)
-    assert document.as_json() == json.loads((tmp_path / "t.json").read_text())
 
 
 def test_windows_without_modes_are_noted(sprung, chain, tmp_path) -> None:

@@ -11,18 +11,7 @@ import typer
 from typer.main import get_command
 
 from sprung import __version__
-from sprung.cli import (
-    bounce,
-    corners,
-    diagnosis,
-    identify,
-    measured,
-    recordings,
-    reproduce,
-    simulate,
-    track,
-    vehicle_files,
-)
+from sprung.cli import corners, diagnosis, identify, measured, recordings, reproduce, simulate, track, vehicle_files
 from sprung.cli.output import printable
 from sprung.errors import DataError, IdentificationError, SprungError
 
@@ -99,7 +88,7 @@ def _application() -> typer.Typer:
         identify.identify,
         track.track,
         corners.corners,
-        bounce.bounce,
+        corners.bounce,
         vehicle_files.describe,
         vehicle_files.calibrate,
         diagnosis.baseline,

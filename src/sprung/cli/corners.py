@@ -1,24 +1,19 @@
-"""The command `sprung corners`."""
+"""The commands `sprung corners` and `sprung bounce`."""
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Literal
 
-import typer
-
-from sprung.cli.checks import check_outputs, may_lack_sensors, names
-from sprung.cli.options import INPUT, AllowMissing, Figures, FileFormat, Files, Json, Page, VehicleFile, option
-from sprung.cli.output import progress_bar, show, write_figures, write_page, write_result, written
-from sprung.cli.reading import reads_files
-
-if TYPE_CHECKING:
-    from sprung.formats import ReadSettings
+from sprung.cli.checks import names
+from sprung.cli.options import INPUT, AllowMissing, Files, VehicleFile, option, shares_options, vehicle_file
+from sprung.cli.output import Output, progress_bar
+from sprung.cli.reading import Reading
 
 
-@reads_files
+@shares_options
 def corners(
     files: Files,
     *,
     vehicle: VehicleFile,
-    reading: "ReadSettings",
     allow_missing: AllowMissing = False,
     band: Annotated[
         tuple[float, float] | None, option("LO HI", "Frequencies to fit, in Hz. Default: around the vehicle's modes.")
@@ -29,10 +24,11 @@ def corners(
     ] = 0.7,
     kind: Annotated[
         Literal["road", "rail", "rig"] | None,
-        typer.Option(
-            help="Excitation of the wheels; that of a road or track reaches the rear wheels later. Default: the kind in"
+        option(
+            None,
+            "Excitation of the wheels; that of a road or track reaches the rear wheels later. Default: the kind in"
             " the vehicle file.",
-            rich_help_panel=INPUT,
+            panel=INPUT,
         ),
     ] = None,
     free: Annotated[
@@ -41,34 +37,30 @@ def corners(
     ] = None,
     payload: Annotated[
         bool | None,
-        typer.Option(
+        option(
+            None,
+            "Also fit mass, inertias and centre of gravity of the payload. Default: yes, except on a rig.",
             "--payload/--no-payload",
-            help="Also fit mass, inertias and centre of gravity of the payload. Default: yes, except on a rig.",
-            rich_help_panel=INPUT,
+            panel=INPUT,
         ),
     ] = None,
     sensors: Annotated[
-        bool,
-        typer.Option("--sensors", help="Also fit positions and lags of the sensors.", rich_help_panel=INPUT),
+        bool, option(None, "Also fit positions and lags of the sensors.", "--sensors", panel=INPUT)
     ] = False,
-    figures: Figures = None,
-    file_format: FileFormat = "png",
-    page: Page = None,
-    json: Json = None,
+    output: Output,
+    reading: Reading,
 ) -> None:
     """Estimate the springs, dampers and tyres of every corner from the spectra of a drive or a rig run."""
     from sprung.diagnosis.observation import fit_drive
-    from sprung.formats import read_records
     from sprung.likelihood import CornerSettings
     from sprung.likelihood.plate_test import plate_tests
-    from sprung.results import page as pages
     from sprung.results import tables
     from sprung.results.documents import corners_document
     from sprung.vehicles import read_vehicle
 
-    check_outputs(json=json, page=page, figures=figures, inputs=[*files, vehicle])
+    output.check(*files, vehicle)
     description = read_vehicle(vehicle)
-    may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
+    may_lack = reading.may_lack(description, allow_missing=allow_missing)
     settings = CornerSettings(
         band=band,
         segment=segment,
@@ -79,20 +71,57 @@ def corners(
         kind=kind,
     )
     with progress_bar() as report:
-        recordings = read_records(files, settings=reading, on_progress=report)
+        recordings = reading.records(files, report)
         report("fitting", 0.5)
         fit = fit_drive(recordings, description, settings=settings, allow_missing=may_lack)
         source = ", ".join(path.name for path in files)
-        paths = write_figures(figures, lambda drawn: drawn.saving.corner_figures(fit, source=source), file_format)
+        output.draw(lambda drawn: drawn.saving.corner_figures(fit, source=source))
         document = corners_document(fit)
-        paths += write_page(
-            page,
-            lambda inputs: pages.corners_report(fit, inputs, document=document),
-            files,
-            reading=reading,
-            others={"vehicle": vehicle},
+        output.report(
+            lambda pages, inputs: pages.corners_report(fit, inputs, document=document), files, reading, vehicle=vehicle
         )
-    if write_result(document, json):
-        words = [*tables.payload_in_words(fit), *fit.notes, *written(paths, json)]
-        inspection = [tables.plate_tests_table(tests)] if (tests := plate_tests(fit)) else []
-        show(tables.components_table(fit), tables.fitted_modes_table(fit), *inspection, words)
+    inspection = [tables.plate_tests_table(tests)] if (tests := plate_tests(fit)) else []
+    shown = (tables.components_table(fit), tables.fitted_modes_table(fit), *inspection)
+    output.show(document, *shown, notes=[*tables.describe_payload(fit), *fit.notes])
+
+
+@shares_options
+def bounce(
+    files: Files,
+    *,
+    vehicle: Annotated[str | None, vehicle_file("names of modes, springs and dampers.")] = None,
+    before: Annotated[
+        list[Path] | None,
+        option(
+            "FILE", "Earlier test of the same vehicle, with which this one is compared; may be repeated.", panel=INPUT
+        ),
+    ] = None,
+    allow_missing: AllowMissing = False,
+    output: Output,
+    reading: Reading,
+) -> None:
+    """Find pushes, drops and releases, and state frequency, damping and friction of the free motion after them."""
+    from sprung.bounce_tests import bounce as bounced
+    from sprung.results import tables
+    from sprung.results.documents import bounce_document
+    from sprung.vehicles import read_description
+
+    output.check(*files, *(before or ()), vehicle)
+    with progress_bar() as report:
+        description = None if vehicle is None else read_description(vehicle)
+        may_lack = reading.may_lack(description, allow_missing=allow_missing)
+        recordings = reading.records(files, report)
+        earlier = reading.records(before, report) if before else None
+        report("fitting the free motions", 0.5)
+        result = bounced(recordings, vehicle=description, before=earlier, allow_missing=may_lack)
+        source = ", ".join(path.name for path in files)
+        output.draw(lambda drawn: {"bounce": drawn.bounce_figure(result, source=source)})
+        document = bounce_document(result)
+        output.report(
+            lambda pages, inputs: pages.bounce_report(result, inputs, document=document),
+            files,
+            reading,
+            vehicle=vehicle,
+        )
+    heading = f"{source}: {tables.describe_bounce(result)}"
+    output.show(document, *tables.bounce_tables(result), notes=result.notes, heading=heading)

@@ -1,6 +1,9 @@
 """Options of several commands, and the shell completion of their values."""
 
-from collections.abc import Collection
+import inspect
+from collections.abc import Callable, Collection
+from dataclasses import MISSING, field, fields
+from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -60,6 +63,51 @@ def option(metavar: str | None, text: str, *names: str, panel: str | None = None
     return typer.Option(*names, metavar=metavar, help=text, rich_help_panel=panel, **rules)
 
 
+def vehicle_file(text: str) -> Any:
+    """Return the option of an optional vehicle file, of which a command takes what the text says."""
+    words = f"Vehicle file or name of a shipped vehicle: {text}"
+    return option("V.toml|NAME", words, autocompletion=complete_vehicles, panel=INPUT)
+
+
+class Group:
+    """Options that several commands share: a dataclass whose fields are the options."""
+
+
+def declared(metavar: str | None, text: str, *names: str, default: Any = None, **rules: Any) -> Any:
+    """Return a field of a group: an option with its default."""
+    return field(default=default, metadata={"option": option(metavar, text, *names, **rules)})
+
+
+def shares_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of each of its parameters that is a `Group`, in the place of that parameter."""
+    signature = inspect.signature(command)
+    kinds = {name: parameter.annotation for name, parameter in signature.parameters.items()}
+    groups = {name: kind for name, kind in kinds.items() if isinstance(kind, type) and issubclass(kind, Group)}
+    options = {name: [each for each in fields(kind) if each.init] for name, kind in groups.items()}  # type: ignore[arg-type]
+    parameters: list[inspect.Parameter] = []
+    for name, parameter in signature.parameters.items():
+        parameters += [parameter] * (name not in groups)
+        parameters += [
+            inspect.Parameter(
+                each.name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=inspect.Parameter.empty if each.default is MISSING else each.default,
+                annotation=Annotated[each.type, each.metadata["option"]] if each.metadata else each.type,
+            )
+            for each in options.get(name, ())
+        ]
+
+    @wraps(command)
+    def run(**arguments: Any) -> None:
+        for name, kind in groups.items():
+            arguments[name] = kind(**{each.name: arguments.pop(each.name) for each in options[name]})
+        command(**arguments)
+
+    vars(run)["__signature__"] = signature.replace(parameters=parameters)
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return run
+
+
 Files = Annotated[
     list[Path],
     typer.Argument(
@@ -72,10 +120,11 @@ Files = Annotated[
 SamplingRate = Annotated[float | None, option("HZ", "Sampling rate of files without a time column.", panel=INPUT)]
 AllowMissing = Annotated[
     bool,
-    typer.Option(
+    option(
+        None,
+        "Continue without sensors of the vehicle file that the recordings lack; the results list them.",
         "--allow-missing",
-        help="Continue without sensors of the vehicle file that the recordings lack; the results list them.",
-        rich_help_panel=INPUT,
+        panel=INPUT,
     ),
 ]
 VehicleFile = Annotated[
@@ -94,10 +143,7 @@ TypeFile = Annotated[
 ]
 Minutes = Annotated[float, option("MINUTES", "Length of a window.", "--window", panel=INPUT)]
 Figures = Annotated[Path | None, option("DIR", "Write figures to this folder.", panel=OUTPUT)]
-FileFormat = Annotated[
-    Literal["png", "svg", "pdf"],
-    typer.Option("--format", help="Format of the figures.", rich_help_panel=OUTPUT),
-]
+FileFormat = Annotated[Literal["png", "svg", "pdf"], option(None, "Format of the figures.", "--format", panel=OUTPUT)]
 Page = Annotated[
     Path | None,
     option(

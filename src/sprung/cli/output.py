@@ -7,16 +7,20 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from pathlib import Path
+from sprung.cli.checks import check_file, check_folder
+from sprung.cli.options import Figures, FileFormat, Group, Json, Page
+from sprung.errors import ParameterError
 
+if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Console
     from rich.table import Table as Grid
 
-    from sprung.formats import ReadSettings
+    from sprung.cli.reading import Reading
     from sprung.results.documents import Document
     from sprung.results.page import Inputs, Report
     from sprung.results.tables import Table
@@ -128,53 +132,75 @@ def printable_lines(text: str) -> str:
     return "\n".join(printable(line) for line in text.split("\n"))
 
 
-def write_page(
-    page: "Path | None",
-    report: "Callable[[Inputs], Report]",
-    files: "Sequence[Path]",
-    *,
-    reading: "ReadSettings",
-    others: Mapping[str, object],
-    has_recordings: bool = True,
-) -> "list[Path]":
-    """Write a report where one is wanted, and return its path.
+@dataclass(slots=True)
+class Output(Group):
+    """Where a command puts its result besides the terminal, and the files that it wrote."""
 
-    Parameters
-    ----------
-    page
-        File to write; None: no report.
-    report
-        Function from the facts about the files to the report.
-    files
-        Recordings, which are read once more for those facts.
-    reading
-        Settings with which the command reads the files.
-    others
-        Further files by purpose; None for those not given.
-    has_recordings
-        Whether the files are recordings; their channels are not listed otherwise.
-    """
-    if page is None:
-        return []
-    from sprung.results.page import Inputs, inspected, render
+    figures: Figures = None
+    file_format: FileFormat = "png"
+    page: Page = None
+    json: Json = None
+    paths: list[Path] = field(default_factory=list, init=False)
 
-    given = {purpose: str(name) for purpose, name in others.items() if name is not None}
-    inputs = Inputs(tuple(files), {}, given)
-    if has_recordings:
-        inputs = inspected(files, settings=reading, others=given)
-    page.write_text(render(report(inputs)), encoding="utf-8")
-    return [page]
+    def check(self, *inputs: str | Path | None) -> None:
+        """Refuse files that cannot be written, or would overwrite an input; None of the inputs is not given."""
+        given = [path for path in inputs if path is not None]
+        check_file("--json", self.json, inputs=given)
+        check_file("--report", self.page, inputs=given)
+        if self.page is not None and self.page.suffix.lower() not in {".html", ".htm"}:
+            name = self.page.with_suffix(".html").name
+            raise ParameterError(f"--report {self.page} must be an HTML file: name it {name}")
+        check_folder("--figures", self.figures)
 
+    def draw(self, figures: "Callable[[Any], Mapping[str, Figure]]") -> None:
+        """Write figures by name where a folder for them is given; `figures` receives `sprung.results.figures`."""
+        if self.figures is not None:
+            from sprung.results import figures as drawn
+            from sprung.results.figures.saving import save
 
-def write_figures(
-    folder: "Path | None", draw: "Callable[[Any], Mapping[str, Figure]]", file_format: str
-) -> "list[Path]":
-    """Write figures by name where a folder for them is given; `draw` receives `sprung.results.figures`."""
-    if folder is None:
-        return []
-    from sprung.results import figures
+            self.paths += save(figures(drawn), self.figures, file_format=self.file_format)
 
-    return figures.saving.save(draw(figures), folder, file_format=file_format)
+    def report(
+        self,
+        report: "Callable[[Any, Inputs], Report]",
+        files: "Sequence[Path]",
+        reading: "Reading | None",
+        **others: object,
+    ) -> None:
+        """Write the report, if there is to be one, as a self-contained page.
+
+        Parameters
+        ----------
+        report
+            Function from `sprung.results.page` and the facts about the files to the report.
+        files
+            Recordings behind the result.
+        reading
+            How they were read; None: they are no recordings, and have no facts.
+        others
+            Further files behind it by their purpose; None: not given.
+        """
+        if self.page is None:
+            return
+        from sprung.results import page as pages
+
+        given = {purpose: str(name) for purpose, name in others.items() if name is not None}
+        inputs = pages.Inputs(tuple(files), {}, given)
+        if reading is not None:
+            inputs = pages.inspected(files, settings=reading.settings, others=given)
+        self.page.write_text(pages.render(report(pages, inputs)), encoding="utf-8")
+        self.paths.append(self.page)
+
+    def show(
+        self,
+        document: "Document | Mapping[str, Any]",
+        *parts: "Table | Sequence[str]",
+        notes: Iterable[str] = (),
+        heading: str = "",
+    ) -> None:
+        """Write the JSON document, and show tables and sentences, notes and the files written where that is free."""
+        if write_result(document, self.json):
+            show(*parts, [*notes, *written(self.paths, self.json)], heading=heading)
 
 
 @contextmanager

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sprung.cli.checks import check_file, check_outputs
-from sprung.cli.options import Figures, FileFormat, Files, Json, option
-from sprung.cli.output import progress_bar, show, write_figures, write_result, written
-from sprung.cli.reading import reads_files
+from sprung.cli.checks import check_file
+from sprung.cli.options import Figures, FileFormat, Files, Json, option, shares_options
+from sprung.cli.output import Output, progress_bar, show, write_result, written
+from sprung.cli.reading import Reading
 from sprung.errors import DataError, ParameterError
 
 if TYPE_CHECKING:
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from sprung.signals.inspection import Inspection
 
 
-@reads_files
+@shares_options
 def info(
     files: Files,
     *,
-    reading: "ReadSettings",
     figures: Figures = None,
     file_format: FileFormat = "png",
     json: Json = None,
+    reading: Reading,
 ) -> None:
     """Summarise recordings: groups, channels, units, rate, length, gaps, levels and faults."""
     from sprung.formats import read, read_records
@@ -40,11 +40,11 @@ def info(
     from sprung.signals.inspection import inspect_blocks
     from sprung.signals.plausibility import doubts
 
-    check_outputs(json=json, page=None, figures=figures, inputs=files)
+    output = Output(figures, file_format, json=json)
+    output.check(*files)
     inspections: dict[str, Inspection] = {}
-    paths: list[Path] = []
     for path in files:
-        parts, refused = _parts(path, reading), []
+        parts, refused = _parts(path, reading.settings), []
         for name, settings in parts.items():
             try:
                 with progress_bar() as report:
@@ -56,15 +56,14 @@ def info(
                 continue
             inspections[name] = replace(inspection, group=settings.groups[0] if name != str(path) else None)
             if json != "-":
-                heading = f"{name}: {tables.inspection_in_words(inspection)}"
+                heading = f"{name}: {tables.describe_inspection(inspection)}"
                 show(tables.inspection_table(inspection), [*doubts(inspection), *inspection.history], heading=heading)
             recording_of = partial(read, path, settings=settings)
-            draw = partial(_overview, recording_of=recording_of, name=name)
-            paths += write_figures(figures, draw, file_format)
+            output.draw(partial(_overview, recording_of=recording_of, name=name))
         if refused and json != "-":
             show([str(error) for error in refused], heading="Groups without samples of motion")
     if write_result(inspection_document(inspections), json):
-        show(written(paths, json))
+        show(written(output.paths, json))
 
 
 def _overview(drawn: Any, *, recording_of: "Callable[[], Recording]", name: str) -> "dict[str, Figure]":
@@ -85,7 +84,7 @@ def _parts(path: Path, reading: "ReadSettings") -> "dict[str, ReadSettings]":
     return {f"{path}{group_label(group.name)}": replace(reading, groups=(group.name,)) for group in found}
 
 
-@reads_files
+@shares_options
 def convert(
     paths: Annotated[
         list[Path],
@@ -97,7 +96,7 @@ def convert(
     ],
     *,
     ending: Annotated[str, option(".END", "Ending of the files in a folder, which sets their format.")] = ".parquet",
-    reading: "ReadSettings",
+    reading: Reading,
 ) -> None:
     """Convert recordings to another format, with units, names, start, calibration and comments."""
     from sprung.formats import read, write
@@ -110,7 +109,7 @@ def convert(
         check_file("OUT", target, inputs=files)
         with progress_bar() as report:
             report(f"reading {path.name}", 0.0)
-            recording = _with_plain_names(read(path, settings=reading))
+            recording = _with_plain_names(read(path, settings=reading.settings))
             report(f"writing {target.name}", 0.5)
             write(recording, target)
         minutes = recording.duration / 60

@@ -1,7 +1,7 @@
 """The commands `sprung simulate road`, `rail`, `rig`, `chain` and `quarter`."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -9,71 +9,50 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from sprung.cli.checks import check_file
-from sprung.cli.options import OUTPUT, Json, complete_vehicles, option
+from sprung.cli.options import OUTPUT, Group, Json, complete_vehicles, declared, option, shares_options
 from sprung.cli.output import progress_bar, show, write_json, write_result, written
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
+    from sprung.cli.conditions import DriveConditions
+    from sprung.excitation import Excitation
     from sprung.simulation import DriveSettings
-    from sprung.simulation.drives import SimulatedDrive
-    from sprung.simulation.runs import SimulatedRun, StationaryRun
-    from sprung.vehicles import Fault, Vehicle
+    from sprung.vehicles import Fault
     from sprung.vehicles.usable import AnyVehicle
 
-    #: A simulation that lacks only its seed.
-    Simulation = Callable[..., SimulatedDrive | SimulatedRun]
+#: Most samples of a record, and rate at which drives are computed at least [Hz].
+_MAX_SAMPLES, _DRIVE_RATE = 1e8, 1000.0
 
-_MAX_SAMPLES = 1e8
-
-Out = Annotated[Path, option("FILE", "File to write: .csv, .parquet, .npz or .mat.", panel=OUTPUT, show_default=False)]
-Records = Annotated[
-    int, option("N", "Number of records; several are numbered -01, -02 ..", panel=OUTPUT, min=1, max=1000)
-]
 VehicleName = Annotated[
     str, option("V.toml|NAME", "Vehicle file or name of a shipped vehicle.", autocompletion=complete_vehicles)
 ]
-Minutes = Annotated[float, option("M", "Length of each record in minutes.")]
 SamplingRate = Annotated[float, option("HZ", "Sampling rate in Hz.")]
-Snr = Annotated[float | None, option("S", "RMS of the signal over RMS of the sensor noise. Default: no noise.")]
-Seed = Annotated[int, option("N", "Seed of all random numbers.", min=0)]
-NoiseBand = Annotated[
-    tuple[float, float] | None, option("LO HI", "Band of the sensor noise in Hz. Default: white noise.")
-]
 Speed = Annotated[tuple[float, float], option("LO HI", "Range of the steady speeds in m/s.")]
-Faults = Annotated[
-    list[str] | None,
-    option(
-        "CORNER.COMPONENT=-0.2",
-        "Relative change of a spring, damper or tyre. With @ONSET+GROWTH (in seconds) it begins later and grows. May be"
-        " repeated.",
-    ),
-]
-ConstantFaults = Annotated[
-    list[str] | None,
-    option("OWNER.COMPONENT=-0.2", "Relative change of a spring or damper. May be repeated."),
-]
-Conditions = Annotated[
-    Path | None,
-    option(
-        "C.toml",
-        "Conditions of the drive: payload, suspension, sensors, what differs from the vehicle file; on a road also"
-        " potholes, driving and wheels. Default: a healthy vehicle on a calm drive.",
-    ),
-]
 
 simulate = typer.Typer(
     help="Simulate recordings with known truth: FILE, and next to it FILE.truth.json and FILE.vehicle.toml."
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Output:
-    """Files of `n_records` recordings, seed of the simulation, and the path of --json for a copy of the truth."""
+@dataclass(frozen=True, kw_only=True)
+class Run(Group):
+    """Options of every simulation."""
 
-    out: Path
-    n_records: int
-    seed: int
-    json: str | None
+    out: Path = declared(
+        "FILE", "File to write: .csv, .parquet, .npz or .mat.", default=MISSING, panel=OUTPUT, show_default=False
+    )
+    vehicle: VehicleName
+    minutes: float = declared("M", "Length of each record in minutes.", default=10.0)
+    sampling_rate: SamplingRate
+    fault: list[str] | None = declared(
+        "OWNER.COMPONENT=-0.2", "Relative change of a spring or damper. May be repeated."
+    )
+    snr: float | None = declared("S", "RMS of the signal over RMS of the sensor noise. Default: no noise.")
+    records: int = declared(
+        "N", "Number of records; several are numbered -01, -02 ..", default=1, panel=OUTPUT, min=1, max=1000
+    )
+    seed: int = declared("N", "Seed of all random numbers.", default=0, min=0)
+    json: Json = None
 
     def __post_init__(self) -> None:
         check_file("--out", self.out)
@@ -82,240 +61,212 @@ class Output:
             raise ParameterError(f"--json {self.json} would overwrite --out: give another name")
 
     @property
-    def paths(self) -> list[Path]:
-        """File of every record."""
-        if self.n_records == 1:
-            return [self.out]
-        return [self.out.with_stem(f"{self.out.stem}-{k:02d}") for k in range(1, self.n_records + 1)]
+    def faults(self) -> "tuple[Fault, ...]":
+        """Faults of the vehicle."""
+        from sprung.vehicles import parse_fault
+
+        return tuple(parse_fault(text) for text in self.fault or ())
+
+    def _check_length(self, *, least_rate: float = 0.0) -> None:
+        """Refuse records without a length, and those that do not fit into memory."""
+        from sprung._checks import check_number
+
+        check_number("--minutes", self.minutes, above=0)
+        check_number("--sampling-rate", self.sampling_rate, above=0)
+        n_samples = 60 * self.minutes * max(self.sampling_rate, least_rate)
+        check_number("samples in a record", n_samples, at_most=_MAX_SAMPLES, advice="lower --minutes, or use --records")
+
+    def _wrong_kind(self, kind: str, needed: str) -> ParameterError:
+        return ParameterError(f"vehicle {self.vehicle!r} is of kind {kind}, not {needed}: give another one")
+
+    def _write(self, simulations: Sequence[Callable[..., Any]], vehicle: "AnyVehicle", **settings: Any) -> None:
+        """Simulate and write the recordings, and the truth and the vehicle file next to them; print the files."""
+        from sprung.formats import write
+        from sprung.results import tables
+        from sprung.simulation.runs import joint_truth, record_seeds
+        from sprung.vehicles import write_vehicle
+
+        truths, paths = [], [self.out]
+        if self.records > 1:
+            paths = [self.out.with_stem(f"{self.out.stem}-{k:02d}") for k in range(1, self.records + 1)]
+        with progress_bar() as report:
+            seeds = record_seeds(self.seed, len(paths))
+            for number, (simulation, path, seed) in enumerate(zip(simulations, paths, seeds, strict=True)):
+                report(f"simulating {path.name}", number / len(paths))
+                run = simulation(seed=seed)
+                write(run.recording, path)
+                truths.append(run.truth)
+        document = {**joint_truth(truths, seed=self.seed), **settings, "files": [str(path) for path in paths]}
+        truth_path, vehicle_path = Path(f"{self.out}.truth.json"), Path(f"{self.out}.vehicle.toml")
+        write_json(document, str(truth_path))
+        write_vehicle(vehicle, vehicle_path)
+        if write_result(document, self.json):
+            show(tables.true_modes_table(document), written([*paths, truth_path, vehicle_path], self.json))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive(Run):
+    """Options of drives."""
+
+    speed: Speed
+    fault: list[str] | None = declared(
+        "CORNER.COMPONENT=-0.2",
+        "Relative change of a spring, damper or tyre. With @ONSET+GROWTH (in seconds) it begins later and grows."
+        " May be repeated.",
+    )
+    conditions: Path | None = declared(
+        "C.toml",
+        "Conditions of the drive: payload, suspension, sensors, what differs from the vehicle file; on a road also"
+        " potholes, driving and wheels. Default: a healthy vehicle on a calm drive.",
+    )
+
+    def simulate(
+        self,
+        kind: Literal["road", "rail", "rig"],
+        model: "type[DriveConditions]",
+        settings: "type[DriveSettings]",
+        *,
+        road_class: str | None = None,
+    ) -> None:
+        """Simulate and write drives, with the wear of each carried over to the next."""
+        from sprung.cli.conditions import read_conditions
+        from sprung.simulation import simulate_drive
+        from sprung.simulation.runs import drive_document, drives_of_one_vehicle
+        from sprung.vehicles import Vehicle, read_description
+
+        described = read_description(self.vehicle)
+        if not isinstance(described, Vehicle):
+            raise self._wrong_kind(described.kind, kind)
+        vehicle = described.model_copy(update={"kind": kind})
+        stated = read_conditions(model, self.conditions).settings(vehicle.speed_channel)
+        if road_class is not None:
+            stated["road"] = replace(stated["road"], road_class=road_class)
+        self._check_length(least_rate=_DRIVE_RATE)
+        drive = settings(
+            duration=60 * self.minutes,
+            sampling_rate=self.sampling_rate,
+            speed=self.speed,
+            snr=self.snr,
+            faults=self.faults,
+            **stated,
+        )
+        drives = [partial(simulate_drive, vehicle, one) for one in drives_of_one_vehicle(drive, self.records)]
+        self._write(drives, vehicle, **drive_document(drive))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shaken(Run):
+    """Options of runs of what does not drive."""
+
+    noise_band: tuple[float, float] | None = declared("LO HI", "Band of the sensor noise in Hz. Default: white noise.")
+
+    def simulate(self, kind: Literal["chain", "quarter"], excitation: "Excitation | None" = None) -> None:
+        """Simulate and write records of a chain or a quarter vehicle."""
+        from sprung.simulation.runs import StationaryRun, simulate_run
+        from sprung.vehicles import Vehicle, read_description
+
+        vehicle = read_description(self.vehicle)
+        if isinstance(vehicle, Vehicle) or vehicle.kind != kind:
+            raise self._wrong_kind(vehicle.kind, kind)
+        if self.noise_band is not None and self.snr is None:
+            raise ParameterError("--noise-band needs --snr: state how strong the noise is")
+        self._check_length()
+        run = StationaryRun(
+            excitation=excitation,
+            duration=60 * self.minutes,
+            sampling_rate=self.sampling_rate,
+            faults=self.faults,
+            snr=self.snr,
+            noise_band=self.noise_band,
+        )
+        self._write([partial(simulate_run, vehicle, run)] * self.records, vehicle)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Road(Drive):
+    vehicle: VehicleName = "zafira"
+    sampling_rate: SamplingRate = 200.0
+    speed: Speed = (5.5, 20.0)
+    road_class: str | None = declared(
+        "A..H", "Roughness class of ISO 8608. Default: that of --conditions, or C.", "--road"
+    )
 
 
 @simulate.command()
-def road(
-    *,
-    out: Out,
-    vehicle: VehicleName = "zafira",
-    minutes: Minutes = 10.0,
-    sampling_rate: SamplingRate = 200.0,
-    speed: Speed = (5.5, 20.0),
-    road_class: Annotated[
-        str | None, option("A..H", "Roughness class of ISO 8608. Default: that of --conditions, or C.", "--road")
-    ] = None,
-    fault: Faults = None,
-    conditions: Conditions = None,
-    snr: Snr = None,
-    records: Records = 1,
-    seed: Seed = 0,
-    json: Json = None,
-) -> None:
+@shares_options
+def road(*, options: _Road) -> None:
     """Simulate a car that drives on a road."""
-    from sprung.cli.conditions import RoadDriveConditions, read_conditions
+    from sprung.cli.conditions import RoadDriveConditions
     from sprung.simulation import RoadDrive
 
-    output = Output(out, records, seed, json)
-    car = _vehicle("road", vehicle)
-    stated = read_conditions(RoadDriveConditions, conditions).settings(car.speed_channel)
-    if road_class is not None:
-        stated["road"] = replace(stated["road"], road_class=road_class)
-    settings = RoadDrive(
-        duration=60 * minutes, sampling_rate=sampling_rate, speed=speed, snr=snr, faults=_faults(fault), **stated
-    )
-    _simulate_drives(car, settings, output)
+    options.simulate("road", RoadDriveConditions, RoadDrive, road_class=options.road_class)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Rail(Drive):
+    vehicle: VehicleName = "y25"
+    sampling_rate: SamplingRate = 500.0
+    speed: Speed = (15.0, 30.0)
 
 
 @simulate.command()
-def rail(
-    *,
-    out: Out,
-    vehicle: VehicleName = "y25",
-    minutes: Minutes = 10.0,
-    sampling_rate: SamplingRate = 500.0,
-    speed: Speed = (15.0, 30.0),
-    fault: Faults = None,
-    conditions: Conditions = None,
-    snr: Snr = None,
-    records: Records = 1,
-    seed: Seed = 0,
-    json: Json = None,
-) -> None:
+@shares_options
+def rail(*, options: _Rail) -> None:
     """Simulate a bogie that runs on a track."""
-    from sprung.cli.conditions import DriveConditions, read_conditions
+    from sprung.cli.conditions import DriveConditions
     from sprung.simulation import RailDrive
 
-    output = Output(out, records, seed, json)
-    bogie = _vehicle("rail", vehicle)
-    stated = read_conditions(DriveConditions, conditions).settings(bogie.speed_channel)
-    settings = RailDrive(
-        duration=60 * minutes, sampling_rate=sampling_rate, speed=speed, snr=snr, faults=_faults(fault), **stated
-    )
-    _simulate_drives(bogie, settings, output)
+    options.simulate("rail", DriveConditions, RailDrive)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Rig(Drive):
+    vehicle: VehicleName = "scale-bogie"
+    sampling_rate: SamplingRate = 1000.0
+    speed: Speed = (5.5, 5.9)
 
 
 @simulate.command()
-def rig(
-    *,
-    out: Out,
-    vehicle: VehicleName = "scale-bogie",
-    minutes: Minutes = 10.0,
-    sampling_rate: SamplingRate = 1000.0,
-    speed: Speed = (5.5, 5.9),
-    fault: Faults = None,
-    conditions: Conditions = None,
-    snr: Snr = None,
-    records: Records = 1,
-    seed: Seed = 0,
-    json: Json = None,
-) -> None:
+@shares_options
+def rig(*, options: _Rig) -> None:
     """Simulate a bogie on a roller rig."""
-    from sprung.cli.conditions import RigRunConditions, read_conditions
+    from sprung.cli.conditions import RigRunConditions
     from sprung.simulation import RigRun
 
-    output = Output(out, records, seed, json)
-    bogie = _vehicle("rig", vehicle)
-    stated = read_conditions(RigRunConditions, conditions).settings(bogie.speed_channel)
-    settings = RigRun(
-        duration=60 * minutes, sampling_rate=sampling_rate, speed=speed, snr=snr, faults=_faults(fault), **stated
-    )
-    _simulate_drives(bogie, settings, output)
+    options.simulate("rig", RigRunConditions, RigRun)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Chain(Shaken):
+    vehicle: VehicleName = "chain3"
+    sampling_rate: SamplingRate = 500.0
 
 
 @simulate.command()
-def chain(
-    *,
-    out: Out,
-    vehicle: VehicleName = "chain3",
-    minutes: Minutes = 10.0,
-    sampling_rate: SamplingRate = 500.0,
-    fault: ConstantFaults = None,
-    snr: Snr = None,
-    noise_band: NoiseBand = None,
-    records: Records = 1,
-    seed: Seed = 0,
-    json: Json = None,
-) -> None:
+@shares_options
+def chain(*, options: _Chain) -> None:
     """Simulate a chain of masses, springs and dampers under random forces."""
-    from sprung.simulation.runs import StationaryRun
+    options.simulate("chain")
 
-    output = Output(out, records, seed, json)
-    settings = StationaryRun(
-        duration=60 * minutes, sampling_rate=sampling_rate, faults=_faults(fault), snr=snr, noise_band=noise_band
+
+@dataclass(frozen=True, kw_only=True)
+class _Quarter(Shaken):
+    vehicle: VehicleName = "quarter"
+    sampling_rate: SamplingRate = 1000.0
+    case: int = declared(
+        "1..4",
+        "Base motion. 1: random. 2: random plus pulses. 3: random plus pulses and a 3.65 Hz sine. 4: as 3, plus a"
+        " 17 Hz sine.",
+        default=1,
+        min=1,
+        max=4,
     )
-    _simulate_runs("chain", vehicle, settings, output)
 
 
 @simulate.command()
-def quarter(
-    *,
-    out: Out,
-    vehicle: VehicleName = "quarter",
-    minutes: Minutes = 10.0,
-    sampling_rate: SamplingRate = 1000.0,
-    case: Annotated[
-        int,
-        option(
-            "1..4",
-            "Base motion. 1: random. 2: random plus pulses. 3: random plus pulses and a 3.65 Hz sine. 4: as 3, plus a"
-            " 17 Hz sine.",
-            min=1,
-            max=4,
-        ),
-    ] = 1,
-    fault: ConstantFaults = None,
-    snr: Snr = None,
-    noise_band: NoiseBand = None,
-    records: Records = 1,
-    seed: Seed = 0,
-    json: Json = None,
-) -> None:
+@shares_options
+def quarter(*, options: _Quarter) -> None:
     """Simulate a quarter vehicle: one wheel on a roller."""
     from sprung.excitation import QUARTER_CASES
-    from sprung.simulation.runs import StationaryRun
 
-    output = Output(out, records, seed, json)
-    settings = StationaryRun(
-        excitation=QUARTER_CASES[case - 1],
-        duration=60 * minutes,
-        sampling_rate=sampling_rate,
-        faults=_faults(fault),
-        snr=snr,
-        noise_band=noise_band,
-    )
-    _simulate_runs("quarter", vehicle, settings, output)
-
-
-def _faults(texts: Sequence[str] | None) -> "tuple[Fault, ...]":
-    from sprung.vehicles import parse_fault
-
-    return tuple(parse_fault(text) for text in texts or ())
-
-
-def _vehicle(kind: Literal["road", "rail", "rig"], path_or_name: str) -> "Vehicle":
-    """Return the vehicle on axles of a file or name, with the excitation of its wheels."""
-    from sprung.vehicles import Vehicle, read_description
-
-    vehicle = read_description(path_or_name)
-    if not isinstance(vehicle, Vehicle):
-        raise _wrong_kind(path_or_name, vehicle.kind, kind)
-    return vehicle.model_copy(update={"kind": kind})
-
-
-def _simulate_drives(vehicle: "Vehicle", settings: "DriveSettings", output: Output) -> None:
-    """Simulate and write drives, with the wear of each carried over to the next."""
-    from sprung.simulation import simulate_drive
-    from sprung.simulation.runs import drive_document, drives_of_one_vehicle
-
-    _check_length(settings.duration, max(settings.sampling_rate, 1000.0))
-    drives = [partial(simulate_drive, vehicle, one) for one in drives_of_one_vehicle(settings, output.n_records)]
-    _write(drives, vehicle, drive_document(settings), output)
-
-
-def _simulate_runs(kind: str, path_or_name: str, settings: "StationaryRun", output: Output) -> None:
-    """Simulate and write records of a chain or a quarter vehicle."""
-    from sprung.simulation.runs import simulate_run
-    from sprung.vehicles import Vehicle, read_description
-
-    vehicle = read_description(path_or_name)
-    if isinstance(vehicle, Vehicle) or vehicle.kind != kind:
-        raise _wrong_kind(path_or_name, vehicle.kind, kind)
-    if settings.noise_band is not None and settings.snr is None:
-        raise ParameterError("--noise-band needs --snr: state how strong the noise is")
-    _check_length(settings.duration, settings.sampling_rate)
-    _write([partial(simulate_run, vehicle, settings)] * output.n_records, vehicle, {}, output)
-
-
-def _wrong_kind(path_or_name: str, kind: str, needed: str) -> ParameterError:
-    return ParameterError(f"vehicle {path_or_name!r} is of kind {kind}, not {needed}: give another one")
-
-
-def _check_length(duration: float, sampling_rate: float) -> None:
-    """Refuse records without a length, and those that do not fit into memory."""
-    from sprung._checks import check_number
-
-    check_number("--minutes", duration / 60, above=0)
-    check_number("--sampling-rate", sampling_rate, above=0)
-    n_samples = duration * sampling_rate
-    check_number("samples in a record", n_samples, at_most=_MAX_SAMPLES, advice="lower --minutes, or use --records")
-
-
-def _write(
-    simulations: "Sequence[Simulation]", vehicle: "AnyVehicle", settings: dict[str, Any], output: Output
-) -> None:
-    """Simulate and write the recordings, and the truth and the vehicle file next to them; print the files."""
-    from sprung.formats import write
-    from sprung.results import tables
-    from sprung.simulation.runs import joint_truth, record_seeds
-    from sprung.vehicles import write_vehicle
-
-    truths, paths = [], output.paths
-    with progress_bar() as report:
-        seeds = record_seeds(output.seed, len(paths))
-        for number, (simulation, path, seed) in enumerate(zip(simulations, paths, seeds, strict=True)):
-            report(f"simulating {path.name}", number / len(paths))
-            run = simulation(seed=seed)
-            write(run.recording, path)
-            truths.append(run.truth)
-    document = {**joint_truth(truths, seed=output.seed), **settings, "files": [str(path) for path in paths]}
-    truth_path, vehicle_path = Path(f"{output.out}.truth.json"), Path(f"{output.out}.vehicle.toml")
-    write_json(document, str(truth_path))
-    write_vehicle(vehicle, vehicle_path)
-    if write_result(document, output.json):
-        show(tables.true_modes_table(document), written([*paths, truth_path, vehicle_path], output.json))
+    options.simulate("quarter", QUARTER_CASES[options.case - 1])

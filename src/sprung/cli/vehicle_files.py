@@ -1,17 +1,23 @@
 """The commands `sprung describe` and `sprung calibrate`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
-import typer
-
-from sprung.cli.checks import check_file, check_outputs, may_lack_sensors
-from sprung.cli.options import INPUT, AllowMissing, Figures, FileFormat, Files, Json, Minutes, VehicleFile, option
-from sprung.cli.output import progress_bar, show, write_figures, write_result, written
-from sprung.cli.reading import reads_files
-
-if TYPE_CHECKING:
-    from sprung.formats import ReadSettings
+from sprung.cli.checks import check_file
+from sprung.cli.options import (
+    INPUT,
+    AllowMissing,
+    Figures,
+    FileFormat,
+    Files,
+    Json,
+    Minutes,
+    VehicleFile,
+    option,
+    shares_options,
+)
+from sprung.cli.output import Output, progress_bar, show
+from sprung.cli.reading import Reading
 
 
 def describe(
@@ -34,10 +40,11 @@ def describe(
     pressure: Annotated[float, option("BAR", "Pressure of the tyres.", panel=INPUT)] = 2.3,
     sensors: Annotated[
         Literal["corners", "imu", "travel"],
-        typer.Option(
-            help="Accelerometers above the wheels (acc_fl ..), an IMU at the centre of gravity (acc_z, gyro_x, gyro_y),"
+        option(
+            None,
+            "Accelerometers above the wheels (acc_fl ..), an IMU at the centre of gravity (acc_z, gyro_x, gyro_y),"
             " or spring deflections (travel_fl ..).",
-            rich_help_panel=INPUT,
+            panel=INPUT,
         ),
     ] = "corners",
 ) -> None:
@@ -77,13 +84,12 @@ def describe(
     )
 
 
-@reads_files
+@shares_options
 def calibrate(
     files: Files,
     *,
     vehicle: VehicleFile,
     out: Annotated[Path, option("V2.toml", "Completed vehicle file to write.")],
-    reading: "ReadSettings",
     allow_missing: AllowMissing = False,
     window: Minutes = 10.0,
     mounts: Annotated[int, option("N", "Largest number of masses on mounts to add.", min=0, panel=INPUT)] = 3,
@@ -93,39 +99,38 @@ def calibrate(
     figures: Figures = None,
     file_format: FileFormat = "png",
     json: Json = None,
+    reading: Reading,
 ) -> None:
     """Complete a vehicle file from healthy drives: sensors, wheels, masses on mounts, modes of the body."""
     from sprung.calibration import CalibrationSettings
     from sprung.calibration import calibrate as calibrated
     from sprung.diagnosis import windows
     from sprung.diagnosis.sensors import refuse_wrong_sensors
-    from sprung.formats import read_records
     from sprung.results import tables
     from sprung.results.documents import calibration_document
     from sprung.vehicles import read_vehicle, write_vehicle
     from sprung.vehicles.window import window_of
 
     check_file("--out", out, inputs=files)
-    check_outputs(json=json, page=None, figures=figures, inputs=[*files, vehicle])
+    output = Output(figures, file_format, json=json)
+    output.check(*files, vehicle)
     description = read_vehicle(vehicle)
-    may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
+    may_lack = reading.may_lack(description, allow_missing=allow_missing)
     settings = CalibrationSettings(most_mounts=mounts, has_modes=modes)
     with progress_bar() as report:
-        recordings = read_records(files, settings=reading, on_progress=report)
-        parts = [part for _, part in windows(recordings, length=60 * window)]
+        parts = [part for _, part in windows(reading.records(files, report), length=60 * window)]
         refuse_wrong_sensors(window_of(part, description, allow_missing=may_lack) for part in parts)
         report(f"calibrating on {len(parts)} windows", 0.5)
         result = calibrated(parts, description, settings=settings, allow_missing=may_lack)
+        write_vehicle(result.vehicle, out)
+        output.paths.append(out)
         source = ", ".join(path.name for path in files)
-        paths = write_figures(
-            figures,
+        output.draw(
             lambda drawn: {
                 "misfit": drawn.misfit_figure(result, source=source),
                 "learnt": drawn.learnt_figure(result, source=source),
-            },
-            file_format,
+            }
         )
-    write_vehicle(result.vehicle, out)
-    if write_result(calibration_document(result), json):
-        sentences = tables.calibration_in_words(result)
-        show(tables.calibration_table(result), [*sentences, *written([out, *paths], json)])
+    output.show(
+        calibration_document(result), tables.calibration_table(result), notes=tables.describe_calibration(result)
+    )

@@ -60,7 +60,7 @@ def test_every_field_of_a_baseline_is_in_its_document(baseline) -> None:
         ({"components": ["wheel"]}, r"components\[0\].* is not valid"),
         ({"conditions": {}}, "lacks the condition"),
         ({"n_windows": None}, "n_windows is not valid"),
-        ({"information": None}, "information has 0 dimensions"),
+        ({"information": None}, r"information has \d dimensions"),
     ],
 )
 def test_other_documents_are_not_a_baseline(baseline, change, message) -> None:

@@ -9,19 +9,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sprung.cli.checks import check_file, check_folder
-from sprung.cli.options import INPUT, OUTPUT, Files, Json, Minutes, Since, Until, option
+from sprung.cli.options import INPUT, OUTPUT, Files, Json, Minutes, Since, Until, option, shares_options
 from sprung.cli.output import progress_bar, show, write_result, written
-from sprung.cli.reading import reads_files
+from sprung.cli.reading import Reading
 from sprung.errors import DataError, ParameterError
 
 if TYPE_CHECKING:
     from sprung.diagnosis import Observation
     from sprung.fleet.jobs.recordings import ImportedFile
     from sprung.fleet.lake import Lake
-    from sprung.formats import ReadSettings
 
 
-@reads_files
+@shares_options
 def import_files(
     files: Files,
     *,
@@ -44,9 +43,9 @@ def import_files(
             panel=INPUT,
         ),
     ] = None,
-    reading: "ReadSettings",
     window: Minutes = 10.0,
     json: Json = None,
+    reading: Reading,
 ) -> None:
     """Add recordings to a lake, cut into the windows that sprung diagnose uses.
 
@@ -64,7 +63,7 @@ def import_files(
     check_number("--window", window, at_least=1)
     begin = parse_time("--start", start)
     opened = Lake(lake)
-    importer = Importer(opened, vehicle=vehicle_id, length=60 * window, start=begin, settings=reading)
+    importer = Importer(opened, vehicle=vehicle_id, length=60 * window, start=begin, settings=reading.settings)
     with progress_bar() as report:
         imported = importer.add(files, on_progress=report)
     bad = [(file.path, file.reason) for file in imported if file.reason]
@@ -128,7 +127,7 @@ def archive(
     if write_result(document, json):
         plain = document.as_json()
         outputs = [] if export is None else [f"wrote {len(paths)} recordings to {export}"]
-        show(tables.lake_in_words(plain), tables.lake_table(plain), [*outputs, *written([], json)])
+        show(tables.describe_lake(plain), tables.lake_table(plain), [*outputs, *written([], json)])
 
 
 def rank(
@@ -178,7 +177,7 @@ def rank(
     document = fleet_document(rankings, rate=rate, notes=notes)
     if write_result(document, json):
         outputs = written([] if out is None else [out], json)
-        show(*tables.fleet_tables(document.as_json()), [tables.type_in_words(of_type), *notes, *outputs])
+        show(*tables.fleet_tables(document.as_json()), [tables.describe_type(of_type), *notes, *outputs])
 
 
 def _by_vehicle(files: "Sequence[ImportedFile]") -> list[tuple[str, int, int, int]]:

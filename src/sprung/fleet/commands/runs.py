@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from sprung.cli.checks import check_file, names
-from sprung.cli.logs import LogFormat, log_to
 from sprung.cli.options import INPUT, AllowMissing, Json, Since, Until, option
 from sprung.cli.output import progress_bar, show, write_result, written
-from sprung.cli.stopping import stop_on_signals
+from sprung.cli.services import LogFormat, log_to, stop_on_signals
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -125,7 +124,7 @@ def run(
     )
     if write_result(document, json):
         plain = document.as_json()
-        show(*tables.fleet_run_tables(plain), [*tables.fleet_run_in_words(plain), *written([Path(out)], json)])
+        show(*tables.fleet_run_tables(plain), [*tables.describe_fleet_run(plain), *written([Path(out)], json)])
 
 
 def explain(
@@ -172,7 +171,7 @@ def explain(
     )
     if write_result(document, json):
         plain = document.as_json()
-        show(tables.fleet_plan_table(plain), [*tables.fleet_plan_in_words(plain), *written([], json)])
+        show(tables.fleet_plan_table(plain), [*tables.describe_fleet_plan(plain), *written([], json)])
 
 
 def stream(

@@ -5,19 +5,15 @@ import os
 import tempfile
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from sprung.cli.checks import may_lack_sensors, names
-from sprung.cli.logs import LogFormat, log_to
-from sprung.cli.options import AllowMissing, Files, SamplingRate, VehicleFile, option
+from sprung.cli.checks import names
+from sprung.cli.options import AllowMissing, Files, SamplingRate, VehicleFile, option, shares_options
 from sprung.cli.output import progress_bar, show
-from sprung.cli.reading import reads_files
-from sprung.cli.stopping import stop_on_signals
-
-if TYPE_CHECKING:
-    from sprung.formats import ReadSettings
+from sprung.cli.reading import Reading
+from sprung.cli.services import LogFormat, log_to, stop_on_signals
 
 LOG = logging.getLogger("sprung.box")
 
@@ -77,7 +73,7 @@ def box(
     log_to(log_format)
     os.umask(0o077)  # files for this user alone
     description = read_vehicle(vehicle)
-    may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=names(channels))
+    may_lack = Reading(channels).may_lack(description, allow_missing=allow_missing)
     stopping = stop_on_signals()
     frames = Spool(spool, max_bytes=round(1e6 * spool_megabytes), boot_from=time.time_ns() // 10**6)
     ring = None
@@ -118,7 +114,7 @@ def _log_problem(problem: str) -> None:
         LOG.info("connection restored")
 
 
-@reads_files
+@shares_options
 def replay(
     files: Files,
     *,
@@ -128,7 +124,6 @@ def replay(
     pace: Annotated[
         float | None, option("X", "Speed of the replay, as a multiple of real time.", show_default="no limit")
     ] = None,
-    reading: "ReadSettings",
     allow_missing: AllowMissing = False,
     start: Annotated[
         str | None,
@@ -138,6 +133,7 @@ def replay(
         Path | None, option("DIR", "Folder that keeps frames until they are acknowledged; a second run continues.")
     ] = None,
     patience: Annotated[float, option("SECONDS", "Longest wait for the last acknowledgement.", min=0)] = 60.0,
+    reading: Reading,
 ) -> None:
     """Send recordings to a monitor as a vehicle would, and wait until they are acknowledged.
 
@@ -149,26 +145,26 @@ def replay(
     from sprung.online.box.running import box_of
     from sprung.online.box.running import replay as send
     from sprung.online.box.sources import replay_times
-    from sprung.results.tables import span_in_words
+    from sprung.results.tables.wording import format_span
     from sprung.vehicles import read_vehicle
 
     if pace is not None:
         check_number("--pace", pace, above=0)
     check_vehicle(vehicle_id)
     description = read_vehicle(vehicle)
-    may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
+    may_lack = reading.may_lack(description, allow_missing=allow_missing)
     address = Address.parse(broker)
     with tempfile.TemporaryDirectory(prefix="sprung-") as scratch:
         frames = Spool(spool or Path(scratch), boot_from=time.time_ns() // 10**6, is_synced=spool is not None)
-        times = replay_times(files, now=time.time_ns(), start=start, settings=reading)
+        times = replay_times(files, now=time.time_ns(), start=start, settings=reading.settings)
         box = box_of(vehicle_id, description, frames, address, time_status=times.status, allow_missing=may_lack)
         try:
             resumed = box.resume_time()
             box.open(timeout=10.0)
-            recorded = from_files(files, start=times.start, settings=reading)
+            recorded = from_files(files, start=times.start, settings=reading.settings)
             with progress_bar() as report:
                 sent = send(box, after(recorded, resumed), pace=pace, patience=patience, on_progress=report)
         finally:
             box.close()
-    span = "" if sent.begin is None or sent.end is None else f" ({span_in_words(sent.begin, sent.end)})"
+    span = "" if sent.begin is None or sent.end is None else f" ({format_span(sent.begin, sent.end)})"
     show([*times.notes, f"{sent.duration / 60:.1f} min of {vehicle_id}{span} sent and acknowledged"])

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sprung._display import counted
-from sprung.cli.logs import LogFormat, log_to
 from sprung.cli.options import option
 from sprung.cli.output import console, show
-from sprung.cli.stopping import stop_on_signals
+from sprung.cli.services import LogFormat, log_to, stop_on_signals
 
 if TYPE_CHECKING:
     from threading import Event

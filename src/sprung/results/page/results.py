@@ -341,7 +341,7 @@ def diagnosis_report(
     >>> print(report.verdict)
     Inconclusive: no window was usable.
     >>> [section.title for section in report.sections]
-    ['Result', 'Notes', 'Windows', 'What this says, and what it does not']
+    ['Notes', 'Windows', 'What this says, and what it does not']
     """
     first, *others = tables.describe_diagnosis(diagnosis)
     windows = diagnosis.observations
