@@ -1,13 +1,16 @@
 """Modes from free responses: exact motion, deviations that hold, several records, random forces, and refusals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sprung.errors import DataError
+from sprung.identification import cov_ssi
 from sprung.identification.free_response import fit_free_response
 from sprung.recording import Channel, Recording
-from sprung.simulation import simulate, usual_excitation
-from sprung.vehicles import chain
+from sprung.simulation import RoadConditions, RoadDrive, simulate, simulate_drive, usual_excitation
+from sprung.vehicles import chain, read_vehicle
 
 FREQUENCY, DAMPING = np.array([1.4, 2.1]), np.array([0.2, 0.12])
 SHAPES = np.array([[1.0, 0.8], [-0.5, 1.0]])
@@ -76,3 +79,17 @@ def test_random_forces_during_the_decay_are_part_of_the_model() -> None:
 def test_what_cannot_be_fitted_is_refused(run, message) -> None:
     with pytest.raises(DataError, match=message):
         fit_free_response(run)
+
+
+@pytest.mark.parametrize("has_speed", [True, False])
+def test_a_drive_over_one_pothole_is_no_free_motion(has_speed) -> None:
+    """As on a smooth road with a shock 30 times its level, after which the body swings."""
+    car = read_vehicle("zafira")
+    drive = simulate_drive(car, RoadDrive(duration=300.0, road=RoadConditions("A"), snr=50.0), seed=2).recording
+    samples = drive.samples.copy()
+    time = np.arange(200) / drive.sampling_rate
+    shock = 30 * samples[:4].std() * np.exp(-3.0 * time) * np.cos(2 * np.pi * 1.6 * time)
+    samples[:4, 20_000:20_200] += shock
+    run = replace(drive, samples=samples)
+    found = cov_ssi(run if has_speed else run.select(run.names[:4]))
+    assert not any("free motion" in note for note in found.notes)

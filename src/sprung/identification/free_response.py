@@ -319,6 +319,8 @@ class _TransientRules:
     #: Level below which a record is quiet, over its peak, and least share of such samples of a record of free motion.
     quiet: float = 0.08
     min_quiet: float = 0.4
+    #: Least share of a record of free motion that is free: one pothole of a drive is no push.
+    min_share: float = 0.02
     #: Fall of the level, from the first sixth to the last, of a record that is one decay.
     fall_of_record: float = 5.0
     #: Most motions in a record of free motion, and most windows of each that are fitted.
@@ -485,6 +487,9 @@ def free_parts(recordings: Sequence[Recording], *, is_certain: bool = False) -> 
             return []
         rate = recording.sampling_rate
         longest = _EVENTS.max_windows * window
+        free = sum(each.end - each.begin for each in found)
+        if not is_certain and not falls and free < _EVENTS.min_share * recording.duration:
+            return []
         for each in found:
             until = min(each.end, each.begin + longest) if not falls else recording.duration
             begin = 0.0 if each.onset == 0 else each.begin  # the record begins with free motion
