@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from sprung.errors import ParameterError
-from sprung.excitation import BAND_ORDER, RandomInputs, noise
+from sprung.excitation import BAND_ORDER, HammerBlows, noise
+from sprung.excitation.noise import corner_weights
 
 
 def generator(seed=0):
@@ -47,29 +47,17 @@ def test_band_of_everything_is_white() -> None:
     np.testing.assert_array_equal(everything, noise((5,), band=None, sampling_rate=100.0, generator=generator()))
 
 
-@pytest.mark.parametrize(
-    ("band", "message"),
-    [
-        ((60.0, 70.0), "band 60 to 70 Hz lies above half the sampling rate 100 Hz: lower it"),
-        ((20.0, 10.0), "upper edge of the band=10 must be above 20"),
-        ((-1.0, 10.0), "lower edge of the band=-1 must be at least 0"),
-        ((1e-9, 10.0), "lower edge of the band=1e-09 must be at least 0.0001: use 0"),
-        ((0.0, np.nan), "upper edge of the band=nan must be finite and above"),
-    ],
-)
-def test_impossible_bands_are_refused(band, message) -> None:
-    with pytest.raises(ParameterError, match=message):
-        noise((5,), band=band, sampling_rate=100.0, generator=generator())
+def test_corner_weights_keep_force_and_moments() -> None:
+    x, y = np.array([2.0, 2.0, -3.0, -3.0]), np.array([1.0, -1.0, 1.0, -1.0])
+    for forward, left in np.random.default_rng(1).uniform(size=(20, 2)):
+        weights = corner_weights(forward, left)
+        assert [weights.sum(), weights @ x, weights @ y] == pytest.approx([1, -3 + 5 * forward, -1 + 2 * left])
 
 
-def test_random_inputs_scale_and_repeat() -> None:
-    inputs = RandomInputs(3, standard_deviation=2.5)
-    first, again = (inputs.samples(50_000, sampling_rate=100.0, generator=generator(7)) for _ in range(2))
-    assert first.shape == (3, 50_000)
-    assert first.std(axis=1) == pytest.approx([2.5] * 3, rel=0.02)
-    np.testing.assert_array_equal(first, again)
-    assert not np.array_equal(first, inputs.samples(50_000, sampling_rate=100.0, generator=generator(8)))
-    with pytest.raises(ParameterError, match="n_inputs=0 must be at least 1"):
-        RandomInputs(0)
-    with pytest.raises(ParameterError, match="standard_deviation=0 must be above 0"):
-        RandomInputs(1, standard_deviation=0.0)
+def test_blows_have_their_rate_strength_and_impulse(drawn) -> None:
+    blows = HammerBlows(rate=2.0, strength=(5.0, 5.0), duration=0.02)
+    force = drawn(blows, n_samples=500_000).sum(axis=0)
+    impulse = 5.0 * 2 / np.pi * 0.02  # integral of a half sine
+    assert -force.sum() / 1000.0 / impulse == pytest.approx(1000, abs=130)  # 500 s, two a second
+    assert force.min() < -4.9
+    assert force.max() <= 0

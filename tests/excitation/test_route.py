@@ -2,18 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
-from sprung.errors import ParameterError
 from sprung.excitation import (
     GRAVITY,
     BodyAccelerations,
     CrossSlope,
     Route,
     SmoothSteps,
+    SpeedChanges,
     SpeedProfile,
     constant_speed,
-    random_cross_slope,
-    random_curvature,
     random_speed,
 )
 
@@ -55,19 +54,6 @@ def test_a_steady_curve_has_the_centripetal_acceleration():
     assert route.yaw_rate([0.0, 5.0]) == pytest.approx([0.0, 10.0 / 50])
 
 
-def test_random_curves_stay_below_the_largest_acceleration():
-    generator = np.random.default_rng(3)
-    speed = random_speed(1200.0, low=6.0, high=15.0, generator=generator)
-    curvature = random_curvature(speed, duration=1200.0, largest=3.0, generator=generator)
-    lateral = Route(speed, curvature).lateral(np.arange(0, 1200, 0.05))
-    middles = np.abs(curvature.jumps[::2]) * 12.0**2
-    assert middles.size > 30
-    assert 2.0 < np.abs(lateral).max() < 3.0 * (15 / 6) ** 2  # the speed may change within a curve
-    assert np.percentile(np.abs(lateral), 99) < 3.0
-    assert lateral.min() < -1.5 < 1.5 < lateral.max()
-    assert curvature([1e6]) == pytest.approx(0, abs=1e-12)
-
-
 def test_slopes_raise_the_wheels_of_one_side():
     route = Route(constant_speed(10.0), cross_slope=steps([50.0], [0.03], [20.0]))
     motion = CrossSlope(route, (1.0, -2.0), (0.7, 0.6))
@@ -78,32 +64,36 @@ def test_slopes_raise_the_wheels_of_one_side():
     assert accelerations[:, -1] == pytest.approx([0.0, 0.03 * GRAVITY])
 
 
-def test_random_slopes_stay_below_the_largest():
-    slope = random_cross_slope(10e3, largest=0.03, generator=np.random.default_rng(1))
-    values = slope(np.arange(0, 10e3, 0.5))
-    assert 0.02 < np.abs(values).max() <= 0.03
-    assert values[0] == 0
+def test_distance_is_the_integral_of_the_speed() -> None:
+    profile = random_speed(120.0, low=5.0, high=20.0, n_stops=2, generator=np.random.default_rng(3))
+    for end in (0.3, 17.0, 60.0, 119.0):
+        knots = [t for t in profile.times if 0 < t < end]
+        integral = quad(lambda time: float(profile.speed(time)), 0, end, points=knots, limit=500)[0]
+        assert profile.distance(end) == pytest.approx(integral, rel=1e-9)
 
 
-def test_a_route_continues():
-    speed = SpeedProfile(np.array([0.0, 5.0, 10.0]), np.array([4.0, 12.0, 6.0]))
-    route = Route(speed, steps([30.0], [0.01], [5.0]), steps([40.0], [0.02], [9.0]), has_longitudinal=True)
-    for motion in (BodyAccelerations(route), CrossSlope(route, (1.0, -1.0), (0.7, 0.7))):
-        assert motion.is_smooth
-        whole = motion.samples(1000, sampling_rate=RATE, generator=np.random.default_rng(0))
-        later = motion.samples(400, sampling_rate=RATE, generator=np.random.default_rng(1), start=6.0)
-        assert whole.shape == (motion.n_inputs, 1000)
-        assert later == pytest.approx(whole[:, 600:])
+def test_before_the_start_the_first_speed_goes_on() -> None:
+    profile = SpeedProfile(np.array([0.0, 10.0]), np.array([5.0, 15.0]))
+    assert profile.distance([-2.0, 0.0]).tolist() == [-10.0, 0.0]
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: steps([0.0], [1.0, 2.0], [1.0]), "1 knots need as many jumps and widths above 0, not 2 and 1"),
-        (lambda: steps([0.0], [1.0], [0.0]), "widths above 0"),
-        (lambda: random_cross_slope(1.0, largest=0.0, generator=np.random.default_rng(0)), "largest cross slope=0"),
-    ],
-)
-def test_impossible_routes_are_refused(call, message):
-    with pytest.raises(ParameterError, match=message):
-        call()
+def test_random_speed_stays_in_range_and_stops() -> None:
+    profile = random_speed(600.0, low=5.0, high=11.0, n_stops=3, generator=np.random.default_rng(1))
+    time = np.arange(0, 600, 0.1)
+    speed = profile.speed(time)
+    stops = np.flatnonzero(np.diff((speed == 0).astype(int)) == 1).size
+    assert stops == 3
+    assert speed.max() <= 11
+    assert np.abs(np.diff(speed) / 0.1).max() < 2.0  # m/s^2
+    held = profile.speeds[profile.speeds > 0]
+    assert held.min() >= 5
+
+
+def test_changes_stay_within_their_ranges() -> None:
+    changes = SpeedChanges(accelerating=(1.0, 2.0), braking=(2.5, 4.0), steady=(5.0, 6.0))
+    profile = random_speed(600.0, low=5.0, high=20.0, n_stops=2, generator=np.random.default_rng(1), changes=changes)
+    rates = np.diff(profile.speeds) / np.diff(profile.times)
+    long_enough = np.diff(profile.times) > 0.1001  # a change takes at least 0.1 s
+    rising, falling = rates[(rates > 0) & long_enough], rates[(rates < 0) & long_enough]
+    assert 1.0 <= rising.min() < rising.max() <= 2.0
+    assert -4.0 <= falling.min() < falling.max() <= -2.5

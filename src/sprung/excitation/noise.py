@@ -1,8 +1,9 @@
 """Random forces, noise in a band, and hammer blows at random positions and times."""
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from scipy.signal import butter, sosfilt
@@ -35,6 +36,29 @@ class Excitation(Protocol):
         """Return `n_samples` of every input from time `start` [s] on, shape (inputs, samples)."""
 
 
+class FunctionOfTime(ABC):
+    """Excitation whose samples are its values at their times."""
+
+    __slots__ = ()
+    #: Whether the values are continuous between samples.
+    is_smooth: ClassVar[bool] = True
+
+    @property
+    @abstractmethod
+    def n_inputs(self) -> int:
+        """Number of inputs."""
+
+    @abstractmethod
+    def at(self, time: Real, generator: np.random.Generator) -> Real:
+        """Return the inputs at rising times [s], shape (inputs, times); `generator` draws what is random in them."""
+
+    def samples(
+        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
+    ) -> Real:
+        """Return `n_samples` of every input from time `start` [s] on, shape (inputs, samples)."""
+        return self.at(start + np.arange(n_samples) / sampling_rate, generator)
+
+
 @dataclass(frozen=True, slots=True)
 class RandomInputs:
     """Independent Gaussian noise on every input.
@@ -57,11 +81,7 @@ class RandomInputs:
     n_inputs: int
     standard_deviation: float = 1.0
     band: tuple[float, float] | None = None
-
-    @property
-    def is_smooth(self) -> bool:
-        """False: noise is held from sample to sample."""
-        return False
+    is_smooth: ClassVar[bool] = False  # noise is held from sample to sample
 
     def __post_init__(self) -> None:
         check_number("n_inputs", self.n_inputs, at_least=1)
@@ -173,20 +193,12 @@ class HammerBlows:
     rate: float = 0.7
     strength: tuple[float, float] = (2.0, 10.0)
     duration: float = 0.01
+    n_inputs: ClassVar[int] = 4  # corners
+    is_smooth: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_number("rate", self.rate, above=0)
         check_number("duration", self.duration, above=0)
-
-    @property
-    def n_inputs(self) -> int:
-        """Number of inputs: four corners."""
-        return 4
-
-    @property
-    def is_smooth(self) -> bool:
-        """True: forces are continuous between samples."""
-        return True
 
     def samples(
         self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0

@@ -1,5 +1,6 @@
 """Harmonics that follow a speed, such as those of wheels and engine; sums and stacks of excitations."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,12 +8,12 @@ import numpy as np
 from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
-from sprung.excitation.noise import Excitation
+from sprung.excitation.noise import Excitation, FunctionOfTime
 from sprung.excitation.route import SpeedProfile
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Lines:
+class Lines(FunctionOfTime):
     """Sines whose frequency is proportional to a speed.
 
     Parameters
@@ -60,19 +61,11 @@ class Lines:
         """Number of inputs: one for each share."""
         return len(self.shares)
 
-    @property
-    def is_smooth(self) -> bool:
-        """True: sines are continuous between samples."""
-        return True
-
-    def samples(
-        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
-    ) -> Real:
-        """Return the lines from time `start` [s] on, shape (inputs, samples)."""
-        time = start + np.arange(n_samples) / sampling_rate
+    def at(self, time: Real, generator: np.random.Generator) -> Real:
+        """Return the lines at rising times [s], shape (inputs, times)."""
         distance = self.speed.distance(time)
         growth = (self.speed.speed(time) / self.reference_speed) ** self.speed_exponent
-        total = np.zeros(n_samples)
+        total = np.zeros(time.size)
         phases = generator.uniform(0, 2 * np.pi, len(self.orders)) if self.phases is None else self.phases
         for order, amplitude, phase in zip(self.orders, self.amplitudes, phases, strict=True):
             total += amplitude * np.sin(2 * np.pi * order * distance + phase)
@@ -80,7 +73,33 @@ class Lines:
 
 
 @dataclass(frozen=True, slots=True)
-class Sum:
+class _Parts(ABC):
+    """Several excitations, drawn one after the other."""
+
+    parts: tuple[Excitation, ...]
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether all parts are linear between samples."""
+        return all(part.is_smooth for part in self.parts)
+
+    def samples(
+        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
+    ) -> Real:
+        """Return `n_samples` of every input from time `start` [s] on, shape (inputs, samples)."""
+        drawn = [
+            part.samples(n_samples, sampling_rate=sampling_rate, generator=generator, start=start)
+            for part in self.parts
+        ]
+        return self._together(drawn)
+
+    @abstractmethod
+    def _together(self, drawn: list[Real]) -> Real:
+        """Return the samples of all parts together."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sum(_Parts):
     """Sum of excitations of the same inputs.
 
     Parameters
@@ -94,8 +113,6 @@ class Sum:
         If there are no parts, or their numbers of inputs differ.
     """
 
-    parts: tuple[Excitation, ...]
-
     def __post_init__(self) -> None:
         if len({part.n_inputs for part in self.parts}) != 1:
             counts = ", ".join(str(part.n_inputs) for part in self.parts)
@@ -106,24 +123,12 @@ class Sum:
         """Number of inputs of each part."""
         return self.parts[0].n_inputs
 
-    @property
-    def is_smooth(self) -> bool:
-        """Whether all parts are linear between samples."""
-        return all(part.is_smooth for part in self.parts)
-
-    def samples(
-        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
-    ) -> Real:
-        """Return the sum of the parts, shape (inputs, samples)."""
-        drawn = [
-            part.samples(n_samples, sampling_rate=sampling_rate, generator=generator, start=start)
-            for part in self.parts
-        ]
+    def _together(self, drawn: list[Real]) -> Real:
         return np.sum(drawn, axis=0)
 
 
 @dataclass(frozen=True, slots=True)
-class Stack:
+class Stack(_Parts):
     """Excitations of different inputs, one below the other.
 
     Parameters
@@ -137,8 +142,6 @@ class Stack:
         If there are no parts.
     """
 
-    parts: tuple[Excitation, ...]
-
     def __post_init__(self) -> None:
         if not self.parts:
             raise ParameterError("a stack of excitations has no parts: give at least one")
@@ -148,18 +151,5 @@ class Stack:
         """Number of inputs of all parts together."""
         return sum(part.n_inputs for part in self.parts)
 
-    @property
-    def is_smooth(self) -> bool:
-        """Whether all parts are linear between samples."""
-        return all(part.is_smooth for part in self.parts)
-
-    def samples(
-        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
-    ) -> Real:
-        """Return the samples of all parts, shape (inputs, samples)."""
-        return np.vstack(
-            [
-                part.samples(n_samples, sampling_rate=sampling_rate, generator=generator, start=start)
-                for part in self.parts
-            ]
-        )
+    def _together(self, drawn: list[Real]) -> Real:
+        return np.vstack(drawn)

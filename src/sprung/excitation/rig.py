@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from sprung._arrays import Indices, Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
-from sprung.excitation.noise import noise
+from sprung.excitation.noise import FunctionOfTime, noise
 from sprung.excitation.route import SpeedProfile
 
 
@@ -51,6 +52,8 @@ class BaseMotion:
     phases: tuple[float, ...] = ()
     pulse: float = 0.0
     pulse_frequency: float = 3.65
+    n_inputs: ClassVar[int] = 1  # the base
+    is_smooth: ClassVar[bool] = False  # noise and pulses are held from sample to sample
 
     def __post_init__(self) -> None:
         for name in ("random", "harmonic", "pulse"):
@@ -60,16 +63,6 @@ class BaseMotion:
             raise ParameterError(
                 f"{len(self.frequencies)} frequencies have {len(self.phases)} phases: give one phase for each frequency"
             )
-
-    @property
-    def n_inputs(self) -> int:
-        """Number of inputs: one base."""
-        return 1
-
-    @property
-    def is_smooth(self) -> bool:
-        """False: noise and pulses are held from sample to sample."""
-        return False
 
     def samples(
         self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
@@ -108,7 +101,7 @@ def pulse_indices(n_samples: int, pulses_per_sample: float, *, first: int = 0) -
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class RollerRig:
+class RollerRig(FunctionOfTime):
     """Rollers under some or all wheelsets: roughness, rail joints on the rollers, harmonics of their rotation.
 
     Parameters
@@ -142,6 +135,7 @@ class RollerRig:
     harmonics: tuple[float, ...] = ()
     speed_exponent: float = 1.0
     asymmetry: float = 0.1
+    is_smooth: ClassVar[bool] = False  # roughness and pulses are held from sample to sample
 
     def __post_init__(self) -> None:
         for name in ("random", "joints", "joint"):
@@ -154,25 +148,17 @@ class RollerRig:
         """Number of inputs: two wheels on each wheelset."""
         return 2 * len(self.is_driven)
 
-    @property
-    def is_smooth(self) -> bool:
-        """False: roughness and pulses are held from sample to sample."""
-        return False
-
-    def samples(
-        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
-    ) -> Real:
-        """Return the height of the ground under every wheel from time `start` [s] on, shape (wheels, samples) [m]."""
-        time = start + np.arange(n_samples) / sampling_rate
+    def at(self, time: Real, generator: np.random.Generator) -> Real:
+        """Return the height of the ground under every wheel at rising times [s], shape (wheels, times) [m]."""
         turns = self.rotation.distance(time)
         mean = float(np.mean(self.rotation.speeds)) or 1.0
         growth = (self.rotation.speed(time) / mean) ** self.speed_exponent
-        motion = np.zeros((self.n_inputs, n_samples))
+        motion = np.zeros((self.n_inputs, time.size))
         for axle in np.flatnonzero(self.is_driven):
-            regular = np.zeros(n_samples)
+            regular = np.zeros(time.size)
             for order, amplitude in enumerate(self.harmonics, start=1):
                 regular += amplitude * growth * np.sin(2 * np.pi * order * turns + generator.uniform(0, 2 * np.pi))
             regular[1:] += self.joint * np.diff(np.floor(self.joints * turns))
             sides = regular * np.array([[1 + self.asymmetry / 2], [1 - self.asymmetry / 2]])
-            motion[2 * axle : 2 * axle + 2] = sides + self.random * growth * generator.standard_normal((2, n_samples))
+            motion[2 * axle : 2 * axle + 2] = sides + self.random * growth * generator.standard_normal((2, time.size))
         return motion

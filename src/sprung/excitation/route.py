@@ -8,23 +8,26 @@ from numpy.typing import ArrayLike
 from sprung._arrays import Real
 from sprung._checks import check_number, freeze
 from sprung.errors import ParameterError
+from sprung.excitation.noise import FunctionOfTime
 
 #: Gravity [m/s^2].
 GRAVITY = 9.81
-#: Time in which a driver builds up an acceleration [s].
-_JERK_TIME = 0.6
-#: Range of the time between curves [s].
-_STRAIGHT = (5.0, 25.0)
-#: Range of the time in a curve [s].
-_CURVE = (2.5, 8.0)
-#: Lowest speed of a curve [m/s].
-_SLOWEST = 3.0
-#: Range of the distance between changes of the cross slope [m].
-_LEVEL = (40.0, 150.0)
-#: Range of the length of these changes [m].
-_TRANSITION = (20.0, 40.0)
-#: Range of the durations of standstill [s].
-_STANDING = (5.0, 15.0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Habits:
+    """How drivers drive and roads are built: what random speeds and routes are drawn from."""
+
+    jerk_time: float = 0.6  # in which an acceleration is built up [s]
+    standing: tuple[float, float] = (5.0, 15.0)  # duration of a standstill [s]
+    straight: tuple[float, float] = (5.0, 25.0)  # time between curves [s]
+    curve: tuple[float, float] = (2.5, 8.0)  # time in a curve [s]
+    slowest: float = 3.0  # speed of a curve [m/s]
+    level: tuple[float, float] = (40.0, 150.0)  # distance between changes of the cross slope [m]
+    transition: tuple[float, float] = (20.0, 40.0)  # length of these changes [m]
+
+
+_HABITS = _Habits()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -170,7 +173,7 @@ def random_speed(
         is_stop = bool(stops) and times[-1] > stops[0] and speeds[-1] > 0
         if is_stop:
             stops.pop(0)
-        held = generator.uniform(*(_STANDING if speeds[-1] == 0 else changes.steady))
+        held = generator.uniform(*(_HABITS.standing if speeds[-1] == 0 else changes.steady))
         wanted = 0.0 if is_stop else float(generator.uniform(low, high))
         rate = generator.uniform(*(changes.braking if wanted < speeds[-1] else changes.accelerating))
         change = max(abs(wanted - speeds[-1]) / rate, 0.1)
@@ -259,7 +262,7 @@ class Route:
         if not self.has_longitudinal or knots.size < 2:
             return np.zeros(t.shape)
         slopes = np.concatenate([[0.0], np.diff(speeds) / np.diff(knots), [0.0]])
-        return SmoothSteps(knots, np.diff(slopes), np.full(knots.size, _JERK_TIME))(t)
+        return SmoothSteps(knots, np.diff(slopes), np.full(knots.size, _HABITS.jerk_time))(t)
 
     def lateral(self, time: ArrayLike) -> Real:
         """Return the lateral acceleration at rising times [m/s^2], positive to the left: curvature times speed^2."""
@@ -271,7 +274,7 @@ class Route:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class BodyAccelerations:
+class BodyAccelerations(FunctionOfTime):
     """Accelerations of a route that pitch and roll the body: longitudinal, and lateral with gravity's share on a slope.
 
     Parameters
@@ -291,23 +294,15 @@ class BodyAccelerations:
         """Number of inputs: longitudinal and lateral."""
         return 2
 
-    @property
-    def is_smooth(self) -> bool:
-        """True: the accelerations are continuous between samples."""
-        return True
-
-    def samples(
-        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
-    ) -> Real:
-        """Return the accelerations from time `start` [s] on, shape (2, samples) [m/s^2]."""
+    def at(self, time: Real, generator: np.random.Generator) -> Real:
+        """Return the accelerations at rising times [s], shape (2, times) [m/s^2]."""
         del generator  # a route is not random
-        time = start + np.arange(n_samples) / sampling_rate
         slope = self.route.cross_slope(self.route.speed.distance(time))
         return np.stack([self.route.longitudinal(time), self.route.lateral(time) + GRAVITY * slope])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class CrossSlope:
+class CrossSlope(FunctionOfTime):
     """Height under each wheel of a road that slopes to one side.
 
     Parameters
@@ -329,17 +324,10 @@ class CrossSlope:
         """Number of inputs: two wheels on each axle."""
         return 2 * len(self.axle_positions)
 
-    @property
-    def is_smooth(self) -> bool:
-        """True: the slope is continuous between samples."""
-        return True
-
-    def samples(
-        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
-    ) -> Real:
-        """Return the heights from time `start` [s] on, shape (wheels, samples) [m]; left before right."""
+    def at(self, time: Real, generator: np.random.Generator) -> Real:
+        """Return the heights at rising times [s], shape (wheels, times) [m]; left before right."""
         del generator  # a route is not random
-        distance = self.route.speed.distance(start + np.arange(n_samples) / sampling_rate)
+        distance = self.route.speed.distance(time)
         slopes = (
             half_track * self.route.cross_slope(distance + x)
             for x, half_track in zip(self.axle_positions, self.half_tracks, strict=True)
@@ -380,18 +368,18 @@ def random_curvature(
     check_number("duration", duration, above=0)
     check_number("largest lateral acceleration", largest, above=0)
     knots, jumps, widths = [], [], []
-    begin = generator.uniform(*_STRAIGHT)
+    begin = generator.uniform(*_HABITS.straight)
     while begin < duration:
-        end = begin + generator.uniform(*_CURVE)
+        end = begin + generator.uniform(*_HABITS.curve)
         acceleration = largest * generator.uniform(0.3, 1.0) * generator.choice([-1.0, 1.0])
         middle = float(speed.speed((begin + end) / 2))
-        if middle > _SLOWEST:
+        if middle > _HABITS.slowest:
             first, last = speed.distance([begin, end])
             ramp = (last - first) / 3
             knots += [first + ramp / 2, last - ramp / 2]
             jumps += [acceleration / middle**2, -acceleration / middle**2]
             widths += [ramp, ramp]
-        begin = end + generator.uniform(*_STRAIGHT)
+        begin = end + generator.uniform(*_HABITS.straight)
     return SmoothSteps(np.array(knots), np.array(jumps), np.array(widths))
 
 
@@ -420,10 +408,10 @@ def random_cross_slope(length: float, *, largest: float, generator: np.random.Ge
     """
     check_number("largest cross slope", largest, above=0)
     knots, slopes, widths = [], [0.0], []
-    knot = generator.uniform(*_TRANSITION)
+    knot = generator.uniform(*_HABITS.transition)
     while knot < length:
         knots.append(knot)
         slopes.append(generator.uniform(-largest, largest))
-        widths.append(generator.uniform(*_TRANSITION))
-        knot += generator.uniform(*_LEVEL)
+        widths.append(generator.uniform(*_HABITS.transition))
+        knot += generator.uniform(*_HABITS.level)
     return SmoothSteps(np.array(knots), np.diff(slopes), np.array(widths))

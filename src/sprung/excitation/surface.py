@@ -14,6 +14,7 @@ from scipy.interpolate import CubicSpline
 from sprung._arrays import Real
 from sprung._checks import check_number, check_one_of
 from sprung.errors import ParameterError
+from sprung.excitation.noise import FunctionOfTime
 from sprung.excitation.route import SpeedProfile
 
 #: Roughness G(n0) of the road classes at n0 = 0.1 cycles/m, geometric mean [m^3] (ISO 8608:2016, table C.1).
@@ -370,7 +371,7 @@ def random_profile(
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class SurfaceMotion:
+class SurfaceMotion(FunctionOfTime):
     """Height of a road or track under each wheel of a vehicle that travels along it.
 
     Parameters
@@ -417,16 +418,9 @@ class SurfaceMotion:
         """Number of inputs: two wheels on each axle."""
         return 2 * len(self.axle_positions)
 
-    @property
-    def is_smooth(self) -> bool:
-        """True: the profile is continuous between samples."""
-        return True
-
-    def samples(
-        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
-    ) -> Real:
-        """Return the height under every wheel from time `start` [s] on, shape (wheels, samples) [m]."""
-        distance = self.speed.distance(start + np.arange(n_samples) / sampling_rate)
+    def at(self, time: Real, generator: np.random.Generator) -> Real:
+        """Return the height under every wheel at rising times [s], shape (wheels, times) [m]."""
+        distance = self.speed.distance(time)
         behind = self.axle_positions[0] - np.array(self.axle_positions)
         profile = random_profile(
             self.surface,
