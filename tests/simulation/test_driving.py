@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.excitation import GRAVITY, BodyAccelerations, Route, SmoothSteps, SpeedProfile, Stack, constant_speed
+from sprung.excitation import GRAVITY, Route, SmoothSteps, SpeedProfile
 from sprung.recording import Channel, Recording
 from sprung.simulation import (
     ForceLaw,
@@ -110,29 +110,6 @@ def test_driving_is_in_the_readings_by_axis():
     assert run.samples[2] == pytest.approx(0)
 
 
-def test_linear_and_nonlinear_integrators_agree_on_driving(hatchback):
-    vehicle = structure(hatchback)
-    driven = with_body_accelerations(with_gravity(vehicle, hatchback), height=0.5)
-    speed = SpeedProfile(np.array([1.0, 4.0]), np.array([15.0, 6.0]))
-    route = Route(speed, SmoothSteps(np.array([20.0]), np.array([0.02]), np.array([5.0])), has_longitudinal=True)
-    flat = Held(4)
-    excitation = Stack((flat, BodyAccelerations(route)))
-    options: Any = {"duration": 8.0, "sampling_rate": 200.0, "lead_in": 1.0}
-    linear = simulate(driven, excitation, **options).samples
-    law = {"front_left.suspension": ForceLaw()}
-    nonlinear = simulate_nonlinear(driven, excitation, force_laws=law, **options).samples
-    assert np.abs(linear).max() > 0.1
-    assert nonlinear == pytest.approx(linear, abs=1e-3 * np.abs(linear).max())
-
-
 def test_a_chain_cannot_brake():
     with pytest.raises(ParameterError, match="only a body on axles can brake and corner"):
         with_body_accelerations(chain(), height=0.5)
-
-
-def test_a_calm_route_accelerates_nothing():
-    route = Route(constant_speed(10.0))
-    accelerations = BodyAccelerations(route).samples(9, sampling_rate=10.0, generator=np.random.default_rng(0))
-    assert accelerations == pytest.approx(0)
-    run = Recording(np.ones((1, 5)), 10.0, (Channel("a", "acceleration", None, (1.0, 0.0, 0.0)),))
-    assert with_driving_readings(run, route).samples == pytest.approx(1)

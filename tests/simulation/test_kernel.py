@@ -5,25 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from sprung.simulation import ForceLaw
+from sprung.simulation import ForceLaw, integrate
+from sprung.vehicles import chain
 
 pytest.importorskip("numba")
 
 from sprung.simulation import kernel
 
-FIELDS = {name.lower(): name for name in dir(kernel) if name.isupper()}
-
 
 def tension(law: ForceLaw, *, elongation=0.0, rate=0.0, bushing=0.0, behind=0.0, rubber=0.0):
     """Return tension and rates of an element of 1000 N/m and 50 N s/m."""
-    table = np.array([law.numbers])
-    return kernel.forces.py_func(elongation, rate, behind, rubber, 1000.0, 50.0, bushing, table, 0)
-
-
-@pytest.mark.parametrize("field", ForceLaw.__slots__)
-def test_columns_of_the_table_are_the_fields_of_a_law(field) -> None:
-    law = ForceLaw(**{field: 0.25})
-    assert law.numbers[getattr(kernel, FIELDS[field])] == 0.25
+    return kernel.forces.py_func(law, elongation, rate, behind, rubber, 1000.0, 50.0, bushing)
 
 
 @pytest.mark.parametrize(
@@ -59,31 +51,19 @@ def test_rubber_follows_dahls_law() -> None:
     assert tension(law, rate=-0.1, rubber=40.0)[2] == pytest.approx(-2e4 * 0.1 * 2)
 
 
-@pytest.mark.slow
 def test_a_step_of_a_free_mass_on_a_spring_is_the_series_to_fourth_order() -> None:
     """x(h) = cos(w h) x0 to (w h)^4 / 24, the order of the Runge-Kutta method; the rest is (w h)^6 / 720."""
-    one, omega, step = np.ones((1, 1)), math.sqrt(1000.0), 0.004
-    table, factors = np.array([ForceLaw().numbers]), np.ones((1, 2, 1))
-    empty = np.zeros((1, 1))
-    _, places, _ = kernel.integrate(
-        one,
-        one,
-        np.array([-1]),
-        np.zeros((1, 1)),
-        np.array([1000.0]),
-        np.zeros(1),
-        np.zeros(1),
-        table,
-        np.zeros(1),
-        factors,
-        np.zeros((2, 1)),
-        step,
-        0.0,
-        np.array([0.01]),
-        np.zeros(1),
-        empty,
-        empty,
-        empty,
-    )
-    angle = omega * step
-    assert places[1, 0] == pytest.approx(0.01 * (1 - angle**2 / 2 + angle**4 / 24), rel=1e-14)
+    vehicle, step = chain(1, mass=1.0, stiffness=1000.0, damping=0.0), 0.004
+    motion = integrate(vehicle, np.zeros((1, 2)), rate=1 / step, coordinates=[0.01])
+    angle = math.sqrt(1000.0) * step
+    assert motion.coordinates[0, 1] == pytest.approx(0.01 * (1 - angle**2 / 2 + angle**4 / 24), rel=1e-14)
+
+
+def test_what_a_law_adds_near_rest() -> None:
+    """Friction F v / sqrt(v^2 + w^2) has the slope F / w at rest; rubber its stiffness."""
+    law = ForceLaw(friction=30.0, friction_velocity=0.01, rubber_stiffness=2e4, rubber_force=50.0)
+    step = 1e-7
+    slope = law.friction * step / np.hypot(step, law.friction_velocity) / step
+    assert law.steepest == (2e4, pytest.approx(slope))
+    assert law.fastest == pytest.approx(400.0)
+    assert ForceLaw().steepest == (0.0, 0.0)

@@ -89,11 +89,6 @@ class ForceLaw:
             check_number(name, getattr(self, name), at_least=0)
 
     @property
-    def numbers(self) -> tuple[float, ...]:
-        """Values of the fields in their order."""
-        return tuple(float(getattr(self, name)) for name in self.__slots__)
-
-    @property
     def steepest(self) -> tuple[float, float]:
         """Largest stiffness [N/m] and damping [N s/m] that the law adds near rest."""
         return self.rubber_stiffness + self.stop_stiffness, self.friction / self.friction_velocity

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from dataclasses import astuple, fields
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +22,8 @@ from sprung.vehicles import Component, Structure
 #: Times [s] and the factors of a component at them; linear between them, constant outside.
 TimeHistory = tuple[ArrayLike, ArrayLike]
 
+#: Record of a force law.
+_LAW = np.dtype([(field.name, np.float64) for field in fields(ForceLaw)])
 #: Step times the fastest rate of the vehicle: the limit of stability of the method is near 2.8.
 _STEP = 0.5
 
@@ -194,32 +197,28 @@ def integrate(
     check_number("rate", rate, above=0)
     elements = vehicle.elements
     _check_force_laws(vehicle, force_laws or {})
-    feet = [vehicle.inputs.index(e.foot) if e.foot is not None else -1 for e in elements]
-    numbers = [(_force_law(force_laws or {}, e.owner, e.part) or ForceLaw()).numbers for e in elements]
+    laws = [_force_law(force_laws or {}, e.owner, e.part) or ForceLaw() for e in elements]
     times, factors = _factors(vehicle, time_histories or {})
     state = [
         np.zeros(n) if values is None else np.array(values, dtype=np.float64) for values in (coordinates, velocities)
     ]
-    results = _compiled()(
-        np.linalg.inv(vehicle.mass),
-        vehicle.elongations,
-        np.array(feet),
-        np.ascontiguousarray(vehicle.forces),
-        np.array([e.stiffness for e in elements]),
-        np.array([e.damping for e in elements]),
-        np.array([e.series_stiffness or 0.0 for e in elements]),
-        np.array(numbers),
-        times,
-        factors,
-        np.ascontiguousarray(inputs.T),
-        1 / rate,
-        start,
-        *state,
-        *(
-            np.ascontiguousarray(m)
-            for m in (vehicle.outputs.acceleration, vehicle.outputs.velocity, vehicle.outputs.displacement)
-        ),
+    required("numba", purpose="nonlinear simulation", extra="simulate")
+    from sprung.simulation import kernel
+
+    loops = kernel.Loops(
+        inverse_mass=np.linalg.inv(vehicle.mass),
+        elongations=vehicle.elongations,
+        feet=np.array([vehicle.inputs.index(e.foot) if e.foot is not None else -1 for e in elements]),
+        input_forces=np.ascontiguousarray(vehicle.forces),
+        stiffness=np.array([e.stiffness for e in elements]),
+        damping=np.array([e.damping for e in elements]),
+        bushings=np.array([e.series_stiffness or 0.0 for e in elements]),
+        force_laws=np.array([astuple(law) for law in laws], dtype=_LAW),
+        by_acceleration=np.ascontiguousarray(vehicle.outputs.acceleration),
+        by_velocity=np.ascontiguousarray(vehicle.outputs.velocity),
+        by_displacement=np.ascontiguousarray(vehicle.outputs.displacement),
     )
+    results = kernel.integrate(loops, times, factors, np.ascontiguousarray(inputs.T), 1 / rate, start, *state)
     return Motion(*(np.ascontiguousarray(result.T) for result in results))
 
 
@@ -253,11 +252,3 @@ def _factors(vehicle: Structure, time_histories: Mapping[Component, TimeHistory]
             if time_history is not None:
                 factors[number, row] = np.interp(knots, np.asarray(time_history[0]), np.asarray(time_history[1]))
     return knots, factors
-
-
-def _compiled() -> Any:
-    """Return the integrator, compiled at the first call and kept on disk."""
-    required("numba", purpose="nonlinear simulation", extra="simulate")
-    from sprung.simulation import kernel
-
-    return kernel.integrate
