@@ -1,12 +1,11 @@
 """What a run has to do: its settings, the vehicles of the fleet, and the windows of a lake without results."""
 
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pyarrow as pa
 
@@ -17,6 +16,7 @@ from sprung.fleet.jobs.assessment import AssessmentSettings
 from sprung.fleet.jobs.results import KEY, OF_STEP, Results
 from sprung.fleet.jobs.spark import filesystem, read, spark_schema
 from sprung.fleet.lake import AddedFile, Lake, absolute_location
+from sprung.fleet.lake.lake import in_parts
 from sprung.vehicles import vehicle_from_text, vehicle_text
 
 if TYPE_CHECKING:
@@ -163,36 +163,30 @@ def vehicles_of(session: "SparkSession", place: str | Path) -> "DataFrame":
             f.concat(f.lit(f"{folder}/"), f.col("file"))
         )
         listed = table.groupBy("vehicle").agg(f.min(paths).alias("path"))
-        return listed.mapInArrow(partial(_vehicle_rows, _read_vehicle), spark_schema(VEHICLES))
-    system, folder = filesystem(text)
-    is_file = system.get_file_info(folder).is_file
-    listing = [] if is_file else system.get_file_info(fs.FileSelector(folder, allow_not_found=True))
-    if not is_file and not any(entry.path.endswith(".toml") for entry in listing):
-        raise ParameterError(f"{place} has no vehicle files: give a folder with VEHICLE.toml for each, or a table")
-    files = session.read.text(text, wholetext=True, pathGlobFilter="*.toml")
-    named = files.select(f.regexp_extract("_metadata.file_name", r"^(.*)\.toml$", 1).alias("vehicle"), "value")
-    return named.mapInArrow(partial(_vehicle_rows, _stated_vehicle), spark_schema(VEHICLES))
+    else:
+        system, folder = filesystem(text)
+        is_file = system.get_file_info(folder).is_file
+        entries = [] if is_file else system.get_file_info(fs.FileSelector(folder, allow_not_found=True))
+        names = [entry.base_name for entry in entries if entry.base_name.endswith(".toml")]
+        if not names:
+            raise ParameterError(f"{place} has no vehicle files: give a folder with VEHICLE.toml for each, or a table")
+        rows = [(name.removesuffix(".toml"), f"{text}/{name}") for name in names]
+        listed = session.createDataFrame(rows, "vehicle string, path string")
+    return listed.mapInArrow(_read_vehicles, spark_schema(VEHICLES))
 
 
-def _vehicle_rows(
-    row_of: Callable[[dict[str, Any]], dict[str, str]], batches: Iterator[pa.RecordBatch]
-) -> Iterator[pa.RecordBatch]:
-    """Yield the vehicles of paths or texts."""
+def _read_vehicles(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
+    """Yield the vehicles of the paths of their files."""
     for batch in batches:
-        yield pa.RecordBatch.from_pylist([row_of(item) for item in batch.to_pylist()], schema=VEHICLES)
-
-
-def _stated_vehicle(item: dict[str, Any]) -> dict[str, str]:
-    return described(item["vehicle"], item["value"])
-
-
-def _read_vehicle(item: dict[str, Any]) -> dict[str, str]:
-    try:
-        system, place = filesystem(item["path"])
-        with system.open_input_stream(place) as stream:
-            return described(item["vehicle"], stream.read().decode())
-    except (OSError, UnicodeDecodeError) as error:
-        return _unusable(item["vehicle"], f"{item['path']} cannot be read: {error}")
+        rows = []
+        for vehicle, path in zip(*batch.to_pydict().values(), strict=True):
+            try:
+                system, place = filesystem(path)
+                with system.open_input_stream(place) as stream:
+                    rows.append(described(vehicle, stream.read().decode()))
+            except (OSError, UnicodeDecodeError) as error:
+                rows.append(_unusable(vehicle, f"{path} cannot be read: {error}"))
+        yield pa.RecordBatch.from_pylist(rows, schema=VEHICLES)
 
 
 def described(vehicle: str, text: str) -> dict[str, str]:
@@ -258,14 +252,7 @@ class Planner:
 
     def chunks(self) -> Iterator[Sequence[AddedFile]]:
         """Yield the files of the lake in chunks of dates, with about as many windows each as are committed together."""
-        chunk: list[AddedFile] = []
-        for file in self._files:
-            chunk.append(file)
-            if sum(each.n_rows for each in chunk) >= self._settings.windows_in_commit:
-                yield chunk
-                chunk = []
-        if chunk:
-            yield chunk
+        return in_parts(self._files, size=lambda file: file.n_rows, limit=self._settings.windows_in_commit)
 
     def work(self, files: Sequence[AddedFile]) -> "DataFrame":
         """Return the windows of files that lack results."""

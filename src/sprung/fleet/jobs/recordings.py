@@ -10,6 +10,7 @@ from sprung._checks import check_number
 from sprung.diagnosis import windows
 from sprung.errors import DataError, ParameterError, SprungError
 from sprung.fleet.lake import Lake, LakeWindow, recording_of, window_of_recording
+from sprung.fleet.lake.lake import in_parts
 from sprung.formats import ReadSettings, read_records, write
 from sprung.link.archive import is_archive, read_archive
 from sprung.recording import Channel, Gap, Recording
@@ -72,7 +73,6 @@ class Importer:
         self._lake, self._vehicle, self._length, self._start = lake, vehicle, length, start
         self._settings = settings or ReadSettings()
         self._ends: dict[str, int] = {}
-        self._waiting: list[tuple[ImportedFile, LakeWindow]] = []
 
     def add(
         self, paths: Sequence[Path], *, on_progress: Callable[[str, float], None] = lambda step, share: None
@@ -91,27 +91,30 @@ class Importer:
         SprungError
             If the lake cannot be read or written.
         """
-        files = []
-        for number, path in enumerate(paths):
-            on_progress(f"importing {path.name}", number / len(paths))
-            files.append(file := ImportedFile(path))
-            for window in self._each_window(file):
+        files = [ImportedFile(path) for path in paths]
+        made = self._each_window(files, on_progress)
+        for part in in_parts(made, size=lambda own: own[1].n_bytes, limit=_WRITTEN_TOGETHER):
+            new = self._lake.missing([window for _, window in part])
+            self._lake.write(new)
+            added = set(map(id, new))
+            for file, window in part:
                 file.n_windows += 1
-                self._waiting.append((file, window))
-                if sum(waiting.n_bytes for _, waiting in self._waiting) >= _WRITTEN_TOGETHER:
-                    self._write()
-        self._write()
+                file.n_added += id(window) in added
         return files
 
-    def _each_window(self, file: ImportedFile) -> Iterator[LakeWindow]:
-        """Yield the windows of a file; where that fails, the file has the reason."""
-        try:
-            file.vehicle = self._vehicle_of(file.path)
-            for recording in self._recordings(file.path, file.vehicle):
-                for _, part in windows(recording, length=self._length):
-                    yield window_of_recording(file.vehicle, part, source=file.path.name)
-        except (SprungError, OSError) as error:
-            file.reason = str(error)
+    def _each_window(
+        self, files: Sequence[ImportedFile], on_progress: Callable[[str, float], None]
+    ) -> Iterator[tuple[ImportedFile, LakeWindow]]:
+        """Yield the windows of files; one where that fails has the reason."""
+        for number, file in enumerate(files):
+            on_progress(f"importing {file.path.name}", number / len(files))
+            try:
+                file.vehicle = self._vehicle_of(file.path)
+                for recording in self._recordings(file.path, file.vehicle):
+                    for _, part in windows(recording, length=self._length):
+                        yield file, window_of_recording(file.vehicle, part, source=file.path.name)
+            except (SprungError, OSError) as error:
+                file.reason = str(error)
 
     def _vehicle_of(self, path: Path) -> str:
         """Return the name of the vehicle of a file."""
@@ -134,15 +137,6 @@ class Importer:
             gaps = sum(gap.duration for gap in recording.gaps)
             self._ends[vehicle] = begin + round(1e9 * (recording.duration + gaps))
             yield replace(recording, start=begin)
-
-    def _write(self) -> None:
-        """Write the windows that wait."""
-        new = self._lake.missing([window for _, window in self._waiting])
-        self._lake.write(new)
-        added = set(map(id, new))
-        for file, window in self._waiting:
-            file.n_added += id(window) in added
-        self._waiting.clear()
 
 
 def _archived(path: Path, settings: ReadSettings) -> Recording:

@@ -2,12 +2,13 @@
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from fcntl import LOCK_EX, LOCK_NB, flock
 from pathlib import Path
+from typing import TypeVar
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -16,6 +17,7 @@ from sprung.errors import DataError
 from sprung.fleet.lake.table import AddedFile, Table
 from sprung.fleet.lake.windows import KEY, SCHEMA, LakeWindow
 
+_Item = TypeVar("_Item")
 #: Largest number of rows in a row group: one window is read without many others.
 ROWS_IN_GROUP = 4
 #: Size of samples in memory after which they are written [bytes].
@@ -104,7 +106,9 @@ class Lake:
             Windows in any order; a few hundred megabytes of them are in memory at a time, and each such part is one
             commit.
         """
-        return sum(self._append(part) for part in _parts(windows))
+        return sum(
+            self._append(part) for part in in_parts(windows, size=lambda own: own.n_bytes, limit=_WRITTEN_TOGETHER)
+        )
 
     def missing(self, windows: Sequence[LakeWindow]) -> list[LakeWindow]:
         """Return those of some windows that the lake does not hold yet, once each, by date, vehicle and time."""
@@ -275,17 +279,16 @@ class Outbox:
         """
         n_moved = 0
         with self._locked() as is_own:
-            for paths, windows in self._parts() if is_own else ():
-                lake.write(windows)
-                for path in paths:
+            waiting = self._waiting() if is_own else iter(())
+            for part in in_parts(waiting, size=lambda own: own[1].n_bytes, limit=_MOVED_TOGETHER):
+                lake.write([window for _, window in part])
+                for path, _ in part:
                     path.unlink(missing_ok=True)
-                n_moved += len(windows)
+                n_moved += len(part)
         return n_moved
 
-    def _parts(self) -> Iterator[tuple[list[Path], list[LakeWindow]]]:
-        """Yield windows with their files, as many as are written together."""
-        paths: list[Path] = []
-        windows: list[LakeWindow] = []
+    def _waiting(self) -> Iterator[tuple[Path, LakeWindow]]:
+        """Yield the files that wait with their windows."""
         for path in [Path(each.path) for each in self.files]:
             try:
                 with pa.ipc.open_file(path) as reader:
@@ -293,13 +296,7 @@ class Outbox:
             except (pa.ArrowException, ValueError):
                 path.replace(path.with_suffix(".damaged"))
                 continue
-            paths.append(path)
-            windows.append(LakeWindow(row["vehicle"], row))
-            if sum(window.n_bytes for window in windows) >= _MOVED_TOGETHER:
-                yield paths, windows
-                paths, windows = [], []
-        if windows:
-            yield paths, windows
+            yield path, LakeWindow(row["vehicle"], row)
 
     @contextmanager
     def _locked(self) -> Iterator[bool]:
@@ -316,16 +313,31 @@ class Outbox:
             yield True
 
 
-def _parts(windows: Iterable[LakeWindow]) -> Iterator[list[LakeWindow]]:
-    """Yield windows in parts of limited size."""
-    part: list[LakeWindow] = []
-    size = 0
-    for window in windows:
-        part.append(window)
-        size += window.n_bytes
-        if size >= _WRITTEN_TOGETHER:
+def in_parts(items: Iterable[_Item], *, size: Callable[[_Item], float], limit: float) -> Iterator[list[_Item]]:
+    """Yield items in parts, each of which ends with the item that brings it to the limit.
+
+    Parameters
+    ----------
+    items
+        Items of any number.
+    size
+        Size of an item.
+    limit
+        Size of a part.
+
+    Examples
+    --------
+    >>> list(in_parts(["one", "three", "two", "four"], size=len, limit=6))
+    [['one', 'three'], ['two', 'four']]
+    """
+    part: list[_Item] = []
+    total = 0.0
+    for item in items:
+        part.append(item)
+        total += size(item)
+        if total >= limit:
             yield part
-            part, size = [], 0
+            part, total = [], 0.0
     if part:
         yield part
 

@@ -191,16 +191,12 @@ class Table:
         """Return the files of the table, without their rows."""
         if not self.exists:
             return []
-        actions = pa.table(self.open().get_add_actions(flatten=True)).to_pylist()
-        return [
-            AddedFile(
-                action["path"],
-                int(action["size_bytes"]),
-                int(action["num_records"] or 0),
-                {name: _text(action.get(f"partition.{name}")) for name in self.partition_by},
-            )
-            for action in actions
-        ]
+        files = []
+        for action in pa.table(self.open().get_add_actions(flatten=True)).to_pylist():
+            values = {name: action.get(f"partition.{name}") for name in self.partition_by}
+            texts = {name: None if value is None else str(value) for name, value in values.items()}
+            files.append(AddedFile(action["path"], int(action["size_bytes"]), int(action["num_records"] or 0), texts))
+        return files
 
     def uri(self, file: AddedFile) -> str:
         """Return the whole path or URL of a file of the table."""
@@ -337,7 +333,9 @@ def absolute_location(location: str | Path) -> str:
     ('/srv/lake', 's3://fleet/lake')
     """
     text = str(location)
-    return text.rstrip("/") if urlsplit(text).scheme not in {"", "file"} else str(_folder(text).absolute())
+    if urlsplit(text).scheme not in {"", "file"}:
+        return text.rstrip("/")
+    return str(Path(urlsplit(text).path if text.startswith("file:") else text).absolute())
 
 
 def file_name(partition: Mapping[str, str | None]) -> str:
@@ -367,16 +365,6 @@ def _action(file: AddedFile) -> Any:
         data_change=True,
         stats=json.dumps({"numRecords": file.n_rows}),
     )
-
-
-def _folder(text: str) -> Path:
-    """Return the folder of a path or file URL."""
-    return Path(urlsplit(text).path if text.startswith("file:") else text)
-
-
-def _text(value: Any) -> str | None:
-    """Return the value of a partition column as text."""
-    return None if value is None else str(value)
 
 
 def _deltalake() -> Any:
