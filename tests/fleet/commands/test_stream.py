@@ -1,6 +1,13 @@
 """Streams from the command line: which source, and where it is."""
 
+from typing import Any
+
 import pytest
+
+from sprung.fleet.commands.runs import takes_settings
+from sprung.fleet.jobs import FleetSettings
+from sprung.fleet.jobs.analysis import WindowSettings
+from sprung.fleet.jobs.assessment import AssessmentSettings
 
 PLACES = ("--vehicles", "vehicles", "--out", "results", "--checkpoint", "checkpoint")
 
@@ -21,3 +28,16 @@ def test_numbers_are_checked_before_spark_starts(sprung) -> None:
     assert (outcome.code, "guess" in outcome.err) == (2, True)
     outcome = sprung("fleet", "stream", "--frames", "frames", *PLACES, "--window", "0.5")
     assert (outcome.code, "--window" in outcome.err) == (2, True)
+
+
+def test_options_become_the_settings_of_a_run() -> None:
+    found: list[FleetSettings] = []
+
+    @takes_settings("since", "until")
+    def command(*, settings: FleetSettings, minutes: float) -> None:
+        found.append(settings)
+
+    given: dict[str, Any] = {"steps": "identify,diagnose", "learn": 3, "method": "fdd", "allow_missing": True}
+    command(**given, false_alarms=0.01, false_discoveries=0.1, hours_per_day=3.0, minutes=5.0)
+    windows, assessment = WindowSettings("fdd", True), AssessmentSettings(3, false_alarms=0.01, windows_per_day=36.0)
+    assert found == [FleetSettings(("identify", "diagnose"), windows, assessment, 0.1)]

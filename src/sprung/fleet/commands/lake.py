@@ -182,15 +182,12 @@ def rank(
 
 def _by_vehicle(files: "Sequence[ImportedFile]") -> list[tuple[str, int, int, int]]:
     """Return the vehicles of files with their numbers of files, of windows added, and of windows known before."""
-    own: dict[str, list[ImportedFile]] = {}
+    counts: dict[str, tuple[int, int, int]] = {}
     for file in files:
         if file.n_windows:
-            own.setdefault(file.vehicle, []).append(file)
-    counts = {
-        name: (sum(file.n_added for file in of_it), sum(file.n_windows for file in of_it))
-        for name, of_it in own.items()
-    }
-    return [(name, len(own[name]), added, total - added) for name, (added, total) in sorted(counts.items())]
+            n_files, added, known = counts.get(file.vehicle, (0, 0, 0))
+            counts[file.vehicle] = (n_files + 1, added + file.n_added, known + file.n_windows - file.n_added)
+    return [(vehicle, *own) for vehicle, own in sorted(counts.items())]
 
 
 def _problem(path: Path, reason: str) -> str:

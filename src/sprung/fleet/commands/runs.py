@@ -1,8 +1,12 @@
 """The commands `sprung fleet run`, `explain` and `stream`."""
 
+import inspect
 import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -13,6 +17,8 @@ from sprung.cli.services import LogFormat, log_to, stop_on_signals
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
+    from pyspark.sql import SparkSession
+
     from sprung.fleet.jobs import FleetSettings
     from sprung.fleet.streams import StreamBatch
 
@@ -30,14 +36,6 @@ Vehicles = Annotated[
     ),
 ]
 Out = Annotated[str, option("RESULTS", "Folder or URL of the tables of results; created if missing.", "--out")]
-Steps = Annotated[
-    str,
-    option(
-        "A,B,..",
-        "What to do: identify (modes), corners (springs, dampers and tyres of each window), baseline, diagnose.",
-        "--steps",
-    ),
-]
 Master = Annotated[
     str,
     option(
@@ -47,34 +45,97 @@ Master = Annotated[
         panel=SPARK,
     ),
 ]
-Learn = Annotated[
-    int, option("N", "Number of valid windows from which a baseline is learnt.", "--learn", min=2, panel=INPUT)
-]
-Method = Annotated[
-    Literal["cov", "acs", "coss", "plscf", "fdd"],
-    typer.Option(help="Method of identification.", rich_help_panel=INPUT),
-]
-FalseAlarms = Annotated[float, option("RATE", "False alarms per vehicle and day of driving.", panel=INPUT)]
-HoursPerDay = Annotated[float, option("H", "Hours of driving per day.", panel=INPUT)]
-_ALL = "identify,corners,baseline,diagnose"
 
 
+def _settings(
+    *,
+    steps: Annotated[
+        str,
+        option(
+            "A,B,..",
+            "What to do: identify (modes), corners (springs, dampers and tyres of each window), baseline, diagnose.",
+            "--steps",
+        ),
+    ] = "identify,corners,baseline,diagnose",
+    since: Since = None,
+    until: Until = None,
+    learn: Annotated[
+        int, option("N", "Number of valid windows from which a baseline is learnt.", "--learn", min=2, panel=INPUT)
+    ] = 12,
+    method: Annotated[
+        Literal["cov", "acs", "coss", "plscf", "fdd"],
+        typer.Option(help="Method of identification.", rich_help_panel=INPUT),
+    ] = "cov",
+    allow_missing: AllowMissing = False,
+    false_alarms: Annotated[float, option("RATE", "False alarms per vehicle and day of driving.", panel=INPUT)] = 1e-3,
+    false_discoveries: Annotated[
+        float, option("SHARE", "Expected share of healthy vehicles among those reported as changed.", panel=INPUT)
+    ] = 0.05,
+    hours_per_day: Annotated[float, option("H", "Hours of driving per day.", panel=INPUT)] = 8.0,
+    **others: Any,
+) -> "FleetSettings":
+    """Return the settings that the options of a command give; `others` are its own, such as the length of a window."""
+    from sprung.fleet.jobs import FleetSettings
+    from sprung.fleet.jobs.analysis import WindowSettings
+    from sprung.fleet.jobs.assessment import AssessmentSettings
+    from sprung.results.periods import parse_period
+
+    period = parse_period(since, until)
+    windows_per_day = hours_per_day * 60 / others.get("minutes", 10.0)
+    return FleetSettings(
+        steps=tuple(names(steps) or ()),
+        windows=WindowSettings(method=method, allow_missing=allow_missing),
+        assessment=AssessmentSettings(
+            learning_windows=learn, false_alarms=false_alarms, windows_per_day=windows_per_day
+        ),
+        false_discoveries=false_discoveries,
+        since=period.since,
+        until=period.until,
+    )
+
+
+def takes_settings(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the options of `_settings` but some, in place of its argument `settings`."""
+
+    def with_options(command: Callable[..., None]) -> Callable[..., None]:
+        signature = inspect.signature(command)
+        options = inspect.signature(_settings).parameters
+        added = [options[name] for name in options if name not in {*left_out, "others"}]
+        every = [each for own in signature.parameters.values() for each in (added if own.name == "settings" else [own])]
+
+        @wraps(command)
+        def run_command(**arguments: Any) -> None:
+            settings = _settings(**arguments)
+            command(**{name: arguments[name] for name in arguments.keys() & signature.parameters}, settings=settings)
+
+        vars(run_command)["__signature__"] = signature.replace(parameters=every)
+        run_command.__annotations__ = {parameter.name: parameter.annotation for parameter in every}
+        return run_command
+
+    return with_options
+
+
+@contextmanager
+def _spark(master: str) -> "Iterator[tuple[SparkSession, Callable[[str, float], None]]]":
+    """Yield a session of Spark, and what reports progress, until the work is done."""
+    from sprung.fleet.jobs import spark_session
+
+    with progress_bar() as report:
+        report("starting Spark", 0.0)
+        session = spark_session(master)
+        try:
+            yield session, report
+        finally:
+            session.stop()
+
+
+@takes_settings()
 def run(
     lake: LakePlace,
     *,
     vehicles: Vehicles,
     out: Out,
-    steps: Steps = _ALL,
-    since: Since = None,
-    until: Until = None,
-    learn: Learn = 12,
-    method: Method = "cov",
-    allow_missing: AllowMissing = False,
-    false_alarms: FalseAlarms = 1e-3,
-    false_discoveries: Annotated[
-        float, option("SHARE", "Expected share of healthy vehicles among those reported as changed.", panel=INPUT)
-    ] = 0.05,
-    hours_per_day: HoursPerDay = 8.0,
+    settings: "FleetSettings",
     minutes: Annotated[float, option("MINUTES", "Length of the windows in the lake.", "--window", panel=INPUT)] = 10.0,
     master: Master = "local[*]",
     json: Json = None,
@@ -86,31 +147,15 @@ def run(
     from sprung.results.documents import fleet_run_document
 
     check_file("--json", json)
-    chosen = _settings(
-        steps=steps,
-        since=since,
-        until=until,
-        learn=learn,
-        method=method,
-        allow_missing=allow_missing,
-        false_alarms=false_alarms,
-        false_discoveries=false_discoveries,
-        windows_per_day=hours_per_day * 60 / minutes,
-    )
     results = jobs.Results(out)
-    with progress_bar() as report:
-        report("starting Spark", 0.0)
-        session = jobs.spark_session(master)
-        try:
-            done = jobs.run(session, Lake(lake), vehicles, results, settings=chosen, report=report)
-            report("counting the results", 0.0)
-            summary = jobs.summarise(session, results)
-        finally:
-            session.stop()
+    with _spark(master) as (session, report):
+        done = jobs.run(session, Lake(lake), vehicles, results, settings=settings, report=report)
+        report("counting the results", 0.0)
+        summary = jobs.summarise(session, results)
     document = fleet_run_document(
         counts={
             "results": out,
-            "steps": chosen.steps,
+            "steps": settings.steps,
             "analysed": done.n_windows,
             "vehicles_assessed": done.n_vehicles,
             "analysis_time": done.elapsed,
@@ -127,16 +172,13 @@ def run(
         show(*tables.fleet_run_tables(plain), [*tables.describe_fleet_run(plain), *written([Path(out)], json)])
 
 
+@takes_settings("method", "false_alarms", "false_discoveries", "hours_per_day")
 def explain(
     lake: LakePlace,
     *,
     vehicles: Vehicles,
     out: Out,
-    steps: Steps = _ALL,
-    since: Since = None,
-    until: Until = None,
-    learn: Learn = 12,
-    allow_missing: AllowMissing = False,
+    settings: "FleetSettings",
     master: Master = "local[*]",
     json: Json = None,
 ) -> None:
@@ -147,16 +189,10 @@ def explain(
     from sprung.results.documents import fleet_plan_document
 
     check_file("--json", json)
-    chosen = _settings(steps=steps, since=since, until=until, learn=learn, allow_missing=allow_missing)
-    with progress_bar() as report:
-        report("starting Spark", 0.0)
-        session = jobs.spark_session(master)
-        try:
-            report("comparing lake and results", 0.0)
-            plan, cost = jobs.explain(session, Lake(lake), vehicles, jobs.Results(out), settings=chosen)
-            cores = session.sparkContext.defaultParallelism
-        finally:
-            session.stop()
+    with _spark(master) as (session, report):
+        report("comparing lake and results", 0.0)
+        plan, cost = jobs.explain(session, Lake(lake), vehicles, jobs.Results(out), settings=settings)
+        cores = session.sparkContext.defaultParallelism
     document = fleet_plan_document(
         {
             "windows": plan.n_windows,
@@ -174,6 +210,7 @@ def explain(
         show(tables.fleet_plan_table(plain), [*tables.describe_fleet_plan(plain), *written([], json)])
 
 
+@takes_settings("since", "until", "false_discoveries")
 def stream(
     lake: Annotated[
         str | None,
@@ -195,12 +232,7 @@ def stream(
     ] = None,
     once: Annotated[bool, typer.Option("--once", help="End once the present data are analysed.")] = False,
     every: Annotated[float, option("SECONDS", "Time between the starts of two batches.", min=1)] = 60.0,
-    steps: Steps = _ALL,
-    learn: Learn = 12,
-    method: Method = "cov",
-    allow_missing: AllowMissing = False,
-    false_alarms: FalseAlarms = 1e-3,
-    hours_per_day: HoursPerDay = 8.0,
+    settings: "FleetSettings",
     minutes: Annotated[
         float,
         option(
@@ -229,20 +261,6 @@ def stream(
         raise ParameterError("a stream needs one source: give a LAKE, --kafka or --frames")
     log_to(log_format)
     logging.getLogger("py4j").setLevel(logging.CRITICAL)  # an error is reported once, in one sentence
-    settings = streams.StreamSettings(
-        _settings(
-            steps=steps,
-            since=None,
-            until=None,
-            learn=learn,
-            method=method,
-            allow_missing=allow_missing,
-            false_alarms=false_alarms,
-            windows_per_day=hours_per_day * 60 / minutes,
-        ),
-        every=every,
-        is_once=once,
-    )
     more = {} if packages is None else {"spark.jars.packages": packages}
     session = jobs.spark_session(master, settings={**streams.STREAM_SETTINGS, **more})
     stopping = stop_on_signals()  # after the session, which listens to signals itself
@@ -257,9 +275,10 @@ def stream(
                 else streams.messages_in_kafka(session, kafka, topic)
             )
             source = streams.windows_of_messages(messages, duration=60 * minutes)
+        chosen = streams.StreamSettings(settings, every=every, is_once=once)
         results = jobs.Results(out)
         streams.stream(
-            session, source, vehicles, results, checkpoint, settings=settings, stopping=stopping, report=_log_batch
+            session, source, vehicles, results, checkpoint, settings=chosen, stopping=stopping, report=_log_batch
         )
     finally:
         session.stop()
@@ -275,34 +294,3 @@ def _log_batch(batch: "StreamBatch") -> None:
     )
     if batch.n_refused:
         LOG.warning(f"{batch.n_refused} messages were refused, such as: {batch.refusal}")
-
-
-def _settings(
-    *,
-    steps: str,
-    since: str | None,
-    until: str | None,
-    learn: int,
-    allow_missing: bool,
-    method: str = "cov",
-    false_alarms: float = 1e-3,
-    false_discoveries: float = 0.05,
-    windows_per_day: float = 48.0,
-) -> "FleetSettings":
-    """Return the settings that the options give."""
-    from sprung.fleet.jobs import FleetSettings
-    from sprung.fleet.jobs.analysis import WindowSettings
-    from sprung.fleet.jobs.assessment import AssessmentSettings
-    from sprung.results.periods import parse_period
-
-    period = parse_period(since, until)
-    return FleetSettings(
-        steps=tuple(names(steps) or ()),
-        windows=WindowSettings(method=method, allow_missing=allow_missing),
-        assessment=AssessmentSettings(
-            learning_windows=learn, false_alarms=false_alarms, windows_per_day=windows_per_day
-        ),
-        false_discoveries=false_discoveries,
-        since=period.since,
-        until=period.until,
-    )
