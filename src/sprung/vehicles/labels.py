@@ -1,7 +1,7 @@
 """Modes of a vehicle: shares of the rigid-body motions, names, and notes on unusual ones."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,17 +23,23 @@ from sprung.vehicles.structure import MOTIONS as MOTION_QUANTITIES
 
 #: Rigid-body motions of a body on its suspension, in the order of every participation.
 MOTIONS = ("bounce", "pitch", "roll")
-#: Smallest share of a motion in a mode that is named after it, and smallest share of the shape that the rigid body
-#: must explain.
-_LEAST_SHARE = 0.5
-_LEAST_EXPLAINED = 0.7
-#: Largest relative difference from a known natural frequency of a mode identified with it.
-_NEARBY = 0.2
-#: Factor by which a mode of the body may be below or above all of those of the vehicle file: with a full load or one
-#: broken spring, or with friction that locks springs.
-_UNSURE = 1.6
-#: Largest ratio of the natural frequencies of two motions of one body on its suspension.
-_SPREAD = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Naming:
+    """Limits of the names of modes, and of what is usual."""
+
+    share: float = 0.5  # smallest share of a motion in a mode that is named after it
+    explained: float = 0.7  # smallest share of the shape that the rigid body must explain
+    nearby: float = 0.2  # largest relative difference from a known natural frequency of a mode identified with it
+    unsure: float = 1.6  # factor to the file's body modes: a full load, one broken spring, friction that locks springs
+    spread: float = 3.0  # largest ratio of the natural frequencies of two motions of one body on its suspension
+    frequencies: tuple[float, float] = (0.5, 20.0)  # usual of a body [Hz]; a shorter model has the root of its scale
+    full_size: float = 2.5  # wheelbase from which a vehicle is no such model [m]
+    damping: tuple[float, float] = (0.02, 1.0)  # usual ratios of a body on its springs
+
+
+_NAMING = _Naming()
 
 
 def rigid_body_participation(
@@ -133,16 +139,16 @@ def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Description 
     mass = None if exact is None else exact.mass[:3, :3]
     hops = np.zeros(0) if vehicle is None else wheel_hop_frequencies(vehicle)
     shares, explained = rigid_body_participation(modes, channels, mass=mass)
-    is_twisted = (explained < _LEAST_EXPLAINED) & np.isfinite(shares).any() & _shows_twist(channels, vehicle)
+    is_twisted = (explained < _NAMING.explained) & np.isfinite(shares).any() & _shows_twist(channels, vehicle)
     motions = [
-        MOTIONS[int(np.argmax(share))] if fit >= _LEAST_EXPLAINED and share.max() >= _LEAST_SHARE else None
+        MOTIONS[int(np.argmax(share))] if fit >= _NAMING.explained and share.max() >= _NAMING.share else None
         for share, fit in zip(shares, explained, strict=True)
     ]
     lowest, highest = _plausible(modes, motions, exact)
     labels: list[str | None] = []
     for frequency, motion, twisted in zip(modes.natural_frequency, motions, is_twisted, strict=True):
         label = None
-        if np.any(np.abs(frequency - hops) <= _NEARBY * hops) and not twisted:
+        if np.any(np.abs(frequency - hops) <= _NAMING.nearby * hops) and not twisted:
             label = "wheel_hop"
         elif lowest <= frequency <= highest and motion not in labels:
             label = motion
@@ -155,7 +161,7 @@ def _plausible(modes: Modes, motions: Sequence[str | None], exact: Structure | N
     if exact is not None:
         return body_range(exact.modes())
     rigid = [f for f, motion in zip(modes.natural_frequency, motions, strict=True) if motion is not None]
-    return 0.0, _SPREAD * min(rigid, default=np.inf)
+    return 0.0, _NAMING.spread * min(rigid, default=np.inf)
 
 
 def body_range(exact: ExactModes) -> tuple[float, float]:
@@ -171,7 +177,7 @@ def body_range(exact: ExactModes) -> tuple[float, float]:
     From the lowest of bounce, pitch and roll over 1.6 to the highest times 1.6; 0 to infinity where none oscillates.
     """
     body = [float(f) for f, label in zip(exact.natural_frequency, exact.labels, strict=True) if label in MOTIONS]
-    return (min(body) / _UNSURE, _UNSURE * max(body)) if body else (0.0, np.inf)
+    return (min(body) / _NAMING.unsure, _NAMING.unsure * max(body)) if body else (0.0, np.inf)
 
 
 def _shows_twist(channels: Sequence[Channel], vehicle: Vehicle | None) -> bool:
@@ -185,18 +191,10 @@ def _labels_by_frequency(modes: Modes, exact: ExactModes) -> tuple[str | None, .
     """Return for each mode the label of the nearest exact mode, if it is near and no other mode is nearer to it."""
     distances = np.abs(modes.natural_frequency[:, None] / exact.natural_frequency - 1)
     return tuple(
-        exact.labels[nearest] if row[nearest] <= _NEARBY and distances[:, nearest].argmin() == k else None
+        exact.labels[nearest] if row[nearest] <= _NAMING.nearby and distances[:, nearest].argmin() == k else None
         for k, row in enumerate(distances)
         for nearest in [int(row.argmin())]
     )
-
-
-#: Usual natural frequencies of a body on its springs [Hz], of a vehicle with a wheelbase of that length [m] or more; a
-#: model that is shorter vibrates faster, as the root of its scale (Froude).
-_FREQUENCIES, _FULL_SIZE = (0.5, 20.0), 2.5
-_SUSPENSION = ("spring_stiffness", "damping")
-#: Usual damping ratios of a body on its springs.
-_DAMPING = (0.02, 1.0)
 
 
 def plausibility_notes(vehicle: Description) -> tuple[str, ...]:
@@ -217,24 +215,28 @@ def plausibility_notes(vehicle: Description) -> tuple[str, ...]:
     modes = structure(vehicle).modes()
     named = {label: k for k, label in enumerate(modes.labels) if label in MOTIONS}
     wheelbase = vehicle.axle[0].x - vehicle.axle[-1].x
-    highest = _FREQUENCIES[1] * float(np.sqrt(max(1.0, _FULL_SIZE / wheelbase)))
+    lowest, highest = _NAMING.frequencies
+    highest *= float(np.sqrt(max(1.0, _NAMING.full_size / wheelbase)))
     frequencies = {label: float(modes.natural_frequency[k]) for label, k in named.items()}
-    odd = [f"{label} {f:.2g} Hz" for label, f in frequencies.items() if not _FREQUENCIES[0] <= f <= highest]
+    odd = ", ".join(f"{label} {f:.2g} Hz" for label, f in frequencies.items() if not lowest <= f <= highest)
     damping = {label: float(modes.damping_ratio[k]) for label, k in named.items()}
-    damping["bounce"] = max(damping.get("bounce", 0.0), _damping_of_bounce(vehicle))
-    undue = [
-        f"{label} {_percent(x)} %" for label, x in damping.items() if not _DAMPING[0] <= round(x, 6) <= _DAMPING[1]
-    ]
+    # Of the body above a ground that does not move: strong dampers leave no mode.
+    stiffness = 2 * sum(axle.spring_stiffness for axle in vehicle.axle)
+    damper = 2 * sum(axle.damping for axle in vehicle.axle)
+    above_ground = damper / (2 * float(np.sqrt(stiffness * vehicle.body.mass)))
+    damping["bounce"] = max(damping.get("bounce", 0.0), above_ground)
+    least, most = _NAMING.damping
+    undue = ", ".join(f"{label} {_percent(x)} %" for label, x in damping.items() if not least <= round(x, 6) <= most)
     notes = []
     if odd:
         notes.append(
-            f"unusual frequencies of the vehicle file's body: {', '.join(odd)}; {_FREQUENCIES[0]:g} to {highest:.3g} Hz"
-            " is usual: check masses, inertias and spring stiffness, and their units"
+            f"unusual frequencies of the vehicle file's body: {odd}; {lowest:g} to {highest:.3g} Hz is usual: check"
+            " masses, inertias and spring stiffness, and their units"
         )
     if undue:
         notes.append(
-            f"unusual damping of the vehicle file's body: {', '.join(undue)}; {100 * _DAMPING[0]:g} to"
-            f" {100 * _DAMPING[1]:g} % is usual: check damping, and its unit (N s/m)"
+            f"unusual damping of the vehicle file's body: {undue}; {100 * least:g} to {100 * most:g} % is usual: check"
+            " damping, and its unit (N s/m)"
         )
     return tuple(notes)
 
@@ -242,9 +244,3 @@ def plausibility_notes(vehicle: Description) -> tuple[str, ...]:
 def _percent(ratio: float) -> str:
     """Return a ratio in percent, to two digits."""
     return f"{float(f'{100 * round(ratio, 6):.2g}'):g}"
-
-
-def _damping_of_bounce(vehicle: Vehicle) -> float:
-    """Return the damping ratio of the body above a ground that does not move: strong dampers leave no mode."""
-    stiffness, damping = (2 * sum(getattr(axle, name) for axle in vehicle.axle) for name in _SUSPENSION)
-    return float(damping / (2 * np.sqrt(stiffness * vehicle.body.mass)))

@@ -1,6 +1,6 @@
 """The sensors of a vehicle file placed on a recording; those that it lacks, and channels that the file lacks."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -74,20 +74,6 @@ def quantities_of(recording: Recording, sensors: Sequence[Sensor], *, allow_miss
     }
 
 
-def missing_sensors(names: Collection[str], sensors: Sequence[Sensor]) -> tuple[str, ...]:
-    """Return the sensors of motion that a recording lacks, in the order of the vehicle file.
-
-    Parameters
-    ----------
-    names
-        Names of the channels of the recording.
-    sensors
-        Sensors of the vehicle file. Those of conditions (speed, temperature, pressure) may be absent: results state
-        which are missing.
-    """
-    return tuple(sensor.channel for sensor in sensors if not sensor.is_condition and sensor.channel not in names)
-
-
 def check_present(
     names: Sequence[str], sensors: Sequence[Sensor], *, allow_missing: bool = False, is_choice: bool = False
 ) -> None:
@@ -116,9 +102,10 @@ def check_present(
             " agree"
         )
     others = _left_over(names, sensors)
-    missing = missing_sensors(names, sensors)
+    # Speed, temperature and pressure may be absent: results state which are.
+    missing = [sensor.channel for sensor in sensors if not sensor.is_condition and sensor.channel not in names]
     if is_choice:
-        missing = tuple(name for name in missing if nearest_name(name, others))
+        missing = [name for name in missing if nearest_name(name, others)]
     if missing and not allow_missing:
         unused = f" (channels that no sensor names: {', '.join(others)})" if others else ""
         raise ParameterError(

@@ -398,32 +398,17 @@ def modes(system: MechanicalSystem, outputs: Outputs) -> ExactModes:
     oscillating = np.flatnonzero(eigenvalues.imag > _REAL_POLE * np.abs(eigenvalues))
     order = oscillating[np.argsort(np.abs(eigenvalues[oscillating]))]
     poles, coordinates = eigenvalues[order], vectors[:n, order]
-    shapes = (
-        (outputs.acceleration @ coordinates) * poles**2
-        + (outputs.velocity @ coordinates) * poles
-        + outputs.displacement @ coordinates
-    ).T
+    shapes, reach = np.zeros((len(outputs.channels), poles.size), dtype=np.complex128), np.zeros(poles.size)
+    for power, matrix in enumerate((outputs.displacement, outputs.velocity, outputs.acceleration)):
+        shapes += (matrix @ coordinates) * poles**power
+        reach += np.abs(matrix).max(initial=0.0) * np.abs(poles) ** power * np.abs(coordinates).max(axis=0)
+    is_seen = np.abs(shapes).max(axis=0, initial=0.0) > _UNSEEN * reach
     return ExactModes(
         poles=poles,
-        mode_shapes=_seen_shapes(shapes, np.abs(coordinates).max(axis=0) * _reach(outputs, np.abs(poles))),
+        mode_shapes=unit_shapes((shapes * is_seen).T) if shapes.size else shapes.T,
         channels=outputs.names,
         labels=_labels(system, coordinates.T),
     )
-
-
-def _reach(outputs: Outputs, pulsation: Real) -> Real:
-    """Return the largest reading of any sensor for motions of unit size at each angular frequency [rad/s]."""
-    matrices = (outputs.displacement, outputs.velocity, outputs.acceleration)
-    sizes = [np.abs(matrix).max(initial=0.0) * pulsation**order for order, matrix in enumerate(matrices)]
-    return np.sum(sizes, axis=0)
-
-
-def _seen_shapes(shapes: Complex, reach: Real) -> Complex:
-    """Return shapes scaled to 1 at their largest channel; zeros where no sensor observes the mode."""
-    if shapes.size == 0:
-        return shapes
-    is_seen = np.abs(shapes).max(axis=1) > _UNSEEN * reach
-    return unit_shapes(shapes * is_seen[:, None])
 
 
 def participation(mass: Real, shapes: Complex) -> Real:
