@@ -21,20 +21,25 @@ from sprung.excitation import (
 )
 from sprung.vehicles import Vehicle, corner_names
 
-#: Smallest over largest deceleration of a drive, and largest acceleration over largest deceleration.
-_GENTLEST, _ACCELERATION = 0.3, 0.7
-#: Stretches of steady speed of a drive with braking [s].
-_STEADY = (5.0, 25.0)
-#: Range of the unbalance and run-out of single wheels over the usual one, and standard deviation of their radii.
-_WHEELS, _RADII = (0.3, 1.7), 2e-3
-#: Speed at which the amplitude of an unbalance is given [m/s].
-_REFERENCE_SPEED = 10.0
 #: Gauge pressure of a tyre at 20 degrees Celsius [Pa].
 TYRE_PRESSURE = 2.2e5
-#: That of the air outside [Pa].
-_ATMOSPHERE = 1.013e5
-#: Share of a tyre's stiffness that is in proportion to the gauge pressure.
-_OF_PRESSURE = 0.8
+
+
+@dataclass(frozen=True, slots=True)
+class _Usual:
+    """Figures of drivers, wheels and tyres."""
+
+    gentlest: float = 0.3  # smallest over largest deceleration of a drive
+    acceleration: float = 0.7  # largest acceleration over largest deceleration
+    steady: tuple[float, float] = (5.0, 25.0)  # stretches of steady speed of a drive with braking [s]
+    wheels: tuple[float, float] = (0.3, 1.7)  # unbalance and run-out of single wheels over the usual one
+    radii: float = 2e-3  # standard deviation of the radii of wheels, relative
+    reference_speed: float = 10.0  # at which the amplitude of an unbalance is given [m/s]
+    atmosphere: float = 1.013e5  # pressure of the air outside [Pa]
+    of_pressure: float = 0.8  # share of a tyre's stiffness that is in proportion to the gauge pressure
+
+
+_USUAL = _Usual()
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,12 +145,12 @@ def tyre_factor(temperature: float) -> float:
     """
     check_number("temperature", temperature, at_least=-60, at_most=200)
     warmer = (temperature - 20) / (20 + 273.15)
-    return 1 + _OF_PRESSURE * warmer * (TYRE_PRESSURE + _ATMOSPHERE) / TYRE_PRESSURE
+    return 1 + _USUAL.of_pressure * warmer * (TYRE_PRESSURE + _USUAL.atmosphere) / TYRE_PRESSURE
 
 
 def pressure_of(factor: float) -> float:
     """Return the gauge pressure of a tyre [Pa] whose stiffness is `factor` times that at 2.2 bar; at least 0."""
-    return max(0.0, TYRE_PRESSURE * (1 + (factor - 1) / _OF_PRESSURE))
+    return max(0.0, TYRE_PRESSURE * (1 + (factor - 1) / _USUAL.of_pressure))
 
 
 #: A car's suspension: damping 35 % higher in rebound and 35 % lower in bump, 25 N of friction, springs that harden
@@ -281,8 +286,10 @@ class Driving:
         """Ranges of accelerations, decelerations and steady stretches."""
         if not self.braking:
             return SpeedChanges()
-        largest = _ACCELERATION * self.braking
-        return SpeedChanges((_GENTLEST * largest, largest), (_GENTLEST * self.braking, self.braking), _STEADY)
+        largest = _USUAL.acceleration * self.braking
+        return SpeedChanges(
+            (_USUAL.gentlest * largest, largest), (_USUAL.gentlest * self.braking, self.braking), _USUAL.steady
+        )
 
     def route(self, speed: SpeedProfile, *, duration: float, generator: np.random.Generator) -> Route:
         """Return a random route with these curves and slopes.
@@ -363,19 +370,19 @@ class WheelOrders:
             stiffness = vehicle.axle[wheel // 2].tyre_stiffness
             if stiffness is None:
                 raise ParameterError(f"vehicle {vehicle.name!r} has no tyres that could be unbalanced: leave that out")
-            radius = self.radius * (1 + _RADII * generator.standard_normal())
+            radius = self.radius * (1 + _USUAL.radii * generator.standard_normal())
             shares = tuple(float(other == wheel) for other in range(n_wheels))
-            sizes = generator.uniform(*_WHEELS, 1 + len(self.run_out))
+            sizes = generator.uniform(*_USUAL.wheels, 1 + len(self.run_out))
             phases = generator.uniform(0, 2 * math.pi, sizes.size)
             turns = 1 / (2 * math.pi * radius)
-            force = sizes[0] * self.unbalance * (_REFERENCE_SPEED / radius) ** 2
+            force = sizes[0] * self.unbalance * (_USUAL.reference_speed / radius) ** 2
             lines += [
                 Lines(
                     speed,
                     (turns,),
                     (float(force / stiffness),),
                     shares,
-                    reference_speed=_REFERENCE_SPEED,
+                    reference_speed=_USUAL.reference_speed,
                     speed_exponent=2.0,
                     phases=(float(phases[0]),),
                 ),

@@ -116,8 +116,6 @@ def _wheel_speed(sensor: Sensor, vehicle: Vehicle, speed: Real, yaw_rate: Real) 
     return circumferential / axle.rolling_radius
 
 
-#: Radius of a rig's rollers [m], and their roughness and harmonics [m].
-_ROLLER, _ROUGHNESS, _HARMONICS = 1.0, 1e-5, (2e-5, 1e-5, 5e-6)
 #: Height of a body's centre of gravity above the ground where nothing states it [m].
 _HEIGHT = 0.55
 #: Streams of random numbers of the conditions of a drive.
@@ -279,9 +277,11 @@ class RigRun(DriveSettings):
 
     def excitation(self, vehicle: Vehicle, route: Route) -> Excitation:
         """Return the height of the rollers under the wheels."""
-        rotation = SpeedProfile(route.speed.times, route.speed.speeds / (2 * math.pi * _ROLLER))
+        radius, roughness = 1.0, 1e-5  # of the rollers [m]
+        rotation = SpeedProfile(route.speed.times, route.speed.speeds / (2 * math.pi * radius))
         is_driven = tuple(self.driven == "all" or number == 0 for number in range(len(vehicle.axle)))
-        return RollerRig(is_driven, rotation, random=_ROUGHNESS, joints=4, joint=10 * _ROUGHNESS, harmonics=_HARMONICS)
+        harmonics = 2 * roughness, roughness, roughness / 2
+        return RollerRig(is_driven, rotation, random=roughness, joints=4, joint=10 * roughness, harmonics=harmonics)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
