@@ -19,6 +19,8 @@ def test_every_corner_has_its_axle_and_side() -> None:
     assert [component.axle for component in parsed[::2]] == ["front", "axle2", "axle3", "rear"]
     assert {component.side for component in parsed[::2]} == {"left"}
     assert {component.side for component in parsed[1::2]} == {"right"}
+    with pytest.raises(ParameterError, match="n_axles=1 must be at least 2"):
+        corner_names(1)
 
 
 def test_text_and_component_are_each_other() -> None:

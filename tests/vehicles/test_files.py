@@ -204,11 +204,6 @@ def test_directions_get_the_length_one() -> None:
         (("axle", 1, "damping"), True, "[[axle]] 2, damping=True must be a number"),
         (("axle", 1, "damping"), float("nan"), "[[axle]] 2, damping=nan must be finite: give a number"),
         (("axle", 0, "spring_stifness"), 1.0, "[[axle]] 1, spring_stifness is not known here: did you mean spring_"),
-        (
-            ("axle", 0, "springStiffness"),
-            1.0,
-            "[[axle]] 1, springStiffness is not known here: did you mean spring_stiff",
-        ),
         (("body", "unsprung_mass"), 1.0, "body, unsprung_mass is not known here: move it to the table that it belongs"),
         (("axle", 0, "tyre_stiffness"), None, "[[axle]] 1: unsprung_mass needs tyre_stiffness: add it, or leave both"),
         (("mounted_mass", 0, "frequency"), 0, "[[mounted_mass]] 1, frequency=0 must be above 0: correct it"),
@@ -223,11 +218,7 @@ def test_directions_get_the_length_one() -> None:
         (("sensor", 0, "direction"), [1, 2, 0], "[[sensor]] 1: direction [1.0, 2.0, 0.0] has length 2.24, but must"),
         (("sensor", 1, "direction"), None, "sensor 'pitch_rate' has no direction: add direction = [forward, left, up]"),
         (("sensor", 0, "scale"), 0, "[[sensor]] 1: scale=0 must not be 0: leave it out"),
-        (
-            ("sensor", 0, "on"),
-            "roof",
-            "[[sensor]] 1, on='roof' must be one of body, wheel_front_left, wheel_front_right",
-        ),
+        (("sensor", 0, "on"), "roof", "[[sensor]] 1, on='roof' must be one of body, wheel_front_left, wheel_front_"),
         (("sensor", 0, "delay"), 11, "[[sensor]] 1, delay=11 must be at most 10: correct it"),
         (("sensor", 0, "between"), "front_left", "[[sensor]] 1: between='front_left' is for the quantities travel and"),
         (("sensor", 3, "between"), None, "[[sensor]] 4: quantity 'travel' needs the suspension that it measures: add"),
@@ -254,11 +245,7 @@ def test_refusals_name_the_field_the_rule_and_the_remedy(path, value, message) -
 @pytest.mark.parametrize(
     ("path", "wrong", "right"),
     [
-        (
-            ("axle", 0, "spring_stiffness"),
-            "stifness",
-            "[[axle]] 1, stifness is not known here: did you mean spring_stiff",
-        ),
+        (("axle", 0, "spring_stiffness"), "stifness", "[[axle]] 1, stifness is not known here: did you mean spring_st"),
         (("axle", 1, "half_track"), "halftrack", "[[axle]] 2, halftrack is not known here: did you mean half_track?"),
         (("sensor", 0, "channel"), "chanel", "[[sensor]] 1, chanel is not known here: did you mean channel?"),
         (("axle",), "axles", "axles is not known here: did you mean axle?"),
@@ -284,18 +271,16 @@ def test_further_problems_are_counted() -> None:
         parse_vehicle(fields)
 
 
-def test_chain_has_no_body_to_carry_sensors() -> None:
-    sensor = {"channel": "a", "quantity": "acceleration", "unit": "g"}
-    with pytest.raises(ParameterError, match=r"\[\[sensor\]\] 1, on='body' must be one of mass_1: correct it"):
-        parse_vehicle({**CHAIN, "sensor": [sensor]})
-
-
-def test_chain_has_no_corner_to_measure() -> None:
-    sensor = {"channel": "a", "quantity": "travel", "unit": "mm", "between": "mass_1"}
-    with pytest.raises(
-        ParameterError, match=r"\[\[sensor\]\] 1, between='mass_1' needs a vehicle with corners: remove"
-    ):
-        parse_vehicle({**CHAIN, "sensor": [sensor]})
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"quantity": "acceleration", "unit": "g"}, r"\[\[sensor\]\] 1, on='body' must be one of mass_1: correct it"),
+        ({"quantity": "travel", "unit": "mm", "between": "mass_1"}, "between='mass_1' needs a vehicle with corners: r"),
+    ],
+)
+def test_chain_has_neither_body_nor_corners(fields, message) -> None:
+    with pytest.raises(ParameterError, match=message):
+        parse_vehicle({**CHAIN, "sensor": [{"channel": "a", **fields}]})
 
 
 def test_neither_file_nor_name() -> None:
@@ -328,21 +313,9 @@ values = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
     max_leaves=5,
 )
-places = st.sampled_from(
-    [
-        ("name",),
-        ("body",),
-        ("body", "mass"),
-        ("axle",),
-        ("axle", 0),
-        ("axle", 1, "x"),
-        ("mounted_mass",),
-        ("sensor",),
-        ("sensor", 0),
-        ("sensor", 0, "unit"),
-        ("sensor", 0, "position"),
-    ]
-)
+tables = [("body",), ("axle",), ("axle", 0), ("mounted_mass",), ("sensor",), ("sensor", 0)]
+numbers = [("body", "mass"), ("axle", 1, "x"), ("sensor", 0, "position")]
+places = st.sampled_from([("name",), ("sensor", 0, "unit"), *tables, *numbers])
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.vehicles import cars
 
 from sprung.vehicles import (
     Component,
@@ -24,23 +25,8 @@ TORSION, BENDING = (
 
 def car(*modes, sensors=(), **body) -> Vehicle:
     """A car of even weight whose body is four masses above the wheels."""
-    axle = {
-        "half_track": B,
-        "unsprung_mass": 40.0,
-        "spring_stiffness": 30e3,
-        "damping": 1500.0,
-        "tyre_stiffness": 200e3,
-    }
-    vehicle = parse_vehicle(
-        {
-            "name": "car",
-            "kind": "road",
-            "body": {"mass": MASS, "pitch_inertia": MASS * A**2, "roll_inertia": MASS * B**2, **body},
-            "axle": [{"x": A, **axle}, {"x": -A, **axle}],
-            "flexible_mode": list(modes),
-            "sensor": list(sensors),
-        }
-    )
+    even = {"mass": MASS, "pitch_inertia": MASS * A**2, "roll_inertia": MASS * B**2, **body}
+    vehicle = parse_vehicle(cars.car(body=even, flexible_mode=list(modes), sensor=list(sensors)))
     assert isinstance(vehicle, Vehicle)
     return vehicle
 
@@ -55,10 +41,8 @@ def without_suspension(vehicle):
 
 def test_a_body_without_torsional_stiffness_is_four_quarter_cars() -> None:
     """Four masses at the corners that nothing joins: each bounces on its own wheel."""
-    quarter = {"unsprung_mass": 40.0, "spring_stiffness": 30e3, "damping": 1500.0, "tyre_stiffness": 200e3}
-    alone = structure(
-        parse_vehicle({"name": "q", "kind": "quarter", "body": {"mass": MASS / 4}, "corner": quarter})
-    ).modes()
+    quarter = {"name": "q", "kind": "quarter", "body": {"mass": MASS / 4}, "corner": cars.CORNER}
+    alone = structure(parse_vehicle(quarter)).modes()
     loose = structure(car({**TORSION, "frequency": 1e-6}))
     assert loose.mass[-1, -1] == pytest.approx(MASS)  # sum of m (x y / a b)^2
     assert np.sort_complex(loose.modes().poles) == pytest.approx(np.repeat(np.sort_complex(alone.poles), 4), rel=1e-6)

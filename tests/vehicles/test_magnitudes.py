@@ -10,82 +10,60 @@ from sprung.vehicles import VEHICLES, parse_vehicle, read_description, read_vehi
 CAR = read_vehicle("zafira").model_dump(exclude_defaults=True) | {"kind": "road"}
 
 
-def changed(*, body=None, kind="road", **axle):
-    """The fields of a car of 1480 kg with other values for its body and both axles."""
+def changed(changes, kind="road"):
+    """The fields of a car of 1480 kg with other values, by place: those of axles are of both, "front" is the first."""
     fields = copy.deepcopy(CAR) | {"kind": kind}
-    fields["body"] |= body or {}
-    for one in fields["axle"]:
-        one.update(axle)
+    tables = {"body": [fields["body"]], "axle": fields["axle"], "front": fields["axle"][:1], "": [fields]}
+    for place, value in changes.items():
+        table, _, name = place.rpartition(".")
+        for one in tables[table]:
+            one[name] = value
     return fields
 
 
+MOUNTED = {"mass": 180.0, "x": 1.1, "frequency": 11.0, "damping_ratio": 0.1}
+SENSOR = {"channel": "a", "quantity": "acceleration", "unit": "g", "position": [1220.0, 0, 0], "direction": [0, 0, 1]}
+TONNES = {"body.mass": 1.48, "body.pitch_inertia": 2.2, "body.roll_inertia": 0.36}
+GRAMS = {name: value * 1e6 for name, value in TONNES.items()}
+
+
 @pytest.mark.parametrize(
-    ("fields", "sentence"),
+    ("changes", "sentence"),
     [
-        (
-            changed(spring_stiffness=44.0),
-            "[[axle]] 1, spring_stiffness=44 N/m under 370 kg of body: sinking by 82.5 m, more than 2.8 m: is that "
-            "N/mm? Give N/m",
-        ),
-        (
-            changed(half_track=720.0),
-            "[[axle]] 1, half_track=720 m of a vehicle with a wheelbase of 2.8 m: is that mm? Give metres",
-        ),
-        (changed(half_track=1e-3), "[[axle]], x: a wheelbase of 2.8 m with a half track of 0.001 m: is that mm? Give"),
-        (changed(damping=1.78), "that damps it by 0.022 %: is that N s/mm? Give N s/m, kg and N/m"),
-        (
-            changed(damping=1.78e6),
-            "that damps it by 2.2e+04 %: is the stiffness in another unit? Give N s/m, kg and N/m",
-        ),
-        (
-            changed(tyre_stiffness=190.9),
-            "[[axle]] 1, tyre_stiffness=190.9 N/m below springs of 44179 N/m: is that N/mm? Give N/m",
-        ),
-        (changed(unsprung_mass=0.0405), "unsprung_mass=0.0405 kg under 370 kg of body: is that t? Give kilograms"),
-        (
-            changed(unsprung_mass=40500.0),
-            "kg under 370 kg of body: is that g, or is the mass of the body missing? Give",
-        ),
-        (
-            changed(body={"mass": 1.48, "pitch_inertia": 2.2, "roll_inertia": 0.36}),
-            "body, mass=1.48 kg of a vehicle with 3.93 m2 between its wheels: is that t? Give kilograms, or leave it "
-            "out where all values are per kilogram of body",
-        ),
-        (
-            changed(body={"mass": 1.48e6, "pitch_inertia": 2.2e6, "roll_inertia": 0.36e6}),
-            "body, mass=1.48e+06 kg of a vehicle with 3.93 m2 between its wheels: is that g? Give kilograms",
-        ),
-        (
-            changed(spring_stiffness=4e9),
-            "[[axle]] 1, spring_stiffness=4e+09 N/m under 370 kg of body: a bounce at 523 Hz",
-        ),
-        (
-            changed(rolling_radius=310.0),
-            "[[axle]] 1, rolling_radius=310 m of a vehicle with a wheelbase of 2.8 m: is that",
-        ),
-        (
-            changed(body={"height": 550.0}),
-            "body, height=550 m of a vehicle with a wheelbase of 2.8 m: is that mm? Give",
-        ),
-        (
-            {**CAR, "mounted_mass": [{"mass": 180.0, "x": 1100.0, "frequency": 11.0, "damping_ratio": 0.1}]},
-            "[[mounted_mass]] 1, x=1100, y=0 is more than 14 m, five wheelbases, from the centre of gravity: is",
-        ),
-        (
-            {**CAR, "mounted_mass": [{"mass": 180e3, "x": 1.1, "frequency": 11.0, "damping_ratio": 0.1}]},
-            "[[mounted_mass]] 1, mass=180000 kg on a body of 1480 kg: is that g, or is the mass of the body missing?",
-        ),
+        ({"axle.spring_stiffness": 44.0}, "N/m under 370 kg of body: sinking by 82.5 m, more than 2.8 m: is that N/mm"),
+        ({"axle.spring_stiffness": 4e9}, "[[axle]] 1, spring_stiffness=4e+09 N/m under 370 kg of body: a bounce at 52"),
+        ({"axle.half_track": 720.0}, "[[axle]] 1, half_track=720 m of a vehicle with a wheelbase of 2.8 m: is that mm"),
+        ({"axle.half_track": 1e-3}, "[[axle]], x: a wheelbase of 2.8 m with a half track of 0.001 m: is that mm? Give"),
+        ({"axle.damping": 1.78}, "that damps it by 0.022 %: is that N s/mm? Give N s/m, kg and N/m"),
+        ({"axle.damping": 1.78e6}, "that damps it by 2.2e+04 %: is the stiffness in another unit? Give N s/m, kg and"),
+        ({"axle.tyre_stiffness": 190.9}, "tyre_stiffness=190.9 N/m below springs of 44179 N/m: is that N/mm? Give N/m"),
+        ({"axle.unsprung_mass": 0.0405}, "unsprung_mass=0.0405 kg under 370 kg of body: is that t? Give kilograms"),
+        ({"axle.unsprung_mass": 40500.0}, "kg under 370 kg of body: is that g, or is the mass of the body missing? Gi"),
+        (TONNES, "body, mass=1.48 kg of a vehicle with 3.93 m2 between its wheels: is that t? Give kilograms, or leav"),
+        (GRAMS, "body, mass=1.48e+06 kg of a vehicle with 3.93 m2 between its wheels: is that g? Give kilograms"),
+        ({"body.pitch_inertia": 2.2e9}, "body, pitch_inertia=2.2e+09 kg m2 must be 9.24 to 5.91e+04 for a mass of 148"),
+        ({"body.roll_inertia": 0.36}, "kg with axles and wheels within 0.702 m: correct the unit"),
+        ({"axle.rolling_radius": 310.0}, "[[axle]] 1, rolling_radius=310 m of a vehicle with a wheelbase of 2.8 m: is"),
+        ({"body.height": 550.0}, "body, height=550 m of a vehicle with a wheelbase of 2.8 m: is that mm? Give metres"),
+        ({"mounted_mass": [MOUNTED | {"x": 1100.0}]}, "[[mounted_mass]] 1, x=1100, y=0 is more than 14 m, five wheelb"),
+        ({"mounted_mass": [MOUNTED | {"mass": 180e3}]}, "[[mounted_mass]] 1, mass=180000 kg on a body of 1480 kg: is"),
+        ({"sensor": [SENSOR]}, "[[sensor]] 1, position=[1220.0, 0.0, 0.0] is more than 14 m, five wheelbases, from th"),
+        ({"front.wheelset_mass": 1300.0}, "wheelset_mass needs wheelset_roll_inertia"),
+        ({"front.contact_half_track": 0.75}, "contact_half_track needs wheelset_mass"),
+        ({"front.lateral_damping": 10.0}, "lateral_damping needs lateral_stiffness"),
+        ({"front.lateral_stiffness": 10.0}, "lateral_stiffness is given for some axles only"),
+        ({"front.damper_bushing_stiffness": 0.0}, "[[axle]] 1, damper_bushing_stiffness=0.0 must be above 0"),
     ],
 )
-def test_a_wrong_unit_is_asked_for(fields, sentence) -> None:
+def test_what_no_vehicle_can_be_is_refused(changes, sentence) -> None:
     with pytest.raises(ParameterError) as refusal:
-        parse_vehicle(fields)
+        parse_vehicle(changed(changes))
     assert sentence in str(refusal.value)
 
 
 def test_lengths_in_millimetres_are_asked_for() -> None:
     """All lengths of the axles alike: they agree among themselves, but not with any vehicle."""
-    fields = changed(half_track=702.0)
+    fields = changed({"axle.half_track": 702.0})
     for axle in fields["axle"]:
         axle["x"] *= 1000
     with pytest.raises(ParameterError, match=r"\[\[axle\]\], x: a wheelbase of 2800 m: is that mm\? Give metres"):
@@ -100,13 +78,9 @@ def test_a_quarter_vehicle_is_checked_by_its_mass() -> None:
         parse_vehicle({"name": "q", "kind": "quarter", "body": {"mass": 400.0}, "corner": corner})
 
 
-@pytest.mark.parametrize("kind", ["road", "rail", "rig"])
-def test_dampers_may_be_left_out(kind) -> None:
-    assert parse_vehicle(changed(kind=kind, damping=0.0)).kind == kind
-
-
-def test_a_rig_may_have_hardly_any_damping() -> None:
-    assert parse_vehicle(changed(kind="rig", damping=1.78)).kind == "rig"
+@pytest.mark.parametrize(("kind", "damping"), [("road", 0.0), ("rail", 0.0), ("rig", 0.0), ("rig", 1.78)])
+def test_dampers_may_be_left_out_and_rigs_have_hardly_any(kind, damping) -> None:
+    assert parse_vehicle(changed({"axle.damping": damping}, kind)).kind == kind
 
 
 @pytest.mark.parametrize("scale", [0.1, 0.2, 1.0, 3.0])

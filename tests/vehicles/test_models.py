@@ -5,6 +5,7 @@ F. Liu, Online Identification of Vehicle Dynamic Systems for Condition Monitorin
 
 import numpy as np
 import pytest
+from tests.vehicles.cars import car
 
 from sprung.errors import ParameterError
 from sprung.recording import Channel
@@ -22,24 +23,6 @@ from sprung.vehicles import (
 )
 
 SENSOR = {"channel": "a", "quantity": "acceleration", "unit": "g", "position": [0, 0, 0], "direction": [0, 0, 1]}
-
-
-def car(**changes):
-    """A small symmetric car as the fields of a vehicle file."""
-    axle = {
-        "half_track": 0.7,
-        "unsprung_mass": 40.0,
-        "spring_stiffness": 30e3,
-        "damping": 1500.0,
-        "tyre_stiffness": 200e3,
-    }
-    fields = {
-        "name": "car",
-        "kind": "road",
-        "body": {"mass": 1400.0, "pitch_inertia": 2000.0, "roll_inertia": 400.0},
-        "axle": [{"x": 1.3, **axle}, {"x": -1.3, **axle}],
-    }
-    return fields | changes
 
 
 def parsed(**changes) -> Vehicle:
@@ -292,15 +275,6 @@ def test_plate_has_the_published_frequencies() -> None:
     modes = structure(read_vehicle("plate")).modes()
     assert modes.natural_frequency == pytest.approx([2.73, 3.81, 4.53], abs=0.005)
     assert modes.labels == ("bounce", "pitch", "roll")
-
-
-def test_plate_is_bounce_pitch_and_roll_in_closed_form() -> None:
-    """f = sqrt(4 k / m), sqrt(4 k x^2 / I), sqrt(4 k y^2 / I) over 2 pi (eq. 6-10 and 6-11)."""
-    plate = read_vehicle("plate")
-    k, body, axle = plate.axle[0].spring_stiffness, plate.body, plate.axle[0]
-    stiffness = 4 * k * np.array([1, axle.x**2, axle.half_track**2])
-    expected = np.sqrt(stiffness / [body.mass, body.pitch_inertia, body.roll_inertia]) / (2 * np.pi)
-    assert structure(plate).modes().natural_frequency == pytest.approx(expected)
 
 
 def test_y25_comes_within_a_fifth_of_the_published_frequencies() -> None:

@@ -55,18 +55,6 @@ def test_a_reversed_gyroscope_is_turned_by_its_scale() -> None:
     assert placed.channels[0].unit == "rad/s"
 
 
-def test_without_sensors_everything_stays() -> None:
-    recording = recorded(Channel("a"), Channel("b", "speed"))
-    placed = with_layout(recording, [])
-    np.testing.assert_array_equal(placed.samples, recording.samples)
-    assert placed.channels == recording.channels
-
-
-def test_directions_of_nearly_length_1_get_length_1() -> None:
-    placed = with_layout(recorded(Channel("a")), [sensor("a", direction=(0.0, 0.0, 1.005))])
-    assert placed.channels[0].direction == pytest.approx((0.0, 0.0, 1.0), abs=1e-12)
-
-
 def test_a_file_of_another_recording_is_refused() -> None:
     with pytest.raises(ParameterError) as refusal:
         with_layout(recorded(Channel("x"), Channel("y")), [sensor("a"), sensor("b")])

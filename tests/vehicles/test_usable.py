@@ -5,7 +5,7 @@ import pytest
 
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording
-from sprung.vehicles import parse_vehicle, read_description
+from sprung.vehicles import read_description
 from sprung.vehicles.usable import speed_channel, usable
 
 RATE = 100.0
@@ -25,20 +25,6 @@ def noise(n_channels=2, n_samples=1000, seed=0):
 def test_outputs_are_the_channels_of_motion() -> None:
     recording = recorded(noise(3), ("a", "oil", "b"), quantities=("acceleration", "temperature"))
     assert usable(recording).names == ("a", "b")
-
-
-def test_outputs_are_the_vehicle_s_sensors_in_its_order_and_in_si() -> None:
-    """A chain file with two of its sensors in g; the third channel of the recording is not a sensor."""
-    fields = read_description("chain3").model_dump(exclude_defaults=True)
-    sensors = [
-        {"channel": name, "quantity": "acceleration", "unit": "g", "on": f"mass_{k}"}
-        for k, name in ((3, "c"), (1, "a"))
-    ]
-    vehicle = parse_vehicle({**fields, "sensor": sensors})
-    recording = recorded(noise(3), quantities=["unknown"] * 3)
-    found = usable(recording, vehicle=vehicle)
-    assert found.names == ("c", "a")
-    np.testing.assert_allclose(found.samples, 9.80665 * recording.samples[[2, 0]])
 
 
 def test_missing_values_become_gaps() -> None:

@@ -120,11 +120,6 @@ def test_a_part_keeps_the_samples_in_between(car, run) -> None:
     assert part.motion.n_samples == 50
 
 
-def test_a_file_of_another_recording_is_refused(car, run) -> None:
-    with pytest.raises(ParameterError, match="make the names agree"):
-        window_of(run.select(["other", "Speed"]), car)
-
-
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
 
 

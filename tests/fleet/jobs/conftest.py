@@ -43,6 +43,21 @@ def window(car):
 
 
 @pytest.fixture(scope="session")
+def tables():
+    """Return a function to all rows of results but those of the table of runs, sorted."""
+    from sprung.fleet.jobs.results import SCHEMAS
+
+    def rows(results):
+        return {
+            name: sorted(repr(sorted(row.items())) for row in results[name].rows().to_pylist())
+            for name in SCHEMAS
+            if name != "runs"
+        }
+
+    return rows
+
+
+@pytest.fixture(scope="session")
 def spark():
     """A session with two processes on this machine."""
     pytest.importorskip("pyspark")

@@ -11,22 +11,12 @@ import pytest
 
 from sprung.fleet.jobs import FleetSettings, Results, run
 from sprung.fleet.jobs.assessment import AssessmentSettings
-from sprung.fleet.jobs.results import SCHEMAS
 from sprung.fleet.lake import Lake
 
 pytestmark = pytest.mark.slow
 
 FLEET = Path(__file__).parents[3] / "benchmarks" / "fleet"
 FAULT = "rear_left.damper=-0.5"
-
-
-def rows(results):
-    """All rows but those of the table of runs, sorted."""
-    return {
-        name: sorted(repr(sorted(row.items())) for row in results[name].rows().to_pylist())
-        for name in SCHEMAS
-        if name != "runs"
-    }
 
 
 @pytest.fixture
@@ -39,7 +29,7 @@ def cluster(spark, monkeypatch, tmp_path):
         yield module, opened
 
 
-def test_a_submitted_job_whose_processes_are_killed_gives_the_same_tables(cluster, spark, window, car_text):
+def test_a_submitted_job_whose_processes_are_killed_gives_the_same_tables(cluster, spark, tables, window, car_text):
     module, machines = cluster
     Path("vehicles").mkdir()
     for number in range(2):
@@ -69,7 +59,7 @@ def test_a_submitted_job_whose_processes_are_killed_gives_the_same_tables(cluste
         assessment=AssessmentSettings(learning_windows=3),
     )
     run(spark, Lake("lake"), "vehicles", Results("local"), settings=settings)
-    assert rows(Results("submitted")) == rows(Results("local"))
+    assert tables(Results("submitted")) == tables(Results("local"))
     assert [row["vehicle"] for row in Results("local")["diagnoses"].rows().to_pylist() if row["is_discovery"]] == [
         "car0"
     ]

@@ -20,15 +20,6 @@ SETTINGS = FleetSettings(
 )
 
 
-def tables(results):
-    """All rows but those of the table of runs, sorted."""
-    return {
-        name: sorted(repr(sorted(row.items())) for row in results[name].rows().to_pylist())
-        for name in SCHEMAS
-        if name != "runs"
-    }
-
-
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory, window, car_text):
     """Three vehicles with six windows, the first of which changes; one without a file, one with a bad one."""
@@ -96,7 +87,7 @@ def test_running_again_changes_nothing(spark, whole, fleet):
     assert {name: whole.results[name].version for name in SCHEMAS} == before
 
 
-def test_late_and_repeated_windows_lead_to_the_same_tables(spark, whole, fleet, tmp_path):
+def test_late_and_repeated_windows_lead_to_the_same_tables(spark, tables, whole, fleet, tmp_path):
     lake, results = Lake(tmp_path / "lake"), Results(tmp_path / "results")
     late = [made for number, made in enumerate(fleet.windows) if number % 3 == 1]
     lake.write(made for made in fleet.windows if made not in late)
@@ -110,7 +101,7 @@ def test_late_and_repeated_windows_lead_to_the_same_tables(spark, whole, fleet, 
     assert all(len(results[name].files()) <= 1 for name in SCHEMAS if name not in {"runs"})
 
 
-def test_what_is_learnt_stays_while_its_windows_do(spark, whole, fleet, monkeypatch, tmp_path):
+def test_what_is_learnt_stays_while_its_windows_do(*, spark, tables, whole, fleet, monkeypatch, tmp_path):
     """A later window of a vehicle leads to a diagnosis, for which no window of a baseline is read again."""
 
     def refuse(*_, **__):
