@@ -121,6 +121,13 @@ def test_a_tone_in_all_channels_is_no_fault(car, run) -> None:
     assert "hum" not in {fault.kind for fault in sensor_faults(shaken, car)}
 
 
+def test_a_channel_that_swings_slowly_alone_has_no_hum(car, run) -> None:
+    rms = float(run.samples[run.index("acc_fl")].std())
+    generator = np.random.default_rng(1)
+    slow = with_hum(run, channel="acc_fl", amplitude=4 * rms, frequency=0.6, generator=generator)
+    assert "hum" not in {fault.kind for fault in sensor_faults(slow, car)}
+
+
 def test_contradictions_are_refused_before_a_fit_and_other_faults_noted(car, run) -> None:
     short = run.part(0, 60 * round(run.sampling_rate))
     with pytest.raises(DataError, match="acc_fl with acc_fr or acc_rl with acc_rr: correct the names"):

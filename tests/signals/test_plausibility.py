@@ -57,7 +57,10 @@ def test_sound_recordings_raise_no_doubt() -> None:
     short = Recording(NOISE[:1], 51200.0, (Channel("mic"),))
     altitude = Recording(100 * NOISE[:1], 1.0, (Channel("altitude", "displacement"),))
     standing = replace(drive, samples=0 * drive.samples)
-    for recording in (drive, triad(1.0), short, altitude, standing):
+    corners = Recording(9.8 + NOISE, 100.0, tuple(Channel(f"acc_{end}", "acceleration") for end in ("fl", "fr", "rl")))
+    leaning = Recording(1.0 + 0.1 * NOISE[:1], 100.0, (Channel("acc_x", "acceleration"),))
+    sparse = Recording(NOISE[:1], 0.2, (Channel("oil", "temperature"),))
+    for recording in (drive, triad(1.0), short, altitude, standing, corners, leaning, sparse):
         assert doubts_of(recording) == ()
 
 

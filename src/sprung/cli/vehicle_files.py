@@ -119,7 +119,7 @@ def calibrate(
     settings = CalibrationSettings(most_mounts=mounts, has_modes=modes)
     with progress_bar() as report:
         parts = [part for _, part in windows(reading.records(files, report), length=60 * window)]
-        refuse_wrong_sensors(window_of(part, description, allow_missing=may_lack) for part in parts)
+        faults = refuse_wrong_sensors(window_of(part, description, allow_missing=may_lack) for part in parts)
         report(f"calibrating on {len(parts)} windows", 0.5)
         result = calibrated(parts, description, settings=settings, allow_missing=may_lack)
         write_vehicle(result.vehicle, out)
@@ -131,6 +131,5 @@ def calibrate(
                 "learnt": drawn.learnt_figure(result, source=source),
             }
         )
-    output.show(
-        calibration_document(result), tables.calibration_table(result), notes=tables.describe_calibration(result)
-    )
+    notes = [*tables.describe_calibration(result), *faults]
+    output.show(calibration_document(result), tables.calibration_table(result), notes=notes)

@@ -58,7 +58,9 @@ class ChannelLimits:
     mains: tuple[float, ...] = (50.0, 60.0)
     #: Power of a mains line over the median of its neighbourhood.
     hum: float = 12.0
-    #: Power of a line of any frequency over that of the rest of its channel.
+    #: Lowest frequency of a line that is no motion of the body and no drift [Hz].
+    lowest_line: float = 4.0
+    #: Power of a line over that of the rest of its channel.
     line_of_channel: float = 0.5
     #: Its power over that of the same line in the loudest peer: no wheel or engine shakes one corner alone.
     line_of_peers: float = 30.0
@@ -242,7 +244,7 @@ def spiking(channels: Channels) -> Iterator[SensorFault]:
 
 
 def hum(channels: Channels) -> Iterator[SensorFault]:
-    """Find mains lines, and lines of any frequency that dominate one channel and are not in two or more others."""
+    """Find mains lines, and lines that dominate one channel and are not in two or more others."""
     power, frequencies = channels.spectra.densities, channels.spectra.frequencies
     nearest, farthest = LIMITS.neighbourhood
     for mains in (mains for mains in LIMITS.mains[::-1] if mains <= 0.95 * frequencies[-1]):
@@ -252,7 +254,7 @@ def hum(channels: Channels) -> Iterator[SensorFault]:
         for row in np.flatnonzero(ratio > LIMITS.hum).tolist():
             yield channels.fault(row, "hum", f"{mains:.0f} Hz stands {10 * np.log10(ratio[row]):.0f} dB out")
     for row, spectrum in enumerate(power):
-        place = frequencies[np.argmax(spectrum)]
+        place = frequencies[np.argmax(np.where(frequencies > LIMITS.lowest_line, spectrum, 0.0))]
         is_line = np.abs(frequencies - place) < LIMITS.line
         line, peers = spectrum[is_line].sum(), power[np.ix_(channels.peers[row], is_line)].sum(axis=1)
         dominates = line > LIMITS.line_of_channel * spectrum[~is_line].sum()

@@ -169,7 +169,7 @@ def refuse_wrong_sensors(windows: Iterable[Window]) -> tuple[str, ...]:
     Parameters
     ----------
     windows
-        Windows before a fit; those of less than half a minute cannot be checked.
+        Windows before a fit; those of less than eight seconds have no spectra to check.
 
     Raises
     ------

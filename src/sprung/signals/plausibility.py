@@ -15,8 +15,8 @@ from sprung.units import STANDARD_GRAVITY
 class PlausibleLevels:
     """Levels beyond which a unit or a clock is doubted."""
 
-    #: Sampling rates [Hz] of vehicles and structures; outside, a clock in s may be stated in ms, and one in ms in s.
-    rates: tuple[float, float] = (0.5, 20e3)
+    #: Highest sampling rate of vehicles and structures [Hz]; above, a clock in s may be stated in ms.
+    rate: float = 20e3
     #: Shortest duration of a record [s] that is sampled faster.
     shortest: float = 2.0
     #: Largest resting acceleration [m/s^2], and relative tolerance of gravity in a wrong unit.
@@ -73,22 +73,22 @@ def doubts_of(recording: Recording) -> tuple[str, ...]:
 def _of_clock(inspection: Inspection) -> tuple[str, ...]:
     """Return a doubt about the unit of the time."""
     rate, duration = inspection.sampling_rate, inspection.duration
-    lowest, highest = LEVELS.rates
     is_in_ms = any(re.match(r"time: column .*\b(ms|msec|millis)", line) for line in inspection.history)
-    if is_in_ms and rate > highest and duration < LEVELS.shortest:
+    if is_in_ms and rate > LEVELS.rate and duration < LEVELS.shortest:
         return (f"{duration:.3g} s at {rate:.6g} Hz: is the time in s, not in ms? State it with --time-unit",)
-    if rate < lowest and duration > 1000 * LEVELS.shortest:
-        return (f"{duration:.3g} s at {rate:.3g} Hz: is the time in ms, not in s? State it with --time-unit",)
     return ()
 
 
 def _of_gravity(accelerations: Sequence[ChannelFacts]) -> tuple[str, ...]:
     """Return doubts about accelerations whose resting value is gravity in another unit, or far beyond it.
 
-    Three channels are taken for the axes of one sensor.
+    Three channels whose names differ by x, y and z are the axes of one sensor. Gravity in g is asked of those only: one
+    channel reads 1 m/s^2 where it leans by 6 degrees.
     """
     found = []
-    for group in [accelerations] if len(accelerations) == 3 else [[facts] for facts in accelerations]:
+    letters = [set(each) for each in zip(*(facts.name.lower() for facts in accelerations), strict=False)]
+    are_axes = len(accelerations) == 3 and [each for each in letters if len(each) > 1] == [{"x", "y", "z"}]
+    for group in [accelerations] if are_axes else [[facts] for facts in accelerations]:
         resting = float(np.linalg.norm([facts.mean or 0.0 for facts in group]))
         moving = max((facts.standard_deviation or 0.0 for facts in group), default=0.0)
         names = (
@@ -98,7 +98,9 @@ def _of_gravity(accelerations: Sequence[ChannelFacts]) -> tuple[str, ...]:
         causes = [
             (ratio, unit)
             for ratio, unit in _WRONG_UNITS.items()
-            if abs(resting / (ratio * STANDARD_GRAVITY) - 1) < LEVELS.gravity and moving < 3 * resting
+            if abs(resting / (ratio * STANDARD_GRAVITY) - 1) < LEVELS.gravity
+            and moving < 3 * resting
+            and (ratio > 1 or are_axes)
         ]
         for ratio, unit in causes:
             of_gravity = f"{ratio:,.4g} times gravity" if ratio > 1 else "as gravity in g"

@@ -1,7 +1,7 @@
 """Recordings over time and frequency, and the spread of a quantity over many runs."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -184,16 +184,30 @@ def spectrogram_figure(recording: Recording, *, title: str, highest: float, segm
 
 
 def overview_figures(recording: Recording, *, source: str) -> dict[str, Figure]:
-    """Return the first figures that anybody wants of a recording: signals, spectra and spectrograms, by name."""
-    moving = [channel.name for channel in recording.channels if not is_condition(channel.name, channel.quantity)]
-    motion = recording.select(moving or recording.names)
-    highest = recording.sampling_rate / 2
-    segment = min(4.0, max(recording.duration / 8, 16 / recording.sampling_rate))
-    return {
-        "signals": histories_figure([("", recording)], title=f"Signals of {source}"),
-        "spectra": densities_figure([("", motion)], title=f"Spectra of {source}", highest=highest, segment=segment),
-        "spectrograms": spectrogram_figure(motion, title=f"Spectrograms of {source}, upper 60 dB", highest=highest),
-    }
+    """Return the first figures that anybody wants of a recording: signals, spectra and spectrograms, by name.
+
+    Spectra are those of the channels of motion with values, missing ones taken as their mean; records of fewer than
+    `STYLE.min_spectrum` samples without a gap have none.
+    """
+    figures = {"signals": histories_figure([("", recording)], title=f"Signals of {source}")}
+    has_values = np.isfinite(recording.samples).any(axis=1)
+    moving = [
+        channel.name
+        for channel, known in zip(recording.channels, has_values, strict=True)
+        if known and not is_condition(channel.name, channel.quantity)
+    ]
+    longest = max((stretch.stop - stretch.start for stretch in recording.stretches()), default=0)
+    if not moving or longest < STYLE.min_spectrum:
+        return figures
+    motion = recording.select(moving)
+    values = np.where(np.isfinite(motion.samples), motion.samples, np.nan)
+    motion = replace(motion, samples=np.where(np.isnan(values), np.nanmean(values, axis=1, keepdims=True), values))
+    highest, segment = recording.sampling_rate / 2, min(4.0, longest / 8 / recording.sampling_rate)
+    title = f"Spectra of {source}"
+    figures["spectra"] = densities_figure([("", motion)], title=title, highest=highest, segment=segment)
+    title = f"Spectrograms of {source}, upper 60 dB"
+    figures["spectrograms"] = spectrogram_figure(motion, title=title, highest=highest)
+    return figures
 
 
 def _channels_figure(

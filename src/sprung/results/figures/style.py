@@ -53,6 +53,7 @@ class Style:
     max_channels: int = 24  # in a figure of spectra
     max_points: int = 4000  # of a curve over time
     max_columns: int = 600  # of a spectrogram
+    min_spectrum: int = 64  # samples of a record with spectra
     # mode shapes
     azimuth: float = -62.0  # of the view: from the right and slightly ahead [degrees]
     elevation: float = 24.0  # of the view: above the body [degrees]
