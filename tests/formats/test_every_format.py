@@ -125,6 +125,7 @@ def test_any_rows_are_those_of_all_rows(tmp_path: Path, monkeypatch, example) ->
         opened = group.open(names[:2])
         assert [item.name for item in opened.columns] == names[:2]
         whole = join(list(opened.blocks()))
+        assert whole.first_row == 1 or opened.row_word == "line"
         n = whole.n_rows
         assert group.n_rows in {None, n}
         for first, last in ((0, 1), (n // 3, n // 2), (n - 1, None), (n // 2, 5 * n)):

@@ -351,6 +351,13 @@ def test_a_mode_of_less_than_half_of_the_parts_is_left_out() -> None:
     assert merge_modes([none], weights=[1]).members.shape == (0, 1)
 
 
+def test_merged_modes_come_by_rising_frequency() -> None:
+    part = modes_of([9.0, 3.0, 5.0], [0.02, 0.02, 0.02], [(1, 1), (1, -1), (1, 0)], std=0.01)
+    merged = merge_modes([part, part.take(np.array([2, 0, 1]))], weights=[1, 1])
+    np.testing.assert_allclose(merged.modes.natural_frequency, [3.0, 5.0, 9.0])
+    assert merged.members.tolist() == [[1, 2], [2, 0], [0, 1]]
+
+
 def test_of_two_modes_of_one_part_that_merge_the_more_stable_one_stands_for_it() -> None:
     twins = replace(modes_of([3.0, 3.01], [0.02, 0.03], [(1, 1), (1, 1)], std=0.01), stable_rate=np.array([0.3, 0.8]))
     merged = merge_modes([twins], weights=[1])

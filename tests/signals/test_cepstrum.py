@@ -3,6 +3,7 @@ import pytest
 from scipy import signal
 
 from sprung.errors import DataError, ParameterError
+from sprung.excitation import QUARTER_CASES
 from sprung.recording import Channel, Gap, Recording
 from sprung.signals.cepstrum import (
     Comb,
@@ -11,7 +12,10 @@ from sprung.signals.cepstrum import (
     edit,
     subtract_lifter_damping,
 )
+from sprung.signals.harmonics import find_harmonics
 from sprung.signals.spectrum import spectral_matrix
+from sprung.simulation import simulate
+from sprung.vehicles import read_description, structure
 
 RATE = 100.0
 
@@ -72,6 +76,13 @@ def test_the_first_order_formula_of_the_damping_is_that_of_the_poles() -> None:
     assert -true.real / abs(true) == pytest.approx(xi - 1 / (tau * omega), rel=1e-3)
 
 
+@pytest.mark.parametrize("n_samples", [6000, 6007])
+def test_weights_of_one_give_the_recording_without_its_mean(n_samples) -> None:
+    x = noise(n_samples, 2) + np.array([[3.0], [-1.0]])
+    edited = edit(recorded(x), ShortPass(1e6))
+    np.testing.assert_allclose(edited.samples, x - x.mean(axis=1, keepdims=True), atol=1e-10)
+
+
 def test_a_short_pass_keeps_the_symmetric_half_too() -> None:
     edited = edit(recorded(noise()), ShortPass(0.25)).samples[0]
     after, before = cepstrum(edited), cepstrum(noise()[0])
@@ -91,6 +102,19 @@ def test_stretches_are_edited_by_themselves() -> None:
     alone = edit(recorded(x[:, 1234:]), Exponential(0.3))
     np.testing.assert_array_equal(edited.samples[:, 1234:], alone.samples)
     assert edited.history == ("cepstrum edited with Exponential(time_constant=0.3)",)
+
+
+def test_silence_stays_silent_and_gaps_in_a_spectrum_do_no_harm() -> None:
+    x = np.vstack([np.zeros(1000), np.full(1000, 2.0), np.sin(2 * np.pi * 0.1 * np.arange(1000))])
+    edited = edit(recorded(x), ShortPass(0.25)).samples
+    np.testing.assert_array_equal(edited[:2], x[:2])
+    assert np.isfinite(edited).all()
+
+
+def test_editing_does_not_depend_on_scale() -> None:
+    x = noise()
+    small = edit(recorded(1e-6 * x), ShortPass(0.25)).samples
+    np.testing.assert_allclose(small, 1e-6 * edit(recorded(x), ShortPass(0.25)).samples, rtol=1e-9, atol=1e-15)
 
 
 def test_what_cannot_be_edited_is_refused() -> None:
@@ -118,3 +142,24 @@ def test_a_comb_removes_a_pulse_train_and_keeps_the_noise() -> None:
     assert lines[0] > 30 * lines[2]
     assert lines[1] < 2 * lines[2]
     assert np.corrcoef(edited, noise()[0])[0, 1] > 0.93
+
+
+def quarter(case, seed=0):
+    vehicle = structure(read_description("quarter"))
+    return simulate(vehicle, QUARTER_CASES[case - 1], duration=60.0, sampling_rate=1000.0, seed=seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [2, 3, 4])
+def test_editing_gives_the_quarter_vehicle_its_undisturbed_spectrum_back(case) -> None:
+    clean, edited = quarter(1), edit(quarter(case), ShortPass(0.25))
+    assert find_harmonics(edited) == ()
+    before, after, disturbed = (
+        spectral_matrix(recording, segment_length=2.0).densities for recording in (clean, edited, quarter(case))
+    )
+    change, disturbance = 10 * np.log10(after / before), 10 * np.log10(disturbed / before)
+    levels = change.mean(axis=1, keepdims=True)
+    band = slice(4, 200)
+    assert np.abs(change - levels)[:, band].max() < 6.0
+    assert (change - levels)[:, band].std() < 1.5
+    assert disturbance[:, band].max() > 15.0

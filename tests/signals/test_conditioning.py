@@ -43,6 +43,13 @@ def test_scale_multiplies_named_channels_and_leaves_the_others() -> None:
     assert scale(recording, -2.0).samples.tolist() == [[-2.0] * 5] * 2
 
 
+def test_scale_refuses_unknown_channels_and_factors() -> None:
+    with pytest.raises(ParameterError, match="no channel 'x'"):
+        scale(recorded(np.ones((1, 5))), {"x": 2.0})
+    with pytest.raises(ParameterError, match="must be finite"):
+        scale(recorded(np.ones((1, 5))), np.inf)
+
+
 def test_detrend_removes_each_stretch_its_own_line() -> None:
     t = np.arange(100.0)
     lines = np.where(t < 40, 3 - 0.5 * t, 7 + 2 * t)
@@ -149,6 +156,11 @@ def test_decimation_refuses_to_raise_the_rate_and_missing_values() -> None:
         decimate(recorded([0.0, np.nan, 1.0]), 50.0)
 
 
+def test_decimation_to_the_same_rate_changes_nothing() -> None:
+    x = np.random.default_rng(2).standard_normal((2, 100))
+    np.testing.assert_array_equal(decimate(recorded(x), 100.0).samples, x)
+
+
 # Missing values
 
 
@@ -162,6 +174,11 @@ def test_missing_values_become_gaps_of_the_time_they_took() -> None:
     assert complete.start == 10_000_000
     assert [(gap.index, round(gap.duration, 12)) for gap in complete.gaps] == [(3, 0.02), (5, 0.5)]
     assert without_missing(complete) is complete
+
+
+def test_a_recording_without_one_complete_sample_is_refused() -> None:
+    with pytest.raises(DataError, match="no sample has a value in every channel"):
+        without_missing(recorded(np.full((1, 4), np.nan)))
 
 
 # Over distance
@@ -183,6 +200,13 @@ def test_a_line_proportional_to_speed_becomes_a_tone_over_distance() -> None:
     assert along.n_samples == pytest.approx(4 * metres[-1], abs=2)
 
 
+def test_resampling_over_distance_aliases_nothing() -> None:
+    t = np.arange(12_000) / 100
+    v = np.full(t.size, 5.0)
+    along = over_distance(driven(v, np.cos(2 * np.pi * 30 * t)), "v", interval=0.25)
+    assert np.abs(along.samples[0])[100:-100].max() < 1e-3
+
+
 def test_standing_parts_are_left_out_and_their_distance_is_the_gap() -> None:
     v = np.concatenate([np.full(500, 10.0), np.full(300, 1.0), np.full(500, 10.0)])
     recording = driven(v, np.arange(1300.0), start=0)
@@ -194,3 +218,10 @@ def test_standing_parts_are_left_out_and_their_distance_is_the_gap() -> None:
     assert gap.index / along.sampling_rate + gap.duration == pytest.approx(distance_travelled(recording, "v")[800])
     with pytest.raises(DataError, match="no part reaches 20 m/s"):
         over_distance(recording, "v", interval=0.5, minimum_speed=20.0)
+
+
+def test_distance_goes_on_across_a_gap() -> None:
+    recording = driven(np.full(100, 10.0), np.zeros(100), gaps=(Gap(50, 2.0),))
+    assert distance_travelled(recording, "v")[-1] == pytest.approx(9.9 + 20.0)
+    moving = while_moving(recording, "v")
+    assert [(gap.index, round(gap.duration, 9)) for gap in moving.gaps] == [(50, 2.0)]

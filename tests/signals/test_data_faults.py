@@ -110,6 +110,15 @@ def test_spikes_are_counted_by_place() -> None:
     assert count_spikes(pothole) == 0
 
 
+@given(seed=st.integers(0, 1000), gain=st.floats(1e-6, 1e6), offset=st.floats(-10, 10), decimals=st.integers(2, 9))
+def test_healthy_noise_has_no_fault(seed, gain, offset, decimals) -> None:
+    values = gain * (np.round(np.random.default_rng(seed).standard_normal(3000), decimals) + offset)
+    assert filler(values) is None
+    assert repeated_samples(values, 100.0) == 0
+    assert count_spikes(values) == 0
+    assert not rest_of(values, 100.0).is_fault(100.0)
+
+
 @given(st.lists(st.sampled_from([0.0, 1.0, 2.0, 3.0, np.nan]), min_size=1, max_size=60))
 def test_a_channel_without_runs_is_neither_stuck_nor_clipped(drawn) -> None:
     """Against the runs themselves, at any sampling rate; and a missing value is a reason to look closer."""
@@ -119,3 +128,11 @@ def test_a_channel_without_runs_is_neither_stuck_nor_clipped(drawn) -> None:
     assert not np.isnan(values).any()
     assert stuck_runs(values, 1.0)[0].size == 0
     assert plateaus(values, values.min(), values.max()) == (0, 0)
+
+
+def test_runs_within_the_range_that_are_short_are_none() -> None:
+    rising = np.arange(30.0)
+    assert not has_runs(np.concatenate([[-1.0], np.repeat(rising, 9), [40.0]]))
+    assert has_runs(np.concatenate([rising, np.full(10, 12.5), rising]))
+    assert has_runs(np.concatenate([rising, [29.0, 29.0]]))
+    assert has_runs(np.concatenate([[0.0, 0.0], rising]))

@@ -37,6 +37,12 @@ def test_nothing_crosses_a_gap_or_a_missing_value() -> None:
     assert np.flatnonzero(np.isnan(advanced(halves, 0.5))).tolist() == [48, 49, 99]
 
 
+def test_no_shift_changes_nothing() -> None:
+    values = np.random.default_rng(0).standard_normal(100)
+    np.testing.assert_array_equal(advanced(values, 0.0), values)
+    np.testing.assert_array_equal(advanced(values, 1.0)[:-1], values[1:])
+
+
 def test_clipped_and_stuck_samples_stay_so() -> None:
     values = np.clip(np.sin(2 * np.pi * 0.011 * np.arange(2000)), -0.8, 0.8)
     assert clipped_share(advanced(values, 3.4)) == pytest.approx(clipped_share(values), rel=0.05)

@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 from pyarrow import parquet
@@ -7,7 +8,7 @@ from scipy import ndimage, signal
 
 from sprung.errors import DataError, ParameterError
 from sprung.excitation import QUARTER_CASES, RandomInputs
-from sprung.recording import Channel, Recording
+from sprung.recording import Channel, Gap, Recording
 from sprung.signals.harmonics import (
     Harmonic,
     find_harmonics,
@@ -61,6 +62,14 @@ def test_pulses_are_one_family_of_multiples() -> None:
         assert line.band[0] < line.frequency < line.band[1]
 
 
+def test_a_sine_between_the_pulses_is_not_a_multiple() -> None:
+    harmonics = [line for line in find_harmonics(quarter(4, seed=2)) if line.frequency < 150]
+    (sine,) = [line for line in harmonics if line.fundamental is None]
+    assert sine.frequency == pytest.approx(17.0, abs=0.01)
+    assert (sine.order, len(sine.channels)) == (1, 2)
+    assert len(harmonics) == 42
+
+
 @pytest.mark.parametrize("frequency", [3.3, 11.7, 43.21, 92.0])
 def test_a_tone_in_noise_is_found_where_it_is(frequency) -> None:
     t = np.arange(12_000) / 200
@@ -91,6 +100,17 @@ def test_a_tone_below_what_the_record_can_show_is_not_claimed() -> None:
     assert find_harmonics(recorded(samples, 200.0)) == ()
     (line,) = find_harmonics(recorded(samples, 200.0), min_damping=0.02)
     assert line.frequency == pytest.approx(1.7, abs=0.01)
+
+
+def test_lines_do_not_depend_on_scale_order_of_channels_or_a_gap() -> None:
+    t = np.arange(24_000) / 200
+    samples = np.random.default_rng(7).standard_normal((2, t.size)) + np.sin(2 * np.pi * 31 * t)
+    (line,) = find_harmonics(recorded(samples, 200.0))
+    (other,) = find_harmonics(recorded(1e6 * samples[::-1], 200.0))
+    assert other.frequency == pytest.approx(line.frequency)
+    assert other.channels == line.channels
+    (third,) = find_harmonics(recorded(samples, 200.0, gaps=(Gap(11_000, 3.21),)))
+    assert third.frequency == pytest.approx(31.0, abs=0.02)
 
 
 def test_dead_channels_and_short_recordings_have_no_lines() -> None:
@@ -257,6 +277,11 @@ def test_a_pole_in_the_band_that_a_line_sweeps_is_a_harmonic_unless_it_is_heavil
     assert is_harmonic.tolist() == [True, True, False, False, False]
 
 
+def test_poles_without_damping_ratios_are_refused() -> None:
+    with pytest.raises(ParameterError, match="need as many damping ratios"):
+        near_harmonic([1.0, 2.0], [0.1], [], resolution=0.1)
+
+
 # Real recordings
 
 
@@ -282,3 +307,13 @@ def test_the_wheels_of_a_car_turn_at_0_516_per_metre(real_file, name) -> None:
     assert wheel.prominence > 12
     assert [line.order for line in (wheel, twice, thrice)] == [1, 2, 3]
     assert {line.kind for line in harmonics} == {"speed"}
+
+
+def test_engine_lines_of_a_car(real_file) -> None:
+    with h5py.File(real_file("endaq_car_ide/GPS-Chick-Fil-A_003.h5")) as file:
+        group = file["ch80_40g_DC_Acceleration"]
+        samples = np.array([group[f"{axis}_(40g)"][:] for axis in "XYZ"], dtype=float)
+        sampling_rate = float(group.attrs["fs_Hz"])
+    found = [line.frequency for line in find_harmonics(recorded(samples, sampling_rate), min_damping=0.01)]
+    for frequency in (22.6, 45.2, 90.9, 109.9, 227.7):
+        assert min(abs(np.array(found) - frequency)) < 0.01 * frequency

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from sprung.errors import DataError
 from sprung.recording import Channel, Gap, Recording
 from sprung.signals.inspection import inspect, inspect_blocks
 
@@ -39,6 +40,12 @@ def test_share_of_clipped_samples() -> None:
     assert not facts.is_stuck
 
 
+def test_coarse_but_unclipped_channel_is_not_called_clipped() -> None:
+    rng = np.random.default_rng(1)
+    (facts,) = inspect(recording(np.round(rng.standard_normal(100_000) * 4) / 4)).channels
+    assert not facts.is_clipped
+
+
 def test_stuck_stretch_counts_from_a_second_on() -> None:
     values = np.random.default_rng(2).standard_normal(1000)
     values[300:450] = values[300]
@@ -70,6 +77,12 @@ def test_gap_ends_a_run() -> None:
     assert inspect(recording(values, gaps=(Gap(375, 1.0),))).channels[0].stuck == 0
 
 
+def test_gaps_and_duration() -> None:
+    facts = inspect(recording(np.arange(1000), gaps=(Gap(100, 2.5), Gap(300, 0.5)), start=7, history=("read",)))
+    assert (facts.n_gaps, facts.gap_duration, facts.duration) == (2, 3.0, 10.0)
+    assert (facts.start, facts.history, facts.n_samples) == (7, ("read",), 1000)
+
+
 def test_blocks_equal_the_whole() -> None:
     rng = np.random.default_rng(4)
     values = rng.standard_normal((2, 9000))
@@ -84,6 +97,11 @@ def test_blocks_equal_the_whole() -> None:
         assert (other.minimum, other.maximum, other.n_values) == (one.minimum, one.maximum, one.n_values)
         assert other.clipped == pytest.approx(one.clipped, rel=0.02)
     assert parts.duration == pytest.approx(whole.duration)
+
+
+def test_nothing_to_inspect() -> None:
+    with pytest.raises(DataError, match="no blocks"):
+        inspect_blocks([])
 
 
 def test_faults_are_named_with_their_shares() -> None:
@@ -114,3 +132,12 @@ def test_faults_are_named_with_their_shares() -> None:
         "3 spikes",
         "missing 0.05 %",
     ]
+
+
+def test_rest_of_a_standing_vehicle_is_no_fault() -> None:
+    values = np.random.default_rng(7).standard_normal(6000)
+    values[:2000] = 0.1
+    speed = np.where(np.arange(6000) < 2000, 0.0, 12.0)
+    channels = (Channel("acc", "acceleration"), Channel("speed", "speed"))
+    assert inspect(Recording(np.stack([values, speed]), 100.0, channels)).channels[0].faults == ()
+    assert inspect(Recording(values[None], 100.0, channels[:1])).channels[0].faults == ("stuck",)

@@ -190,18 +190,17 @@ def overview_figures(recording: Recording, *, source: str) -> dict[str, Figure]:
     `STYLE.min_spectrum` samples without a gap have none.
     """
     figures = {"signals": histories_figure([("", recording)], title=f"Signals of {source}")}
-    has_values = np.isfinite(recording.samples).any(axis=1)
     moving = [
         channel.name
-        for channel, known in zip(recording.channels, has_values, strict=True)
-        if known and not is_condition(channel.name, channel.quantity)
+        for channel, values in zip(recording.channels, recording.samples, strict=True)
+        if np.isfinite(values).any() and not is_condition(channel.name, channel.quantity)
     ]
     longest = max((stretch.stop - stretch.start for stretch in recording.stretches()), default=0)
     if not moving or longest < STYLE.min_spectrum:
         return figures
     motion = recording.select(moving)
-    values = np.where(np.isfinite(motion.samples), motion.samples, np.nan)
-    motion = replace(motion, samples=np.where(np.isnan(values), np.nanmean(values, axis=1, keepdims=True), values))
+    known = np.where(np.isfinite(motion.samples), motion.samples, np.nan)
+    motion = replace(motion, samples=np.where(np.isnan(known), np.nanmean(known, axis=1, keepdims=True), known))
     highest, segment = recording.sampling_rate / 2, min(4.0, longest / 8 / recording.sampling_rate)
     title = f"Spectra of {source}"
     figures["spectra"] = densities_figure([("", motion)], title=title, highest=highest, segment=segment)
