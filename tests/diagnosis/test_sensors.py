@@ -69,12 +69,13 @@ FAULTS = {
 }
 
 
-def tilted(run):
+def tilted(run, highest, **degrees):
     """A vertical accelerometer that leans by 3 degrees reads a twentieth of the lateral acceleration of every bend."""
     white = np.fft.rfft(np.random.default_rng(3).standard_normal(run.n_samples))
-    bends = np.fft.irfft(white * (np.fft.rfftfreq(run.n_samples, 1 / run.sampling_rate) < 0.06), run.n_samples)
+    bends = np.fft.irfft(white * (np.fft.rfftfreq(run.n_samples, 1 / run.sampling_rate) < highest), run.n_samples)
     samples = run.samples.copy()
-    samples[run.index("acc_fr")] += np.sin(np.radians(3.0)) * 2.5 * bends / bends.std()
+    for name, angle in degrees.items():
+        samples[run.index(name)] += np.sin(np.radians(angle)) * 2.5 * bends / bends.std()
     return replace(run, samples=samples)
 
 
@@ -87,7 +88,8 @@ def on_edges(run):
 def test_harmless_motion_is_no_fault(car, run) -> None:
     smooth = simulate_drive(car, RoadDrive(road=RoadConditions("A"), duration=120.0), seed=4).recording
     assert sensor_faults(run, car) == ()
-    assert sensor_faults(tilted(run), car) == ()
+    assert sensor_faults(tilted(run, 0.06, acc_fr=3.0), car) == ()
+    assert sensor_faults(tilted(run, 0.004, acc_fl=0.4, acc_fr=-5.0, acc_rl=1.0, acc_rr=-0.7), car) == ()
     assert sensor_faults(on_edges(smooth), car) == ()
     assert set(FAULTS) == set(KINDS)
 

@@ -76,7 +76,9 @@ class ChannelLimits:
     drift: float = 0.08
     #: The same over that of the peers.
     drift_of_peers: float = 2.5
-    #: The same over its own standard deviation without peers: the slopes of the road move it too.
+    #: Common directions of the means of peers: along and across the vehicle.
+    common_directions: int = 2
+    #: The standard deviation over its own standard deviation without peers: the slopes of the road move it too.
     drift_alone: float = 0.5
     #: Cosines over a window that count as slow.
     slow_terms: int = 4
@@ -276,15 +278,23 @@ def noisy(channels: Channels) -> Iterator[SensorFault]:
 
 
 def drifting(channels: Channels) -> Iterator[SensorFault]:
-    """Find channels whose mean moves slowly away from that of two or more others of their quantity, or moves alone."""
+    """Find channels whose mean moves slowly by what two or more others of their quantity lack, or moves alone.
+
+    Gravity and bends move the means of all tilted accelerometers in two common directions: along and across the vehicle.
+    """
     samples = channels.complete
     n_blocks = min(LIMITS.max_blocks, int(samples.shape[1] / (LIMITS.block * channels.recording.sampling_rate)))
     if n_blocks < LIMITS.min_blocks:
         return
     means = samples[:, : samples.shape[1] // n_blocks * n_blocks].reshape(len(samples), n_blocks, -1).mean(axis=2)
+    means -= means.mean(axis=1, keepdims=True)
     peers = [rows if len(rows) >= 2 else [] for rows in channels.peers]
-    away = [own - (np.median(means[rows], axis=0) if rows else 0.0) for own, rows in zip(means, peers, strict=True)]
-    power = dct(np.array(away), norm="ortho")[:, 1:] ** 2 / n_blocks
+    away = means.copy()
+    for row, rows in enumerate(peers):
+        if rows:
+            common = np.linalg.svd(means[rows], full_matrices=False)[2][: LIMITS.common_directions]
+            away[row] -= means[row] @ common.T @ common
+    power = dct(away, norm="ortho")[:, 1:] ** 2 / n_blocks
     wander, slow = np.sqrt(power.sum(axis=1)), np.sqrt(power[:, : LIMITS.slow_terms].sum(axis=1))
     for row, rows in enumerate(peers):
         least = (LIMITS.drift if rows else LIMITS.drift_alone) * samples[row].std()
