@@ -280,7 +280,7 @@ def noisy(channels: Channels) -> Iterator[SensorFault]:
 def drifting(channels: Channels) -> Iterator[SensorFault]:
     """Find channels whose mean moves slowly by what two or more others of their quantity lack, or moves alone.
 
-    Gravity and bends move the means of all tilted accelerometers in two common directions: along and across the vehicle.
+    Gravity and bends move the means of all tilted accelerometers in two common directions: along and across the body.
     """
     samples = channels.complete
     n_blocks = min(LIMITS.max_blocks, int(samples.shape[1] / (LIMITS.block * channels.recording.sampling_rate)))
