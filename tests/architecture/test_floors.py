@@ -23,7 +23,7 @@ FLOORS = (
     ("kits",),
     ("results.renderings",),
     ("results.documents", "results.tables"),
-    ("results.figures", "results.periods", "state"),
+    ("results.figures", "state"),
     ("results.page", "plotting"),
     ("reproduce",),
     ("cli",),

@@ -1,6 +1,6 @@
 import pytest
 
-from sprung.cli.checks import names
+from sprung.cli.options import names
 from sprung.cli.output import printable
 from sprung.errors import ParameterError
 

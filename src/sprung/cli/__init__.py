@@ -11,7 +11,7 @@ import typer
 from typer.main import get_command
 
 from sprung import __version__
-from sprung.cli import corners, diagnosis, identify, measured, recordings, reproduce, simulate, track, vehicle_files
+from sprung.cli import corners, diagnosis, identify, measured, recordings, reproduce, simulate, vehicle_files
 from sprung.cli.output import printable
 from sprung.errors import DataError, IdentificationError, SprungError
 
@@ -86,7 +86,7 @@ def _application() -> typer.Typer:
         recordings.info,
         recordings.convert,
         identify.identify,
-        track.track,
+        identify.track,
         corners.corners,
         corners.bounce,
         vehicle_files.describe,

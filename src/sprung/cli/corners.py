@@ -3,10 +3,18 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from sprung.cli.checks import names
-from sprung.cli.options import INPUT, AllowMissing, Files, VehicleFile, option, shares_options, vehicle_file
+from sprung.cli.options import (
+    INPUT,
+    AllowMissing,
+    Files,
+    Reading,
+    VehicleFile,
+    names,
+    option,
+    shares_options,
+    vehicle_file,
+)
 from sprung.cli.output import Output, progress_bar
-from sprung.cli.reading import Reading
 
 
 @shares_options

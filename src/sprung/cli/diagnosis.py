@@ -6,10 +6,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from sprung.cli.checks import check_file
-from sprung.cli.options import INPUT, AllowMissing, Files, Json, Minutes, TypeFile, VehicleFile, option, shares_options
+from sprung.cli.options import (
+    INPUT,
+    AllowMissing,
+    Files,
+    Json,
+    Minutes,
+    Reading,
+    TypeFile,
+    VehicleFile,
+    check_file,
+    option,
+    shares_options,
+)
 from sprung.cli.output import Output, progress_bar, show, write_result, written
-from sprung.cli.reading import Reading
 from sprung.errors import DataError, ParameterError
 
 if TYPE_CHECKING:

@@ -5,19 +5,19 @@ from typing import Annotated, Literal
 
 import typer
 
-from sprung.cli.checks import check_file
 from sprung.cli.options import (
     INPUT,
     OUTPUT,
     AllowMissing,
     Files,
+    Reading,
     VehicleFile,
+    check_file,
     complete_vehicles,
     option,
     shares_options,
 )
 from sprung.cli.output import Output, progress_bar
-from sprung.cli.reading import Reading
 
 
 @shares_options

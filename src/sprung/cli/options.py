@@ -1,13 +1,50 @@
-"""Options of several commands, and the shell completion of their values."""
+"""Options of several commands, their checks, and the shell completion of their values."""
 
+import csv
 import inspect
-from collections.abc import Callable, Collection
-from dataclasses import MISSING, field, fields
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import MISSING, dataclass, field, fields
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+
+from sprung.errors import ParameterError
+
+if TYPE_CHECKING:
+    from sprung.formats import ReadSettings
+    from sprung.recording import Recording
+    from sprung.vehicles.usable import AnyVehicle
+
+
+def names(text: str | None) -> tuple[str, ...] | None:
+    """Return the names in a comma-separated list; a name that contains a comma is written in double quotes."""
+    if text is None:
+        return None
+    parts = [part.strip() for part in next(csv.reader([text], skipinitialspace=True), [])]
+    if not parts or not all(parts) or len(set(parts)) < len(parts):
+        raise ParameterError(f"{text!r} is not a list of distinct names: separate them by commas, as in acc_fl,acc_fr")
+    return tuple(parts)
+
+
+def check_file(option: str, path: str | Path | None, *, inputs: Sequence[str | Path] = ()) -> None:
+    """Refuse an output file without a folder, or one that would overwrite an input."""
+    if path is None or str(path) == "-":
+        return
+    if Path(path).exists() and any(Path(name).exists() and Path(path).samefile(name) for name in inputs):
+        raise ParameterError(f"{option} {path} would overwrite an input: give another name")
+    if Path(path).is_dir():
+        raise ParameterError(f"{option} {path} is a folder: give the name of a file")
+    if not Path(path).parent.is_dir():
+        raise ParameterError(f"{option} {path} needs the folder {Path(path).parent}, which does not exist: create it")
+
+
+def check_folder(option: str, path: Path | None) -> None:
+    """Refuse a folder for output that is a file."""
+    if path is not None and path.exists() and not path.is_dir():
+        raise ParameterError(f"{option} {path} is a file: give the name of a folder")
+
 
 INPUT, OUTPUT = "Input", "Output"
 
@@ -163,3 +200,71 @@ Since = Annotated[
     str | None, option("TIME", "Start of the period, such as 2026-11-21 or 2026-11-21T08:30 (UTC).", "--since")
 ]
 Until = Annotated[str | None, option("TIME", "End of the period, in the same form.", "--until")]
+
+
+_READING = "Reading"
+
+
+@dataclass(frozen=True, slots=True)
+class Reading(Group):
+    """What to read of recordings, and how."""
+
+    channels: str | None = declared(
+        "A,B,..", "Channels to read, including the speed channel if it is needed. Default: all.", panel=_READING
+    )
+    group: str | None = declared(
+        "A,B,..",
+        "Groups of channels to read from a file with several; the first sets the times. sprung info lists them.",
+        panel=_READING,
+    )
+    begin: float | None = declared("SECONDS", "Start of the part to read.", "--from", panel=_READING)
+    end: float | None = declared("SECONDS", "End of the part to read.", "--to", panel=_READING)
+    sampling_rate: float | None = declared(
+        "HZ", "Sampling rate of files without a time column, or with an inconsistent one.", panel=_READING
+    )
+    time: str | None = declared("NAME", "Time column. Default: found by name and steps.", panel=_READING)
+    time_unit: str | None = declared("UNIT", "Unit of the time column: s, ms, us or ns.", panel=_READING)
+    bridge: float | None = declared("SECONDS", "Longest gap to interpolate across. Default: 0.", panel=_READING)
+    dbc: list[Path] | None = declared("F.dbc", "Database that decodes raw CAN frames; may be repeated.", panel=_READING)
+    name_table: Path | None = declared(
+        "F.toml", "Names of channels and what they measure, in addition to those known.", "--names", panel=_READING
+    )
+
+    @property
+    def settings(self) -> "ReadSettings":
+        """Settings of the readers."""
+        from sprung.formats import ReadSettings
+
+        return ReadSettings(
+            channels=names(self.channels),
+            groups=names(self.group) or (),
+            start=self.begin,
+            end=self.end,
+            sampling_rate=self.sampling_rate,
+            time=self.time,
+            time_unit=self.time_unit,
+            bridge=self.bridge or 0.0,
+            databases=tuple(self.dbc or ()),
+            names=self.name_table,
+        )
+
+    def records(self, files: Iterable[Path], report: Callable[[str, float], None]) -> "Iterable[Recording]":
+        """Return the recordings of files, read one after the other."""
+        from sprung.formats import read_records
+
+        return read_records(list(files), settings=self.settings, on_progress=report)
+
+    def may_lack(self, vehicle: "AnyVehicle | None", *, allow_missing: bool) -> bool:
+        """Return whether recordings may lack sensors of a vehicle: as allowed, or left out with --channels.
+
+        Raises
+        ------
+        ParameterError
+            If one of the chosen channels looks like a sensor that is not among them, without permission.
+        """
+        from sprung.vehicles.sensor_layout import check_present
+
+        chosen = names(self.channels)
+        if chosen is not None and vehicle is not None:
+            check_present(chosen, vehicle.sensor, allow_missing=allow_missing, is_choice=True)
+        return allow_missing or chosen is not None

@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sprung.cli.checks import check_file, check_folder
-from sprung.cli.options import Figures, FileFormat, Group, Json, Page
+from sprung.cli.options import Figures, FileFormat, Group, Json, Page, check_file, check_folder
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table as Grid
 
-    from sprung.cli.reading import Reading
+    from sprung.cli.options import Reading
     from sprung.results.documents import Document
     from sprung.results.page import Inputs, Report
     from sprung.results.tables import Table

@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sprung.cli.checks import check_file
-from sprung.cli.options import Figures, FileFormat, Files, Json, option, shares_options
+from sprung.cli.options import Figures, FileFormat, Files, Json, Reading, check_file, option, shares_options
 from sprung.cli.output import Output, progress_bar, show, write_result, written
-from sprung.cli.reading import Reading
 from sprung.errors import DataError, ParameterError
 
 if TYPE_CHECKING:

@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from sprung.cli.checks import check_file, check_folder
-from sprung.cli.options import OUTPUT, Json, option
+from sprung.cli.options import OUTPUT, Json, check_file, check_folder, option
 from sprung.cli.output import progress_bar, show, write_result, written
 
 

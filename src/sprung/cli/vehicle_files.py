@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from sprung.cli.checks import check_file
 from sprung.cli.options import (
     INPUT,
     AllowMissing,
@@ -12,12 +11,13 @@ from sprung.cli.options import (
     Files,
     Json,
     Minutes,
+    Reading,
     VehicleFile,
+    check_file,
     option,
     shares_options,
 )
 from sprung.cli.output import Output, progress_bar, show
-from sprung.cli.reading import Reading
 
 
 def describe(

@@ -1,8 +1,7 @@
 """Excitation of a vehicle: random forces, hammer blows, base motions, roads, tracks, roller rigs, harmonics."""
 
 from sprung.excitation.noise import BAND_ORDER, Excitation, HammerBlows, RandomInputs, noise
-from sprung.excitation.orders import Lines, Stack, Sum
-from sprung.excitation.rig import QUARTER_CASES, BaseMotion, RollerRig, pulse_indices
+from sprung.excitation.rig import QUARTER_CASES, BaseMotion, Lines, RollerRig, Stack, Sum, pulse_indices
 from sprung.excitation.route import (
     GRAVITY,
     BodyAccelerations,

@@ -2,8 +2,7 @@
 
 from sprung.road.iri import GOLDEN_CAR, GoldenCar, road_class_of, roughness_index, suspension_slope
 from sprung.road.profile import RoadProfile, road_profile
-from sprung.road.survey import RoadEvent, RoadSurvey, Stretch, TrackRoughness, averaged, survey_road
-from sprung.road.writing import write_survey
+from sprung.road.survey import RoadEvent, RoadSurvey, Stretch, TrackRoughness, averaged, survey_road, write_survey
 
 __all__ = [
     "GOLDEN_CAR",

@@ -11,13 +11,16 @@ from sprung.state.alerts import (
     severity_step,
     time_of,
 )
-from sprung.state.reference import PartState, Reference, Verdict, interval_95
 from sprung.state.vehicles import (
     LAST_WINDOWS,
     TIME_ROUNDING,
     WINDOWS_SINCE_ONSET,
+    PartState,
+    Reference,
     VehicleState,
     VehicleStatus,
+    Verdict,
+    interval_95,
     progress_in_words,
     state_of,
 )

@@ -13,7 +13,7 @@ from tests.online.monitor.history_store import HOSTILE, VEHICLE, fill, finding
 from sprung.errors import ParameterError
 from sprung.online.monitor.exports import FORMATS, WHATS, export
 from sprung.online.store import Progress, open_store
-from sprung.results.periods import Period
+from sprung.results.tables.wording import Period
 
 pandas: Any = pytest.importorskip("pandas")
 

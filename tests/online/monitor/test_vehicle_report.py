@@ -18,8 +18,8 @@ from sprung.online.store import Progress, open_store
 from sprung.results.documents import baseline_from_document, observation_from_document
 from sprung.results.page import render
 from sprung.results.page.page import Picture
-from sprung.results.periods import Period
 from sprung.results.tables import Table
+from sprung.results.tables.wording import Period
 
 pytestmark = pytest.mark.slow
 

@@ -20,8 +20,8 @@ from sprung.online.monitor.histories import read_history
 from sprung.online.store import Progress, StoredFrame
 from sprung.recording import Channel, Recording
 from sprung.results.documents import baseline_document, finding_document, observation_document
-from sprung.results.periods import Period
 from sprung.results.tables import vehicles_table
+from sprung.results.tables.wording import Period
 
 PARTS = [f"{corner}.{kind}" for corner in ("front_left", "rear_right") for kind in ("spring", "damper", "tyre")]
 TAUGHT = 12

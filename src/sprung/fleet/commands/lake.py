@@ -8,10 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sprung.cli.checks import check_file, check_folder
-from sprung.cli.options import INPUT, OUTPUT, Files, Json, Minutes, Since, Until, option, shares_options
+from sprung.cli.options import (
+    INPUT,
+    OUTPUT,
+    Files,
+    Json,
+    Minutes,
+    Reading,
+    Since,
+    Until,
+    check_file,
+    check_folder,
+    option,
+    shares_options,
+)
 from sprung.cli.output import progress_bar, show, write_result, written
-from sprung.cli.reading import Reading
 from sprung.errors import DataError, ParameterError
 
 if TYPE_CHECKING:
@@ -57,7 +68,7 @@ def import_files(
     from sprung.fleet.lake import Lake
     from sprung.results import tables
     from sprung.results.documents import lake_import_document
-    from sprung.results.periods import parse_time
+    from sprung.results.tables.wording import parse_time
 
     check_file("--json", json, inputs=files)
     check_number("--window", window, at_least=1)
@@ -198,7 +209,7 @@ def _problem(path: Path, reason: str) -> str:
 def _exported(lake: "Lake", folder: Path, *, vehicle: str | None, since: str | None, until: str | None) -> list[Path]:
     """Write the windows of a vehicle and period as recordings, and return the paths."""
     from sprung.fleet.jobs.recordings import export_windows
-    from sprung.results.periods import parse_period
+    from sprung.results.tables.wording import parse_period
 
     period = parse_period(since, until)
     with progress_bar() as report:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from sprung.cli.checks import check_file, names
-from sprung.cli.options import INPUT, AllowMissing, Json, Since, Until, option
+from sprung.cli.options import INPUT, AllowMissing, Json, Since, Until, check_file, names, option
 from sprung.cli.output import progress_bar, show, write_result, written
 from sprung.cli.services import LogFormat, log_to, stop_on_signals
 from sprung.errors import ParameterError
@@ -78,7 +77,7 @@ def _settings(
     from sprung.fleet.jobs import FleetSettings
     from sprung.fleet.jobs.analysis import WindowSettings
     from sprung.fleet.jobs.assessment import AssessmentSettings
-    from sprung.results.periods import parse_period
+    from sprung.results.tables.wording import parse_period
 
     period = parse_period(since, until)
     windows_per_day = hours_per_day * 60 / others.get("minutes", 10.0)

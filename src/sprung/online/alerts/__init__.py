@@ -1,6 +1,5 @@
 """Alerts with hold-off, hysteresis, acknowledgement and shelving, and senders of notifications."""
 
-from sprung.online.alerts.alerts import AlertSettings, Change, Report, Transition
 from sprung.online.alerts.messages import Message, addressed, message_of, trial_message
 from sprung.online.alerts.senders import (
     Backoff,
@@ -14,6 +13,10 @@ from sprung.online.alerts.senders import (
     deliver,
 )
 from sprung.online.alerts.transitions import (
+    AlertSettings,
+    Change,
+    Report,
+    Transition,
     absent,
     acknowledged,
     assess,

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from math import isfinite
 from typing import Any
 
-from sprung.online.alerts.alerts import Transition
+from sprung.online.alerts.transitions import Transition
 from sprung.results.documents.monitoring import NotificationDocument
 
 _WORDS = {"updated": "still active", "unshelved": "no longer shelved", "commented": "commented on"}

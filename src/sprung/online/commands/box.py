@@ -9,10 +9,8 @@ from typing import Annotated
 
 import typer
 
-from sprung.cli.checks import names
-from sprung.cli.options import AllowMissing, Files, SamplingRate, VehicleFile, option, shares_options
+from sprung.cli.options import AllowMissing, Files, Reading, SamplingRate, VehicleFile, names, option, shares_options
 from sprung.cli.output import progress_bar, show
-from sprung.cli.reading import Reading
 from sprung.cli.services import LogFormat, log_to, stop_on_signals
 
 LOG = logging.getLogger("sprung.box")

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from sprung.cli.checks import check_file
-from sprung.cli.options import OUTPUT, Json, Since, Until, option
+from sprung.cli.options import OUTPUT, Json, Since, Until, check_file, option
 from sprung.cli.output import progress_bar, show, write_pieces, write_result, written
 from sprung.errors import ParameterError
 from sprung.online.commands.stores import DEFAULT_STORE, Found, StoreUrl, existing_store, group, on_store
@@ -141,7 +140,7 @@ def export(
 ) -> None:
     """Export windows, modes, findings or alerts of a vehicle as a table."""
     from sprung.online.monitor.exports import FORMATS, export
-    from sprung.results.periods import parse_period
+    from sprung.results.tables.wording import parse_period
 
     check_file("--out", out)
     check_file("--json", json)
@@ -174,7 +173,7 @@ def report(
     """Write a page about a monitored vehicle and a period: changes, trends, alerts, modes, conditions, data."""
     from sprung.online.monitor.vehicle_report import vehicle_report
     from sprung.results.page import pdf_of, render
-    from sprung.results.periods import parse_period
+    from sprung.results.tables.wording import parse_period
 
     check_file("--out", out)
     check_file("--json", json)

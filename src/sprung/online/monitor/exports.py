@@ -16,7 +16,7 @@ from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.online.monitor.histories import AlertHistory, VehicleHistory, alerts_of, require_vehicle
 from sprung.online.store import Entry, Store
 from sprung.results.documents import ReportDocument
-from sprung.results.periods import Period
+from sprung.results.tables.wording import Period
 
 What: TypeAlias = Literal["windows", "modes", "findings", "alerts"]
 FileFormat: TypeAlias = Literal["csv", "parquet", "json"]

@@ -26,7 +26,7 @@ from sprung.online.store import (
 )
 from sprung.online.store.schema import DAY
 from sprung.results.documents import baseline_from_document, observation_from_document
-from sprung.results.periods import Period
+from sprung.results.tables.wording import Period
 from sprung.state import (
     LAST_WINDOWS,
     WINDOWS_SINCE_ONSET,

@@ -19,9 +19,8 @@ from sprung.online.monitor.histories import VehicleHistory, assessed, read_histo
 from sprung.online.store import Store
 from sprung.results.documents import ReportDocument
 from sprung.results.page.page import Block, Paragraph, Picture, Report, Section, Sentences, picture
-from sprung.results.periods import Period
 from sprung.results.tables import Table, alert_history_table, counted, hypotheses_table
-from sprung.results.tables.wording import format_estimate, format_name, format_time
+from sprung.results.tables.wording import Period, format_estimate, format_name, format_time
 from sprung.state import STEPS, AlertState, is_of_suspension
 from sprung.vehicles import Component
 

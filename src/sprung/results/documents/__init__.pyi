@@ -8,8 +8,6 @@ from sprung.results.documents.baseline import type_baseline_document as type_bas
 from sprung.results.documents.baseline import type_baseline_from_document as type_baseline_from_document
 from sprung.results.documents.baseline import write_baseline as write_baseline
 from sprung.results.documents.baseline import write_type_baseline as write_type_baseline
-from sprung.results.documents.bounce import BounceDocument as BounceDocument
-from sprung.results.documents.bounce import bounce_document as bounce_document
 from sprung.results.documents.corners import CalibrationDocument as CalibrationDocument
 from sprung.results.documents.corners import CornersDocument as CornersDocument
 from sprung.results.documents.corners import calibration_document as calibration_document
@@ -49,9 +47,11 @@ from sprung.results.documents.identification import identification_document as i
 from sprung.results.documents.identification import mode_documents as mode_documents
 from sprung.results.documents.identification import read_identification as read_identification
 from sprung.results.documents.identification import write_identification as write_identification
+from sprung.results.documents.measured import BounceDocument as BounceDocument
 from sprung.results.documents.measured import PlanDocument as PlanDocument
 from sprung.results.documents.measured import RideDocument as RideDocument
 from sprung.results.documents.measured import RoadDocument as RoadDocument
+from sprung.results.documents.measured import bounce_document as bounce_document
 from sprung.results.documents.measured import plan_document as plan_document
 from sprung.results.documents.measured import ride_document as ride_document
 from sprung.results.documents.measured import road_document as road_document

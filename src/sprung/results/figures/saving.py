@@ -13,7 +13,7 @@ from sprung.likelihood import CornerFit
 from sprung.results.figures.corners import corners_figure, correlation_figure, fitted_spectra_figure
 from sprung.results.figures.diagnosis import corner_changes_figure, evidence_figure, mode_changes_figure, trends_figure
 from sprung.results.figures.shapes import complexity_figure, shapes_figure
-from sprung.results.figures.spectra import spectra_figure
+from sprung.results.figures.signals import spectra_figure
 from sprung.results.figures.stabilisation import stabilisation_figure
 from sprung.results.figures.style import STYLE
 from sprung.results.figures.subsets import mac_figure, subsets_figure

@@ -24,8 +24,7 @@ from sprung.results.documents import Document
 from sprung.results.page.page import Block, Paragraph, Picture, Report, Section, Sentences, picture
 from sprung.results.renderings import document_of, picture_of
 from sprung.results.tables.identification import describe_jumps
-from sprung.results.tables.table import Table
-from sprung.results.tables.wording import format_estimate, format_name
+from sprung.results.tables.wording import Table, format_estimate, format_name
 from sprung.signals.inspection import Inspection, inspect_blocks
 
 if TYPE_CHECKING:

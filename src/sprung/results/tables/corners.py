@@ -7,8 +7,7 @@ from sprung.bounce_tests import Bounce
 from sprung.calibration import CalibratedNumber, Calibration
 from sprung.likelihood import CornerFit
 from sprung.results.tables.identification import describe_shapes
-from sprung.results.tables.table import Table
-from sprung.results.tables.wording import format_estimate, format_name
+from sprung.results.tables.wording import Table, format_estimate, format_name
 
 #: Letters of the longest bar, and the relative change at which it is reached.
 _BAR, _FULL = 8, 0.4

@@ -20,8 +20,7 @@ from sprung.diagnosis import (
 from sprung.diagnosis.baseline import CONDITIONS
 from sprung.diagnosis.findings import format_time
 from sprung.diagnosis.observation import CONDITION_UNITS
-from sprung.results.tables.table import Table
-from sprung.results.tables.wording import format_name
+from sprung.results.tables.wording import Table, format_name
 from sprung.vehicles import Component
 
 #: Hypotheses in the table.

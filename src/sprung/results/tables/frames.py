@@ -17,7 +17,7 @@ from sprung.identification.tracking import TrackedModes
 from sprung.likelihood import CornerFit
 from sprung.modal import Modes, PoleStatus
 from sprung.recording import Recording
-from sprung.results.tables.table import Table
+from sprung.results.tables.wording import Table
 from sprung.signals.inspection import Inspection
 
 _Columns = Mapping[str, Any]

@@ -14,8 +14,7 @@ from sprung.identification.methods import WindowModes
 from sprung.identification.stabilisation import StabilisationDiagram
 from sprung.identification.tracking import Track, TrackedModes, TrackedValue
 from sprung.modal import Modes, PoleStatus
-from sprung.results.tables.table import Table
-from sprung.results.tables.wording import format_duration, format_estimate, format_name, format_time
+from sprung.results.tables.wording import Table, format_duration, format_estimate, format_name, format_time
 from sprung.signals.harmonics import Harmonic
 
 #: Channels below this share of the largest one are omitted from a shape in words.

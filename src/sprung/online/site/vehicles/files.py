@@ -15,7 +15,7 @@ from sprung.online.site.access import Viewer
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import LIMITS, Context, Shared, VehicleName
 from sprung.results.page import render
-from sprung.results.periods import Period, parse_period
+from sprung.results.tables.wording import Period, parse_period
 
 api = APIRouter(tags=["files"])
 pages = APIRouter(include_in_schema=False)

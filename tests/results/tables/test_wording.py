@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.results.periods import Period, parse_period, parse_time
+from sprung.results.tables.wording import Period, parse_period, parse_time
 
 NOON = round(datetime(2026, 11, 21, 12, tzinfo=UTC).timestamp()) * 10**9
 
