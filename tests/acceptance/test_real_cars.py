@@ -171,7 +171,26 @@ def test_comma_car(real_file) -> None:
     # Vertical and pitch maxima at 1.73 Hz; identified elsewhere at 1.79 Hz with 9.9 % damping.
     assert 1.6 <= body.natural_frequency[0] <= 2.0
     assert 0.08 <= body.damping_ratio[0] <= 0.3
+    assert np.all(found.modes.natural_frequency_std < 0.15)
     assert body.labels[0] in {"bounce", "pitch"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("log", "frequency"), [("00000165_00000001-60FEB68B", 1.58), ("00000165_00000002-60FEB8E3", 1.54)]
+)
+def test_the_band_of_a_drive_is_that_of_its_body(real_file, log, frequency) -> None:
+    """Without a vehicle file and settings; the band was 49.4 to 50.6 Hz, where hum of the logger is."""
+    found = cov_ssi(read(real_file(f"canedge_car_body_imu/{log}_decoded.parquet")))
+    low, high = found.plan.preparation.band
+    assert low <= 0.5
+    assert 20.0 <= high < 25.0
+    body = found.modes.take(np.flatnonzero(found.modes.natural_frequency < 5))
+    assert body.natural_frequency == pytest.approx([frequency], abs=0.2)
+    assert np.all(body.natural_frequency_std < 0.15)
+    # 19.6 and 30.6 Hz are modes of the body's structure, as both logs show with every band.
+    others = found.modes.natural_frequency[found.modes.natural_frequency > 5]
+    assert np.all(np.min(np.abs(others[:, None] / [19.9, 30.4] - 1), axis=1) < 0.03)
 
 
 def test_sensor_of_the_car_turns_into_the_bodys_axes() -> None:

@@ -273,3 +273,14 @@ def test_choices_are_noted_and_filled_in() -> None:
     assert isinstance(plan.ladder, OrderLadder)
     assert (effective.block_rows, effective.max_order) == (plan.ladder.block_rows, plan.ladder.max_order)
     assert found.settings == IdentificationSettings()
+
+
+def test_a_drive_without_a_mode_of_its_body_says_what_to_give() -> None:
+    """Modes of the structure at 8 and 20 Hz alone."""
+    motion = run(duration=60.0)
+    channels = (*motion.channels, Channel("speed", "speed"))
+    drive = replace(motion, samples=np.vstack([motion.samples, np.full(motion.n_samples, 12.0)]), channels=channels)
+    found = cov_ssi(drive)
+    assert found.modes.natural_frequency.min() > 4.0
+    assert any("pass --vehicle" in note for note in found.notes)
+    assert not any("pass --vehicle" in note for note in cov_ssi(motion).notes)

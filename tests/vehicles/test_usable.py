@@ -6,7 +6,7 @@ import pytest
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording
 from sprung.vehicles import read_description
-from sprung.vehicles.usable import speed_channel, usable
+from sprung.vehicles.usable import is_drive, speed_channel, usable
 
 RATE = 100.0
 
@@ -25,6 +25,24 @@ def noise(n_channels=2, n_samples=1000, seed=0):
 def test_outputs_are_the_channels_of_motion() -> None:
     recording = recorded(noise(3), ("a", "oil", "b"), quantities=("acceleration", "temperature"))
     assert usable(recording).names == ("a", "b")
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "values", "is_one"),
+    [
+        ("speed", "speed", np.full(1000, 12.0), True),
+        ("wheel speed fl", "speed", np.full(1000, 12.0), True),
+        ("speed", "speed", np.where(np.arange(1000) < 100, 12.0, 0.0), False),  # it stands for nine tenths
+        ("GPS Latitude", "unknown", np.linspace(48.1, 48.2, 1000), True),
+        ("lon", "angle", np.linspace(0.2, 0.201, 1000), True),
+        ("lat", "unknown", np.full(1000, 48.1) + 1e-5 * (np.arange(1000) % 7), False),  # a bridge with a receiver
+        ("acc_lateral", "acceleration", np.linspace(-5.0, 5.0, 1000), False),
+        ("plateau", "displacement", np.linspace(-5.0, 5.0, 1000), False),
+        ("lat", "unknown", np.full(1000, np.nan), False),
+    ],
+)
+def test_a_drive_has_speed_or_changes_its_place(name, quantity, values, is_one) -> None:
+    assert is_drive(recorded(np.vstack([values, noise()]), (name, "a", "b"), quantities=(quantity,))) is is_one
 
 
 def test_missing_values_become_gaps() -> None:

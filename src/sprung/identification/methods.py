@@ -4,8 +4,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-import numpy as np
-
 from sprung._checks import check_one_of, check_type, settings_of
 from sprung.errors import DataError, IdentificationError, ParameterError
 from sprung.identification import steps
@@ -18,16 +16,13 @@ from sprung.identification.setups import identify_setups
 from sprung.identification.stabilisation import StabilityCriteria
 from sprung.modal import Modes
 from sprung.recording import Recording, each_recording
-from sprung.signals.data_faults import moving_samples
 from sprung.vehicles import Chain, Quarter, Vehicle
 from sprung.vehicles.labels import labelled, plausibility_notes
 from sprung.vehicles.sensor_layout import layout_notes
-from sprung.vehicles.usable import AnyVehicle, output_channels, usable
+from sprung.vehicles.usable import AnyVehicle, is_drive, output_channels, usable
 
 #: Least share of the motion that free modes explain in records that are taken for free motion.
 _FREE = 0.95
-#: Share of a record in which the vehicle drives, above which it is a drive and no test of free motion.
-_DRIVING = 0.2
 #: Largest relative change of the damping ratio between polynomial orders.
 _DAMPING_OF_POLYNOMIALS = 0.4
 #: Steps from correlated records to modes by stabilisation diagrams.
@@ -417,7 +412,7 @@ def _free_fit(
     if settings.kind == "random" or not isinstance(given, Sequence):
         return None
     is_certain = settings.kind == "free"
-    if not is_certain and any(each.n_samples and np.mean(moving_samples(each)) > _DRIVING for each in given):
+    if not is_certain and any(is_drive(each) for each in given):
         return None
     try:
         whole = [usable(each, vehicle=vehicle, allow_missing=settings.allow_missing) for each in given]

@@ -92,6 +92,8 @@ class PlanningRules:
     blocks_of_a_record: int = 48
     #: Shortest of them over the span of the lags.
     lag_spans_of_a_block: float = 1.2
+    #: Fewest of them of a drive, as its body needs no longer lags and standard deviations need ten.
+    blocks_of_a_drive: int = 10
     #: Segments of a subset.
     segments_of_a_subset: int = 12
     #: Shortest of them over the span of the lags.
@@ -110,6 +112,10 @@ class PlanningRules:
     segments_of_one: float = 1.06
     #: Fewest periods of a segment of the spectra in a peak: slower motion is drift.
     periods_of_peak: int = 4
+    #: Band [Hz] that the content of a drive holds, ...
+    of_body: tuple[float, float] = (0.8, 8.0)
+    #: ... and the band that is searched for the modes of the body and of wheels where it does not.
+    of_drive: tuple[float, float] = (0.4, 20.0)
     #: Share of its frequency up to which a line of an engine or a machine wanders.
     wandering: float = 0.03
     #: A fundamental with this many multiples is a pulse train ...
@@ -253,6 +259,7 @@ def plan_preparation(
     vehicle: AnyVehicle | None = None,
     harmonics: Sequence[Harmonic] = (),
     searched: float = math.inf,
+    is_drive: bool = False,
 ) -> PreparationPlan:
     """Choose channels, band and sampling rate from the first record, where the settings leave them open.
 
@@ -268,6 +275,8 @@ def plan_preparation(
         Lines of the excitation, which do not count as content of the band.
     searched
         Frequency up to which lines were searched for [Hz]: beyond it they are not distinguished from content.
+    is_drive
+        Whether the record is one of a vehicle that drives (`sprung.vehicles.usable`); the band then holds its body's.
 
     Returns
     -------
@@ -285,12 +294,14 @@ def plan_preparation(
     Band: of the coherent part of all cross spectra (of the spectrum, for one channel), weighted with 1/frequency, 1 %
     lies below the lower edge and 99 % below the upper edge over 1.25. Slow motion, whose power falls with the frequency
     until it first rises to four times its least, does not count. Where the coherence has a significant peak between
-    slow motion and the lower edge, the band begins there: a weak first mode needs long lags all the same. Lines of
-    constant frequency are subtracted before; drifting ones are left out with 3 % on both sides. Sampling rate: the
-    lowest integer submultiple of the original one that is at least 3 times the upper edge (5 times that of a given
-    band).
+    slow motion and the lower edge, the band begins there: a weak first mode needs long lags all the same. On a drive
+    whose band would not hold 0.8 to 8 Hz, slow motion ends at 0.4 Hz, and the band ends at 20 Hz or above: modes of the
+    body are damped too much to rise. Lines of constant frequency are subtracted before; drifting ones are left out with
+    3 % on both sides. Sampling rate: the lowest integer submultiple of the original one that is at least 3 times the
+    upper edge (5 times that of a given band).
     """
     speed = speed_channel(recording, vehicle)
+    is_drive = is_drive and settings.band is None and settings.ladder is None and vehicle is None
     outputs = [name for name in recording.names if name != speed]
     fastest = recording.sampling_rate
     _check_length(_longest(recording), fastest)
@@ -304,6 +315,9 @@ def plan_preparation(
     else:
         band = _band_of_content(motion, harmonics, searched, settings)
         source = "where the channels are coherent" if len(outputs) > 1 else "where most of the power is"
+        if is_drive and (band[0] > _RULES.of_body[0] or band[1] < _RULES.of_body[1]):
+            band = _band_of_content(motion, harmonics, searched, settings, least_band=_RULES.of_drive)
+            source = "where bodies and wheels of vehicles move"
     check_number("the band's lower edge", band[0], at_most=fastest / 2, advice="it is above half the sampling rate")
     least = max(rate_over_band * band[1], _RULES.min_samples * fastest / _longest(recording))
     rate = settings.decimate_to or _lowest_rate(fastest, least)
@@ -321,6 +335,7 @@ def plan_preparation(
         spectrum_segment=_spectrum_segment(recording, band, rate),
         notes=tuple(notes),
         trend=trend,
+        is_drive=is_drive,
     )
 
 
@@ -392,18 +407,22 @@ def make_plan(
     High-pass, where no band is given: at 0.6 times the lowest frequency of which the lags hold 1.2 periods, if some
     channel has a fifth of its power below that frequency. Lags: four periods of the band's lower edge, or four times
     the lag up to which 80 % of the power of the cross-correlations lies, whichever is less, but at most an eleventh of
-    the record; 20 to 100 block rows, at most 400 rows in the matrix. Where these are too few to span the lags, there
-    are realisations of decimated correlations as well. Lags stay below the period of a pulse train (five or more
-    multiples of one line): its pulses then act like any random excitation.
+    the record, and on a drive 1.2 periods, as its body is heavily damped; 20 to 100 block rows, at most 400 rows in the
+    matrix. Where these are too few to span the lags, there are realisations of decimated correlations as well. Lags
+    stay below the period of a pulse train (five or more multiples of one line): its pulses then act like any random
+    excitation.
     """
     motion = prepared.motion
     rate, band, stretch = motion.sampling_rate, preparation.band, _usual_stretch(motion)
     spectra = prepared.edited_spectra or prepared.spectra
-    lag_span = min(_RULES.periods_of_lags / max(band[0], 1e-9), _RULES.memories_of_lags * _memory(spectra, band))
+    n_periods = _RULES.min_periods if preparation.is_drive else _RULES.periods_of_lags
+    lag_span = min(n_periods / max(band[0], 1e-9), _RULES.memories_of_lags * _memory(spectra, band))
     if prepared.edited_spectra is None:
         lag_span = min([lag_span, *(_RULES.of_pulse_period / line for line in _pulse_trains(harmonics))])
     lag_span = min(lag_span, total_duration / _RULES.record_over_lags, stretch / rate / _RULES.stretch_over_lags)
-    ladder = _ladder(settings, len(preparation.channels), rate, lag_span, _longest(motion))
+    longest_lags = total_duration / (_RULES.blocks_of_a_drive * _RULES.lag_spans_of_a_block)
+    spans = (lag_span, longest_lags if preparation.is_drive else math.inf)
+    ladder = _ladder(settings, len(preparation.channels), rate, spans, _longest(motion))
     if method.has_polynomials and isinstance(ladder, OrderLadder):
         n_references = len(settings.references or preparation.channels)
         given = {"block_rows": settings.block_rows, "max_order": settings.max_order}
@@ -458,12 +477,19 @@ def _band_of_vehicle(vehicle: AnyVehicle, sampling_rate: float) -> tuple[float, 
 
 
 def _band_of_content(
-    motion: Recording, harmonics: Sequence[Harmonic], searched: float, settings: IdentificationSettings
+    motion: Recording,
+    harmonics: Sequence[Harmonic],
+    searched: float,
+    settings: IdentificationSettings,
+    least_band: tuple[float, float] | None = None,
 ) -> tuple[float, float]:
     """Return the band in which the channels move together [Hz], from the frequencies searched for lines."""
     content = _content(subtract_lines(motion, harmonics))
     frequencies, widths = content.frequencies, content.widths
-    n_slow = _end_of_slow_motion(content.common)
+    if least_band is None:
+        n_slow = _end_of_slow_motion(content.common)
+    else:
+        n_slow = int(np.searchsorted(frequencies, least_band[0]))
     is_used = (np.arange(frequencies.size) >= n_slow) & (frequencies <= searched)
     for line in harmonics:
         if line.kind != "constant":
@@ -475,7 +501,8 @@ def _band_of_content(
     low, high = np.searchsorted(share / share[-1], [_RULES.power_above, _RULES.power_below])
     if settings.ladder is None:
         low = min([int(low), *_weak_peaks(content, is_used, n_slow, int(low))])
-    return float(frequencies[low]), float(min(_RULES.margin * frequencies[high], motion.sampling_rate / 2))
+    highest = max(_RULES.margin * frequencies[high], least_band[1] if least_band else 0.0)
+    return float(frequencies[low]), float(min(highest, motion.sampling_rate / 2))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -582,20 +609,24 @@ def _lowest_rate(sampling_rate: float, minimum: float) -> float:
     return sampling_rate / max(1, int(sampling_rate / minimum))
 
 
-def _ladder(settings: IdentificationSettings, n_outputs: int, rate: float, lag_span: float, n_samples: int) -> Ladder:
-    """Return the ladder of the settings, or one of chosen size, if the longest stretch carries it."""
+def _ladder(
+    settings: IdentificationSettings, n_outputs: int, rate: float, spans: tuple[float, float], n_samples: int
+) -> Ladder:
+    """Return the ladder of the settings, or one of lags near the first span [s] and within the second."""
     _check_length(n_samples, rate)
     if settings.ladder is not None:
         _check_block_rows(settings.ladder.last, settings.ladder.lags_per_row, n_samples, rate)
         return settings.ladder
     lags_per_row = OrderLadder.lags_per_row
     most = min(_RULES.max_rows, max(_RULES.min_rows, _RULES.max_matrix // n_outputs), n_samples // (4 * lags_per_row))
-    wanted = int(np.ceil(lag_span * rate / lags_per_row))
+    wanted = int(np.ceil(spans[0] * rate / lags_per_row))
     rows = settings.block_rows or min(max(wanted, _RULES.min_rows), most)
     _check_block_rows(rows, lags_per_row, n_samples, rate)
     strides = [1]
     if settings.block_rows is None and settings.references is None:
         while len(strides) < _RULES.max_strides and rows * strides[-1] < _RULES.spanned * wanted:
+            if lags_per_row * rows * strides[-1] * _RULES.stride > spans[1] * rate:
+                break
             strides.append(strides[-1] * _RULES.stride)
     return OrderLadder(rows, settings.max_order or _largest_order(settings, n_outputs, rows), tuple(strides))
 

@@ -32,7 +32,7 @@ from sprung.signals.plausibility import doubts_of
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles.labels import plausibility_notes
 from sprung.vehicles.sensor_layout import check_present, layout_notes
-from sprung.vehicles.usable import AnyVehicle, output_channels, speed_channel, usable
+from sprung.vehicles.usable import AnyVehicle, is_drive, output_channels, speed_channel, usable
 
 #: A channel that is dead for more than this share of a record is left out, and of others only the dead parts.
 _MOSTLY_DEAD = 0.5
@@ -264,7 +264,10 @@ class RunningRecords:
         try:
             usable_part, faults = self._usable(record)
             self._faults.append(faults)
-            self._parts.append(self._next(usable_part, faults) if self._parts else self._first(usable_part))
+            if self._parts:
+                self._parts.append(self._next(usable_part, faults))
+            else:
+                self._parts.append(self._first(usable_part, is_drive(record)))
         except DataError as error:
             self._left_out[self._n_records] = error
 
@@ -279,15 +282,17 @@ class RunningRecords:
         living, faults = without_dead_parts(record, outputs) if outputs else (record, ())
         return usable(living, vehicle=vehicle, allow_missing=True), faults  # a dead channel is not missing
 
-    def _first(self, recording: Recording) -> CorrelatedRecords:
+    def _first(self, recording: Recording, is_driven: bool) -> CorrelatedRecords:
         """Plan from the first usable record, and correlate it."""
         method, settings = self._method, self._settings
         duration = self._total_duration or recording.duration
-        preparation = plan_preparation(recording, settings=settings, vehicle=self._vehicle)
+        preparation = plan_preparation(recording, settings=settings, vehicle=self._vehicle, is_drive=is_driven)
         harmonics = _harmonics(recording, preparation, settings, self._vehicle)
         if harmonics and settings.band is None and settings.ladder is None and self._vehicle is None:
             searched = highest_line(preparation)
-            preparation = plan_preparation(recording, settings=settings, harmonics=harmonics, searched=searched)
+            preparation = plan_preparation(
+                recording, settings=settings, harmonics=harmonics, searched=searched, is_drive=is_driven
+            )
         if method.has_long_spectra:
             preparation = with_long_segments(preparation, recording, total_duration=duration, segment=settings.segment)
         prepared = prepare(recording, preparation, lifter=settings.lifter)

@@ -235,6 +235,8 @@ class PreparationPlan:
         The decisions in words.
     trend
         Degree of the trend that is removed: 0 for the mean (as in the thesis), 1 for a straight line.
+    is_drive
+        Whether the band was chosen for a vehicle that drives.
     """
 
     channels: tuple[str, ...]
@@ -246,6 +248,7 @@ class PreparationPlan:
     spectrum_segment: float
     notes: tuple[str, ...]
     trend: int = 1
+    is_drive: bool = False
 
     @property
     def scales(self) -> Real:

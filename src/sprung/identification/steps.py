@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sprung._arrays import Indices, Real
+from sprung._arrays import Booleans, Indices, Real
 from sprung.errors import IdentificationError
 from sprung.identification import levels, stabilisation
 from sprung.identification.contribution import complete_shapes, significant
@@ -19,7 +19,7 @@ from sprung.identification.results import CorrelationSummary, Identification, Su
 from sprung.identification.road_modes import combined_modes, has_road, kept_records
 from sprung.identification.roving import note_on_moved_sensors
 from sprung.identification.settings import KINDS, IdentificationSettings, Method
-from sprung.modal import Modes, PoleStatus, join_modes, unit_shapes
+from sprung.modal import Modes, PoleStatus, join_modes, mpc, unit_shapes
 from sprung.recording import Recording, each_recording
 from sprung.signals.cepstrum import Lifter, ShortPass
 from sprung.signals.harmonics import Harmonic, near_harmonic
@@ -28,6 +28,11 @@ from sprung.vehicles.usable import AnyVehicle
 
 #: Fewest segments from which the modes of a range of levels are identified.
 _SEGMENTS_OF_A_SUBSET = 8
+#: Damping ratio and modal phase collinearity of a pole of a drive below both of which it is a line.
+_NARROW_ON_DRIVES = 0.02
+_SHAPELESS = 0.5
+#: Bounds of the natural frequencies of bodies on their suspensions [Hz].
+_OF_BODIES = (0.5, 4.0)
 #: Most families of lines in a note.
 _MAX_LINES = 6
 #: Usual duration of a record times the half-width of its lowest mode.
@@ -291,12 +296,23 @@ def merge(draft: Draft) -> Draft:
         merged, deviations = _with_modes_of_all_levels(merged, deviations, draft.summary)
     members = merged.members
     is_kept = significant(merged.modes, draft.summary.average, least=draft.settings.criteria.contribution)
+    is_line = _is_line_of_drive(merged.modes, draft.summary)
+    is_kept &= ~is_line
     subsets = [
         _with_verdicts(subset, members[~is_kept, k], members[:, k], _as_measured(subset.modes, own, draft.summary))
         for k, (subset, own) in enumerate(zip(draft.subsets, draft.deviations, strict=True))
     ]
     kept = _as_measured(merged.modes, deviations, draft.summary).take(np.flatnonzero(is_kept))
-    return replace(draft, subsets=tuple(subsets), modes=kept, members=members[is_kept])
+    draft = replace(draft, subsets=tuple(subsets), modes=kept, members=members[is_kept])
+    lines = ", ".join(f"{frequency:.4g}" for frequency in merged.modes.natural_frequency[is_line])
+    note = f"narrow poles without a shape, as of wheels and engines, are no modes: {lines} Hz"
+    return draft.noted(note) if lines else draft
+
+
+def _is_line_of_drive(modes: Modes, summary: CorrelationSummary) -> Booleans:
+    """Return which modes of a drive are narrower than motion on springs, and of sensors at any phase."""
+    is_narrow = (modes.damping_ratio < _NARROW_ON_DRIVES) & (mpc(modes.mode_shapes) < _SHAPELESS)
+    return is_narrow & summary.plan.preparation.is_drive
 
 
 def _as_measured(modes: Modes, deviations: Real, summary: CorrelationSummary) -> Modes:
@@ -410,6 +426,7 @@ def combine(draft: Draft) -> Draft:
     draft = draft.noted(*notes, *_notes_on_modes(modes, settings.lifter), *_notes_on_duration(modes, draft.summary))
     if draft.level_trends is not None:
         draft = draft.noted(*levels.trends_in_words(modes, draft.level_trends))
+    draft = draft.noted(*_note_on_body(modes, draft.summary))
     refinement = draft.refinement
     if refinement is not None:
         is_own = np.array([source == "ssi" for source in combined.sources], dtype=np.bool_)
@@ -422,6 +439,17 @@ def combine(draft: Draft) -> Draft:
             "modes not refined: cepstrum editing smooths the spectra that the likelihood takes as random"
         )
     return draft.noted(*_notes_on_deviations(modes, draft.summary))
+
+
+def _note_on_body(modes: Modes, summary: CorrelationSummary) -> list[str]:
+    """Return a note on a drive that shows no mode of the body."""
+    frequencies, (low, high) = modes.natural_frequency, _OF_BODIES
+    if not summary.plan.preparation.is_drive or np.any((low <= frequencies) & (frequencies <= high)):
+        return []
+    return [
+        f"no mode of the body at {low:g} to {high:g} Hz, where vehicles bounce, pitch and roll: its damping is too"
+        " heavy or the drive too short; describe the vehicle (sprung describe) and pass --vehicle"
+    ]
 
 
 def _notes_on_duration(modes: Modes, summary: CorrelationSummary) -> list[str]:

@@ -1,5 +1,6 @@
 """The part of a recording that identification and fits may use."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -9,16 +10,39 @@ from sprung.channel_names import rule_of
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording
 from sprung.signals.conditioning import while_moving, without_missing
-from sprung.signals.data_faults import CONDITIONS, ROUNDING, constant_value
+from sprung.signals.data_faults import CONDITIONS, ROUNDING, constant_value, moving_samples
 from sprung.vehicles.description import Chain, Quarter, Vehicle
 from sprung.vehicles.sensor_layout import layout_notes, with_layout
 
 #: Speed below which a vehicle's motion carries no information on its modes [m/s].
 _SLOWEST = 3.0
+#: Share of a record in which the vehicle moves, above which it is a drive.
+_DRIVING = 0.2
+#: Change of latitude or longitude of a drive [deg], about 100 m.
+_TRAVELLED = 1e-3
+_LATITUDE_LONGITUDE = re.compile(r"(?:^|[^a-z])(?:lat|lon|lng)(?:itude|gitude)?(?![a-z])", re.IGNORECASE)
 #: Usual name of the channel with the speed.
 _SPEED = "speed"
 
 AnyVehicle = Vehicle | Quarter | Chain
+
+
+def is_drive(recording: Recording) -> bool:
+    """Return whether a recording is one of a vehicle that drives, by its speed, speeds of wheels, or its place.
+
+    Parameters
+    ----------
+    recording
+        Recording as read: speeds in m/s, latitude and longitude in degrees, or in rad as channels of angle.
+    """
+    moves = np.count_nonzero(moving_samples(recording)) > _DRIVING * recording.n_samples
+    spans = (
+        (np.nanmax(values, initial=-np.inf) - np.nanmin(values, initial=np.inf))
+        / (np.pi / 180 if channel.quantity == "angle" else 1.0)
+        for values, channel in zip(recording.samples, recording.channels, strict=True)
+        if _LATITUDE_LONGITUDE.search(channel.name)
+    )
+    return bool(moves or any(span > _TRAVELLED for span in spans))
 
 
 def usable(recording: Recording, *, vehicle: AnyVehicle | None = None, allow_missing: bool = False) -> Recording:
