@@ -129,6 +129,37 @@ def test_requests_of_other_sites_change_nothing(serve, people, store, kind) -> N
     assert after == before
 
 
+@pytest.mark.parametrize("value", ["x", "Bearer", "", "Bearer sprung_x"])
+def test_a_header_without_a_valid_token_does_not_replace_the_mark(log_in, store, value) -> None:
+    client, _ = log_in("engineer")
+    headers = {"Authorization": value}
+    assert client.post("/api/v1/alerts/1/acknowledge", json={}, headers=headers).status_code == 401
+    assert client.post("/alerts/1/acknowledge", data={"csrf_token": ""}, headers=headers).status_code == 401
+    assert not store.alerts.row(1).is_acknowledged
+
+
+@pytest.mark.parametrize(
+    ("origin", "status"),
+    [
+        (None, 200),
+        ("http://127.0.0.1:8737", 200),
+        ("https://Sprung.example.org", 200),
+        ("https://evil.example.org", 403),
+        ("http://127.0.0.1:8000", 403),
+        ("null", 403),
+    ],
+)
+def test_another_site_does_not_log_people_in(serve, people, origin, status) -> None:
+    """Otherwise its pages could give a browser a session of somebody else."""
+    _, client = serve(url="https://sprung.example.org")
+    headers = {} if origin is None else {"Origin": origin}
+    body = {"name": "anna", "password": PASSWORD}
+    assert client.post("/api/v1/session", json=body, headers=headers).status_code == status
+    answer = client.post("/log-in", data=body, headers=headers, follow_redirects=False)
+    assert answer.status_code == (303 if status == 200 else status)
+    assert ("set-cookie" in answer.headers) == (status == 200)
+
+
 def test_a_session_ends_with_its_account_and_with_its_role(serve, people, store) -> None:
     _, client = serve()
     for act in (

@@ -161,3 +161,33 @@ def test_requests_of_one_connection_follow_each_other(running) -> None:
         answer = connection.getresponse()
         assert (answer.status, answer.read()) == (200, b'{"healthy":true,"problems":[]}')
     connection.close()
+
+
+def test_head_is_the_beginning_of_get(running, opened) -> None:
+    """For pages, files, refusals, and for live events, which do not end by themselves."""
+    connection = http.client.HTTPConnection(running[0], running[1], timeout=20.0)
+    lengths = []
+    for path, status in (("/", 200), ("/api/v1/vehicles", 200), ("/static/base.css", 200), ("/nothing", 404)):
+        found = []
+        for method in ("GET", "HEAD"):
+            connection.request(method, path)
+            answer = connection.getresponse()
+            found.append((answer.status, answer.getheader("content-length"), answer.getheader("content-type")))
+            lengths.append(len(answer.read()))
+        assert found[0] == found[1]
+        assert found[0][0] == status
+    assert all(lengths[::2])
+    assert not any(lengths[1::2])
+    for _ in range(2):  # the connection is free again
+        connection.request("HEAD", "/api/v1/events")
+        answer = connection.getresponse()
+        assert (answer.status, answer.getheader("content-type"), answer.read()) == (
+            200,
+            "text/event-stream; charset=utf-8",
+            b"",
+        )
+    connection.close()
+    connection = http.client.HTTPConnection(running[0], running[1], timeout=20.0)
+    connection.request("HEAD", "/log-out")
+    assert connection.getresponse().status == 405
+    connection.close()

@@ -3,7 +3,7 @@
 import hmac
 import math
 from typing import Annotated, NamedTuple, TypeVar
-from urllib.parse import parse_qsl
+from urllib.parse import parse_qsl, urlsplit
 
 from fastapi import Depends, HTTPException, Request, Response, Security
 from fastapi.concurrency import run_in_threadpool
@@ -43,8 +43,9 @@ def find_person(request: Request) -> Person | None:
     """Return the person who makes a request; None if unknown."""
     context = context_of(request)
     now = context.clock()
-    kind, _, token = request.headers.get("authorization", "").partition(" ")
-    if token:
+    given = request.headers.get("authorization")
+    if given is not None:  # never the session as well, which would escape the check of its CSRF token
+        kind, _, token = given.partition(" ")
         return of_token(context.store, token.strip(), now=now) if kind.lower() == "bearer" else None
     secret = request.cookies.get(cookie_name(context), "")
     if context.is_open:
@@ -59,9 +60,15 @@ def enter(request: Request, name: str, password: str) -> Person:
     Raises
     ------
     HTTPException
-        If name or password are wrong, or there were too many attempts.
+        If name or password are wrong, there were too many attempts, or a page of another site asks.
     """
     context = context_of(request)
+    origin, own = (
+        request.headers.get("origin"),
+        (request.headers.get("host", ""), urlsplit(context.site.url or "").netloc),
+    )
+    if origin is not None and urlsplit(origin).netloc.lower() not in {name.lower() for name in own if name}:
+        raise HTTPException(403, "a page of another site asks to log in: open this site, and set url in the site file")
     wait = math.ceil(request.app.state.attempts.wait(request.client.host if request.client else "", name))
     if wait:
         raise HTTPException(429, f"too many attempts: try again in {wait} s", headers={"retry-after": str(wait)})

@@ -110,11 +110,26 @@ class Guard:
             await self._app(scope, receive, send)
             return
         given = dict(scope["headers"])
+        # The answer to HEAD is the beginning of that to GET.
+        is_head = scope.get("method") == "HEAD"
+        scope = {**scope, "method": "GET"} if is_head else scope
+        is_begun = asyncio.Event()
 
         async def sending(message: Message) -> None:
-            if message["type"] == "http.response.start":
+            is_start = message["type"] == "http.response.start"
+            if is_start:
                 message["headers"] = [*message.get("headers", []), *self._headers]
-            await send(message)
+            if is_start or not is_head:
+                await send(message)
+            if is_start and is_head:
+                await send({"type": "http.response.body", "body": b"", "more_body": False})
+                is_begun.set()
+
+        async def waiting() -> Message:
+            if not is_head:
+                return await receive()
+            await is_begun.wait()
+            return {"type": "http.disconnect"}
 
         async def refuse(status: int, sentence: str, **headers: str) -> None:
             is_json = scope.get("path", "").startswith("/api/")
@@ -142,7 +157,7 @@ class Guard:
             if body is None:
                 await refuse(413, f"the request is larger than {LIMITS.max_body} bytes, or incomplete")
                 return
-            await self._app(scope, _replay(body, receive), sending)
+            await self._app(scope, _replay(body, waiting), sending)
 
 
 async def _body(receive: Receive) -> bytes | None:
