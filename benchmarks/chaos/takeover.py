@@ -29,7 +29,7 @@ from processes import MOSQUITTO, SPRUNG, Program, broker, free_port, tail, until
 from servers import Database, Mailbox, postgresql
 
 from fleet import WINDOW, Fleet
-from sprung.online.store.reservation import MONITOR_LOCK
+from sprung.online.store.database import MONITOR_LOCK
 
 #: What is compared, in an order that does not depend on when it was stored, without row numbers and times of the clock.
 _OWN = "vehicle <> 'monitor'"

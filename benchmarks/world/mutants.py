@@ -15,8 +15,7 @@ from sprung.link.windows import FrameOrder
 from sprung.online.monitor import failures
 from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.context import Context
-from sprung.online.monitor.dispatch import Dispatch
-from sprung.online.monitor.frame_cache import FrameCache
+from sprung.online.monitor.dispatch import Dispatch, FrameCache
 from sprung.online.monitor.intake import Intake
 from sprung.online.monitor.notifier import Notifier
 from sprung.online.store import Store, StoredFrame, StoreError, inbox

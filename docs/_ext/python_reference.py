@@ -47,13 +47,13 @@ _ARRAY_LIKE = stringify_annotation(ArrayLike, "smart")
 
 
 def packages() -> list[str]:
-    """Return the packages with public names, `sprung` aside."""
+    """Return the packages and modules with public names, `sprung` aside."""
     places = ("sprung", "sprung.results", "sprung.online", "sprung.fleet")
     found = [
         f"{place}.{module.name}"
         for place in places
         for module in pkgutil.iter_modules(importlib.import_module(place).__path__)
-        if module.ispkg
+        if not module.name.startswith("_")
     ]
     return [name for name in found if getattr(importlib.import_module(name), "__all__", ())]
 

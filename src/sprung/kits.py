@@ -17,6 +17,8 @@ from sprung.errors import ParameterError
 from sprung.likelihood.expected import ExpectedDrive, ExpectedFit, expected_fit
 from sprung.vehicles import Component, Sensor, Vehicle
 
+__all__ = ["KitPlan", "PlannedComponent", "PlannedSensor", "best_places", "candidates", "kit_of", "plan"]
+
 #: Relative changes for which the time to a finding is stated.
 CHANGES = (0.05, 0.1, 0.2)
 

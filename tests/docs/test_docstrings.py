@@ -30,12 +30,12 @@ _SEE = re.compile(r"\bsee `|\bas `|\bas for `")
 
 
 def packages() -> list[str]:
-    """Return the packages with public names."""
+    """Return the packages and modules with public names."""
     found = [
         f"{place}.{module.name}"
         for place in ("sprung", "sprung.results", "sprung.online", "sprung.fleet")
         for module in pkgutil.iter_modules(importlib.import_module(place).__path__)
-        if module.ispkg
+        if not module.name.startswith("_")
     ]
     return ["sprung", *(name for name in found if hasattr(importlib.import_module(name), "__all__"))]
 

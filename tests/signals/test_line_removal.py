@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from sprung.recording import Channel, Gap, Recording
-from sprung.signals.harmonics import Harmonic
-from sprung.signals.line_removal import subtract_lines
+from sprung.signals.harmonics import Harmonic, subtract_lines
 
 RATE, T = 125.0, np.arange(7500) / 125.0
 LINE = Harmonic(17.0, "constant", (16.99, 17.01), 0.025, 20.0, ("a",))

@@ -7,8 +7,7 @@ import pytest
 from scipy import stats
 
 from sprung.recording import Channel, Gap, Recording
-from sprung.signals.harmonics import Harmonic
-from sprung.signals.line_removal import subtract_lines
+from sprung.signals.harmonics import Harmonic, subtract_lines
 from sprung.signals.narrow_lines import (
     Line,
     chance_of_regularity,

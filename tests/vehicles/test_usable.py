@@ -6,7 +6,7 @@ import pytest
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording
 from sprung.vehicles import read_description
-from sprung.vehicles.usable import is_drive, speed_channel, usable
+from sprung.vehicles.sensor_layout import is_drive, speed_channel, usable
 
 RATE = 100.0
 

@@ -8,7 +8,7 @@ import pytest
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Channel, Recording
 from sprung.vehicles import Sensor, read_vehicle
-from sprung.vehicles.usable import usable
+from sprung.vehicles.sensor_layout import usable
 from sprung.vehicles.window import window_of
 
 

@@ -9,7 +9,7 @@ from sprung.identification.free_response import find_transients
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Vehicle
 from sprung.vehicles.labels import labelled
-from sprung.vehicles.usable import AnyVehicle, output_channels, usable
+from sprung.vehicles.sensor_layout import AnyVehicle, output_channels, usable
 
 __all__ = ["Bounce", "BounceChange", "BounceTest", "CornerValue", "bounce", "bounce_changes"]
 

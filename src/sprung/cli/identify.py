@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from sprung.identification import Identification, IdentificationSettings
     from sprung.identification.methods import WindowModes
     from sprung.recording import Recording
-    from sprung.vehicles.usable import AnyVehicle
+    from sprung.vehicles.sensor_layout import AnyVehicle
 
 
 #: Length of a window that no recording reaches [s]: each is one window.

@@ -15,7 +15,7 @@ from sprung.errors import ParameterError
 if TYPE_CHECKING:
     from sprung.formats import ReadSettings
     from sprung.recording import Recording
-    from sprung.vehicles.usable import AnyVehicle
+    from sprung.vehicles.sensor_layout import AnyVehicle
 
 
 def names(text: str | None) -> tuple[str, ...] | None:

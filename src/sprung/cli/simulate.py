@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from sprung.excitation import Excitation
     from sprung.simulation import DriveSettings
     from sprung.vehicles import Fault
-    from sprung.vehicles.usable import AnyVehicle
+    from sprung.vehicles.sensor_layout import AnyVehicle
 
 
 _FINEST_BITS = 32

@@ -1,6 +1,14 @@
 """From windows of driving to findings: sensor checks, baseline, change tests, localisation, advice."""
 
-from sprung.diagnosis.assessment import MAX_UNDETECTED, compare, diagnose, diagnosis_of, doubt_about
+from sprung.diagnosis.assessment import (
+    MAX_UNDETECTED,
+    RankedVehicle,
+    compare,
+    diagnose,
+    diagnosis_of,
+    doubt_about,
+    rank_fleet,
+)
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.changes import (
     Candidate,
@@ -32,7 +40,6 @@ from sprung.diagnosis.observation import (
     windows,
     with_missing_as_faults,
 )
-from sprung.diagnosis.ranking import RankedVehicle, rank_fleet
 from sprung.diagnosis.residuals import (
     ResidualReference,
     ResidualStatistics,

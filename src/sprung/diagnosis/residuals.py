@@ -15,7 +15,7 @@ from sprung.identification.subspace import block_hankel
 from sprung.recording import Recording
 from sprung.signals.conditioning import decimate
 from sprung.signals.data_faults import CONDITIONS
-from sprung.vehicles.usable import usable
+from sprung.vehicles.sensor_layout import usable
 
 
 @dataclass(frozen=True, slots=True)

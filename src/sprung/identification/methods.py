@@ -18,8 +18,7 @@ from sprung.modal import Modes
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Chain, Quarter, Vehicle
 from sprung.vehicles.labels import labelled, plausibility_notes
-from sprung.vehicles.sensor_layout import layout_notes
-from sprung.vehicles.usable import AnyVehicle, is_drive, output_channels, usable
+from sprung.vehicles.sensor_layout import AnyVehicle, is_drive, layout_notes, output_channels, usable
 
 #: Least share of the motion that free modes explain in records that are taken for free motion.
 _FREE = 0.95

@@ -20,7 +20,7 @@ from sprung.identification.stabilisation import (
 )
 from sprung.modal import Modes, PoleStatus, join_modes
 from sprung.vehicles.labels import labelled
-from sprung.vehicles.usable import AnyVehicle
+from sprung.vehicles.sensor_layout import AnyVehicle
 
 #: Largest distance of stable poles from a picked frequency: this share of it, or their half-power half-bandwidth, or
 #: this multiple of their standard deviation.

@@ -18,12 +18,11 @@ from sprung.modal import Modes, unit_shapes
 from sprung.recording import Recording
 from sprung.signals.cepstrum import Exponential, Lifter, edit, subtract_lifter_damping
 from sprung.signals.conditioning import PASS_BAND, band_pass, decimate, detrend, scale
-from sprung.signals.harmonics import Harmonic, find_harmonics
-from sprung.signals.line_removal import subtract_lines
+from sprung.signals.harmonics import Harmonic, find_harmonics, subtract_lines
 from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
 from sprung.vehicles import structure
 from sprung.vehicles.labels import body_range
-from sprung.vehicles.usable import AnyVehicle, speed_channel
+from sprung.vehicles.sensor_layout import AnyVehicle, speed_channel
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +149,7 @@ def prepare(recording: Recording, plan: PreparationPlan, *, lifter: Lifter | Non
     Parameters
     ----------
     recording
-        Usable part of a record (`sprung.vehicles.usable`), with the channels of the plan.
+        Usable part of a record (`sprung.vehicles.sensor_layout`), with the channels of the plan.
     plan
         Decisions from `plan_preparation`.
     lifter
@@ -266,7 +265,7 @@ def plan_preparation(
     Parameters
     ----------
     recording
-        Usable part of the first record (`sprung.vehicles.usable`).
+        Usable part of the first record (`sprung.vehicles.sensor_layout`).
     settings
         Settings as given.
     vehicle
@@ -276,7 +275,7 @@ def plan_preparation(
     searched
         Frequency up to which lines were searched for [Hz]: beyond it they are not distinguished from content.
     is_drive
-        Whether the record is one of a vehicle that drives (`sprung.vehicles.usable`); the band then holds its body's.
+        Whether the record is one of a vehicle that drives (`is_drive`); the band then holds its body's.
 
     Returns
     -------

@@ -25,14 +25,20 @@ from sprung.identification.planning import (
 from sprung.identification.settings import COV, IdentificationSettings, Method, Plan, PreparationPlan
 from sprung.recording import Channel, Recording
 from sprung.signals.data_faults import REST_DURATION, REST_RUN_SHARE, has_runs, stuck_runs
-from sprung.signals.harmonics import Harmonic, in_families, without_side_lines
+from sprung.signals.harmonics import Harmonic, in_families, subtract_lines, without_side_lines
 from sprung.signals.inspection import inspect
-from sprung.signals.line_removal import subtract_lines
 from sprung.signals.plausibility import doubts_of
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles.labels import plausibility_notes
-from sprung.vehicles.sensor_layout import check_present, layout_notes
-from sprung.vehicles.usable import AnyVehicle, is_drive, output_channels, speed_channel, usable
+from sprung.vehicles.sensor_layout import (
+    AnyVehicle,
+    check_present,
+    is_drive,
+    layout_notes,
+    output_channels,
+    speed_channel,
+    usable,
+)
 
 #: A channel that is dead for more than this share of a record is left out, and of others only the dead parts.
 _MOSTLY_DEAD = 0.5

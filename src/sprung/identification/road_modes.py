@@ -19,7 +19,7 @@ from sprung.recording import Channel, Recording
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles import Vehicle
 from sprung.vehicles.labels import MOTIONS, body_range, rigid_body_participation
-from sprung.vehicles.usable import AnyVehicle
+from sprung.vehicles.sensor_layout import AnyVehicle
 from sprung.vehicles.window import Window, window_of
 
 

@@ -11,7 +11,7 @@ from sprung.errors import ParameterError
 from sprung.identification.correlation import SegmentCorrelations
 from sprung.modal import mac
 from sprung.recording import Channel, Recording
-from sprung.vehicles.usable import AnyVehicle, output_channels, speed_channel
+from sprung.vehicles.sensor_layout import AnyVehicle, output_channels, speed_channel
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,8 +23,7 @@ from sprung.recording import Recording, each_recording
 from sprung.signals.harmonics import Harmonic
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles.labels import labelled
-from sprung.vehicles.sensor_layout import check_present
-from sprung.vehicles.usable import AnyVehicle, output_channels
+from sprung.vehicles.sensor_layout import AnyVehicle, check_present, output_channels
 
 
 @dataclass(frozen=True, slots=True)

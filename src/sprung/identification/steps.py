@@ -24,7 +24,7 @@ from sprung.recording import Recording, each_recording
 from sprung.signals.cepstrum import Lifter, ShortPass
 from sprung.signals.harmonics import Harmonic, near_harmonic
 from sprung.vehicles.labels import labelled
-from sprung.vehicles.usable import AnyVehicle
+from sprung.vehicles.sensor_layout import AnyVehicle
 
 #: Fewest segments from which the modes of a range of levels are identified.
 _SEGMENTS_OF_A_SUBSET = 8

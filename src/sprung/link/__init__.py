@@ -20,23 +20,25 @@ from sprung.link.frame import (
     encode,
     quantised,
 )
-from sprung.link.losses import MAX_LOSSES, Loss, losses_in, span_of
 from sprung.link.messages import (
     DOWNWARDS,
+    MAX_LOSSES,
     ROOT,
     UPWARDS,
     VERSION,
     Header,
     Key,
+    Loss,
     VersionError,
     check_vehicle,
     checked_map,
+    losses_in,
     message,
     parse_topic,
+    span_of,
     topic,
 )
-from sprung.link.mqtt import Address, Link, LinkError
-from sprung.link.sending import Every, Sending
+from sprung.link.mqtt import Address, Every, Link, LinkError, Sending
 from sprung.link.spool import Spool, SpoolError
 
 __all__ = [

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from sprung._checks import check_number
 from sprung.errors import SprungError
-from sprung.link.losses import Loss, loss_of
+from sprung.link.messages import Loss, loss_of
 
 _HEADER = struct.Struct("<2sQQI")
 _MARK = b"sp"

@@ -26,8 +26,7 @@ from sprung.link.blocks import (
     restored_channels,
 )
 from sprung.link.frame import check_frame, decode
-from sprung.link.losses import losses_in
-from sprung.link.messages import REPORTS, Header, Key, checked_map
+from sprung.link.messages import REPORTS, Header, Key, checked_map, losses_in
 from sprung.recording import Channel, Recording
 
 #: Largest number of the frames that wait for earlier ones, after which the earlier ones are lost.

@@ -67,8 +67,8 @@ RENDERINGS: Mapping[str, Renderings] = MappingProxyType(
             "baseline:baseline_document", "baseline", "diagnosis:baseline_table diagnosis:describe_baseline"
         ),
         "Bounce": _of("measured:bounce_document", "bounce", f"{_BOUNCE} .notes", "measured:bounce_figure"),
-        "Calibration": _of("corners:calibration_document", "calibration", _CALIBRATION, "corners:misfit_figure"),
-        "CornerFit": _of("corners:corners_document", "corners", f"{_CORNERS} .notes", "corners:corners_figure"),
+        "Calibration": _of("corners:calibration_document", "calibration", _CALIBRATION, "diagnosis:misfit_figure"),
+        "CornerFit": _of("corners:corners_document", "corners", f"{_CORNERS} .notes", "diagnosis:corners_figure"),
         "Diagnosis": _of(_DIAGNOSED, "findings", f"{_DIAGNOSIS} .notes", "diagnosis:corner_changes_figure"),
         "Document": Renderings("renderings:_itself"),
         "Finding": _FINDINGS,

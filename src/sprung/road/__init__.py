@@ -1,8 +1,20 @@
 """The road under a vehicle: its profile, International Roughness Index, classes of ISO 8608, potholes."""
 
-from sprung.road.iri import GOLDEN_CAR, GoldenCar, road_class_of, roughness_index, suspension_slope
 from sprung.road.profile import RoadProfile, road_profile
-from sprung.road.survey import RoadEvent, RoadSurvey, Stretch, TrackRoughness, averaged, survey_road, write_survey
+from sprung.road.survey import (
+    GOLDEN_CAR,
+    GoldenCar,
+    RoadEvent,
+    RoadSurvey,
+    Stretch,
+    TrackRoughness,
+    averaged,
+    road_class_of,
+    roughness_index,
+    survey_road,
+    suspension_slope,
+    write_survey,
+)
 
 __all__ = [
     "GOLDEN_CAR",

@@ -12,9 +12,8 @@ from sprung.signals.delays import advanced_linearly
 from sprung.vehicles.description import Vehicle
 from sprung.vehicles.labels import plausibility_notes
 from sprung.vehicles.models import structure
-from sprung.vehicles.sensor_layout import layout_notes, with_layout
+from sprung.vehicles.sensor_layout import layout_notes, output_channels, speed_channel, usable_motion, with_layout
 from sprung.vehicles.structure import Structure
-from sprung.vehicles.usable import output_channels, speed_channel, usable_motion
 
 #: Speed below which a vehicle stands [m/s].
 _STANDING = 1.0

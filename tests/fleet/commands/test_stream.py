@@ -41,3 +41,8 @@ def test_options_become_the_settings_of_a_run() -> None:
     command(**given, false_alarms=0.01, false_discoveries=0.1, hours_per_day=3.0, minutes=5.0)
     windows, assessment = WindowSettings("fdd", True), AssessmentSettings(3, false_alarms=0.01, windows_per_day=36.0)
     assert found == [FleetSettings(("identify", "diagnose"), windows, assessment, 0.1)]
+
+
+def test_a_run_needs_windows_of_some_length(sprung) -> None:
+    outcome = sprung("fleet", "run", "lake", *PLACES[:4], "--window", "0")
+    assert (outcome.code, outcome.err.count("\n"), "--window" in outcome.err) == (2, 1, True)

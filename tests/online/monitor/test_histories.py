@@ -2,8 +2,8 @@
 
 import pytest
 
+from sprung.online.monitor.engine import write_state
 from sprung.online.monitor.histories import history_of
-from sprung.online.monitor.states import write_state
 from sprung.online.store import Progress, StoredFrame, open_store
 
 NOW = 1_795_219_200_000_000_000

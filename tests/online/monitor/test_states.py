@@ -13,7 +13,7 @@ from sprung.diagnosis import diagnose
 from sprung.errors import ParameterError
 from sprung.online.monitor import MonitorSettings, Observed, VehicleMonitor
 from sprung.online.monitor.assessment import History
-from sprung.online.monitor.states import StateError, checked_state, read_state, write_state
+from sprung.online.monitor.engine import StateError, checked_state, read_state, write_state
 from sprung.results.documents import baseline_document, observation_document
 
 #: States that a program saved, by scripts/make-states.

@@ -10,7 +10,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.text import Annotation
 
 from sprung.likelihood import fit_corners
-from sprung.results.figures.corners import corner_bars, corners_figure, correlation_figure, fitted_spectra_figure
+from sprung.results.figures.diagnosis import corner_bars, corners_figure, correlation_figure, fitted_spectra_figure
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.vehicles import Component, read_vehicle
 

@@ -44,6 +44,17 @@ Master = Annotated[
         panel=SPARK,
     ),
 ]
+WindowLength = Annotated[
+    float,
+    option(
+        "MINUTES",
+        "Length of the windows in the lake, or of those into which frames are joined.",
+        "--window",
+        panel=INPUT,
+        min=1,
+        max=120,
+    ),
+]
 
 
 def _settings(
@@ -135,7 +146,7 @@ def run(
     vehicles: Vehicles,
     out: Out,
     settings: "FleetSettings",
-    minutes: Annotated[float, option("MINUTES", "Length of the windows in the lake.", "--window", panel=INPUT)] = 10.0,
+    minutes: WindowLength = 10.0,
     master: Master = "local[*]",
     json: Json = None,
 ) -> None:
@@ -232,17 +243,7 @@ def stream(
     once: Annotated[bool, typer.Option("--once", help="End once the present data are analysed.")] = False,
     every: Annotated[float, option("SECONDS", "Time between the starts of two batches.", min=1)] = 60.0,
     settings: "FleetSettings",
-    minutes: Annotated[
-        float,
-        option(
-            "MINUTES",
-            "Length of the windows in the lake, or of those into which frames are joined.",
-            "--window",
-            panel=INPUT,
-            min=1,
-            max=120,
-        ),
-    ] = 10.0,
+    minutes: WindowLength = 10.0,
     packages: Annotated[
         str | None, option("NAMES", "Packages of Spark to load, such as the one for Kafka.", "--packages", panel=SPARK)
     ] = None,

@@ -201,7 +201,7 @@ def _spectra(identification: Identification) -> dict[str, Any]:
 
 def _fit(fit: CornerFit) -> dict[str, Any]:
     """Return measured and fitted spectra of each coordinate."""
-    from sprung.results.figures.corners import mean_spectra, unit_of_spectra
+    from sprung.results.figures.diagnosis import mean_spectra, unit_of_spectra
 
     measured, fitted = mean_spectra(fit)
     return {

@@ -13,9 +13,8 @@ from sprung.diagnosis import Baseline, TypeBaseline
 from sprung.errors import SprungError
 from sprung.link import FrameBlock, decode, frame_block
 from sprung.online.monitor.assessment import History
-from sprung.online.monitor.engine import VehicleMonitor
+from sprung.online.monitor.engine import VehicleMonitor, read_state, write_state
 from sprung.online.monitor.events import Event, MonitorSettings, Observed, Restored
-from sprung.online.monitor.states import read_state, write_state
 from sprung.state import VehicleStatus
 from sprung.vehicles import vehicle_from_text
 

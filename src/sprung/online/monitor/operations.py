@@ -27,6 +27,7 @@ from sprung.online.alerts import (
     unshelved,
 )
 from sprung.online.monitor.alert_book import AlertBook
+from sprung.online.monitor.engine import StateError
 from sprung.online.monitor.events import Identified, MonitorSettings, Observed
 from sprung.online.monitor.fleets import rankings
 from sprung.online.monitor.histories import (
@@ -39,7 +40,6 @@ from sprung.online.monitor.histories import (
 )
 from sprung.online.monitor.jobs import Limits, Opening, analyse, open_monitor
 from sprung.online.monitor.site import Site
-from sprung.online.monitor.states import StateError
 from sprung.online.store import QuarantineRow, Store, VehicleRow, VerdictRow
 from sprung.results.documents import WorkOrderDocument, fleet_document
 from sprung.results.documents.monitoring import HistoryEntry

@@ -15,9 +15,8 @@ import numpy as np
 import scipy.linalg
 
 from sprung.errors import SprungError
-from sprung.online.monitor.engine import VehicleMonitor
+from sprung.online.monitor.engine import StateError, VehicleMonitor
 from sprung.online.monitor.jobs import Failure, Limits, Opening, Outcome, analyse, failed, open_monitor
-from sprung.online.monitor.states import StateError
 
 #: Largest answer of a process [bytes]: the samples of a window, and more than any results.
 _MAX_BYTES = 1 << 30

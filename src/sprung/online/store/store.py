@@ -11,11 +11,10 @@ from sqlalchemy.exc import ArgumentError
 
 from sprung.errors import ParameterError
 from sprung.online.store.alerts import Alerts
-from sprung.online.store.database import PATIENCE, Database
+from sprung.online.store.database import PATIENCE, Database, Reservation
 from sprung.online.store.fleet import Fleet
 from sprung.online.store.inbox import Inbox, Quarantine
 from sprung.online.store.people import Accounts, Requests, Verdicts
-from sprung.online.store.reservation import Reservation
 from sprung.online.store.results import Results
 from sprung.online.store.retention import Ages, delete_older
 from sprung.online.store.schema import METADATA, SCHEMA, SCHEMA_VERSION, VEHICLES, StoreError

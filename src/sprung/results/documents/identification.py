@@ -30,7 +30,7 @@ from sprung.results.documents.document import (
 from sprung.signals.harmonics import Harmonic
 from sprung.vehicles import ExactModes, Vehicle, structure
 from sprung.vehicles.labels import MOTIONS, rigid_body_participation
-from sprung.vehicles.usable import AnyVehicle
+from sprung.vehicles.sensor_layout import AnyVehicle
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

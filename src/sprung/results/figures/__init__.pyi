@@ -1,11 +1,11 @@
 from sprung.results.figures.animation import save_animation as save_animation
-from sprung.results.figures.corners import corners_figure as corners_figure
-from sprung.results.figures.corners import correlation_figure as correlation_figure
-from sprung.results.figures.corners import fitted_spectra_figure as fitted_spectra_figure
-from sprung.results.figures.corners import learnt_figure as learnt_figure
-from sprung.results.figures.corners import misfit_figure as misfit_figure
 from sprung.results.figures.diagnosis import corner_changes_figure as corner_changes_figure
+from sprung.results.figures.diagnosis import corners_figure as corners_figure
+from sprung.results.figures.diagnosis import correlation_figure as correlation_figure
 from sprung.results.figures.diagnosis import evidence_figure as evidence_figure
+from sprung.results.figures.diagnosis import fitted_spectra_figure as fitted_spectra_figure
+from sprung.results.figures.diagnosis import learnt_figure as learnt_figure
+from sprung.results.figures.diagnosis import misfit_figure as misfit_figure
 from sprung.results.figures.diagnosis import mode_changes_figure as mode_changes_figure
 from sprung.results.figures.diagnosis import trends_figure as trends_figure
 from sprung.results.figures.history import Stretch as Stretch

@@ -10,8 +10,15 @@ from sprung._checks import check_one_of
 from sprung.diagnosis import Baseline, Diagnosis, ModeChange
 from sprung.identification import Identification
 from sprung.likelihood import CornerFit
-from sprung.results.figures.corners import corners_figure, correlation_figure, fitted_spectra_figure
-from sprung.results.figures.diagnosis import corner_changes_figure, evidence_figure, mode_changes_figure, trends_figure
+from sprung.results.figures.diagnosis import (
+    corner_changes_figure,
+    corners_figure,
+    correlation_figure,
+    evidence_figure,
+    fitted_spectra_figure,
+    mode_changes_figure,
+    trends_figure,
+)
 from sprung.results.figures.shapes import complexity_figure, shapes_figure
 from sprung.results.figures.signals import spectra_figure
 from sprung.results.figures.stabilisation import stabilisation_figure

@@ -1,4 +1,4 @@
-"""Three cars, their monitor and its pages: a spring softens, a sensor dies, and both raise alerts."""
+"""The demonstration: a small simulated fleet, its monitor and the pages."""
 
 import multiprocessing
 import signal
@@ -26,6 +26,8 @@ from sprung.recording import Recording
 from sprung.simulation import RoadConditions, RoadDrive, simulate_drive
 from sprung.state import AlertState
 from sprung.vehicles import Vehicle, parse_fault, read_vehicle
+
+__all__ = ["CarState", "Demonstration", "Member", "drive_fleet", "open_demo"]
 
 #: Length of a piece of a drive, and of a block [s].
 PIECE, _BLOCK = 600.0, 5.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.link import joined
-from sprung.online.demo.scenario import Member, drives
+from sprung.online.demo import Member, drives
 from sprung.vehicles import read_vehicle
 
 pytest.importorskip("numba")

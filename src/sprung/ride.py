@@ -1,4 +1,4 @@
-"""Ride comfort and running stability by standards, frequency weightings, and travel of suspensions."""
+"""Ride comfort: frequency weightings, ISO 2631-1, EN 12299, Sperling, EN 14363, travel of suspensions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +14,19 @@ from sprung._arrays import Complex, Real
 from sprung._checks import check_number, check_one_of
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording, each_recording
+
+__all__ = [
+    "STANDARDS",
+    "WEIGHTINGS",
+    "Ride",
+    "RidePoint",
+    "Travel",
+    "Weighting",
+    "assess_ride",
+    "mean_comfort_in_words",
+    "response_of",
+    "weighted",
+]
 
 
 @dataclass(frozen=True, slots=True)

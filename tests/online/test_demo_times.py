@@ -5,8 +5,7 @@ import urllib.request
 
 import pytest
 
-from sprung.online.demo import open_demo
-from sprung.online.demo.scenario import waiting_time
+from sprung.online.demo import open_demo, waiting_time
 
 pytest.importorskip("numba")
 
