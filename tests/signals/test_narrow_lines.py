@@ -169,3 +169,10 @@ def test_lines_that_drift_or_follow_the_speed_are_left_in() -> None:
         left_in = Harmonic(17.0, kind, (16.5, 17.5), 1.0, 20.0, ("a",))
         assert subtract_lines(record, [left_in]) is record
     assert subtract_lines(record, [Harmonic(80.0, "constant", (79.0, 81.0), 0.1, 20.0, ("a",))]) is record
+
+
+def test_hardly_anything_goes_where_there_is_no_line() -> None:
+    """A sine has two free values in each channel: of 7500 samples of white noise 2/7500 of the energy."""
+    noise = np.random.default_rng(3).standard_normal((3, T.size))
+    removed = subtract_lines(recorded(noise), [LINE]).samples - noise
+    assert 0 < removed.var() < 5 * 2 / 7500
