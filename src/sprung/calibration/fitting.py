@@ -385,7 +385,6 @@ def with_mode(draft: Draft, mode: FlexibleMode) -> Draft:
 
 
 def _at_optimum(joint: JointModel, number: int, parameters: Real) -> _Window:
-    """Return a window at the optimum."""
     model, own = joint.models[number], joint.of_window(number, parameters)
     spectra = model.spectra
     factor = np.asarray(np.linalg.inv(np.linalg.cholesky(model.matrix(own))), dtype=np.complex128)

@@ -167,7 +167,6 @@ def _identified(
     settings: "IdentificationSettings",
     vehicle: "AnyVehicle | None",
 ) -> "list[WindowModes]":
-    """Identify the modes of each window."""
     from sprung._checks import check_number
     from sprung.diagnosis import windows
     from sprung.identification.methods import identify_window

@@ -367,7 +367,6 @@ def _lowest(width: int) -> int:
 
 
 def _data(counts: NDArray[np.signedinteger], width: int, codec: int) -> bytes:
-    """Return counts as bytes."""
     if codec == RAW:
         return _octets(counts, width).tobytes()
     if codec != PACKED:

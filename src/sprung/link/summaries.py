@@ -125,7 +125,6 @@ def _packed(correlations: Correlations, n_blocks: int) -> dict[str, Any]:
 
 
 def _mean(correlations: Correlations, rows: Indices) -> Real:
-    """Return the mean of blocks."""
     weights = correlations.weights[rows]
     if not weights.sum():
         return correlations.blocks[rows].mean(axis=0)
@@ -133,7 +132,6 @@ def _mean(correlations: Correlations, rows: Indices) -> Real:
 
 
 def _unpacked(stored: Mapping[str, Any]) -> Correlations:
-    """Return correlations."""
     blocks = np.frombuffer(stored["blocks"], dtype="<f4").reshape(stored["shape"]).astype(np.float64)
     weights = np.array(stored["weights"], dtype=np.float64)
     return Correlations(

@@ -494,7 +494,6 @@ class FrameInbox:
         self._lost = [loss for loss in self._lost if not self._is_done((loss[0], loss[2]))]
 
     def _remove(self, place: Place) -> None:
-        """Remove a message."""
         self._size -= len(self._waiting.pop(place).payload)
 
     def _is_done(self, place: Place) -> bool:
@@ -595,7 +594,6 @@ class WindowAssembly:
                 yield self._complete(piece.last)
 
     def _begin(self, *, offset: int = 0) -> None:
-        """Begin a window."""
         self._new = []
         self._is_anew = True
         self._offset = offset

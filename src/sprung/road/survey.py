@@ -401,7 +401,6 @@ def _vehicle_notes(model_error: float) -> tuple[str, ...]:
 
 
 def _stretch(profile: RoadProfile, slopes: Real, part: slice) -> Stretch:
-    """Return one stretch."""
     begin, end = part.start * profile.spacing, part.stop * profile.spacing
     speed = float(np.median(profile.speeds[part]))
     left, right = (_roughness(profile, slopes[side], side, part, speed) for side in (0, 1))

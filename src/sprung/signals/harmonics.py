@@ -513,7 +513,6 @@ def _unexplained(
 def _as_harmonics(
     lines: list[Line], names: Sequence[str], kind: Literal["constant", "speed"], speeds: tuple[float, float]
 ) -> tuple[Harmonic, ...]:
-    """Return lines as harmonics, in their families."""
     families = _family_of_each(lines)
     harmonics = []
     for i, line in enumerate(lines):

@@ -258,7 +258,6 @@ def wheel_hop_frequencies(description: Vehicle) -> Real:
 
 
 def _corners(description: Vehicle) -> list[_Corner]:
-    """Return the corners of a vehicle."""
     names = corner_names(len(description.axle))
     sides = [(axle, side * axle.half_track) for axle in description.axle for side in (1, -1)]
     return [_Corner(name, axle, y) for name, (axle, y) in zip(names, sides, strict=True)]

@@ -286,7 +286,6 @@ def stream(
 
 
 def _log_batch(batch: "StreamBatch") -> None:
-    """Log the result of a batch."""
     windows = max(batch.n_windows.values(), default=0)
     LOG.info(
         f"batch {batch.number}: {windows} windows, {batch.n_vehicles} vehicles assessed",

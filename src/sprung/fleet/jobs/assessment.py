@@ -342,7 +342,6 @@ def _assessed(
 
 
 def _digest(vehicle_file: str, rows: Sequence[WindowRow]) -> str:
-    """Return a digest of windows."""
     text = repr((vehicle_file, [(row.start, row.digest) for row in rows]))
     return blake2b(text.encode(), digest_size=8).hexdigest()
 

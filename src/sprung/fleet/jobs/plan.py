@@ -221,7 +221,6 @@ def _unusable(vehicle: str, reason: str) -> dict[str, str]:
 
 
 def _digest(text: str) -> str:
-    """Return a digest of a text."""
     return blake2b(text.encode(), digest_size=8).hexdigest()
 
 

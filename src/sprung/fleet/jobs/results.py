@@ -16,7 +16,6 @@ def _struct(**fields: pa.DataType) -> pa.DataType:
 
 
 def _schema(**columns: pa.DataType) -> pa.Schema:
-    """Return a schema of columns."""
     return pa.schema([pa.field(name, kind) for name, kind in columns.items()])
 
 

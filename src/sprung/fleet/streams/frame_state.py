@@ -81,7 +81,6 @@ class _Kept:
 
 
 def _row(window: LakeWindow) -> Row:
-    """Return a window as a row."""
     channels = [Row(**channel) for channel in window.row["channels"]]
     gaps = [Row(**gap) for gap in window.row["gaps"]]
     conditions = dict(window.row["conditions"])

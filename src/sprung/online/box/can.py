@@ -155,7 +155,6 @@ def _blocks(
     start: Callable[[], int],
     on_problem: Callable[[str], None],
 ) -> Iterator[Recording]:
-    """Yield the blocks of messages."""
     cantools = required("cantools", purpose="a CAN bus", extra="can")
     broken: set[tuple[int, bool]] = set()
     offset: int | None = None

@@ -148,7 +148,6 @@ class Regular:
         self._latest = None
 
     def _take(self, when: int, values: Mapping[str, float]) -> None:
-        """Keep values."""
         if self._latest is None:
             self._origin = when
             self._n_done = 0
@@ -160,7 +159,6 @@ class Regular:
                 points.append((when, value if abs(value) <= _LARGEST else np.nan))
 
     def _complete(self) -> list[Recording]:
-        """Return the complete blocks."""
         blocks = []
         while self._latest is not None and self._time(self._step - 1) + self._hold <= self._latest:
             blocks.append(self._block(self._step))

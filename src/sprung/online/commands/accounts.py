@@ -121,7 +121,6 @@ def _password(file: Path | None) -> str:
 
 
 def _accounts(store: "Store") -> Found:
-    """Return the accounts."""
     from sprung.results import tables
 
     entries = [{"name": row.name, "role": row.role, "created": row.created} for row in store.accounts.all()]
@@ -131,7 +130,6 @@ def _accounts(store: "Store") -> Found:
 
 
 def _tokens(store: "Store") -> Found:
-    """Return the tokens."""
     from sprung.results import tables
 
     facts = ("name", "role", "created", "created_by", "expires")

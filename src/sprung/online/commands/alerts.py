@@ -114,7 +114,6 @@ def _act(store: "Store", number: int, operation: str, **given: Any) -> Found:
 
 
 def _alerts(store: "Store", *, vehicle: str | None = None, is_complete: bool = True) -> Found:
-    """Return alerts."""
     from sprung.online.monitor.operations import alerts_document
     from sprung.results import tables
 

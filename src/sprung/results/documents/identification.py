@@ -355,7 +355,6 @@ def identification_document(
 
 
 def _refinement(refinement: Refinement) -> RefinementDocument:
-    """Return the document of a refinement."""
     modes = tuple(
         RefinedDocument(**_row(refinement.start, ModeValues, k), distance=distance, reason=reason or None)
         for k, (distance, reason) in enumerate(zip(refinement.distances, refinement.reasons, strict=True))

@@ -110,7 +110,6 @@ def bounce_document(bounce: Bounce) -> BounceDocument:
 
 
 def _test(test: BounceTest) -> BounceTestDocument:
-    """Return the document of one test."""
     modes = []
     for mode, fit in zip(identified_modes(test.modes), test.frictions, strict=True):
         coulomb = None

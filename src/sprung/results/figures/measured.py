@@ -158,7 +158,6 @@ def bounce_figure(bounce: Bounce, *, source: str = "") -> Figure:
 
 
 def _draw_test(axes: Axes, test: BounceTest, row: int) -> None:
-    """Draw one channel of a test."""
     part, times = test.part, test.transient
     time = times.begin + np.arange(part.n_samples) / part.sampling_rate
     step = max(1, part.n_samples // 2000)

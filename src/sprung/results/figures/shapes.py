@@ -235,7 +235,6 @@ def shapes_figure(modes: Modes, channels: Sequence[Channel], *, source: str = ""
 
 
 def _bodies(modes: Modes, channels: Sequence[Channel], shapes: BodyShapes, source: str) -> Figure:
-    """Draw the body in each mode."""
     n_rows, n_columns = draw.panel_grid(len(modes), max_columns=3)
     where = "Grey: at rest. Plate: rigid-body motion. Arrows: sensor signals (amplitude, phase)."
     where += " The outline is nominal." if shapes.is_nominal else ""

@@ -519,7 +519,6 @@ def runs_figure(spreads: Sequence[Spread], *, title: str) -> Figure:
 
 
 def _draw(axes: Axes, spread: Spread) -> None:
-    """Draw one quantity."""
     for row, values in enumerate(spread.values):
         finite = values[np.isfinite(values)]
         offsets = 0.22 * np.sin(np.arange(finite.size) * 2.399)  # the golden angle spreads them evenly

@@ -483,7 +483,6 @@ def _report(title: str, verdict: str, sections: Sequence[Section], inputs: Input
 
 
 def _pictures(drawn: Mapping[str, "Figure"], captions: Mapping[str, str]) -> Section:
-    """Return the section of figures."""
     pictures: list[Picture] = [
         picture(figure, f"Figure {number}. {captions.get(name, format_name(name))}", resolution=_RESOLUTION)
         for number, (name, figure) in enumerate(drawn.items(), start=1)
@@ -492,7 +491,6 @@ def _pictures(drawn: Mapping[str, "Figure"], captions: Mapping[str, str]) -> Sec
 
 
 def _notes(notes: Sequence[str]) -> Section:
-    """Return the section of notes."""
     return Section("Notes", (Sentences(tuple(notes)),))
 
 

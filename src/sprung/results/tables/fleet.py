@@ -390,7 +390,6 @@ def describe_fleet_plan(document: Mapping[str, Any]) -> list[str]:
 
 
 def _finding(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the cells of a finding."""
     part = "several parts, or one that the model lacks"
     size = ""
     if row["change"] is not None:
