@@ -1,10 +1,11 @@
 """Inspection figures from ten minutes of driving, beside a simulated suspension tester that shakes the same vehicle.
 
-    python -m benchmarks.plate [--vehicles N] [--minutes M] [--seed S] [--friction F] [--linear]
+    python -m benchmarks.plate [--vehicles N] [--minutes M] [--seed S] [--friction F] [--roads CLASSES] [--linear]
 
 Each car has dampers of its own (15 to 130 % of the nominal ones, each corner by itself), asymmetric ones (35 % more in
 rebound, 35 % less in bump), hardening springs and F newton of dry friction a corner (25, as `REALISTIC_FORCE_LAWS`). It
-drives on a road of class C, and `plate_tests` gives the smallest phase shift and the adhesion of every corner. Then a
+drives on a road of class C, and `plate_tests` gives the smallest phase shift and the adhesion of every corner. With
+`--roads ABD` it has driven on roads of these classes as well, and friction is that of all drives (`common_friction`). A
 plate of 6 mm from end to end runs down from 25 Hz in four minutes under one wheel after another of the same nonlinear
 car, and phase and force are read from the motion as a tester does. With `--linear`, cars have linear suspensions.
 Columns: mean and RMS of the difference, share of corners within 3 degrees (or percent), share of 95 % intervals that
@@ -22,11 +23,12 @@ import numpy as np
 from benchmarks.measuring import print_table
 
 from sprung.likelihood import fit_corners
+from sprung.likelihood.dry_friction import common_friction
 from sprung.likelihood.plate_test import PLATE, Corner, plate_tests, tyres
 from sprung.simulation import ForceLaw, RoadConditions, RoadDrive, SuspensionConditions, simulate_drive
 from sprung.simulation.conditions import REALISTIC_FORCE_LAWS
 from sprung.simulation.nonlinear import integrate
-from sprung.vehicles import Fault, Structure, Vehicle, read_vehicle, structure
+from sprung.vehicles import Fault, Structure, read_vehicle, structure
 from sprung.vehicles.structure import with_faults
 
 RATE = 2000.0
@@ -60,11 +62,11 @@ def shaken(car: Structure, corner: str, laws: dict[str, ForceLaw]) -> tuple[floa
     return float(np.min(phases)), max(0.0, 1 - float(np.max(peaks)) / static.load)
 
 
-def cases(car: Vehicle, n_cars: int, minutes: float, seed: int, law: ForceLaw | None) -> np.ndarray:
+def cases(given: argparse.Namespace, law: ForceLaw | None) -> np.ndarray:
     """Return rows of estimate, its standard deviation and truth, of phase and of adhesion, of all corners."""
-    generator = np.random.default_rng(seed)
+    car, generator = read_vehicle("zafira"), np.random.default_rng(given.seed)
     rows = []
-    for number in range(n_cars):
+    for number in range(given.vehicles):
         healthy = structure(car)
         corners = tuple(tyres(healthy))
         factors = np.exp(generator.uniform(np.log(0.15), np.log(1.3), len(corners)))
@@ -76,7 +78,7 @@ def cases(car: Vehicle, n_cars: int, minutes: float, seed: int, law: ForceLaw | 
         )
         laws = {} if law is None else {"suspension": law}
         drive = RoadDrive(
-            duration=60 * minutes,
+            duration=60 * given.minutes,
             sampling_rate=100.0,
             speed=(12.0, 22.0),
             road=RoadConditions("C"),
@@ -84,7 +86,13 @@ def cases(car: Vehicle, n_cars: int, minutes: float, seed: int, law: ForceLaw | 
             faults=faults,
             suspension=SuspensionConditions(force_laws=laws),
         )
-        tests = plate_tests(fit_corners(simulate_drive(car, drive, seed=[seed, number]).recording, car))
+        drives = [drive, *(replace(drive, road=RoadConditions(other)) for other in given.roads)]
+        fits = [
+            fit_corners(simulate_drive(car, one, seed=[given.seed, number, road]).recording, car)
+            for road, one in enumerate(drives)
+        ]
+        friction = common_friction(fits) if given.roads else None
+        tests = plate_tests(fits[0], friction=friction)
         true = with_faults(healthy, faults)
         for corner, test in tests.items():
             phase, adhesion = shaken(true, corner, laws)
@@ -100,10 +108,11 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--friction", type=float, default=25.0)
+    parser.add_argument("--roads", default="", help="classes of further roads")
     parser.add_argument("--linear", action="store_true")
     given = parser.parse_args()
     law = None if given.linear else replace(REALISTIC_FORCE_LAWS["suspension"], friction=given.friction)
-    found = cases(read_vehicle("zafira"), given.vehicles, given.minutes, given.seed, law)
+    found = cases(given, law)
     table = []
     for name, values, scale, near in (
         ("phase [deg]", found[:, :3], 1.0, 3.0),

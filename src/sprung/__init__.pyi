@@ -93,6 +93,10 @@ from sprung.kits import plan as plan
 from sprung.likelihood import CornerFit as CornerFit
 from sprung.likelihood import CornerSettings as CornerSettings
 from sprung.likelihood import fit_corners as fit_corners
+from sprung.likelihood.dry_friction import DampingAndFriction as DampingAndFriction
+from sprung.likelihood.dry_friction import Friction as Friction
+from sprung.likelihood.dry_friction import common_friction as common_friction
+from sprung.likelihood.dry_friction import separate_friction as separate_friction
 from sprung.likelihood.expected import ExpectedDrive as ExpectedDrive
 from sprung.likelihood.expected import ExpectedFit as ExpectedFit
 from sprung.likelihood.expected import expected_fit as expected_fit

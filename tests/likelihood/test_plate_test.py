@@ -47,7 +47,7 @@ def test_phase_and_adhesion_fall_with_the_damper() -> None:
         changed = vehicle.changed({Component("front_left", "damper"): factor})
         corner = Corner(changed, tyres(changed)["front_left"])
         found.append(corner.figures(*corner.extremes()))
-    phases, adhesions, damping, _ = zip(*found, strict=True)
+    phases, adhesions, damping, _, _ = zip(*found, strict=True)
     assert list(phases) == sorted(phases, reverse=True)
     assert list(adhesions) == sorted(adhesions, reverse=True)
     assert damping[2] == pytest.approx(0.3 * damping[0])
@@ -62,11 +62,13 @@ def test_a_weak_damper_is_seen_with_its_interval() -> None:
     true = structure(CAR).changed({Component("rear_left", "damper"): 0.5})
     for corner, test in tests.items():
         exact = Corner(true, tyres(true)[corner])
-        phase, adhesion, damping, wheel = exact.figures(*exact.extremes())
+        phase, adhesion, damping, wheel, damper = exact.figures(*exact.extremes())
         assert abs(test.phase_shift - phase) < 3.5 * test.phase_shift_std
         assert abs(test.adhesion - adhesion) < 3.5 * test.adhesion_std
         assert abs(test.damping_ratio - damping) < 3.5 * test.damping_ratio_std
         assert abs(test.wheel_damping_ratio - wheel) < 3.5 * test.wheel_damping_ratio_std
+        assert abs(test.viscous_damping - damper) < 3.5 * test.viscous_damping_std
+        assert test.friction < 3.5 * test.friction_std
     assert tests["rear_left"].asymmetry > PLATE.asymmetry_limit
 
 

@@ -12,17 +12,14 @@ from sprung.calibration.joint import JointModel, WindowSpectra, fitted, joint_of
 from sprung.likelihood import (
     ClassSpectra,
     CornerSettings,
-    Model,
     RigidLayout,
     SpectralLine,
     class_spectra,
     residual_lines,
 )
-from sprung.likelihood.hermitian import congruence, real_coordinates
 from sprung.likelihood.masked_lines import without_lines
-from sprung.likelihood.spectra import OVERCOUNT, through_window
-from sprung.likelihood.transfer import Transfer, transfer
-from sprung.likelihood.uncertainty import excess_power, segment_weights, tempering
+from sprung.likelihood.spectra import OVERCOUNT
+from sprung.likelihood.uncertainty import Optimum, excess_power, segment_weights, tempering
 from sprung.likelihood.vehicle import lowest_of_lines
 from sprung.vehicles import MountedMass, body_row
 from sprung.vehicles.models import modal_mass
@@ -311,17 +308,6 @@ class MountSettings:
 MOUNTS = MountSettings()
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Window:
-    """One window at the optimum of a fit: what the derivative with respect to a further parameter needs."""
-
-    model: Model
-    response: Transfer
-    whitening: Real
-    whitened: Real
-    excess: Real
-
-
 def likely_mount(fit: JointFit) -> tuple[MountedMass | None, float]:
     """Return the mass on mounts that would lower the misfit of a fit most, and by how much; None if none would.
 
@@ -345,7 +331,7 @@ def likely_mount(fit: JointFit) -> tuple[MountedMass | None, float]:
     J. P. Den Hartog, Mechanical Vibrations, 4th edition, McGraw-Hill, 1956, section 3.3 (vibration absorber).
     """
     joint, vehicle = fit.joint, fit.free.draft.vehicle
-    windows = [_at_optimum(joint, number, fit.parameters) for number in range(len(joint.models))]
+    windows = [Optimum(model, joint.of_window(number, fit.parameters)) for number, model in enumerate(joint.models)]
     precision = joint.information(fit.parameters) + np.diag(1 / joint.prior_std**2)
     best, most = None, 0.0
     places = (vehicle.axle[0].x, 0.0, vehicle.axle[-1].x)
@@ -357,7 +343,7 @@ def likely_mount(fit: JointFit) -> tuple[MountedMass | None, float]:
             derivative = _derivative(window, candidate)
             score += float(window.excess @ derivative)
             own += float(derivative @ derivative)
-            np.add.at(cross, rows, window.whitened @ derivative)
+            np.add.at(cross, rows, window.derivatives @ derivative)
         left = own - float(cross @ np.linalg.solve(precision, cross))
         if left > 0 and score < 0 and score**2 / left > most:
             lightest, heaviest = MOUNTS.masses
@@ -384,20 +370,7 @@ def with_mode(draft: Draft, mode: FlexibleMode) -> Draft:
     return draft.with_fields(flexible_mode=(*draft.vehicle.flexible_mode, complete))
 
 
-def _at_optimum(joint: JointModel, number: int, parameters: Real) -> _Window:
-    model, own = joint.models[number], joint.of_window(number, parameters)
-    spectra = model.spectra
-    factor = np.asarray(np.linalg.inv(np.linalg.cholesky(model.matrix(own))), dtype=np.complex128)
-    data = factor @ spectra.matrices @ factor.conj().swapaxes(-1, -2)
-    root_weights = np.sqrt(spectra.weights)[..., None]
-    excess = real_coordinates(np.eye(data.shape[-1]) - data) * root_weights
-    whitened = model.whitened_derivatives(own).reshape(own.size, -1)
-    return _Window(
-        model, transfer(model.terms(own)), congruence(factor) * root_weights[..., None], whitened, excess.ravel()
-    )
-
-
-def _derivative(window: _Window, mount: MountedMass) -> Real:
+def _derivative(window: Optimum, mount: MountedMass) -> Real:
     """Return the whitened derivative of a window's spectral matrix with respect to the mass, in real coordinates."""
     response, model = window.response, window.model
     f = response.terms.frequencies
@@ -406,5 +379,4 @@ def _derivative(window: _Window, mount: MountedMass) -> Real:
     row = body_row(model.structure.coordinates, x=mount.x, y=mount.y, shapes=model.structure.shapes)
     load = (2 * np.pi * f) ** 2 * dynamic
     change = load[:, None, None] * (response.force_response @ np.outer(row, row) @ response.displacements)
-    derivative = through_window(response.change_by_transfer(change)[..., None])
-    return np.asarray((window.whitening @ derivative).ravel(), dtype=np.float64)
+    return window.whitened(response.change_by_transfer(change))

@@ -84,11 +84,12 @@ def corners(
         fit = fit_drive(recordings, description, settings=settings, allow_missing=may_lack)
         source = ", ".join(path.name for path in files)
         output.draw(lambda drawn: drawn.saving.corner_figures(fit, source=source))
-        document = corners_document(fit)
+        tests = plate_tests(fit)
+        document = corners_document(fit, inspection=tests)
         output.report(
             lambda pages, inputs: pages.corners_report(fit, inputs, document=document), files, reading, vehicle=vehicle
         )
-    inspection = [tables.plate_tests_table(tests)] if (tests := plate_tests(fit)) else []
+    inspection = [tables.plate_tests_table(tests)] if tests else []
     shown = (tables.components_table(fit), tables.fitted_modes_table(fit), *inspection)
     output.show(document, *shown, notes=[*tables.describe_payload(fit), *fit.notes])
 

@@ -9,12 +9,14 @@ import numpy as np
 from sprung._arrays import Complex, Real
 from sprung._checks import check_type
 from sprung.likelihood.corners import CornerFit, fitted_structure, is_structural
-from sprung.likelihood.surface import RoadInputs
+from sprung.likelihood.dry_friction import GRAVITY, Friction, has_loads, separate_friction, static_loads
 from sprung.vehicles import Component, Structure
 from sprung.vehicles.structure import Element
 
-#: Acceleration of gravity [m/s^2].
-_GRAVITY = 9.80665
+#: Step of the numerical derivatives of the figures, over the standard deviation of a parameter before any data.
+_STEP = 1e-3
+#: Rounds in which friction of all suspensions is brought into agreement.
+_SWEEPS = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,12 @@ class PlateTest:
         Damping ratio of the body on this corner.
     wheel_damping_ratio, wheel_damping_ratio_std
         Damping ratio of the wheel.
+    viscous_damping, viscous_damping_std
+        Damping of the damper beside friction [N s/m].
+    friction, friction_std
+        Dry friction of the suspension at the wheel [N].
+    is_friction_identifiable
+        Whether the drives determine the friction; otherwise it stays near the usual one.
     asymmetry
         Difference of the damping ratio from the other side of the axle, of the larger one; NaN without other side.
     """
@@ -64,16 +72,24 @@ class PlateTest:
     damping_ratio_std: float
     wheel_damping_ratio: float
     wheel_damping_ratio_std: float
+    viscous_damping: float
+    viscous_damping_std: float
+    friction: float = 0.0
+    friction_std: float = 0.0
+    is_friction_identifiable: bool = False
     asymmetry: float = float("nan")
 
 
-def plate_tests(fit: CornerFit) -> dict[str, PlateTest]:
+def plate_tests(fit: CornerFit, *, friction: Friction | None = None) -> dict[str, PlateTest]:
     """Return what a suspension tester would measure at each corner of a fitted road vehicle.
 
     Parameters
     ----------
     fit
         Vehicle fitted to a drive.
+    friction
+        What is known of the friction of its suspensions without this drive, such as `common_friction` of drives on
+        several roads; None: usual friction.
 
     Returns
     -------
@@ -92,9 +108,11 @@ def plate_tests(fit: CornerFit) -> dict[str, PlateTest]:
     have less adhesion with the same damper. *Damping ratios*: c / (2 sqrt(k m)) of the body's share of mass on its
     spring, and of the wheel between spring and tyre.
 
-    The figures are those of damper and friction at the amplitudes of the road. A plate of 6 mm moves a suspension with
-    dry friction less than it sticks: with 25 N a corner a tester reads 14 degrees more phase (`benchmarks/plate.py`),
-    and passes dampers that these figures fail.
+    A plate of 6 mm moves a suspension less than a road does, and dry friction counts for more: 25 N a corner add 14
+    degrees of phase. So the figures are those of viscous damper and friction apart (`separate_friction`), the friction
+    F by its describing function 4 F / (pi v) at the velocity amplitude v of the corner on the plate, which sticks where
+    F holds it. The damping ratios are those of the viscous dampers. One drive leaves the friction uncertain by half of
+    what is usual, and the phase by 5 to 10 degrees; drives on roads of different roughness determine it.
 
     Standard deviations by the delta method; at the extremes of phase and force, the frequency may be held (envelope
     theorem).
@@ -116,32 +134,46 @@ def plate_tests(fit: CornerFit) -> dict[str, PlateTest]:
     >>> settings = RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0, faults=(weak,))
     >>> tests = plate_tests(fit_corners(simulate_drive(vehicle, settings, seed=2).recording, vehicle))
     >>> [round(tests[corner].phase_shift, -1) for corner in ("rear_left", "rear_right")]
-    [40.0, 70.0]
+    [50.0, 80.0]
     """
     check_type("fit", fit, CornerFit)
-    nominal = fit.structure()
-    standing = tyres(nominal)
-    is_on_road = any(isinstance(block, RoadInputs) for block in fit.model.blocks)
-    if not is_on_road or not standing or fit.model.structure.mass[0, 0] <= 1:  # per kilogram of body: no loads
+    if not has_loads(fit):
         return {}
-    corners = [Corner(nominal, tyre) for tyre in standing.values()]
-    extremes = [corner.extremes() for corner in corners]
-    values = np.array([corner.figures(*found) for corner, found in zip(corners, extremes, strict=True)])
-    derivatives = np.zeros((len(corners), values.shape[1], fit.parameters.size))
-    for row in np.flatnonzero(is_structural(fit.model)):
-        step = 1e-3 * float(fit.model.prior_std[row])
-        parameters = fit.parameters.copy()
+    standing = tyres(fit.model.structure)
+    apart = separate_friction(fit, prior=friction)
+    forces = dict(zip(apart.friction.corners, apart.friction.forces.tolist(), strict=True))
+    vehicle = fitted_structure(fit.model, apart.parameters)
+    corners = {name: Corner(vehicle, tyre, friction=forces) for name, tyre in tyres(vehicle).items()}
+    extremes = {name: corner.extremes() for name, corner in corners.items()}
+    values = np.array([corner.figures(*extremes[name]) for name, corner in corners.items()])
+    n = fit.parameters.size
+    derivatives = np.zeros((len(corners), values.shape[1], len(apart.covariance)))
+    for row in np.flatnonzero(is_structural(fit.model)).tolist():
+        step = _STEP * float(fit.model.prior_std[row])
+        parameters = apart.parameters.copy()
         parameters[row] += step
         changed = fitted_structure(fit.model, parameters)
         moved = [
-            Corner(changed, tyre).figures(*found) for tyre, found in zip(tyres(changed).values(), extremes, strict=True)
+            Corner(changed, tyre, friction=forces).figures(*extremes[name]) for name, tyre in tyres(changed).items()
         ]
         derivatives[:, :, row] = (np.array(moved) - values) / step
-    stds = np.sqrt(np.einsum("cfp,pq,cfq->cf", derivatives, fit.covariance, derivatives))
+    for row, (rubbing, step) in enumerate(zip(forces, (_STEP * apart.friction.prior_std).tolist(), strict=True)):
+        more = forces | {rubbing: forces[rubbing] + step}
+        moved = [Corner(vehicle, tyre, friction=more).figures(*extremes[name]) for name, tyre in tyres(vehicle).items()]
+        derivatives[:, :, n + row] = (np.array(moved) - values) / step
+    stds = np.sqrt(np.einsum("cfp,pq,cfq->cf", derivatives, apart.covariance, derivatives))
     dampings = dict(zip(standing, values[:, 2].tolist(), strict=True))
     tests = {}
     for corner, own, own_stds in zip(standing, values.tolist(), stds.tolist(), strict=True):
         test = PlateTest(*(number for pair in zip(own, own_stds, strict=True) for number in pair))
+        if corner in forces:
+            row = apart.friction.corners.index(corner)
+            test = replace(
+                test,
+                friction=forces[corner],
+                friction_std=float(apart.friction.std[row]),
+                is_friction_identifiable=bool(apart.friction.is_identifiable[row]),
+            )
         end, _, side = corner.rpartition("_")
         other = dampings.get(f"{end}_{'right' if side == 'left' else 'left'}", float("nan"))
         larger = max(test.damping_ratio, other)
@@ -163,22 +195,24 @@ class Corner:
         Vehicle with masses.
     tyre
         Tyre of the corner.
+    friction
+        Dry friction of the suspension of each corner [N]; those that are absent have none.
     """
 
-    def __init__(self, structure: Structure, tyre: Element) -> None:
+    def __init__(self, structure: Structure, tyre: Element, *, friction: Mapping[str, float] | None = None) -> None:
         self._structure = structure
         self._tyre = tyre
+        rubbing = [element for element in structure.elements if element.part == "suspension"]
+        self._suspensions = np.array([element.elongation for element in rubbing])
+        self._friction = np.array([(friction or {}).get(element.owner, 0.0) for element in rubbing])
         parts: Mapping[Component, float] = structure.components()
         self.spring = parts[Component(tyre.owner, "spring")]
         self._damper = parts[Component(tyre.owner, "damper")]
         wheel = np.flatnonzero(tyre.elongation)
         self.unsprung = float(structure.mass[wheel[0], wheel[0]])
-        upwards = [name == "bounce" or name.startswith(("wheel", "mass")) for name in structure.coordinates]
-        weight = _GRAVITY * structure.mass @ np.array(upwards, dtype=np.float64)
-        at_rest = np.linalg.lstsq(structure.system.stiffness, -weight, rcond=1e-12)[0]  # sway has no spring
         #: Static contact force [N].
-        self.load: Final = float(-tyre.stiffness * (tyre.elongation @ at_rest))
-        self.sprung = max(self.load / _GRAVITY - self.unsprung, 1e-3 * self.unsprung)
+        self.load: Final = static_loads(structure)[tyre.owner]
+        self.sprung = max(self.load / GRAVITY - self.unsprung, 1e-3 * self.unsprung)
 
     def force(self, frequencies: Real) -> Complex:
         """Return the contact force for one metre of the plate [N/m], shape of the frequencies [Hz]."""
@@ -186,9 +220,23 @@ class Corner:
         D = self._structure.elongations
         stiffness = np.array([element.dynamic_stiffness(s) for element in self._structure.elements])
         A = s[:, None, None] ** 2 * self._structure.mass + np.einsum("ei,ef,ej->fij", D, stiffness, D)
-        by_plate = self._tyre.dynamic_stiffness(s)[:, None] * self._tyre.elongation
-        motion = np.linalg.solve(A, by_plate[..., None])[..., 0]
-        return np.asarray(self._tyre.dynamic_stiffness(s) * (1 - motion @ self._tyre.elongation))
+        tyre = self._tyre.dynamic_stiffness(s)
+        loads = np.concatenate(
+            [
+                tyre[:, None, None] * self._tyre.elongation[:, None],
+                np.broadcast_to(self._suspensions.T, (s.size, *self._suspensions.T.shape)),
+            ],
+            axis=2,
+        )
+        responses = np.linalg.solve(A, loads)
+        by_plate, by_friction = responses[..., 0], responses[..., 1:]
+        sliding = _friction_forces(
+            by_plate @ self._suspensions.T,
+            self._suspensions @ by_friction,
+            4 / (np.pi * PLATE.amplitude) * self._friction,
+        )
+        motion = by_plate - np.einsum("fns,fs->fn", by_friction, sliding)
+        return np.asarray(tyre * (1 - motion @ self._tyre.elongation))
 
     def extremes(self) -> tuple[float, float]:
         """Return the frequencies [Hz] of the smallest phase shift and of the largest contact force."""
@@ -199,11 +247,35 @@ class Corner:
         return float(frequencies[smallest]), float(frequencies[np.argmax(np.abs(force))])
 
     def figures(self, of_phase: float, of_force: float) -> list[float]:
-        """Return phase shift [degrees], adhesion, and damping ratios of body and wheel."""
+        """Return phase shift [degrees], adhesion, damping ratios of body and wheel, and damping [N s/m]."""
         at_phase, at_force = self.force(np.array([of_phase, of_force]))
         return [
             float(np.degrees(np.abs(np.angle(at_phase)))),
             max(0.0, 1 - PLATE.amplitude * float(np.abs(at_force)) / self.load),
             self._damper / (2 * float(np.sqrt(self.spring * self.sprung))),
             self._damper / (2 * float(np.sqrt((self.spring + self._tyre.stiffness) * self.unsprung))),
+            self._damper,
         ]
+
+
+def _friction_forces(elongations: Complex, compliance: Complex, largest: Real) -> Complex:
+    """Return the friction forces of the suspensions for one metre of the plate, shape (grid, suspensions).
+
+    With the elongation a of a suspension by all forces but its own friction and its compliance k,
+    e = a - k (i q e / |e|): the force q is ahead of the elongation by a quarter of a turn, and |e| solves
+    | |e| + i k q | = |a|. Where no |e| does, the suspension sticks. One suspension after another until all agree
+    (Gauss-Seidel).
+    """
+    forces = np.zeros_like(elongations)
+    if not np.any(largest):
+        return forces
+    for _ in range(_SWEEPS):
+        for own, most in enumerate(largest.tolist()):
+            stiff = compliance[:, own, own]
+            free = elongations[:, own] - np.einsum("fs,fs->f", compliance[:, own], forces) + stiff * forces[:, own]
+            ahead = 1j * stiff * most
+            amplitude = np.sqrt(np.maximum(np.abs(free) ** 2 - ahead.imag**2, 0.0)) - ahead.real
+            slips = amplitude > 0
+            moving = 1j * most * free / (np.where(slips, amplitude, 1.0) + ahead)
+            forces[:, own] = np.where(slips, moving, free / stiff)
+    return forces

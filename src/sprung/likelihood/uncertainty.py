@@ -5,8 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from sprung._arrays import Complex, Real
-from sprung.likelihood.hermitian import real_coordinates
-from sprung.likelihood.spectra import CLASS_WIDTH, OVERCOUNT, ClassSpectra, SegmentSpectra, speed_classes
+from sprung.likelihood.hermitian import congruence, real_coordinates
+from sprung.likelihood.spectra import (
+    CLASS_WIDTH,
+    OVERCOUNT,
+    ClassSpectra,
+    SegmentSpectra,
+    speed_classes,
+    through_window,
+)
+from sprung.likelihood.transfer import Transfer, transfer
 from sprung.likelihood.whittle import Model
 
 
@@ -128,6 +136,48 @@ def expected_covariance(information: Real, prior_std: Real) -> Real:
     prior = np.diag(1 / prior_std**2)
     bread = np.linalg.inv(information + prior)
     return np.asarray(bread @ (OVERCOUNT * information + prior) @ bread, dtype=np.float64)
+
+
+class Optimum:
+    """A model at the end of its fit: score and information of parameters that it lacks.
+
+    Parameters
+    ----------
+    model
+        Model with data.
+    parameters
+        Its fitted parameters.
+
+    Notes
+    -----
+    A further parameter q whose whitened derivative of the spectral matrix is d has the score -excess . d, the
+    derivative of ln of the likelihood, the information d . d, and d . derivatives together with a parameter of the
+    model.
+
+    References
+    ----------
+    C. R. Rao, Large sample tests of statistical hypotheses concerning several parameters with applications to problems
+    of estimation, Proceedings of the Cambridge Philosophical Society 44 (1948), 50-57 (score test).
+    """
+
+    def __init__(self, model: Model, parameters: Real) -> None:
+        self.model = model
+        #: Response of the vehicle.
+        self.response: Transfer = transfer(model.terms(parameters))
+        factor = np.asarray(
+            np.linalg.inv(np.linalg.cholesky(through_window(self.response.spectral_matrix))), dtype=np.complex128
+        )
+        root_weights = np.sqrt(model.spectra.weights)[..., None]
+        self._whitening = congruence(factor) * root_weights[..., None]
+        data = factor @ model.spectra.matrices @ factor.conj().swapaxes(-1, -2)
+        #: The model's spectral matrix less the data's, whitened, in real coordinates.
+        self.excess: Real = (real_coordinates(np.eye(data.shape[-1]) - data) * root_weights).ravel()
+        #: Whitened derivatives with respect to the model's own parameters, shape (parameters, size of `excess`).
+        self.derivatives: Real = model.whitened_derivatives(parameters).reshape(parameters.size, -1)
+
+    def whitened(self, change: Real) -> Real:
+        """Return a derivative of the spectral matrix before the window, as methods of `Transfer` give it, whitened."""
+        return np.asarray((self._whitening @ through_window(change[..., None])).ravel(), dtype=np.float64)
 
 
 def power_misfit(model: Model, parameters: Real) -> tuple[Real, float]:

@@ -1,5 +1,6 @@
 """Documents of fits: of a vehicle, `sprung.corners/1`, and of a calibration, `sprung.calibration/1`."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,7 +12,7 @@ from sprung._checks import check_type, data_frame_of
 from sprung._display import in_short, listed
 from sprung.calibration import CalibratedNumber, Calibration
 from sprung.likelihood import CornerFit
-from sprung.likelihood.plate_test import plate_tests
+from sprung.likelihood.plate_test import PlateTest, plate_tests
 from sprung.results.documents.document import (
     Document,
     Estimate,
@@ -50,7 +51,7 @@ class FitQuality(Document):
 
 
 class PlateTestDocument(Document):
-    """What a suspension tester would measure at a corner: phase shift [degrees], adhesion 0 to 1, damping ratios."""
+    """What a suspension tester would measure at a corner: phase shift [degrees], adhesion 0 to 1, damping, friction."""
 
     phase_shift: float
     phase_shift_std: float
@@ -60,6 +61,11 @@ class PlateTestDocument(Document):
     damping_ratio_std: float
     wheel_damping_ratio: float
     wheel_damping_ratio_std: float
+    viscous_damping: float
+    viscous_damping_std: float
+    friction: float
+    friction_std: float
+    is_friction_identifiable: bool
     asymmetry: Number
 
 
@@ -109,13 +115,15 @@ class CornersDocument(Document):
         )
 
 
-def corners_document(fit: CornerFit) -> CornersDocument:
+def corners_document(fit: CornerFit, *, inspection: Mapping[str, PlateTest] | None = None) -> CornersDocument:
     """Return a fit of springs, dampers and tyres as `sprung.corners/1`.
 
     Parameters
     ----------
     fit
         Fitted vehicle.
+    inspection
+        Figures of a suspension tester; None: those of the fit alone.
 
     Examples
     --------
@@ -149,7 +157,7 @@ def corners_document(fit: CornerFit) -> CornersDocument:
                 "parameters": fit.model.names[: len(fit.components)],
                 "correlation": _correlation(fit),
             },
-            "inspection": plate_tests(fit),
+            "inspection": plate_tests(fit) if inspection is None else inspection,
             "notes": fit.notes,
         }
     )

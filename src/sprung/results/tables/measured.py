@@ -233,7 +233,15 @@ def describe_ride(ride: Ride) -> list[str]:
 
 def plate_tests_table(tests: Mapping[str, PlateTest]) -> Table:
     """Return the table of what a suspension tester would measure."""
-    columns = ("corner", "phase shift [°]", "adhesion [%]", "damping body [%]", "damping wheel [%]", "remark")
+    columns = (
+        "corner",
+        "phase shift [°]",
+        "adhesion [%]",
+        "damping body [%]",
+        "damping wheel [%]",
+        "friction [N]",
+        "remark",
+    )
     rows = tuple(
         (
             format_name(corner),
@@ -241,11 +249,17 @@ def plate_tests_table(tests: Mapping[str, PlateTest]) -> Table:
             format_estimate(100 * test.adhesion, 100 * test.adhesion_std),
             format_estimate(100 * test.damping_ratio, 100 * test.damping_ratio_std),
             format_estimate(100 * test.wheel_damping_ratio, 100 * test.wheel_damping_ratio_std),
+            ("{}" if test.is_friction_identifiable else "({})").format(
+                format_estimate(test.friction, test.friction_std)
+            ),
             _remark(test),
         )
         for corner, test in tests.items()
     )
-    caption = f"as on a suspension tester; limits: phase shift {PLATE.phase_limit:.0f}°, left against right 30 %"
+    caption = (
+        f"as on a suspension tester; limits: phase shift {PLATE.phase_limit:.0f}°, left against right 30 %; friction in"
+        " brackets is not identifiable and stays near the usual one"
+    )
     return Table("Inspection", columns, rows, caption=caption)
 
 
