@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sprung.errors import FormatError, ParameterError
+from sprung.errors import DataError, FormatError, ParameterError
 from sprung.formats import ReadSettings, read
 
 SIGNAL = np.arange(50.0)
@@ -22,6 +22,12 @@ def test_date_times_in_npz(tmp_path: Path) -> None:
     recording = read(npz(tmp_path, timestamp=stamps, left=SIGNAL))
     assert recording.start == 1_717_156_800_000_000_000
     assert recording.sampling_rate == 200
+
+
+def test_npy_of_times_alone_is_refused(tmp_path: Path) -> None:
+    np.save(tmp_path / "acc_t.npy", np.arange(1000) / 104.0)
+    with pytest.raises(DataError, match=r"acc_t.npy holds times alone: give the file with the samples"):
+        read(tmp_path / "acc_t.npy")
 
 
 def test_npy_of_one_and_two_dimensions(tmp_path: Path) -> None:

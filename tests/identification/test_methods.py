@@ -284,3 +284,12 @@ def test_a_drive_without_a_mode_of_its_body_says_what_to_give() -> None:
     assert found.modes.natural_frequency.min() > 4.0
     assert any("pass --vehicle" in note for note in found.notes)
     assert not any("pass --vehicle" in note for note in cov_ssi(motion).notes)
+
+
+def test_one_note_lists_the_channels_that_are_no_motion() -> None:
+    motion = run(duration=60.0)
+    channels = (*motion.channels, Channel("heading", "angle"), Channel("mode"))
+    added = np.vstack([np.linspace(0.0, 3.0, motion.n_samples), np.full(motion.n_samples, 4.0)])
+    found = cov_ssi(replace(motion, samples=np.vstack([motion.samples, added]), channels=channels))
+    assert found.notes.count("channels that are no motion take no part: heading, mode") == 1
+    assert_same(found, cov_ssi(motion), deviations=0.0)

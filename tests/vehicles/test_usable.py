@@ -6,7 +6,7 @@ import pytest
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording
 from sprung.vehicles import read_description
-from sprung.vehicles.sensor_layout import is_drive, speed_channel, usable
+from sprung.vehicles.sensor_layout import is_drive, output_channels, speed_channel, usable
 
 RATE = 100.0
 
@@ -43,6 +43,31 @@ def test_outputs_are_the_channels_of_motion() -> None:
 )
 def test_a_drive_has_speed_or_changes_its_place(name, quantity, values, is_one) -> None:
     assert is_drive(recorded(np.vstack([values, noise()]), (name, "a", "b"), quantities=(quantity,))) is is_one
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "is_motion"),
+    [
+        ("Heading", "angle", False),
+        ("imu pitch", "angle", False),
+        ("roll", "unknown", False),
+        ("pitch_rate", "unknown", True),
+        ("PositionAccuracy", "displacement", False),
+        ("HDOP", "unknown", False),
+        ("gnss_fix", "unknown", False),
+        ("inclination", "angle", True),
+        ("fork", "displacement", True),
+    ],
+)
+def test_angles_places_and_flags_take_no_part(name, quantity, is_motion) -> None:
+    assert (name in output_channels(recorded(noise(3), (name, "a", "b"), quantities=(quantity,)))) is is_motion
+
+
+def test_an_unknown_constant_takes_no_part_but_a_constant_acceleration_is_refused() -> None:
+    samples = np.vstack([np.full(1000, 3.0), noise()])
+    assert output_channels(recorded(samples, ("x", "a", "b"), quantities=("unknown",))) == ("a", "b")
+    with pytest.raises(DataError, match="channel 'x' is constant at 3"):
+        usable(recorded(samples, ("x", "a", "b")))
 
 
 def test_missing_values_become_gaps() -> None:

@@ -104,7 +104,7 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
                 )
             fit.update(seconds, numbers, rounding=scale.rounding(stamps))
     fillers = [count.fillers(channel) for channel in range(len(table.columns))]
-    counts -= [sum(numbers.values()) for numbers in fillers]
+    counts -= np.array([sum(numbers.values()) for numbers in fillers], dtype=int)
     alive = _alive(table, counts, n_rows)
     clock = Clock(stated, 1 / stated)
     if scale and not doubts:
@@ -168,6 +168,8 @@ def _values_present(table: Table, block: Block) -> Booleans:
 
 def _alive(table: Table, counts: Indices, n_rows: int) -> Booleans:
     """Return which channels have values in at least half of the rows."""
+    if not table.columns:
+        raise DataError(f"{table.path} holds times alone: give the file with the samples, or both in one table")
     alive = counts >= max(1.0, _LIMITS.alive_share * n_rows)
     if n_rows == 0 or not alive.any():
         raise DataError(

@@ -32,6 +32,7 @@ from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles.labels import plausibility_notes
 from sprung.vehicles.sensor_layout import (
     AnyVehicle,
+    channels_without_motion,
     check_present,
     is_drive,
     layout_notes,
@@ -285,6 +286,10 @@ class RunningRecords:
             check_present(record.names, vehicle.sensor, allow_missing=self._settings.allow_missing)
             self._notes.update(dict.fromkeys(layout_notes(record, vehicle)))
         outputs = [name for name in output_channels(record, vehicle) if name in record.names]
+        has_sensors = vehicle is not None and bool(vehicle.sensor)
+        left_out = [] if has_sensors else [name for name in channels_without_motion(record) if name not in outputs]
+        if left_out:
+            self._notes[f"channels that are no motion take no part: {', '.join(left_out)}"] = None
         living, faults = without_dead_parts(record, outputs) if outputs else (record, ())
         return usable(living, vehicle=vehicle, allow_missing=True), faults  # a dead channel is not missing
 

@@ -194,6 +194,13 @@ _DRIVING = 0.2
 #: Change of latitude or longitude of a drive [deg], about 100 m.
 _TRAVELLED = 1e-3
 _LATITUDE_LONGITUDE = re.compile(r"(?:^|[^a-z])(?:lat|lon|lng)(?:itude|gitude)?(?![a-z])", re.IGNORECASE)
+#: Words in names of channels that state where a vehicle is or how well that is known ...
+_STATES = re.compile(
+    "latitude|lat|longitude|lon|lng|altitude|alt|elevation|heading|course|azimuth|bearing|yaw|pitch|roll|euler|[hvptg]?dop"
+    "|quaternion|accuracy|satellites|sats|fix|flags?|valid|status|odometer|distance"
+)
+#: ... unless one of these says that they are motion.
+_MOTIONS = re.compile("rate|acc|accel|acceleration|gyro|velocity|angular")
 #: Usual name of the channel with the speed.
 _SPEED = "speed"
 
@@ -254,12 +261,36 @@ def output_channels(recording: Recording, vehicle: AnyVehicle | None = None) -> 
         Recording with the vehicle file's sensors placed on it.
     vehicle
         Vehicle with its sensors; None: unknown.
+
+    Notes
+    -----
+    Of several channels those that are no motion take no part (`channels_without_motion`).
     """
     if vehicle is not None and vehicle.sensor:
         stated = [sensor.channel for sensor in vehicle.sensor if not sensor.is_condition]
         return tuple(name for name in stated if name in recording.names)
     speed = speed_channel(recording, vehicle)
-    return tuple(c.name for c in recording.channels if c.quantity not in CONDITIONS and c.name != speed)
+    motion = [c for c in recording.channels if c.quantity not in CONDITIONS and c.name != speed]
+    left_out = channels_without_motion(recording)
+    return tuple(c.name for c in motion if c.name not in left_out) or tuple(c.name for c in motion)
+
+
+def channels_without_motion(recording: Recording) -> tuple[str, ...]:
+    """Return the names of Euler angles, positions, dilution of precision and flags, and of unknown constants."""
+    return tuple(
+        channel.name
+        for channel, values in zip(recording.channels, recording.samples, strict=True)
+        if channel.quantity in ("unknown", "angle", "displacement")
+        and (
+            _is_named_as_state(channel.name)
+            or (channel.quantity == "unknown" and constant_value(values, tolerance=ROUNDING) is not None)
+        )
+    )
+
+
+def _is_named_as_state(name: str) -> bool:
+    words = re.findall("[a-z]+", re.sub("(?<=[a-z])(?=[A-Z])", " ", name).casefold())
+    return any(map(_STATES.fullmatch, words)) and not any(map(_MOTIONS.fullmatch, words))
 
 
 def usable_motion(recording: Recording, outputs: Sequence[str], speed: str | None) -> Recording:
