@@ -7,7 +7,7 @@ from sprung.calibration import CalibrationSettings, calibrate
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 from sprung.simulation import RoadDrive, simulate_drive
-from sprung.vehicles import vehicle_from_text, vehicle_text
+from sprung.vehicles import MountedMass, vehicle_from_text, vehicle_text
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +59,23 @@ def test_a_complete_file_stays_what_it_was(hatchback, drive) -> None:
     ]
     assert np.sqrt(np.mean(np.square(scores))) < 2
     assert max(calibration.model_errors_after) < 0.1
+
+
+@pytest.mark.slow
+def test_people_on_seats_are_no_part_of_the_file(hatchback) -> None:
+    """One person on one drive and four on the other: a mass that stays helps on neither."""
+    seat = MountedMass(mass=75.0, x=0.2, y=0.2, frequency=4.5, damping_ratio=0.3)
+    behind = seat.model_copy(update={"mass": 150.0, "x": -1.0})
+    drives = [
+        simulate_drive(
+            hatchback.model_copy(update={"mounted_mass": on_seats}),
+            RoadDrive(duration=180.0, sampling_rate=120.0, snr=50.0),
+            seed=seed,
+        ).recording
+        for seed, on_seats in enumerate([(seat,), (seat.model_copy(update={"mass": 150.0}), behind)], start=3)
+    ]
+    calibration = calibrate(drives, hatchback, settings=CalibrationSettings(has_modes=False))
+    assert not calibration.vehicle.mounted_mass
 
 
 def test_no_recording_is_refused(hatchback) -> None:

@@ -54,6 +54,9 @@ class CompletionRules:
 
     #: Gain in ln evidence that counts as an improvement: far more than chance, as models are never perfect.
     convincing: float = 10.0
+    #: Model error with a mass on mounts or bending over that without it, above which the drives do not show it: an
+    #: engine of 150 kg leaves a fifth, a mass that stands for side forces and friction leaves all.
+    explained: float = 0.8
     #: Share of the prior's standard deviation to which the drives reduce that of a number that they determine.
     identifiable: float = 0.5
     #: Median model error of windows above which a vehicle file is imperfect.
@@ -538,7 +541,7 @@ def _with_additions(fit: JointFit, given: Vehicle, settings: CalibrationSettings
         if richer is fit:
             break
         added = completed(richer).mounted_mass[-1]
-        if not RULES.mounts[0] < added.frequency < RULES.mounts[1]:
+        if not (RULES.mounts[0] < added.frequency < RULES.mounts[1] and _is_shown(richer, fit)):
             break
         fit = richer
         notes.append(
@@ -564,6 +567,8 @@ def _with_mode(fit: JointFit, shape: Literal["torsion", "bending"], given: Vehic
         if value < least:
             best, least = draft, value
     richer, gain = _richer(fit, best, (first - least) / OVERCOUNT, given)
+    if shape == "bending" and not _is_shown(richer, fit):
+        return fit
     if richer is not fit:
         frequency = completed(richer).flexible_mode[-1].frequency
         notes.append(
@@ -586,6 +591,15 @@ def _evidence_gain(fit: JointFit, poorer: JointFit) -> float:
     """Return the gain in ln evidence of a fit over one with fewer parameters, under the weights of the former."""
     poorer = reweighted(poorer, fit.weighting)
     return fit.joint.log_evidence(fit.parameters) - poorer.joint.log_evidence(poorer.parameters)
+
+
+def _is_shown(richer: JointFit, fit: JointFit) -> bool:
+    """Return whether a part makes the median model error of the drives clearly smaller; torsion hardly enters it."""
+    after, before = (
+        np.median([misfit_in(one, k, window.rigid)[1] for k, window in enumerate(fit.free.windows)])
+        for one in (richer, fit)
+    )
+    return bool(after < RULES.explained * before)
 
 
 def _check_alike(windows: Sequence[Window]) -> None:
