@@ -44,6 +44,15 @@ FINDING = Finding(
             "both rear dampers 1 % (-3 to +1 %) weaker, since 20 min; inspect before the next 500 km",
         ),
         (
+            {"component": "damper", "change": -0.86, "interval": (-0.92, -0.77), "runner_up": "rear-left tyre by -9 %"},
+            "rear-left damper 86 % (77 to 92 %) weaker (or its top mount or rear-left tyre by -9 %), since 20 min; "
+            "inspect before the next 500 km",
+        ),
+        (
+            {"component": "tyre", "change": 0.59, "interval": (0.44, 0.76)},
+            "rear-left tyre 59 % (44 to 76 %) stiffer (or another wheel), since 20 min; inspect before the next 500 km",
+        ),
+        (
             {"corner": "vehicle", "component": "unmodelled", "change": None, "interval": None, "score": None},
             "the suspension differs from the baseline in a way that no single part explains: "
             "inspect before the next 500 km",

@@ -30,6 +30,14 @@ SEVERITIES = (
     (0.1, "medium", 500, "inspect at the next service"),
     (0.0, "low", 300, "continue monitoring"),
 )
+#: What else at a corner reads as a large change of a part: kind, least change and name. The motion of the body does not
+#: separate them.
+LOOK_ALIKES = (
+    ("damper", -0.5, "its top mount"),
+    ("damper", 0.4, "friction in the strut"),
+    ("tyre", 0.3, "another wheel"),
+    ("spring", 0.15, "a soft one on its bump stop"),
+)
 #: Percentage points below which the ends of an interval are stated with a decimal.
 _NARROW = 2.0
 #: Times above this are counted from 1970 [s].
@@ -97,8 +105,13 @@ class Finding(Tabular):
             span = f"{min(low, high):+.{digits}f} to {max(low, high):+.{digits}f} %"
         word = softer if self.change < 0 else stiffer
         text = f"{self._what} {100 * abs(self.change):.{digits}f} % ({span}) {word}"
-        if self.runner_up:
-            text += f" (or {self.runner_up})"
+        alike = (
+            name
+            for kind, least, name in LOOK_ALIKES
+            if kind == self.component and self.change / least >= 1 and "_" in self.corner
+        )
+        if others := " or ".join(filter(None, (*alike, self.runner_up))):
+            text += f" (or {others})"
         return f"{text}, since {format_time(self.since)}; {self.advice}"
 
     @property
