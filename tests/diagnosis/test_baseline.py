@@ -45,15 +45,15 @@ def test_conditions_count_in_units_from_the_middle(healthy) -> None:
     middle = {"payload": 100.0, "roughness": 1e-4, "speed": 10.0}
     (one,) = healthy(1)
     near = replace(one, conditions={"payload": 250.0, "roughness": 1e-4 * np.exp(-0.7), "speed": 12.0})
-    assert units_of(near, middle) == pytest.approx([1.5, -0.5, 0.4, 0.0])
+    assert units_of(near.conditions, middle) == pytest.approx([1.5, -0.5, 0.4, 0.0, 0.0, 0.0])
     far = replace(one, conditions={"payload": 1e5, "speed": 0.0})
-    assert units_of(far, middle) == pytest.approx([5.0, 0.0, -2.0, 0.0])
-    assert units_of(near, {}).tolist() == [0.0] * 4
+    assert units_of(far.conditions, middle) == pytest.approx([5.0, 0.0, -2.0, 0.0, 0.0, 0.0])
+    assert units_of(near.conditions, {}).tolist() == [0.0] * 6
 
 
 def test_the_residual_is_what_mean_and_slopes_leave(baseline, healthy) -> None:
     (one,) = healthy(1, seed=5)
-    slopes = np.zeros((12, 4))
+    slopes = np.zeros((12, 6))
     slopes[3, 0] = 0.02  # per 100 kg
     steep = replace(baseline, slopes=slopes)
     loaded = replace(one, conditions={**one.conditions, "payload": baseline.centre["payload"] + 200.0})
@@ -63,7 +63,7 @@ def test_the_residual_is_what_mean_and_slopes_leave(baseline, healthy) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("mean", np.zeros(1)), ("covariance", np.eye(1)), ("information", np.full((60, 60), np.nan))]
+    ("name", "value"), [("mean", np.zeros(1)), ("covariance", np.eye(1)), ("information", np.full((84, 84), np.nan))]
 )
 def test_a_baseline_of_the_wrong_shape_is_refused(baseline, name, value) -> None:
     with pytest.raises(ParameterError, match=f"{name} of a baseline must be"):

@@ -51,7 +51,7 @@ def test_means_and_slopes_are_as_uncertain_as_the_windows_scatter(healthy) -> No
     windows = healthy(12)
     baseline = learn(windows)
     assert baseline.n_windows == 12
-    rows = np.array([np.concatenate([[1.0], units_of(one, baseline.centre)]) for one in windows])
+    rows = np.array([np.concatenate([[1.0], units_of(one.conditions, baseline.centre)]) for one in windows])
     of_windows = np.kron(rows.T @ rows, np.linalg.inv(baseline.covariance + baseline.nuisance))
     prior = prior_information(baseline.components, np.zeros_like(baseline.covariance))
     np.testing.assert_allclose(baseline.information, of_windows + prior, rtol=1e-9, atol=1e-6)

@@ -436,8 +436,8 @@ def _condition_notes(baseline: Baseline, observations: Sequence[Observation]) ->
         n_outside = sum(_is_far(baseline, name, observation) for observation in observations)
         if n_outside:
             notes.append(
-                f"{n_outside} of {len(observations)} windows have a {name} far from that of the baseline's windows "
-                f"({low:.3g} to {high:.3g}): learn it again with such drives"
+                f"{n_outside} of {len(observations)} windows have a {name.replace('_', ' ')} far from that of the "
+                f"baseline's windows ({low:.3g} to {high:.3g}): learn it again with such drives"
             )
     return notes
 

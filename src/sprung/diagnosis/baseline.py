@@ -1,6 +1,6 @@
 """Normal state of one vehicle: means of its components, their scatter, and their dependence on conditions."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +15,14 @@ from sprung.diagnosis.scatter import FRONT_REAR_STD, directions, shared_covarian
 from sprung.errors import ParameterError
 from sprung.vehicles import Component
 
-#: Conditions on which components may depend, and one unit of each: kg, ln of the road's roughness, m/s, K.
-CONDITIONS = {"payload": 100.0, "roughness": 1.4, "speed": 5.0, "temperature": 10.0}
+#: Conditions on which components may depend, and one unit of each: kg, ln of the road's roughness, m/s, K, kg m.
+CONDITIONS = {
+    "payload": 100.0,
+    "roughness": 1.4,
+    "speed": 5.0,
+    "temperature": 10.0,
+    **{name: LAYOUT_CONDITIONS[name] for name in ("payload_x_moment", "payload_y_moment")},
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +34,10 @@ class BaselineSettings:
     #: Standard deviation of the change of all components of a kind together with one unit of each of `CONDITIONS`: the
     #: oil of a damper loses up to 1 % of its damping per kelvin.
     common_slopes: tuple[float, ...] = (0.05, 0.05, 0.05, 0.1)
+    #: The same of a component by itself with one unit of a moment of the payload, over the model error.
+    slope_of_moments: float = 0.1
+    #: Model error of the best of files.
+    perfect: float = 0.01
     #: Largest distance from the middle of a condition that counts, in units.
     farthest: float = 5.0
     #: Model error of the windows above which a note states that the vehicle file is in error.
@@ -193,7 +203,8 @@ class Baseline(Tabular, Savable):
         Notes
         -----
         That of the baseline's windows, wider where this window reports more than they did. Without a temperature that
-        the baseline's windows had, all components of a kind may have changed as much as is usual without one.
+        the baseline's windows had, all components of a kind may have changed as much as is usual without one. Beyond
+        the conditions that these met, the effect of a condition need not be linear: each window has its own.
         """
         if self.n_windows == 0:
             return observation.covariance + self.nuisance
@@ -201,6 +212,9 @@ class Baseline(Tabular, Savable):
         covariance = self.covariance * np.outer(own, own) + self.nuisance
         if "temperature" in self.centre and "temperature" not in observation.conditions:
             covariance = covariance + shared_covariance(self.components, FRONT_REAR_STD)
+        slopes = slope_covariances(self.components, self.model_error)
+        for distance, slope in zip(self.beyond(self.units(observation)), slopes, strict=True):
+            covariance = covariance + distance**2 * slope
         return np.asarray(covariance, dtype=np.float64)
 
     def units(self, observation: Observation) -> Real:
@@ -208,7 +222,20 @@ class Baseline(Tabular, Savable):
 
         An unknown condition is 0.
         """
-        return units_of(observation, self.centre)
+        return units_of(observation.conditions, self.centre)
+
+    def beyond(self, units: Real) -> Real:
+        """Return how far conditions in units are outside of those of its windows, shape (conditions,); inside 0."""
+        lowest, highest = (
+            units_of({name: met[side] for name, met in self.ranges.items()}, self.centre) for side in (0, 1)
+        )
+        return np.asarray(units - np.clip(units, lowest, highest), dtype=np.float64)
+
+    @property
+    def information_beyond(self) -> Real:
+        """Information about the mean, the slopes, and their changes beyond the conditions of its windows."""
+        slopes = (np.linalg.inv(covariance) for covariance in slope_covariances(self.components, self.model_error))
+        return np.asarray(block_diag(self.information, *slopes), dtype=np.float64)
 
 
 def freeze_shapes(value: object, what: str, **shapes: tuple[int, ...]) -> None:
@@ -234,7 +261,9 @@ def vehicle_of(observations: Iterable[Observation]) -> str:
     return names[0] if names else ""
 
 
-def prior_information(components: tuple[Component, ...], of_mean: Real, *, of_slopes: float = 1.0) -> Real:
+def prior_information(
+    components: tuple[Component, ...], of_mean: Real, *, of_slopes: float = 1.0, model_error: float = 0.0
+) -> Real:
     """Return the information about mean and slopes before any window, shape as `Baseline.information`.
 
     Parameters
@@ -245,31 +274,45 @@ def prior_information(components: tuple[Component, ...], of_mean: Real, *, of_sl
         Information about the mean, shape (components, components).
     of_slopes
         Factor of the usual information about the slopes.
+    model_error
+        Model error of the windows.
     """
-    slopes = [of_slopes * np.linalg.inv(covariance) for covariance in slope_covariances(components)]
+    slopes = [of_slopes * np.linalg.inv(covariance) for covariance in slope_covariances(components, model_error)]
     return np.asarray(block_diag(of_mean, *slopes), dtype=np.float64)
 
 
-def slope_covariances(components: tuple[Component, ...]) -> list[Real]:
-    """Return the covariance of the slopes with each condition before any window, each (components, components)."""
-    _, _, together = directions(components)
-    own, alike = np.eye(len(components)), together.T @ together
-    return [SETTINGS.slope**2 * own + common**2 * alike for common in SETTINGS.common_slopes]
+def slope_covariances(components: tuple[Component, ...], model_error: float = 0.0) -> list[Real]:
+    """Return the covariance of the slopes with each condition before any window, each (components, components).
+
+    Notes
+    -----
+    A model of an error e takes a load over one axle, or friction on another road, partly for other parts there: one
+    unit of a condition changes ln(front / rear) or ln(left / right) of each kind with the standard deviation e.
+    """
+    pairs, ends, together = directions(components)
+    each, error = np.eye(len(components)), max(model_error, SETTINGS.perfect)
+    stds = [SETTINGS.slope] * 4 + [SETTINGS.slope_of_moments * error] * 2
+    alike = zip(stds, (*SETTINGS.common_slopes, 0.0, 0.0), strict=True)
+    covariances = [own**2 * each + common**2 * together.T @ together for own, common in alike]
+    moved = {"payload": ends, "roughness": ends, "payload_x_moment": ends, "payload_y_moment": pairs / 2}
+    for name, rows in moved.items():
+        covariances[list(CONDITIONS).index(name)] += model_error**2 * rows.T @ rows
+    return covariances
 
 
-def units_of(observation: Observation, centre: dict[str, float]) -> Real:
+def units_of(conditions: Mapping[str, float], centre: Mapping[str, float]) -> Real:
     """Return the conditions of a window in units of `CONDITIONS` away from a middle, at most 5, shape (conditions,).
 
     Parameters
     ----------
-    observation
-        Window with its conditions; one that is unknown is 0.
+    conditions
+        Conditions of the window; one that is unknown is 0.
     centre
         Value of each condition in the middle, where known.
     """
     units = []
     for name, unit in CONDITIONS.items():
-        value = observation.conditions.get(name)
+        value = conditions.get(name)
         if value is None or name not in centre:
             units.append(0.0)
         elif name == "roughness":
@@ -277,6 +320,11 @@ def units_of(observation: Observation, centre: dict[str, float]) -> Real:
         else:
             units.append((value - centre[name]) / unit)
     return np.asarray(np.clip(np.array(units), -SETTINGS.farthest, SETTINGS.farthest), dtype=np.float64)
+
+
+def model_error_of(observations: Sequence[Observation]) -> float:
+    """Return the median model error of windows; 0 where it is unknown."""
+    return float(np.median([window.conditions.get("model_error", 0.0) for window in observations]))
 
 
 def medians(observations: Sequence[Observation]) -> dict[str, float]:

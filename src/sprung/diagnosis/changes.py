@@ -198,6 +198,7 @@ class ChangeDetector:
         self.false_alarms: Final = false_alarms
         #: Evidence at which an alert is raised.
         self.threshold: Final = float(np.log(windows_per_day / false_alarms))
+        self._information = baseline.information_beyond
         self._n_windows = n_windows
         self._hypotheses = Hypotheses.of(baseline.components)
         self._observations: list[Observation] = []
@@ -334,7 +335,7 @@ class ChangeDetector:
 
     def _table_of(self, end: int) -> Ratios:
         """Return the likelihood ratios of the first `end` windows compared."""
-        scores = scores_of(self._compared[:end], self.baseline.information, self.baseline.degrees_of_freedom)
+        scores = scores_of(self._compared[:end], self._information, self.baseline.degrees_of_freedom)
         return ratios_of(scores, self._hypotheses)
 
 

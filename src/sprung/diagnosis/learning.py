@@ -10,6 +10,7 @@ from sprung._checks import check_each, check_number, check_type
 from sprung.diagnosis.baseline import (
     Baseline,
     medians,
+    model_error_of,
     prior_information,
     ranges,
     slope_covariances,
@@ -160,14 +161,14 @@ def learn(
 
 def _estimated(windows: Sequence[Observation], of_type: TypeBaseline | None) -> Baseline:
     """Return the baseline from windows with the same components, and what is known of the vehicle's type."""
-    components = windows[0].components
+    components, error = windows[0].components, model_error_of(windows)
     centre = medians(windows) if of_type is None else dict(of_type.centre)
     values = np.array([window.log_ratios for window in windows])
     reported = np.mean([window.covariance for window in windows], axis=0)
-    rows = np.array([np.concatenate([[1.0], units_of(window, centre)]) for window in windows])
+    rows = np.array([np.concatenate([[1.0], units_of(window.conditions, centre)]) for window in windows])
     has_temperature = all("temperature" in window.conditions for window in windows)
     if of_type is None:
-        prior, prior_mean = prior_information(components, np.zeros_like(reported)), None
+        prior, prior_mean = prior_information(components, np.zeros_like(reported), model_error=error), None
         typical = Scatter.typical(components, reported, with_temperature=has_temperature)
     else:
         prior, prior_mean = of_type.information, np.vstack([of_type.mean, of_type.slopes.T])
@@ -175,7 +176,8 @@ def _estimated(windows: Sequence[Observation], of_type: TypeBaseline | None) -> 
     scatter = typical
     for _ in range(ROUNDS):
         coefficients, _ = regression(rows, values, scatter.whole, prior, prior_mean)
-        deviations = Deviations(values - rows @ coefficients, rows, scatter.whole, slope_covariances(components))
+        before = slope_covariances(components, error)
+        deviations = Deviations(values - rows @ coefficients, rows, scatter.whole, before)
         scatter = typical.learnt(deviations)
     scatter = typical.learnt(deviations, is_widened=True)
     # Means and slopes are as uncertain as the windows that they are from: by the widened scatter.
@@ -196,7 +198,7 @@ def _estimated(windows: Sequence[Observation], of_type: TypeBaseline | None) -> 
         n_refused=0,
         version=1,
         reason="",
-        model_error=float(np.median([window.conditions.get("model_error", 0.0) for window in windows])),
+        model_error=error,
         learning_times=tuple(sorted(window.time for window in windows)),
         missing=windows[0].missing,
     )

@@ -26,7 +26,8 @@ class Compared:
     residual
         Deviation from the normal state under its conditions, ln values, shape (components,).
     units
-        1, then its conditions in units away from the middle of the baseline's, shape (1 + conditions,).
+        1, then its conditions in units away from the middle of the baseline's, then how far they are outside of those,
+        shape (1 + 2 conditions,).
     information
         Inverse covariance of the residual, shape (components, components).
     """
@@ -48,11 +49,12 @@ def compare(baseline: Baseline, observation: Observation) -> Compared:
     observation
         Window with the baseline's components.
     """
+    units = baseline.units(observation)
     return Compared(
         observation.time,
         observation.conditions.get("model_error", 0.0),
         baseline.residual(observation),
-        np.concatenate([[1.0], baseline.units(observation)]),
+        np.concatenate([[1.0], units, baseline.beyond(units)]),
         np.asarray(np.linalg.inv(baseline.covariance_of(observation)), dtype=np.float64),
     )
 

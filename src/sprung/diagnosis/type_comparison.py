@@ -286,12 +286,7 @@ def _mean_residual(of_type: TypeBaseline, windows: Sequence[Observation]) -> tup
     if not (of_type.has_temperature and has_temperature(windows)):
         no_ends = dict.fromkeys(kinds_of(ends, baseline.components), 0.0)
         covariance = covariance + shared_covariance(baseline.components, no_ends)
-    lowest, highest = (
-        baseline.units(replace(windows[0], conditions={name: range_[side] for name, range_ in of_type.ranges.items()}))
-        for side in (0, 1)
-    )
-    units = np.mean([baseline.units(window) for window in windows], axis=0)
-    beyond = units - np.clip(units, lowest, highest)
+    beyond = baseline.beyond(np.mean([baseline.units(window) for window in windows], axis=0))
     for distance, slope in zip(beyond, slope_covariances(baseline.components), strict=True):
         covariance = covariance + distance**2 * slope
     return away.mean(axis=0), np.asarray(covariance, dtype=np.float64)

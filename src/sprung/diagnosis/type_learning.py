@@ -114,7 +114,7 @@ class Fleet:
         components, centre = every[0].components, medians(every)
         reported = np.asarray(np.mean([window.covariance for window in every], axis=0), dtype=np.float64)
         values = np.array([window.log_ratios for window in every])
-        units = np.array([units_of(window, centre) for window in every])
+        units = np.array([units_of(window.conditions, centre) for window in every])
         owner = np.repeat(np.eye(len(windows)), [len(of_vehicle) for of_vehicle in windows.values()], axis=0)
         counts = owner.sum(axis=0)
         inside = np.eye(len(every)) - (owner / counts) @ owner.T
