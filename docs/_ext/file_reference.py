@@ -17,7 +17,7 @@ from pydantic_core import PydanticUndefined
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from sprung.cli.simulate import DriveConditions, RigRunConditions, RoadDriveConditions
+from sprung.cli.conditions import DriveConditions, RigRunConditions, RoadDriveConditions
 from sprung.online.monitor.site import Site
 from sprung.results.documents import DOCUMENTS, json_schema
 from sprung.vehicles.description import Chain, Quarter, Vehicle

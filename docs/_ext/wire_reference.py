@@ -8,7 +8,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from sprung.link import DOWNWARDS, UPWARDS, Key, topic
-from sprung.online.monitor.figures import FIGURES
+from sprung.online.monitor.station import FIGURES
 
 
 class FrameKeys(SphinxDirective):

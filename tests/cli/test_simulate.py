@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sprung.cli import simulate
-from sprung.cli.simulate import DriveConditions, RigRunConditions, RoadDriveConditions
+from sprung.cli.conditions import DriveConditions, RigRunConditions, RoadDriveConditions
 from sprung.formats import read
 from sprung.simulation import RailDrive, RigRun, RoadDrive
 from sprung.vehicles import read_description, read_vehicle

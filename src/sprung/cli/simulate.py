@@ -1,190 +1,23 @@
-"""The commands `sprung simulate road`, `rail`, `rig`, `chain` and `quarter`, and their files of conditions."""
+"""The commands `sprung simulate road`, `rail`, `rig`, `chain` and `quarter`."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
-from pydantic import BaseModel, ConfigDict, Field
 
 from sprung.cli.options import OUTPUT, Group, Json, check_file, complete_vehicles, declared, option, shares_options
 from sprung.cli.output import progress_bar, show, write_json, write_result, written
-from sprung.errors import FormatError, ParameterError
-from sprung.simulation import (
-    REALISTIC_FORCE_LAWS,
-    Deviations,
-    Driving,
-    Imperfection,
-    Payload,
-    RoadConditions,
-    SuspensionConditions,
-    WheelOrders,
-    delayed,
-    held,
-    mems_accelerometers,
-    scaled,
-)
-from sprung.toml import checked, toml_fields
-from sprung.vehicles.sections import NotNegative, Positive
+from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
+    from sprung.cli.conditions import DriveConditions
     from sprung.excitation import Excitation
     from sprung.simulation import DriveSettings
     from sprung.vehicles import Fault
-    from sprung.vehicles.sensor_layout import AnyVehicle
-
-
-_FINEST_BITS = 32
-
-_Conditions = TypeVar("_Conditions", bound="DriveConditions")
-
-
-class Table(BaseModel):
-    """Table of a file of conditions: without unknown keys, immutable."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Suspension(Table):
-    """Departures of the suspension from the linear one of the vehicle file.
-
-    Parameters
-    ----------
-    temperature
-        Temperature of the dampers [°C]; damping is nominal at 20 °C.
-    tyre_temperature
-        Temperature of the air in the tyres [°C]; their stiffness is nominal at 20 °C.
-    nonlinear
-        Asymmetric dampers, friction, progressive springs and bump stops.
-    """
-
-    temperature: float = 20.0
-    tyre_temperature: float = 20.0
-    nonlinear: bool = False
-
-
-class Accelerometers(Table):
-    """Noise, range and resolution of the accelerometers.
-
-    Parameters
-    ----------
-    noise_density
-        One-sided spectral density of the noise, its square root [m/s^2 / sqrt(Hz)]; MEMS have 2e-4 to 3e-3.
-    full_scale
-        Half the range [m/s^2]; it matters where `bits` is given.
-    bits
-        Number of bits over the range; default: as fine as a 32-bit number.
-    """
-
-    noise_density: NotNegative = 0.0
-    full_scale: Positive = 19.62
-    bits: Annotated[int, Field(ge=1, le=_FINEST_BITS)] | None = None
-
-
-class SpeedChannel(Table):
-    """Errors of the recorded speed.
-
-    Parameters
-    ----------
-    delay
-        Delay of the speed at its update [s].
-    rate
-        Updates per second [Hz], held in between, as from GPS; default: one for each sample.
-    scale
-        Ratio of recorded to true speed.
-    """
-
-    delay: NotNegative = 0.0
-    rate: Positive | None = None
-    scale: Positive = 1.0
-
-
-class DriveConditions(Table):
-    """Conditions of all drives.
-
-    Parameters
-    ----------
-    n_stops
-        Number of stops on the way.
-    """
-
-    n_stops: int = Field(0, ge=0)
-    payload: tuple[Payload, ...] = ()
-    suspension: Suspension = Suspension()
-    deviations: Deviations = Deviations()
-    accelerometers: Accelerometers = Accelerometers()
-    speed_channel: SpeedChannel = SpeedChannel()
-
-    def settings(self, speed_channel: str) -> dict[str, Any]:
-        """Return the settings of a drive that the file states; the vehicle names the channel of its speed."""
-        suspension = self.suspension
-        laws = REALISTIC_FORCE_LAWS if suspension.nonlinear else {}
-        own = self.__class__.model_fields.keys() - DriveConditions.model_fields
-        return {
-            "n_stops": self.n_stops,
-            "payload": self.payload,
-            "suspension": SuspensionConditions(suspension.temperature, laws, suspension.tyre_temperature),
-            "deviations": self.deviations,
-            "imperfections": (*self._accelerometer_imperfections(), *self._speed_imperfections(speed_channel)),
-            **{name: getattr(self, name) for name in own},
-        }
-
-    def _accelerometer_imperfections(self) -> tuple[Imperfection, ...]:
-        sensors = self.accelerometers
-        noise, resolution = mems_accelerometers(
-            noise_density=sensors.noise_density, full_scale=sensors.full_scale, bits=sensors.bits or _FINEST_BITS
-        )
-        return (*([noise] if sensors.noise_density else []), *([resolution] if sensors.bits else []))
-
-    def _speed_imperfections(self, channel: str) -> tuple[Imperfection, ...]:
-        speed = self.speed_channel
-        parts: list[Imperfection] = []
-        if speed.scale != 1:
-            parts.append(partial(scaled, channel=channel, factor=speed.scale))
-        if speed.rate is not None:
-            parts.append(partial(held, channel=channel, rate=speed.rate, delay=speed.delay))
-        elif speed.delay:
-            parts.append(partial(delayed, channel=channel, delay=speed.delay))
-        return tuple(parts)
-
-
-class RoadDriveConditions(DriveConditions):
-    """Conditions of drives on a road."""
-
-    road: RoadConditions = RoadConditions()
-    driving: Driving = Driving()
-    wheel_orders: WheelOrders | None = None
-
-
-class RigRunConditions(DriveConditions):
-    """Conditions of runs on a roller rig.
-
-    Parameters
-    ----------
-    driven
-        Wheelsets that stand on driven rollers.
-    """
-
-    driven: Literal["all", "front"] = "all"
-
-
-def read_conditions(model: type[_Conditions], path: Path | None) -> _Conditions:
-    """Return the conditions of a file; without one, those of a healthy vehicle on a calm drive.
-
-    Raises
-    ------
-    FormatError
-        If the file is not valid TOML, or a field is unknown or outside its range.
-    """
-    if path is None:
-        return model()
-    try:
-        return checked(model, toml_fields(path.read_bytes(), source=str(path)))
-    except ParameterError as error:
-        raise FormatError(f"{path}: {error}") from None
-
+    from sprung.vehicles.usable import AnyVehicle
 
 #: Most samples of a record, and rate at which drives are computed at least [Hz].
 _MAX_SAMPLES, _DRIVE_RATE = 1e8, 1000.0
@@ -295,7 +128,7 @@ class Drive(Run):
         road_class: str | None = None,
     ) -> None:
         """Simulate and write drives, with the wear of each carried over to the next."""
-        from sprung.cli.simulate import read_conditions
+        from sprung.cli.conditions import read_conditions
         from sprung.simulation import simulate_drive
         from sprung.simulation.runs import drive_document, drives_of_one_vehicle
         from sprung.vehicles import Vehicle, read_description
@@ -362,7 +195,7 @@ class _Road(Drive):
 @shares_options
 def road(*, options: _Road) -> None:
     """Simulate a car that drives on a road."""
-    from sprung.cli.simulate import RoadDriveConditions
+    from sprung.cli.conditions import RoadDriveConditions
     from sprung.simulation import RoadDrive
 
     options.simulate("road", RoadDriveConditions, RoadDrive, road_class=options.road_class)
@@ -379,7 +212,7 @@ class _Rail(Drive):
 @shares_options
 def rail(*, options: _Rail) -> None:
     """Simulate a bogie that runs on a track."""
-    from sprung.cli.simulate import DriveConditions
+    from sprung.cli.conditions import DriveConditions
     from sprung.simulation import RailDrive
 
     options.simulate("rail", DriveConditions, RailDrive)
@@ -396,7 +229,7 @@ class _Rig(Drive):
 @shares_options
 def rig(*, options: _Rig) -> None:
     """Simulate a bogie on a roller rig."""
-    from sprung.cli.simulate import RigRunConditions
+    from sprung.cli.conditions import RigRunConditions
     from sprung.simulation import RigRun
 
     options.simulate("rig", RigRunConditions, RigRun)

@@ -55,7 +55,7 @@ _CORNERS = "corners:components_table corners:fitted_modes_table corners:describe
 _DIAGNOSED, _DIAGNOSIS = "diagnosis:diagnosis_document", "diagnosis:describe_diagnosis diagnosis:diagnosis_tables"
 _IDENTIFIED = "identification:identification_document"
 _MODES = "identification:describe_identification identification:identification_tables"
-_INSPECTION = "measured:describe_inspection measured:inspection_table"
+_INSPECTION = "recordings:describe_inspection recordings:inspection_table"
 _TRACKS = "identification:describe_tracks identification:tracks_table"
 _FINDINGS = _of("", "findings", "diagnosis:findings_table")
 _OBSERVATIONS = _of("", "observations", "diagnosis:observations_table")
@@ -79,7 +79,7 @@ RENDERINGS: Mapping[str, Renderings] = MappingProxyType(
         "Modes": _of("", "modes", "identification:modes_table", "shapes:plain_shapes_figure"),
         "Observation": _OBSERVATIONS,
         "Observations": _OBSERVATIONS,
-        "Recording": _of("", "recording", "measured:recording_parts", "signals:recording_figure"),
+        "Recording": _of("", "recording", "recordings:recording_parts", "signals:recording_figure"),
         "Ride": _of("measured:ride_document", picture="measured:ride_figure"),
         "RoadSurvey": _of("measured:road_document", picture="measured:road_figure"),
         "StabilisationDiagram": _of("", "diagram", "identification:diagram_table"),

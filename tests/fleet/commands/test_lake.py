@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import windows
-from sprung.fleet.commands.lake import export_windows
+from sprung.fleet.jobs.recordings import export_windows
 from sprung.fleet.lake import Lake, recording_of, window_of_recording
 from sprung.formats import read, write
 from sprung.link.archive import write_archive

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from sprung.online.monitor import Site
-from sprung.online.monitor.certificates import Certificate, certificates_of
-from sprung.online.monitor.housekeeping import CERTIFICATE
+from sprung.online.monitor.housekeeping import CERTIFICATE, Certificate, certificates_of
 
 DAY = 86400 * 10**9
 NOW = 1_795_219_200_000_000_000

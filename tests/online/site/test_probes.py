@@ -10,7 +10,7 @@ from tests.online.site.conftest import NOW
 
 from sprung.errors import ParameterError
 from sprung.online.monitor import FIGURES, Site
-from sprung.online.monitor.figures import labelled
+from sprung.online.monitor.station import labelled
 from sprung.online.site import Context, Server, add_token, probes
 from sprung.online.site.probes import exposition
 from sprung.online.site.shared import LIMITS

@@ -2,10 +2,9 @@
 
 from sprung.online.monitor.engine import VehicleMonitor
 from sprung.online.monitor.events import Identified, MonitorSettings, Observed
-from sprung.online.monitor.figures import FIGURES
 from sprung.online.monitor.intake import MONITOR
 from sprung.online.monitor.site import Site, embedded_port, read_site
-from sprung.online.monitor.station import Station
+from sprung.online.monitor.station import FIGURES, Station
 from sprung.online.monitor.workers import Workers
 from sprung.state import VehicleStatus
 

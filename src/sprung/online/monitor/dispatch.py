@@ -200,7 +200,7 @@ class Dispatch:
 
     @property
     def figures(self) -> dict[str, float]:
-        """Figures of `sprung.online.monitor.figures.FIGURES` about vehicles, jobs and their results."""
+        """Figures of `sprung.online.monitor.station.FIGURES` about vehicles, jobs and their results."""
         vehicles = list(self._vehicles.values())  # figures are read in another thread
         now = self._clock()
         waiting = [known.waiting_since for known in vehicles if known.waiting_since is not None]

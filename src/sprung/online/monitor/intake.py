@@ -127,7 +127,7 @@ class Intake:
 
     @property
     def figures(self) -> dict[str, float]:
-        """Figures of `figures.FIGURES` that count messages, and the least free disk space of a box."""
+        """Figures of `station.FIGURES` that count messages, and the least free disk space of a box."""
         counts, free = self._counts, list(self._free.values())
         return {
             "sprung_messages_total": counts["messages"],

@@ -56,7 +56,7 @@ class LakeWriter:
 
     @property
     def figures(self) -> dict[str, float]:
-        """Figures of `sprung.online.monitor.figures.FIGURES` about the lake."""
+        """Figures of `sprung.online.monitor.station.FIGURES` about the lake."""
         return {
             "sprung_lake_windows_total": self._n_written,
             "sprung_lake_windows_waiting": len(self._outbox.files),

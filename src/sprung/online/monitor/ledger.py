@@ -63,7 +63,7 @@ class Ledger:
 
     @property
     def figures(self) -> dict[str, float]:
-        """Figures of `sprung.online.monitor.figures.FIGURES` about results."""
+        """Figures of `sprung.online.monitor.station.FIGURES` about results."""
         return {
             "sprung_windows_total": self._n_windows,
             "sprung_identifications_total": self._n_identifications,

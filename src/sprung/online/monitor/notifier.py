@@ -191,7 +191,7 @@ class NotificationService:
 
     @property
     def figures(self) -> dict[str, float]:
-        """Figures of `sprung.online.monitor.figures.FIGURES` about notifications."""
+        """Figures of `sprung.online.monitor.station.FIGURES` about notifications."""
         return {
             "sprung_notifications_sent_total": sum(one.n_sent for one in self._notifiers),
             "sprung_notifications_given_up_total": sum(one.n_given_up for one in self._notifiers),

@@ -101,7 +101,7 @@ class Workers:
 
     @property
     def figures(self) -> dict[str, float]:
-        """Figures of `sprung.online.monitor.figures.FIGURES` about processes and slow vehicles."""
+        """Figures of `sprung.online.monitor.station.FIGURES` about processes and slow vehicles."""
         return {"sprung_vehicles_slow": len(self._slow), "sprung_workers_replaced_total": self._n_replaced}
 
     @property

@@ -16,7 +16,7 @@ from scipy.special import gammaincinv
 
 from sprung import __version__
 from sprung.online.monitor import FIGURES
-from sprung.online.monitor.certificates import certificates_of
+from sprung.online.monitor.housekeeping import certificates_of
 from sprung.online.monitor.notifier import try_senders
 from sprung.online.monitor.site import Keep, Mail, Service, Site, Webhook
 from sprung.online.monitor.station import loops_of
