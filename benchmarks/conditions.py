@@ -33,7 +33,7 @@ import numpy as np
 from benchmarks.detection import binomial_interval
 
 import sprung
-from sprung.calibration import calibrated_if_imperfect
+from sprung.calibration import calibrated_if_imperfect, chosen_windows, usable_spectra
 from sprung.diagnosis import Baseline, Observation, diagnose, learn, observe_window
 from sprung.errors import DataError
 from sprung.excitation import Potholes
@@ -340,8 +340,9 @@ def completed(study: Study, drives: Sequence[tuple[RoadDrive, tuple[int, ...]]],
 
     def make() -> str:
         errors = [one.observation.conditions.get("model_error", math.inf) for one in seen]
-        recordings = [driven(study, *drive)[0] for drive in drives]
-        calibration = calibrated_if_imperfect(recordings, study.vehicle, model_errors=errors)
+        recordings = [driven(study, *drives[number])[0] for number in sorted(chosen_windows(len(drives)))]
+        spectra = usable_spectra(recordings, study.vehicle)
+        calibration = calibrated_if_imperfect(spectra, study.vehicle, model_errors=errors)
         return "" if calibration is None else vehicle_text(calibration.vehicle)
 
     asked = [vehicle_text(study.vehicle), [[plain(drive), list(seed)] for drive, seed in drives]]

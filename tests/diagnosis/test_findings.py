@@ -49,6 +49,11 @@ FINDING = Finding(
             "inspect before the next 500 km",
         ),
         (
+            {"component": "damper", "change": 0.35, "interval": (0.31, 0.4)},
+            "rear-left damper 35 % (31 to 40 %) stronger (or friction in the strut), since 20 min; "
+            "inspect before the next 500 km",
+        ),
+        (
             {"component": "tyre", "change": 0.59, "interval": (0.44, 0.76)},
             "rear-left tyre 59 % (44 to 76 %) stiffer (or another wheel), since 20 min; inspect before the next 500 km",
         ),

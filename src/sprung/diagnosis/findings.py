@@ -34,7 +34,7 @@ SEVERITIES = (
 #: separate them.
 LOOK_ALIKES = (
     ("damper", -0.5, "its top mount"),
-    ("damper", 0.4, "friction in the strut"),
+    ("damper", 0.2, "friction in the strut"),
     ("tyre", 0.3, "another wheel"),
     ("spring", 0.15, "a soft one on its bump stop"),
 )
