@@ -266,7 +266,7 @@ def test_subsets_hold_all_segments_and_rise_in_level() -> None:
 
 def test_choices_are_noted_and_filled_in() -> None:
     found = cov_ssi(run())
-    assert found.notes[0].startswith("band ")
+    assert found.notes[0].startswith("modes sought from ")
     assert found.notes[0].endswith("Hz (where the channels are coherent), sampled at 125 Hz")
     effective, plan = found.effective_settings, found.plan
     assert (effective.decimate_to, effective.segment) == (plan.preparation.decimate_to, plan.segment)
@@ -293,3 +293,11 @@ def test_one_note_lists_the_channels_that_are_no_motion() -> None:
     found = cov_ssi(replace(motion, samples=np.vstack([motion.samples, added]), channels=channels))
     assert found.notes.count("channels that are no motion take no part: heading, mode") == 1
     assert_same(found, cov_ssi(motion), deviations=0.0)
+
+
+@pytest.mark.parametrize("method", [cov_ssi, acs_ssi, coss_ssi])
+def test_no_mode_lies_outside_the_frequencies_that_the_note_states(method) -> None:
+    found = method(run(duration=120.0))
+    stated = re.match(r"modes sought from (\S+) to (\S+) Hz, band \S+ to \S+ Hz \(where", found.notes[0])
+    low, high = map(float, stated.groups())
+    assert np.all((low < found.modes.natural_frequency) & (found.modes.natural_frequency < high))

@@ -433,6 +433,10 @@ def make_plan(
         preparation = replace(preparation, high_pass=_RULES.high_pass * slowest)
     segment = min(_segment(method, settings, total_duration, ladder.n_lags / rate), _longest(motion) / rate)
     mode_band = (max(low, slowest), min(high, _RULES.highest_mode * preparation.decimate_to))
+    if settings.band is None:
+        of_band, *others = preparation.notes
+        sought = f"modes sought from {mode_band[0]:.3g} to {mode_band[1]:.3g} Hz, {of_band}"
+        preparation = replace(preparation, notes=(sought, *others))
     return Plan(preparation, settings.segment or segment, ladder, mode_band)
 
 
