@@ -160,7 +160,7 @@ def _values_present(table: Table, block: Block) -> Booleans:
         rows = np.flatnonzero(has_value)
         if 10 <= rows.size < 0.6 * block.n_rows and np.median(np.diff(rows)) >= 2:
             raise DataError(
-                f"{table.path}: channel {column.name!r} has a value in every {np.median(np.diff(rows)):.0f}th row only "
+                f"{table.path}: channel {column.name!r} has a value in one of {np.median(np.diff(rows)):.0f} rows only "
                 "(another rate): keep the channels of one rate with --channels, or write it to a file of its own"
             )
     return present
