@@ -93,7 +93,7 @@ def describe_baseline(baseline: Baseline, *, n_windows: int | None = None) -> li
     sentences = [f"version {baseline.version} ({baseline.reason}): {learnt}"]
     if baseline.ranges:
         ranges = ", ".join(
-            f"{name} {low:.3g} to {high:.3g} {CONDITION_UNITS.get(name, '')}".rstrip()
+            f"{name.replace('_', ' ')} {low:.3g} to {high:.3g} {CONDITION_UNITS.get(name, '')}".rstrip()
             for name, (low, high) in baseline.ranges.items()
             if name in CONDITIONS
         )
