@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from sprung.signals.conditioning import advanced, advanced_linearly
 from sprung.signals.data_faults import clipped_share, stuck_runs
-from sprung.signals.delays import advanced, advanced_linearly
 
 
 @pytest.mark.parametrize("shift", [2.3, -2.3, 0.5, 7.0, -0.001])

@@ -10,9 +10,8 @@ from sprung._checks import nearest_name
 from sprung.channel_names import rule_of
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Channel, Recording
-from sprung.signals.conditioning import while_moving, without_missing
+from sprung.signals.conditioning import advanced, while_moving, without_missing
 from sprung.signals.data_faults import CONDITIONS, ROUNDING, constant_value, moving_samples
-from sprung.signals.delays import advanced
 from sprung.vehicles.description import Chain, Description, Quarter, Vehicle
 from sprung.vehicles.sections import Sensor
 

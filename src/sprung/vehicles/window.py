@@ -8,7 +8,7 @@ import numpy as np
 
 from sprung.channel_names import corner_of
 from sprung.recording import Channel, Recording
-from sprung.signals.delays import advanced_linearly
+from sprung.signals.conditioning import advanced_linearly
 from sprung.vehicles.description import Vehicle
 from sprung.vehicles.labels import plausibility_notes
 from sprung.vehicles.models import structure
