@@ -3,11 +3,10 @@
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.components import FreeComponents
 from sprung.likelihood.coordinates import RigidLayout, rigid_layout
-from sprung.likelihood.corners import CornerFit
+from sprung.likelihood.corners import CornerFit, corners_from_modes
 from sprung.likelihood.driving import Driving, driving
 from sprung.likelihood.elements import ElementParameter, ElementScales, stiffness_scales
 from sprung.likelihood.fitting import fit_corners, fit_segments
-from sprung.likelihood.from_modes import corners_from_modes
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines
 from sprung.likelihood.noise import SensorNoise
 from sprung.likelihood.payload import AddedMass, MassParameter, UnsprungMass, payload, unsprung_masses
@@ -19,8 +18,7 @@ from sprung.likelihood.sensor_errors import (
     sensor_positions,
 )
 from sprung.likelihood.spectra import ClassSpectra, SegmentSpectra, class_spectra, segment_spectra
-from sprung.likelihood.surface import ClassRoughness, RailInputs, RoadInputs, SurfaceInputs
-from sprung.likelihood.tracks import TrackLevels
+from sprung.likelihood.surface import ClassRoughness, RailInputs, RoadInputs, SurfaceInputs, TrackLevels
 from sprung.likelihood.vehicle import CornerSettings, vehicle_model
 from sprung.likelihood.whittle import Model
 

@@ -10,8 +10,7 @@ from sprung._checks import check_type, settings_of
 from sprung.errors import DataError
 from sprung.likelihood.components import free_components
 from sprung.likelihood.coordinates import RigidLayout, rigid_layout
-from sprung.likelihood.corners import CornerFit
-from sprung.likelihood.from_modes import corners_from_modes
+from sprung.likelihood.corners import CornerFit, corners_from_modes
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines, without_lines
 from sprung.likelihood.search import minimised
 from sprung.likelihood.spectra import (

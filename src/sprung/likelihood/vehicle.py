@@ -17,8 +17,7 @@ from sprung.likelihood.payload import payload, unsprung_masses
 from sprung.likelihood.rig import RigInputs
 from sprung.likelihood.sensor_errors import SensorDelays, sensor_positions
 from sprung.likelihood.spectra import ClassSpectra
-from sprung.likelihood.surface import ClassRoughness, RailInputs, RoadInputs
-from sprung.likelihood.tracks import TrackLevels
+from sprung.likelihood.surface import ClassRoughness, RailInputs, RoadInputs, TrackLevels
 from sprung.likelihood.whittle import Model
 from sprung.vehicles import Outputs, Structure, Vehicle, wheel_hop_frequencies
 from sprung.vehicles.labels import MOTIONS

@@ -1,9 +1,13 @@
 """Vehicles: description in a file, structure of masses and springs, matrices, exact modes and correlations."""
 
 from sprung.vehicles.components import Component, Fault, parse_fault
-from sprung.vehicles.description import Chain, Description, Quarter, Vehicle, corner_names
-from sprung.vehicles.files import (
+from sprung.vehicles.description import (
     VEHICLES,
+    Chain,
+    Description,
+    Quarter,
+    Vehicle,
+    corner_names,
     parse_vehicle,
     read_description,
     read_vehicle,

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from sprung._arrays import Real
 from sprung._checks import check_number, wrong_type
 from sprung.errors import ParameterError
-from sprung.vehicles.description import Chain, Description, Quarter, Vehicle, corner_names
-from sprung.vehicles.files import parse_vehicle
+from sprung.vehicles.description import Chain, Description, Quarter, Vehicle, corner_names, parse_vehicle
 from sprung.vehicles.sections import Axle, FlexibleMode, MountedMass
 from sprung.vehicles.structure import BodyShape, Element, Structure, body_row, sensor_outputs
 from sprung.vehicles.system import Outputs

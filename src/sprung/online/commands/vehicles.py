@@ -23,7 +23,7 @@ VehicleName = Annotated[str, typer.Argument(metavar="ID", help="Name of the vehi
 @on_store
 def list_vehicles(store: "Store") -> Found:
     """List the monitored vehicles and the open requests."""
-    from sprung.online.monitor.requests import describe_request
+    from sprung.online.monitor.operations import describe_request
 
     return _vehicles(store, *map(describe_request, store.requests.open_commands()))
 
@@ -79,8 +79,7 @@ def learn(
     who: str,
 ) -> Found:
     """Learn a new baseline of a vehicle, such as after maintenance."""
-    from sprung.online.monitor.operations import relearn
-    from sprung.online.monitor.requests import describe_relearning
+    from sprung.online.monitor.operations import describe_relearning, relearn
 
     relearn(store, vehicle, reason=reason, who=who, now=time.time_ns())
     return _vehicles(store, describe_relearning(vehicle, reason))
@@ -99,8 +98,7 @@ def roll_back(
     who: str,
 ) -> Found:
     """Return to an earlier baseline of a vehicle; it becomes the newest version."""
-    from sprung.online.monitor.operations import roll_back
-    from sprung.online.monitor.requests import describe_rollback
+    from sprung.online.monitor.operations import describe_rollback, roll_back
 
     if version is None:
         raise ParameterError("give --version N, the baseline to return to: the page of the vehicle lists them")
@@ -119,8 +117,7 @@ def raw(
     who: str,
 ) -> Found:
     """Request the latest samples of a vehicle whose box identifies on board."""
-    from sprung.online.monitor.operations import request_samples
-    from sprung.online.monitor.requests import wait_for_samples
+    from sprung.online.monitor.operations import request_samples, wait_for_samples
 
     number = request_samples(store, vehicle, minutes=minutes, who=who, now=time.time_ns())
     with progress_bar() as report:

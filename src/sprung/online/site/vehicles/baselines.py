@@ -12,7 +12,7 @@ from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.errors import FormatError, ParameterError
 from sprung.online.monitor import VehicleStatus, operations
 from sprung.online.monitor.histories import LEARN, ROLL_BACK, reference_of
-from sprung.online.monitor.requests import describe_rollback
+from sprung.online.monitor.operations import describe_rollback
 from sprung.online.site.access import Engineer, EngineerForm, Viewer
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.rendering import path_of, vehicle_page
