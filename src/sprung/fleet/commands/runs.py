@@ -158,6 +158,7 @@ def run(
 
     check_file("--json", json)
     results = jobs.Results(out)
+    Lake(lake).table.open()  # refused before Spark starts where there is none
     with _spark(master) as (session, report):
         done = jobs.run(session, Lake(lake), vehicles, results, settings=settings, report=report)
         report("counting the results", 0.0)
@@ -199,6 +200,7 @@ def explain(
     from sprung.results.documents import fleet_plan_document
 
     check_file("--json", json)
+    Lake(lake).table.open()  # refused before Spark starts where there is none
     with _spark(master) as (session, report):
         report("comparing lake and results", 0.0)
         plan, cost = jobs.explain(session, Lake(lake), vehicles, jobs.Results(out), settings=settings)
@@ -259,6 +261,8 @@ def stream(
 
     if sum(source is not None for source in (lake, kafka, frames)) != 1:
         raise ParameterError("a stream needs one source: give a LAKE, --kafka or --frames")
+    if lake is not None:
+        Lake(lake).table.open()
     log_to(log_format)
     logging.getLogger("py4j").setLevel(logging.CRITICAL)  # an error is reported once, in one sentence
     more = {} if packages is None else {"spark.jars.packages": packages}
