@@ -180,6 +180,14 @@ class AlertState:
         kind, _, channel = self.cause.partition(":")
         return None, f"sensor {channel}" if kind == "sensor" else "measuring box"
 
+    @property
+    def name(self) -> str:
+        """The cause in words: "rear-right damper", "sensor acc_fl", "silent"."""
+        if not self.is_of_suspension:
+            return self.cause.replace("sensor:", "sensor ", 1)
+        corner, part = self.place
+        return f"{(corner or '').replace('_', '-')} {part.replace('_', ' ')}".strip()
+
     def names(self, components: Sequence[Component]) -> tuple[Component, ...]:
         """Return those components that the cause names."""
         corner, dot, kind = self.cause.partition(".")

@@ -46,6 +46,8 @@ def test_options_become_the_settings_of_a_run() -> None:
 def test_a_run_needs_windows_of_some_length(sprung) -> None:
     outcome = sprung("fleet", "run", "lake", *PLACES[:4], "--window", "0")
     assert (outcome.code, outcome.err.count("\n"), "--window" in outcome.err) == (2, 1, True)
+
+
 @pytest.mark.parametrize("command", [("run",), ("explain",), ("stream", "--checkpoint", "progress")])
 def test_a_folder_without_a_lake_is_refused_before_spark_starts(sprung, tmp_path, monkeypatch, command) -> None:
     monkeypatch.setattr("sprung.fleet.jobs.spark_session", lambda *_, **__: pytest.fail("Spark was started"))

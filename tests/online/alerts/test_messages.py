@@ -33,7 +33,7 @@ def test_messages_follow_their_schema(check_document) -> None:
 
 def test_message() -> None:
     message = a_message(change=-0.2)
-    assert message.subject == "car: front_left.spring raised (high)"
+    assert message.subject == "car: front-left spring raised (high)"
     assert message.text.splitlines() == [
         "front-left spring 20 % softer – inspect",
         "",

@@ -210,7 +210,7 @@ def test_mail_carries_number_link_and_picture() -> None:
     with smtp_server() as (port, mails, _):
         mail(port).send(message)
     ((_, one),) = mails
-    assert one["Subject"] == "car: front_left.spring raised (high), alert 7"
+    assert one["Subject"] == "car: front-left spring raised (high), alert 7"
     assert one["Message-ID"] == "<18-7.sprung@example.org>"
     plain, html = one.get_body(("plain",)).get_content(), one.get_body(("html",)).get_content()
     for text in (plain, html):

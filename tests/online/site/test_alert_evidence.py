@@ -1,6 +1,7 @@
 """Lists of alerts, the evidence behind one, and its chart."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.alert import PAGE, EvidencePoint, course_of, evidence
 from sprung.online.site.alerts import STATES, WantedAlerts, WantedPage, alerts, counts
+from sprung.online.site.rendering import _road, _rounded
 from sprung.online.store import Progress, StoredFrame
 from sprung.results.documents import observation_document
 from sprung.vehicles import Component
@@ -177,3 +179,32 @@ def test_all_is_within_the_drawing(values) -> None:
 def test_no_chart_without_windows() -> None:
     assert course_of([], 10.8) is None
     assert course_of(points(1.0), None) is None
+
+
+def test_the_page_of_an_alert_folds_pairs_with_the_best_and_shows_likelihoods_beside_it(serve, store) -> None:
+    names = {"rear_right.damper": 20.0, "rear_right.damper+front_left.tyre": 19.0, "rear.damper": 17.0}
+    hypotheses = [
+        {"name": name, "log_evidence": value, "change": -0.2, "interval": [-0.3, -0.1], "parts": []}
+        for name, value in names.items()
+    ]
+    detection = {"times": [NOW / 1e9], "evidence": [20.0], "threshold": 10.8, "hypotheses": hypotheses}
+    evidence = {"change": -0.2, "interval": [-0.3, -0.1], "detection": detection}
+    number = raise_alert(store, "bus-3", "rear_right.damper", 700, "rear-right damper softer", evidence=evidence)
+    page = serve()[1].get(f"/alerts/{number}").text
+    shown, _, folded = page.partition("1 pair of the best hypothesis and another part")
+    assert "front left tyre" not in shown
+    assert "front left tyre" in folded
+    assert re.findall(r'value="([\d.]+)">', shown[shown.index("What may have changed") :]) == ["1", "0.0498"]
+
+
+def test_values_of_windows_are_in_km_per_hour_and_words(serve, alert) -> None:
+    page = serve()[1].get(f"/alerts/{alert}").text
+    assert "36 km/h" in page
+    assert "smooth (A)" in page
+    assert [_rounded(value) for value in (-0.3, -0.0, 0.4, -12.4)] == ["0", "0", "0", "−12"]
+    assert [_road(value * 1e-6) for value in (16, 64, 256, 1024)] == [
+        "smooth (A)",
+        "smooth (B)",
+        "normal (C)",
+        "rough (D)",
+    ]

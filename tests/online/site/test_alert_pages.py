@@ -117,6 +117,19 @@ def test_a_work_order_as_a_file(log_in_page, check_document) -> None:
     assert order == client.get("/api/v1/alerts/1/work-order").json()
 
 
+def test_a_job_card_to_print(log_in_page, store) -> None:
+    client, _ = log_in_page("viewer")
+    card = client.get("/alerts/1/job-card").text
+    for words in ("bus-1: front-left spring", "−20 %", "(−22 to −18 %)", "Ride height left and right", "signature"):
+        assert words in card
+    assert (card.count('fill="#111"'), card.count(">left</text>"), card.count(">right</text>")) == (1, 1, 0)
+    file = client.get("/alerts/1/job-card.pdf")
+    assert file.headers["content-disposition"] == 'attachment; filename="job-card-1.pdf"'
+    assert file.content.startswith(b"%PDF-")
+    AlertBook(store, AlertSettings()).report("monitor", "monitor:disk", "full", now=NOW)
+    assert client.get("/alerts/3/job-card").status_code == 409
+
+
 def test_a_work_order_by_webhook(log_in_page, store, receiver, check_document) -> None:
     handler, url = receiver
     client, token = log_in_page("engineer", send={"webhook": [{"url": url}]})

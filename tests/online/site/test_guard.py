@@ -11,7 +11,7 @@ import pytest
 
 from sprung.online.monitor import Site
 from sprung.online.site import Context, Server, guard, server
-from sprung.online.site.guard import POLICY, Attempts, Guard, RateLimit, network_of
+from sprung.online.site.guard import Attempts, Guard, RateLimit, network_of, policy
 from sprung.online.site.shared import LIMITS
 
 
@@ -82,9 +82,9 @@ def asked(messages, *, headers=(), rate=1e9, hosts=None):
 def test_a_request_in_parts_passes_with_headers() -> None:
     status, headers, body = asked([b"one ", b"two"])
     assert (status, body) == (200, b"one two")
-    assert headers[b"content-security-policy"] == POLICY.encode()
-    assert "script-src 'self';" in POLICY
-    assert "unsafe-eval" not in POLICY
+    assert headers[b"content-security-policy"] == policy().encode()
+    assert "script-src 'self';" in policy()
+    assert "unsafe-eval" not in policy()
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,18 @@
 """Precision of a site's alerts, and times to repair, from verdicts."""
 
+import numpy as np
 import pytest
 from tests.online.site.conftest import HOUR, NOW, raise_alert
 
+from sprung.diagnosis import Observation
 from sprung.online.monitor import operations
-from sprung.online.site.alerts import precision, share
+from sprung.online.site.accounts import Person, Role
+from sprung.online.site.outcomes import outcomes, precision, share
 from sprung.online.store import Progress, StoredFrame, VerdictRow
+from sprung.results.documents import observation_document
+
+#: Values of no part.
+_NOTHING = (np.zeros(0), np.zeros((0, 0)))
 
 
 @pytest.mark.parametrize(
@@ -83,3 +90,22 @@ def test_a_site_without_verdicts(store, log_in) -> None:
     found = client.get("/api/v1/precision").json()
     assert (found["alert"]["value"], found["onset_to_alert"]) == (None, None)
     assert "No verdict yet." in client.get("/alerts").text
+
+
+def test_outcomes_state_what_was_found_and_the_way_driven_since(serve, store) -> None:
+    number = raise_alert(store, "bus-3", "front_left.spring", text="front-left spring softer")
+    operations.add_verdict(store, number, verdict="confirmed", action="spring renewed", who="eve", now=NOW)
+    driven = [
+        (k, NOW + (k - 1) * HOUR, observation_document(Observation(0.0, (), *_NOTHING, {"speed": 20.0}, {}, ())))
+        for k in range(4)
+    ]
+    store.inbox.add_frames([StoredFrame("bus-3", 1, 0, NOW, b"x")], now=NOW)
+    store.results.commit(Progress("bus-3", 1, done_seq=0, observations=tuple(driven), now=NOW))
+    context, client = serve()
+    (found,) = outcomes(context, Person("anna", Role.VIEWER)).alerts
+    assert (found.alert, found.vehicle, found.verdict, found.action) == (number, "bus-3", "confirmed", "spring renewed")
+    assert found.distance == pytest.approx(3 * 600 * 20.0)
+    assert not found.is_back
+    page = client.get("/outcomes").text
+    for words in ("1 of 1 inspected alert was right", "spring renewed", ">36<", "not raised again"):
+        assert words in page

@@ -56,11 +56,11 @@ def message_of(transition: Transition) -> Message:
     >>> from sprung.online.alerts import AlertSettings, Report, reported
     >>> report = Report("bus-17", "front_left.spring", 700, "front-left spring 20 % softer")
     >>> message_of(reported(None, report, AlertSettings(), now=0)).subject
-    'bus-17: front_left.spring raised (high)'
+    'bus-17: front-left spring raised (high)'
     """
     alert, by = transition.alert, transition.who or "nobody"
     words = _WORDS.get(transition.what, transition.what)
-    subject = " ".join(f"{alert.vehicle}: {alert.cause} {words} ({alert.step})".split())
+    subject = " ".join(f"{alert.vehicle}: {alert.name} {words} ({alert.step})".split())
     lines = {
         "Vehicle": alert.vehicle,
         "Cause": alert.cause,
@@ -115,7 +115,7 @@ def addressed(message: Message, *, number: int, key: str = "", link: str = "", p
     >>> event = reported(None, Report("bus-17", "front_left.spring", 700, "softer"), AlertSettings(), now=0)
     >>> message = addressed(message_of(event), number=8)
     >>> message.subject
-    'bus-17: front_left.spring raised (high), alert 8'
+    'bus-17: front-left spring raised (high), alert 8'
     >>> message.text.splitlines()[-1]
     'Alert: 8 (acknowledge with: sprung alerts ack 8)'
     """

@@ -327,6 +327,9 @@ def _page(
         detail=detail,
         history=_folded(detail.history),
         evidence=found,
+        rivals=[each for each in found.hypotheses if not _extends_best(each, found)],
+        extensions=[each for each in found.hypotheses if _extends_best(each, found)],
+        likelihood=lambda each, best: exp(min(0.0, each.log_evidence - best)),
         course=course_of(found.course, found.threshold),
         is_of_vehicle=state.vehicle != MONITOR and state.cause.partition(":")[0] != "monitor",
         may_act=may_act,
@@ -339,6 +342,12 @@ def _page(
         n_before=PAGE.before,
         n_since=PAGE.since,
     )
+
+
+def _extends_best(hypothesis: HypothesisEntry, found: Evidence) -> bool:
+    """Return whether a hypothesis is the best one with another part."""
+    best = set(found.hypotheses[0].name.split("+"))
+    return best < set(hypothesis.name.split("+"))
 
 
 def _folded(history: Sequence[HistoryEntry]) -> list[tuple[int, HistoryEntry]]:

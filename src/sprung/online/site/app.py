@@ -3,7 +3,6 @@
 from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import asynccontextmanager
 from http import HTTPStatus
-from importlib import resources
 from typing import Any
 from urllib.parse import urlencode
 
@@ -17,11 +16,11 @@ from starlette.types import ASGIApp
 
 from sprung import __version__
 from sprung.errors import SprungError
-from sprung.online.site import alert, alerts, fleet, live, people, probes, runs, site
+from sprung.online.site import alert, alerts, fleet, job_card, live, outcomes, people, probes, runs, site
 from sprung.online.site.access import Viewer
 from sprung.online.site.guard import Attempts, Guard, RateLimit
 from sprung.online.site.live import Feed
-from sprung.online.site.rendering import page
+from sprung.online.site.rendering import page, plotly_file
 from sprung.online.site.runs import RunResults
 from sprung.online.site.shared import LIMITS, Context, Shared, describe_faults, is_loopback
 from sprung.online.site.vehicles import baselines, diagrams, files, overview, trends, windows
@@ -29,12 +28,12 @@ from sprung.online.site.vehicles.diagrams import DiagramDesk
 from sprung.online.store import RefusedError, StoreError
 
 _pages = APIRouter(include_in_schema=False)
-_SUBJECTS = (fleet, overview, windows, baselines, diagrams, files, alerts, alert, runs, people, site)
+_SUBJECTS = (fleet, overview, windows, baselines, diagrams, files, alerts, alert, outcomes, runs, people, site)
 #: All routes, by what their paths begin with.
 ROUTERS = (
     *(("/api/v1", subject.api) for subject in (*_SUBJECTS, trends, live)),
     ("", probes.router),
-    *(("", subject.pages) for subject in _SUBJECTS),
+    *(("", subject.pages) for subject in (*_SUBJECTS, job_card)),
     ("", _pages),
 )
 #: Titles of error pages.
@@ -137,8 +136,9 @@ def interface(request: Request, context: Shared, _: Viewer) -> Response:
 @_pages.get("/static/plotly.js")
 def plotly(_: Viewer) -> FileResponse:
     """Send the library of the charts from the installed package; browsers keep it for a day."""
-    path = resources.files("plotly") / "package_data" / "plotly.min.js"
-    return FileResponse(str(path), media_type="text/javascript", headers={"cache-control": "private, max-age=86400"})
+    return FileResponse(
+        str(plotly_file()), media_type="text/javascript", headers={"cache-control": "private, max-age=86400"}
+    )
 
 
 def routes_of(document: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str, str]]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from hashlib import sha256
 from importlib import resources
+from importlib.resources.abc import Traversable
 from typing import Any
 from urllib.parse import quote, urlencode
 
@@ -21,6 +22,7 @@ from sprung.online.site.access import find_person, set_session
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.shared import context_of
 from sprung.results.tables.wording import format_age, format_time
+from sprung.road import road_class_of
 from sprung.state import STEPS, PartState, Verdict
 
 #: Sign of each step of severity, and of each state of a vehicle: none is known by its colour alone.
@@ -56,6 +58,7 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SECTIONS = (
     ("/", "Fleet", Role.VIEWER),
     ("/alerts", "Alerts", Role.VIEWER),
+    ("/outcomes", "Outcomes", Role.VIEWER),
     ("/runs", "Runs", Role.VIEWER),
     ("/site", "Site", Role.VIEWER),
     ("/audit", "Audit trail", Role.ENGINEER),
@@ -172,6 +175,17 @@ def static(name: str) -> str:
     return f"/static/{name}?{sha256(content).hexdigest()[:12]}"
 
 
+def plotly_file() -> Traversable:
+    """Return the library of the charts in the installed package."""
+    return resources.files("plotly") / "package_data" / "plotly.min.js"
+
+
+@cache
+def plotly_styles() -> tuple[str, ...]:
+    """Return the contents of the `<style>` elements that the library of the charts adds: one stays empty."""
+    return "", *re.findall(r"\.textContent='([^'\\]+)'", plotly_file().read_text(encoding="utf-8"))
+
+
 @cache
 def _environment() -> Environment:
     """Return the templates with what all of them use."""
@@ -189,6 +203,8 @@ def _environment() -> Environment:
         unbroken=_unbroken,
         brief=lambda sentence: "; ".join(sentence.split("; ")[:2]),
         ago=lambda time, now: format_age(time, now=now),
+        rounded=_rounded,
+        road=_road,
     )
     made.globals.update(
         static=static,
@@ -233,6 +249,17 @@ def _signed(change: float, interval: tuple[float, float]) -> str:
     digits = 1 if 100 * abs(interval[1] - interval[0]) < _NARROW else 0
     value = round(100 * change, digits)
     return f"{value:+.{digits}f}".replace("-", "−") if value else f"{0:.{digits}f}"
+
+
+def _rounded(value: float, digits: int = 0) -> str:
+    """Return a number with a number of decimals, and no sign where it rounds to 0."""
+    return f"{round(value, digits) or 0.0:.{digits}f}".replace("-", "−")
+
+
+def _road(roughness: float) -> str:
+    """Return a roughness G(n0) [m^3] in a word, with its class of ISO 8608."""
+    letter = road_class_of(roughness)
+    return f"{'smooth' if letter in 'AB' else 'normal' if letter == 'C' else 'rough'} ({letter})"
 
 
 def _span(interval: tuple[float, float]) -> str:

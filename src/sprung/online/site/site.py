@@ -22,7 +22,7 @@ from sprung.online.monitor.site import Keep, Mail, Service, Site, Webhook
 from sprung.online.monitor.station import loops_of
 from sprung.online.site.access import Engineer, EngineerForm, Viewer
 from sprung.online.site.accounts import Role
-from sprung.online.site.alerts import TAIL
+from sprung.online.site.outcomes import TAIL
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import LIMITS, Answer, Context, Done, Name, Shared
 from sprung.online.store import MAX_COUNTED, Contents, Counted
@@ -193,6 +193,7 @@ def show(request: Request, context: Shared, person: Viewer) -> Response:
         "site.html",
         section="/site",
         site=detail,
+        has_url=context.site.url is not None,
         may_test=person.role.includes(Role.ENGINEER),
         now_is={each.name: each.value for each in detail.figures},
         bytes=_bytes,

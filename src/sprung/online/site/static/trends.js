@@ -30,11 +30,12 @@ function layout(titles, range, marks, height) {
   const ink = colour("--ink"), line = colour("--line"), soft = colour("--soft");
   const domains = axes(titles.length);
   const shared = { gridcolor: line, zerolinecolor: soft, linecolor: line, tickfont: { color: soft }, fixedrange: true };
+  const isTouched = matchMedia("(pointer: coarse)").matches; // there, dragging scrolls the page
   const result = {
-    height, margin: { l: 56, r: 16, t: 24, b: 40 }, showlegend: false, hovermode: "closest",
+    height, margin: { l: 56, r: 16, t: 24, b: 40 }, showlegend: false, hovermode: "closest", dragmode: isTouched ? false : "zoom", uirevision: "zoom",
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
     font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: ink },
-    xaxis: { ...shared, type: "date", anchor: `y${titles.length === 1 ? "" : titles.length}`, range, showgrid: false, zeroline: false },
+    xaxis: { ...shared, type: "date", anchor: `y${titles.length === 1 ? "" : titles.length}`, range, fixedrange: isTouched, showgrid: false, zeroline: false },
     shapes: [], annotations: [],
   };
   titles.forEach((text, k) => {
@@ -54,10 +55,21 @@ function layout(titles, range, marks, height) {
 const PATIENCE = 20000, PAUSE = 5000;
 const options = { responsive: true, displayModeBar: false, displaylogo: false };
 
+/** Range of all windows with a margin, the same for all charts. */
 function timeRange(data) {
   const times = [...data.times, ...data.mode_times];
-  const first = data.since ?? Math.min(...times, data.until);
-  return [local(first), local(data.until)];
+  const first = Math.min(...times), last = Math.max(...times);
+  const margin = Math.max(0.02 * (last - first), 3e11);
+  return [local(first - margin), local(last + margin)];
+}
+
+/** Zoom a chart as the other one was zoomed, or back. */
+function follow(chart, other) {
+  chart.removeAllListeners?.("plotly_relayout");
+  chart.on("plotly_relayout", () => {
+    const range = chart.layout.xaxis.range;
+    if (other.layout && String(other.layout.xaxis.range) !== String(range)) window.Plotly.relayout(other, { "xaxis.range": [...range] });
+  });
 }
 
 /** Show a sentence in place of a chart. */
@@ -151,6 +163,8 @@ function draw() {
   if (last === null) return;
   drawParts(last);
   drawModes(last);
+  if (place.on) follow(place, modePlace);
+  if (modePlace.on) follow(modePlace, place);
   listEvents(last);
 }
 

@@ -1,5 +1,6 @@
 """Files about a vehicle and period: reports, one at a time, and tables."""
 
+import re
 import threading
 from typing import Annotated
 from urllib.parse import quote
@@ -12,6 +13,7 @@ from sprung.online.monitor import exports
 from sprung.online.monitor.exports import MEDIA_TYPES, FileFormat, What
 from sprung.online.monitor.vehicle_report import vehicle_report
 from sprung.online.site.access import Viewer
+from sprung.online.site.guard import policy
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import LIMITS, Context, Shared, VehicleName
 from sprung.results.page import render
@@ -80,7 +82,9 @@ def _report(context: Context, vehicle: str, period: Period, *, kind: str) -> HTM
         text = render(vehicle_report(context.store, vehicle, period=period, now=context.clock()))
     finally:
         _DRAWING.release()
-    return HTMLResponse(text, headers=_headers(kind, f"{vehicle}-report.html"))
+    styles = re.findall(r"<style[^>]*>(.*?)</style>", text, re.DOTALL)
+    headers = _headers(kind, f"{vehicle}-report.html") | {"content-security-policy": policy(*sorted(set(styles)))}
+    return HTMLResponse(text, headers=headers)
 
 
 def _headers(kind: str, name: str) -> dict[str, str]:

@@ -8,7 +8,8 @@ from fastapi import APIRouter, Query, Request, Response
 from sprung.online.monitor.histories import observations_of
 from sprung.online.site.access import Viewer
 from sprung.online.site.fleet import FleetVehicle, state_seen
-from sprung.online.site.rendering import axis_of, path_of, vehicle_page
+from sprung.online.site.guard import policy
+from sprung.online.site.rendering import axis_of, path_of, plotly_styles, vehicle_page
 from sprung.online.site.shared import LIMITS, Answer, Context, KnownVehicle, Shared
 from sprung.online.site.vehicles.baselines import BaselineEntry
 from sprung.online.site.vehicles.trends import last_body_modes
@@ -71,7 +72,7 @@ def show(
     person: Viewer,
     known: KnownVehicle,
     *,
-    wanted: Annotated[Literal["24h", "7d", "30d", "all"], Query(alias="range")] = "7d",
+    wanted: Annotated[Literal["24h", "7d", "30d", "all"], Query(alias="range")] = "all",
     corner: Annotated[str, Query(max_length=64)] = "",
 ) -> Response:
     """Show a vehicle."""
@@ -84,7 +85,7 @@ def show(
     shown = corner if corner in corners or worst is None else worst.corner
     days = _RANGES[wanted]
     since = {} if days is None else {"since": context.clock() - days * DAY}
-    return vehicle_page(
+    answer = vehicle_page(
         request,
         "vehicle.html",
         vehicle,
@@ -104,6 +105,8 @@ def show(
         windows=observations_of(context.store.results.observations(vehicle, limit=LIMITS.few_windows)),
         link=lambda **new: "?" + urlencode({"range": wanted, "corner": shown} | new),
     )
+    answer.headers["content-security-policy"] = policy(*plotly_styles())
+    return answer
 
 
 def _detail_and_state(context: Context, known: VehicleRow) -> tuple[VehicleDetail, VehicleState]:
