@@ -120,7 +120,7 @@ def test_packed_is_small() -> None:
         ({8: ["a", 5, "c"]}, "short text"),
         ({3: 2**63}, "an integer"),
         ({5: 49_999}, "interval=49999"),
-        ({11: zlib.compress(bytes(10**8)), 12: PACKED}, "bytes for 600 samples"),
+        ({11: zlib.compress(bytes(10**8)), 12: PACKED}, "bytes for 2401 bytes of samples"),
         ({3: 2**70}, "not a CBOR map: unexpected CBOR tag 2"),
         ({0: "9" * 10**5}, "version 9{40}: this program"),
         ({7: 2**17, 8: list("abcde"), 9: [1.0] * 5}, "5 channels of 131072 samples: 1 to 524288"),

@@ -51,6 +51,9 @@ _RANGES = {
     "start": (-LATEST, LATEST),
     "interval": (MIN_INTERVAL, 10**12),
 }
+#: Keys of a frame, and largest size of all others, which later versions may have [bytes].
+_KNOWN = frozenset(key for key in Key if key <= Key.PREVIOUS)
+_MAX_UNKNOWN = 1024
 #: Keys without which a frame is incomplete; a missing list of flags means no flags.
 _REQUIRED = tuple(key for key in Key if key <= Key.DATA and key != Key.FLAGS)
 
@@ -311,6 +314,9 @@ def _document(payload: bytes) -> dict[Any, Any]:
     version = document.get(Key.VERSION)
     if version != VERSION:
         raise VersionError(f"a frame of version {str(version)[:40]}: this program reads version {VERSION}, update it")
+    unknown = {key: value for key, value in document.items() if key not in _KNOWN}
+    if unknown and len(message(unknown)) > _MAX_UNKNOWN:
+        raise FormatError(f"a frame with more than {_MAX_UNKNOWN} bytes under unknown keys: send the keys 0 to 15")
     missing = next((key for key in _REQUIRED if key not in document), None)
     if missing is not None:
         raise FormatError(f"a frame without {missing.name.lower()} (key {missing}): send all of the keys 0 to 11")
@@ -329,7 +335,10 @@ def _fields(document: dict[Any, Any]) -> dict[str, Any]:
     interval = integer(document[Key.INTERVAL])
     if n_samples * interval > LONGEST:
         raise FormatError(f"a frame with {n_samples} samples of {interval:g} ns: more than an hour, send shorter ones")
-    scale = np.array([float(value) for value in items(document[Key.SCALE])])
+    scales = items(document[Key.SCALE])
+    if not all(isinstance(value, int | float) for value in scales):
+        raise FormatError("a frame whose scale is not of numbers: send SI units per count")
+    scale = np.array([float(value) for value in scales])
     if not np.all(np.isfinite(scale)):
         raise FormatError("a frame whose scale is not finite: send SI units per count")
     flags = items(document.get(Key.FLAGS, [0] * len(channels)))
@@ -392,9 +401,14 @@ def _unpacked(document: Mapping[Any, Any], fields: Mapping[str, Any]) -> bytes:
     if codec != PACKED:
         raise FormatError(f"a frame with the codec {codec}: this program reads {RAW} and {PACKED}, update it")
     try:
-        return zlib.decompressobj().decompress(data, 4 * len(fields["channels"]) * document[Key.N_SAMPLES] + 1)
+        unpacked = zlib.decompressobj().decompress(data, 4 * len(fields["channels"]) * document[Key.N_SAMPLES] + 1)
     except zlib.error as error:
         raise FormatError(f"a frame whose data cannot be unpacked: {error}") from None
+    if len(data) > len(unpacked) + len(unpacked) // 1000 + 64:  # nothing needs more, even if it cannot be compressed
+        raise FormatError(
+            f"a frame with {len(data)} bytes for {len(unpacked)} bytes of samples: send the samples alone"
+        )
+    return unpacked
 
 
 def _width(data: bytes, size: int) -> int:

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sprung.link import UPWARDS, Frame, Key, checked_map, encode, message, topic
+from sprung.link import RAW, UPWARDS, Frame, Key, checked_map, encode, message, topic
 from sprung.online.monitor import Site
 from sprung.online.monitor.context import Context
 from sprung.online.monitor.intake import Intake
-from sprung.online.monitor.message_queue import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals
+from sprung.online.monitor.message_queue import BOOTS, INVALID, QUOTA, UNSTORABLE, VERSION_UNKNOWN, Refusals
 from sprung.online.store import Progress, RefusedError
 from sprung.vehicles import read_vehicle, vehicle_text
 
@@ -208,3 +208,63 @@ def test_a_vehicle_has_at_most_a_thousand_boots_that_wait(intake, store, refusal
     store.results.commit(Progress("car-1", 0, done_seq=0, delete_through_seq=0))
     intake.take([raw("car-1", 1000, 0)], now=0)
     assert store.inbox.cursor("car-1", 1000).contiguous == 0
+
+
+def large(vehicle, seq, size=250_000, boot=1):
+    """A frame of raw samples of a second."""
+    counts = np.ones((8, size // 16), dtype=np.int16)
+    frame = Frame(vehicle, boot, seq, 0, 16 * 10**9 // size, tuple("abcdefgh"), np.ones(8), counts)
+    return topic(vehicle, "raw"), encode(frame, codec=RAW)
+
+
+def test_of_a_vehicle_without_description_a_megabyte_waits(intake, store, refusals) -> None:
+    taken = intake.take([raw("car-1", 1, 0), *(large("car-2", seq) for seq in range(9))], now=0)
+    assert taken.arrived == {("car-1", 1): 0, ("car-2", 1): 3}
+    assert refusals.counts == {("car-2", QUOTA): 5}
+    assert sum(store.inbox.n_bytes().values()) < 1.1 * (1 << 20)
+    (sentence,) = intake.quotas.take_full().values()
+    assert sentence.endswith("until the monitor has its description: start its box with its vehicle file")
+    assert intake.quotas.take_full() == {}
+    description = topic("car-2", "meta"), message(ORIGINALS["meta"])
+    assert intake.take([description, *(large("car-2", seq) for seq in range(4, 9))], now=1).arrived == {("car-2", 1): 8}
+
+
+def test_what_waits_of_a_vehicle_is_bounded_until_it_is_analysed(intake, store, refusals, monkeypatch) -> None:
+    monkeypatch.setattr("sprung.online.monitor.quotas._MOST", 1_000_000)
+    monkeypatch.setattr("sprung.online.monitor.quotas._HOURS", 0.0)
+    intake.quotas._time = 2.0
+    intake.take([(topic("car-1", "meta"), message(ORIGINALS["meta"]))], now=0)
+    assert intake.take([large("car-1", seq) for seq in (0, 1, 3, 4, 5)], now=0).arrived == {("car-1", 1): 1}
+    assert refusals.counts == {("car-1", QUOTA): 2}
+    # What waits for an earlier frame does not keep it out.
+    assert intake.take([large("car-1", 2)], now=0).arrived == {("car-1", 1): 3}
+    store.results.commit(Progress("car-1", 1, done_seq=3, delete_through_seq=3))
+    assert intake.take([large("car-1", 4)], now=10**10).arrived == {("car-1", 1): 4}
+
+
+def test_while_disk_space_is_short_the_largest_senders_are_refused_first(intake, refusals) -> None:
+    intake.take([(topic(name, "meta"), message(ORIGINALS["meta"])) for name in ("car-1", "car-2")], now=0)
+    intake.take([raw("car-1", 1, 0), *(large("car-2", seq) for seq in range(12))], now=0)
+    intake.quotas.narrow(is_short=True)
+    assert intake.take([raw("car-1", 1, 1), large("car-2", 12)], now=0).arrived == {("car-1", 1): 1}
+    assert refusals.counts == {("car-2", QUOTA): 1}
+    intake.quotas.narrow(is_short=False)
+    assert intake.take([large("car-2", 12)], now=0).arrived == {("car-2", 1): 12}
+
+
+@pytest.mark.parametrize("boots", [[[1, 2**63 - 1, 2**63 - 1]], [[boot, 2 * 10**8, 2 * 10**8] for boot in (1, 2)]])
+def test_a_box_lost_no_more_frames_than_it_can_have_made(intake, refusals, boots) -> None:
+    assert intake.take([state("car-2", boots)], now=0).arrived == {}
+    assert refusals.counts == {("car-2", INVALID): 1}
+    assert intake.figures["sprung_frames_lost_total"] == 0
+    assert intake.take([state("car-2", [[1, 31_536_000, 31_536_000]])], now=0).arrived == {("car-2", 1): 31_535_999}
+
+
+@pytest.mark.parametrize("change", [{77: bytes(2000)}, {16: "x" * 2000}, {9: ["0" * 2000 + "1"]}, {11: None}])
+def test_a_frame_carries_nothing_but_samples(intake, store, refusals, change) -> None:
+    name, payload = raw("car-1", 1, 0)
+    document = checked_map(payload)
+    change = {key: value or document[key] + bytes(2000) for key, value in change.items()}
+    intake.take([(name, message(document | change))], now=0)
+    assert refusals.counts == {("car-1", INVALID): 1}
+    assert intake.take([(name, message(document | {77: bytes(900)}))], now=0).arrived == {("car-1", 1): 0}

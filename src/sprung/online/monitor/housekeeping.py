@@ -188,6 +188,8 @@ class Housekeeping:
         self._update_own(LAKE, "" if self._lake is None else self._lake.problem, now)
         self._tidy(now)
         free = self._store.free()
+        # The vehicles of which most waits are refused first.
+        self._intake.quotas.narrow(is_short=free is not None and free < 2e6 * keep.free_megabytes)
         if free is not None and free < 1e6 * keep.free_megabytes:
             sentence = f"intake is stopped, as only {free / 1e6:.0f} MB are free on the disk of the store: free space"
             self._breaker.set_shortage(sentence)

@@ -25,7 +25,16 @@ from sprung.link import (
 )
 from sprung.link.messages import MAX_BOOTS, REPORTS, checksum, count, integer, text
 from sprung.online.monitor.context import Context
-from sprung.online.monitor.message_queue import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals, vehicle_of
+from sprung.online.monitor.message_queue import (
+    BOOTS,
+    INVALID,
+    QUOTA,
+    UNSTORABLE,
+    VERSION_UNKNOWN,
+    Refusals,
+    vehicle_of,
+)
+from sprung.online.monitor.quotas import QuotaError, Quotas
 from sprung.online.store import Cursor, RefusedError, StoredFrame
 from sprung.vehicles import vehicle_from_text
 
@@ -45,6 +54,9 @@ _MAX_TEXT = 40_000
 _LONGEST_LINE = 1000
 #: Largest number of boots of a vehicle with frames that are not analysed: each takes memory, and time at every step.
 _MAX_OPEN_BOOTS = 1000
+#: Largest number of frames of a vehicle in a second, and in a year before it was first seen.
+_FRAME_RATE = 10
+_MAX_FRAMES = _FRAME_RATE * 366 * 86400
 #: Fields of a box's answer to a request for samples.
 _ANSWER = ("boot", "last", "frames", "from", "to")
 #: Time between updates of when vehicles were last seen [ns]: each is a transaction of its own.
@@ -114,6 +126,7 @@ class Intake:
         self._alerts = context.alerts
         self._publish = publish
         self._tally = refusals or Refusals()
+        self.quotas = Quotas(context.store.inbox, 60 * context.site.watch.window_minutes)
         self._lost: Counter[str] = Counter()
         self._counts = {"messages": 0, "frames": 0, "lost": 0}
         self._refusals: dict[str, str] = {}
@@ -192,11 +205,12 @@ class Intake:
                 if vehicle == MONITOR:
                     continue  # messages of monitors about themselves
                 if what == "raw" or what in REPORTS:
-                    frame = _frame(vehicle, payload) if what == "raw" else _report(vehicle, what, payload)
-                    self._check_boot(vehicle, frame.boot)
-                    frames.append(frame)
+                    header = check_frame(payload, vehicle) if what == "raw" else _check_report(vehicle, what, payload)
+                    self._check_boot(vehicle, header.boot)
+                    self.quotas.take(vehicle, header, len(payload), now=now)
+                    frames.append(StoredFrame(vehicle, header.boot, header.seq, header.start, payload, what))
                 elif what == "state":
-                    first, dropped[vehicle] = self._stated(vehicle, checked_map(payload))
+                    first, dropped[vehicle] = self._stated(vehicle, checked_map(payload), now)
                     below |= {(vehicle, boot): seq for boot, seq in first.items() if seq > 0}
                     taken.held[vehicle] = frozenset(first if len(first) < MAX_BOOTS else ())
                 else:
@@ -370,14 +384,24 @@ class Intake:
         if known is not None and (known.description, known.channels) == (description, channels):
             return
         vehicle_from_text(description, source=f"the vehicle file of {vehicle}")
+        self.quotas.forget(vehicle)
         inbox.put_vehicle(vehicle, configuration=configuration, description=description, channels=channels, now=now)
 
-    def _stated(self, vehicle: str, document: dict[Any, Any]) -> tuple[dict[int, int], "_Dropped"]:
+    def _check_number(self, vehicle: str, n_frames: int, now: int) -> None:
+        """Refuse more frames than a box can have made: up to ten a second in a year, and since it was first seen."""
+        if n_frames > _MAX_FRAMES:
+            known = self._store.inbox.vehicle(vehicle)
+            most = _MAX_FRAMES + (0 if known is None else _FRAME_RATE * max(0, now - known.first_seen) // 10**9)
+            if n_frames > most:
+                raise FormatError(f"a state with {n_frames} frames of {vehicle}: it can have made {most} at most")
+
+    def _stated(self, vehicle: str, document: dict[Any, Any], now: int) -> tuple[dict[int, int], "_Dropped"]:
         """Note whether a box was switched off, and return the first frames of its first boots, and what it dropped."""
         boots, dropped = document.get("boots"), _Dropped.of(document)
         if not isinstance(boots, list):
             raise FormatError("a state without boots")
         first = dict(map(_first_frame, boots[:MAX_BOOTS]))
+        self._check_number(vehicle, max(sum(first.values()), sum(dropped.n_frames.values()), dropped.unstated), now)
         if len(first) < MAX_BOOTS:  # otherwise frames of other boots may be left
             for loss in dropped.losses:
                 first.setdefault(loss.boot, loss.last + 1)
@@ -410,7 +434,7 @@ class _Dropped:
 
 def _reason(error: Exception) -> str:
     """Return the reason of a refusal for the figures."""
-    kinds = ((VersionError, VERSION_UNKNOWN), (_BootsError, BOOTS), (RefusedError, UNSTORABLE))
+    kinds = ((VersionError, VERSION_UNKNOWN), (_BootsError, BOOTS), (QuotaError, QUOTA), (RefusedError, UNSTORABLE))
     return next((reason for kind, reason in kinds if isinstance(error, kind)), INVALID)
 
 
@@ -424,20 +448,14 @@ def _first_frame(entry: Any) -> tuple[int, int]:
     return boot, first
 
 
-def _frame(vehicle: str, payload: bytes) -> StoredFrame:
-    """Return a frame in the form of the store, if it belongs to the vehicle."""
-    header = check_frame(payload, vehicle)
-    return StoredFrame(vehicle, header.boot, header.seq, header.start, payload)
-
-
-def _report(vehicle: str, what: str, payload: bytes) -> StoredFrame:
-    """Return correlations or modes in the form of the store, if they belong to the vehicle."""
+def _check_report(vehicle: str, what: str, payload: bytes) -> Header:
+    """Return the header of correlations or modes, if they belong to the vehicle."""
     document = checked_map(payload)
     if (document.get(Key.VERSION), document.get(Key.VEHICLE), document.get(Key.KIND)) != (VERSION, vehicle, what):
         raise FormatError(f"a message other than {what} of {vehicle!r} in version {VERSION}")
     header = Header.of(document)
     count(document, "number")
-    return StoredFrame(vehicle, header.boot, header.seq, header.start, payload, what)
+    return header
 
 
 def _answer(document: dict[Any, Any]) -> tuple[int, Mapping[str, Any]]:

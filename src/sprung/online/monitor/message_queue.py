@@ -21,6 +21,8 @@ VERSION_UNKNOWN = "version"
 BOOTS = "boots"
 #: Reason of a refusal: more bytes than wait at once.
 OVERLOAD = "overload"
+#: Reason of a refusal: more bytes than may wait in the store.
+QUOTA = "quota"
 #: Reason of a refusal: values that the store cannot hold.
 UNSTORABLE = "unstorable"
 #: Name that stands for all vehicles beyond the first thousand, and for messages without a vehicle.

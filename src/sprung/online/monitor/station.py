@@ -379,10 +379,11 @@ class Station:
     def _examine(self) -> None:
         """Raise an alert for each vehicle that sent more than could wait since the last check; clear the others."""
         now = self._clock()
-        overloaded, self._overloaded = self._overloaded, set()
-        for vehicle in sorted(overloaded):
-            sentence = f"{vehicle} sends more than the monitor takes in: messages are refused"
-            self._alerts.report(vehicle, "monitor:intake", sentence, now=now)
+        names, self._overloaded = self._overloaded, set()
+        overloaded = {name: f"{name} sends more than the monitor takes in: messages are refused" for name in names}
+        overloaded |= self._intake.quotas.take_full()
+        for vehicle in sorted(overloaded)[:_MAX_ALERTS]:
+            self._alerts.report(vehicle, "monitor:intake", overloaded[vehicle], now=now)
         for row in self._store.alerts.find(is_active=True):
             if row.cause == "monitor:intake" and row.vehicle not in overloaded:
                 self._alerts.clear(row.vehicle, row.cause, now=now)

@@ -235,6 +235,21 @@ class Inbox(Tables):
                     break
         return frames
 
+    def n_bytes(self, vehicle: str | None = None) -> dict[str, int]:
+        """Return the size of the payloads that wait, by vehicle: of one vehicle, or of all."""
+        query = sa.select(FRAMES.c.vehicle, sa.func.sum(sa.func.length(FRAMES.c.payload))).group_by(FRAMES.c.vehicle)
+        with self._database.reading() as connection:
+            rows = connection.execute(query if vehicle is None else query.where(FRAMES.c.vehicle == vehicle))
+            return {name: int(size) for name, size in rows}
+
+    def last(self, vehicle: str) -> tuple[int, int] | None:
+        """Return boot and sequence number of the last frame of a vehicle that waits; None: none does."""
+        place = FRAMES.c.boot, FRAMES.c.seq
+        query = sa.select(*place).where(FRAMES.c.vehicle == vehicle).order_by(*(one.desc() for one in place)).limit(1)
+        with self._database.reading() as connection:
+            row = connection.execute(query).first()
+        return None if row is None else (row.boot, row.seq)
+
     def boots(self, vehicle: str) -> list[int]:
         """Return the boots of a vehicle with frames in the inbox, ascending."""
         query = sa.select(FRAMES.c.boot).distinct().where(FRAMES.c.vehicle == vehicle).order_by(FRAMES.c.boot)
