@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sprung.excitation import Excitation
     from sprung.simulation import DriveSettings
     from sprung.vehicles import Fault
-    from sprung.vehicles.usable import AnyVehicle
+    from sprung.vehicles.sensor_layout import AnyVehicle
 
 #: Most samples of a record, and rate at which drives are computed at least [Hz].
 _MAX_SAMPLES, _DRIVE_RATE = 1e8, 1000.0
