@@ -170,13 +170,20 @@ def test_text_far_down_names_its_line(text_file) -> None:
         (b"time,a,b\n0,1,2\n1,1,2\n2,1\n3,1,2\n", FormatError, "line 4 has 2 fields, but the header has 3"),
         (b"time,a,b\n0,1,2\n1,1,2\n2,1,2,3\n3,1,2\n", FormatError, "line 4 has 4 fields, but the header has 3"),
         (b"time,a\n0,1,2\n1,2,3\n", FormatError, "line 2 has 3 fields, but the header has 2"),
-        (b"time,a,b\n0,1,2\n1,1,-inf\n2,1,2\n", FormatError, "line 3, column 'b': -inf is not a measured value"),
-        (b"time,a,b\n0,1,2\n1,1,1e101\n2,1,2\n", FormatError, "line 3, column 'b': .* is not a measured value"),
     ],
 )
 def test_bad_text_is_refused_with_a_sentence(text_file, text, error, message) -> None:
     with pytest.raises(error, match=message):
         read(text_file(text), sampling_rate=None)
+
+
+@pytest.mark.parametrize("value", ["-inf", "1e101"])
+def test_channel_without_a_measured_value_is_dead_and_the_others_are_read(text_file, value) -> None:
+    rows = [f"{index / 100:.2f},{np.sin(index):.4f},{value}" for index in range(100)]
+    recording = read(text_file("time,a,b\n" + "\n".join(rows)))
+    assert np.isfinite(recording.samples[0]).all()
+    assert np.isnan(recording.samples[1]).all()
+    assert any(line.startswith("b: ") and "in line 2, one of 100 values" in line for line in recording.history)
 
 
 def test_slow_channel_is_refused_by_name(text_file) -> None:

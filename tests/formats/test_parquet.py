@@ -54,7 +54,10 @@ def test_text_column_is_refused_by_name_and_can_be_left_out(tmp_path: Path) -> N
     assert read(path, channels=["a"]).names == ("a",)
 
 
-def test_infinite_value_names_row_and_column(tmp_path: Path) -> None:
+def test_infinite_values_are_missing_and_named(tmp_path: Path) -> None:
     fields = [pa.field("t", pa.float64()), pa.field("a", pa.float64())]
-    with pytest.raises(FormatError, match="row 2, column 'a': inf is not a measured value"):
-        read(parquet(tmp_path, fields, [[0.0, 1.0], [1.0, np.inf]]))
+    values = np.cos(np.arange(50.0))
+    values[[1, 30]] = -np.inf
+    recording = read(parquet(tmp_path, fields, [np.arange(50) / 100, values]))
+    assert recording.n_samples == 48
+    assert "a: -inf in row 2, one of 2 values that cannot be measured: taken as missing" in recording.history

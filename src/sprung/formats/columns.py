@@ -213,10 +213,10 @@ class _Interpolation:
         if self._seconds.size > 1:
             inside = (times >= self._seconds[0]) & (times <= self._seconds[-1])
             for row, values in enumerate(self._values):
-                known = ~np.isnan(values)
+                known = np.isfinite(values)
                 if known.sum() > 1:
                     result[row, inside] = np.interp(times[inside], self._seconds[known], values[known])
-            smooth = self._is_smooth & ~np.isnan(self._values).any(axis=1)
+            smooth = self._is_smooth & np.isfinite(self._values).all(axis=1)
             if smooth.any() and np.all(np.diff(self._seconds) > 0):
                 result[np.ix_(smooth, inside)] = interpolate(self._values[smooth], self._seconds, times[inside])
         keep = max(0, int(np.searchsorted(self._seconds, times[-1])) - _LIMITS.margin)

@@ -71,7 +71,7 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
     Raises
     ------
     FormatError
-        If a value is infinite, or time is missing, repeated or runs backwards; the message names the row.
+        If time is missing, repeated or runs backwards; the message names the row.
     DataError
         If no channel holds values, there is only one sample, or rates are mixed.
     ParameterError
@@ -84,9 +84,12 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
     doubts: list[str] = []
     fit = ClockFit(f"{table.path}, {table.row_word}")
     count = FillerCount(len(table.columns))
+    unmeasured: dict[str, tuple[str, int]] = {}
     for block in blocks:
-        count.update(block.values)
-        has_value = _values_present(table, block)
+        _note_unmeasured(unmeasured, table, block)
+        values = _measured(block.values)
+        count.update(values)
+        has_value = _values_present(table, values)
         rows = has_value.any(axis=0)
         n_rows += int(rows.sum())
         counts += has_value.sum(axis=1)
@@ -120,7 +123,11 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
             f"advances at {clock.sampling_rate:.6g} Hz: leave --sampling-rate out or correct the column"
         )
     of_clock = _history_of_clock(clock, scale, doubts, n_rows)
-    history = tuple(_history(table, of_clock, counts, n_rows, fillers))
+    infinite = (
+        f"{name}: {first}, one of {n} values that cannot be measured: taken as missing"
+        for name, (first, n) in unmeasured.items()
+    )
+    history = (*_history(table, of_clock, counts, n_rows, fillers), *infinite)
     return Survey(alive, scale, clock, history, bool(doubts), tuple(tuple(numbers) for numbers in fillers))
 
 
@@ -146,19 +153,27 @@ def _check_agreement(table: Table, clock: Clock, stated: float) -> None:
         )
 
 
-def _values_present(table: Table, block: Block) -> Booleans:
-    """Return which values are present, shape (channels, rows); raise on infinite values and on other rates."""
+def _measured(values: Real) -> Real:
+    """Return values with NaN for infinite ones and those whose squares might overflow."""
+    excessive = np.abs(values, dtype=np.float64) > _LIMITS.max_value
+    return np.where(excessive, np.nan, values) if excessive.any() else values
+
+
+def _note_unmeasured(found: dict[str, tuple[str, int]], table: Table, block: Block) -> None:
+    """Add to what `found` holds of each channel: its first value that is not measured with its place, their number."""
     excessive = np.abs(block.values, dtype=np.float64) > _LIMITS.max_value
-    if excessive.any():
-        channel, row = np.argwhere(excessive)[0]
-        raise FormatError(
-            f"{table.path}, {table.row_word} {block.first_row + row}, column {table.columns[channel].heading!r}: "
-            f"{block.values[channel, row]:g} is not a measured value: correct it or leave it empty"
-        )
-    present = ~np.isnan(block.values)
+    for channel in np.flatnonzero(excessive.any(axis=1)):
+        name, row = table.columns[channel].name, int(np.argmax(excessive[channel]))
+        first, n = found.get(name, (f"{block.values[channel, row]:g} in {table.row_word} {block.first_row + row}", 0))
+        found[name] = (first, n + int(excessive[channel].sum()))
+
+
+def _values_present(table: Table, values: Real) -> Booleans:
+    """Return which values are present, shape (channels, rows); raise on other rates."""
+    present = ~np.isnan(values)
     for column, has_value in zip(table.columns, present, strict=True):
         rows = np.flatnonzero(has_value)
-        if 10 <= rows.size < 0.6 * block.n_rows and np.median(np.diff(rows)) >= 2:
+        if 10 <= rows.size < 0.6 * values.shape[1] and np.median(np.diff(rows)) >= 2:
             raise DataError(
                 f"{table.path}: channel {column.name!r} has a value in one of {np.median(np.diff(rows)):.0f} rows only "
                 "(another rate): keep the channels of one rate with --channels, or write it to a file of its own"
@@ -326,7 +341,7 @@ class _Assembler:
 
     def _append(self, block: Block) -> None:
         """Add the rows in which every live channel has a value."""
-        values = without_fillers(block.values, self._facts.fillers)
+        values = without_fillers(_measured(block.values), self._facts.fillers)
         present = ~np.isnan(values)
         whole = present[self._facts.alive].all(axis=0)
         self._n_cut += int(present.any(axis=0).sum() - whole.sum())
