@@ -44,6 +44,14 @@ def test_true_jitter_asks_for_resampling_and_is_measured() -> None:
     assert clock.jitter_max == pytest.approx(0.1, rel=0.1)
 
 
+def test_jitter_is_stated_as_the_standard_deviation_of_the_intervals() -> None:
+    seconds = np.cumsum(np.random.default_rng(0).uniform(0.004, 0.006, 50_000))
+    clock = fitted(seconds)
+    assert clock.interval_std == pytest.approx(np.diff(seconds).std(), rel=0.01)
+    assert "intervals of 5.002 ms with a standard deviation of 0.58 ms" in clock.describe()
+    assert fitted(np.arange(1000) / 104).describe().startswith("time stamps advance at 104 Hz in constant intervals")
+
+
 def test_slow_drift_of_the_clock_is_no_jitter() -> None:
     # A crystal that warms up: 5 ppm faster at the end of 3 h, 27 samples off its mean line.
     index = np.arange(1_080_000)

@@ -27,6 +27,7 @@ class _Limits:
     """Limits by which stamps are judged, in sample intervals where no unit is given."""
 
     jitter: float = 0.01  # RMS deviation from a line up to which samples are left as they are
+    constant: float = 1e-4  # standard deviation of steps below which they are called constant
     rounding: float = 0.35  # the same in printed digits: rounding to steps of q has an RMS error of q/sqrt(12)
     gap_step: float = 1.5  # a larger step may be a gap
     gap_step_unsteady: float = 2.5  # where a missing sample cannot be distinguished from a late one
@@ -145,6 +146,8 @@ class Clock:
         Smallest step in time that may be a gap, in multiples of the pitch.
     jitter_rms, jitter_max
         Deviation from straight lines, in sample intervals.
+    interval_std
+        Standard deviation of the steps from stamp to stamp between gaps [s].
     in_bursts
         Whether several rows share a stamp, which is the time when they arrived; the straight line is the time when they
         were sampled.
@@ -159,6 +162,7 @@ class Clock:
     gap_step: float = _LIMITS.gap_step
     jitter_rms: float = 0.0
     jitter_max: float = 0.0
+    interval_std: float = 0.0
     in_bursts: bool = False
     is_resampled: bool = False
     is_coarse: bool = False
@@ -175,15 +179,16 @@ class Clock:
 
     def describe(self) -> str:
         """Return the line for the history."""
-        rms, largest = (
-            f"{max(100 * share, 0.001):.3f}".rstrip("0").rstrip(".") for share in (self.jitter_rms, self.jitter_max)
-        )
         fate = "resampled onto a uniform grid by cubic splines" if self.is_resampled else "samples left as they are"
         if self.in_bursts:
             fate = f"time taken from a straight line, {fate}"
+        pace = f"time stamps advance at {self.sampling_rate:.8g} Hz{' in bursts' * self.in_bursts}"
+        if self.interval_std < _LIMITS.constant * self.interval:
+            return f"{pace} in constant intervals: {fate}"
         return (
-            f"time stamps advance at {self.sampling_rate:.8g} Hz{' in bursts' * self.in_bursts}, "
-            f"jitter {rms} % of a sample (RMS), {largest} % at most: {fate}"
+            f"{pace}, intervals of {1e3 * self.interval:.4g} ms with a standard deviation of "
+            f"{1e3 * self.interval_std:.2g} ms, stamps at most {1e3 * self.jitter_max * self.interval:.2g} ms off a "
+            f"straight line: {fate}"
         )
 
 
@@ -263,6 +268,8 @@ class ClockFit:
         self._spread = 0.0
         self._squares = 0.0
         self._largest = 0.0
+        self._step_squares = 0.0
+        self._n_steps = 0
         self._shortest = np.inf  # intervals of long stretches
         self._longest = 0.0
         self._n_stamps = 0
@@ -309,6 +316,8 @@ class ClockFit:
             interval = _nearer(stretch, interval)
         self._moment += interval * spread
         self._spread += spread
+        self._step_squares += (n - 1) * float(np.var(np.diff(stretch)))
+        self._n_steps += n - 1
         for deviation in _deviations(stretch):
             self._squares += float(np.vdot(deviation, deviation))
             self._n_fitted += deviation.size
@@ -356,6 +365,7 @@ class ClockFit:
             gap_step=pace.gap_step,
             jitter_rms=rms / interval,
             jitter_max=self._largest / interval,
+            interval_std=float(np.sqrt(self._step_squares / max(1, self._n_steps))),
             in_bursts=is_coarse and not is_uniform,
             is_resampled=not is_uniform and not is_coarse,
             is_coarse=is_coarse,
