@@ -180,6 +180,28 @@ def test_a_second_part_is_named_only_where_it_explains_what_the_first_does_not()
     assert named(1213.0, 900.0) == tyres
 
 
+@pytest.mark.parametrize(
+    ("of_damper", "closest"), [(6.58, "front_right.spring"), (1.9, "front_right.damper"), (-0.97, "front_right.damper")]
+)
+def test_a_second_hypothesis_is_a_possible_change(of_damper, closest) -> None:
+    """No damper becomes 7.6 times as strong, however little the evidence says against it."""
+    candidates = [
+        (Component("front_left", "damper"), 30.0, -0.2),
+        (Component("front_right", "damper"), 29.0, of_damper),
+        (Component("front_right", "spring"), 28.0, -0.1),
+    ]
+    every = tuple(
+        Candidate(
+            Hypothesis("single", part.corner, part.kind), evidence, 60.0, (Size(size, (size, size), 5.0),), 0.0, (0, 0)
+        )
+        for part, evidence, size in candidates
+    )
+    best, second = assessment._best_two(Detection(np.zeros(3), np.full(3, 30.0), 30.0, 10.8, every, {}))
+    assert (best.hypothesis.name, second.hypothesis.name) == ("front_left.damper", closest)
+    alone = Detection(np.zeros(3), np.full(3, 30.0), 30.0, 10.8, every[:1], {})
+    assert assessment._best_two(alone) == (every[0], None)
+
+
 def test_conditions_outside_the_baseline_are_not_taken_for_a_change(window) -> None:
     """One component follows the road as the prior of slopes has it, and all learning was on one road."""
     generator = np.random.default_rng(4)

@@ -45,12 +45,12 @@ FINDING = Finding(
         ),
         (
             {"component": "damper", "change": -0.86, "interval": (-0.92, -0.77), "runner_up": "rear-left tyre by -9 %"},
-            "rear-left damper 86 % (77 to 92 %) weaker (or its top mount or rear-left tyre by -9 %), since 20 min; "
+            "rear-left damper 86 % (77 to 92 %) weaker (or its mount or rear-left tyre by -9 %), since 20 min; "
             "inspect before the next 500 km",
         ),
         (
             {"component": "damper", "change": 0.35, "interval": (0.31, 0.4)},
-            "rear-left damper 35 % (31 to 40 %) stronger (or friction in the strut), since 20 min; "
+            "rear-left damper 35 % (31 to 40 %) stronger (or friction beside it), since 20 min; "
             "inspect before the next 500 km",
         ),
         (

@@ -28,6 +28,9 @@ class NamingRules:
 
     #: Difference of ln evidence above which the runner-up is not named.
     close: float = 3.0
+    #: Largest value of a part, over its normal one, of a runner-up that is named: friction six times as high reads as a
+    #: damper of 1.8, a spare wheel as a tyre of 1.6. Where data say little about a part, evidence sets no such limit.
+    largest: float = 3.0
     #: Share of what an unmodelled change explains that a part must explain to be named in its place.
     mostly: float = 0.8
     #: Apparent change of another part for a unit change of one (both ln), by nonlinearity and errors of the file:
@@ -317,8 +320,8 @@ def _findings(detection: Detection, observations: Sequence[Observation], baselin
     if not detection.is_alert:
         return ()
     best, second = _best_two(detection)
-    is_close = best.log_evidence - second.log_evidence < RULES.close and second.hypothesis.scope != "else"
-    onset = best.onset, best.onset_interval, _words(second) if is_close else ""
+    is_close = second is not None and best.log_evidence - second.log_evidence < RULES.close
+    onset = best.onset, best.onset_interval, _words(second) if second is not None and is_close else ""
     if not best.sizes:
         without_size, severity = (None, None, None), SEVERITIES[2][1:]
         return (Finding(best.hypothesis.corner, best.hypothesis.component, *without_size, *severity, *onset, None),)
@@ -333,8 +336,8 @@ def _findings(detection: Detection, observations: Sequence[Observation], baselin
     return tuple(findings)
 
 
-def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
-    """Return the hypothesis to name and the next best.
+def _best_two(detection: Detection) -> tuple[Candidate, Candidate | None]:
+    """Return the hypothesis to name, and the next best among those of possible sizes; None if there is none.
 
     A part, or a pair, that explains nearly all is named even if an unmodelled change explains a little more: with much
     evidence, every error of the vehicle file makes it do so. For the same reason a pair is named only if its second
@@ -349,11 +352,10 @@ def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
     first, *others = candidates
     named = next(candidate for candidate in candidates if candidate.hypothesis.scope != "else")
     is_enough = named.explained >= RULES.mostly * first.explained and named.log_evidence >= detection.threshold
-    if first.hypothesis.scope != "else" or not is_enough:
-        return first, others[0]
-    return named, next(
-        candidate for candidate in others if candidate.hypothesis.scope != "else" and candidate is not named
-    )
+    if first.hypothesis.scope == "else" and is_enough:
+        first, others = named, [value for value in others if value is not named and value.hypothesis.scope != "else"]
+    possible = (value for value in others if all(1 + size.change <= RULES.largest for size in value.sizes))
+    return first, next(possible, None)
 
 
 def _is_distinct(pair: Candidate) -> bool:

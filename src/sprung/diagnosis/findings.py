@@ -30,11 +30,11 @@ SEVERITIES = (
     (0.1, "medium", 500, "inspect at the next service"),
     (0.0, "low", 300, "continue monitoring"),
 )
-#: What else at a corner reads as a large change of a part: kind, least change and name. The motion of the body does not
-#: separate them.
+#: What else at a corner reads as a large change of a part: kind, least change and name, in words for cars, rails and
+#: rigs. The motion of the body does not separate them.
 LOOK_ALIKES = (
-    ("damper", -0.5, "its top mount"),
-    ("damper", 0.2, "friction in the strut"),
+    ("damper", -0.5, "its mount"),
+    ("damper", 0.2, "friction beside it"),
     ("tyre", 0.3, "another wheel"),
     ("spring", 0.15, "a soft one on its bump stop"),
 )
