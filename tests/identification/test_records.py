@@ -1,6 +1,7 @@
 """Records one at a time: the plan from the first usable one, bounded memory, bad records left out."""
 
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from sprung.errors import DataError
 from sprung.identification import IdentificationSettings, RunningSummary, summarise
 from sprung.identification.settings import ACS
 from sprung.identification.steps import correlate, no_report
+from sprung.recording import Gap
 
 
 def correlated(records, **settings):
@@ -43,6 +45,14 @@ def test_the_first_usable_record_makes_the_plan() -> None:
     assert found.plan == alone.plan
     np.testing.assert_array_equal(found.segments.sums, alone.segments.sums)
     assert [note.split(" left out")[0] for note in found.notes] == ["record 1", "record 2", "record 4"]
+
+
+def test_short_gaps_every_half_second_name_the_option_that_bridges_them() -> None:
+    whole = run(0)
+    kept = np.arange(whole.n_samples) % 60 < 50
+    gaps = tuple(Gap(index, 10 / whole.sampling_rate) for index in range(50, int(kept.sum()), 50))
+    with pytest.raises(DataError, match=r"across the gaps, usually of 0\.02 s, with --bridge 0\.022, record longer"):
+        correlated([replace(whole, samples=whole.samples[:, kept], gaps=gaps)])
 
 
 def test_without_a_usable_record_the_first_reason_is_raised() -> None:

@@ -303,7 +303,7 @@ def plan_preparation(
     is_drive = is_drive and settings.band is None and settings.ladder is None and vehicle is None
     outputs = [name for name in recording.names if name != speed]
     fastest = recording.sampling_rate
-    _check_length(_longest(recording), fastest)
+    _check_length(_longest(recording), fastest, recording)
     trend = 1 if settings.ladder is None else 0
     motion = detrend(recording.select(outputs), degree=trend)
     rate_over_band = _RULES.rate_over_band
@@ -458,12 +458,16 @@ def _spectrum_segment(recording: Recording, band: tuple[float, float], rate: flo
     return max(min(max(duration / _RULES.averages, slow), stretch), 8 / rate)
 
 
-def _check_length(n_samples: int, rate: float) -> None:
+def _check_length(n_samples: int, rate: float, recording: Recording | None = None) -> None:
     """Check that a stretch is long enough for any identification."""
     if n_samples < _RULES.min_samples:
+        gaps = [gap.duration for gap in recording.gaps] if recording else []
+        usual = float(np.median(gaps)) if gaps else np.inf
+        is_short = recording and usual < _usual_stretch(recording) / recording.sampling_rate
+        remedy = f"interpolate across the gaps, usually of {usual:.2g} s, with --bridge {1.1 * usual:.2g}, "
         raise DataError(
             f"the longest stretch without a gap has {n_samples} samples at {rate:.4g} Hz, but identification needs"
-            f" {_RULES.min_samples} or more: record longer, or decimate less"
+            f" {_RULES.min_samples} or more: {remedy if is_short else ''}record longer, or decimate less"
         )
 
 
