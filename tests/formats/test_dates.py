@@ -30,6 +30,11 @@ def file_of(write, stamp, *, start=START, header="Zeit;a", delimiter=";", n=100)
         ("%m/%d/%Y %I:%M:%S.{ms} %p", 3),
         ("%m/%d/%Y %H:%M:%S.{ms}", 2),
         ("%Y-%m-%d %H:%M:%S.{ms} UTC", 3),
+        ("%d-%b-%Y %H:%M:%S.{ms}", 3),
+        ("'%d-%b-%Y %H:%M:%S.{ms}'", 3),
+        ('"%d-%b-%Y %H:%M:%S.{ms}"', 3),
+        ("'%Y-%m-%d %H:%M:%S.{ms}'", 3),
+        ("%d.Dez.%y %H:%M:%S,{ms}", 3),
     ],
 )
 def test_dates_and_times(text_file, form, digits) -> None:

@@ -32,11 +32,14 @@ _EDGES = re.compile(rb"(?m)^ | (?=\r?$)")
 _SAMPLE_ROWS = 50
 #: Longest comment.
 _MAX_COMMENT = 500
+#: Months in English and German by their first three letters.
+_MONTHS = ("jan", "feb", "mar|mrz", "apr", "may|mai", "jun", "jul", "aug", "sep", "oct|okt", "nov", "dec|dez")
 _PATTERN = (
-    r"^\s*(?:(?P<first>\d{1,4})(?P<mark>[./-])(?P<second>\d{1,2})[./-](?P<third>\d{1,4}))?[T ,_]*"
+    r"^[\s'\"]*(?:(?P<first>\d{1,4})(?P<mark>[./-])"
+    rf"(?P<second>\d{{1,2}}|(?i:{'|'.join(_MONTHS)}))[./-](?P<third>\d{{1,4}}))?[T ,_]*"
     r"(?:(?P<hour>\d{1,2}):(?P<minute>\d{1,2})(?::(?P<whole>\d{2})(?:[.,:](?P<fraction>\d+))?)?"
     r"|(?P<minutes>\d{1,3}):(?P<rest>\d{2})[.,](?P<part>\d+))?"
-    r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?\s*(?:Z|UTC|GMT|(?P<sign>[+-])(?P<zone>\d{2})(?::?(?P<rest_of_zone>\d{2}))?)?\s*$"
+    r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?\s*(?:Z|UTC|GMT|(?P<sign>[+-])(?P<zone>\d{2})(?::?(?P<rest_of_zone>\d{2}))?)?[\s'\"]*$"
 )
 _MOMENT = re.compile(_PATTERN)
 #: Orders of day, month and year.
@@ -413,11 +416,20 @@ def moments(texts: Any, order: str) -> NDArray[Any]:
 
 
 def _date_fields(texts: Any) -> dict[str, Any]:
-    """Return the named parts of texts; empty where a text lacks a part, null where it is no date or time."""
+    """Return the named parts of texts; empty where a text lacks a part, null where it is no date or time.
+
+    The name of a month becomes its number, and the mark a point, as day and month are then in this order.
+    """
     import pyarrow.compute as pc
 
     parts = pc.extract_regex(texts, _PATTERN)
-    return {name: pc.struct_field(parts, name) for name in _MOMENT.groupindex}
+    fields = {name: pc.struct_field(parts, name) for name in _MOMENT.groupindex}
+    has_name = pc.match_substring_regex(fields["second"], "[A-Za-z]")
+    if pc.any(has_name).as_py():
+        fields["mark"] = pc.if_else(has_name, ".", fields["mark"])
+        for number, names in enumerate(_MONTHS, 1):
+            fields["second"] = pc.replace_substring_regex(fields["second"], f"(?i)^({names})$", str(number))
+    return fields
 
 
 def _numbers(digits: Any, *, is_fraction: bool = False) -> NDArray[np.int64]:
