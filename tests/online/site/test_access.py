@@ -125,6 +125,8 @@ def test_requests_of_other_sites_change_nothing(serve, people, store, kind) -> N
         else:
             answer = client.request(method, url, data={"csrf_token": given})
         assert answer.status_code == (401 if kind == "token without the session" else 403), (method, path)
+        is_for_programs = path.startswith("/api/") or answer.status_code == 401
+        assert ("sprung tokens add" in answer.text) is is_for_programs, answer.text
     after = (len(store.requests.audited()), store.alerts.find(), store.accounts.all(), store.accounts.tokens())
     assert after == before
 
@@ -205,7 +207,8 @@ def test_without_accounts_this_machine_may_do_everything_from_a_page_of_its_own(
     refused = client.post("/api/v1/alerts/1/acknowledge", json={})
     assert (refused.status_code, refused.json()["detail"]) == (
         403,
-        "this form does not belong to your session: reload the page and try again",
+        "send Authorization: Bearer TOKEN, with a token that `sprung tokens add NAME --role engineer` prints, or a "
+        "session with its x-csrf-token; on a page: reload it",
     )
     secret = "a" * 43
     client.cookies.set("sprung_session", secret)

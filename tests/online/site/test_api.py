@@ -86,6 +86,23 @@ def test_filters(client, query, vehicles) -> None:
     assert [each["vehicle"] for each in client.get(f"/api/v1/vehicles?{query}").json()["vehicles"]] == vehicles
 
 
+@pytest.mark.parametrize(
+    ("path", "status", "words"),
+    [
+        ("vehicles?step=crit", 422, "'high', 'critical' or 'none'"),
+        ("alerts?step=crit", 422, "'high' or 'critical'"),
+        ("vehicles?severity=high", 422, "unknown query parameter 'severity': use text, step, assignee, "),
+        ("vehicles/bus-1/trends?from=1", 422, "'from': use since, until"),
+        ("counts?step=high&text=", 422, "'step', 'text': this route takes none"),
+        ("vehicles?step=none&limit=1", 200, "bus-3"),
+        ("vehicles/bus-1/export?format=csv&what=alerts", 200, "alert"),
+    ],
+)
+def test_an_unknown_filter_is_refused_with_the_allowed_ones(client, path, status, words) -> None:
+    answer = client.get(f"/api/v1/{path}")
+    assert (answer.status_code, words in answer.text) == (status, True), answer.text[:300]
+
+
 def test_pages_follow_their_cursor(client) -> None:
     found, cursor = [], ""
     while cursor is not None:

@@ -20,6 +20,7 @@ T = TypeVar("T", bound=BaseModel)
 #: Field of a form, and header of a request, with the CSRF token of the session.
 CSRF_FIELD = "csrf_token"
 CSRF_HEADER = "x-csrf-token"
+_TOKEN = "Authorization: Bearer TOKEN, with a token that `sprung tokens add NAME --role engineer` prints"
 
 
 def cookie_name(context: Context) -> str:
@@ -91,7 +92,7 @@ def require_role(request: Request, role: Role) -> Person:
     person = find_person(request)
     if person is None:
         headers = {"www-authenticate": "Bearer"}
-        raise HTTPException(401, "log in, or send a token: Authorization: Bearer TOKEN", headers=headers)
+        raise HTTPException(401, f"log in, or send {_TOKEN}", headers=headers)
     if not person.role.includes(role):
         raise HTTPException(403, f"this requires the role {role}, but {person.name} is {person.role}")
     return person
@@ -102,6 +103,8 @@ def check_csrf_token(request: Request, person: Person, given: str) -> None:
     if request.method in {"GET", "HEAD", "OPTIONS"} or "authorization" in request.headers:
         return
     if not (person.csrf_token and hmac.compare_digest(person.csrf_token, given)):
+        if request.url.path.startswith("/api/"):
+            raise HTTPException(403, f"send {_TOKEN}, or a session with its {CSRF_HEADER}; on a page: reload it")
         raise HTTPException(403, "this form does not belong to your session: reload the page and try again")
 
 

@@ -6,7 +6,7 @@ from http import HTTPStatus
 from typing import Any
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, FastAPI, Request
+from fastapi import APIRouter, Depends, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
@@ -104,7 +104,7 @@ def application(context: Context, *, diagrams: DiagramDesk | None = None) -> ASG
     app.state.feed = Feed(context.store)
     app.state.runs = RunResults(context.site.keep.results, context.timer)
     for prefix, router in ROUTERS:
-        app.include_router(router, prefix=prefix)
+        app.include_router(router, prefix=prefix, dependencies=[Depends(_check_query)] if prefix else [])
     app.mount("/static", StaticFiles(packages=[("sprung.online.site", "static")]))
     app.add_exception_handler(HTTPException, _refused)
     app.add_exception_handler(RequestValidationError, _invalid)
@@ -147,6 +147,19 @@ def routes_of(document: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str,
         for method, given in methods.items():
             scopes = [scope for entry in given.get("security", ()) for names in entry.values() for scope in names]
             yield given["tags"][0], method.upper(), path, given["description"], str(scopes[0]) if scopes else ""
+
+
+async def _check_query(request: Request) -> None:
+    """Refuse parameters of a query that the description of the interface does not name."""
+    if not request.query_params:
+        return
+    path = "/api/v1" + request.scope["route"].path_format.removeprefix("/api/v1")  # with or without, by release
+    described = request.app.openapi()["paths"][path][request.method.lower()].get("parameters", ())
+    allowed = [given["name"] for given in described if given["in"] == "query"]
+    unknown = [name for name in request.query_params if name not in allowed]
+    if unknown:
+        takes = f"use {', '.join(allowed)}" if allowed else "this route takes none"
+        raise HTTPException(422, f"unknown query parameter {', '.join(map(repr, unknown))}: {takes}")
 
 
 def _hosts(context: Context) -> frozenset[str] | None:

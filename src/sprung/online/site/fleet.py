@@ -1,7 +1,7 @@
 """The fleet: every vehicle, the most urgent first."""
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
@@ -9,6 +9,7 @@ from pydantic import Field
 from sprung.online.monitor import embedded_port
 from sprung.online.monitor.histories import vehicle_state
 from sprung.online.site.access import Viewer
+from sprung.online.site.alerts import StepName
 from sprung.online.site.rendering import filter_link, page, with_others
 from sprung.online.site.shared import Answer, Context, Shared, Wanted, column_number, parse_cursor
 from sprung.online.store import FleetCounts, FleetFilter, FleetRow, Place, VehicleRow
@@ -26,7 +27,7 @@ class WantedVehicles(Wanted):
     """Which vehicles are listed, and how many of them."""
 
     text: str = Field("", max_length=64, description="part of the name")
-    step: list[str] = Field([], description="note, low, medium, high, critical or none")
+    step: list[Literal[StepName, "none"]] = Field([], description="steps of severity, none: no alert; empty: all")
     assignee: str | None = Field(None, max_length=200)
     is_unacknowledged: bool = False
     is_learning: bool = False
@@ -88,7 +89,7 @@ class FleetPage(Answer):
 @api.get("/vehicles")
 def vehicles(context: Shared, _: Viewer, wanted: Annotated[WantedVehicles, Query()]) -> FleetPage:
     """Vehicles, the most urgent first."""
-    steps = [STEPS.index(name) if name in STEPS else -1 for name in wanted.step]  # any other name: no alert
+    steps = [STEPS.index(name) if name in STEPS else -1 for name in wanted.step]
     silent_before = context.silent_before if wanted.is_silent else None
     chosen = FleetFilter(
         wanted.text, steps, wanted.assignee, wanted.is_unacknowledged, wanted.is_learning, silent_before
