@@ -94,6 +94,17 @@ def test_one_speed_says_nothing_about_friction(car, road_model, classes, with_da
     assert both / np.sqrt(apart.covariance[row, row]) / apart.friction.std[0] < -0.95
 
 
+def test_segments_that_scatter_more_say_less(car, road_model, classes, with_data) -> None:
+    """They widen what the data say, and not what was known before."""
+    one = road_model(car, spectra=classes(3, n_classes=1))
+    fit = at_start(with_data(one, one.start, counts=1e6))
+    scattered = replace(fit, covariance=9 * fit.covariance)
+    usual, apart = usual_friction(fit), separate_friction(scattered)
+    assert apart.friction.std == pytest.approx(usual.std, rel=0.05)
+    assert np.all(apart.friction.std <= usual.std)
+    assert apart.friction.forces == pytest.approx(usual.forces, rel=0.1)
+
+
 def test_usual_friction_is_a_share_of_the_load(model) -> None:
     usual = usual_friction(at_start(model))
     assert usual.corners == CORNERS

@@ -196,18 +196,18 @@ def separate_friction(fit: CornerFit, *, prior: Friction | None = None) -> Dampi
         )
     evidence = _Evidence(fit, usual.corners)
     n = fit.parameters.size
-    # The score counts overlapping segments about twice, and the prior of the forces must weigh against it as much.
+    # The score counts overlapping segments about twice, and they may scatter more than the model expects: the prior of
+    # the forces must weigh against it as much.
+    weight = OVERCOUNT * evidence.scale**2
     precision = np.zeros_like(evidence.information)
     precision[:n, :n] = np.diag(1 / fit.model.prior_std**2)
     of_forces = np.linalg.inv(prior.covariance)
-    precision[n:, n:] = OVERCOUNT * of_forces
+    precision[n:, n:] = weight * of_forces
     bread = np.linalg.inv(evidence.information + precision)
-    pull = np.zeros(len(bread))
-    pull[:n] = evidence.pull
-    pull[n:] = evidence.score[n:] + OVERCOUNT * of_forces @ prior.forces
-    spread = OVERCOUNT * evidence.information + precision
-    spread[n:, n:] += (OVERCOUNT**2 - OVERCOUNT) * of_forces
-    step, covariance = bread @ pull, evidence.scale**2 * (bread @ spread @ bread)
+    pull = np.concatenate([evidence.pull, evidence.score[n:] + weight * of_forces @ prior.forces])
+    spread = weight * evidence.information + precision
+    spread[n:, n:] += (weight**2 - weight) * of_forces
+    step, covariance = bread @ pull, bread @ spread @ bread
     step = _not_negative(step, covariance, first=n)
     dampers = evidence.dampers
     left = np.maximum(1 + step[dampers], PRIOR.smallest)
