@@ -94,7 +94,7 @@ def test_time_column_and_unit_as_stated(text_file) -> None:
 
 def test_one_of_two_time_columns_is_named(text_file) -> None:
     path = text_file(lines("t,time,a,b", 0.01 * np.arange(N), 0.02 * np.arange(N), *ACC))
-    with pytest.raises(FormatError, match="'t' and 'time': keep one of them, or name it with --time"):
+    with pytest.raises(FormatError, match="'t' and 'time', which advance at different rates: keep one"):
         read(path)
     assert read(path, settings=ReadSettings(time="t")).sampling_rate == pytest.approx(100)
 

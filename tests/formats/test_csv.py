@@ -7,6 +7,7 @@ import pytest
 
 from sprung.errors import DataError, FormatError, ParameterError
 from sprung.formats import read, read_blocks
+from sprung.formats.settings import ReadSettings
 
 G = 9.80665
 
@@ -153,7 +154,6 @@ def test_text_far_down_names_its_line(text_file) -> None:
         (b"0,1\n1,2\n", ParameterError, "has no time column"),
         (b"time,a,a\n0,1,2\n1,2,3\n", FormatError, "column name 'a' occurs more than once"),
         (b"time,a [g],a [m/s^2]\n0,1,2\n1,2,3\n", FormatError, "column name 'a' occurs more than once"),
-        (b"time,t,a\n0,1,2\n1,2,3\n", FormatError, "time columns 'time' and 't'"),
         (b"time,[g]\n0,1\n1,2\n", FormatError, "has no name"),
         (b"time\n0\n1\n2\n", FormatError, "holds no channel"),
         (b"time,a\n0,1\n,2\n2,3\n", FormatError, "line 3: column 'time' holds no time"),
@@ -184,6 +184,20 @@ def test_channel_without_a_measured_value_is_dead_and_the_others_are_read(text_f
     assert np.isfinite(recording.samples[0]).all()
     assert np.isnan(recording.samples[1]).all()
     assert any(line.startswith("b: ") and "in line 2, one of 100 values" in line for line in recording.history)
+
+
+@pytest.mark.parametrize("heading", ["timestamp,t,a", "timestamp,elapsed_s,a", "t,timestamp,a"])
+def test_of_two_clocks_the_one_that_advances_evenly_is_taken(text_file, heading) -> None:
+    late = np.random.default_rng(0).uniform(0, 0.008, 500)
+    rows = [f"{k / 100 + late[k]:.4f},{k / 100:.2f},{np.sin(k):.4f}" for k in range(500)]
+    path = text_file(heading + "\n" + "\n".join(rows))
+    first, second, _ = heading.split(",")
+    for channels in (None, ["a"]):
+        recording = read(path, channels=channels)
+        assert (recording.names, recording.n_samples) == (("a",), 500)
+        assert f"time: column '{second}', as '{first}' does not advance evenly" in recording.history
+    stated = read(path, settings=ReadSettings(time=first))
+    assert any("with a standard deviation of" in line for line in stated.history)
 
 
 def test_slow_channel_is_refused_by_name(text_file) -> None:

@@ -210,7 +210,7 @@ def _group(path: Path, name: str, arrays: Arrays, time: str | None) -> list[Grou
     """Return the group of some arrays; none if they hold no samples."""
     numeric = {key: _squeezed(key, value) for key, value in arrays.values.items() if _is_numeric(value)}
     times = [key for key, value in numeric.items() if len(value.shape) == 1 and _is_time_array(key)]
-    stamped = times[0] if len(times) == 1 else time_column(times, path=path, stated=time)
+    stamped = times[0] if len(times) == 1 else time_column(times, stated=time)
     signals = {
         key: value
         for key, value in numeric.items()

@@ -18,9 +18,22 @@ import numpy as np
 from sprung._arrays import Booleans, Real
 from sprung.channel_names import describe_mapping, identified, read_name_table
 from sprung.errors import DataError, FormatError, ParameterError, SprungError
-from sprung.formats.clock import TimeScale, interpolate, time_scale, unwrapped
+from sprung.formats.clock import time_scale, unwrapped
+from sprung.formats.other_clocks import interpolated
 from sprung.formats.settings import TIME_UNITS, ReadSettings
-from sprung.formats.table import Block, Column, Group, Opener, Table, index_of, join, rebatch, spellings, split_heading
+from sprung.formats.table import (
+    Block,
+    Column,
+    Group,
+    Opener,
+    Table,
+    index_of,
+    is_time,
+    join,
+    rebatch,
+    spellings,
+    split_heading,
+)
 from sprung.recording import Channel
 
 
@@ -38,14 +51,10 @@ class _Limits:
     min_rate: float = 5.0  # sampling rates [Hz] that another unit may give
     max_rate: float = 20e3
     same_rate: float = 0.05  # difference from the stated rate up to which a column is the time
-    same_sensor: float = 0.01  # difference of rates of one kind of sensor
     block_rows: int = 1 << 16  # rows that are joined at a time
-    margin: int = 64  # rows on either side of a block that the splines through it need
 
 
 _LIMITS = _Limits()
-#: Quantities that vary slowly: they may come from a slower group.
-_SLOW = ("speed", "temperature", "pressure", "unknown")
 #: Words for time and its units, as parts of names.
 _UNIT_WORDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
@@ -87,7 +96,7 @@ def wanted_table(path: Path, groups: Sequence[Group], settings: ReadSettings) ->
     if len({group.clock for group in wanted}) == 1:
         table = _timed(partial(_side_by_side, openers), settings)
     elif settings.groups:
-        table = _interpolated([_timed(opener, settings) for opener in openers])
+        table = interpolated([_timed(opener, settings) for opener in openers])
     else:
         listed = "; ".join(f"{group.name!r} ({', '.join(group.headings)})" for group in wanted)
         raise ParameterError(
@@ -130,110 +139,6 @@ def _side_by_side(openers: Sequence[Opener], channels: Sequence[str] | None) -> 
     return replace(tables[0], columns=tuple(column for table in tables for column in table.columns), blocks=blocks)
 
 
-def _interpolated(tables: Sequence[Table]) -> Table:
-    """Return tables with rows of different times as one, with the rows of the first.
-
-    Speeds, temperatures and pressures of the others are interpolated linearly, motion of about the same rate by cubic
-    splines. Values are missing, and the rows left out, where a table has no rows around the time.
-    """
-    reference, *others = (_Times(table) for table in tables)
-    for times in others:
-        times.check(reference)
-
-    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-        readers = [_Interpolation(times, reference) for times in others]
-        row = first
-        for block in tables[0].blocks(first, last):
-            seconds = reference.seconds(block, row)
-            row += block.n_rows
-            yield replace(block, values=np.concatenate([block.values, *(reader.at(seconds) for reader in readers)]))
-
-    return replace(tables[0], columns=tuple(column for table in tables for column in table.columns), blocks=blocks)
-
-
-class _Times:
-    """Times of the rows of a table: seconds since 1970 where its start is known, otherwise as in the file."""
-
-    def __init__(self, table: Table) -> None:
-        head = next(iter(table.blocks(0, 1000)), None)
-        if head is None or head.n_rows < 2:
-            raise DataError(f"{table.path}: channel {table.columns[0].name!r} holds fewer than two samples")
-        self.table = table
-        self.scale: TimeScale | None = None
-        self.rate = table.sampling_rate or 0.0
-        self.start = table.start
-        if head.stamps is not None:
-            self.scale = time_scale(head.stamps, table.time_factor)
-            self.start = table.start if self.scale.start is None else self.scale.start
-            self.rate = 1 / max(float(np.mean(np.diff(self.scale.seconds(head.stamps)))), 1e-12)
-
-    def seconds(self, block: Block, first: int) -> Real:
-        """Return the times of rows from `first` on [s], since 1970 or since the origin of the stamps."""
-        if block.stamps is None or self.scale is None:
-            relative: Real = (first + np.arange(block.n_rows)) / self.rate
-            return relative
-        origin = 0.0 if self.scale.start is not None else self.scale.origin * self.scale.factor
-        return self.scale.seconds(block.stamps) + origin
-
-    def check(self, reference: "_Times") -> None:
-        """Raise if the channels cannot be joined to those of a reference."""
-        path = self.table.path
-        if (self.start is None) != (reference.start is None):
-            names = ", ".join(column.name for column in self.table.columns)
-            raise ParameterError(
-                f"{path}: the group of {names} states no time that the first group shares: read it by itself"
-            )
-        fast = [column.name for column in self.table.columns if column.quantity not in _SLOW]
-        if fast and abs(self.rate / reference.rate - 1) > _LIMITS.same_sensor:
-            raise ParameterError(
-                f"{path}: {', '.join(fast)} was sampled at {self.rate:.4g} Hz, the first group at "
-                f"{reference.rate:.4g} Hz: read motion of one rate at a time, or choose speed, temperature and "
-                "pressure with --channels"
-            )
-
-
-class _Interpolation:
-    """Channels of a table at rising times, read as the times advance."""
-
-    def __init__(self, times: _Times, reference: _Times) -> None:
-        columns = times.table.columns
-        self._times = times
-        self._shift = 1e-9 * ((times.start or 0) - (reference.start or 0))
-        self._blocks = rebatch(times.table.blocks(), _LIMITS.block_rows)
-        self._row = 0
-        self._is_smooth = np.array([column.quantity not in _SLOW for column in columns])
-        self._seconds: Real = np.empty(0)
-        self._values: Real = np.empty((len(columns), 0))
-
-    def at(self, seconds: Real) -> Real:
-        """Return the channels at some times [s] of the reference, shape (channels, times)."""
-        times = seconds - self._shift
-        self._read_until(times[-1])
-        result = np.full((len(self._values), times.size), np.nan)
-        if self._seconds.size > 1:
-            inside = (times >= self._seconds[0]) & (times <= self._seconds[-1])
-            for row, values in enumerate(self._values):
-                known = np.isfinite(values)
-                if known.sum() > 1:
-                    result[row, inside] = np.interp(times[inside], self._seconds[known], values[known])
-            smooth = self._is_smooth & np.isfinite(self._values).all(axis=1)
-            if smooth.any() and np.all(np.diff(self._seconds) > 0):
-                result[np.ix_(smooth, inside)] = interpolate(self._values[smooth], self._seconds, times[inside])
-        keep = max(0, int(np.searchsorted(self._seconds, times[-1])) - _LIMITS.margin)
-        self._seconds, self._values = self._seconds[keep:], self._values[:, keep:]
-        return result
-
-    def _read_until(self, time: float) -> None:
-        """Read rows until some lie behind a time."""
-        while self._seconds.size < _LIMITS.margin or self._seconds[-_LIMITS.margin] < time:
-            block = next(self._blocks, None)
-            if block is None:
-                return
-            self._seconds = np.concatenate([self._seconds, self._times.seconds(block, self._row)])
-            self._values = np.concatenate([self._values, block.values], axis=1)
-            self._row += block.n_rows
-
-
 def _timed(opener: Opener, settings: ReadSettings) -> Table:
     """Return the wanted channels with their time column, without counters, flags and clocks unless they are wanted."""
     table = opener(settings.channels)
@@ -241,8 +146,8 @@ def _timed(opener: Opener, settings: ReadSettings) -> Table:
         table = _with_time(table, opener, settings, settings.time, "as stated")
     elif table.time_heading is None:
         table = _with_found_time(table, opener, settings)
-    elif not table.notes:
-        table = replace(table, notes=(f"time: column {table.time_heading!r}, by its name",))
+    else:
+        table = _with_steadier_time(table, opener, settings)
     if settings.channels is None:
         table = _of_motion(table)
     return _with_unit(table, settings)
@@ -347,6 +252,36 @@ def _with_found_time(table: Table, opener: Opener, settings: ReadSettings) -> Ta
             "--sampling-rate (in Python: sampling_rate=...)"
         )
     return table
+
+
+def _with_steadier_time(table: Table, opener: Opener, settings: ReadSettings) -> Table:
+    """Return the table with its time by name, or with that of another clock where only that one advances evenly."""
+    whole, head = table, _head(table)
+    if settings.channels is not None:
+        with suppress(SprungError):
+            every = opener(None)
+            whole, head = every, _head(every)
+    own = np.zeros(0) if head.stamps is None or not head.n_rows else time_scale(head.stamps).seconds(head.stamps)
+    for column, values in zip(whole.columns, head.values, strict=True):
+        if _role(column, values) != "a clock":
+            continue
+        if not _is_even(own) and _is_even(values):
+            why = f"as {table.time_heading!r} does not advance evenly"
+            return _with_time(table, opener, settings, column.heading, why)
+        if is_time(column.heading) and _steps(own).size and not _agree(own, values):
+            raise FormatError(
+                f"{table.path} has the time columns {table.time_heading!r} and {column.heading!r}, which advance at "
+                "different rates: keep one of them, or name it with --time"
+            )
+    note = f"time: column {table.time_heading!r}, by its name"
+    return table if table.notes else replace(table, notes=(note,))
+
+
+def _agree(clock: Real, other: Real) -> bool:
+    """Return whether two clocks advance at one rate, in whichever units."""
+    spans = (clock[-1] - clock[0], other[-1] - other[0])
+    ratios = (one / two for one in TIME_UNITS.values() for two in TIME_UNITS.values())
+    return any(abs(spans[1] * ratio / spans[0] - 1) < _LIMITS.same_rate for ratio in ratios)
 
 
 def _is_first(column: Column, values: Real, rate: float | None) -> bool:

@@ -88,7 +88,7 @@ def _table(path: Path, layout: Layout, settings: ReadSettings, channels: Sequenc
     kinds = layout.kinds_by_heading()
     others = [each for each, kind in kinds.items() if kind != "number" and not is_time(each) and each not in times]
     wanted = [heading for heading, kind in kinds.items() if kind == "number" or channels is not None]
-    columns = chosen_columns(wanted, channels, path=path)
+    columns = chosen_columns(wanted, channels, time=times[-1] if times else None, path=path)
     places = {heading: index for index, heading in enumerate(layout.headings)}
     indices = [places[column.heading] for column in columns]
     if others and channels is None:
@@ -172,7 +172,7 @@ def _time_heading(path: Path, layout: Layout, settings: ReadSettings) -> str | N
     stated = [name for name in kinds if settings.time in (name, split_heading(name)[0])]
     if stated:
         return stated[0] if is_time(stated[0]) or kinds[stated[0]] != "number" else None
-    by_name = time_column(kinds, path=path, stated=settings.time)
+    by_name = time_column(kinds, stated=settings.time)
     if by_name is not None or settings.time is not None:
         return by_name
     if any(kind == "number" and names_time(name) and stated_unit(name) for name, kind in kinds.items()):

@@ -53,15 +53,17 @@ def _table(path: Path, schema: Any, settings: ReadSettings, channels: Sequence[s
 
     fields = {field.name: field for field in schema}
     names = [name for name in fields if name != _INDEX]
-    chosen = chosen_columns(names, channels, units=[_stated(fields[name], "unit") for name in names], path=path)
+    is_dated = _INDEX in fields and pa.types.is_timestamp(fields[_INDEX].type)
+    time = time_column(names, stated=settings.time) or (_INDEX if is_dated else None)
+    chosen = chosen_columns(
+        names, channels, time=time, units=[_stated(fields[name], "unit") for name in names], path=path
+    )
     for column in chosen:
         _check_type(path, column, fields[column.heading].type)
     columns = tuple(
         column.with_facts({key: _stated(fields[column.heading], key) for key in ("comment", "calibration")})
         for column in chosen
     )
-    is_dated = _INDEX in fields and pa.types.is_timestamp(fields[_INDEX].type)
-    time = time_column(names, path=path, stated=settings.time) or (_INDEX if is_dated else None)
 
     def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
         return _blocks(path, columns, time, first, last)

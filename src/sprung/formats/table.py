@@ -243,23 +243,11 @@ def is_unit(text: str) -> bool:
     return plain in (*_NO_UNIT, *TIME_UNITS) or known_unit(plain) is not None
 
 
-def time_column(headings: Iterable[str], *, path: Path, stated: str | None = None) -> str | None:
-    """Return the only heading that names a time column, or the one called `stated`; None if there is none.
-
-    Raises
-    ------
-    FormatError
-        If there is more than one time column.
-    """
+def time_column(headings: Iterable[str], *, stated: str | None = None) -> str | None:
+    """Return the first heading that names a time column, or the one called `stated`; None if there is none."""
     times = [heading for heading in headings if is_time(heading)]
     named = [heading for heading in times if stated in (heading, split_heading(heading)[0])]
-    if named:
-        return named[0]
-    if len(times) > 1 and stated is None:
-        raise FormatError(
-            f"{path} has the time columns {times[0]!r} and {times[1]!r}: keep one of them, or name it with --time"
-        )
-    return times[0] if times else None
+    return next(iter(named + times), None)
 
 
 def chosen_columns(
@@ -267,9 +255,10 @@ def chosen_columns(
     channels: Sequence[str] | None,
     *,
     units: Sequence[str | None] | None = None,
+    time: str | None = None,
     path: Path,
 ) -> tuple[Column, ...]:
-    """Return the columns of `channels`, in that order; None: all columns that have a name and are not time.
+    """Return the columns of `channels`, in that order; None: all that have a name and are not the column `time`.
 
     Raises
     ------
@@ -277,7 +266,7 @@ def chosen_columns(
         If there is no column of a channel.
     """
     stated = dict(zip(headings, units or [None] * len(headings), strict=True))
-    kept = [heading for heading in headings if heading.strip() and not is_time(heading)]
+    kept = [heading for heading in headings if heading.strip() and heading != time]
     refuse_repeated(kept, path=path)
     if channels is not None:
         names = [spellings(heading) for heading in kept]
