@@ -153,7 +153,7 @@ def plate_tests_table(tests: Mapping[str, PlateTest]) -> Table:
     )
     caption = (
         f"as on a suspension tester; limits: phase shift {PLATE.phase_limit:.0f}°, left against right 30 %; friction in"
-        " brackets is not identifiable and stays near the usual one"
+        " brackets is not identifiable: with less of it than stated, phase shifts are smaller"
     )
     return Table("Inspection", columns, rows, caption=caption)
 
