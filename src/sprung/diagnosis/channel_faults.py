@@ -78,7 +78,7 @@ class ChannelLimits:
     drift_of_peers: float = 2.5
     #: Common directions of the means of peers: along and across the vehicle.
     common_directions: int = 2
-    #: The standard deviation over its own standard deviation without peers: the slopes of the road move it too.
+    #: Standard deviation of the mean over that of the channel, without peers: the slopes of the road move it too.
     drift_alone: float = 0.5
     #: Cosines over a window that count as slow.
     slow_terms: int = 4
