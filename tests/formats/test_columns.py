@@ -99,6 +99,18 @@ def test_one_of_two_time_columns_is_named(text_file) -> None:
     assert read(path, settings=ReadSettings(time="t")).sampling_rate == pytest.approx(100)
 
 
+def test_digits_of_a_clock_are_the_time_of_day(text_file) -> None:
+    ticks = 5_275_000 + np.arange(N * 30)  # hundredths of a second from 14:39:10 on
+    minutes = ticks // 6000
+    digits = minutes // 60 * 10**6 + minutes % 60 * 10**4 + ticks % 6000
+    path = text_file(lines("time,a", digits, np.tile(ACC[0], 30)))
+    recording = read(path)
+    assert (recording.sampling_rate, recording.gaps) == (pytest.approx(100), ())
+    assert said(recording, "time: column 'time' as HHMMSScc, as its digits are carried at full minutes")
+    counted = read(text_file(lines("time,a", np.arange(14_400_000, 14_400_000 + N), ACC[0])))
+    assert counted.sampling_rate == pytest.approx(1)
+
+
 def test_unit_that_does_not_show_is_asked_for(text_file) -> None:
     path = text_file(lines("time,a,b", 20.05 * np.arange(N), *ACC))
     with pytest.raises(

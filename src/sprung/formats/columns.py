@@ -12,8 +12,10 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sprung._arrays import Booleans, Real
 from sprung.channel_names import describe_mapping, identified, read_name_table
@@ -51,6 +53,7 @@ class _Limits:
     min_rate: float = 5.0  # sampling rates [Hz] that another unit may give
     max_rate: float = 20e3
     same_rate: float = 0.05  # difference from the stated rate up to which a column is the time
+    digits: tuple[float, float] = (1e4, 24e6)  # from one minute to a day as HHMMSScc
     block_rows: int = 1 << 16  # rows that are joined at a time
 
 
@@ -358,7 +361,40 @@ def _with_unit(table: Table, settings: ReadSettings) -> Table:
     unit = stated_unit(table.time_heading)
     if unit is not None:
         return replace(continued, time_factor=TIME_UNITS[unit])
+    first = next((each.stamps for each in table.blocks(0, 1) if each.stamps is not None), np.zeros(0))
+    may_be_digits = first.size > 0 and first.dtype.kind in "iuf" and _LIMITS.digits[0] <= first[0] < _LIMITS.digits[1]
+    if may_be_digits and _is_clock_face(join([*table.blocks(0, _LIMITS.block_rows)]).stamps):
+
+        def decoded(first: int = 0, last: int | None = None) -> Iterator[Block]:
+            return unwrapped(replace(each, stamps=_time_of_day(each.stamps)) for each in table.blocks(first, last))
+
+        note = f"time: column {table.time_heading!r} as HHMMSScc, as its digits are carried at full minutes"
+        return replace(table, blocks=decoded, notes=(*table.notes, note))
     return _with_likely_unit(continued, settings.sampling_rate or table.sampling_rate)
+
+
+def _time_of_day(stamps: NDArray[Any] | None) -> NDArray[Any] | None:
+    """Return numbers of the digits HHMMSScc as durations since midnight."""
+    if stamps is None:
+        return None
+    numbers = np.where(np.isfinite(stamps), stamps, 0).astype(np.int64)
+    minutes = numbers // 10**6 * 60 + numbers // 10**4 % 100
+    hundredths = minutes * 6000 + numbers % 10**4
+    return np.where(np.isfinite(stamps), (hundredths * 10**7).astype("m8[ns]"), np.timedelta64("NaT", "ns"))
+
+
+def _is_clock_face(stamps: NDArray[Any] | None) -> bool:
+    """Return whether numbers are times of day as HHMMSScc: steps are even only where 60 s are carried to a minute."""
+    if stamps is None or not np.isfinite(stamps).all():
+        return False
+    numbers = stamps.astype(np.float64)
+    is_face = (numbers >= 0) & (numbers < _LIMITS.digits[1]) & (numbers % 10**4 < 6000) & (numbers % 10**6 < 60e4)
+    if not is_face.all() or np.any(numbers != np.round(numbers)):
+        return False
+    times = _time_of_day(stamps)
+    steps = np.diff(times.astype(np.int64)) * 1e-7 if times is not None else numbers
+    carried = np.diff(numbers) >= 4000
+    return bool(carried.any() and np.all(steps[carried] <= 2 * np.median(steps)))
 
 
 def _with_likely_unit(table: Table, rate: float | None) -> Table:
