@@ -159,11 +159,11 @@ class ChangeDetector:
 
     Notes
     -----
-    Residual of window w under its conditions u_w (1, units away from the middle of those that the baseline was
-    learnt from, then how far they are outside of these): r_w = (m + B u_w) + d size 1[w >= onset] + g_w + e_w. The errors m and B of the baseline's means and
-    slopes have its information, g_w ~ N(0, Q) moves corners together, e_w ~ N(0, S_w) is the error of the fit. All
-    covariances share one unknown scale, estimated from the windows of the baseline and those compared: the likelihood
-    is that of Student's t.
+    Residual of window w under its conditions u_w (1, units away from the middle of those that the baseline was learnt
+    from, then how far they are outside of these): r_w = (m + B u_w) + d size 1[w >= onset] + g_w + e_w. The errors m
+    and B of the baseline's means and slopes have its information, g_w ~ N(0, Q) moves corners together, e_w ~ N(0, S_w)
+    is the error of the fit. All covariances share one unknown scale, estimated from the windows of the baseline and
+    those compared: the likelihood is that of Student's t.
 
     For every onset and hypothesis the likelihood ratio, the size averaged over its prior N(0, 0.15^2), has the mean 1
     without a change (an e-value); the sum over onsets of their mean over hypotheses is an e-detector (Shiryaev-Roberts)
