@@ -9,6 +9,8 @@ import sys
 
 import pytest
 
+from sprung.formats import read, write
+
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs the streams of POSIX")
 
 RUN = [sys.executable, "-c", "import sys; from sprung.cli import main; sys.exit(main())"]
@@ -18,30 +20,29 @@ def python(code):
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
 
 
-#: Packages that cost time, and what each command may import of them. (Arrow imports pandas where it is installed.)
-HEAVY = {
-    *("h5py", "jinja2", "matplotlib", "numpy", "pandas", "pyarrow", "pydantic", "scipy", "scipy.stats", "sqlalchemy"),
-    *(
-        f"sprung.{name}"
-        for name in ("calibration", "diagnosis", "identification", "likelihood", "simulation", "vehicles")
-    ),
-}
-ARROW = {"numpy", "pandas", "pyarrow", "pydantic"}
-OF_MODES = {"scipy", "scipy.stats", "sprung.identification", "sprung.likelihood", "sprung.vehicles"}
+#: Packages that cost time, and what each command may import of them.
+ROOMS = ("calibration", "diagnosis", "identification", "kits", "likelihood", "road", "simulation", "vehicles")
+OTHERS = ("h5py", "jinja2", "matplotlib", "numpy", "pandas", "pyarrow", "pydantic", "scipy", "sqlalchemy")
+HEAVY = {"scipy.signal", "scipy.stats", *OTHERS, *(f"sprung.{room}" for room in ROOMS)}
+ARROW = {"numpy", "pyarrow", "pydantic"}
+OF_MODES = {"scipy", "sprung.identification", "sprung.likelihood", "sprung.vehicles"}
 MAY_IMPORT = {
     "--help": set(),
     "--version": set(),
     "info --help": {"pydantic"},
     "identify --help": {"pydantic"},
     "info {run}": ARROW,
-    "convert {run} {out}.csv": ARROW,
+    "info {parquet}": ARROW,
+    "convert {run} {out}.csv": ARROW | {"pandas"},  # Arrow's writing imports pandas where it is installed
     "identify {run} --json -": ARROW | OF_MODES,
 }
 
 
 @pytest.mark.parametrize("words", MAY_IMPORT)
 def test_commands_import_what_they_use(words, chain, tmp_path):
-    given = words.format(run=chain, out=tmp_path / "out").split()
+    parquet = tmp_path / "run.parquet"
+    write(read(chain), parquet)
+    given = words.format(run=chain, parquet=parquet, out=tmp_path / "out").split()
     code = (
         f"import sys; from sprung.cli import main; code = main({given!r}); print(sorted(sys.modules)); sys.exit(code)"
     )

@@ -197,6 +197,7 @@ def test_a_second_hypothesis_is_a_possible_change(of_damper, closest) -> None:
         for part, evidence, size in candidates
     )
     best, second = assessment._best_two(Detection(np.zeros(3), np.full(3, 30.0), 30.0, 10.8, every, {}))
+    assert second is not None
     assert (best.hypothesis.name, second.hypothesis.name) == ("front_left.damper", closest)
     alone = Detection(np.zeros(3), np.full(3, 30.0), 30.0, 10.8, every[:1], {})
     assert assessment._best_two(alone) == (every[0], None)

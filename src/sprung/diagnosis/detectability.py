@@ -3,8 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
-from scipy.special import logsumexp
+from scipy.special import logsumexp, ndtri
 
 from sprung._arrays import Real
 from sprung._checks import check_number, check_type
@@ -88,7 +87,7 @@ def detectable_changes(
         squares = np.maximum(squares + (threshold - evidence) / slopes, squares / 4)
     limit = np.sqrt(squares * known / variance)[:, 0]
     doubt = (1 - scores.of_baseline / scores.degrees) / scores.of_baseline
-    mean = limit + stats.norm.ppf(power) * np.sqrt(1 + doubt * limit**2 / 2)
+    mean = limit + ndtri(power) * np.sqrt(1 + doubt * limit**2 / 2)
     return np.asarray(mean * np.sqrt(variance / known[:, 0]), dtype=np.float64)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy.special import betaincinv
 
 from sprung._checks import check_each, check_number, check_type
 from sprung.diagnosis.baseline import (
@@ -145,7 +145,9 @@ def learn(
         worst = int(np.argmax([_distance(baseline, window) for window in common]))
         others = [*common[:worst], *common[worst + 1 :]]
         of_others, size = _estimated(others, type_baseline), len(baseline.components)
-        limit = size * stats.f.isf(SETTINGS.suspect / len(common), size, of_others.degrees_of_freedom)
+        degrees = of_others.degrees_of_freedom
+        share = betaincinv(degrees / 2, size / 2, SETTINGS.suspect / len(common))
+        limit = degrees * (1 / share - 1)  # size times the quantile of F
         if _distance(of_others, common[worst]) <= limit:
             break
         common = others

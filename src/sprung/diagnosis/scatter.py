@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit
 
 from sprung._arrays import Real
 from sprung._checks import frozen_array
@@ -254,7 +254,7 @@ class Scatter:
 
 def _widening(own: Real | float, common: float) -> Real:
     """Return the ratio of variances at which the tails of Student's t with few degrees of freedom and many agree."""
-    ratio = stats.t.isf(WEIGHTS.tail, own) / stats.t.isf(WEIGHTS.tail, common)
+    ratio = stdtrit(own, WEIGHTS.tail) / stdtrit(common, WEIGHTS.tail)
     return np.asarray(np.maximum(ratio, 1.0) ** 2, dtype=np.float64)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc, fdtrc, ndtr, ndtri, stdtr, stdtrit
 
 from sprung._arrays import Indices, Real
 from sprung._checks import check_each, check_number, check_type
@@ -207,12 +207,12 @@ class TypeComparison:
         strength = both.reshape(*z.shape[:-1], 2, -1).max(axis=-2)
         deltas, of_signs = deltas[self.distinct], of_signs[self.distinct]
         limits = deltas / 2 + (strength[..., None] - of_signs) / deltas
-        tails = stats.norm.sf(limits) if np.isinf(self.degrees) else stats.t.sf(limits, self.degrees)
+        tails = ndtr(-limits) if np.isinf(self.degrees) else stdtr(self.degrees, -limits)
         return _minus_log(tails.sum(axis=-1) / (1 - TEST.unmodelled))
 
     def candidates(self) -> tuple[Candidate, ...]:
         """Return what may be different from the type, the most likely first."""
-        half = stats.t.isf(0.025, self.degrees) if np.isfinite(self.degrees) else INTERVAL_95
+        half = -float(stdtrit(self.degrees, 0.025)) if np.isfinite(self.degrees) else INTERVAL_95
         numbers = np.stack([self.evidence(self.residual), self.sizes(self.residual), self.stds], axis=1).tolist()
         candidates = [
             Candidate(hypothesis, log, (size / std) ** 2, (_size(size, std, half),), self.times[0], self.times)
@@ -221,7 +221,7 @@ class TypeComparison:
         explained, count = float(self.residual @ self.inverse @ self.residual), len(self.residual)
         is_normal = np.isinf(self.degrees)
         rest: Real = np.asarray(
-            stats.chi2.sf(explained, count) if is_normal else stats.f.sf(explained / count, count, self.degrees)
+            chdtrc(count, explained) if is_normal else fdtrc(count, self.degrees, explained / count)
         )
         unmodelled = float(_minus_log(rest / TEST.unmodelled))
         candidates.append(
@@ -240,7 +240,7 @@ class TypeComparison:
             middle = (low + high) / 2
             is_found = self.evidence(-middle[:, None] * self.rows[:count]).max(axis=1) >= threshold
             low, high = np.where(is_found, low, middle), np.where(is_found, middle, high)
-        changes = high + stats.norm.ppf(POWER) * self.stds[:count]
+        changes = high + ndtri(POWER) * self.stds[:count]
         return dict(zip(self.components, losses(changes), strict=True))
 
     def detection(self, *, times: Real, evidence: Real, threshold: float) -> Detection:

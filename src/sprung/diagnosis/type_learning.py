@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 from scipy.linalg import block_diag
+from scipy.special import ndtr, ndtri
 
 from sprung._arrays import Real
 from sprung._checks import check_each, check_type
@@ -179,9 +179,9 @@ def _shrunk_stds(
 def _huber_location(values: Real) -> tuple[float, float]:
     """Return location and scale of values by Huber's proposal 2, both as for normal values."""
     location = float(np.median(values))
-    scale = float(stats.median_abs_deviation(values, scale="normal")) or float(np.std(values)) or 1e-12
+    scale = float(np.median(np.abs(values - location)) / ndtri(0.75)) or float(np.std(values)) or 1e-12
     clip = TYPES.clip
-    density, tail = stats.norm.pdf(clip), stats.norm.sf(clip)
+    density, tail = np.exp(-(clip**2) / 2) / np.sqrt(2 * np.pi), ndtr(-clip)
     expected = 1 - 2 * tail - 2 * clip * density + 2 * clip**2 * tail
     for _ in range(TYPES.rounds):
         clipped = np.clip(values, location - clip * scale, location + clip * scale)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
-from scipy.signal import butter, sosfilt
 
 from sprung._arrays import Real
 from sprung._checks import check_number
@@ -140,6 +139,8 @@ def noise(
     check_number("sampling_rate", sampling_rate, above=0)
     if band is None:
         return generator.standard_normal(shape)
+    from scipy.signal import butter, sosfilt
+
     low, high = band
     check_number("lower edge of the band", low, at_least=0)
     if low >= sampling_rate / 2:

@@ -4,18 +4,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.interpolate import CubicSpline
 
 from sprung._arrays import Real
 from sprung._checks import check_number, check_one_of
 from sprung.errors import ParameterError
 from sprung.excitation.noise import FunctionOfTime
 from sprung.excitation.route import SpeedProfile
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 #: Roughness G(n0) of the road classes at n0 = 0.1 cycles/m, geometric mean [m^3] (ISO 8608:2016, table C.1).
 ROAD_CLASSES: MappingProxyType[str, float] = MappingProxyType({name: 16e-6 * 4**k for k, name in enumerate("ABCDEFGH")})
@@ -202,16 +204,18 @@ class Profile:
 
     first: float
     heights: Real
-    _splines: CubicSpline = field(init=False, repr=False)
+    _splines: "CubicSpline" = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        from scipy.interpolate import CubicSpline
+
         positions = self.first + SPACING * np.arange(self.heights.shape[1])
         object.__setattr__(self, "_splines", CubicSpline(positions, self.heights, axis=1))
 
     def height(self, is_left: bool, position: ArrayLike) -> Real:
         """Return the height of a track at positions [m], by a cubic spline through its points."""
         side = 0 if is_left else 1
-        return CubicSpline.construct_fast(self._splines.c[..., side], self._splines.x)(np.asarray(position))
+        return self._splines.construct_fast(self._splines.c[..., side], self._splines.x)(np.asarray(position))
 
 
 class Obstacle(Protocol):

@@ -27,6 +27,7 @@ from sprung.formats.table import (
     Block,
     Group,
     Table,
+    arrow_values,
     chosen_columns,
     is_number,
     is_time,
@@ -262,7 +263,7 @@ def numbers(table: Any, indices: Sequence[int]) -> Real:
     """Return some columns of a table of Arrow, which are called by their indices, as rows."""
     values = np.empty((len(indices), table.num_rows))
     for row, index in enumerate(indices):
-        values[row] = table.column(str(index)).to_numpy()
+        values[row] = arrow_values(table.column(str(index)))
     return values
 
 
@@ -287,7 +288,7 @@ def _stamps(table: Any, time: _TextTime) -> Any:
 
     columns = [table.column(str(index)).combine_chunks() for index in time.indices]
     if not time.order:
-        return columns[0].to_numpy(zero_copy_only=False)
+        return arrow_values(columns[0])
     return dialects.moments(columns[0] if len(columns) == 1 else pc.binary_join_element_wise(*columns, " "), time.order)
 
 

@@ -17,6 +17,7 @@ from sprung.formats.table import (
     Column,
     Group,
     Table,
+    arrow_values,
     chosen_columns,
     refuse_repeated,
     reported,
@@ -117,11 +118,9 @@ def _blocks(path: Path, columns: tuple[Column, ...], time: str | None, first: in
 
 def _block(path: Path, batch: Any, columns: tuple[Column, ...], time: str | None, row: int) -> Block:
     """Return the rows of a batch, the first of which has the number `row`."""
-    import pyarrow as pa
-
     values = np.empty((len(columns), batch.num_rows))
     for index, column in enumerate(columns):
-        values[index] = batch.column(column.heading).cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+        values[index] = arrow_values(batch.column(column.heading))
     return Block(row, _stamps(path, batch.column(time)) if time else None, values)
 
 
@@ -136,8 +135,7 @@ def _stamps(path: Path, array: Any) -> NDArray[Any]:
         array = array.cast(pa.float64())
     elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_duration(kind)):
         raise FormatError(f"{path}: the time column holds {kind}: convert it to seconds or time stamps")
-    stamps: NDArray[Any] = array.to_numpy(zero_copy_only=False)
-    return stamps
+    return arrow_values(array)
 
 
 def write(recording: Recording, path: Path) -> None:

@@ -25,6 +25,7 @@ from sprung.formats.table import (
     Block,
     Column,
     Group,
+    arrow_values,
     column,
     is_time,
     reported,
@@ -299,10 +300,8 @@ def _numbers(path: Path, member: str, file: IO[bytes]) -> dict[str, NDArray[Any]
         raise FormatError(f"{path}, {member}: {' '.join(str(error).split())[:120]}: the table is damaged") from None
     columns: dict[str, NDArray[Any]] = {}
     for heading, values in zip(headings, table.columns, strict=True):
-        if pa.types.is_integer(values.type) and not values.null_count:
-            columns[heading] = values.to_numpy()
-        elif pa.types.is_integer(values.type) or pa.types.is_floating(values.type):
-            columns[heading] = values.cast(pa.float64()).to_numpy()
+        if pa.types.is_integer(values.type) or pa.types.is_floating(values.type):
+            columns[heading] = arrow_values(values)
     return columns
 
 

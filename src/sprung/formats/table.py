@@ -165,6 +165,27 @@ def within(blocks: Iterable[Block], first: int, last: int | None) -> Iterator[Bl
             return
 
 
+def arrow_values(array: Any) -> NDArray[Any]:
+    """Return numbers, date-times or durations of Arrow, missing ones as NaN or NaT; its own way imports pandas."""
+    import pyarrow as pa
+
+    if isinstance(array, pa.ChunkedArray):
+        array = array.combine_chunks()
+    letter = "M" if pa.types.is_timestamp(array.type) else "m" if pa.types.is_duration(array.type) else ""
+    kind = f"{letter}8[{array.type.unit}]" if letter else "f8"
+    if pa.types.is_integer(array.type) and not array.null_count:
+        kind = array.type.to_pandas_dtype()
+    elif not letter:
+        array = array.cast(pa.float64(), safe=False)
+    validity, data = array.buffers()
+    part = slice(array.offset, array.offset + len(array))
+    values = np.frombuffer(data or b"", dtype=kind)[part]
+    if not array.null_count:
+        return values
+    is_valid = np.unpackbits(np.frombuffer(validity, dtype=np.uint8), bitorder="little")[part]
+    return np.where(is_valid, values, np.array("NaT" if letter else np.nan, dtype=values.dtype))
+
+
 def row_pieces(n_rows: int, first: int, last: int | None, *, size: int | None = None) -> Iterator[slice]:
     """Yield slices of at most `size` (None: `PIECE_ROWS`) of `n_rows` rows, from `first` to before `last`."""
     end = n_rows if last is None else min(last, n_rows)

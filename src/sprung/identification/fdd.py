@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy import ndimage, signal, special
+from scipy import ndimage, special
 
 from sprung._arrays import Complex, Indices, Real
 from sprung._checks import freeze
@@ -135,6 +135,8 @@ def find_bells(spectra: SpectralMatrix, *, band: tuple[float, float]) -> Bells:
     R. Brincker, L. Zhang and P. Andersen (2001), Modal identification of output-only systems using frequency domain
     decomposition, Smart Materials and Structures 10, 441-445.
     """
+    from scipy import signal
+
     frequencies = spectra.frequencies
     last = np.searchsorted(frequencies, min(band[1], 0.8 * frequencies[-1]), side="right")
     peaks, parts = np.zeros(0, dtype=np.intp), []
@@ -174,6 +176,8 @@ def bells_at(spectra: SpectralMatrix, frequencies: Sequence[float]) -> Bells:
         If there is no clear maximum within 5 % or two lines of a frequency: none that rises a quarter as high as those
         of `find_bells`.
     """
+    from scipy import signal
+
     values, vectors, scale = _decomposed(spectra, _RULES.smoothed[0])
     prominence = _RULES.picked_prominence * _chance(spectra, _RULES.smoothed[0])
     maxima = signal.find_peaks(np.log(values), prominence=prominence)[0]
@@ -330,6 +334,8 @@ class _Bell:
     """Spectrum of an oscillator at some lines, seen through the window of the segments."""
 
     def __init__(self, spectra: SpectralMatrix, lines: Indices, n_derivatives: int) -> None:
+        from scipy import signal
+
         rate = 2 * spectra.frequencies[-1] if spectra.frequencies.size > 1 else 1.0
         n_samples = round(rate / spectra.frequencies[1])
         rate = n_samples * float(spectra.frequencies[1])

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import freeze
@@ -325,6 +324,8 @@ def road_deviations(n: Real) -> Real:
     C. E. Rasmussen and C. K. I. Williams, Gaussian Processes for Machine Learning, MIT Press, 2006, section 4.3
     (eigenfunctions of kernels).
     """
+    from scipy.interpolate import CubicSpline
+
     lowest, highest = np.log(DEVIATIONS.knots)
     knots = np.linspace(lowest, highest, DEVIATIONS.n_knots)
     covariance = DEVIATIONS.size**2 * np.exp(-(np.subtract.outer(knots, knots) ** 2) / (2 * DEVIATIONS.reach**2))

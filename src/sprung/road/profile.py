@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from sprung._arrays import Booleans, Complex, Real
 from sprung._checks import freeze
@@ -259,6 +258,8 @@ class Inverse:
 
     def _over_distance(self, heights: Real, speed: Real, start: float) -> _Along:
         """Return heights at equal distances."""
+        from scipy.interpolate import CubicSpline
+
         travelled = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2) / self._rate])
         travelled += 1e-9 * np.arange(travelled.size)  # rises while the vehicle stands, too
         places = np.arange(0.0, travelled[-1], SETTINGS.spacing)

@@ -9,8 +9,6 @@ from typing import Any, Literal
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from scipy import signal
-from scipy.interpolate import CubicSpline
 
 from sprung._arrays import Complex, Real
 from sprung._checks import check_number, check_type
@@ -91,6 +89,9 @@ def suspension_slope(heights: Real, *, spacing: float) -> Real:
     F. Sroubek, M. Sorel, J. Zak, Precise International Roughness Index calculation, International Journal of Pavement
     Research and Technology 15 (2022) 1413-1419.
     """
+    from scipy import signal
+    from scipy.interpolate import CubicSpline
+
     check_number("spacing", spacing, above=0)
     half = GOLDEN_CAR.contact_length / 2
     n_more = int(np.ceil(half / spacing))  # the profile goes on straight at both ends
@@ -434,6 +435,8 @@ def _missing(profile: RoadProfile, side: int, speed: float) -> tuple[float, Real
 
 def _fitted_spectrum(heights: Real, spacing: float, n_missing: Real, missing: Real) -> tuple[float, float]:
     """Return the roughness [m^3] for the standard's waviness, and the waviness, of a spectrum with what is missing."""
+    from scipy import signal
+
     detrended = signal.detrend(heights)
     window = signal.windows.hann(heights.size, sym=False)
     power = np.abs(np.fft.rfft(detrended * window)) ** 2 * 2 * spacing / np.sum(window**2)
@@ -447,6 +450,8 @@ def _fitted_spectrum(heights: Real, spacing: float, n_missing: Real, missing: Re
 
 def _events(profile: RoadProfile) -> tuple[RoadEvent, ...]:
     """Return the potholes and bumps of a profile."""
+    from scipy import signal
+
     longest, shortest = 1 / SETTINGS.event[1], 1 / SETTINGS.event[0]
     sos = signal.butter(2, (longest, shortest), "bandpass", fs=1 / profile.spacing, output="sos")
     heights = signal.sosfiltfilt(sos, profile.heights, axis=1) * profile.is_valid

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 from scipy.linalg import expm, matrix_balance, schur
-from scipy.signal import lfilter
 
 from sprung._arrays import Real
 from sprung._checks import check_number, check_type
@@ -61,6 +60,8 @@ def response(discrete: StateSpace, inputs: Real) -> Real:
         raise ParameterError(
             f"inputs has shape {inputs.shape}, but must be ({discrete.input_matrix.shape[1]}, samples)"
         )
+    from scipy.signal import lfilter
+
     balanced, (scale, _) = matrix_balance(discrete.state_matrix, permute=False, separate=True)
     T, Q = schur(balanced, output="complex")
     drive = (Q.conj().T @ (discrete.input_matrix / scale[:, None])) @ inputs

@@ -6,7 +6,6 @@ from functools import partial
 from inspect import signature
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from sprung._arrays import Real
 from sprung._checks import check_number
@@ -470,6 +469,8 @@ def jittered(recording: Recording, *, standard_deviation: float, generator: np.r
     >>> print(f"{np.std(shaken.samples - run.samples):.1f}")
     0.2
     """
+    from scipy.interpolate import CubicSpline
+
     check_number("standard_deviation", standard_deviation, at_least=0)
     samples = recording.samples.copy()
     for stretch in recording.stretches():

@@ -1,13 +1,17 @@
 """Corners, calibrations and bounce tests as tables and sentences."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from sprung._display import counted
-from sprung.bounce_tests import Bounce
-from sprung.calibration import CalibratedNumber, Calibration
 from sprung.likelihood import CornerFit
 from sprung.results.tables.identification import describe_shapes
 from sprung.results.tables.wording import Table, format_estimate, format_name
+
+if TYPE_CHECKING:
+    from sprung.bounce_tests import Bounce
+    from sprung.calibration import CalibratedNumber, Calibration
 
 #: Letters of the longest bar, and the relative change at which it is reached.
 _BAR, _FULL = 8, 0.4
@@ -99,7 +103,7 @@ def _bar(change: float) -> str:
 _MINOR = {"sides", "sensors"}
 
 
-def calibration_table(calibration: Calibration) -> Table:
+def calibration_table(calibration: "Calibration") -> Table:
     """Return the table of the numbers learnt from drives, next to those that the file stated.
 
     Examples
@@ -126,7 +130,7 @@ def calibration_table(calibration: Calibration) -> Table:
     return Table("Parameters of the vehicle file", columns, rows, n_words=1, caption="± standard deviation")
 
 
-def describe_calibration(calibration: Calibration) -> list[str]:
+def describe_calibration(calibration: "Calibration") -> list[str]:
     """Return sentences on the misfit before and after, and the notes.
 
     Examples
@@ -151,7 +155,7 @@ def describe_calibration(calibration: Calibration) -> list[str]:
     return [f"model error of the windows: {before} % before, {after} % after", gain, *calibration.notes]
 
 
-def _number_cells(number: CalibratedNumber) -> tuple[str, ...]:
+def _number_cells(number: "CalibratedNumber") -> tuple[str, ...]:
     """Return one line of the table."""
     unit = f" [{number.unit}]" if number.unit else ""
     given = "–" if number.nominal_value is None else f"{number.nominal_value:.5g}"
@@ -166,7 +170,7 @@ def _number_cells(number: CalibratedNumber) -> tuple[str, ...]:
 _QUANTITIES = {"natural_frequency": "frequency", "damping_ratio": "damping", "value": "value"}
 
 
-def describe_bounce(bounce: Bounce) -> str:
+def describe_bounce(bounce: "Bounce") -> str:
     """Return the number of tests and modes, and the largest change, in a line."""
     sizes = f"{counted(len(bounce.tests), 'test')}, {counted(len(bounce.modes), 'mode')}"
     if not bounce.changes:
@@ -179,7 +183,7 @@ def describe_bounce(bounce: Bounce) -> str:
     return f"{sizes}; changed: {what} {100 * largest.change:+.0f} %"
 
 
-def bounce_tables(bounce: Bounce) -> list[Table]:
+def bounce_tables(bounce: "Bounce") -> list[Table]:
     """Return the modes of all tests, the single tests, springs and dampers, and changes as tables."""
     tables = [_modes_table(bounce), _tests_table(bounce)]
     known = [value for value in bounce.corners if value.is_identifiable]
@@ -211,7 +215,7 @@ def bounce_tables(bounce: Bounce) -> list[Table]:
     return tables
 
 
-def _modes_table(bounce: Bounce) -> Table:
+def _modes_table(bounce: "Bounce") -> Table:
     """Return the modes of all tests together."""
     modes = bounce.modes
     shapes = describe_shapes(modes.channels, modes.mode_shapes)
@@ -228,7 +232,7 @@ def _modes_table(bounce: Bounce) -> Table:
     return Table("Modes", columns, rows, n_words=0, caption="± standard deviation")
 
 
-def _tests_table(bounce: Bounce) -> Table:
+def _tests_table(bounce: "Bounce") -> Table:
     """Return the modes of each test, with friction where it is stated apart."""
     rows = []
     for number, test in enumerate(bounce.tests, start=1):

@@ -1,20 +1,25 @@
 """Plans, roads, rides and plate tests as tables and sentences."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-from sprung.kits import CHANGES, KitPlan
-from sprung.likelihood.plate_test import PLATE, PlateTest
 from sprung.modal import INTERVAL_95
 from sprung.results.tables.wording import Table, format_estimate, format_name
-from sprung.ride import Ride, mean_comfort_in_words
-from sprung.road import RoadSurvey, TrackRoughness
+
+if TYPE_CHECKING:
+    from sprung.kits import KitPlan
+    from sprung.likelihood.plate_test import PlateTest
+    from sprung.ride import Ride
+    from sprung.road import RoadSurvey, TrackRoughness
 
 #: Stretches from which on a table of them is cut.
 _MOST_STRETCHES = 40
 
 
-def plan_tables(plan: KitPlan) -> tuple[Table, Table]:
+def plan_tables(plan: "KitPlan") -> tuple[Table, Table]:
     """Return the tables of the components and of the sensors of a plan."""
+    from sprung.kits import CHANGES
+
     minutes = tuple(f"{100 * change:.0f} % found [min]" for change in CHANGES)
     columns = ("component", "std [%]", "left/right std [%]", *minutes)
     rows = []
@@ -29,11 +34,11 @@ def plan_tables(plan: KitPlan) -> tuple[Table, Table]:
     return components, Table("Sensors", ("channel", "narrower by it [%]"), sensors, ends_in_words=False)
 
 
-def _minutes(value: float | None, plan: KitPlan) -> str:
+def _minutes(value: float | None, plan: "KitPlan") -> str:
     return f"> {64 * plan.drive.minutes:.0f}" if value is None else f"{value:.0f}"
 
 
-def describe_plan(plan: KitPlan) -> list[str]:
+def describe_plan(plan: "KitPlan") -> list[str]:
     """Return the conditions of a plan, and its limits."""
     low, high = plan.drive.speed
     drive = f"windows of {plan.drive.minutes:g} min at {3.6 * low:.0f} to {3.6 * high:.0f} km/h"
@@ -47,7 +52,7 @@ def describe_plan(plan: KitPlan) -> list[str]:
     ]
 
 
-def road_table(survey: RoadSurvey) -> Table:
+def road_table(survey: "RoadSurvey") -> Table:
     """Return the table of the stretches of a road."""
     columns = ("from [m]", "to [m]", "left IRI [m/km]", "right IRI [m/km]", "left class", "right class")
     rows = [
@@ -66,11 +71,11 @@ def road_table(survey: RoadSurvey) -> Table:
     return Table("Road", columns, tuple(rows), n_words=0, caption=caption)
 
 
-def _index(track: TrackRoughness) -> str:
+def _index(track: "TrackRoughness") -> str:
     return format_estimate(track.iri, track.iri_std)
 
 
-def events_table(survey: RoadSurvey) -> Table:
+def events_table(survey: "RoadSurvey") -> Table:
     """Return the table of potholes and bumps, the deepest first."""
     deepest = sorted(survey.events, key=lambda event: -event.depth)[:_MOST_STRETCHES]
     rows = [
@@ -81,7 +86,7 @@ def events_table(survey: RoadSurvey) -> Table:
     return Table("Potholes and bumps", columns, tuple(rows), n_words=2, ends_in_words=False)
 
 
-def ride_tables(ride: Ride) -> list[Table]:
+def ride_tables(ride: "Ride") -> list[Table]:
     """Return the tables of a ride: vibration, and travel where there is any."""
     columns = ("channel", "standard", "weighting", "RMS [m/s²]", "MTVV [m/s²]", "VDV", "crest", "value", "rating")
     rows = tuple(
@@ -118,16 +123,20 @@ def ride_tables(ride: Ride) -> list[Table]:
     return tables
 
 
-def describe_ride(ride: Ride) -> list[str]:
+def describe_ride(ride: "Ride") -> list[str]:
     """Return the mean comfort, and the limits of a ride."""
+    from sprung.ride import mean_comfort_in_words
+
     if ride.mean_comfort is None:
         return list(ride.notes)
     words = mean_comfort_in_words(ride.mean_comfort)
     return [f"mean comfort N_MV {ride.mean_comfort:.2f} (EN 12299): {words}", *ride.notes]
 
 
-def plate_tests_table(tests: Mapping[str, PlateTest]) -> Table:
+def plate_tests_table(tests: "Mapping[str, PlateTest]") -> Table:
     """Return the table of what a suspension tester would measure."""
+    from sprung.likelihood.plate_test import PLATE
+
     columns = (
         "corner",
         "phase shift [°]",
@@ -158,7 +167,9 @@ def plate_tests_table(tests: Mapping[str, PlateTest]) -> Table:
     return Table("Inspection", columns, rows, caption=caption)
 
 
-def _remark(test: PlateTest) -> str:
+def _remark(test: "PlateTest") -> str:
+    from sprung.likelihood.plate_test import PLATE
+
     below = test.phase_shift < PLATE.phase_limit
     uncertain = abs(test.phase_shift - PLATE.phase_limit) < INTERVAL_95 * test.phase_shift_std
     words = []
