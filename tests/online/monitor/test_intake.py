@@ -268,3 +268,35 @@ def test_a_frame_carries_nothing_but_samples(intake, store, refusals, change) ->
     intake.take([(name, message(document | change))], now=0)
     assert refusals.counts == {("car-1", INVALID): 1}
     assert intake.take([(name, message(document | {77: bytes(900)}))], now=0).arrived == {("car-1", 1): 0}
+
+
+def test_descriptions_of_many_vehicles_are_one_transaction(intake, store, refusals, monkeypatch) -> None:
+    begun, checked = count(), store.inbox._database._checked
+    monkeypatch.setattr(store.inbox._database, "_checked", lambda: (next(begun), checked())[1])
+    other = vehicle_text(read_vehicle("y25"))
+    metas = [(topic(f"car-{number}", "meta"), message(ORIGINALS["meta"])) for number in range(50)]
+    changed = topic("car-7", "meta"), message(ORIGINALS["meta"] | {"description": other})
+    bad = topic("car-9", "meta"), message(ORIGINALS["meta"] | {"description": "kind = 1"})
+    taken = intake.take([*metas, changed, bad, raw("car-50", 1, 0)], now=0)
+    assert next(begun) <= 3
+    assert len(taken.described) == store.inbox.n_vehicles() == 50
+    assert store.inbox.vehicle("car-7").description == other
+    assert refusals.counts == {("car-9", INVALID): 1}
+    # The last one counts, although it is stored already.
+    taken = intake.take([metas[7], changed], now=0)
+    assert (len(taken.described), store.inbox.vehicle("car-7").description) == (1, other)
+
+
+def test_a_description_that_the_store_refuses_costs_no_other(intake, store, refusals, monkeypatch) -> None:
+    put = store.inbox.put_vehicle
+
+    def refuse(vehicle, **values):
+        put(vehicle, **values)
+        if vehicle == "car-2":
+            raise RefusedError("the store cannot hold this: a number of 65 bits")
+
+    monkeypatch.setattr(store.inbox, "put_vehicle", refuse)
+    metas = [(topic(name, "meta"), message(ORIGINALS["meta"])) for name in ("car-1", "car-2", "car-3")]
+    assert intake.take(metas, now=0).described.keys() == {"car-1", "car-3"}
+    assert [row.vehicle for row in store.inbox.vehicles()] == ["car-1", "car-3"]
+    assert refusals.counts == {("car-2", UNSTORABLE): 1}

@@ -41,6 +41,8 @@ from sprung.vehicles import vehicle_from_text
 T = TypeVar("T")
 #: Sequence number up to which nothing is missing, by vehicle and boot.
 _Arrived: TypeAlias = dict[tuple[str, int], int]
+#: What descriptions have to store, and their checksums, by vehicle.
+_Descriptions: TypeAlias = dict[str, tuple[dict[str, Any], int]]
 
 LOG = logging.getLogger("sprung.monitor")
 
@@ -195,6 +197,7 @@ class Intake:
         below: dict[tuple[str, int], int] = {}
         dropped: dict[str, _Dropped] = {}
         taken = Taken()
+        new: _Descriptions = {}
         while self._crowded:
             self._boots.pop(self._crowded.pop(), None)  # counted again: many may be analysed by now
         for name, payload in messages:
@@ -204,6 +207,8 @@ class Intake:
                 vehicle, what = parse_topic(name)
                 if vehicle == MONITOR:
                     continue  # messages of monitors about themselves
+                if vehicle in new and what != "meta":  # its limits depend on its description
+                    self._add_descriptions(new, taken, now)
                 if what == "raw" or what in REPORTS:
                     header = check_frame(payload, vehicle) if what == "raw" else _check_report(vehicle, what, payload)
                     self._check_boot(vehicle, header.boot)
@@ -213,14 +218,15 @@ class Intake:
                     first, dropped[vehicle] = self._stated(vehicle, checked_map(payload), now)
                     below |= {(vehicle, boot): seq for boot, seq in first.items() if seq > 0}
                     taken.held[vehicle] = frozenset(first if len(first) < MAX_BOOTS else ())
+                elif what == "meta":
+                    new[vehicle] = self._description(vehicle, checked_map(payload)), checksum(payload)
                 else:
-                    self._handle(vehicle, what, checked_map(payload), now)
-                    if what == "meta":
-                        taken.described[vehicle] = checksum(payload)
+                    self._handle(vehicle, what, checked_map(payload))
                 # The broker retains descriptions, and sends them even if the vehicle is long gone.
                 self._seen |= {} if what == "meta" else {vehicle: now}
             except (FormatError, ParameterError, RefusedError) as error:
                 self._refuse(name, error)
+        self._add_descriptions(new, taken, now)
         # Frames first: what arrived is not lost.
         taken.arrived |= self._add_frames(frames, taken.frames, now)
         taken.arrived |= self._declare_lost(below, dropped, now)
@@ -341,11 +347,9 @@ class Intake:
             )
         known.add(boot)
 
-    def _handle(self, vehicle: str, what: str, document: dict[Any, Any], now: int) -> None:
-        """Handle a message that is neither a frame, a report nor a state; those of unknown kinds are ignored."""
-        if what == "meta":
-            self._describe(vehicle, document, now)
-        elif what == "health":
+    def _handle(self, vehicle: str, what: str, document: dict[Any, Any]) -> None:
+        """Handle a message about a box; those of unknown kinds are ignored."""
+        if what == "health":
             self._free[vehicle] = _free_bytes(document)
         elif what == "event" and document.get("did") == "raw":
             number, answer = _answer(document)
@@ -367,8 +371,25 @@ class Intake:
         if len(self._refusals) > _MAX_REFUSALS:
             self._refusals.pop(next(iter(self._refusals)))
 
-    def _describe(self, vehicle: str, document: dict[Any, Any], now: int) -> None:
-        """Store a vehicle's description if it is new."""
+    def _add_descriptions(self, new: _Descriptions, taken: Taken, now: int) -> None:
+        """Store descriptions in one transaction, as each alone would wait for the disk, and empty `new`."""
+
+        def add(some: Sequence[tuple[str, tuple[dict[str, Any], int]]]) -> _Arrived:
+            with self._store.together():
+                for vehicle, (values, _) in some:
+                    if values:
+                        self._store.inbox.put_vehicle(vehicle, **values, now=now)
+            for vehicle, (values, number) in some:
+                if values:
+                    self.quotas.forget(vehicle)
+                taken.described[vehicle] = number
+            return {}
+
+        self._stored(list(new.items()), lambda described: (described[0], "meta"), add)
+        new.clear()
+
+    def _description(self, vehicle: str, document: dict[Any, Any]) -> dict[str, Any]:
+        """Return what a vehicle's description has to store; empty if it is stored."""
         description, quantities = document.get("description"), document.get("quantities")
         configuration = text(document.get(Key.CONFIGURATION))
         if not isinstance(description, str) or not isinstance(quantities, dict):
@@ -379,13 +400,11 @@ class Intake:
         # The time to parse a key of many dotted names grows with the square of its length.
         if len(description) > _MAX_TEXT or max(map(len, description.splitlines()), default=0) > _LONGEST_LINE:
             raise FormatError(f"a description of more than {_MAX_TEXT} characters, or {_LONGEST_LINE} in a line")
-        inbox = self._store.inbox
-        known = inbox.vehicle(vehicle)
+        known = self._store.inbox.vehicle(vehicle)
         if known is not None and (known.description, known.channels) == (description, channels):
-            return
+            return {}
         vehicle_from_text(description, source=f"the vehicle file of {vehicle}")
-        self.quotas.forget(vehicle)
-        inbox.put_vehicle(vehicle, configuration=configuration, description=description, channels=channels, now=now)
+        return {"configuration": configuration, "description": description, "channels": channels}
 
     def _check_number(self, vehicle: str, n_frames: int, now: int) -> None:
         """Refuse more frames than a box can have made: up to ten a second in a year, and since it was first seen."""
