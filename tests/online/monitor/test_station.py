@@ -69,6 +69,8 @@ def test_any_order_with_duplicates_gives_the_same_store(bench, alike, run_frames
     for part in np.array_split(order, 7):
         one.send([run_frames[k] for k in part])
     one.describe()
+    if not seed:  # beyond the quota of a vehicle without a description, none is acknowledged: its box sends it again
+        one.send([run_frames[k] for k in order])
     one.work()
     assert alike(contents(one.store), expected)
     assert one.store.inbox.boots("car-1") == []
