@@ -51,10 +51,7 @@ OF_ANALYSIS: tuple[Place, ...] = (
     ),
     ("corner fit", ("sprung/likelihood/", "signals/spectrum.py")),
     ("frames decoded", ("link/frame.py", "link/messages.py")),
-    (
-        "state",
-        ("monitor/engine.py:state", "monitor/assessment.py:state", "monitor/completion.py:state", "monitor/states.py"),
-    ),
+    ("state", ("monitor/engine.py:state", "monitor/engine.py:write_state", "monitor/assessment.py:state")),
     ("learning", ("diagnosis/learning.py", "sprung/calibration/")),
     ("diagnosis", ("sprung/diagnosis/",)),
 )
