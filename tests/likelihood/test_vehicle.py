@@ -9,6 +9,7 @@ from sprung.errors import ParameterError
 from sprung.likelihood import CornerSettings, rigid_layout, vehicle_model
 from sprung.likelihood.payload import payload
 from sprung.likelihood.search import minimised
+from sprung.likelihood.vehicle import default_choices
 from sprung.vehicles import read_vehicle, structure
 
 ON_WHEELS = ["components", "payload", "inputs", "class_roughness", "noise"]
@@ -101,3 +102,12 @@ def test_sensors_are_free_where_the_settings_say_so(classes) -> None:
 def test_impossible_settings_are_refused(settings, message) -> None:
     with pytest.raises(ParameterError, match=message):
         CornerSettings(**settings)
+
+
+@pytest.mark.parametrize("kind", ["road", "rig"])
+def test_a_vehicle_without_tyres_is_refused(car, kind) -> None:
+    """Before: an IndexError of an empty band."""
+    axles = tuple(axle.model_copy(update={"tyre_stiffness": None, "unsprung_mass": 0.0}) for axle in car.axle)
+    bare = car.model_copy(update={"axle": axles})
+    with pytest.raises(ParameterError, match="no axle of the vehicle file 'zafira' has a tyre_stiffness"):
+        default_choices(bare, structure(bare), CornerSettings(kind=kind), 200.0)

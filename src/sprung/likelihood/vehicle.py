@@ -194,15 +194,25 @@ def default_choices(
     sampling_rate
         Sampling rate of the recordings [Hz].
 
+    Raises
+    ------
+    ParameterError
+        If no axle has a tyre stiffness.
+
     Notes
     -----
     From 0.4 times the lowest natural frequency to 1.7 times the highest wheel hop, at most 33 times the lower end and
     0.4 times the sampling rate; 7.5 periods of the slowest mode.
     """
+    hops = wheel_hop_frequencies(vehicle)
+    if np.all(np.isnan(hops)):
+        raise ParameterError(
+            f"no axle of the vehicle file {vehicle.name!r} has a tyre_stiffness, by which a road or a rig moves the "
+            "vehicle: state that of each axle"
+        )
     slowest = float(nominal.modes().natural_frequency[0])
     low = DEFAULTS.below * slowest
-    hop = DEFAULTS.above * float(np.nanmax(wheel_hop_frequencies(vehicle)))
-    high = min(hop, DEFAULTS.widest * low, DEFAULTS.highest * sampling_rate)
+    high = min(DEFAULTS.above * float(np.nanmax(hops)), DEFAULTS.widest * low, DEFAULTS.highest * sampling_rate)
     return settings.band or (low, high), settings.segment or DEFAULTS.periods / slowest
 
 
