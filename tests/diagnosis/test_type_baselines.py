@@ -14,7 +14,7 @@ from sprung.diagnosis import (
     nominal_type,
     rank_fleet,
 )
-from sprung.diagnosis.scatter import directions
+from sprung.diagnosis.scatter import directions, kinds_of
 from sprung.diagnosis.type_baselines import PRODUCTION_SCATTER
 from sprung.errors import DataError, ParameterError
 from sprung.vehicles import Component, read_vehicle, structure
@@ -184,3 +184,23 @@ def test_too_few_vehicles_and_other_components_are_refused() -> None:
     ]
     with pytest.raises(ParameterError, match="the components differ from those of the type's baseline"):
         learn(windows, type_baseline=of_type)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.15])
+def test_a_load_that_no_vehicle_of_the_type_carried_is_no_deviation_where_the_file_misfits(error) -> None:
+    """Eight vehicles, and one with 250 kg m behind that reads as rear springs 45 % stiffer, beside front ones."""
+    by_load = 0.3 * ENDS[kinds_of(ENDS, COMPONENTS).index("spring")]
+
+    def loaded(seed, moments):
+        generator, windows = np.random.default_rng(seed), []
+        mean = np.linalg.cholesky(BETWEEN) @ generator.standard_normal(12)
+        for number, moment in enumerate(moments):
+            values = mean + np.linalg.cholesky(OF_FIT) @ generator.standard_normal(12) + by_load * moment / 100
+            conditions = {"model_error": error, "payload_x_moment": float(moment)}
+            windows.append(Observation(600.0 * number, COMPONENTS, values, OF_FIT, conditions, {}, ()))
+        return windows
+
+    of_type = learn_type({f"car-{seed}": loaded(seed, (0.0, -2.0, 2.0)) for seed in range(8)})
+    assert of_type.model_error == error
+    found = diagnose(loaded(9, (-250.0, -240.0, -260.0)), type_baseline=of_type)
+    assert bool(found.findings) == (error == 0.0)

@@ -69,6 +69,8 @@ class TypeBaseline(Savable):
         Degrees of freedom of the scatter of windows.
     n_vehicles, n_windows
         Numbers of vehicles and windows that it was learnt from; 0: production scatter only.
+    model_error
+        Median model error of these windows, see `CornerFit`.
 
     Raises
     ------
@@ -90,6 +92,7 @@ class TypeBaseline(Savable):
     degrees_of_freedom: float
     n_vehicles: int
     n_windows: int
+    model_error: float = 0.0
 
     def __post_init__(self) -> None:
         size = len(self.components)
@@ -110,7 +113,8 @@ class TypeBaseline(Savable):
     def information(self) -> Real:
         """Information about mean and slopes of a vehicle before any window, shape as `Baseline.information`."""
         of_mean = np.asarray(np.linalg.inv(self.single_vehicle_covariance), dtype=np.float64)
-        return prior_information(self.components, of_mean, of_slopes=TYPES.slopes if self.n_vehicles else 1.0)
+        of_slopes = TYPES.slopes if self.n_vehicles else 1.0
+        return prior_information(self.components, of_mean, of_slopes=of_slopes, model_error=self.model_error)
 
     def scatter(self, reported: Real, *, with_temperature: bool) -> Scatter:
         """Return the scatter of the windows of a vehicle before any, from the covariance that they report."""
@@ -156,6 +160,7 @@ class TypeBaseline(Savable):
             reason=f"{self.n_vehicles} vehicles of the type {self.name}"
             if self.n_vehicles
             else "the vehicle file only",
+            model_error=self.model_error,
         )
 
 

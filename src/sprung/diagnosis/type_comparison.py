@@ -287,6 +287,6 @@ def _mean_residual(of_type: TypeBaseline, windows: Sequence[Observation]) -> tup
         no_ends = dict.fromkeys(kinds_of(ends, baseline.components), 0.0)
         covariance = covariance + shared_covariance(baseline.components, no_ends)
     beyond = baseline.beyond(np.mean([baseline.units(window) for window in windows], axis=0))
-    for distance, slope in zip(beyond, slope_covariances(baseline.components), strict=True):
+    for distance, slope in zip(beyond, slope_covariances(baseline.components, of_type.model_error), strict=True):
         covariance = covariance + distance**2 * slope
     return away.mean(axis=0), np.asarray(covariance, dtype=np.float64)

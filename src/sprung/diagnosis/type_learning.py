@@ -9,7 +9,7 @@ from scipy.special import ndtr, ndtri
 
 from sprung._arrays import Real
 from sprung._checks import check_each, check_type
-from sprung.diagnosis.baseline import medians, ranges, slope_covariances, units_of
+from sprung.diagnosis.baseline import medians, model_error_of, ranges, slope_covariances, units_of
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.scatter import ROUNDS, Deviations, Scatter, directions, kinds_of, regression
 from sprung.diagnosis.type_baselines import (
@@ -118,7 +118,8 @@ class Fleet:
         owner = np.repeat(np.eye(len(windows)), [len(of_vehicle) for of_vehicle in windows.values()], axis=0)
         counts = owner.sum(axis=0)
         inside = np.eye(len(every)) - (owner / counts) @ owner.T
-        before = slope_covariances(components)
+        error = model_error_of(every)
+        before = slope_covariances(components, error)
         prior: Real = np.asarray(block_diag(*map(np.linalg.inv, before)), dtype=np.float64)
         scatter = usual = Scatter.typical(components, reported, with_temperature=has_temperature(every))
         for _ in range(ROUNDS):
@@ -135,6 +136,7 @@ class Fleet:
             common_std=scatter.common_std,
             has_temperature=scatter.has_temperature,
             degrees_of_freedom=scatter.degrees_of_freedom,
+            model_error=error,
         )
         means = dict(zip(windows, (owner / counts).T @ (values - units @ slopes), strict=True))
         return cls(within, scatter.whole, means, {vehicle: len(own) for vehicle, own in windows.items()})

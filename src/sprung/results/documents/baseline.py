@@ -251,6 +251,7 @@ class TypeBaselineDocument(Document):
     common_std: dict[str, float]
     has_temperature: bool
     degrees_of_freedom: float = Field(gt=0)
+    model_error: float = Field(0.0, ge=0)
     conditions: dict[str, ConditionDocument]
 
 
