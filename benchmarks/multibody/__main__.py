@@ -122,7 +122,7 @@ def faults(design: Design) -> list[Fault]:
             {f"{right}.tyre": 1.3, f"{right}.wheel": 0.82},
             frozenset({f"{right}.tyre", f"{right}.wheel"}),
         ),
-        Fault(f"{first} bar link broken", {f"{first}.bar": 0.0}, frozenset({f"{first}.bar", f"{first}.anti_roll_bar"})),
+        Fault(f"{first} bar link broken", {f"{first}.bar": 0.0}, frozenset({f"{first}_axle.anti_roll"})),
     ]
     if design.axles[0].linkage == "macpherson":
         rows.append(

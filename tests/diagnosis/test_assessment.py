@@ -6,11 +6,20 @@ from functools import cache
 import numpy as np
 import pytest
 
-from sprung.diagnosis import Observation, ResidualTest, SensorFault, assessment, diagnose, learn, observe_window
+from sprung.diagnosis import (
+    Observation,
+    ResidualTest,
+    SensorFault,
+    assessment,
+    diagnose,
+    doubt_about,
+    learn,
+    observe_window,
+)
 from sprung.diagnosis.changes import Candidate, Detection, Size
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.errors import ParameterError
-from sprung.simulation import RigRun, simulate_drive
+from sprung.simulation import RigRun, RoadConditions, RoadDrive, simulate_drive
 from sprung.vehicles import Component, parse_fault, read_vehicle, structure
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
@@ -302,3 +311,32 @@ def test_windows_of_another_vehicle_than_the_baseline_are_refused(healthy) -> No
     zafira, other = ([replace(one, vehicle=name) for one in healthy(8)] for name in ("zafira", "other"))
     with pytest.raises(ParameterError, match="of the vehicle 'other', the baseline is of 'zafira'"):
         diagnose(other, learn(zafira))
+
+
+@pytest.mark.parametrize(("kind", "largest"), [("spring", 0.2), ("anti_roll", 0.6)])
+def test_a_bar_may_hide_more_than_a_spring(kind, largest) -> None:
+    part = Component("front_axle", kind)
+    assert doubt_about({part: largest}) == ""
+    assert "front-axle" in doubt_about({part: largest + 0.01})
+
+
+def test_a_broken_link_of_an_anti_roll_bar_is_the_bar_alone() -> None:
+    """Simulated by a vehicle without the bar that its file states, after eight healthy windows of four minutes."""
+    file = read_vehicle("zafira")
+    front, rear = file.axle
+    file = file.model_copy(update={"axle": (front.model_copy(update={"anti_roll_stiffness": 12e3}), rear)})
+    broken = file.model_copy(update={"axle": (front, rear)})
+
+    def window(vehicle, number):
+        settings = RoadDrive(duration=240.0, sampling_rate=60.0, snr=50.0, road=RoadConditions("C"))
+        drive = simulate_drive(vehicle, settings, seed=number).recording
+        return observe_window(drive, file, time=240.0 * number)
+
+    baseline = learn([window(file, number) for number in range(8)])
+    found = diagnose([window(broken, number) for number in (8, 9)], baseline)
+    (finding,) = found.findings
+    assert (finding.corner, finding.component) == ("front_axle", "anti_roll")
+    assert finding.interval[0] == -1.0 < finding.interval[1] < -0.7
+    healthy = diagnose([window(file, number) for number in (10, 11)], baseline)
+    assert not healthy.findings
+    assert healthy.detectable[Component("front_axle", "anti_roll")] < 0.6

@@ -58,6 +58,11 @@ FINDING = Finding(
             "rear-left tyre 59 % (44 to 76 %) stiffer (or another wheel), since 20 min; inspect before the next 500 km",
         ),
         (
+            {"corner": "front_axle", "component": "anti_roll", "change": -0.9, "interval": (-0.95, -0.8)},
+            "front anti-roll bar or a link of it 90 % (80 to 95 %) softer, since 20 min; "
+            "inspect before the next 500 km",
+        ),
+        (
             {"corner": "vehicle", "component": "unmodelled", "change": None, "interval": None, "score": None},
             "the suspension differs from the baseline in a way that no single part explains: "
             "inspect before the next 500 km",

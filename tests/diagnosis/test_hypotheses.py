@@ -55,3 +55,10 @@ def test_a_pair_is_two_changes_and_an_unmodelled_one_none() -> None:
     assert PAIR.directions(COMPONENTS).sum(axis=1).tolist() == [1, 1]
     assert PAIR.directions(COMPONENTS).sum(axis=0).tolist() == PAIR.direction(COMPONENTS).tolist()
     assert Hypothesis("else", "vehicle", "unmodelled").directions(COMPONENTS).shape == (0, 12)
+
+
+def test_an_anti_roll_bar_changes_alone() -> None:
+    bars = (Component("front_axle", "anti_roll"), Component("rear_axle", "anti_roll"))
+    names = [hypothesis.name for hypothesis in hypotheses_of((*COMPONENTS, *bars)) if hypothesis.scope != "pair"]
+    assert len(names) == len(set(names)) == 12 + 2 + 6 + 3 + 1
+    assert [name for name in names if "anti_roll" in name] == ["front_axle.anti_roll", "rear_axle.anti_roll"]

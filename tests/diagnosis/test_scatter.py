@@ -65,6 +65,17 @@ def test_pairs_ends_and_all_of_a_kind() -> None:
     assert together.tolist() == [[1, 1, 1, 1]]
 
 
+def test_anti_roll_bars_scatter_each_by_itself() -> None:
+    """Three times what windows report for one, and half of it for the other."""
+    bars = components("front_axle.anti_roll", "rear_axle.anti_roll")
+    pairs, ends, together = directions(bars)
+    assert (pairs.tolist(), ends.tolist(), together.tolist()) == ([[1, 0], [0, 1]], [[0.5, -0.5]], [[1, 1]])
+    away = np.random.default_rng(3).standard_normal((2000, 2)) * [0.3, 0.05]
+    usual = Scatter.typical(bars, 0.1**2 * np.eye(2), with_temperature=True)
+    learnt = usual.learnt(Deviations(away, np.ones((2000, 1)), usual.whole, []))
+    np.testing.assert_allclose(learnt.scales, [3.0, 0.5], rtol=0.06)
+
+
 def test_kinds_with_different_numbers_of_axles() -> None:
     """Dampers of the front axle only: they have no front against rear."""
     some = components(*SPRINGS, "front_left.damper", "front_right.damper")

@@ -1,12 +1,12 @@
 """From windows of driving to findings: sensor checks, baseline, change tests, localisation, advice."""
 
 from sprung.diagnosis.assessment import (
-    MAX_UNDETECTED,
     RankedVehicle,
     compare,
     diagnose,
     diagnosis_of,
     doubt_about,
+    max_undetected,
     rank_fleet,
 )
 from sprung.diagnosis.baseline import Baseline
@@ -56,7 +56,6 @@ from sprung.diagnosis.type_learning import learn_type
 
 __all__ = [
     "LEARNING_WINDOWS",
-    "MAX_UNDETECTED",
     "SEVERITIES",
     "Baseline",
     "Candidate",
@@ -90,6 +89,7 @@ __all__ = [
     "learn",
     "learn_reference",
     "learn_type",
+    "max_undetected",
     "mode_changes",
     "nominal_type",
     "observe",

@@ -52,6 +52,8 @@ RULES = NamingRules()
 
 #: Change of a part that must be detectable for "no change detected" to be said.
 MAX_UNDETECTED = 0.2
+#: The same of an anti-roll bar, which fails by a link that breaks: all of it is lost.
+MAX_UNDETECTED_OF_BARS = 0.6
 
 
 def diagnose(
@@ -262,6 +264,15 @@ def _diagnosis(
     return Diagnosis(findings, first_faults, detection, every, notes, baseline, false_alarms, tests, tuple(doubts))
 
 
+def _is_bar(part: Component) -> bool:
+    return part.kind == "anti_roll"
+
+
+def max_undetected(part: Component) -> float:
+    """Return the change of a part that must be detectable for "no change detected" to be said."""
+    return MAX_UNDETECTED_OF_BARS if _is_bar(part) else MAX_UNDETECTED
+
+
 def doubt_about(detectable: Mapping[Component, float]) -> str:
     """Return why a change of some part may have gone undetected; empty if one of a fifth of any would have been found.
 
@@ -271,15 +282,16 @@ def doubt_about(detectable: Mapping[Component, float]) -> str:
     >>> doubt_about({Component("front_left", "spring"): 0.2})
     ''
     """
-    hidden = {part: least for part, least in detectable.items() if least > MAX_UNDETECTED}
+    hidden = {part: least for part, least in detectable.items() if least > max_undetected(part)}
     if not hidden:
         return ""
+    of_bars = f" (of an anti-roll bar {100 * MAX_UNDETECTED_OF_BARS:.0f} %)" if any(map(_is_bar, detectable)) else ""
     names = ", ".join(
         f"{str(part).replace('_', '-').replace('.', ' ')} {100 * least:.0f} %" for part, least in hidden.items()
     )
     return (
-        f"a change of {100 * MAX_UNDETECTED:.0f} % would not have been found in every part, as the smallest detectable "
-        f"changes show ({names}): give more windows, or learn the baseline from more"
+        f"a change of {100 * MAX_UNDETECTED:.0f} %{of_bars} would not have been found in every part, as the smallest "
+        f"detectable changes show ({names}): give more windows, or learn the baseline from more"
     )
 
 

@@ -452,7 +452,7 @@ def size_of(kind: str, size: float, deviation: float, model_error: float) -> Siz
     Parameters
     ----------
     kind
-        "spring", "damper" or "tyre".
+        "spring", "damper", "tyre" or "anti_roll".
     size, deviation
         Estimate and its standard deviation [ln].
     model_error
@@ -461,5 +461,7 @@ def size_of(kind: str, size: float, deviation: float, model_error: float) -> Siz
     scale = np.hypot(HIDDEN_STD.get(kind, 0.05), CANDIDATES.of_model_error * model_error)
     size, deviation = (value / (1 - HIDDEN.get(kind, 0.0)) for value in (size, deviation))
     half = INTERVAL_95 * np.hypot(deviation, scale * size)
-    interval = float(np.expm1(size - half)), float(np.expm1(size + half))
+    # The prior of the fit keeps a bar from losing all.
+    is_lost = kind == "anti_roll" and size < -np.log(2)
+    interval = -1.0 if is_lost else float(np.expm1(size - half)), float(np.expm1(size + half))
     return Size(float(np.expm1(size)), interval, abs(size) / deviation)

@@ -53,7 +53,7 @@ class Finding(Tabular):
     corner
         "front_left", "front" for both sides of an axle, "all" for all corners; "vehicle" for an unmodelled change.
     component
-        "spring", "damper" or "tyre"; "unmodelled".
+        "spring", "damper" or "tyre"; "anti_roll" of "front_axle"; "unmodelled".
     change, interval
         Relative change after the last window, -0.2 for a loss of a fifth, and its 95 % interval; None for an unmodelled
         change, which has no single size.
@@ -117,6 +117,8 @@ class Finding(Tabular):
     @property
     def _what(self) -> str:
         """The parts in words."""
+        if self.component == "anti_roll":
+            return f"{self.corner.removesuffix('_axle')} anti-roll bar or a link of it"
         if self.corner == "all":
             return f"all {self.component}s"
         if "_" not in self.corner:

@@ -26,6 +26,8 @@ class ChangePriors:
     log_pair: float = -3.0
     #: Standard deviation of the size of a change, ln values.
     size: float = 0.15
+    #: The same of an anti-roll bar, which loses all of its stiffness by a broken link.
+    size_of_bars: float = 1.0
     #: Standard deviation of an unmodelled change, ln values of each component.
     unmodelled_size: float = 0.04
 
@@ -43,9 +45,10 @@ class Hypothesis:
         "single", "pair" (two parts, each by a size of its own), "axle" (both sides of it by the same factor), "all"
         (corners by the same factor) or "else" (an unmodelled change).
     corner
-        "front_left", "front" for an axle, "all", or "vehicle" for an unmodelled change.
+        "front_left", "front" for both sides of an axle, "front_axle" for its anti-roll bar, "all", or "vehicle" for an
+        unmodelled change.
     component
-        "spring", "damper" or "tyre"; "unmodelled".
+        "spring", "damper", "tyre" or "anti_roll"; "unmodelled".
     second
         Second part of a pair; None otherwise.
     """
@@ -93,10 +96,17 @@ class Hypothesis:
         return np.array(rows).reshape(len(rows), len(components))
 
 
+def usual_sizes(components: tuple[Component, ...]) -> Real:
+    """Return the usual size of a change of each component over that of a spring, shape (components,)."""
+    bars = [component.kind == "anti_roll" for component in components]
+    return np.where(bars, PRIORS.size_of_bars / PRIORS.size, 1.0)
+
+
 def hypotheses_of(components: tuple[Component, ...]) -> tuple[Hypothesis, ...]:
     """Return all hypotheses: single components, both of an axle, all of a kind, an unmodelled change, and pairs."""
-    axles = sorted({(component.axle, component.kind) for component in components})
-    kinds = sorted({component.kind for component in components})
+    sided = [component for component in components if component.side]
+    axles = sorted({(component.axle, component.kind) for component in sided})
+    kinds = sorted({component.kind for component in sided})
     return (
         *(Hypothesis("single", component.corner, component.kind) for component in components),
         *(Hypothesis("axle", axle, kind) for axle, kind in axles),

@@ -75,7 +75,7 @@ class Observation(Tabular):
     time
         Time of the window's first sample [s].
     components
-        Fitted springs, dampers and tyres.
+        Fitted springs, dampers and tyres, and anti-roll bars of the vehicle file where the sensors see the body roll.
     log_ratios
         ln(value / nominal value) of each component, shape (components,); empty if the window is inconclusive.
     covariance
@@ -331,11 +331,12 @@ def observe_window(
         return _observation(time, window, exchanged or check.faults, reason=reason)
     modes = fit.modes()
     body = zip(modes.labels, modes.natural_frequency.tolist(), modes.damping_ratio.tolist(), strict=True)
+    parts = _parts(fit)
     return replace(
         _observation(time, window, check.faults),
-        components=fit.components,
-        log_ratios=fit.log_ratios,
-        covariance=fit.covariance[: len(fit.components), : len(fit.components)],
+        components=tuple(parts),
+        log_ratios=fit.parameters[list(parts.values())],
+        covariance=fit.covariance[np.ix_(*2 * (list(parts.values()),))],
         conditions=window.conditions | _fitted_conditions(fit),
         modes={label: (frequency, damping) for label, frequency, damping in body if label in MOTIONS},
         residuals=None if check.faults else _residuals(window),
@@ -355,6 +356,15 @@ def _reason(fit: CornerFit, disagreement: float) -> str:
         lines = f" with {100 * fit.share_of_lines:.0f} % of the spectra left out for lines"
         return f"{badly}{lines if has_many_lines else ''}"
     return ""
+
+
+def _parts(fit: CornerFit) -> dict[Component, int]:
+    """Return the parts whose change is sought, and the rows of their parameters."""
+    known = {str(component): component for component in fit.components}
+    if "roll" in fit.model.layout.coordinates:
+        bars = (element for element in fit.model.structure.elements if element.part == "anti_roll")
+        known |= {f"{element.owner}_stiffness": element.components[0] for element in bars}
+    return {known[name]: row for row, name in enumerate(fit.model.names) if name in known}
 
 
 def _fitted_conditions(fit: CornerFit) -> dict[str, float]:

@@ -13,11 +13,11 @@ from sprung.vehicles import Component
 
 #: Common change of all components of a kind from window to window (payload, temperature, road), ln values, where the
 #: temperature is unknown.
-COMMON = {"spring": 0.08, "damper": 0.25, "tyre": 0.06}
+COMMON = {"spring": 0.08, "damper": 0.25, "tyre": 0.06, "anti_roll": 0.08}
 #: The part of it that is left where the temperature is known.
-COMMON_AT_A_TEMPERATURE = {"spring": 0.04, "damper": 0.06, "tyre": 0.03}
+COMMON_AT_A_TEMPERATURE = {"spring": 0.04, "damper": 0.06, "tyre": 0.03, "anti_roll": 0.04}
 #: Common change of front against rear, ln values.
-FRONT_REAR_STD = {"spring": 0.008, "damper": 0.012, "tyre": 0.005}
+FRONT_REAR_STD = {"spring": 0.008, "damper": 0.012, "tyre": 0.005, "anti_roll": 0.008}
 
 
 def shared_covariance(
@@ -68,10 +68,11 @@ def directions(components: tuple[Component, ...]) -> tuple[Real, Real, Real]:
     Returns
     -------
     tuple
-        Left against right for each axle and kind; each axle against the next one; all components of a kind together.
+        Left against right for each axle and kind, and each component without a side by itself; each axle against the
+        next one; all components of a kind together.
     """
     kinds = sorted({component.kind for component in components})
-    left = np.array([1.0 if component.side == "left" else -1.0 for component in components])
+    left = np.array([-1.0 if component.side == "right" else 1.0 for component in components])
     pairs, ends, together = [], [], []
     for kind in kinds:
         axles = sorted({component.axle for component in components if component.kind == kind})

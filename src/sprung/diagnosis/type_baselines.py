@@ -17,6 +17,8 @@ from sprung.vehicles import Component
 PRODUCTION_SCATTER = {"spring": 0.04, "damper": 0.05, "tyre": 0.03}
 #: Production scatter of other kinds.
 OTHER_SCATTER = 0.05
+#: The same where a vehicle file alone is known: it states an anti-roll bar by a factor of two or three.
+_OF_FILE = PRODUCTION_SCATTER | {"anti_roll": 2.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +194,7 @@ def nominal_type(components: tuple[Component, ...], *, name: str) -> TypeBaselin
         mean=np.zeros(len(components)),
         between=between_vehicles(
             components,
-            left_right={kind: PRODUCTION_SCATTER.get(kind, OTHER_SCATTER) for kind in kinds},
+            left_right={kind: _OF_FILE.get(kind, OTHER_SCATTER) for kind in kinds},
             front_rear=dict.fromkeys(kinds, TYPES.file_front_rear),
             common=dict.fromkeys(kinds, TYPES.file_common),
         ),

@@ -41,9 +41,9 @@ class DefaultChoices:
     periods: float = 7.5
     #: Lowest frequency of lines over that of the highest mode of the body.
     lines_over_body: float = 1.5
-    #: Standard deviation of ln of an anti-roll bar's stiffness over that of the vehicle file: known exactly, it alone
-    #: would fix the scale that all masses and stiffnesses have in common.
-    anti_roll: float = 0.1
+    #: Standard deviation of ln of an anti-roll bar's stiffness over that of the vehicle file: wide enough for a broken
+    #: link. Known exactly, it alone would fix the scale that all masses and stiffnesses have in common.
+    anti_roll: float = 0.5
     #: Length over which a wheel averages a rail [m].
     rail_contact: float = 0.01
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung._display import counted
-from sprung.diagnosis import MAX_UNDETECTED, Baseline, Observation, doubt_about
+from sprung.diagnosis import Baseline, Observation, doubt_about, max_undetected
 from sprung.diagnosis.baseline import MeanDeviation, mean_deviation, typical_std
 from sprung.modal import INTERVAL_95
 from sprung.results.tables import describe_no_change
@@ -148,7 +148,7 @@ class Reference:
             if alert is not None and alert.change is not None and alert.interval is not None:
                 change = alert.change
                 interval = with_common = alert.interval
-            verdict = Verdict.NO_CHANGE_DETECTED if limit is not None and limit <= MAX_UNDETECTED else None
+            verdict = Verdict.NO_CHANGE_DETECTED if limit is not None and limit <= max_undetected(component) else None
             parts.append(
                 PartState(
                     part=str(component),

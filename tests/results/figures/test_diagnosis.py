@@ -127,3 +127,22 @@ def test_a_single_window_has_an_axis_of_minutes(baseline) -> None:
     found = diagnose([window(np.random.default_rng(4), 0.0)], baseline)
     for figure in (evidence_figure(found), trends_figure(found, baseline)):
         assert figure.axes[0].get_xlim() == (-1.0, 1.0)
+
+
+def test_an_anti_roll_bar_is_drawn_at_the_left_corner_of_its_axle() -> None:
+    parts, generator = (*COMPONENTS, Component("front_axle", "anti_roll")), np.random.default_rng(0)
+    values = 0.02 * generator.standard_normal((12, 13))
+    every = [Observation(600.0 * k, parts, x, 0.02**2 * np.eye(13), {}, {}, ()) for k, x in enumerate(values)]
+    baseline = learn(every[:8])
+    diagnosis = diagnose(every[8:], baseline)
+    trends, corners = trends_figure(diagnosis, baseline), corner_changes_figure(diagnosis, baseline)
+    assert len(trends.axes) == 16
+    assert trends.axes[12].get_ylabel() == "anti-roll [%]"
+    assert len(trends.axes[12].containers) == 1
+    assert not trends.axes[13].containers
+    assert [label.get_text() for label in corners.axes[0].get_xticklabels()] == [
+        "spring",
+        "damper",
+        "tyre",
+        "anti-roll",
+    ]

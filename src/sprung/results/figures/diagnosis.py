@@ -148,7 +148,7 @@ def corner_bars(
     -----
     The axis is scaled to the changes: an interval that reaches far beyond them is cut off, with an arrow at its end.
     """
-    corners = list(dict.fromkeys(component.corner for component in components))
+    corners = list(dict.fromkeys(draw.corner_of(component) for component in components))
     n_axles = len(corners) // 2
     figure = draw.new_figure(*heading, height=1.4 + 2.1 * n_axles)
     panels = draw.panels(figure, n_axles, 2, size=STYLE.small, sharey=True)
@@ -157,7 +157,7 @@ def corner_bars(
     near, far = (percent(log_ratios + sign * INTERVAL_95 * inner) for sign in (-1, 1))
     reach = _reach(change[is_identifiable], near[is_identifiable], far[is_identifiable])
     for axes, corner in zip(panels.ravel(), corners, strict=True):
-        rows = [row for row, component in enumerate(components) if component.corner == corner]
+        rows = [row for row, component in enumerate(components) if draw.corner_of(component) == corner]
         axes.set_ylim(-reach, reach)
         kinds = [components[row].kind for row in rows]
         _draw_corner(axes, kinds, is_identifiable[rows], change[rows], (near[rows], far[rows]))
@@ -188,14 +188,14 @@ def _draw_corner(
     axes.axhline(0, color=STYLE.ink, linewidth=1)
     near, far = ends
     for place, (name, is_known) in enumerate(zip(names, is_identifiable, strict=True)):
-        colour = STYLE.colours[STYLE.kinds.index(name) % 3] if is_known else "#C8C8C8"
+        colour = STYLE.colours[(*STYLE.kinds, "anti_roll").index(name) % 3] if is_known else "#C8C8C8"
         axes.add_patch(Rectangle((place - 0.3, 0), 0.6, change[place], color=colour, alpha=0.75, linewidth=0))
         if is_known and change[place] >= 0:
             draw.note(axes, f"{change[place]:+.1f} %", (place, max(far[place], 0.0)), offset=(4, 1), va="bottom")
         elif is_known:
             draw.note(axes, f"{change[place]:+.1f} %", (place, min(near[place], 0.0)), offset=(4, -1), va="top")
     axes.set_xlim(-0.6, len(names) - 0.4)
-    axes.set_xticks(range(len(names)), names, fontsize=STYLE.small)
+    axes.set_xticks(range(len(names)), [name.replace("_", "-") for name in names], fontsize=STYLE.small)
 
 
 def correlation_figure(fit: CornerFit, *, source: str = "") -> Figure:
@@ -470,7 +470,7 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
     """
     normal, conclusive = _normal(diagnosis, baseline, "trends need")
     components = normal.components
-    n_corners = len({component.corner for component in components})
+    n_corners = len({draw.corner_of(component) for component in components})
     what = "Components over time against the vehicle file, with 95 % intervals"
     where = f"Grey: 95 % of usual windows by {_name(normal)}; darker: without common effects"
     figure = draw.new_figure(what, where, width=max(9.5, 2.4 * n_corners), height=7)

@@ -206,19 +206,29 @@ def matrix(
     return drawn
 
 
+def corner_of(component: Component) -> str:
+    """Return the corner at which a component is drawn: the left one of its axle for an anti-roll bar."""
+    is_bar = component.kind == "anti_roll"
+    return f"{component.corner.removesuffix('_axle')}_left" if is_bar else component.corner
+
+
 def component_panels(figure: Figure, components: Sequence[Component]) -> tuple[NDArray[Any], list[tuple[Axes, int]]]:
-    """Return panels of springs, dampers and tyres by corner, and those of the components with their rows."""
-    corners = list(dict.fromkeys(component.corner for component in components))
-    grid = panels(figure, len(STYLE.kinds), len(corners), sharex=True, sharey="row")
-    rows = {component: row for row, component in enumerate(components)}
+    """Return panels of springs, dampers and tyres by corner, and those of the components with their rows.
+
+    Anti-roll bars are below the left corner of their axle.
+    """
+    rows = {(corner_of(component), component.kind): row for row, component in enumerate(components)}
+    corners = list(dict.fromkeys(corner for corner, _ in rows))
+    kinds = [*STYLE.kinds, *dict.fromkeys(kind for _, kind in rows if kind == "anti_roll")]
+    grid = panels(figure, len(kinds), len(corners), sharex=True, sharey="row")
     shown = []
     for (k, column), axes in np.ndenumerate(grid):
         if k == 0:
             title(axes, corners[column].replace("_", " "))
         if column == 0:
-            axes.set_ylabel(f"{STYLE.kinds[k]} [%]")
-        if Component(corners[column], STYLE.kinds[k]) in rows:
-            shown.append((axes, rows[Component(corners[column], STYLE.kinds[k])]))
+            axes.set_ylabel(f"{kinds[k].replace('_', '-')} [%]")
+        if (corners[column], kinds[k]) in rows:
+            shown.append((axes, rows[corners[column], kinds[k]]))
     return grid, shown
 
 

@@ -90,7 +90,7 @@ def components_history_figure(
     >>> points.get_ydata().round().tolist()
     [0.0, 0.0, 0.0, 0.0, 0.0, -20.0, -20.0, -20.0, -20.0, -20.0]
     """
-    n_corners = len({component.corner for component in components})
+    n_corners = len({draw.corner_of(component) for component in components})
     groups, length = _grouped(times)
     points = f"medians of {length} h, with 95 % of their windows" if length else "single windows with 95 % intervals"
     where = f"Points: {points}. Grey: usual windows. Shaded: alert."
@@ -482,7 +482,7 @@ def plan_figure(
     >>> [text.get_text() for axes in figure.axes for text in axes.texts if "30" in text.get_text()]
     ['■ −30.0 %']
     """
-    corners = list(dict.fromkeys(component.corner for component in components))
+    corners = list(dict.fromkeys(draw.corner_of(component) for component in components))
     n_axles = max(1, len(corners) // 2)
     figure = draw.new_figure(*heading, height=max(1.3 + 1.5 * n_axles, 1.3 + 0.24 * len(components)))
     left, right = figure.subplots(1, 2, width_ratios=(5, 6))
@@ -514,7 +514,7 @@ def _draw_plan(
         x = (-2.05, 0.65)[side]
         y = 0.32 - row
         axes.text(x, y, corner.replace("_", " "), fontsize=STYLE.small, color=STYLE.ink, va="bottom", weight="bold")
-        of_corner = [k for k, component in enumerate(components) if component.corner == corner]
+        of_corner = [k for k, component in enumerate(components) if draw.corner_of(component) == corner]
         for line, k in enumerate(of_corner):
             _draw_cell(axes, (x, y - 0.05 - 0.24 * line), components[k], float(change[k]), steps)
 
@@ -530,7 +530,7 @@ def _draw_cell(
     style: dict[str, Any] = {"boxstyle": "round,pad=0,rounding_size=0.04", "facecolor": colour, "edgecolor": "#BBBBBB"}
     axes.add_patch(FancyBboxPatch((x, y - 0.21), 1.4, 0.2, linewidth=0.7, **style))
     text: dict[str, Any] = {"fontsize": STYLE.small, "color": ink, "va": "center"}
-    axes.text(x + 0.06, y - 0.115, component.kind, **text)
+    axes.text(x + 0.06, y - 0.115, component.kind.replace("_", "-"), **text)
     axes.text(x + 1.34, y - 0.115, f"{sign} {change:+.1f} %".replace("-", "−").strip(), ha="right", **text)
 
 
