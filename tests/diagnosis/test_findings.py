@@ -55,7 +55,8 @@ FINDING = Finding(
         ),
         (
             {"component": "tyre", "change": 0.59, "interval": (0.44, 0.76)},
-            "rear-left tyre 59 % (44 to 76 %) stiffer (or another wheel), since 20 min; inspect before the next 500 km",
+            "rear-left tyre 59 % (44 to 76 %) stiffer (or another wheel, up to 30 % lighter), since 20 min; "
+            "inspect before the next 500 km",
         ),
         (
             {"corner": "front_axle", "component": "anti_roll", "change": -0.9, "interval": (-0.95, -0.8)},

@@ -9,7 +9,7 @@ from sprung._checks import check_each, check_number, check_type
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, detect, false_discoveries
 from sprung.diagnosis.channel_faults import SensorFault
-from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, format_time
+from sprung.diagnosis.findings import LIGHTEST_WHEEL, SEVERITIES, STIFFER_TYRE, Diagnosis, Finding, format_time
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.learning import learn
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
@@ -340,10 +340,14 @@ def _findings(detection: Detection, observations: Sequence[Observation], baselin
     findings = []
     for number, size in enumerate(current_sizes(best, observations, baseline)):
         change = best.hypothesis.changes[number]
-        certain = min(map(abs, size.interval)) if size.interval[0] * size.interval[1] > 0 else 0.0
+        low, high = size.interval
+        if change.component == "tyre" and change.scope == "single" and size.change >= STIFFER_TYRE:
+            low = (1 + low) * LIGHTEST_WHEEL - 1
+        interval = low, high
+        certain = min(map(abs, interval)) if low * high > 0 else 0.0
         severity = next(level[1:] for level in SEVERITIES if certain >= level[0])
         course = trend(best, observations, baseline, since=best.onset, number=number)
-        size_of_it = size.change, size.interval, size.score
+        size_of_it = size.change, interval, size.score
         findings.append(Finding(change.corner, change.component, *size_of_it, *severity, *onset, course))
     return tuple(findings)
 

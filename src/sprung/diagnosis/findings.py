@@ -30,12 +30,16 @@ SEVERITIES = (
     (0.1, "medium", 500, "inspect at the next service"),
     (0.0, "low", 300, "continue monitoring"),
 )
+#: Least unsprung mass of a corner with another wheel, over that before: a compact spare wheel takes off a fifth.
+LIGHTEST_WHEEL = 0.7
+#: Change of one tyre from which another wheel may be the reason: the motion shows its stiffness over that mass.
+STIFFER_TYRE = 0.3
 #: What else at a corner reads as a large change of a part: kind, least change and name, in words for cars, rails and
 #: rigs. The motion of the body does not separate them.
 LOOK_ALIKES = (
     ("damper", -0.5, "its mount"),
     ("damper", 0.2, "friction beside it"),
-    ("tyre", 0.3, "another wheel"),
+    ("tyre", STIFFER_TYRE, f"another wheel, up to {100 * (1 - LIGHTEST_WHEEL):.0f} % lighter"),
     ("spring", 0.15, "a soft one on its bump stop"),
 )
 #: Percentage points below which the ends of an interval are stated with a decimal.
