@@ -20,6 +20,8 @@ from sprung.vehicles import Component
 #: Share of the size of a change [ln] that friction hides from a linear model: on 14 faults of two simulated nonlinear
 #: cars, sizes were 1 to 6 % (springs), 5 to 11 % (dampers) and -2 to 2 % (tyres) too small.
 HIDDEN = {"spring": 0.03, "damper": 0.06, "tyre": 0.0}
+#: Time over which `false_discoveries` of the e-values of changes keeps its rate: a year of days of driving.
+PATIENCE_DAYS = 365.0
 #: Standard deviation of this share.
 HIDDEN_STD = {"spring": 0.025, "damper": 0.05, "tyre": 0.012}
 
@@ -108,7 +110,8 @@ class Detection:
     evidence
         ln of the e-detector after each of them.
     e_value
-        ln of the mean over onsets of the likelihood ratio after all of them: an e-value, see `false_discoveries`.
+        ln of the e-detector after all of them over the windows in a year: its mean without a change is at most 1 at
+        whatever moment within a year one stops to look, see `false_discoveries`.
     threshold
         ln of the value of the e-detector at which it raises an alert.
     candidates
@@ -198,6 +201,7 @@ class ChangeDetector:
         self.false_alarms: Final = false_alarms
         #: Evidence at which an alert is raised.
         self.threshold: Final = float(np.log(windows_per_day / false_alarms))
+        self._patience = float(np.log(windows_per_day * PATIENCE_DAYS))
         self._information = baseline.information_beyond
         self._n_windows = n_windows
         self._hypotheses = Hypotheses.of(baseline.components)
@@ -265,7 +269,7 @@ class ChangeDetector:
         return Detection(
             times=times,
             evidence=self.evidence,
-            e_value=float(self._evidence[-1] - np.log(len(times))),
+            e_value=float(self._evidence[-1] - self._patience),
             threshold=self.threshold,
             candidates=candidates,
             detectable=dict(zip(self.baseline.components, losses(found), strict=True)),
@@ -400,14 +404,14 @@ def detect(
 
 
 def false_discoveries(evidence: Sequence[float] | Real, *, rate: float = 0.05) -> list[int]:
-    """Return which of many vehicles have changed, at a false discovery rate of at most `rate`.
+    """Return which of many vehicles have changed, with a share of false names of at most `rate` over the patience.
 
     Parameters
     ----------
     evidence
         ln of an e-value of each vehicle, such as `Detection.e_value`.
     rate
-        Share of false discoveries, above 0 and up to 1.
+        Expected share of false discoveries among those named, above 0 and up to 1.
 
     Returns
     -------
@@ -424,8 +428,13 @@ def false_discoveries(evidence: Sequence[float] | Real, *, rate: float = 0.05) -
     e-BH: of n e-values in descending order, the first k are discoveries, with the largest k for which the k-th is at
     least n / (k rate). Valid under any dependence between the vehicles.
 
+    With e-detectors over the windows of a patience T, which is `Detection.e_value`, this is e-d-BH: whatever rule says
+    when to stop and look, the expected share of healthy vehicles among those named is at most `rate` times the
+    expected time until then over T ("error over patience"). No rate holds over unlimited time.
+
     References
     ----------
+    S. Dandapanthula, A. Ramdas, Multiple testing in multi-stream sequential change detection, arXiv 2501.04130 (2025).
     R. Wang, A. Ramdas, False discovery rate control with e-values, Journal of the Royal Statistical Society B 84 (2022)
     822-852.
 

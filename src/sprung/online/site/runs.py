@@ -38,8 +38,8 @@ class RunVehicle(Answer):
     type: str = Field(description="type of the vehicle: those with the same vehicle file apart from the name")
     verdict: Verdict
     severity: str | None = Field(description="of the most severe finding: low, medium, high or critical")
-    e_value: float | None = Field(description="ln of the e-value of a change")
-    is_discovery: bool = Field(description="whether it stands out at the fleet's rate of false discoveries")
+    e_value: float | None = Field(description="ln of the e-value of a change, over a year")
+    is_discovery: bool = Field(description="whether it stands out at the fleet's rate of false names over a year")
     windows: int = Field(description="windows that count")
     since: int | None = Field(description="start of the first window that was compared with the baseline")
     until: int | None = Field(description="start of the last one")
