@@ -121,6 +121,7 @@ def faults(design: Design) -> list[Fault]:
             f"{right} spare wheel",
             {f"{right}.tyre": 1.3, f"{right}.wheel": 0.82},
             frozenset({f"{right}.tyre", f"{right}.wheel"}),
+            0.3,
         ),
         Fault(f"{first} bar link broken", {f"{first}.bar": 0.0}, frozenset({f"{first}_axle.anti_roll"})),
     ]

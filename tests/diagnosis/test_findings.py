@@ -60,8 +60,8 @@ FINDING = Finding(
         ),
         (
             {"corner": "front_axle", "component": "anti_roll", "change": -0.9, "interval": (-0.95, -0.8)},
-            "front anti-roll bar or a link of it 90 % (80 to 95 %) softer, since 20 min; "
-            "inspect before the next 500 km",
+            "front anti-roll bar or a link of it 90 % (80 to 95 %) softer (or a soft spring of that axle on its bump "
+            "stop), since 20 min; inspect before the next 500 km",
         ),
         (
             {"corner": "vehicle", "component": "unmodelled", "change": None, "interval": None, "score": None},

@@ -41,6 +41,7 @@ LOOK_ALIKES = (
     ("damper", 0.2, "friction beside it"),
     ("tyre", STIFFER_TYRE, f"another wheel, up to {100 * (1 - LIGHTEST_WHEEL):.0f} % lighter"),
     ("spring", 0.15, "a soft one on its bump stop"),
+    ("anti_roll", -0.3, "a soft spring of that axle on its bump stop"),
 )
 #: Percentage points below which the ends of an interval are stated with a decimal.
 _NARROW = 2.0
