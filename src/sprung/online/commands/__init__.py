@@ -2,12 +2,12 @@
 
 import typer
 
-from sprung.online.commands import accounts, alerts, box, monitor, vehicles
+from sprung.online.commands import accounts, alerts, box, mcp, monitor, vehicles
 
 
 def register(application: typer.Typer) -> None:
     """Add the commands to the application."""
-    for command in (monitor.monitor, box.box, box.replay, vehicles.report, monitor.demo):
+    for command in (monitor.monitor, box.box, box.replay, vehicles.report, monitor.demo, mcp.mcp):
         application.command()(command)
     application.add_typer(alerts.application, name="alerts")
     application.add_typer(vehicles.application, name="vehicles")

@@ -1,0 +1,172 @@
+"""The command `sprung mcp`: a monitor's interface and recordings as tools of the Model Context Protocol."""
+
+import json
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+from urllib.parse import quote, urlencode
+
+from sprung._checks import required
+from sprung.cli.options import option
+from sprung.errors import DataError, SprungError
+
+if TYPE_CHECKING:
+    from mcp.server.mcpserver import MCPServer
+
+#: Returns the answer of the interface to a path below /api/v1 with its query.
+Get = Callable[[str], Any]
+
+_INSTRUCTIONS = """Sprung watches suspensions of vehicles. Answer from what the tools return, and state the source:
+vehicle, alert, window or file. Changes are shares (-0.2: a loss of 20 %), times UTC nanoseconds since 1970.
+Say "no change detected", never that a vehicle is healthy, and name the smallest loss that would have been found
+(`detectable`); what is unknown is unknown. Nothing can be changed through these tools."""
+
+
+def mcp(
+    *,
+    url: Annotated[str, option("URL", "Address of the monitor's pages.")] = "http://127.0.0.1:8737",
+    token_file: Annotated[
+        Path | None,
+        option("FILE", "File with the secret of a token; omit on the monitor's machine."),
+    ] = None,
+    files: Annotated[
+        Path | None, option("FOLDER", "Folder whose recordings may be read and identified; omit for none.")
+    ] = None,
+) -> None:
+    """Serve a monitor's interface and a folder of recordings as read-only tools (Model Context Protocol, stdio)."""
+    secret = token_file.read_text(encoding="utf-8").strip() if token_file else ""
+    server(lambda path: fetched(url, path, secret), files=files).run("stdio")
+
+
+def fetched(url: str, path: str, secret: str = "") -> Any:
+    """Return the answer of a monitor's interface to a path with its query.
+
+    Raises
+    ------
+    DataError
+        If the monitor refuses, or cannot be reached.
+    """
+    from urllib.error import HTTPError, URLError
+    from urllib.request import Request, urlopen
+
+    headers = {"Authorization": f"Bearer {secret}"} if secret else {}
+    try:
+        with urlopen(Request(f"{url.rstrip('/')}/api/v1{path}", headers=headers), timeout=30) as answer:
+            return json.load(answer)
+    except HTTPError as error:
+        raise DataError(f"{path}: {error.code} {error.read(500).decode(errors='replace')}") from None
+    except URLError as error:
+        raise DataError(f"{url} does not answer: {error.reason}") from None
+
+
+def server(get: Get, *, files: Path | None = None) -> "MCPServer":
+    """Return the server of the tools.
+
+    Parameters
+    ----------
+    get
+        Asks the interface of the monitor.
+    files
+        Folder whose recordings may be read; None: none.
+    """
+    required("mcp", purpose="sprung mcp", extra="mcp")
+    from mcp.server.mcpserver import MCPServer
+    from mcp.server.mcpserver.exceptions import ToolError
+    from mcp.types import ToolAnnotations
+
+    def told(tool: Callable[..., str]) -> Callable[..., str]:
+        @wraps(tool)
+        def called(*values: Any, **named: Any) -> str:
+            try:
+                return tool(*values, **named)
+            except SprungError as error:
+                raise ToolError(str(error)) from None
+
+        return called
+
+    found = MCPServer("sprung", instructions=_INSTRUCTIONS)
+    reads = ToolAnnotations(read_only_hint=True, destructive_hint=False, idempotent_hint=True)
+    for tool in (*_of_monitor(get), *(_of_files(files) if files else ())):
+        found.tool(annotations=reads, structured_output=False)(told(tool))
+    return found
+
+
+def _of_monitor(get: Get) -> tuple[Callable[..., str], ...]:
+    """Return the tools that ask the monitor."""
+
+    def ask(**paths: str) -> str:
+        return json.dumps({name: get(path) for name, path in paths.items()})
+
+    def fleet(cursor: str = "") -> str:
+        """Numbers of vehicles in each state, and the vehicles, the most urgent first; `next` is the cursor of more."""
+        return ask(counts="/counts", page=f"/vehicles?{urlencode({'cursor': cursor})}" if cursor else "/vehicles")
+
+    def vehicle(name: str) -> str:
+        """A vehicle: verdict, changes of its parts with 95 % intervals, and by its baseline the losses detectable."""
+        path = f"/vehicles/{quote(name, safe='')}"
+        return ask(vehicle=path, changes=f"{path}/changes", baseline=f"{path}/baseline")
+
+    def alerts(vehicle: str = "") -> str:
+        """Alerts that are open, the most severe first, of one vehicle or all."""
+        return ask(alerts=f"/alerts?{urlencode({'vehicle': vehicle})}" if vehicle else "/alerts")
+
+    def evidence(alert: int) -> str:
+        """The evidence of an alert by its number: change, onset, other hypotheses, windows, and what was detectable."""
+        return ask(alert=f"/alerts/{alert}", evidence=f"/alerts/{alert}/evidence")
+
+    def trends(vehicle: str, since: int | None = None, until: int | None = None) -> str:
+        """Springs, dampers, tyres and modes of a vehicle over time (UTC ns), with what was detectable."""
+        period = {name: value for name, value in {"since": since, "until": until}.items() if value is not None}
+        return ask(trends=f"/vehicles/{quote(vehicle, safe='')}/trends?{urlencode(period)}")
+
+    def report(alert: int) -> str:
+        """The work order of an alert by its number: what to inspect, why, and how sure that is."""
+        return ask(work_order=f"/alerts/{alert}/work-order")
+
+    def sensors(vehicle: str) -> str:
+        """Data quality of each channel of a vehicle over its last windows."""
+        return ask(channels=f"/vehicles/{quote(vehicle, safe='')}/data-quality")
+
+    def precision() -> str:
+        """How many alerts the verdicts of the workshop have confirmed, and times to repair."""
+        return ask(precision="/precision")
+
+    return fleet, vehicle, alerts, evidence, trends, report, sensors, precision
+
+
+def _of_files(folder: Path) -> tuple[Callable[..., str], ...]:
+    """Return the tools that read recordings of a folder."""
+
+    def known(file: str) -> Path:
+        path = (folder / file).resolve()
+        if not path.is_relative_to(folder.resolve()) or not path.is_file():
+            raise DataError(f"{file} is no file in the folder of recordings")
+        return path
+
+    def read(file: str) -> str:
+        """Facts of a recording in the folder: channels, units, rate, gaps, and dead, clipped and stuck channels."""
+        return _printed("info", str(known(file)))
+
+    def identify(file: str) -> str:
+        """Modes of a recording in the folder, with standard deviations, and notes on what could not be seen."""
+        return _printed("identify", str(known(file)))
+
+    return read, identify
+
+
+def _printed(*words: str) -> str:
+    """Return the document that a command of `sprung` writes."""
+    import subprocess
+    import sys
+
+    done = subprocess.run(
+        [sys.executable, "-c", "from sprung.cli import main; main()", *words, "--json", "-"],
+        capture_output=True,
+        text=True,
+        check=False,
+        stdin=subprocess.DEVNULL,
+    )
+    if done.returncode:
+        raise SprungError(done.stderr.strip() or f"sprung {words[0]} failed")
+    return done.stdout

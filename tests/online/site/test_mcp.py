@@ -1,0 +1,92 @@
+"""Questions of a depot, answered from evidence by the tools of `sprung mcp`."""
+
+import asyncio
+import json
+from typing import Any
+
+import pytest
+
+from sprung.errors import DataError
+
+pytest.importorskip("mcp", reason="needs the extra mcp")
+from mcp.client.client import Client
+
+from sprung.online.commands.mcp import server
+
+
+@pytest.fixture
+def ask(serve, tmp_path):
+    """Function of a tool and its arguments that returns what a client is told, and whether it is an error."""
+    _, client = serve()
+    (tmp_path / "drive.csv").write_text("time [s],acc [m/s^2]\n" + "".join(f"{k / 100},{k % 7}\n" for k in range(500)))
+
+    def get(path):
+        answer = client.get(f"/api/v1{path}")
+        if answer.status_code != 200:
+            raise DataError(answer.text)
+        return answer.json()
+
+    tools = server(get, files=tmp_path)
+
+    def asked(tool, **arguments):
+        async def call():
+            async with Client(tools) as opened:
+                return await opened.call_tool(tool, arguments)
+
+        found = asyncio.run(call())
+        return found.content[0].text, found.is_error
+
+    return asked
+
+
+QUESTIONS: tuple[Any, ...] = (
+    ("How many vehicles are silent?", "fleet", {}, ("counts", "silent"), 1),
+    ("Which vehicle comes first?", "fleet", {}, ("page", "vehicles", 0, "vehicle"), "bus-1"),
+    ("Has bus-3 got an alert?", "alerts", {"vehicle": "bus-3"}, ("alerts", "alerts"), []),
+    (
+        "What is wrong with bus-1?",
+        "alerts",
+        {"vehicle": "bus-1"},
+        ("alerts", "alerts", 0, "cause"),
+        "front_left.spring",
+    ),
+    ("By how much has it changed?", "evidence", {"alert": 1}, ("evidence", "change"), -0.2),
+    ("How sure is that?", "evidence", {"alert": 1}, ("evidence", "interval"), [-0.22, -0.18]),
+    ("How many windows of bus-1 are there?", "vehicle", {"name": "bus-1"}, ("vehicle", "windows"), 5),
+    ("What would have been found?", "vehicle", {"name": "bus-1"}, ("baseline", "detectable"), {}),
+    ("What is to be inspected?", "report", {"alert": 1}, ("work_order", "vehicle"), "bus-1"),
+    ("What is in this file?", "read", {"file": "drive.csv"}, ("files", 0, "channels", 0, "name"), "acc"),
+)
+
+
+@pytest.mark.parametrize("question", QUESTIONS, ids=[question[0] for question in QUESTIONS])
+def test_a_question_is_answered_from_evidence(ask, question) -> None:
+    _, tool, arguments, place, answer = question
+    text, is_error = ask(tool, **arguments)
+    assert not is_error, text
+    found = json.loads(text)
+    for step in place:
+        found = found[step]
+    assert found == answer
+
+
+def test_what_is_unknown_is_an_error_and_no_guess(ask) -> None:
+    asked: dict[str, dict[str, Any]] = {
+        "vehicle": {"name": "nobody"},
+        "evidence": {"alert": 77},
+        "read": {"file": "../x.csv"},
+    }
+    for (tool, arguments), said in zip(asked.items(), ("nobody", "77", "no file in the folder"), strict=True):
+        text, is_error = ask(tool, **arguments)
+        assert is_error, (tool, text)
+        assert said in text
+
+
+def test_every_tool_reads_only(serve) -> None:
+    async def listed():
+        async with Client(server(lambda _: {})) as opened:
+            return (await opened.list_tools()).tools
+
+    tools = asyncio.run(listed())
+    assert {"fleet", "vehicle", "alerts", "evidence", "trends", "report"} <= {tool.name for tool in tools}
+    assert all(tool.annotations.read_only_hint and tool.description for tool in tools)
