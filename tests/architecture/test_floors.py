@@ -11,7 +11,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "sprung"
 
 #: From the ground up; the same picture as in docs/architecture.md. Packages that are wings have floors of their own.
 FLOORS = (
-    ("errors", "_arrays", "_display", "_lazy"),
+    ("errors", "_arrays", "_display", "_lazy", "_threads"),
     ("_checks",),
     ("recording", "modal", "units", "toml"),
     ("channel_names",),

@@ -9,6 +9,7 @@ import numpy as np
 
 from sprung._arrays import Complex, Indices, Real
 from sprung._checks import freeze
+from sprung._threads import one_thread
 from sprung.calibration.draft import SENSORS, Draft, VehicleNumber, channel_responses, motion_of, moved
 from sprung.errors import DataError
 from sprung.likelihood import (
@@ -369,6 +370,7 @@ class JointModel:
         return -of_data - of_prior - float(np.linalg.slogdet(gain)[1]) / 2
 
 
+@one_thread
 def fitted(joint: JointModel, start: Real) -> Real:
     """Return the joint parameters at which the likelihood is largest.
 

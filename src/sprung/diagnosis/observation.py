@@ -8,6 +8,7 @@ import numpy as np
 from sprung._arrays import Real
 from sprung._checks import check_type, freeze
 from sprung._display import Tabular, counted, in_short, listed
+from sprung._threads import one_thread
 from sprung.diagnosis.channel_faults import MISSING, SensorFault
 from sprung.diagnosis.residuals import RESIDUALS, ResidualStatistics, residual_statistics
 from sprung.diagnosis.sensors import (
@@ -259,6 +260,7 @@ def observe(
     )
 
 
+@one_thread
 def observe_window(
     recording: Recording,
     vehicle: Vehicle,

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from sprung._checks import check_one_of, check_type, settings_of
+from sprung._threads import one_thread
 from sprung.errors import DataError, IdentificationError, ParameterError
 from sprung.identification import steps
 from sprung.identification.free_response import FreeFit, fit_free_response, free_parts
@@ -327,6 +328,7 @@ class RunningSummary(RunningRecords):
         return steps.sort_by_level(steps.Draft(steps.averaged(self._method, self._settings, records), records)).summary
 
 
+@one_thread
 def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:
     """Return the modes of a summary: those that SSI identifies from its recordings, before any refinement.
 
@@ -379,6 +381,7 @@ def _checked(recordings: Recording | Iterable[Recording], vehicle: AnyVehicle | 
     return each_recording(recordings)
 
 
+@one_thread
 def _identified(
     method: Method,
     recordings: Recording | Iterable[Recording],

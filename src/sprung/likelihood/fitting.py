@@ -7,6 +7,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung._checks import check_type, settings_of
+from sprung._threads import one_thread
 from sprung.errors import DataError
 from sprung.likelihood.components import free_components
 from sprung.likelihood.coordinates import RigidLayout, rigid_layout
@@ -194,6 +195,7 @@ def fit_corners(
     return fit_windows(windows, settings=settings, modes=modes)
 
 
+@one_thread
 def fit_windows(
     windows: Sequence[Window], *, settings: CornerSettings | None = None, modes: Modes | None = None
 ) -> CornerFit:
