@@ -105,6 +105,9 @@ def test_spikes_are_counted_by_place() -> None:
     assert count_spikes(NOISE[:3]) == 0
     assert count_spikes(np.where(np.arange(6000) % 900 == 7, 0.125, 0.0)) == 0  # the smallest step of a resting sensor
     assert count_spikes(np.zeros(100)) == 0
+    traces = np.zeros(6000)
+    traces[[10, 11, 2000]] = 5e-324, 1e-300, 3.0  # of rounding, beside one spike
+    assert count_spikes(traces) == 1
     pothole = np.convolve(NOISE, np.hanning(9), mode="same")
     pothole[3000:3020] += 40 * np.hanning(20)
     assert count_spikes(pothole) == 0

@@ -40,6 +40,7 @@ class FaultLimits:
     zero: float = 1e-6  # largest magnitude of 0, over the standard deviation
     around: int = 16  # samples around an isolated spike
     isolated: float = 0.15  # largest bend among them over that of the spike
+    least_scale: float = 1e-100  # smallest standard deviation of bends, over the largest bend
     one_spike: int = 5  # samples within which a spike rings after resampling to regular time stamps
     min_fillers: int = 3  # samples with a filler
     far: float = 3.0  # distance of a filler from all other values over their range
@@ -275,7 +276,8 @@ def bends(values: Real) -> tuple[Real, Real]:
     if not (scale > 0).all():
         smallest = np.min(size, axis=-1, keepdims=True, where=size > 0, initial=np.inf)
         scale = np.where(scale > 0, scale, smallest)
-    return bend, bend / scale
+    # Next to the largest, traces of rounding need no size that overflows when it is squared.
+    return bend, bend / np.maximum(scale, _LIMITS.least_scale * size.max(axis=-1, keepdims=True, initial=0.0))
 
 
 def returns(sizes: Real) -> Booleans:
