@@ -57,8 +57,9 @@ class Sampled:
 
     def run(self, n: int, rng: np.random.Generator) -> Array:
         """Return n samples of the stationary response, shape (channels, n)."""
+        # The symmetric root is free of the signs of eigenvectors, which differ between libraries.
         values, vectors = np.linalg.eigh(self.covariance())
-        state = vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(values)))
+        state = vectors @ (np.sqrt(np.maximum(values, 0.0)) * (vectors.T @ rng.standard_normal(len(values))))
         noise = rng.standard_normal((n, self.B.shape[1]))
         states = np.empty((n, len(state)))
         for k, step in enumerate(noise @ self.B.T):
