@@ -150,7 +150,8 @@ def whole_model() -> Callable[..., Model]:
         layout = rigid_layout(nominal)
         settings = CornerSettings(has_payload=True, has_free_sensors=True)
         spectra = _classes(len(layout.rows), n_classes=3)
-        usual = vehicle_model(spectra, layout, vehicle, nominal, settings=settings, kind=kind)
+        pitch = 18.0 if kind == "rail" else None
+        usual = vehicle_model(spectra, layout, vehicle, nominal, settings=settings, kind=kind, joint_pitch=pitch)
         extra: tuple[ParameterBlock, ...] = () if kind == "road" else (unsprung_masses(nominal),)
         return replace(usual, blocks=(*usual.blocks[:-1], *extra, usual.blocks[-1]))
 

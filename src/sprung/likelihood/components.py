@@ -100,7 +100,9 @@ class FreeComponents(ParameterBlock):
                 yield rows[damper], number, element.damping_derivative(s, damper=factor[damper])
 
 
-def free_components(nominal: Structure, vehicle: Vehicle, names: tuple[str, ...] | None) -> tuple[Component, ...]:
+def free_components(
+    nominal: Structure, vehicle: Vehicle, names: tuple[str, ...] | None, *, kind: str
+) -> tuple[Component, ...]:
     """Return the components of the corners that are to be fitted.
 
     Parameters
@@ -110,7 +112,10 @@ def free_components(nominal: Structure, vehicle: Vehicle, names: tuple[str, ...]
     vehicle
         Its description, whose axles have the corners.
     names
-        Kinds ("spring", "damper", "tyre") and single components ("rear_left.damper"); None: all.
+        Kinds ("spring", "damper", "tyre") and single components ("rear_left.damper"); None: all, but for the contact of
+        wheel and rail on a track, which is hundreds of times stiffer than a spring and does not wear out.
+    kind
+        Excitation of the wheels: "road", "rail" or "rig".
 
     Raises
     ------
@@ -122,7 +127,7 @@ def free_components(nominal: Structure, vehicle: Vehicle, names: tuple[str, ...]
         component for component, value in nominal.components().items() if component.corner in corners and value > 0
     )
     if names is None:
-        return every
+        return tuple(component for component in every if kind != "rail" or component.kind != "tyre")
     for name in names:
         if not any(name in {component.kind, str(component)} for component in every):
             known = ", ".join(map(str, every))

@@ -12,6 +12,7 @@ from sprung.errors import DataError
 from sprung.likelihood.components import free_components
 from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit, corners_from_modes
+from sprung.likelihood.joints import joint_pitch
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines, without_lines
 from sprung.likelihood.search import minimised
 from sprung.likelihood.spectra import (
@@ -87,6 +88,8 @@ class FitSetup:
         Choices of the fit.
     kind
         Excitation of the wheels: "road", "rail" or "rig".
+    joint_pitch
+        Distance between the joints of a track [m]; None: none were found.
     """
 
     vehicle: Vehicle
@@ -94,10 +97,19 @@ class FitSetup:
     layout: RigidLayout
     settings: CornerSettings
     kind: Kind
+    joint_pitch: float | None = None
 
     def model(self, spectra: ClassSpectra) -> Model:
         """Return the model of the vehicle with the spectra that it is to explain."""
-        return vehicle_model(spectra, self.layout, self.vehicle, self.nominal, settings=self.settings, kind=self.kind)
+        return vehicle_model(
+            spectra,
+            self.layout,
+            self.vehicle,
+            self.nominal,
+            settings=self.settings,
+            kind=self.kind,
+            joint_pitch=self.joint_pitch,
+        )
 
     def at_classes(self, segments: SegmentSpectra, *, width: float) -> Model:
         """Return the model with segments averaged in speed classes of a relative width."""
@@ -122,7 +134,7 @@ class FitSetup:
         body = [k for k, label in enumerate(modes.labels) if label in MOTIONS]
         if not body or not set(self.layout.names) <= set(modes.channels):
             return None
-        components = free_components(self.nominal, self.vehicle, self.settings.free)
+        components = free_components(self.nominal, self.vehicle, self.settings.free, kind=self.kind)
         return corners_from_modes(
             modes.take(np.array(body)), self.nominal, self.layout, components, prior_std=self.settings.prior_std
         )
@@ -337,6 +349,10 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
     >>> fit.n_segments, bool(np.all(np.abs(fit.log_ratios) < 3 * fit.log_ratios_std))
     (22, True)
     """
+    if setup.kind == "rail" and setup.joint_pitch is None:
+        smooth = setup.at_classes(segments, width=RULES.coarse)
+        pitch = joint_pitch(smooth, smooth.scaled_start(), segments, width=RULES.coarse)
+        setup = replace(setup, joint_pitch=pitch)
     model, parameters = _start(segments, setup, starts)
     limited, power, lowest = segments, RULES.first, lowest_of_lines(setup.nominal, setup.kind)
     lines: tuple[SpectralLine, ...] = ()
@@ -356,7 +372,8 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
     misfit, excess = power_misfit(model, parameters)
     counts, error = (model.spectra.n_segments, segments.n_rejected), float(np.sqrt(max(0.0, excess)))
     fit = CornerFit(model, parameters, covariance, misfit, error, *counts, notes=())
-    return replace(fit, notes=_notes(fit, lines))
+    joints = () if setup.joint_pitch is None else (f"rail joints every {setup.joint_pitch:.1f} m are part of the fit",)
+    return replace(fit, notes=(*_notes(fit, lines), *joints))
 
 
 def _start(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) -> tuple[Model, Real]:

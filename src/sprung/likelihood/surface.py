@@ -9,12 +9,15 @@ import numpy as np
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import freeze
 from sprung.likelihood.blocks import ParameterBlock
+from sprung.likelihood.joints import comb
 from sprung.likelihood.spectra import ClassSpectra
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 
 #: Spatial frequency n0 at which the roughness of a surface is stated [1/m] (ISO 8608).
 REFERENCE = 0.1
+#: Density of joints over the roughness for a level of 1.
+JOINT_DENSITY = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,12 +273,21 @@ class RoadInputs(SurfaceInputs):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RailInputs(SurfaceInputs):
-    """A track: c = (n / n0)^-waviness / (1 + (n / bend)^2), g = 1 / (1 + 2 (n / cross)^2).
+    """A track: c (1 + g) / 2 = (n / n0)^-waviness / (1 + (n / bend)^2), g = 1 / (1 + 2 (n / cross)^2), and rail joints.
+
+    Parameters
+    ----------
+    spectra, positions, sides, contact_length
+        As for `SurfaceInputs`.
+    pitch
+        Distance between rail joints [m]; None: there are none.
 
     Notes
     -----
     The spectra of ERRI B176 (see `sprung.excitation.Rail`) above their lowest bend, whose wavelength is far longer than
-    a vehicle; `bend` and `cross` in cycles/m.
+    a vehicle; `bend` and `cross` in cycles/m. Joints on both rails at the same places add j = joint_level c_1 K(n) /
+    (1 + (n / joint_bend)^2)^joint_power to c and to c g, with the lines K of the pitch (`comb`) and c_1 = 1e-4: a short
+    dip of unknown depth and shape, whose spectrum falls off beyond the inverse of its length.
 
     References
     ----------
@@ -284,24 +296,69 @@ class RailInputs(SurfaceInputs):
     29 (1998), supplement, 538-552.
     """
 
-    logarithms: ClassVar[frozenset[str]] = frozenset({"roughness", "bend", "cross", "delay"})
-    usual: ClassVar[dict[str, tuple[float, float]]] = {
+    pitch: float | None = None
+    _comb: Real = field(init=False, repr=False)
+
+    logarithms: ClassVar[frozenset[str]] = frozenset(
+        {"roughness", "bend", "cross", "joint_level", "joint_bend", "joint_power", "delay"}
+    )
+    _track: ClassVar[dict[str, tuple[float, float]]] = {
         "roughness": (np.log(1e-6), 10.0),
         "waviness": (2.0, 0.5),
         "bend": (np.log(0.8246 / (2 * np.pi)), 0.5),
         "cross": (np.log(0.4380 / (2 * np.pi)), 1.0),
     }
+    _joints: ClassVar[dict[str, tuple[float, float]]] = {
+        "joint_level": (0.0, 5.0),
+        "joint_bend": (0.0, 1.0),
+        "joint_power": (np.log(2.0), 0.5),
+    }
+
+    def __post_init__(self) -> None:
+        SurfaceInputs.__post_init__(self)
+        lines = np.zeros_like(self._n) if self.pitch is None else comb(self.spectra, self.pitch)
+        object.__setattr__(self, "_comb", np.asfortranarray(lines))
+
+    @property
+    def usual(self) -> dict[str, tuple[float, float]]:  # type: ignore[override]
+        """Usual value and standard deviation of each parameter; those of joints where there are some."""
+        return self._track if self.pitch is None else {**self._track, **self._joints}
 
     def form(self, parameters: Real) -> SurfaceForm:
         """Return the form of a track."""
-        n, (waviness, log_bend, log_cross) = self._n, parameters
+        n, (waviness, log_bend, log_cross) = self._n, parameters[:3]
         log_ratio, zero = np.log(n / REFERENCE), np.zeros_like(n)
         bend, cross = (n / np.exp(log_bend)) ** 2, (n / np.exp(log_cross)) ** 2
-        return SurfaceForm(
-            log_density=-waviness * log_ratio - np.log1p(bend),
+        smooth = SurfaceForm(
+            log_density=-waviness * log_ratio - np.log1p(bend) + np.log1p(2 * cross) - np.log1p(cross),
             log_coherence=-np.log1p(2 * cross),
-            density_derivatives=np.stack([-log_ratio, 2 * bend / (1 + bend), zero]),
+            density_derivatives=np.stack(
+                [-log_ratio, 2 * bend / (1 + bend), -2 * cross / ((1 + cross) * (1 + 2 * cross))]
+            ),
             coherence_derivatives=np.stack([zero, zero, 4 * cross / (1 + 2 * cross)]),
+        )
+        return smooth if self.pitch is None else self._with_joints(smooth, parameters[3:])
+
+    def _with_joints(self, smooth: SurfaceForm, parameters: Real) -> SurfaceForm:
+        """Add j to the density c of each rail and to the cross spectrum c g: ln (c + j), ln ((c g + j) / (c + j))."""
+        level, log_bend, log_power = parameters
+        waves, power = (self._n / np.exp(log_bend)) ** 2, np.exp(log_power)
+        joints = JOINT_DENSITY * self._comb * np.exp(level - power * np.log1p(waves))
+        by_joints = np.stack(
+            [np.ones_like(waves), 2 * power * waves / (1 + waves), -power * np.log1p(waves)]
+        )  # of ln j
+        density = np.exp(smooth.log_density)
+        cross = density * np.exp(smooth.log_coherence)
+        in_density, in_cross = joints / (density + joints), joints / (cross + joints)
+        by_density = np.concatenate([(1 - in_density) * smooth.density_derivatives, in_density * by_joints])
+        by_cross = np.concatenate(
+            [(1 - in_cross) * (smooth.density_derivatives + smooth.coherence_derivatives), in_cross * by_joints]
+        )
+        return SurfaceForm(
+            log_density=np.log(density + joints),
+            log_coherence=np.log((cross + joints) / (density + joints)),
+            density_derivatives=by_density,
+            coherence_derivatives=by_cross - by_density,
         )
 
 

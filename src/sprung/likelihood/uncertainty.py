@@ -65,7 +65,7 @@ def segment_weights(model: Model, parameters: Real, segments: SegmentSpectra, *,
     P. J. Huber, Robust estimation of a location parameter, Annals of Mathematical Statistics 35 (1964), 73-101 (weights
     that are inversely proportional to the size of an outlier).
     """
-    squares = np.mean(np.abs(_whitened_segments(model, parameters, segments, width)) ** 2, axis=2)
+    squares = np.mean(np.abs(whitened_segments(model, parameters, segments, width)) ** 2, axis=2)
     is_used = model.spectra.weights[speed_classes(segments.speeds, width=width)] > 0
     power = np.sum(squares * is_used, axis=1) / np.maximum(is_used.sum(axis=1), 1)
     return np.minimum(1.0, SETTINGS.max_power * np.median(power) / power)
@@ -278,8 +278,8 @@ def _correlated_frequencies(misfit: Real) -> float:
     return reach
 
 
-def _whitened_segments(model: Model, parameters: Real, segments: SegmentSpectra, width: float = CLASS_WIDTH) -> Complex:
-    """L^-1 y of each segment, S = L L^H the model's spectral matrix of its class."""
+def whitened_segments(model: Model, parameters: Real, segments: SegmentSpectra, width: float = CLASS_WIDTH) -> Complex:
+    """Return L^-1 y of each segment, S = L L^H the model's spectral matrix of its class."""
     factor = np.linalg.inv(np.linalg.cholesky(model.matrix(parameters)))
     numbers = speed_classes(segments.speeds, width=width)
     return np.einsum("sfij,sfj->sfi", factor[numbers], segments.values)
@@ -293,7 +293,7 @@ def _scores(model: Model, parameters: Real, segments: SegmentSpectra, whitened: 
     spectra = model.spectra
     of_one_segment = (np.sqrt(spectra.weights) / spectra.counts[:, None])[..., None]
     whitened = whitened * of_one_segment
-    values = _whitened_segments(model, parameters, segments)
+    values = whitened_segments(model, parameters, segments)
     excess = np.eye(values.shape[-1]) - values[..., :, None] * values[..., None, :].conj()
     coordinates = real_coordinates(excess)
     numbers = speed_classes(segments.speeds)

@@ -109,6 +109,7 @@ def vehicle_model(
     *,
     settings: CornerSettings,
     kind: Kind,
+    joint_pitch: float | None = None,
 ) -> Model:
     """Return the model of a vehicle with the components, payload and sensor errors that the settings make free.
 
@@ -126,6 +127,8 @@ def vehicle_model(
         Free parameters and their priors.
     kind
         Excitation of the wheels: "road", "rail" or "rig".
+    joint_pitch
+        Distance between the joints of a track [m]; None: there are none.
 
     Raises
     ------
@@ -150,7 +153,7 @@ def vehicle_model(
     >>> model.matrix(model.start).shape == spectra.matrices.shape
     True
     """
-    components = free_components(nominal, vehicle, settings.free)
+    components = free_components(nominal, vehicle, settings.free, kind=kind)
     blocks: list[ParameterBlock] = [FreeComponents(nominal, components, log_std=settings.prior_std)]
     if kind != "rig" if settings.has_payload is None else settings.has_payload:
         blocks.append(payload(nominal))
@@ -160,11 +163,13 @@ def vehicle_model(
         blocks += [stiffness_scales(nominal, bars, std=DEFAULTS.anti_roll)] if kind == "road" and bars else []
     if settings.has_free_sensors:
         blocks += [sensor_positions(nominal, layout), SensorDelays(layout, layout.names)]
-    blocks += _inputs(spectra, vehicle, nominal, kind)
+    blocks += _inputs(spectra, vehicle, nominal, kind, joint_pitch)
     return Model(nominal, layout, spectra, (*blocks, SensorNoise(layout)))
 
 
-def _inputs(spectra: ClassSpectra, vehicle: Vehicle, nominal: Structure, kind: Kind) -> list[ParameterBlock]:
+def _inputs(
+    spectra: ClassSpectra, vehicle: Vehicle, nominal: Structure, kind: Kind, joint_pitch: float | None
+) -> list[ParameterBlock]:
     """Parameter blocks of the wheels' inputs."""
     if kind == "rig":
         return [RigInputs(spectra, nominal.inputs)]
@@ -177,7 +182,7 @@ def _inputs(spectra: ClassSpectra, vehicle: Vehicle, nominal: Structure, kind: K
             TrackLevels(sides),
             driving(nominal, positions[0] - positions[-1]),
         ]
-    return [RailInputs(spectra, positions, sides, contact_length=DEFAULTS.rail_contact), by_class]
+    return [RailInputs(spectra, positions, sides, DEFAULTS.rail_contact, joint_pitch), by_class]
 
 
 def default_choices(

@@ -1,0 +1,91 @@
+"""Rail joints: their lines, their distance from the data, and what a fit makes of a jointed track."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.excitation import Rail
+from sprung.likelihood import ClassSpectra, RailInputs, fit_corners, rigid_layout
+from sprung.likelihood.joints import comb
+from sprung.likelihood.spectra import through_window
+from sprung.likelihood.terms import nominal_terms
+from sprung.simulation import RailDrive, simulate_drive
+from sprung.vehicles import read_vehicle, structure
+
+SIDES = np.array([1.0, -1.0, 1.0, -1.0])
+
+
+def class_of(speed, spread, *, length=4.0):
+    """One speed class without data."""
+    f = np.arange(8, 120) / length
+    one = np.ones((1, f.size, 1, 1), dtype=complex)
+    return ClassSpectra(f, np.ones(1), np.array([speed]), np.array([spread]), one, length, np.ones((1, f.size)))
+
+
+def test_lines_are_those_of_windowed_impulses_at_equal_distances() -> None:
+    """Mean periodogram of Hann-windowed impulse trains at speeds about 20 m/s, over that of impulses at random."""
+    spectra, generator = class_of(20.0, 0.01), np.random.default_rng(1)
+    power = np.zeros(spectra.frequencies.size)
+    for speed in 20.0 * (1 + 0.01 * generator.standard_normal(4000)):
+        times = (np.arange(0, 4.0 * speed + 20, 18.0) - generator.uniform(0, 18.0)) / speed
+        times = times[(times > 0) & (times < 4.0)]
+        window = np.sin(np.pi * times / 4.0) ** 2
+        power += np.abs(np.exp(-2j * np.pi * spectra.frequencies[:, None] * times) @ window) ** 2
+    impulses_at_random = 20.0 / 18.0 * (3 / 8 * 4.0)  # rate times the power of the window
+    lines = through_window(comb(spectra, 18.0)[..., None, None])[0, :, 0, 0]
+    truth = power / 4000 / impulses_at_random
+    assert lines[40:] == pytest.approx(truth[40:], abs=0.07)
+    assert lines[:40] == pytest.approx(truth[:40], abs=0.4)  # the grid cannot hold lines sharper than its bins
+    assert np.mean(lines - truth) == pytest.approx(0, abs=0.05)
+
+
+def test_a_smooth_track_is_that_of_erri_b176() -> None:
+    """Auto and cross spectra of the rails, of the common and the differing part that simulations draw."""
+    spectra = class_of(20.0, 0.0)
+    nominal = structure(read_vehicle("y25"))
+    terms = nominal_terms(nominal, rigid_layout(nominal), replace(spectra, matrices=np.ones((1, 112, 5, 5), complex)))
+    track = RailInputs(spectra, np.array([1.0, 1.0, -1.0, -1.0]), SIDES, contact_length=1e-9)
+    rail, n = Rail(4.032e-7), spectra.grid / 20.0
+    bend, cross = 0.8246 / (2 * np.pi), 0.4380 / (2 * np.pi)
+    level = 2 * np.pi * 4.032e-7 / (2 * np.pi * 0.1) ** 2
+    matrix = track.contribute(np.array([np.log(level), 2.0, np.log(bend), np.log(cross), 0.0]), terms).inputs[0]
+    above = 1 / (1 + (0.0206 / (2 * np.pi * n)) ** 2)  # the lowest bend, which the likelihood leaves out
+    auto, between = rail.common(n) + rail.differing(n), rail.common(n) - rail.differing(n)
+    assert matrix[:, 0, 0].real * 20.0 * above == pytest.approx(auto, rel=1e-9)
+    assert matrix[:, 0, 1].real * 20.0 * above == pytest.approx(between, rel=1e-9)
+
+
+@pytest.fixture(scope="module")
+def bogie():
+    """The Y25 on a track, with the sensors of its frame."""
+    y25 = read_vehicle("y25").model_copy(update={"kind": "rail"})
+    return y25.model_copy(update={"sensor": y25.sensor[:4]})
+
+
+def drive(bogie, seed, minutes=4.0):
+    settings = RailDrive(duration=60 * minutes, sampling_rate=200.0, speed=(15.0, 30.0), snr=50.0)
+    return simulate_drive(bogie, settings, seed=seed).recording
+
+
+@pytest.mark.parametrize("pitch", [12.5, 18.0, 25.0, None])
+def test_the_distance_of_the_joints_is_found(bogie, pitch, monkeypatch) -> None:
+    from sprung.excitation import Joints
+    from sprung.simulation import drives
+
+    joints = Joints(rail_length=pitch) if pitch else Joints(depth=1e-9)
+    monkeypatch.setattr(drives, "Joints", lambda: joints)
+    fit = fit_corners(drive(bogie, 1), bogie)
+    found = [block.pitch for block in fit.model.blocks if isinstance(block, RailInputs)]
+    assert found == ([None] if pitch is None else [pytest.approx(pitch, rel=0.01)])
+
+
+def test_a_jointed_track_is_explained_and_the_springs_are_right(bogie) -> None:
+    """Model error 57 % and springs to 11 % without lines of joints in the model."""
+    fit = fit_corners(drive(bogie, 2, minutes=10.0), bogie)
+    assert fit.model_error < 0.1
+    springs = [row for row, component in enumerate(fit.components) if component.kind == "spring"]
+    assert np.all(fit.log_ratios_std[springs] < 0.03)
+    assert np.all(np.abs(fit.log_ratios[springs]) < 4 * fit.log_ratios_std[springs])
+    assert any("rail joints every 18.0 m" in note for note in fit.notes)
+    assert not any(component.kind == "tyre" for component in fit.components)
