@@ -148,6 +148,8 @@ def _sperling(frequencies: Real) -> Real:
     return np.asarray(np.sqrt(above / below))
 
 
+Axis = Literal["x", "y", "z"]
+_AXES: tuple[Axis, ...] = ("x", "y", "z")
 Standard = Literal["iso2631", "en12299", "sperling", "en14363"]
 #: Standards by name.
 STANDARDS: tuple[Standard, ...] = ("iso2631", "en12299", "sperling", "en14363")
@@ -224,7 +226,7 @@ class RidePoint:
     """
 
     channel: str
-    axis: str
+    axis: Axis
     standard: str
     weighting: str
     rms: float
@@ -374,12 +376,12 @@ def assess_ride(
     )
 
 
-def axis_of(channel: Channel) -> str:
+def axis_of(channel: Channel) -> Axis:
     """Return the axis of a channel, "x", "y" or "z"."""
     if channel.direction is not None:
-        return "xyz"[int(np.argmax(np.abs(channel.direction)))]
+        return _AXES[int(np.argmax(np.abs(channel.direction)))]
     ending = channel.name[-2:].lower()
-    return ending[1] if ending[:1] in {"_", "-", " "} and ending[1:] in {"x", "y"} else "z"
+    return next((axis for axis in _AXES if ending in {f"_{axis}", f"-{axis}", f" {axis}"}), "z")
 
 
 def _point(parts: Sequence[Recording], channel: Channel, standard: Standard) -> RidePoint | None:

@@ -1,10 +1,11 @@
 """The commands `sprung fleet import`, `archive` and `rank`."""
 
 import time
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -67,7 +68,7 @@ def import_files(
     from sprung.fleet.jobs.recordings import Importer
     from sprung.fleet.lake import Lake
     from sprung.results import tables
-    from sprung.results.documents import lake_import_document
+    from sprung.results.documents import LakeImportDocument
     from sprung.results.tables.wording import parse_time
 
     check_file("--json", json, inputs=files)
@@ -77,13 +78,13 @@ def import_files(
     importer = Importer(opened, vehicle=vehicle_id, length=60 * window, start=begin, settings=reading.settings)
     with progress_bar() as report:
         imported = importer.add(files, on_progress=report)
-    bad = [(file.path, file.reason) for file in imported if file.reason]
-    document = lake_import_document(opened.location, _by_vehicle(imported), bad)
+    bad = [{"file": str(file.path), "reason": file.reason} for file in imported if file.reason]
+    document = LakeImportDocument.of(lake=opened.location, vehicles=_by_vehicle(imported), bad_files=bad)
+    problems = [_problem(**each) for each in bad]
     if write_result(document, json):
-        problems = [_problem(path, reason) for path, reason in bad]
         show(tables.lake_import_table(document.as_json()), problems, written([], json))
     if len(bad) == len(imported):
-        raise ParameterError(f"no file could be imported: {_problem(*bad[0])}")
+        raise ParameterError(f"no file could be imported: {problems[0]}")
 
 
 def archive(
@@ -107,7 +108,8 @@ def archive(
     """Summarise a lake, and compact, prune or export it."""
     from sprung.fleet.lake import Lake
     from sprung.results import tables
-    from sprung.results.documents import lake_document
+    from sprung.results.documents import LakeDocument
+    from sprung.results.documents.fleet import LakeVehicle
 
     check_file("--json", json)
     check_folder("--export", export)
@@ -123,17 +125,16 @@ def archive(
         report("compacting", 0.0)
         compacted = opened.compact() if compact else None
     facts = opened.facts
-    document = lake_document(
-        opened.location,
+    document = LakeDocument.of(
+        facts,
+        lake=opened.location,
         windows=facts.n_windows,
         files=facts.n_files,
-        n_bytes=facts.n_bytes,
-        first=facts.first,
-        last=facts.last,
-        vehicles=[(own.vehicle, own.n_windows, own.first, own.last) for own in opened.vehicles()],
+        bytes=facts.n_bytes,
+        vehicles=[LakeVehicle.of(own, windows=own.n_windows) for own in opened.vehicles()],
         compacted=compacted,
         removed=None if keep_days is None else before - facts.n_windows,
-        exported=paths,
+        exported=list(map(str, paths)),
     )
     if write_result(document, json):
         plain = document.as_json()
@@ -191,19 +192,18 @@ def rank(
         show(*tables.fleet_tables(document.as_json()), [tables.describe_type(of_type), *notes, *outputs])
 
 
-def _by_vehicle(files: "Sequence[ImportedFile]") -> list[tuple[str, int, int, int]]:
+def _by_vehicle(files: "Sequence[ImportedFile]") -> list[dict[str, Any]]:
     """Return the vehicles of files with their numbers of files, of windows added, and of windows known before."""
-    counts: dict[str, tuple[int, int, int]] = {}
+    counts: defaultdict[str, Counter[str]] = defaultdict(Counter)
     for file in files:
         if file.n_windows:
-            n_files, added, known = counts.get(file.vehicle, (0, 0, 0))
-            counts[file.vehicle] = (n_files + 1, added + file.n_added, known + file.n_windows - file.n_added)
-    return [(vehicle, *own) for vehicle, own in sorted(counts.items())]
+            counts[file.vehicle].update(files=1, added=file.n_added, known=file.n_windows - file.n_added)
+    return [{"vehicle": vehicle, **own} for vehicle, own in sorted(counts.items())]
 
 
-def _problem(path: Path, reason: str) -> str:
+def _problem(file: str, reason: str) -> str:
     """Return why a file could not be imported; most reasons name it already."""
-    return reason if str(path) in reason else f"{path}: {reason}"
+    return reason if file in reason else f"{file}: {reason}"
 
 
 def _exported(lake: "Lake", folder: Path, *, vehicle: str | None, since: str | None, until: str | None) -> list[Path]:

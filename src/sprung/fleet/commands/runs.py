@@ -154,7 +154,7 @@ def run(
     from sprung.fleet import jobs
     from sprung.fleet.lake import Lake
     from sprung.results import tables
-    from sprung.results.documents import fleet_run_document
+    from sprung.results.documents import FleetRunDocument
 
     check_file("--json", json)
     results = jobs.Results(out)
@@ -163,20 +163,16 @@ def run(
         done = jobs.run(session, Lake(lake), vehicles, results, settings=settings, report=report)
         report("counting the results", 0.0)
         summary = jobs.summarise(session, results)
-    document = fleet_run_document(
-        counts={
-            "results": out,
-            "steps": settings.steps,
-            "analysed": done.n_windows,
-            "vehicles_assessed": done.n_vehicles,
-            "analysis_time": done.elapsed,
-            "windows": summary.windows,
-            "without_result": summary.failed,
-            "verdicts": summary.verdicts,
-            "discoveries": summary.n_discoveries,
-        },
-        reasons=summary.reasons,
-        findings=summary.findings,
+    document = FleetRunDocument.of(
+        summary,
+        results=out,
+        steps=settings.steps,
+        analysed=done.n_windows,
+        vehicles_assessed=done.n_vehicles,
+        analysis_time=done.elapsed,
+        without_result=summary.failed,
+        reasons=[{"reason": reason, "windows": count} for reason, count in summary.reasons],
+        discoveries=summary.n_discoveries,
     )
     if write_result(document, json):
         plain = document.as_json()
@@ -197,7 +193,7 @@ def explain(
     from sprung.fleet import jobs
     from sprung.fleet.lake import Lake
     from sprung.results import tables
-    from sprung.results.documents import fleet_plan_document
+    from sprung.results.documents import FleetPlanDocument
 
     check_file("--json", json)
     Lake(lake).table.open()  # refused before Spark starts where there is none
@@ -205,17 +201,15 @@ def explain(
         report("comparing lake and results", 0.0)
         plan, cost = jobs.explain(session, Lake(lake), vehicles, jobs.Results(out), settings=settings)
         cores = session.sparkContext.defaultParallelism
-    document = fleet_plan_document(
-        {
-            "windows": plan.n_windows,
-            "new": plan.n_new,
-            "vehicles": plan.n_vehicles,
-            "without_vehicle_file": plan.n_without_file,
-            "seconds_per_window": cost.seconds,
-            "measured_on": cost.source,
-            "core_hours": cost.of(plan.n_new) / 3600,
-            "cores": cores,
-        }
+    document = FleetPlanDocument.of(
+        windows=plan.n_windows,
+        new=plan.n_new,
+        vehicles=plan.n_vehicles,
+        without_vehicle_file=plan.n_without_file,
+        seconds_per_window=cost.seconds,
+        measured_on=cost.source,
+        core_hours=cost.of(plan.n_new) / 3600,
+        cores=cores,
     )
     if write_result(document, json):
         plain = document.as_json()

@@ -38,10 +38,6 @@ from sprung.results.documents.fleet import FleetRunDocument as FleetRunDocument
 from sprung.results.documents.fleet import LakeDocument as LakeDocument
 from sprung.results.documents.fleet import LakeImportDocument as LakeImportDocument
 from sprung.results.documents.fleet import fleet_document as fleet_document
-from sprung.results.documents.fleet import fleet_plan_document as fleet_plan_document
-from sprung.results.documents.fleet import fleet_run_document as fleet_run_document
-from sprung.results.documents.fleet import lake_document as lake_document
-from sprung.results.documents.fleet import lake_import_document as lake_import_document
 from sprung.results.documents.identification import IdentificationDocument as IdentificationDocument
 from sprung.results.documents.identification import identification_document as identification_document
 from sprung.results.documents.identification import mode_documents as mode_documents

@@ -13,7 +13,7 @@ from sprung._checks import check_type
 from sprung.diagnosis import Baseline, ResidualReference, TypeBaseline, detectable
 from sprung.diagnosis.baseline import CONDITIONS
 from sprung.errors import FormatError, ParameterError
-from sprung.results.documents.document import Document, Pair, checked, document_from, read_fields, write_document
+from sprung.results.documents.document import Document, Pair, checked, read_fields, write_document
 from sprung.vehicles import Component
 
 
@@ -80,7 +80,7 @@ def baseline_document(baseline: Baseline) -> BaselineDocument:
         str(count): {str(part): loss for part, loss in detectable(baseline, n_windows=count).items()}
         for count in FURTHER_WINDOWS
     }
-    return document_from(BaselineDocument, baseline, conditions=conditions_document(baseline), detectable=losses)
+    return BaselineDocument.of(baseline, conditions=conditions_document(baseline), detectable=losses)
 
 
 def baseline_from_document(document: BaselineDocument | Mapping[str, Any], *, source: str = "the baseline") -> Baseline:
@@ -280,7 +280,7 @@ def type_baseline_document(type_baseline: TypeBaseline) -> TypeBaselineDocument:
     ('sprung.type_baseline/1', 8, 24)
     """
     check_type("type_baseline", type_baseline, TypeBaseline)
-    return document_from(TypeBaselineDocument, type_baseline, conditions=conditions_document(type_baseline))
+    return TypeBaselineDocument.of(type_baseline, conditions=conditions_document(type_baseline))
 
 
 def type_baseline_from_document(

@@ -19,7 +19,6 @@ from sprung.results.documents.document import (
     Number,
     Pair,
     checked,
-    document_from,
     read_fields,
     write_document,
 )
@@ -297,7 +296,7 @@ def calibration_document(calibration: Calibration) -> CalibrationDocument:
     >>> document.schema_name, document.evidence_gain, [(number.name, number.value) for number in document.learnt]
     ('sprung.calibration/1', 120.0, [('acc_fl.x', 1.3)])
     """
-    return document_from(CalibrationDocument, calibration, vehicle=calibration.vehicle.name)
+    return CalibrationDocument.of(calibration, vehicle=calibration.vehicle.name)
 
 
 def write_calibration(calibration: Calibration, path: str | Path) -> None:

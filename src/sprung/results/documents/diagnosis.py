@@ -31,7 +31,6 @@ from sprung.results.documents.document import (
     Pair,
     Published,
     checked,
-    document_from,
     first_problem,
     plain,
     read_fields,
@@ -317,8 +316,7 @@ def diagnosis_document(
     """
     check_type("diagnosis", diagnosis, Diagnosis)
     baseline = diagnosis.baseline
-    return document_from(
-        DiagnosisDocument,
+    return DiagnosisDocument.of(
         diagnosis,
         vehicle=None if baseline is None else baseline.vehicle,
         baseline=None if baseline is None else baseline.version,
@@ -347,8 +345,7 @@ class ComparisonDocument(Document):
 def comparison_document(comparison: Diagnosis) -> ComparisonDocument:
     """Return a comparison of two sets of windows as `sprung.compare/1`; `comparison` is from `sprung.compare`."""
     baseline = comparison.baseline
-    return document_from(
-        ComparisonDocument,
+    return ComparisonDocument.of(
         comparison,
         vehicle=None if baseline is None else baseline.vehicle,
         n_windows=(0 if baseline is None else baseline.n_windows, len(comparison.observations)),
@@ -434,14 +431,14 @@ def read_diagnosis(path: str | Path) -> DiagnosisDocument:
 
 
 def _detection(detection: Detection) -> DetectionDocument:
-    return document_from(DetectionDocument, detection, hypotheses=tuple(map(_hypothesis, detection.candidates)))
+    return DetectionDocument.of(detection, hypotheses=tuple(map(_hypothesis, detection.candidates)))
 
 
 def _hypothesis(candidate: Candidate) -> HypothesisDocument:
     parts = [
-        document_from(PartDocument, size, name=change.name)
+        PartDocument.of(size, name=change.name)
         for change, size in zip(candidate.hypothesis.changes, candidate.sizes, strict=True)
         if len(candidate.sizes) > 1
     ]
     name, kind = candidate.hypothesis.name, candidate.hypothesis.scope
-    return document_from(HypothesisDocument, candidate, name=name, kind=kind, parts=parts)
+    return HypothesisDocument.of(candidate, name=name, kind=kind, parts=parts)

@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, Self, TypeVar, get_args
 
 from pydantic import (
     BaseModel,
@@ -49,6 +49,22 @@ class Document(BaseModel):
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
         if "schema_name" in cls.model_fields:
             KINDS[schema_of(cls)] = cls
+
+    @classmethod
+    def of(cls, value: object = None, /, **exceptions: Any) -> Self:
+        """Return the document of a value, or a part of one: its fields are the attributes of the same names.
+
+        Parameters
+        ----------
+        value
+            Dataclass, or another value with attributes; None: all fields are given.
+        **exceptions
+            Fields that are not attributes of the value, or are written differently.
+        """
+        names = [name for name in cls.model_fields if name != "schema_name"]
+        fields = {name: exceptions[name] if name in exceptions else getattr(value, name) for name in names}
+        schema = {"schema": schema_of(cls)} if "schema_name" in cls.model_fields else {}
+        return cls.model_validate({**schema, **fields})
 
     def __repr__(self) -> str:
         """Return the kind of document, and the names of its fields."""
@@ -216,25 +232,6 @@ def checked(model: type[_Document], fields: Mapping[str, Any], *, source: str) -
         return model.model_validate(fields)
     except ValidationError as error:
         raise FormatError(f"{source}: {first_problem(error)}: write it again") from None
-
-
-def document_from(model: type[_Document], value: object, **exceptions: Any) -> _Document:
-    """Return the document of a value, or a part of one: its fields are the attributes of the same names.
-
-    Parameters
-    ----------
-    model
-        Kind of document.
-    value
-        Dataclass, or another value with attributes.
-    exceptions
-        Fields that are not attributes of the value, or are written differently.
-    """
-    names = model.model_fields.keys() - exceptions.keys()
-    fields = {name: getattr(value, name) for name in names - {"schema_name"}}
-    schema = {"schema": schema_of(model)} if "schema_name" in names else {}
-    ordered = {name: fields[name] for name in model.model_fields if name in fields}
-    return model.model_validate({**schema, **ordered, **exceptions})
 
 
 def schema_of(model: type[Document]) -> str:

@@ -1,14 +1,13 @@
 """Documents of fleets: ranking, `sprung.fleet/1`, runs over an archive, and the lake they read."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
-from typing import Any, Literal
+from collections.abc import Iterable, Sequence
+from typing import Literal
 
 from pydantic import Field
 
 from sprung.diagnosis import RankedVehicle
-from sprung.results.documents.document import Document, Pair, document_from
+from sprung.results.documents.document import Document, Pair
 
 
 class RankedEntry(Document):
@@ -70,7 +69,7 @@ def fleet_document(
     [('car-2', 'front_left.spring')]
     """
     types = [{"name": name, "vehicles": list(map(_entry, ranked))} for name, ranked in rankings]
-    return document_from(FleetDocument, None, rate=rate, types=types, notes=list(notes))
+    return FleetDocument.of(rate=rate, types=types, notes=list(notes))
 
 
 def _entry(ranked: RankedVehicle) -> dict[str, object]:
@@ -138,53 +137,6 @@ class FleetPlanDocument(Document):
     cores: int
 
 
-def fleet_run_document(
-    *, counts: Mapping[str, Any], reasons: Iterable[tuple[str, int]], findings: Sequence[Mapping[str, Any]]
-) -> FleetRunDocument:
-    """Return a run as `sprung.fleet-run/1`.
-
-    Parameters
-    ----------
-    counts
-        Fields of the document but reasons and findings.
-    reasons
-        Reasons for which windows have no result, and their numbers.
-    findings
-        Findings of the vehicles that have changed, as rows of the table of findings.
-
-    Examples
-    --------
-    >>> counts = {"results": "results", "steps": ["windows"], "analysed": {"windows": 12}, "vehicles_assessed": 4}
-    >>> counts |= {"analysis_time": 61.0, "windows": {"windows": 48}, "without_result": {"windows": 3}}
-    >>> counts |= {"verdicts": {"no_change_detected": 4}, "discoveries": 0}
-    >>> document = fleet_run_document(counts=counts, reasons=[("the vehicle stood still", 3)], findings=[])
-    >>> document.schema_name, document.reasons[0].windows
-    ('sprung.fleet-run/1', 3)
-    """
-    names = FleetFindingEntry.model_fields
-    return document_from(
-        FleetRunDocument,
-        None,
-        reasons=[{"reason": reason, "windows": count} for reason, count in reasons],
-        findings=[{name: row[name] for name in names} for row in findings],
-        **counts,
-    )
-
-
-def fleet_plan_document(fields: Mapping[str, Any]) -> FleetPlanDocument:
-    """Return a plan as `sprung.fleet-plan/1`; fields are those of the document.
-
-    Examples
-    --------
-    >>> plan = {"windows": 5000, "new": {"corners": 1800}, "vehicles": 40, "without_vehicle_file": 0, "cores": 8}
-    >>> plan |= {"seconds_per_window": {"corners": 2.0}, "measured_on": "3 windows of the lake", "core_hours": 1.0}
-    >>> document = fleet_plan_document(plan)
-    >>> document.schema_name, document.new
-    ('sprung.fleet-plan/1', {'corners': 1800})
-    """
-    return document_from(FleetPlanDocument, None, **fields)
-
-
 class LakeVehicle(Document):
     """A vehicle in a lake: times of its first and last window, UTC ns."""
 
@@ -233,88 +185,3 @@ class LakeImportDocument(Document):
     lake: str
     vehicles: tuple[ImportedVehicle, ...]
     bad_files: tuple[BadFile, ...]
-
-
-def lake_document(
-    lake: str,
-    *,
-    windows: int,
-    files: int,
-    n_bytes: int,
-    first: str | None,
-    last: str | None,
-    vehicles: Iterable[tuple[str, int, int, int]],
-    compacted: int | None = None,
-    removed: int | None = None,
-    exported: Iterable[Path] = (),
-) -> LakeDocument:
-    """Return the contents of a lake as `sprung.lake/1`.
-
-    Parameters
-    ----------
-    lake
-        Folder or URL.
-    windows, files, n_bytes
-        Numbers of windows and files, and their size.
-    first, last
-        First and last date, as YYYY-mm-dd.
-    vehicles
-        Name of each vehicle, its number of windows, and the times of its first and last one, UTC ns.
-    compacted, removed
-        Numbers of dates that were compacted and of windows that were deleted; None: not asked for.
-    exported
-        Files that windows were written to.
-
-    Examples
-    --------
-    >>> vehicle = ("bus-17", 144, 1_790_000_000_000_000_000, 1_790_086_400_000_000_000)
-    >>> document = lake_document(
-    ...     "lake", windows=144, files=3, n_bytes=21_000_000, first="2026-09-21", last="2026-09-22", vehicles=[vehicle]
-    ... )
-    >>> document.schema_name, document.vehicles[0].windows, document.removed is None
-    ('sprung.lake/1', 144, True)
-    """
-    return document_from(
-        LakeDocument,
-        None,
-        lake=lake,
-        windows=windows,
-        files=files,
-        bytes=n_bytes,
-        first=first,
-        last=last,
-        vehicles=[dict(zip(LakeVehicle.model_fields, own, strict=True)) for own in vehicles],
-        compacted=compacted,
-        removed=removed,
-        exported=list(map(str, exported)),
-    )
-
-
-def lake_import_document(
-    lake: str, vehicles: Iterable[tuple[str, int, int, int]], bad_files: Iterable[tuple[Path, str]]
-) -> LakeImportDocument:
-    """Return the result of an import as `sprung.lake-import/1`.
-
-    Parameters
-    ----------
-    lake
-        Folder or URL.
-    vehicles
-        Name of each vehicle, its number of files, of windows added, and of windows known before.
-    bad_files
-        Files that could not be imported, and why.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> document = lake_import_document("lake", [("bus-17", 2, 10, 4)], [(Path("x.csv"), "no time column")])
-    >>> document.vehicles[0].added, document.bad_files[0].reason
-    (10, 'no time column')
-    """
-    return document_from(
-        LakeImportDocument,
-        None,
-        lake=lake,
-        vehicles=[dict(zip(ImportedVehicle.model_fields, own, strict=True)) for own in vehicles],
-        bad_files=[{"file": str(path), "reason": reason} for path, reason in bad_files],
-    )

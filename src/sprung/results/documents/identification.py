@@ -22,7 +22,6 @@ from sprung.results.documents.document import (
     Pair,
     Published,
     checked,
-    document_from,
     plain,
     read_fields,
     write_document,
@@ -338,16 +337,12 @@ def identification_document(
     kept = {name: value for name, value in plain(settings).items() if (name, value) != ("kind", "auto")}
     lifter = None if settings.lifter is None else {"kind": type(settings.lifter).__name__, **plain(settings.lifter)}
     setups = identification.setups
-    return document_from(
-        IdentificationDocument,
+    return IdentificationDocument.of(
         identification,
         channels=[channel.name for channel in identification.channels],
         sensors=identification.channels,
         modes=_merged_modes(identification, vehicle),
-        subsets=[
-            document_from(SubsetDocument, subset, modes=identified_modes(subset.modes))
-            for subset in identification.subsets
-        ],
+        subsets=[SubsetDocument.of(subset, modes=identified_modes(subset.modes)) for subset in identification.subsets],
         refinement=None if identification.refinement is None else _refinement(identification.refinement),
         settings={**kept, "lifter": lifter},
         setups=None if setups is None else _setups(setups),
@@ -359,7 +354,7 @@ def _refinement(refinement: Refinement) -> RefinementDocument:
         RefinedDocument(**_row(refinement.start, ModeValues, k), distance=distance, reason=reason or None)
         for k, (distance, reason) in enumerate(zip(refinement.distances, refinement.reasons, strict=True))
     )
-    return document_from(RefinementDocument, refinement, modes=modes)
+    return RefinementDocument.of(refinement, modes=modes)
 
 
 def write_identification(
@@ -441,8 +436,7 @@ def read_identification(path: str | Path) -> IdentificationDocument:
 
 def _setups(setups: RovingSetups) -> SetUpsDocument:
     parts = tuple(
-        document_from(
-            SetUpDocument,
+        SetUpDocument.of(
             part,
             modes=identified_modes(part.identification.modes),
             members=tuple(None if member < 0 else int(member) for member in part.members),
@@ -450,7 +444,7 @@ def _setups(setups: RovingSetups) -> SetUpsDocument:
         )
         for part in setups.parts
     )
-    return document_from(SetUpsDocument, setups, parts=parts)
+    return SetUpsDocument.of(setups, parts=parts)
 
 
 def _merged_modes(identification: Identification, vehicle: AnyVehicle | None) -> list[dict[str, Any]]:

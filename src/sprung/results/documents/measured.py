@@ -6,20 +6,16 @@ import numpy as np
 from pydantic import AliasChoices, Field
 
 from sprung.bounce_tests import Bounce, BounceTest
-from sprung.kits import KitPlan
-from sprung.results.documents.document import Document, Number, Pair, document_from
-from sprung.results.documents.identification import IdentifiedMode, identified_modes
-from sprung.ride import Ride
+from sprung.kits import KitPlan, PlannedSensor
+from sprung.results.documents.document import Document, Number, Pair
+from sprung.results.documents.identification import IdentifiedMode, ModeValues, identified_modes
+from sprung.ride import Ride, RidePoint
 from sprung.road import RoadSurvey
 
 
-class CoulombDocument(Document):
+class CoulombDocument(ModeValues):
     """Viscous damping and dry friction of a swing, apart."""
 
-    natural_frequency: float
-    natural_frequency_std: Number
-    damping_ratio: float
-    damping_ratio_std: Number
     sticking: float
     sticking_std: Number
     channel: str
@@ -99,8 +95,7 @@ def bounce_document(bounce: Bounce) -> BounceDocument:
             "relative_to_nominal": value.value / value.nominal if known else np.nan,
             "is_identifiable": known,
         }
-    return document_from(
-        BounceDocument,
+    return BounceDocument.of(
         bounce,
         channels=bounce.modes.channels,
         tests=[_test(test) for test in bounce.tests],
@@ -116,8 +111,7 @@ def _test(test: BounceTest) -> BounceTestDocument:
         if fit is not None:
             largest = int(np.argmax(np.abs(fit.amplitudes)))
             names = [name for name, entry in zip(test.modes.channels, mode.mode_shape, strict=True) if entry != 0]
-            coulomb = document_from(
-                CoulombDocument,
+            coulomb = CoulombDocument.of(
                 fit,
                 sticking=fit.sticking[largest],
                 sticking_std=fit.friction_std * abs(fit.amplitudes[largest]),
@@ -125,7 +119,7 @@ def _test(test: BounceTest) -> BounceTestDocument:
             )
         modes.append(BounceMode(**{**dict(mode), "coulomb": coulomb}))
     times = {name: getattr(test.transient, name) for name in ("onset", "begin", "end")}
-    return document_from(BounceTestDocument, test, modes=modes, **times)
+    return BounceTestDocument.of(test, modes=modes, **times)
 
 
 def _renamed(key: str, name: str) -> Any:
@@ -142,19 +136,12 @@ class PlannedPart(Document):
     is_identifiable: bool
 
 
-class PlannedChannel(Document):
-    """Share by which a sensor reduces the standard deviations."""
-
-    channel: str
-    gain: float
-
-
 class PlanDocument(Document):
     """What a kit of sensors will see on a vehicle."""
 
     schema_name: Literal["sprung.plan/1"] = Field(alias="schema")
     components: dict[str, PlannedPart]
-    sensors: tuple[PlannedChannel, ...]
+    sensors: tuple[PlannedSensor, ...]
     notes: tuple[str, ...]
 
 
@@ -199,21 +186,6 @@ class RoadDocument(Document):
     notes: tuple[str, ...]
 
 
-class RidePointDocument(Document):
-    """Vibration at a place and axis by a standard."""
-
-    channel: str
-    axis: Literal["x", "y", "z"]
-    standard: str
-    weighting: str
-    rms: float
-    mtvv: float
-    vdv: float
-    crest_factor: float
-    value: float
-    rating: str | None
-
-
 class TravelDocument(Document):
     """Use of the travel of a suspension [m, m/s]."""
 
@@ -231,7 +203,7 @@ class RideDocument(Document):
     """Ride of a vehicle."""
 
     schema_name: Literal["sprung.ride/1"] = Field(alias="schema")
-    points: tuple[RidePointDocument, ...]
+    points: tuple[RidePoint, ...]
     travel: tuple[TravelDocument, ...]
     mean_comfort: float | None
     notes: tuple[str, ...]
@@ -240,19 +212,19 @@ class RideDocument(Document):
 def plan_document(plan: KitPlan) -> PlanDocument:
     """Return a plan as `sprung.plan/1`."""
     components = {
-        str(part.component): document_from(
-            PlannedPart, part, minutes={f"{change:g}": minutes for change, minutes in part.minutes.items()}
+        str(part.component): PlannedPart.of(
+            part, minutes={f"{change:g}": minutes for change, minutes in part.minutes.items()}
         )
         for part in plan.components
     }
-    return document_from(PlanDocument, plan, components=components)
+    return PlanDocument.of(plan, components=components)
 
 
 def road_document(survey: RoadSurvey) -> RoadDocument:
     """Return the road under a vehicle as `sprung.road/1`."""
-    return document_from(RoadDocument, survey)
+    return RoadDocument.of(survey)
 
 
 def ride_document(ride: Ride) -> RideDocument:
     """Return the ride of a vehicle as `sprung.ride/1`."""
-    return document_from(RideDocument, ride)
+    return RideDocument.of(ride)

@@ -11,12 +11,11 @@ from sprung._arrays import Complex
 from sprung._checks import check_type, data_frame_of
 from sprung._display import in_short, listed
 from sprung.identification.methods import WindowModes
-from sprung.identification.tracking import Track, TrackedModes
+from sprung.identification.tracking import Jump, Track, TrackedModes, TrackTrend
 from sprung.results.documents.document import (
     Document,
     Number,
     checked,
-    document_from,
     plain,
     read_fields,
     write_document,
@@ -31,15 +30,6 @@ class TrackPoint(ModeValues):
     mac: float
 
 
-class TrendValues(Document):
-    """Change in a unit of time, and from the first to the last window, with standard deviations."""
-
-    slope: float
-    slope_std: float
-    change: float
-    change_std: float
-
-
 class TrackedValues(Document):
     """A natural frequency [Hz] or damping ratio over time."""
 
@@ -48,15 +38,7 @@ class TrackedValues(Document):
     high: float
     scatter: Number
     stated: Number
-    trend: TrendValues | None
-
-
-class JumpValues(Document):
-    """Natural frequencies [Hz] before and after a jump, and the first window after it."""
-
-    window: int
-    before: float
-    after: float
+    trend: TrackTrend | None
 
 
 class TrackDocument(Document):
@@ -69,7 +51,7 @@ class TrackDocument(Document):
     natural_frequency: TrackedValues
     damping_ratio: TrackedValues
     mode_shape: Complex
-    jumps: tuple[JumpValues, ...]
+    jumps: tuple[Jump, ...]
     points: tuple[TrackPoint, ...]
 
 
@@ -163,19 +145,15 @@ def tracking_document(
     >>> document.schema_name, len(document.tracks), round(document.tracks[0].natural_frequency.mean)
     ('sprung.track/1', 2, 2)
     """
-    return document_from(
-        TrackingDocument,
+    return TrackingDocument.of(
         tracked,
         start=start,
         time_unit="s" if has_times else "windows",
         windows=_windows(tracked)
         if windows is None
-        else [
-            document_from(TrackedWindow, window, n_modes=0 if window.modes is None else len(window.modes))
-            for window in windows
-        ],
+        else [TrackedWindow.of(window, n_modes=0 if window.modes is None else len(window.modes)) for window in windows],
         tracks=[
-            document_from(TrackDocument, track, first=track.times[0], last=track.times[-1], points=_points(track))
+            TrackDocument.of(track, first=track.times[0], last=track.times[-1], points=_points(track))
             for track in tracked.tracks
         ],
         untracked_modes=sorted(
