@@ -230,8 +230,8 @@ def test_of_a_vehicle_without_description_a_megabyte_waits(intake, store, refusa
 
 
 def test_what_waits_of_a_vehicle_is_bounded_until_it_is_analysed(intake, store, refusals, monkeypatch) -> None:
-    monkeypatch.setattr("sprung.online.monitor.quotas._MOST", 1_000_000)
-    monkeypatch.setattr("sprung.online.monitor.quotas._HOURS", 0.0)
+    monkeypatch.setattr("sprung.online.monitor.message_queue._MOST", 1_000_000)
+    monkeypatch.setattr("sprung.online.monitor.message_queue._HOURS", 0.0)
     intake.quotas._time = 2.0
     intake.take([(topic("car-1", "meta"), message(ORIGINALS["meta"]))], now=0)
     assert intake.take([large("car-1", seq) for seq in (0, 1, 3, 4, 5)], now=0).arrived == {("car-1", 1): 1}

@@ -31,10 +31,11 @@ from sprung.online.monitor.message_queue import (
     QUOTA,
     UNSTORABLE,
     VERSION_UNKNOWN,
+    QuotaError,
+    Quotas,
     Refusals,
     vehicle_of,
 )
-from sprung.online.monitor.quotas import QuotaError, Quotas
 from sprung.online.store import Cursor, RefusedError, StoredFrame
 from sprung.vehicles import vehicle_from_text
 
