@@ -28,4 +28,9 @@ def lazily(package: str, file: str) -> tuple[Callable[[str], object], Callable[[
         setattr(sys.modules[package], name, value)
         return value
 
+    modules = {path.stem for path in Path(file).parent.glob("*.py")}
+    for name in homes.keys() & modules:
+        if homes[name] != package:  # the module of this name, once imported, would hide it
+            import_module(f"{package}.{name}")
+            public(name)
     return public, lambda: sorted({*vars(sys.modules[package]), *homes}), list(homes)

@@ -19,7 +19,6 @@ from sprung.simulation import (
     simulate,
     spiking,
     stuck,
-    with_gap,
     with_hum,
     with_imperfections,
     with_noise,
@@ -95,7 +94,6 @@ def test_an_imperfection_changes_its_channel_alone_and_is_in_the_history(run, li
 @pytest.mark.parametrize(
     ("imperfection", "message"),
     [
-        (partial(with_gap, onset=99.0, duration=5.0), "must lie inside the recording"),
         (partial(quantised, full_scale=1.0, bits=40), "bits=40 must be"),
         (partial(held, channel="speed", rate=0.0), "rate of updates=0 must be above 0"),
     ],

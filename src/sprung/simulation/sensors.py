@@ -9,9 +9,8 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung._checks import check_number
-from sprung.errors import ParameterError
 from sprung.excitation import noise
-from sprung.recording import Gap, Recording
+from sprung.recording import Recording
 
 #: Imperfection of a sensor or recorder: a function of this module with its options bound by `functools.partial`. A
 #: random one keeps its parameter `generator` free.
@@ -447,68 +446,6 @@ def delayed(recording: Recording, *, channel: str, delay: float) -> Recording:
         late = np.fft.irfft(np.fft.rfft(padded) * phase, n=padded.size)
         shifted[stretch] = late[(padded.size - n) // 2 :][:n]
     return _changed(recording, channel, shifted, f"delayed by {delay:g} s")
-
-
-def jittered(recording: Recording, *, standard_deviation: float, generator: np.random.Generator) -> Recording:
-    """Return the recording as sampled at times that scatter by `standard_deviation` [s], the same in all channels.
-
-    Raises
-    ------
-    ParameterError
-        If the standard deviation is out of range.
-
-    Notes
-    -----
-    The values between samples are those of a cubic spline through each stretch between gaps.
-
-    Examples
-    --------
-    >>> from sprung.recording import Channel
-    >>> run = Recording([np.arange(10_000.0)], 100.0, (Channel("acc", "acceleration"),))  # a ramp of 100 per second
-    >>> shaken = jittered(run, standard_deviation=0.002, generator=np.random.default_rng(1))
-    >>> print(f"{np.std(shaken.samples - run.samples):.1f}")
-    0.2
-    """
-    from scipy.interpolate import CubicSpline
-
-    check_number("standard_deviation", standard_deviation, at_least=0)
-    samples = recording.samples.copy()
-    for stretch in recording.stretches():
-        n = stretch.stop - stretch.start
-        if n < 4:
-            continue
-        time = np.arange(n) + recording.sampling_rate * standard_deviation * generator.standard_normal(n)
-        samples[:, stretch] = CubicSpline(np.arange(n), samples[:, stretch], axis=1)(np.clip(time, 0, n - 1))
-    return recording.changed(f"jitter of {standard_deviation:g} s", samples=samples)
-
-
-def with_gap(recording: Recording, *, onset: float, duration: float) -> Recording:
-    """Return the recording without the samples of `duration` [s] from `onset` [s] on, with the gap marked.
-
-    Raises
-    ------
-    ParameterError
-        If the recording has gaps already, or the gap is not inside it.
-
-    Examples
-    --------
-    >>> from sprung.recording import Channel
-    >>> run = Recording(np.zeros((1, 1000)), 100.0, (Channel("acc", "acceleration"),))
-    >>> broken = with_gap(run, onset=4.0, duration=2.0)
-    >>> broken.n_samples, broken.gaps
-    (800, (Gap(index=400, duration=2.0),))
-    """
-    first, last = (_sample(recording, time) for time in (onset, onset + duration))
-    if recording.gaps:
-        raise ParameterError("the recording has gaps already: add them from the last to the first")
-    if first == 0 or last >= recording.n_samples or last == first:
-        raise ParameterError(
-            f"a gap from {onset:g} s for {duration:g} s must lie inside the recording of "
-            f"{recording.n_samples / recording.sampling_rate:g} s: move or shorten it"
-        )
-    samples = np.delete(recording.samples, slice(first, last), axis=1)
-    gap = Gap(first, (last - first) / recording.sampling_rate)
-    return recording.changed(f"lost {duration:g} s at {onset:g} s", samples=samples, gaps=(gap,))
 
 
 def _rows(recording: Recording, quantity: str) -> list[int]:

@@ -1,0 +1,15 @@
+from sprung.calibration.completion import CALIBRATION_WINDOWS as CALIBRATION_WINDOWS
+from sprung.calibration.completion import CalibratedNumber as CalibratedNumber
+from sprung.calibration.completion import Calibration as Calibration
+from sprung.calibration.completion import CalibrationSettings as CalibrationSettings
+from sprung.calibration.completion import calibrate as calibrate
+from sprung.calibration.completion import calibrated as calibrated
+from sprung.calibration.completion import calibrated_if_imperfect as calibrated_if_imperfect
+from sprung.calibration.completion import chosen_windows as chosen_windows
+from sprung.calibration.completion import is_imperfect as is_imperfect
+from sprung.calibration.completion import usable_spectra as usable_spectra
+from sprung.calibration.data_sheet import DataSheet as DataSheet
+from sprung.calibration.data_sheet import described as described
+from sprung.calibration.data_sheet import tyre_stiffness as tyre_stiffness
+from sprung.calibration.joint import WindowSpectra as WindowSpectra
+from sprung.calibration.joint import window_layouts as window_layouts

@@ -1,0 +1,10 @@
+from sprung.fleet.jobs.plan import Cost as Cost
+from sprung.fleet.jobs.plan import FleetSettings as FleetSettings
+from sprung.fleet.jobs.plan import Plan as Plan
+from sprung.fleet.jobs.results import Results as Results
+from sprung.fleet.jobs.runs import FleetRun as FleetRun
+from sprung.fleet.jobs.runs import Summary as Summary
+from sprung.fleet.jobs.runs import explain as explain
+from sprung.fleet.jobs.runs import run as run
+from sprung.fleet.jobs.runs import summarise as summarise
+from sprung.fleet.jobs.spark import spark_session as spark_session

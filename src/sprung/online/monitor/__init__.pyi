@@ -1,0 +1,12 @@
+from sprung.online.monitor.engine import VehicleMonitor as VehicleMonitor
+from sprung.online.monitor.events import Identified as Identified
+from sprung.online.monitor.events import MonitorSettings as MonitorSettings
+from sprung.online.monitor.events import Observed as Observed
+from sprung.online.monitor.intake import MONITOR as MONITOR
+from sprung.online.monitor.site import Site as Site
+from sprung.online.monitor.site import embedded_port as embedded_port
+from sprung.online.monitor.site import read_site as read_site
+from sprung.online.monitor.station import FIGURES as FIGURES
+from sprung.online.monitor.station import Station as Station
+from sprung.online.monitor.workers import Workers as Workers
+from sprung.state import VehicleStatus as VehicleStatus

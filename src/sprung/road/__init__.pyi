@@ -1,0 +1,14 @@
+from sprung.road.profile import RoadProfile as RoadProfile
+from sprung.road.profile import road_profile as road_profile
+from sprung.road.survey import GOLDEN_CAR as GOLDEN_CAR
+from sprung.road.survey import GoldenCar as GoldenCar
+from sprung.road.survey import RoadEvent as RoadEvent
+from sprung.road.survey import RoadSurvey as RoadSurvey
+from sprung.road.survey import Stretch as Stretch
+from sprung.road.survey import TrackRoughness as TrackRoughness
+from sprung.road.survey import averaged as averaged
+from sprung.road.survey import road_class_of as road_class_of
+from sprung.road.survey import roughness_index as roughness_index
+from sprung.road.survey import survey_road as survey_road
+from sprung.road.survey import suspension_slope as suspension_slope
+from sprung.road.survey import write_survey as write_survey
