@@ -336,6 +336,7 @@ def test_a_broken_link_of_an_anti_roll_bar_is_the_bar_alone() -> None:
     found = diagnose([window(broken, number) for number in (8, 9)], baseline)
     (finding,) = found.findings
     assert (finding.corner, finding.component) == ("front_axle", "anti_roll")
+    assert finding.interval is not None
     assert finding.interval[0] == -1.0 < finding.interval[1] < -0.7
     healthy = diagnose([window(file, number) for number in (10, 11)], baseline)
     assert not healthy.findings
@@ -346,8 +347,10 @@ def test_a_much_stiffer_tyre_may_be_another_wheel(faulty, baseline) -> None:
     """A tyre +30 % with 18 % less mass reads as ln(1.3 / 0.82): its interval has the tyre's own change."""
     (finding,) = diagnose(faulty(3, {"rear_right.tyre": 1.3 / 0.82 - 1}), baseline).findings
     assert (finding.corner, finding.component) == ("rear_right", "tyre")
+    assert finding.interval is not None
     assert finding.interval[0] < 0.3 < finding.interval[1]
     assert "or another wheel, up to 30 % lighter" in finding.sentence
     (one,) = diagnose(faulty(3, {"rear_right.tyre": 0.2}), baseline).findings
+    assert one.interval is not None
     assert one.interval[0] > 0.15
     assert "wheel" not in one.sentence
