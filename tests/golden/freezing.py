@@ -17,7 +17,7 @@ NOISE = float(os.environ.get("SPRUNG_GOLDEN_NOISE", "0"))
 #: Significant digits that are frozen.
 DIGITS = 6
 #: Difference of values that are 0 but for rounding.
-_NOTHING = 1e-12
+_NOTHING = 1e-11
 #: Values that depend on rounding: of searches that did not converge, and of what the data do not determine.
 _UNDETERMINED = frozenset({"misfit", "misfit_excess", "payload_x_moment"})
 #: Values that are compared with 0.01 where they are smaller.
