@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from sprung.bounce_tests import bounce
-from sprung.bounce_tests.begins import delayed, free_from
 from sprung.errors import DataError
 from sprung.formats import read
-from sprung.identification.free_response import find_transients, fit_free_response
+from sprung.identification.free_response import find_transients
 from sprung.identification.friction import swing_with_friction
 from sprung.recording import Channel, Recording
 from sprung.vehicles import Structure, parse_fault, read_vehicle, structure, with_faults
@@ -47,16 +46,6 @@ def test_pushes_are_found_where_they_are() -> None:
     assert len(found) == 4
     np.testing.assert_allclose([each.onset for each in found], 1.0 + 4.0 * np.arange(4), atol=0.2)
     assert all(each.begin >= each.onset + 0.2 for each in found)
-
-
-def test_free_motion_begins_where_the_hands_let_go(healthy) -> None:
-    run = pushes()
-    spans = [delayed(test, run) for test in healthy.tests]
-    fit = fit_free_response([run.part(*span) for span in spans], band=(0.0, 40.0))
-    firsts = [free_from(fit, k, run, spans[k], test) for k, test in enumerate(healthy.tests)]
-    late = np.array(firsts) - (134 + 400 * np.arange(4))
-    assert np.all(late >= 0)
-    assert np.all(late <= 8)
 
 
 def test_a_car_pushed_at_its_corners(healthy) -> None:
@@ -105,14 +94,8 @@ def test_without_a_push_there_is_no_answer() -> None:
 
 @pytest.mark.skipif(not CLICKS.exists(), reason="real recordings are not here")
 def test_rebound_clicks_of_a_bicycle() -> None:
-    """Viscous damping rises with 0, 4, 8, 12, 17 clicks; of 0, 8, 12, also with friction, and frequencies are alike.
-
-    With friction, 0 and 4 clicks (18.9 +- 6.3 %, 17.7 +- 4.7 %), and 12 and 17 (32 +- 11 %, 28 +- 12 %), do not differ.
-    """
-    results = [bounce(read(CLICKS / f"0008{number}.SST")) for number in (3, 4, 5, 6, 7)]
-    viscous = [result.tests[0].frictions[0].damping_ratio for result in results]
-    assert viscous == sorted(viscous)
-    results = [results[k] for k in (0, 2, 3)]
+    """0, 8, 12 clicks: damping rises, and the frequency, with spring and rider unchanged, stays within 15 %."""
+    results = [bounce(read(CLICKS / f"0008{number}.SST")) for number in (3, 5, 6)]
     damping = [float(result.modes.damping_ratio[0]) for result in results]
     frequency = [float(result.modes.natural_frequency[0]) for result in results]
     assert damping == sorted(damping)

@@ -22,8 +22,6 @@ class BounceRules:
     reach: float = 8.0
     #: The same, without a search, above which modes cannot describe a motion.
     hopeless: float = 0.3
-    #: Largest of these where noise explains more, over all channels: some may hardly move.
-    max_unexplained: float = 0.8
     #: Most modes of a test.
     max_modes: int = 4
     #: Largest RMS that free modes may leave of the motion where noise explains no more; largest smallest damping ratio.

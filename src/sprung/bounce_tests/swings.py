@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from sprung._arrays import Booleans, Complex, Indices, Real
-from sprung.bounce_tests.begins import delayed, free_from
 from sprung.bounce_tests.results import RULES, BounceTest, CornerValue
 from sprung.errors import DataError, ParameterError
 from sprung.identification.free_response import FreeFit, Transient, fit_free_response
@@ -118,7 +117,7 @@ def tested(run: Recording, number: int, transient: Transient) -> BounceTest:
     with_friction = None if is_linear else _with_friction(run, number, transient)
     if with_friction is not None and with_friction.is_significant:
         return with_friction
-    if with_friction is None and transient.unexplained > _by_noise(RULES.hopeless, transient, RULES.max_unexplained):
+    if with_friction is None and transient.unexplained > max(RULES.hopeless, RULES.beyond_noise * transient.noise):
         raise DataError("it does not swing freely")
     try:
         fit = fit_free_response(part, band=_band(run, transient), max_modes=RULES.max_modes)
@@ -140,9 +139,9 @@ def tested(run: Recording, number: int, transient: Transient) -> BounceTest:
     return BounceTest(number, transient, part, motion, fit.modes, (None,) * len(fit.modes), residual)
 
 
-def _by_noise(limit: float, transient: Transient, most: float = RULES.max_noise) -> float:
+def _by_noise(limit: float, transient: Transient) -> float:
     """Return a limit of residuals over the motion, higher where noise explains more, as long as the motion is clear."""
-    return max(limit, min(RULES.beyond_noise * transient.noise, most))
+    return max(limit, min(RULES.beyond_noise * transient.noise, RULES.max_noise))
 
 
 def _with_friction(run: Recording, number: int, transient: Transient) -> BounceTest | None:
@@ -220,27 +219,12 @@ def _at_stop(values: Real, samples: Real) -> Booleans:
 
 
 def fitted_together(tests: Sequence[BounceTest], runs: Sequence[Recording]) -> FreeFit | None:
-    """Return the free responses of linear tests of the same channels, fitted together.
-
-    Notes
-    -----
-    First from where they are free beyond doubt, then from where on the modes found predict them.
-    """
-    tests = [test for test in tests if test.part.channels == tests[0].part.channels]
-    if not tests:
+    """Return the free responses of linear tests of the same channels, fitted together."""
+    parts = [test.part for test in tests]
+    parts = [part for part in parts if part.channels == parts[0].channels]
+    if not parts:
         return None
-    band = _band(runs[tests[0].recording], tests[0].transient)
-    each = [(test, runs[test.recording]) for test in tests]
-    spans = [delayed(test, run) for test, run in each]
-    try:
-        fit = fit_free_response([run.part(*span) for (_, run), span in zip(each, spans, strict=True)], band=band)
-    except DataError:
-        fit = None
-    if fit is None or not len(fit.modes):
-        return fit_free_response([test.part for test in tests], band=band)
-    firsts = [free_from(fit, k, run, spans[k], test) for k, (test, run) in enumerate(each)]
-    parts = [run.part(first, span[1]) for (_, run), first, span in zip(each, firsts, spans, strict=True)]
-    return fit_free_response(parts, band=band)
+    return fit_free_response(parts, band=_band(runs[tests[0].recording], tests[0].transient))
 
 
 def pooled(tests: Sequence[BounceTest]) -> Modes:

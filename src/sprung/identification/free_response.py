@@ -243,23 +243,17 @@ def _with_forces(fitted: _Fitted) -> _Fitted:
 
 
 def _misfits(fitted: _Fitted) -> Real:
-    """Return the power of the residuals around each mode over that of the model, shape (modes,).
-
-    Notes
-    -----
-    Around a mode the fitted mean takes more of the noise than elsewhere: residuals are judged by what it leaves.
-    """
+    """Return the power of the residuals around each mode over that of the model, shape (modes,)."""
     model, fit = fitted.model, fitted.model.fitted(fitted.parameters)
     values, powers = fit.values, np.abs(fit.whitened) ** 2
-    expected = 1 - model.leverages(fitted.parameters)
-    everywhere = expected.size / max(np.sum(expected), expected.size / 4)
+    n_data = 2 * model.data.values.size
+    n_mean = 2 * model.modal.n_modes * (model.modal.n_channels + model.data.n_records)
     misfits = np.empty(model.modal.n_modes)
     for k, (f, xi) in enumerate(zip(values.natural_frequency, values.damping_ratio, strict=True)):
         distance = np.abs(model.data.frequencies - f)
         reach = max(_FIT.judged_widths * f * xi, np.partition(distance, min(7, distance.size - 1))[7 % distance.size])
-        near = distance <= reach
-        misfits[k] = np.sum(powers[near]) / max(np.sum(expected[near]), expected[near].size / 4)
-    return np.maximum(misfits, everywhere)
+        misfits[k] = np.mean(powers[distance <= reach])
+    return np.maximum(misfits, 1.0) * n_data / max(n_data - n_mean, n_data / 4)
 
 
 def _result(fitted: _Fitted, *, channels: tuple[str, ...]) -> FreeFit:
@@ -332,9 +326,8 @@ class _TransientRules:
     #: Most motions in a record of free motion, and most windows of each that are fitted.
     max_motions: int = 20
     max_windows: float = 60.0
-    #: Windows of rest that are fitted after the end of a motion, and fewest windows after its peak.
+    #: Windows of rest that are fitted after the end of a motion.
     rest: int = 1
-    min_after_peak: int = 4
     #: Starts of free motion that are tried, from a window before the peak of the level to two after it.
     n_starts: int = 10
     #: Frequencies that are fitted, over that of the windows, and most modes.
@@ -364,9 +357,7 @@ class Transient:
     unexplained
         RMS of what free modes leave of it from half a window after its peak, over that of the motion.
     noise
-        RMS of the recording around its quietest window, over that of the motion.
-    rest
-        Time until which no other motion begins [s].
+        RMS of the recording where it is quietest, over that of the motion.
     """
 
     onset: float
@@ -375,7 +366,6 @@ class Transient:
     window: float
     unexplained: float
     noise: float
-    rest: float
 
 
 def motion_level(recording: Recording) -> tuple[Real, float]:
@@ -427,8 +417,7 @@ def find_transients(recording: Recording) -> tuple[Transient, ...]:
     edge = max(_EVENTS.edge, min(_EVENTS.edge_over_quiet * float(np.quantile(level, 0.1)), 1 / _EVENTS.min_fall))
     scale = np.maximum(np.std(recording.samples, axis=1, keepdims=True), 1e-300)
     quietest = int(np.argmin(level))
-    around = slice(max(quietest - width, 0), quietest + width + 1)  # wider: the quietest window is so by chance
-    noise = np.std(recording.samples[:, around], axis=1)
+    noise = np.std(recording.samples[:, max(quietest - width // 2, 0) : quietest + width // 2 + 1], axis=1)
     at_rest = np.sqrt(np.mean((noise / scale[:, 0]) ** 2))
     events = _events(level, edge, width)
     found = []
@@ -437,8 +426,7 @@ def find_transients(recording: Recording) -> tuple[Transient, ...]:
         if part.max() < _EVENTS.min_peak or part[-1] > part.max() / _EVENTS.min_fall:
             continue
         peak = first + int(np.flatnonzero(part > 0.7 * part.max())[-1])
-        rest = min([level.size, *(each[0] for each in events if each[0] > last)])
-        end = min(max(last + _EVENTS.rest * width, peak + _EVENTS.min_after_peak * width), rest)
+        end = min([last + _EVENTS.rest * width, level.size, *(each[0] for each in events if each[0] > last)])
         starts = np.linspace(peak - width, peak + 2 * width, _EVENTS.n_starts).astype(int)
         starts = np.unique(np.clip(starts, 0, max(end - int(_EVENTS.min_windows * width), 0)))
         left = [_left_over(recording, begin, end, scale, window) for begin in starts]
@@ -451,9 +439,7 @@ def find_transients(recording: Recording) -> tuple[Transient, ...]:
         judged = int(np.clip(np.searchsorted(starts, peak + width // 2), 0, len(starts) - 1))
         own = np.sqrt(np.mean((np.std(recording.samples[:, starts[judged] : end], axis=1) / scale[:, 0]) ** 2))
         relative, quiet = (float(each / max(own, 1e-300)) for each in (left[judged], at_rest))
-        found.append(
-            Transient(float(first / rate), begin / rate, float(end / rate), window, relative, quiet, rest / rate)
-        )
+        found.append(Transient(float(first / rate), begin / rate, float(end / rate), window, relative, quiet))
     return tuple(found)
 
 
