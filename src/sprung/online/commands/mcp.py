@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import quote, urlencode
 
-from sprung._checks import required
 from sprung.cli.options import option
 from sprung.errors import DataError, SprungError
 
@@ -70,12 +69,14 @@ def server(get: Get, *, files: Path | None = None) -> "MCPServer":
     files
         Folder whose recordings may be read; None: none.
     """
+    from sprung._checks import required
+
     required("mcp", purpose="sprung mcp", extra="mcp")
     from mcp.server.mcpserver import MCPServer
     from mcp.server.mcpserver.exceptions import ToolError
     from mcp.types import ToolAnnotations
 
-    def told(tool: Callable[..., str]) -> Callable[..., str]:
+    def reporting_errors(tool: Callable[..., str]) -> Callable[..., str]:
         @wraps(tool)
         def called(*values: Any, **named: Any) -> str:
             try:
@@ -88,7 +89,7 @@ def server(get: Get, *, files: Path | None = None) -> "MCPServer":
     found = MCPServer("sprung", instructions=_INSTRUCTIONS)
     reads = ToolAnnotations(read_only_hint=True, destructive_hint=False, idempotent_hint=True)
     for tool in (*_of_monitor(get), *(_of_files(files) if files else ())):
-        found.tool(annotations=reads, structured_output=False)(told(tool))
+        found.tool(annotations=reads, structured_output=False)(reporting_errors(tool))
     return found
 
 
