@@ -54,9 +54,9 @@ def _panel(axes: Axes) -> dict[str, Any]:
 
 
 def _ends(points: Any) -> list[Any]:
-    """Return the number of points, and mean, lowest and highest of those that are finite."""
-    known = np.asarray(points, dtype=float)
-    known = known[np.isfinite(known).all(axis=1)]
+    """Return the number of points, and mean, lowest and highest of those that are finite; rounding is below -150 dB."""
+    known = np.maximum(np.asarray(points, dtype=float), -150.0)
+    known = known[np.isfinite(np.asarray(points, dtype=float)).all(axis=1)]
     if not len(known):
         return [0]
     return [len(known), *known.mean(axis=0).tolist(), *known.min(axis=0).tolist(), *known.max(axis=0).tolist()]
