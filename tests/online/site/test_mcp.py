@@ -16,7 +16,7 @@ from sprung.online.commands.mcp import server
 
 @pytest.fixture
 def ask(serve, tmp_path):
-    """Function of a tool and its arguments that returns what a client is told, and whether it is an error."""
+    """Function of a tool and its arguments that returns its text, and whether it is an error."""
     _, client = serve()
     (tmp_path / "drive.csv").write_text("time [s],acc [m/s^2]\n" + "".join(f"{k / 100},{k % 7}\n" for k in range(500)))
 
