@@ -164,6 +164,7 @@ from sprung.signals.spectrum import SpectralMatrix as SpectralMatrix
 from sprung.simulation import Deviations as Deviations
 from sprung.simulation import DriveSettings as DriveSettings
 from sprung.simulation import Driving as Driving
+from sprung.simulation import Fmu as Fmu
 from sprung.simulation import PartScatter as PartScatter
 from sprung.simulation import Payload as Payload
 from sprung.simulation import RailDrive as RailDrive

@@ -12,8 +12,10 @@ GUIDES = Path(__file__).parents[2] / "docs" / "how-to"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("guide", ["plan-a-kit", "road", "ride"])
+@pytest.mark.parametrize("guide", ["plan-a-kit", "road", "ride", "fmu"])
 def test_a_guide_shows_what_its_commands_print(guide, tmp_path, monkeypatch, capsys) -> None:
+    if guide == "fmu":
+        pytest.importorskip("fmpy")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "120")
     blocks = re.findall(r"```console\n(.*?)```", (GUIDES / f"{guide}.md").read_text(encoding="utf-8"), re.DOTALL)

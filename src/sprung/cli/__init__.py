@@ -91,6 +91,7 @@ def _application() -> typer.Typer:
         corners.bounce,
         vehicle_files.describe,
         vehicle_files.calibrate,
+        vehicle_files.fmu,
         diagnosis.baseline,
         diagnosis.diagnose,
         measured.plan,

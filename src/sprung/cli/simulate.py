@@ -8,14 +8,24 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from sprung.cli.options import OUTPUT, Group, Json, check_file, complete_vehicles, declared, option, shares_options
+from sprung.cli.options import (
+    OUTPUT,
+    Group,
+    Json,
+    check_file,
+    complete_vehicles,
+    declared,
+    names,
+    option,
+    shares_options,
+)
 from sprung.cli.output import progress_bar, show, write_json, write_result, written
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
     from sprung.cli.conditions import DriveConditions
     from sprung.excitation import Excitation
-    from sprung.simulation import DriveSettings
+    from sprung.simulation import DriveSettings, Fmu
     from sprung.vehicles import Fault
     from sprung.vehicles.sensor_layout import AnyVehicle
 
@@ -100,7 +110,8 @@ class Run(Group):
         write_json(document, str(truth_path))
         write_vehicle(vehicle, vehicle_path)
         if write_result(document, self.json):
-            show(tables.true_modes_table(document), written([*paths, truth_path, vehicle_path], self.json))
+            table = [tables.true_modes_table(document)] * bool(document["modes"])
+            show(*table, written([*paths, truth_path, vehicle_path], self.json))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,6 +137,7 @@ class Drive(Run):
         settings: "type[DriveSettings]",
         *,
         road_class: str | None = None,
+        fmu: "Fmu | None" = None,
     ) -> None:
         """Simulate and write drives, with the wear of each carried over to the next."""
         from sprung.cli.conditions import read_conditions
@@ -147,6 +159,7 @@ class Drive(Run):
             speed=self.speed,
             snr=self.snr,
             faults=self.faults,
+            fmu=fmu,
             **stated,
         )
         drives = [partial(simulate_drive, vehicle, one) for one in drives_of_one_vehicle(drive, self.records)]
@@ -189,6 +202,14 @@ class _Road(Drive):
     road_class: str | None = declared(
         "A..H", "Roughness class of ISO 8608. Default: that of --conditions, or C.", "--road"
     )
+    fmu: Path | None = declared(
+        "F.fmu", "Functional Mock-up Unit that is driven in place of the vehicle file, and is the truth."
+    )
+    fmu_inputs: str | None = declared(
+        "A,B,..",
+        "Inputs of the FMU for the height of the road under each wheel: front left, front right, .. Default:"
+        " road_front_left ..",
+    )
 
 
 @simulate.command()
@@ -196,9 +217,12 @@ class _Road(Drive):
 def road(*, options: _Road) -> None:
     """Simulate a car that drives on a road."""
     from sprung.cli.conditions import RoadDriveConditions
-    from sprung.simulation import RoadDrive
+    from sprung.simulation import Fmu, RoadDrive
 
-    options.simulate("road", RoadDriveConditions, RoadDrive, road_class=options.road_class)
+    if options.fmu_inputs is not None and options.fmu is None:
+        raise ParameterError("--fmu-inputs needs --fmu: name the FMU")
+    fmu = None if options.fmu is None else Fmu(options.fmu, inputs=names(options.fmu_inputs))
+    options.simulate("road", RoadDriveConditions, RoadDrive, road_class=options.road_class, fmu=fmu)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
+import typer
+
 from sprung.cli.options import (
     INPUT,
     AllowMissing,
@@ -80,6 +82,37 @@ def describe(
             f"guessed vehicle: {', '.join(body)}",
             *plausibility_notes(vehicle),
             f"wrote {out}: state where the sensors are, then complete it with `sprung calibrate` on healthy drives",
+        ]
+    )
+
+
+def fmu(
+    vehicle: Annotated[str, typer.Argument(metavar="V.toml|NAME", help="Vehicle file or name of a shipped vehicle.")],
+    *,
+    out: Annotated[Path, option("F.fmu", "FMU to write.")],
+    step: Annotated[float, option("SECONDS", "Step of the model; communication steps are multiples of it.")] = 1e-3,
+    fault: Annotated[
+        list[str] | None,
+        option("CORNER.COMPONENT=-0.2", "Relative change of a spring, damper or tyre. May be repeated."),
+    ] = None,
+) -> None:
+    """Write a vehicle as a Functional Mock-up Unit (FMI 3.0, co-simulation) for other programs; it runs in Python."""
+    from sprung.simulation import driven_structure, write_fmu
+    from sprung.vehicles import Vehicle, parse_fault, read_description, structure, with_faults
+
+    check_file("--out", out, inputs=[vehicle])
+    described = read_description(vehicle)
+    faults = [parse_fault(text) for text in fault or ()]
+    if isinstance(described, Vehicle):
+        driven = driven_structure(described, faults=faults)
+    else:
+        driven = with_faults(structure(described), faults)
+    write_fmu(driven, out, step=step, name=described.name)
+    show(
+        [
+            f"inputs: {', '.join(driven.inputs)}; and the rate of each",
+            f"outputs: {', '.join(driven.outputs.names)}",
+            f"wrote {out}: it needs the shared library of Python 3 where it runs",
         ]
     )
 

@@ -19,10 +19,14 @@ from sprung.simulation.drives import RailDrive as RailDrive
 from sprung.simulation.drives import RigRun as RigRun
 from sprung.simulation.drives import RoadDrive as RoadDrive
 from sprung.simulation.drives import SimulatedDrive as SimulatedDrive
+from sprung.simulation.drives import driven_structure as driven_structure
 from sprung.simulation.drives import simulate_drive as simulate_drive
 from sprung.simulation.drives import with_body_accelerations as with_body_accelerations
 from sprung.simulation.drives import with_driving_readings as with_driving_readings
 from sprung.simulation.drives import with_gravity as with_gravity
+from sprung.simulation.fmu import Fmu as Fmu
+from sprung.simulation.fmu import simulate_fmu as simulate_fmu
+from sprung.simulation.fmu import write_fmu as write_fmu
 from sprung.simulation.linear import response as response
 from sprung.simulation.linear import settling_time as settling_time
 from sprung.simulation.linear import simulate as simulate

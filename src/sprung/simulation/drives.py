@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -44,6 +44,7 @@ from sprung.simulation.conditions import (
     wheel_order_facts,
 )
 from sprung.simulation.deviations import WHEELS, Deviations, true_vehicle
+from sprung.simulation.fmu import Fmu, simulate_fmu
 from sprung.simulation.linear import settling_time, simulate
 from sprung.simulation.nonlinear import TimeHistory, simulate_nonlinear
 from sprung.simulation.sensors import Imperfection, with_imperfections, with_noise
@@ -148,11 +149,13 @@ class DriveSettings(ABC):
         Deviations of the vehicle and its sensors from the vehicle file.
     imperfections
         Imperfections of sensors and recorder, see `with_imperfections`, in the order in which they act.
+    fmu
+        Functional Mock-up Unit that is driven in place of the vehicle, and is the truth; None: the vehicle of the file.
 
     Raises
     ------
     ParameterError
-        If a number is out of range.
+        If a number is out of range, or the settings change the vehicle although an FMU takes its place.
     """
 
     sampling_rate: float
@@ -165,10 +168,20 @@ class DriveSettings(ABC):
     snr: float | None = None
     deviations: Deviations = field(default_factory=Deviations)
     imperfections: tuple[Imperfection, ...] = ()
+    fmu: Fmu | None = None
 
     def __post_init__(self) -> None:
         check_number("sampling_rate", self.sampling_rate, above=0)
         check_number("duration", self.duration, above=0)
+        changed = {
+            "faults": bool(self.faults),
+            "payload": any(payload.mass for payload in self.payloads),
+            "suspension": self.suspension != SuspensionConditions(),
+            "deviations": self.deviations != Deviations(),
+        }
+        if self.fmu is not None and any(changed.values()):
+            given = ", ".join(name for name, is_given in changed.items() if is_given)
+            raise ParameterError(f"{given}: the FMU takes the place of the vehicle, so change the FMU instead")
 
     @property
     def payloads(self) -> tuple[Payload, ...]:
@@ -372,6 +385,8 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
         deviations=settings.deviations,
         imperfections=imperfections,
     ) | settings.own_conditions(true, route)
+    if settings.fmu is not None:  # what its parts and modes are is not known here
+        document |= {"modes": [], "components": {}, "fmu": settings.fmu.path.name}
     return SimulatedDrive(recording, document, route.speed)
 
 
@@ -433,7 +448,9 @@ def _signals(
         "seed": generator,
     }
     force_laws = settings.suspension.force_laws
-    if force_laws or changing:
+    if settings.fmu is not None:
+        recording = simulate_fmu(settings.fmu, driven, excitation, **options)
+    elif force_laws or changing:
         histories = _time_histories(changing, healthy)
         recording = simulate_nonlinear(faulty, excitation, force_laws=force_laws, time_histories=histories, **options)
     else:
@@ -466,6 +483,26 @@ def _time_histories(faults: list[Fault], vehicle: Structure) -> dict[Component, 
         times = np.unique([time for fault in same for time in (0.0, fault.onset - 1e-3, *fault.knots)])
         histories[component] = (times, np.prod([fault.factor(times) for fault in same], axis=0))
     return histories
+
+
+def driven_structure(vehicle: Vehicle, *, faults: Sequence[Fault] = ()) -> Structure:
+    """Return a vehicle as drives simulate it: accelerometers read gravity, braking and curves are inputs too.
+
+    Parameters
+    ----------
+    vehicle
+        Vehicle with motion sensors.
+    faults
+        Changes of springs, dampers and tyres, at their full size.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle
+    >>> driven_structure(read_vehicle("zafira")).inputs[-3:]
+    ('road_rear_right', 'longitudinal_acceleration', 'lateral_acceleration')
+    """
+    still = with_gravity(with_faults(structure(vehicle), faults), vehicle)
+    return with_body_accelerations(still, height=_height(vehicle, Driving()))
 
 
 def with_body_accelerations(vehicle: Structure, *, height: float) -> Structure:

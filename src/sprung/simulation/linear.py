@@ -1,6 +1,7 @@
 """Exact response of a linear vehicle to an excitation."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import expm, matrix_balance, schur
@@ -223,26 +224,88 @@ def simulate(
     check_number("sampling_rate", sampling_rate, above=0)
     check_fits(vehicle, excitation)
     generator = np.random.default_rng(seed)
-    oversampling = math.ceil(SMOOTH_RATE / sampling_rate) if excitation.is_smooth else 1
+    drive = sampled_inputs(
+        vehicle,
+        excitation,
+        duration=duration,
+        sampling_rate=sampling_rate,
+        least_rate=SMOOTH_RATE if excitation.is_smooth else 0.0,
+        lead_in=lead_in,
+        generator=generator,
+    )
+    if excitation.is_smooth:
+        discrete, inputs = with_linear_inputs(vehicle.state_space(), sampling_rate=drive.rate), with_rises(drive.inputs)
+    else:
+        discrete, inputs = vehicle.discretised(drive.rate), drive.inputs
+    recording = drive.recorded(response(discrete, inputs), vehicle, "simulated")
+    if snr is None:
+        return recording
+    return with_noise(recording, snr=snr, band=noise_band, generator=generator)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SampledInputs:
+    """Inputs of a vehicle over lead-in and recording, as they are simulated.
+
+    Parameters
+    ----------
+    inputs
+        Inputs at the samples, shape (inputs, samples).
+    rate
+        Rate of the samples [Hz]: that of the recording, or a multiple of it.
+    n_lead
+        Number of samples of the lead-in.
+    sampling_rate
+        Sampling rate of the recording [Hz].
+    source
+        Kind of the excitation.
+    """
+
+    inputs: Real
+    rate: float
+    n_lead: int
+    sampling_rate: float
+    source: str
+
+    def recorded(self, readings: Real, vehicle: Structure, verb: str) -> Recording:
+        """Return the recording of readings at all samples, shape (channels, samples); `verb` says how they came."""
+        duration = (readings.shape[1] - self.n_lead) / self.rate
+        recording = Recording(
+            samples=readings[:, self.n_lead :],
+            sampling_rate=self.rate,
+            channels=vehicle.outputs.channels,
+            history=(f"{verb} {duration:g} s at {self.rate:g} Hz, driven by {self.source}",),
+        )
+        return recording if self.rate == self.sampling_rate else decimate(recording, self.sampling_rate)
+
+
+def sampled_inputs(
+    vehicle: Structure,
+    excitation: Excitation,
+    *,
+    duration: float,
+    sampling_rate: float,
+    least_rate: float,
+    lead_in: float | None,
+    generator: np.random.Generator,
+) -> SampledInputs:
+    """Return the inputs of a vehicle from an excitation, over lead-in and recording.
+
+    Parameters
+    ----------
+    vehicle, excitation, duration, sampling_rate, lead_in
+        As in `simulate`.
+    least_rate
+        Lowest rate of the samples [Hz]; they have a multiple of the sampling rate.
+    generator
+        Generator of the random numbers of the excitation.
+    """
+    oversampling = max(1, math.ceil(least_rate / sampling_rate))
     rate = oversampling * sampling_rate
     n_samples = max(1, round(duration * sampling_rate)) * oversampling
     n_lead = math.ceil((settling_time(vehicle) if lead_in is None else lead_in) * sampling_rate) * oversampling
     inputs = excitation.samples(n_lead + n_samples, sampling_rate=rate, generator=generator, start=-n_lead / rate)
-    if excitation.is_smooth:
-        discrete, inputs = with_linear_inputs(vehicle.state_space(), sampling_rate=rate), with_rises(inputs)
-    else:
-        discrete = vehicle.discretised(rate)
-    recording = Recording(
-        samples=response(discrete, inputs)[:, n_lead:],
-        sampling_rate=rate,
-        channels=vehicle.outputs.channels,
-        history=(f"simulated {duration:g} s at {rate:g} Hz, driven by {type(excitation).__name__}",),
-    )
-    if oversampling > 1:
-        recording = decimate(recording, sampling_rate)
-    if snr is None:
-        return recording
-    return with_noise(recording, snr=snr, band=noise_band, generator=generator)
+    return SampledInputs(inputs, rate, n_lead, sampling_rate, type(excitation).__name__)
 
 
 def usual_excitation(vehicle: Structure) -> Excitation:

@@ -1,6 +1,5 @@
 """Nonlinear and time-varying vehicles, integrated by a compiled Runge-Kutta method."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import astuple, fields
 from typing import NamedTuple
@@ -13,9 +12,8 @@ from sprung._checks import check_number, check_one_of, required
 from sprung.errors import ParameterError
 from sprung.excitation import Excitation
 from sprung.recording import Recording
-from sprung.signals.conditioning import decimate
 from sprung.simulation.conditions import ForceLaw
-from sprung.simulation.linear import SMOOTH_RATE, check_fits, settling_time
+from sprung.simulation.linear import SMOOTH_RATE, check_fits, sampled_inputs
 from sprung.simulation.sensors import with_noise
 from sprung.vehicles import Component, Structure
 
@@ -103,22 +101,24 @@ def simulate_nonlinear(
     check_number("sampling_rate", sampling_rate, above=0)
     check_fits(vehicle, excitation)
     generator = np.random.default_rng(seed)
-    oversampling = math.ceil(max(SMOOTH_RATE, steps_needed(vehicle, force_laws or {})) / sampling_rate)
-    rate = oversampling * sampling_rate
-    n_samples = max(1, round(duration * sampling_rate)) * oversampling
-    n_lead = math.ceil((settling_time(vehicle) if lead_in is None else lead_in) * sampling_rate) * oversampling
-    inputs = excitation.samples(n_lead + n_samples, sampling_rate=rate, generator=generator, start=-n_lead / rate)
+    drive = sampled_inputs(
+        vehicle,
+        excitation,
+        duration=duration,
+        sampling_rate=sampling_rate,
+        least_rate=max(SMOOTH_RATE, steps_needed(vehicle, force_laws or {})),
+        lead_in=lead_in,
+        generator=generator,
+    )
     motion = integrate(
-        vehicle, inputs, rate=rate, force_laws=force_laws, time_histories=time_histories, start=-n_lead / rate
+        vehicle,
+        drive.inputs,
+        rate=drive.rate,
+        force_laws=force_laws,
+        time_histories=time_histories,
+        start=-drive.n_lead / drive.rate,
     )
-    recording = Recording(
-        samples=motion.outputs[:, n_lead:],
-        sampling_rate=rate,
-        channels=vehicle.outputs.channels,
-        history=(f"integrated {duration:g} s at {rate:g} Hz, driven by {type(excitation).__name__}",),
-    )
-    if oversampling > 1:
-        recording = decimate(recording, sampling_rate)
+    recording = drive.recorded(motion.outputs, vehicle, "integrated")
     return recording if snr is None else with_noise(recording, snr=snr, generator=generator)
 
 

@@ -93,6 +93,7 @@ class TruthDocument(Document):
     sampling_rate: float | None = None
     snr: float | None = None
     noise_band: Pair | None = None
+    fmu: str | None = None
 
 
 #: Facts about a file that are not those of an `Inspection`.
