@@ -96,8 +96,8 @@ class Hypothesis:
         return np.array(rows).reshape(len(rows), len(components))
 
 
-def usual_sizes(components: tuple[Component, ...]) -> Real:
-    """Return the usual size of a change of each component over that of a spring, shape (components,)."""
+def typical_sizes(components: tuple[Component, ...]) -> Real:
+    """Return the typical size of a change of each component over that of a spring, shape (components,)."""
     bars = [component.kind == "anti_roll" for component in components]
     return np.where(bars, PRIORS.size_of_bars / PRIORS.size, 1.0)
 

@@ -8,7 +8,7 @@ from scipy.special import logsumexp
 
 from sprung._arrays import Indices, Real
 from sprung.diagnosis.baseline import Baseline
-from sprung.diagnosis.hypotheses import PRIORS, Hypothesis, hypotheses_of, log_prior, usual_sizes
+from sprung.diagnosis.hypotheses import PRIORS, Hypothesis, hypotheses_of, log_prior, typical_sizes
 from sprung.diagnosis.observation import Observation
 from sprung.vehicles import Component
 
@@ -96,9 +96,9 @@ class Hypotheses:
     log_prior
         ln of the prior probability of each, shape (hypotheses,).
     directions
-        Directions of those with one size, as large as is usual, shape (hypotheses with one size, components).
-    usual
-        Usual size of a change of each component over that of a spring, shape (components,).
+        Directions of those with one size, as large as is typical, shape (hypotheses with one size, components).
+    typical
+        Typical size of a change of each component over that of a spring, shape (components,).
     pairs
         Indices of the components of each pair, shape (2, pairs).
     """
@@ -106,26 +106,26 @@ class Hypotheses:
     values: tuple[Hypothesis, ...]
     log_prior: Real
     directions: Real
-    usual: Real
+    typical: Real
     pairs: Indices
 
     @property
     def without_pairs(self) -> "Hypotheses":
         """Those that are no pairs, with their own prior probabilities."""
         count = len(self.values) - self.pairs.shape[1]
-        return Hypotheses(self.values[:count], self.log_prior[:count], self.directions, self.usual, self.pairs[:, :0])
+        return Hypotheses(self.values[:count], self.log_prior[:count], self.directions, self.typical, self.pairs[:, :0])
 
     @classmethod
     def of(cls, components: tuple[Component, ...]) -> "Hypotheses":
         """Return the hypotheses about components."""
         values = hypotheses_of(components)
         directions = [value.direction(components) for value in values if len(value.changes) == 1]
-        usual = usual_sizes(components)
+        typical = typical_sizes(components)
         return cls(
             values,
             log_prior(values),
-            np.array(directions).reshape(-1, len(components)) * usual,
-            usual,
+            np.array(directions).reshape(-1, len(components)) * typical,
+            typical,
             np.array(np.triu_indices(len(components), 1)),
         )
 
@@ -247,7 +247,7 @@ def explained_by(score: Real, information: Real, hypotheses: Hypotheses) -> tupl
     lines, between, spread = hypotheses.directions, 1 / PRIORS.size**2, 1 / PRIORS.unmodelled_size**2
     known, each, a, b, c = _informations(information, hypotheses)
     first, second = hypotheses.pairs
-    one, two = ((score * hypotheses.usual)[..., parts] for parts in (first, second))
+    one, two = ((score * hypotheses.typical)[..., parts] for parts in (first, second))
     determinant = (a + between) * (b + between) - c**2
     explained = [
         (score @ lines.T) ** 2 / (known + between),
@@ -267,7 +267,7 @@ def _informations(information: Real, hypotheses: Hypotheses) -> tuple[Real, Real
     lines, (first, second) = hypotheses.directions, hypotheses.pairs
     known = np.einsum("hi,wij,hj->wh", lines, information, lines)
     each = information + np.eye(information.shape[-1]) / PRIORS.unmodelled_size**2
-    of_pairs = information * np.outer(hypotheses.usual, hypotheses.usual)
+    of_pairs = information * np.outer(hypotheses.typical, hypotheses.typical)
     return known, each, of_pairs[:, first, first], of_pairs[:, second, second], of_pairs[:, first, second]
 
 
