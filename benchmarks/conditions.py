@@ -64,7 +64,7 @@ DRIVES = ("excitation", "recording.py", "signals", "simulation", "vehicles")
 OBSERVATIONS = (
     *DRIVES,
     "likelihood",
-    *(f"diagnosis/{name}.py" for name in ("observation", "residuals", "sensors", "channel_faults", "rigid_body")),
+    *(f"diagnosis/{name}.py" for name in ("observation", "residuals", "sensors")),
 )
 CALIBRATIONS = (*OBSERVATIONS, "calibration")
 KINDS = ("spring", "damper", "tyre")

@@ -28,7 +28,10 @@ OF_ANALYSIS: tuple[Place, ...] = (
             "identification/ladders.py",
         ),
     ),
-    ("sensor checks", ("diagnosis/sensors.py", "diagnosis/channel_faults.py", "diagnosis/rigid_body.py")),
+    (
+        "sensor checks",
+        ("diagnosis/sensors.py", "vehicles/sensor_checks.py", "vehicles/channel_faults.py", "vehicles/rigid_body.py"),
+    ),
     (
         "decimation, preparation",
         (

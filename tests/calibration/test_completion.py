@@ -1,5 +1,7 @@
 """Calibration on simulated drives: sensor places, and what a complete file gets."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -21,6 +23,13 @@ def _apart(error):
     outwards = np.array([1.0, -1.0, 1.0, -1.0])
     y = error[:, 1] * outwards
     return np.column_stack([error[:, 0] - error[:, 0].mean(), y - y.mean()])
+
+
+def test_exchanged_sensors_are_refused(hatchback, drive) -> None:
+    run = drive.recording
+    rows = [run.index(name) for name in ("acc_fr", "acc_fl", *run.names[2:])]
+    with pytest.raises(DataError, match="sensors are swapped, acc_fl with acc_fr or acc_rl with acc_rr"):
+        calibrate(replace(run, samples=run.samples[rows]), hatchback)
 
 
 @pytest.mark.slow

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import observe_window, sensor_faults
-from sprung.diagnosis.channel_faults import KINDS
 from sprung.diagnosis.observation import fit_drive
-from sprung.diagnosis.sensors import check_sensors, speed_fault
+from sprung.diagnosis.sensors import speed_fault
 from sprung.errors import DataError
 from sprung.identification.records import without_dead_parts
 from sprung.signals.inspection import inspect
@@ -34,6 +33,8 @@ from sprung.simulation import (
     with_imperfections,
 )
 from sprung.vehicles import MountedMass, Sensor, read_vehicle
+from sprung.vehicles.channel_faults import KINDS
+from sprung.vehicles.sensor_checks import check_sensors
 from sprung.vehicles.window import window_of
 
 

@@ -18,6 +18,7 @@ from sprung.simulation import (
     RigRun,
     RoadDrive,
     dead,
+    inverted,
     simulate,
     simulate_drive,
 )
@@ -245,6 +246,11 @@ def standing(run):
     return replace(run, samples=np.vstack([run.samples[:4], 0.5 + 0 * run.samples[4:]]))
 
 
+def exchanged(run):
+    rows = [run.index(name) for name in ("acc_fr", "acc_fl", *run.names[2:])]
+    return replace(run, samples=run.samples[rows])
+
+
 def noise_without_speed(run):
     noise = np.random.default_rng(1).standard_normal((4, run.n_samples))
     return replace(run.select(run.names[:4]), samples=noise)
@@ -257,6 +263,8 @@ def noise_without_speed(run):
         (noise_without_speed, r"no speed channel, .* gives the speed of only \d+ of \d+ segments: add"),
         (lambda run: run.part(0, 800), "no stretch without a gap is as long as a segment"),
         (partial(dead, channel="acc_rl"), "'acc_rl' is constant"),
+        (exchanged, "sensors are swapped, acc_fl with acc_fr or acc_rl with acc_rr: correct the names"),
+        (partial(inverted, channel="acc_rl"), "acc_rl is inverted: correct the names, places or directions"),
     ],
 )
 def test_recordings_that_show_nothing_are_refused(car, change, message) -> None:

@@ -42,6 +42,7 @@ from sprung.likelihood.spectra import OVERCOUNT
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Component, Vehicle, corner_names
 from sprung.vehicles.sections import FlexibleMode, LearntNumber
+from sprung.vehicles.sensor_checks import refuse_wrong_sensors
 from sprung.vehicles.window import Window, window_of
 
 #: Largest number of windows of a calibration that a baseline asks for.
@@ -236,7 +237,7 @@ def calibrate(
         first one.
     DataError
         If the speed is missing, no segment of a window is long, fast and steady enough, the windows are not consistent
-        with the vehicle file, or channels are exact combinations of others.
+        with the vehicle file (a sensor is inverted, or two are swapped), or channels are exact combinations of others.
 
     Notes
     -----
@@ -271,9 +272,10 @@ def calibrate(
     check_type("vehicle", vehicle, Vehicle)
     windows = [window_of(recording, vehicle, allow_missing=allow_missing) for recording in each_recording(recordings)]
     _check_alike(windows)
+    faults = refuse_wrong_sensors(windows)
     spectra = tuple(window_spectra(window, settings.corners) for window in windows)
     calibration = calibrated(spectra, vehicle, settings=settings)
-    return replace(calibration, notes=(*windows[0].notes, *calibration.notes))
+    return replace(calibration, notes=(*windows[0].notes, *calibration.notes, *faults))
 
 
 def calibrated(

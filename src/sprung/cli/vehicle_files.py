@@ -138,11 +138,9 @@ def calibrate(
     from sprung.calibration import CalibrationSettings
     from sprung.calibration import calibrate as calibrated
     from sprung.diagnosis import windows
-    from sprung.diagnosis.sensors import refuse_wrong_sensors
     from sprung.results import tables
     from sprung.results.documents import calibration_document
     from sprung.vehicles import read_vehicle, write_vehicle
-    from sprung.vehicles.window import window_of
 
     check_file("--out", out, inputs=files)
     output = Output(figures, file_format, json=json)
@@ -152,7 +150,6 @@ def calibrate(
     settings = CalibrationSettings(most_mounts=mounts, has_modes=modes)
     with progress_bar() as report:
         parts = [part for _, part in windows(reading.records(files, report), length=60 * window)]
-        faults = refuse_wrong_sensors(window_of(part, description, allow_missing=may_lack) for part in parts)
         report(f"calibrating on {len(parts)} windows", 0.5)
         result = calibrated(parts, description, settings=settings, allow_missing=may_lack)
         write_vehicle(result.vehicle, out)
@@ -164,5 +161,6 @@ def calibrate(
                 "learnt": drawn.learnt_figure(result, source=source),
             }
         )
-    notes = [*tables.describe_calibration(result), *faults]
-    output.show(calibration_document(result), tables.calibration_table(result), notes=notes)
+    output.show(
+        calibration_document(result), tables.calibration_table(result), notes=tables.describe_calibration(result)
+    )

@@ -12,7 +12,6 @@ from sprung.diagnosis.changes import Detection as Detection
 from sprung.diagnosis.changes import Size as Size
 from sprung.diagnosis.changes import detect as detect
 from sprung.diagnosis.changes import false_discoveries as false_discoveries
-from sprung.diagnosis.channel_faults import SensorFault as SensorFault
 from sprung.diagnosis.detectability import detectable as detectable
 from sprung.diagnosis.findings import SEVERITIES as SEVERITIES
 from sprung.diagnosis.findings import Diagnosis as Diagnosis
@@ -44,3 +43,4 @@ from sprung.diagnosis.type_baselines import TypeBaseline as TypeBaseline
 from sprung.diagnosis.type_baselines import nominal_type as nominal_type
 from sprung.diagnosis.type_comparison import compare_with_type as compare_with_type
 from sprung.diagnosis.type_learning import learn_type as learn_type
+from sprung.vehicles.channel_faults import SensorFault as SensorFault

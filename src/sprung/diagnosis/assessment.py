@@ -8,7 +8,6 @@ import numpy as np
 from sprung._checks import check_each, check_number, check_type
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, detect, false_discoveries
-from sprung.diagnosis.channel_faults import SensorFault
 from sprung.diagnosis.findings import LIGHTEST_WHEEL, SEVERITIES, STIFFER_TYRE, Diagnosis, Finding, format_time
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.learning import learn
@@ -20,6 +19,7 @@ from sprung.diagnosis.type_comparison import TypeComparison, compare_with_type
 from sprung.diagnosis.type_learning import Fleet, usable_windows
 from sprung.errors import DataError, ParameterError
 from sprung.vehicles import Component
+from sprung.vehicles.channel_faults import SensorFault
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,12 +11,12 @@ from sprung._arrays import Real
 from sprung._display import Drawable, Savable, Tabular, counted, in_short, listed
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.changes import Detection
-from sprung.diagnosis.channel_faults import SensorFault
 from sprung.diagnosis.observation import Observation, Observations
 from sprung.diagnosis.residuals import ResidualTest
 from sprung.diagnosis.trends import Trend
 from sprung.modal import mac, unit_shapes
 from sprung.vehicles import Component, Vehicle, structure
+from sprung.vehicles.channel_faults import SensorFault
 from sprung.vehicles.labels import MOTIONS
 
 #: Verdicts of a diagnosis.

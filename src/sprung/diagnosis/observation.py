@@ -9,22 +9,17 @@ from sprung._arrays import Real
 from sprung._checks import check_type, freeze
 from sprung._display import Tabular, counted, in_short, listed
 from sprung._threads import one_thread
-from sprung.diagnosis.channel_faults import MISSING, SensorFault
 from sprung.diagnosis.residuals import RESIDUALS, ResidualStatistics, residual_statistics
-from sprung.diagnosis.sensors import (
-    CONTRADICTIONS,
-    describe_contradictions,
-    exchanged_opposites,
-    refuse_wrong_sensors,
-    valid_part,
-)
+from sprung.diagnosis.sensors import exchanged_opposites, valid_part
 from sprung.errors import DataError, IdentificationError, ParameterError
 from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import CornerFit, CornerSettings, fit_corners
 from sprung.likelihood.fitting import fit_windows
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Component, Vehicle
+from sprung.vehicles.channel_faults import MISSING, SensorFault
 from sprung.vehicles.labels import MOTIONS
+from sprung.vehicles.sensor_checks import CONTRADICTIONS, describe_contradictions
 from sprung.vehicles.window import Window, window_of
 
 #: Length of a window [s].
@@ -465,14 +460,12 @@ def fit_drive(
     Raises
     ------
     DataError, ParameterError
-        As from `sprung.likelihood.fit_corners`; a DataError also if a sensor is inverted, or two are swapped.
+        As from `sprung.likelihood.fit_corners`.
     """
     records = list(each_recording(recordings))
-    notes = refuse_wrong_sensors(window_of(record, vehicle, allow_missing=allow_missing) for record in records)
     own = IdentificationSettings(has_road_modes=False, refine=False, allow_missing=allow_missing, kind="random")
     try:
         modes = cov_ssi(records, settings=own, vehicle=vehicle).modes
     except (DataError, IdentificationError):
         modes = None
-    fit = fit_corners(records, vehicle, settings=settings, modes=modes, allow_missing=allow_missing)
-    return replace(fit, notes=(*notes, *fit.notes))
+    return fit_corners(records, vehicle, settings=settings, modes=modes, allow_missing=allow_missing)

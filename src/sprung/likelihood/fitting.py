@@ -40,6 +40,7 @@ from sprung.modal import Modes
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Structure, Vehicle
 from sprung.vehicles.labels import MOTIONS
+from sprung.vehicles.sensor_checks import refuse_wrong_sensors
 from sprung.vehicles.window import Window, window_of
 
 
@@ -172,7 +173,8 @@ def fit_corners(
     ------
     DataError
         If no segment is long, fast and steady enough, the speed is missing and cannot be estimated from the delay
-        between the axles, or the recordings are not consistent with the vehicle file.
+        between the axles, or the recordings are not consistent with the vehicle file: a sensor is inverted, or two are
+        swapped.
     ParameterError
         If the recordings lack a sensor of the vehicle file, or have one with another quantity.
 
@@ -204,7 +206,9 @@ def fit_corners(
     check_type("vehicle", vehicle, Vehicle)
     records = each_recording(recordings)
     windows = [window_of(record, vehicle, allow_missing=allow_missing) for record in records]
-    return fit_windows(windows, settings=settings, modes=modes)
+    notes = refuse_wrong_sensors(windows)
+    fit = fit_windows(windows, settings=settings, modes=modes)
+    return replace(fit, notes=(*notes, *fit.notes))
 
 
 @one_thread

@@ -20,7 +20,7 @@ from sprung.likelihood.spectra import ClassSpectra
 from sprung.likelihood.surface import ClassRoughness, RailInputs, RoadInputs, TrackLevels
 from sprung.likelihood.whittle import Model
 from sprung.vehicles import Outputs, Structure, Vehicle, wheel_hop_frequencies
-from sprung.vehicles.labels import MOTIONS
+from sprung.vehicles.labels import highest_of_body
 
 Kind = Literal["road", "rail", "rig"]
 
@@ -237,10 +237,3 @@ def with_sensors(nominal: Structure, names: tuple[str, ...]) -> Structure:
 def lowest_of_lines(nominal: Structure, kind: Kind) -> float:
     """Return the lowest frequency of lines [Hz]: on a road or track, misfit below it may be the body's own motion."""
     return 0.0 if kind == "rig" else DEFAULTS.lines_over_body * highest_of_body(nominal)
-
-
-def highest_of_body(nominal: Structure) -> float:
-    """Return the highest natural frequency of bounce, pitch and roll [Hz]."""
-    modes = nominal.modes()
-    body = [f for f, label in zip(modes.natural_frequency, modes.labels, strict=True) if label in MOTIONS]
-    return float(max(body, default=0.0))

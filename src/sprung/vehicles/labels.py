@@ -164,6 +164,13 @@ def _plausible(modes: Modes, motions: Sequence[str | None], exact: Structure | N
     return 0.0, _NAMING.spread * min(rigid, default=np.inf)
 
 
+def highest_of_body(nominal: Structure) -> float:
+    """Return the highest natural frequency of bounce, pitch and roll [Hz]."""
+    modes = nominal.modes()
+    body = [f for f, label in zip(modes.natural_frequency, modes.labels, strict=True) if label in MOTIONS]
+    return float(max(body, default=0.0))
+
+
 def body_range(exact: ExactModes) -> tuple[float, float]:
     """Return the lowest and the highest plausible frequency of a mode of the body [Hz].
 

@@ -9,7 +9,6 @@ from fastapi import APIRouter, Request, Response
 from pydantic import Field
 
 from sprung.diagnosis import Observation
-from sprung.diagnosis.channel_faults import MISSING
 from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.errors import FormatError
 from sprung.online.monitor.histories import observations_of, reference_of
@@ -20,6 +19,7 @@ from sprung.online.site.vehicles.trends import ModeValue, body_modes_in
 from sprung.online.store import Entry, Store
 from sprung.results.documents import observation_from_document
 from sprung.state import PartState
+from sprung.vehicles.channel_faults import MISSING
 from sprung.vehicles.labels import MOTIONS
 
 api = APIRouter(tags=["vehicles"])

@@ -52,6 +52,8 @@ class ChannelLimits:
     segment: float = 2.048
     #: Smallest number of segments for checks of spectra.
     min_segments: int = 4
+    #: Share of missing values up to which a channel's spectrum means something.
+    missing: float = 0.5
     #: Jump and return within a sample that matters where other channels do not jump, in standard deviations.
     spike: float = 2.0
     #: Mains frequencies [Hz].

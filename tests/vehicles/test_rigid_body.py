@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from sprung._arrays import Complex
-from sprung.diagnosis.rigid_body import rigid_body_faults
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles import FlexibleMode, Vehicle, frequency_response, parse_vehicle, structure
+from sprung.vehicles.rigid_body import rigid_body_faults
 
 NAMES = ("fl", "fr", "rl", "rr")
 

@@ -6,11 +6,10 @@ from itertools import combinations
 import numpy as np
 
 from sprung._arrays import Complex, Real
-from sprung.diagnosis.channel_faults import SensorFault
-from sprung.likelihood.vehicle import highest_of_body
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles import Structure
-from sprung.vehicles.labels import MOTIONS
+from sprung.vehicles.channel_faults import SensorFault
+from sprung.vehicles.labels import MOTIONS, highest_of_body
 from sprung.vehicles.structure import FLEXIBLE_SHAPES
 
 
