@@ -94,9 +94,16 @@ def test_without_a_push_there_is_no_answer() -> None:
 
 @pytest.mark.skipif(not CLICKS.exists(), reason="real recordings are not here")
 def test_rebound_clicks_of_a_bicycle() -> None:
-    """0, 8, 12 clicks: damping rises, and the frequency, with spring and rider unchanged, stays within 15 %."""
-    results = [bounce(read(CLICKS / f"0008{number}.SST")) for number in (3, 5, 6)]
-    damping = [float(result.modes.damping_ratio[0]) for result in results]
-    frequency = [float(result.modes.natural_frequency[0]) for result in results]
+    """Viscous damping rises with 0, 4, 8, 12, 17 clicks; frequencies, with spring and rider unchanged, are alike.
+
+    With friction, the damping of 0 and 4 clicks, and of 12 and 17, does not differ beyond its deviations.
+    """
+    results = [bounce(read(CLICKS / f"0008{number}.SST")) for number in (3, 4, 5, 6, 7)]
+    fits = [fit for result in results if (fit := result.tests[-1].frictions[0]) is not None]
+    viscous = [fit.damping_ratio for fit in fits]
+    assert len(viscous) == 5
+    assert viscous == sorted(viscous)
+    damping = [float(results[k].modes.damping_ratio[0]) for k in (0, 2, 3)]
     assert damping == sorted(damping)
-    assert max(frequency) / min(frequency) < 1.16
+    frequency = [float(result.modes.natural_frequency[0]) for result in results]
+    assert max(frequency) / min(frequency) < 1.17

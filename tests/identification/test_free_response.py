@@ -7,7 +7,7 @@ import pytest
 
 from sprung.errors import DataError
 from sprung.identification import cov_ssi
-from sprung.identification.free_response import fit_free_response
+from sprung.identification.free_response import find_transients, fit_free_response, motion_level
 from sprung.recording import Channel, Recording
 from sprung.simulation import RoadConditions, RoadDrive, simulate, simulate_drive, usual_excitation
 from sprung.vehicles import chain, read_vehicle
@@ -93,3 +93,19 @@ def test_a_drive_over_one_pothole_is_no_free_motion(has_speed) -> None:
     run = replace(drive, samples=samples)
     found = cov_ssi(run if has_speed else run.select(run.names[:4]))
     assert not any("free motion" in note for note in found.notes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("frequency", "damping"), [(0.9, 0.1), (1.5, 0.2), (2.5, 0.05), (4.0, 0.3)])
+def test_one_swing_is_one_motion(frequency, damping) -> None:
+    """In noise of 0.3 to 3 %, 40 draws; the windows of the level are about one period."""
+    rng = np.random.default_rng(1)
+    time = np.arange(round(100 * max(3.0, 0.9 / (frequency * damping)))) / 100
+    turns = 2 * np.pi * frequency * time
+    swing = np.exp(-damping * turns) * np.sin(np.sqrt(1 - damping**2) * turns)
+    motion = np.concatenate([np.zeros(300), swing, np.zeros(300)])
+    for level in np.geomspace(0.003, 0.03, 40):
+        run = Recording((motion + level * rng.standard_normal(motion.size))[None], 100.0, CHANNELS[:1])
+        (found,) = find_transients(run)
+        assert 3.0 - 1.5 / frequency < found.onset < found.begin < 3.0 + 2.0 / frequency
+        assert motion_level(run)[1] * frequency == pytest.approx(0.9, abs=0.25)

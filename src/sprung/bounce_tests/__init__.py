@@ -47,7 +47,8 @@ def bounce(
     -----
     Motions that die away are found (`find_transients`), and fitted by free modes (`fit_free_response`), together where
     the motion is linear. Where modes leave more than friction does, a swing with viscous damping and dry friction
-    describes the test (`fit_friction`).
+    describes the test (`fit_friction`). The modes are those of the tests, linear or with friction, to which the largest
+    motion belongs.
 
     Examples
     --------
@@ -84,14 +85,16 @@ def bounce(
             " wait until it is quiet"
         )
     linear = [test for test in tests if test.frictions[0] is None]
-    fit = fitted_together(linear, runs)
-    modes = fit.modes if fit is not None else pooled(tests)
+    with_friction = [test for test in tests if test.frictions[0] is not None]
+    largest = max(tests, key=lambda test: size_of(runs[test.recording], test.transient))
+    fit = None if largest.frictions[0] is not None else fitted_together(linear, runs)
+    modes = fit.modes if fit is not None else pooled(with_friction)
     modes = labelled(modes, runs[0].channels, vehicle=vehicle)
     corners: tuple[CornerValue, ...] = ()
     if isinstance(vehicle, Vehicle) and fit is not None:
         corners, more = corners_of(fit, vehicle)
         notes += more
-    if len(linear) < len(tests):
+    if with_friction:
         notes.append("friction: modes are described without it, with the damping that dissipates the same energy")
     result = Bounce(tuple(tests), modes, fit, corners, notes=tuple(notes))
     if before is None:

@@ -29,6 +29,8 @@ class BounceRules:
     max_damping: float = 0.75
     #: RMS of what linear modes leave, over the motion and over the noise at rest, from which friction is tried.
     nonlinear: float = 0.01
+    tried_beyond_noise: float = 1.5
+    #: The same, over the noise, from which a motion is not free.
     beyond_noise: float = 3.0
     #: Largest share of noise in a motion that counts as a test.
     max_noise: float = 0.45
@@ -170,9 +172,9 @@ class Bounce(Tabular, Savable, Drawable):
     tests
         Tests in the order of the recordings.
     modes
-        Modes of all tests together.
+        Modes of all linear tests together; of those with friction if one of these moves most.
     fit
-        Free responses of all linear tests fitted together; None if all have friction.
+        Free responses of all linear tests fitted together; None if the largest motion has friction.
     corners
         Springs and dampers, where vehicle file and sensors allow; those that are not identifiable too.
     changes

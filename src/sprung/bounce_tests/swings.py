@@ -113,7 +113,7 @@ def tested(run: Recording, number: int, transient: Transient) -> BounceTest:
     """Return the test of one motion, by linear modes or with friction."""
     begin, end = (round(each * run.sampling_rate) for each in (transient.begin, transient.end))
     part = run.part(begin, end)
-    is_linear = transient.unexplained < max(RULES.nonlinear, RULES.beyond_noise * transient.noise)
+    is_linear = transient.unexplained < max(RULES.nonlinear, RULES.tried_beyond_noise * transient.noise)
     with_friction = None if is_linear else _with_friction(run, number, transient)
     if with_friction is not None and with_friction.is_significant:
         return with_friction

@@ -23,7 +23,7 @@ class _FreeRules:
     max_modes: int = 6
     #: Most block rows, and share of the real parts of the lines that they may use: the rest averages noise.
     max_block_rows: int = 24
-    lines_of_block_rows: float = 0.5
+    lines_of_block_rows: float = 0.25
     #: Largest damping ratio of a pole that swings.
     max_damping: float = 0.9
     #: Numbers of modes that are refined: those whose realisations come nearest to the data.
@@ -305,6 +305,8 @@ class _TransientRules:
 
     #: Bounds of the frequency of the swings [Hz] that sets the windows of the level.
     swings: tuple[float, float] = (0.4, 30.0)
+    #: Power over its median from which a line is motion: one line of noise in a million is.
+    beyond_median: float = 20.0
     #: Level at which a motion begins and ends, over the largest level, and over that of the quiet parts.
     edge: float = 0.06
     edge_over_quiet: float = 3.0
@@ -330,6 +332,8 @@ class _TransientRules:
     rest: int = 1
     #: Starts of free motion that are tried, from a window before the peak of the level to two after it.
     n_starts: int = 10
+    #: Windows on either side of the quietest sample, from which the noise is taken: one alone is quiet by chance.
+    around_quietest: int = 1
     #: Frequencies that are fitted, over that of the windows, and most modes.
     reach: float = 8.0
     max_modes: int = 4
@@ -357,7 +361,7 @@ class Transient:
     unexplained
         RMS of what free modes leave of it from half a window after its peak, over that of the motion.
     noise
-        RMS of the recording where it is quietest, over that of the motion.
+        RMS in the band that is fitted, where the recording is quietest, over that of the motion.
     """
 
     onset: float
@@ -376,6 +380,11 @@ def motion_level(recording: Recording) -> tuple[Real, float]:
     ndarray, float
         Standard deviation within a window of about one period around each sample, root mean square over the channels,
         each over its own largest; shape (samples,).
+
+    Notes
+    -----
+    The period is that of the mean frequency of the slopes, in which steps of travel count little, by the lines whose
+    power stands above the noise: the slopes of the noise alone would halve it.
     """
     from scipy.ndimage import uniform_filter1d
 
@@ -383,8 +392,11 @@ def motion_level(recording: Recording) -> tuple[Real, float]:
     slopes = np.abs(np.fft.rfft(np.diff(samples, axis=1), axis=1)) ** 2
     frequencies = np.fft.rfftfreq(samples.shape[1] - 1, 1 / rate)
     used = (frequencies >= _EVENTS.swings[0]) & (frequencies <= min(_EVENTS.swings[1], 0.4 * rate))
-    spectrum = np.mean(slopes[:, used] / np.maximum(slopes[:, used].sum(axis=1, keepdims=True), 1e-300), axis=0)
-    centre = float(np.sum(spectrum * frequencies[used]) / max(spectrum.sum(), 1e-300)) or _EVENTS.swings[0]
+    slopes, frequencies = slopes[:, used], frequencies[used]
+    powers = slopes / np.sin(np.pi * frequencies / rate) ** 2
+    slopes = slopes * (powers > _EVENTS.beyond_median * np.median(powers, axis=1, keepdims=True))
+    spectrum = np.mean(slopes / np.maximum(slopes.sum(axis=1, keepdims=True), 1e-300), axis=0)
+    centre = float(np.sum(spectrum * frequencies) / max(spectrum.sum(), 1e-300)) or _EVENTS.swings[0]
     n = int(np.clip(rate / centre, 8, max(8, samples.shape[1] // 4)))
     centred = samples - np.median(samples, axis=1, keepdims=True)
     means, squares = (uniform_filter1d(values, n, axis=1, mode="nearest") for values in (centred, centred**2))
@@ -417,8 +429,9 @@ def find_transients(recording: Recording) -> tuple[Transient, ...]:
     edge = max(_EVENTS.edge, min(_EVENTS.edge_over_quiet * float(np.quantile(level, 0.1)), 1 / _EVENTS.min_fall))
     scale = np.maximum(np.std(recording.samples, axis=1, keepdims=True), 1e-300)
     quietest = int(np.argmin(level))
-    noise = np.std(recording.samples[:, max(quietest - width // 2, 0) : quietest + width // 2 + 1], axis=1)
-    at_rest = np.sqrt(np.mean((noise / scale[:, 0]) ** 2))
+    reach = _EVENTS.around_quietest * width
+    resting = recording.samples[:, max(quietest - reach, 0) : quietest + reach + 1] / scale
+    at_rest = _rms_up_to(resting, _top(recording, window) / rate)
     events = _events(level, edge, width)
     found = []
     for first, last in events:
@@ -436,7 +449,7 @@ def find_transients(recording: Recording) -> tuple[Transient, ...]:
         allowed = _EVENTS.beyond_least * min(left) + _EVENTS.beyond_motion * motion
         number = int(np.flatnonzero(np.array(left) <= allowed)[0])
         begin = int(starts[number])
-        judged = int(np.clip(np.searchsorted(starts, peak + width // 2), 0, len(starts) - 1))
+        judged = int(np.clip(np.searchsorted(starts, peak + width // 4), 0, len(starts) - 1))
         own = np.sqrt(np.mean((np.std(recording.samples[:, starts[judged] : end], axis=1) / scale[:, 0]) ** 2))
         relative, quiet = (float(each / max(own, 1e-300)) for each in (left[judged], at_rest))
         found.append(Transient(float(first / rate), begin / rate, float(end / rate), window, relative, quiet))
@@ -500,5 +513,16 @@ def free_parts(recordings: Sequence[Recording], *, is_certain: bool = False) -> 
 def _left_over(recording: Recording, begin: int, end: int, scale: Real, window: float) -> float:
     """Return what free modes leave of a part, over the scale of each channel."""
     part = Recording(recording.samples[:, begin:end] / scale, recording.sampling_rate, recording.channels)
-    top = min(_EVENTS.reach / window, 0.45 * recording.sampling_rate)
-    return unexplained(part, band=(0.0, top), max_modes=_EVENTS.max_modes)
+    return unexplained(part, band=(0.0, _top(recording, window)), max_modes=_EVENTS.max_modes)
+
+
+def _top(recording: Recording, window: float) -> float:
+    """Return the highest frequency that is fitted [Hz]."""
+    return float(min(_EVENTS.reach / window, 0.45 * recording.sampling_rate))
+
+
+def _rms_up_to(samples: Real, top: float) -> float:
+    """Return the RMS, root mean square over the channels, up to a frequency over the sampling rate."""
+    n = samples.shape[1]
+    lines = np.fft.rfft(samples, axis=1)[:, 1 : int(top * n) + 1] / n
+    return float(np.sqrt(2 * np.mean(np.sum(np.abs(lines) ** 2, axis=1))))

@@ -349,9 +349,9 @@ def realised_poles(data: FreeLines, *, n_states: Sequence[int], block_rows: int)
     -----
     A free response is the impulse response of its states, Y(z) = D + C (z I - A)^-1 B with an input of 1 in each
     record. Stacked as [Y, z Y, z^2 Y ..], lines lie in the range of the observability matrix after the powers of z are
-    projected out, exactly in any band. The bilinear map z -> (1 + s) / (1 - s), s' = s / a turns the band into most of
-    the unit circle, which keeps the powers independent where the band is narrow; it keeps the number of states and the
-    directions of the shapes.
+    projected out, exactly in any band, by the triangular factor of both. The bilinear map z -> (1 + s) / (1 - s),
+    s' = s / a turns the band into most of the unit circle, which keeps the powers independent where the band is
+    narrow; it keeps the number of states and the directions of the shapes.
 
     References
     ----------
@@ -368,8 +368,8 @@ def realised_poles(data: FreeLines, *, n_states: Sequence[int], block_rows: int)
         stacked = (powers[:, None, :] * data.values[own].T).reshape(block_rows * n_channels, -1)
         inputs = np.hstack([powers.real, powers.imag])
         outputs = np.hstack([stacked.real, stacked.imag])
-        basis = np.linalg.qr(inputs.T)[0]
-        parts.append(outputs - (outputs @ basis) @ basis.T)
+        triangle = np.asarray(np.linalg.qr(np.vstack([inputs, outputs]).T, mode="r"))
+        parts.append(triangle[block_rows:, block_rows:].T)
     left = np.linalg.svd(np.hstack(parts), full_matrices=False)[0]
     found = []
     for size in n_states:
