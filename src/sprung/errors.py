@@ -17,6 +17,14 @@ class DataError(SprungError):
     """Data that are well formed but insufficient: too short, dead, full of gaps."""
 
 
+class MixedRatesError(DataError):
+    """Samples of a channel at another rate than those of the others, whose names are `others`."""
+
+    def __init__(self, message: str, others: tuple[str, ...] = ()) -> None:
+        super().__init__(message)
+        self.others = others
+
+
 class IdentificationError(SprungError):
     """An identification without any mode, from good data."""
 

@@ -11,6 +11,18 @@ def test_large_files_are_inspected_in_blocks(sprung, chain, monkeypatch):
         assert channel["rms"] == pytest.approx(expected["rms"], rel=1e-9)
 
 
+def test_channels_of_another_rate_are_named_and_the_others_shown(sprung, tmp_path):
+    rows = [f"{k / 100:.2f},{k % 7},{k if k % 10 == 0 else ''},{k if k % 20 == 0 else ''}" for k in range(500)]
+    path = tmp_path / "mixed.csv"
+    path.write_text("time,acc,speed,heading\n" + "\n".join(rows))
+    outcome = sprung("info", path)
+    assert outcome.code == 0
+    said = " ".join(outcome.out.split())
+    assert "500 samples at 100 Hz" in said
+    assert "channel 'speed' has a value in one of 10 rows only (another rate): keep the channels" in said
+    assert "channel 'heading' has a value in one of 20 rows only" in said
+
+
 def test_values_missing_everywhere_are_null(sprung, tmp_path):
     rows = "".join(f"{0.01 * k:.2f},{k % 7},\n" for k in range(500))
     (tmp_path / "run.csv").write_text("time,a,b\n" + rows)

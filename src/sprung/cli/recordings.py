@@ -10,7 +10,7 @@ import typer
 
 from sprung.cli.options import Figures, FileFormat, Files, Json, Reading, check_file, option, shares_options
 from sprung.cli.output import Output, progress_bar, show, write_result, written
-from sprung.errors import DataError, ParameterError
+from sprung.errors import DataError, MixedRatesError, ParameterError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,10 +32,9 @@ def info(
     reading: Reading,
 ) -> None:
     """Summarise recordings: groups, channels, units, rate, length, gaps, levels and faults."""
-    from sprung.formats import read, read_records
+    from sprung.formats import read
     from sprung.results import tables
     from sprung.results.documents import inspection_document
-    from sprung.signals.inspection import inspect_blocks
     from sprung.signals.plausibility import doubts
 
     output = Output(figures, file_format, json=json)
@@ -43,10 +42,9 @@ def info(
     inspections: dict[str, Inspection] = {}
     for path in files:
         parts, refused = _parts(path, reading.settings), []
-        for name, settings in parts.items():
+        for name, part in parts.items():
             try:
-                with progress_bar() as report:
-                    inspection = inspect_blocks(read_records([path], settings=settings, on_progress=report))
+                inspection, settings = _inspected(path, part)
             except DataError as error:
                 refused.append(error)
                 if len(refused) == len(parts):
@@ -62,6 +60,24 @@ def info(
             show([str(error) for error in refused], heading="Groups without samples of motion")
     if write_result(inspection_document(inspections), json):
         show(written(output.paths, json))
+
+
+def _inspected(path: Path, settings: "ReadSettings") -> "tuple[Inspection, ReadSettings]":
+    """Return the inspection of a part, and the settings that leave out its channels of other rates."""
+    from sprung.formats import read_records
+    from sprung.signals.inspection import inspect_blocks
+
+    left_out: list[str] = []
+    while True:
+        try:
+            with progress_bar() as report:
+                inspection = inspect_blocks(read_records([path], settings=settings, on_progress=report))
+            return replace(inspection, history=(*inspection.history, *left_out)), settings
+        except MixedRatesError as error:
+            if not error.others:
+                raise
+            left_out.append(str(error))
+            settings = replace(settings, channels=error.others)
 
 
 def _overview(drawn: Any, *, recording_of: "Callable[[], Recording]", name: str) -> "dict[str, Figure]":

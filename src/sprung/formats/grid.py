@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sprung._arrays import Booleans, Indices, Real
-from sprung.errors import DataError, FormatError, ParameterError
+from sprung.errors import DataError, FormatError, MixedRatesError, ParameterError
 from sprung.formats.clock import Clock, ClockFit, TimeScale, find_gaps, interpolate, time_scale, uncrowded
 from sprung.formats.columns import stated_rate
 from sprung.formats.table import Block, Table
@@ -174,9 +174,10 @@ def _values_present(table: Table, values: Real) -> Booleans:
     for column, has_value in zip(table.columns, present, strict=True):
         rows = np.flatnonzero(has_value)
         if 10 <= rows.size < 0.6 * values.shape[1] and np.median(np.diff(rows)) >= 2:
-            raise DataError(
+            raise MixedRatesError(
                 f"{table.path}: channel {column.name!r} has a value in one of {np.median(np.diff(rows)):.0f} rows only "
-                "(another rate): keep the channels of one rate with --channels, or write it to a file of its own"
+                "(another rate): keep the channels of one rate with --channels, or write it to a file of its own",
+                tuple(other.name for other in table.columns if other is not column),
             )
     return present
 
