@@ -201,6 +201,22 @@ def rule_of(name: str, rules: Sequence[NameRule] | None = None) -> NameRule | No
     return next((rule for rule in (_shipped() if rules is None else rules) if rule.fits(name)), None)
 
 
+def is_imu(channels: Sequence[Channel]) -> bool:
+    """Return whether channels are those of one IMU: three accelerations and three angular velocities.
+
+    Examples
+    --------
+    >>> is_imu([Channel(f"{quantity}_{axis}") for quantity in ("acc", "gyro") for axis in "xyz"])
+    True
+    """
+    rules = [rule_of(channel.name) for channel in channels]
+    quantities = [
+        rule.quantity if rule is not None and channel.quantity == "unknown" else channel.quantity
+        for channel, rule in zip(channels, rules, strict=True)
+    ]
+    return all(quantities.count(quantity) == 3 for quantity in ("acceleration", "angular_velocity"))
+
+
 def corner_of(name: str) -> str | None:
     """Return the corner that the name of a channel states by the rules of the package; None if it states none.
 

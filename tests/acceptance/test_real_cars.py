@@ -194,6 +194,19 @@ def test_the_band_of_a_drive_is_that_of_its_body(real_file, log, frequency) -> N
     assert np.all(np.min(np.abs(others[:, None] / [19.9, 30.4] - 1), axis=1) < 0.03)
 
 
+@pytest.mark.slow
+def test_a_note_on_an_imu_without_the_speed_names_the_band_of_bodies(real_file) -> None:
+    run = read(real_file("canedge_car_body_imu/00000165_00000001-60FEB68B_decoded.parquet"))
+    imu = run.select([name for name in run.names if name != "Speed"])
+    found = cov_ssi(imu)
+    assert not np.any(found.modes.natural_frequency < 4)
+    assert any("if this IMU is on a vehicle" in note and "--band 0.4 20" in note for note in found.notes)
+    assert not any("if this IMU" in note for note in cov_ssi(run).notes)
+    sought = cov_ssi(imu, settings=IdentificationSettings(band=(0.4, 20.0)))
+    assert np.any(np.abs(sought.modes.natural_frequency - 1.6) < 0.3)
+    assert not any("if this IMU" in note for note in sought.notes)
+
+
 def test_sensor_of_the_car_turns_into_the_bodys_axes() -> None:
     sensor = Sensor.model_validate(CANEDGE["sensor"][2])
     assert sensor.as_channel().direction == (-1.0, 0.0, 0.0)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sprung._arrays import Booleans, Indices, Real
+from sprung.channel_names import is_imu
 from sprung.errors import IdentificationError
 from sprung.identification import levels, stabilisation
 from sprung.identification.contribution import complete_shapes, significant
@@ -18,9 +19,9 @@ from sprung.identification.refinement import Refinement, refined_by_spectra
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
 from sprung.identification.road_modes import combined_modes, has_road, kept_records
 from sprung.identification.roving import note_on_moved_sensors
-from sprung.identification.settings import KINDS, IdentificationSettings, Method
+from sprung.identification.settings import KINDS, IdentificationSettings, Method, Plan
 from sprung.modal import Modes, PoleStatus, join_modes, mpc, unit_shapes
-from sprung.recording import Recording, each_recording
+from sprung.recording import Channel, Recording, each_recording
 from sprung.signals.cepstrum import Lifter, ShortPass
 from sprung.signals.harmonics import Harmonic, near_harmonic
 from sprung.vehicles.labels import labelled
@@ -426,7 +427,8 @@ def combine(draft: Draft) -> Draft:
     draft = draft.noted(*notes, *_notes_on_modes(modes, settings.lifter), *_notes_on_duration(modes, draft.summary))
     if draft.level_trends is not None:
         draft = draft.noted(*levels.trends_in_words(modes, draft.level_trends))
-    draft = draft.noted(*_note_on_body(modes, draft.summary))
+    if vehicle is None and settings.band is None:
+        draft = draft.noted(*_note_on_body(modes, draft.summary.plan, records.channels))
     refinement = draft.refinement
     if refinement is not None:
         is_own = np.array([source == "ssi" for source in combined.sources], dtype=np.bool_)
@@ -441,11 +443,18 @@ def combine(draft: Draft) -> Draft:
     return draft.noted(*_notes_on_deviations(modes, draft.summary))
 
 
-def _note_on_body(modes: Modes, summary: CorrelationSummary) -> list[str]:
-    """Return a note on a drive that shows no mode of the body."""
+def _note_on_body(modes: Modes, plan: Plan, channels: Sequence[Channel]) -> list[str]:
+    """Return a note on a drive, or on what may be one by its IMU, that shows no mode of the body."""
     frequencies, (low, high) = modes.natural_frequency, _OF_BODIES
-    if not summary.plan.preparation.is_drive or np.any((low <= frequencies) & (frequencies <= high)):
+    if np.any((low <= frequencies) & (frequencies <= high)):
         return []
+    if not plan.preparation.is_drive:
+        if plan.mode_band[0] <= low or not is_imu(channels):
+            return []
+        return [
+            f"no mode is sought below {plan.mode_band[0]:.3g} Hz: if this IMU is on a vehicle, whose body moves there,"
+            " record the speed with it, or pass --band 0.4 20"
+        ]
     return [
         f"no mode of the body at {low:g} to {high:g} Hz, where vehicles bounce, pitch and roll: its damping is too"
         " heavy or the drive too short; describe the vehicle (sprung describe) and pass --vehicle"
