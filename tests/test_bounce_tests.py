@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from sprung.bounce_tests import bounce
+from sprung.bounce_tests.begins import delayed, free_from
 from sprung.errors import DataError
 from sprung.formats import read
-from sprung.identification.free_response import find_transients
+from sprung.identification.free_response import find_transients, fit_free_response
 from sprung.identification.friction import swing_with_friction
 from sprung.recording import Channel, Recording
 from sprung.vehicles import Structure, parse_fault, read_vehicle, structure, with_faults
@@ -46,6 +47,16 @@ def test_pushes_are_found_where_they_are() -> None:
     assert len(found) == 4
     np.testing.assert_allclose([each.onset for each in found], 1.0 + 4.0 * np.arange(4), atol=0.2)
     assert all(each.begin >= each.onset + 0.2 for each in found)
+
+
+def test_free_motion_begins_where_the_hands_let_go(healthy) -> None:
+    run = pushes()
+    spans = [delayed(test, run) for test in healthy.tests]
+    fit = fit_free_response([run.part(*span) for span in spans], band=(0.0, 20.0))
+    firsts = [free_from(fit, k, run, spans[k], test) for k, test in enumerate(healthy.tests)]
+    late = np.array(firsts) - (134 + 400 * np.arange(4))
+    assert np.all(late >= 0)
+    assert np.all(late <= 8)
 
 
 def test_a_car_pushed_at_its_corners(healthy) -> None:

@@ -86,3 +86,13 @@ def test_gradient_and_information(has_forces) -> None:
         slopes.append((exact.objective(exact.start + step)[1] - exact.objective(exact.start - step)[1])[:3] / 2e-5)
     if not has_forces:
         np.testing.assert_allclose(np.array(slopes), of_mean, rtol=1e-3, atol=1e-3 * np.abs(of_mean).max())
+
+
+def test_leverages_add_up_to_the_parameters_of_the_mean() -> None:
+    """Trace of a projection: shapes, frequencies, damping, states of two records; shares are of two numbers."""
+    noisy = [decay([1.0, 0.7j, 0.4], level=0.05), decay([0.2j, -0.9, 0.5], n_samples=333, level=0.05, seed=1)]
+    model = FreeResponse(free_lines(noisy, band=(0.4, 15.0)), begin())
+    shares = model.leverages(model.start)
+    assert 2 * shares.sum() == pytest.approx(2 * 3 + 2 * 3 * 2 + 2 * 3 * 2)
+    assert np.all(shares >= 0)
+    assert np.all(shares < 1)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from sprung._arrays import Booleans, Complex, Indices, Real
+from sprung.bounce_tests.begins import delayed, free_from
 from sprung.bounce_tests.results import RULES, BounceTest, CornerValue
 from sprung.errors import DataError, ParameterError
 from sprung.identification.free_response import FreeFit, Transient, fit_free_response
@@ -219,12 +220,27 @@ def _at_stop(values: Real, samples: Real) -> Booleans:
 
 
 def fitted_together(tests: Sequence[BounceTest], runs: Sequence[Recording]) -> FreeFit | None:
-    """Return the free responses of linear tests of the same channels, fitted together."""
-    parts = [test.part for test in tests]
-    parts = [part for part in parts if part.channels == parts[0].channels]
-    if not parts:
+    """Return the free responses of linear tests of the same channels, fitted together.
+
+    Notes
+    -----
+    First from where they are free beyond doubt, then from where on the modes found predict them.
+    """
+    tests = [test for test in tests if test.part.channels == tests[0].part.channels]
+    if not tests:
         return None
-    return fit_free_response(parts, band=_band(runs[tests[0].recording], tests[0].transient))
+    band = _band(runs[tests[0].recording], tests[0].transient)
+    each = [(test, runs[test.recording]) for test in tests]
+    spans = [delayed(test, run) for test, run in each]
+    try:
+        fit = fit_free_response([run.part(*span) for (_, run), span in zip(each, spans, strict=True)], band=band)
+    except DataError:
+        fit = None
+    if fit is None or not len(fit.modes):
+        return fit_free_response([test.part for test in tests], band=band)
+    firsts = [free_from(fit, k, run, spans[k], test) for k, (test, run) in enumerate(each)]
+    parts = [run.part(first, span[1]) for (_, run), first, span in zip(each, firsts, spans, strict=True)]
+    return fit_free_response(parts, band=band)
 
 
 def pooled(tests: Sequence[BounceTest]) -> Modes:

@@ -33,7 +33,7 @@ class _FreeRules:
     #: Lines around each mode that judge the model, in half-widths from its frequency.
     judged_widths: float = 2.0
     #: Misfit there, over that by chance, from which random forces during the decay are tried.
-    forced_misfit: float = 1.5
+    forced_misfit: float = 2.0
 
 
 _FIT = _FreeRules()
@@ -243,17 +243,23 @@ def _with_forces(fitted: _Fitted) -> _Fitted:
 
 
 def _misfits(fitted: _Fitted) -> Real:
-    """Return the power of the residuals around each mode over that of the model, shape (modes,)."""
+    """Return the power of the residuals around each mode over that of the model, shape (modes,).
+
+    Notes
+    -----
+    Around a mode the fitted mean takes more of the noise than elsewhere: residuals are judged by what it leaves.
+    """
     model, fit = fitted.model, fitted.model.fitted(fitted.parameters)
     values, powers = fit.values, np.abs(fit.whitened) ** 2
-    n_data = 2 * model.data.values.size
-    n_mean = 2 * model.modal.n_modes * (model.modal.n_channels + model.data.n_records)
+    expected = 1 - model.leverages(fitted.parameters)
+    everywhere = expected.size / max(np.sum(expected), expected.size / 4)
     misfits = np.empty(model.modal.n_modes)
     for k, (f, xi) in enumerate(zip(values.natural_frequency, values.damping_ratio, strict=True)):
         distance = np.abs(model.data.frequencies - f)
         reach = max(_FIT.judged_widths * f * xi, np.partition(distance, min(7, distance.size - 1))[7 % distance.size])
-        misfits[k] = np.mean(powers[distance <= reach])
-    return np.maximum(misfits, 1.0) * n_data / max(n_data - n_mean, n_data / 4)
+        near = distance <= reach
+        misfits[k] = np.sum(powers[near]) / max(np.sum(expected[near]), expected[near].size / 4)
+    return np.maximum(misfits, everywhere)
 
 
 def _result(fitted: _Fitted, *, channels: tuple[str, ...]) -> FreeFit:
@@ -359,7 +365,7 @@ class Transient:
     window
         Length of the windows of the level [s], about one period.
     unexplained
-        RMS of what free modes leave of it from half a window after its peak, over that of the motion.
+        RMS of what free modes leave of it from a quarter of a window after its peak, over that of the motion.
     noise
         RMS in the band that is fitted, where the recording is quietest, over that of the motion.
     """

@@ -185,11 +185,22 @@ class FreeResponse:
         columns = self._columns(fit.values, fit.whitening)
         for number in range(self.data.n_records):
             own = self.data.records == number
-            basis = np.linalg.qr(_stacked(columns[own]))[0]
-            slope = _stacked(slopes[own])
-            slope -= basis @ (basis.T @ slope)
+            slope = _projected(_stacked(columns[own]), _stacked(slopes[own]))[1]
             total[np.ix_(rows, rows)] += 2 * slope.T @ slope
         return total
+
+    def leverages(self, parameters: Real) -> Real:
+        """Return the share of each line that the fitted mean takes from its noise, shape (lines, channels)."""
+        fit, (n_lines, n_channels) = self.fitted(parameters), self.data.values.shape
+        slopes, columns = self._slopes(fit)[1], self._columns(fit.values, fit.whitening)
+        shares, left = np.zeros((n_lines, n_channels)), np.empty((2, n_lines, n_channels, slopes.shape[2]))
+        for number in range(self.data.n_records):
+            own = self.data.records == number
+            basis, slope = _projected(_stacked(columns[own]), _stacked(slopes[own]))
+            shares[own] = np.sum(basis**2, axis=1).reshape(2, -1, n_channels).mean(axis=0)
+            left[:, own] = slope.reshape(2, -1, n_channels, slopes.shape[2])
+        of_modes = np.linalg.qr(left.reshape(-1, slopes.shape[2]))[0]
+        return np.asarray(shares + np.sum(of_modes**2, axis=1).reshape(2, n_lines, n_channels).mean(axis=0))
 
     def with_noise(self, parameters: Real) -> "FreeResponse":
         """Return the model that starts at parameters, with the noise that they leave, white in each channel."""
@@ -325,6 +336,12 @@ def _stacked(matrix: Complex) -> Real:
     """Return lines and channels as rows, real parts above imaginary ones."""
     flat = matrix.reshape(-1, matrix.shape[-1])
     return np.concatenate([flat.real, flat.imag])
+
+
+def _projected(columns: Real, slopes: Real) -> tuple[Real, Real]:
+    """Return an orthonormal basis of columns, and what they leave of slopes."""
+    basis = np.linalg.qr(columns)[0]
+    return basis, slopes - basis @ (basis.T @ slopes)
 
 
 def realised_poles(data: FreeLines, *, n_states: Sequence[int], block_rows: int) -> list[tuple[Complex, Complex]]:

@@ -1,0 +1,128 @@
+"""Where the free motion of pushes begins: as early as the modes of the motion after it predict the samples before."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sprung._arrays import Real
+from sprung.bounce_tests.results import BounceTest
+from sprung.identification.free_response import FreeFit
+from sprung.recording import Recording
+
+
+@dataclass(frozen=True, slots=True)
+class _BeginRules:
+    """From where on a motion is free beyond doubt, and how far it is followed back."""
+
+    #: Delay of the first fit after the begin that was found, in windows of the level, and shortest motion then.
+    delay: float = 0.5
+    min_windows: float = 1.2
+    #: Samples that are predicted together, in windows of the level.
+    block: float = 0.0625
+    #: Probability of a worse prediction, for the block or for all so far, below which the motion was not free.
+    least_probability: float = 0.001
+    #: Blocks after a wrong prediction that are left out: what is too small to see there still pulls the modes.
+    margin: int = 1
+
+
+_RULES = _BeginRules()
+
+
+def delayed(test: BounceTest, run: Recording) -> tuple[int, int]:
+    """Return first and last sample of a motion that is free beyond doubt."""
+    rate, window = run.sampling_rate, test.transient.window
+    begin, end = (round(each * rate) for each in (test.transient.begin, test.transient.end))
+    latest = end - round(_RULES.min_windows * window * rate)
+    return max(begin, min(begin + round(_RULES.delay * window * rate), latest)), end
+
+
+def free_from(fit: FreeFit, record: int, run: Recording, span: tuple[int, int], test: BounceTest) -> int:
+    """Return the first sample from which on a motion is free.
+
+    Parameters
+    ----------
+    fit
+        Modes of the motions of all tests.
+    record
+        Number of the test in the fit.
+    run, span, test
+        Its recording, first and last sample of the motion that was fitted, and the test.
+
+    Notes
+    -----
+    Amplitudes, offsets and the errors of the modes are estimated from the later samples by least squares, and predict
+    the block of samples before with their covariance (recursive residuals). A block within chance joins the estimate.
+    """
+    from scipy.stats import chi2
+
+    begin, end = span
+    motion = _Linearised(fit, record, run, begin)
+    left = motion.left(begin, end)
+    motion = _Linearised(fit, record, run, begin, noise=np.std(left, axis=0))
+    design, left = motion.design(begin, end), motion.left(begin, end).ravel()
+    information = design.T @ design + motion.prior(len(fit.amplitudes))
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    covariance = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)
+    state = covariance @ (design.T @ left)
+    block = max(1, round(_RULES.block * test.transient.window * run.sampling_rate))
+    first, worse, size = begin, 0.0, 0
+    while first - block >= round(test.transient.onset * run.sampling_rate):
+        rows = motion.design(first - block, first)
+        errors = motion.left(first - block, first).ravel() - rows @ state
+        gain = np.linalg.solve(np.eye(len(rows)) + rows @ covariance @ rows.T, np.column_stack([rows, errors]))
+        power = float(errors @ gain[:, -1])
+        worse, size = worse + power, size + errors.size
+        if min(chi2.sf(power, errors.size), chi2.sf(worse, size)) < _RULES.least_probability:
+            return min(first + _RULES.margin * block, begin)
+        state = state + covariance @ rows.T @ gain[:, -1]
+        covariance = covariance - covariance @ rows.T @ gain[:, :-1] @ covariance
+        first -= block
+    return first
+
+
+class _Linearised:
+    """Motion of a test near the fitted modes, over the noise: linear in amplitudes, offsets and errors of the modes."""
+
+    def __init__(self, fit: FreeFit, record: int, run: Recording, begin: int, noise: Real | None = None) -> None:
+        self.fit, self.record, self.run, self.begin = fit, record, run, begin
+        self.noise = np.ones(len(run.channels)) if noise is None else np.maximum(noise, 1e-300)
+
+    def left(self, first: int, last: int) -> Real:
+        """Return samples less the fitted motion, over the noise, shape (samples, channels)."""
+        fitted = self.fit.motion(self.record, (np.arange(first, last) - self.begin) / self.run.sampling_rate)
+        return np.asarray((self.run.samples[:, first:last] - fitted).T / self.noise)
+
+    def prior(self, n_records: int) -> Real:
+        """Return the information on all unknowns from the other records."""
+        n_free = 2 * len(self.fit.modes) + len(self.noise)
+        size = n_free + len(self.fit.covariance)
+        information = np.zeros((size, size))
+        information[n_free:, n_free:] = np.linalg.inv(self.fit.covariance) * (n_records - 1) / n_records
+        return information
+
+    def design(self, first: int, last: int) -> Real:
+        """Return the derivatives of samples over the noise, shape (samples x channels, unknowns)."""
+        modes, time = self.fit.modes, (np.arange(first, last) - self.begin) / self.run.sampling_rate
+        shapes, amplitudes, xi = modes.mode_shapes, self.fit.amplitudes[self.record], modes.damping_ratio
+        waves = np.exp(np.outer(time, modes.poles))
+        by_damping = 2 * np.pi * modes.natural_frequency * xi * (-1 - 1j * xi / np.sqrt(1 - xi**2))
+        pairs = [
+            each for k in range(len(xi)) for each in (waves[:, k, None] * shapes[k], 1j * waves[:, k, None] * shapes[k])
+        ]
+        offsets = [np.ones((time.size, 1)) * row for row in np.eye(len(self.noise))]
+        moved = waves * amplitudes
+        poles = [
+            (time * moved[:, k] * slopes[k])[:, None] * shapes[k]
+            for slopes in (modes.poles, by_damping)
+            for k in range(len(xi))
+        ]
+        of_shapes = []
+        for k, c in zip(
+            *np.nonzero(np.arange(len(self.noise)) != np.argmax(np.abs(shapes), axis=1)[:, None]), strict=True
+        ):
+            unit = np.eye(len(self.noise))[c]
+            of_shapes += [moved[:, k, None] * unit, 1j * moved[:, k, None] * unit]
+        columns = (
+            np.stack([each.real for each in [*pairs, *offsets, *poles, *of_shapes]], axis=-1) / self.noise[:, None]
+        )
+        return np.asarray(columns.reshape(-1, columns.shape[-1]))
