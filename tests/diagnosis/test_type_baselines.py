@@ -13,6 +13,7 @@ from sprung.diagnosis import (
     learn_type,
     nominal_type,
     rank_fleet,
+    to_inspect,
 )
 from sprung.diagnosis.scatter import directions, kinds_of
 from sprung.diagnosis.type_baselines import PRODUCTION_SCATTER
@@ -204,3 +205,45 @@ def test_a_load_that_no_vehicle_of_the_type_carried_is_no_deviation_where_the_fi
     assert of_type.model_error == error
     found = diagnose(loaded(9, (-250.0, -240.0, -260.0)), type_baseline=of_type)
     assert bool(found.findings) == (error == 0.0)
+
+
+def test_a_vehicle_known_to_be_healthy_belongs_to_the_type_however_far_it_is() -> None:
+    """Of twelve vehicles one has a damper 40 % harder: clipped as a fault, unless it was found healthy."""
+    far = fleet(3, 12, 3, ("front_left.damper",), size=0.35)
+    row = PAIRS[next(n for n, pair in enumerate(PAIRS) if pair[COMPONENTS.index(Component.parse("front_left.damper"))])]
+    clipped, whole = learn_type(far), learn_type(far, healthy=["car-0"])
+    assert row @ whole.between @ row > 1.5 * (row @ clipped.between @ row)
+    assert row @ whole.mean > row @ clipped.mean
+
+
+def test_what_is_known_to_be_healthy_is_not_ranked_and_widens_the_type() -> None:
+    far = fleet(3, 12, 3, ("front_left.damper", "front_right.damper"), size=0.25)
+    before = {one.vehicle: one for one in rank_fleet(far)}
+    rest = {vehicle: own for vehicle, own in far.items() if vehicle != "car-0"}
+    after = {one.vehicle: one for one in rank_fleet(rest, healthy={"car-0": far["car-0"]})}
+    assert after.keys() == rest.keys()
+    assert after["car-1"].detection.e_value < before["car-1"].detection.e_value
+    assert after["car-1"].probability < before["car-1"].probability
+
+
+def test_the_vehicle_to_inspect_is_the_one_of_which_least_is_known() -> None:
+    """A loss of 10 % is neither sure nor nothing; a loss of 30 % is reported, and needs no advice."""
+    vehicles = fleet(9, 12, 2, ("front_left.spring",), size=float(np.log(0.9)))
+    vehicles |= {"car-1": drawn(np.random.default_rng(5), 2, fault="rear_left.spring", size=float(np.log(0.7)))}
+    ranked = rank_fleet(vehicles)
+    best = to_inspect(ranked)
+    assert best is not None
+    assert best.vehicle == "car-0"
+    assert best.detection.candidates[0].hypothesis.name == "front_left.spring"
+    assert 0.1 < best.probability < 0.9
+    (sure,) = [one for one in ranked if one.is_discovery]
+    assert sure.vehicle == "car-1"
+    assert sure.probability > 0.99
+    assert best.information == max(one.information for one in ranked if not one.is_discovery)
+
+
+def test_vehicles_with_a_baseline_need_no_verdict() -> None:
+    vehicles = fleet(9, 6, 8)
+    baselines = {vehicle: learn(own[:6]) for vehicle, own in vehicles.items()}
+    ranked = rank_fleet({vehicle: own[6:] for vehicle, own in vehicles.items()}, baselines=baselines)
+    assert to_inspect(ranked) is None

@@ -5,6 +5,7 @@ from sprung.diagnosis.assessment import diagnosis_of as diagnosis_of
 from sprung.diagnosis.assessment import doubt_about as doubt_about
 from sprung.diagnosis.assessment import max_undetected as max_undetected
 from sprung.diagnosis.assessment import rank_fleet as rank_fleet
+from sprung.diagnosis.assessment import to_inspect as to_inspect
 from sprung.diagnosis.baseline import Baseline as Baseline
 from sprung.diagnosis.changes import Candidate as Candidate
 from sprung.diagnosis.changes import ChangeDetector as ChangeDetector

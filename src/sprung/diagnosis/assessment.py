@@ -4,7 +4,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import entr
 
+from sprung._arrays import Real
 from sprung._checks import check_each, check_number, check_type
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, detect, false_discoveries
@@ -484,18 +486,25 @@ class RankedVehicle:
         Whether it is among the vehicles that have changed or deviate, see `rank_fleet`.
     n_windows
         Number of windows compared.
+    information
+        Expected information in the verdict of an inspection [nat], see `to_inspect`; 0 with a baseline.
+    probability
+        Probability that it differs from its type; 0 with a baseline.
     """
 
     vehicle: str
     detection: Detection
     is_discovery: bool
     n_windows: int
+    information: float = 0.0
+    probability: float = 0.0
 
 
 def rank_fleet(
     windows: Mapping[str, Iterable[Observation]],
     *,
     baselines: Mapping[str, Baseline] | None = None,
+    healthy: Mapping[str, Iterable[Observation]] | None = None,
     rate: float = 0.05,
 ) -> tuple[RankedVehicle, ...]:
     """Rank the vehicles of a type by the evidence that each has changed, or deviates from the others.
@@ -506,6 +515,9 @@ def rank_fleet(
         Windows of each vehicle, by its name.
     baselines
         Baselines of those vehicles that have one: they are compared with themselves, the others with their type.
+    healthy
+        Windows in which vehicles are known to be healthy, as an inspection found: they belong to the type whatever they
+        are, and are not ranked. Leave out windows in which an inspection found a fault.
     rate
         Expected share of healthy vehicles among the discoveries, above 0 and up to 1.
 
@@ -560,12 +572,15 @@ def rank_fleet(
     detections = {vehicle: detection for vehicle, detection in found.items() if detection is not None}
     # Estimates of a vehicle whose file a calibration completed are relative to that file.
     completed = {vehicle for vehicle, baseline in known.items() if baseline.vehicle_file}
-    usable = usable_windows({vehicle: own for vehicle, own in every.items() if vehicle not in completed})
+    trusted = {f"{vehicle} (inspected)": tuple(own) for vehicle, own in (healthy or {}).items()}
+    usable = usable_windows({vehicle: own for vehicle, own in every.items() if vehicle not in completed} | trusted)
+    verdicts: dict[str, Real] = {}
     if len(usable) > MIN_VEHICLES:
         fleet = Fleet.of(usable)
-        for vehicle in (vehicle for vehicle in usable if vehicle not in known):
-            of_others = fleet.type_of((other for other in usable if other != vehicle), name="")
-            comparison = TypeComparison.of(of_others, usable[vehicle])
+        for vehicle in (vehicle for vehicle in usable if vehicle not in known | trusted.keys()):
+            others = (other for other in usable if other not in {vehicle, f"{vehicle} (inspected)"})
+            comparison = TypeComparison.of(fleet.type_of(others, name="", healthy=trusted), usable[vehicle])
+            verdicts[vehicle] = comparison.probabilities()
             detections[vehicle] = comparison.detection(
                 times=np.array([usable[vehicle][-1].time]),
                 evidence=np.array([comparison.candidates()[0].log_evidence]),
@@ -577,7 +592,45 @@ def rank_fleet(
         )
     chosen = false_discoveries([detection.e_value for detection in detections.values()], rate=rate)
     ranked = [
-        RankedVehicle(vehicle, detection, number in chosen, len(usable.get(vehicle, detection.times)))
+        RankedVehicle(
+            vehicle,
+            detection,
+            is_discovery=number in chosen,
+            n_windows=len(usable.get(vehicle, detection.times)),
+            information=float(entr(verdicts[vehicle]).sum()) if vehicle in verdicts else 0.0,
+            probability=1 - float(verdicts[vehicle][0]) if vehicle in verdicts else 0.0,
+        )
         for number, (vehicle, detection) in enumerate(detections.items())
     ]
     return tuple(sorted(ranked, key=lambda one: -one.detection.e_value))
+
+
+def to_inspect(ranked: Iterable[RankedVehicle]) -> RankedVehicle | None:
+    """Return the vehicle whose inspection is expected to teach most; None where all are known or have a baseline.
+
+    Parameters
+    ----------
+    ranked
+        Vehicles of one type, from `rank_fleet`. Those that are reported to deviate are left out: an alert asks for
+        their inspection already.
+
+    Notes
+    -----
+    An inspection states what a vehicle is: as its type, or with one of the changes. What is expected to be learnt from
+    its verdict v about all vehicles and the type together, the mutual information of v with (h_1 .. h_n, centre,
+    scatter), is the entropy of v, -sum p ln p over its outcomes: as v is one of the h_i, nothing is left open about it.
+    It is largest for the vehicle of which least is known, and nearly 0 for one that surely is as its type.
+
+    References
+    ----------
+    D. V. Lindley, On a measure of the information provided by an experiment, Annals of Mathematical Statistics 27
+    (1956) 986-1005. M. C. Shewry, H. P. Wynn, Maximum entropy sampling, Journal of Applied Statistics 14 (1987)
+    165-170.
+
+    Examples
+    --------
+    >>> to_inspect([]) is None
+    True
+    """
+    open_ones = [one for one in ranked if one.information > 0 and not one.is_discovery]
+    return max(open_ones, key=lambda one: one.information, default=None)

@@ -11,7 +11,7 @@ from sprung._checks import check_each, check_number, check_type
 from sprung.diagnosis.baseline import slope_covariances
 from sprung.diagnosis.changes import Candidate, Detection, Size, detect
 from sprung.diagnosis.detectability import POWER, losses
-from sprung.diagnosis.hypotheses import Hypothesis, hypotheses_of, log_prior
+from sprung.diagnosis.hypotheses import PRIORS, Hypothesis, hypotheses_of, log_prior
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.scatter import directions, kinds_of, shared_covariance
 from sprung.diagnosis.type_baselines import TYPES, TypeBaseline, has_temperature
@@ -35,6 +35,8 @@ class TypeTest:
     largest: float = 3.0
     #: Number of times that the range of this loss is halved.
     halvings: int = 10
+    #: Share of vehicles with a change before any window, where it is asked which one to inspect.
+    faulty: float = 0.1
     #: Widening of the deviations between vehicles where changes are sought between the windows of one vehicle.
     wide: float = 3.0
 
@@ -209,6 +211,31 @@ class TypeComparison:
         limits = deltas / 2 + (strength[..., None] - of_signs) / deltas
         tails = ndtr(-limits) if np.isinf(self.degrees) else stdtr(self.degrees, -limits)
         return _minus_log(tails.sum(axis=-1) / (1 - TEST.unmodelled))
+
+    def probabilities(self) -> Real:
+        """Return the probability that nothing differs from the type, and of each hypothesis, shape (1 + hypotheses,).
+
+        Notes
+        -----
+        The size of a change is N(0, s^2) before, with the s of `PRIORS`. With r = s / std and z the deviation in
+        standard deviations, as a normal one of the same tail, the odds against the type are those before times
+        exp(z^2 r^2 / (1 + r^2) / 2) / sqrt(1 + r^2).
+
+        References
+        ----------
+        J. Wakefield, Bayes factors for genome-wide association studies: comparison with P-values, Genetic Epidemiology
+        33 (2009) 79-86.
+        """
+        z = np.abs(self.sizes(self.residual)) / self.stds
+        if np.isfinite(self.degrees):
+            z = -ndtri(np.clip(stdtr(self.degrees, -z), 1e-300, 0.5))
+        is_bar = np.array([hypothesis.component == "anti_roll" for hypothesis in self.hypotheses])
+        ratio = (np.where(is_bar, PRIORS.size_of_bars, PRIORS.size) / self.stds) ** 2
+        factors = z**2 * ratio / (1 + ratio) / 2 - np.log1p(ratio) / 2
+        before = log_prior(self.hypotheses) + np.log(TEST.faulty)
+        logs = np.concatenate([[np.log(1 - TEST.faulty)], before + factors])
+        weights = np.exp(logs - logs.max())
+        return np.asarray(weights / weights.sum(), dtype=np.float64)
 
     def candidates(self) -> tuple[Candidate, ...]:
         """Return what may be different from the type, the most likely first."""

@@ -1,13 +1,13 @@
 """Learning of the baseline of a type from a few windows each of many vehicles."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import ndtr, ndtri
 
-from sprung._arrays import Real
+from sprung._arrays import Booleans, Real
 from sprung._checks import check_each, check_type
 from sprung.diagnosis.baseline import medians, model_error_of, ranges, slope_covariances, units_of
 from sprung.diagnosis.observation import Observation
@@ -25,7 +25,9 @@ from sprung.diagnosis.type_baselines import (
 from sprung.errors import DataError
 
 
-def learn_type(windows: Mapping[str, Iterable[Observation]], *, name: str = "") -> TypeBaseline:
+def learn_type(
+    windows: Mapping[str, Iterable[Observation]], *, name: str = "", healthy: Collection[str] = ()
+) -> TypeBaseline:
     """Learn the baseline of a type from a few windows each of many of its vehicles, a minority of which may be faulty.
 
     Parameters
@@ -34,6 +36,8 @@ def learn_type(windows: Mapping[str, Iterable[Observation]], *, name: str = "") 
         Windows of each vehicle, by its name.
     name
         Name of the type; empty: the name in the vehicle file of the windows, where it is the same for all.
+    healthy
+        Vehicles that were inspected and found healthy: however far they are from the others, they belong to the type.
 
     Returns
     -------
@@ -50,8 +54,8 @@ def learn_type(windows: Mapping[str, Iterable[Observation]], *, name: str = "") 
     y_iw = m + d_i + B u_iw + e_iw for window w of vehicle i, with d_i ~ N(0, D) between vehicles and e_iw ~ N(0, V)
     within one. B and V are those of a regression within vehicles, as in `learn`. The means of vehicles along left
     against right, front against rear and all of a kind together, independent of each other, have a location and a scale
-    by Huber's proposal 2, so that a minority of faulty vehicles moves neither; V / n_i is subtracted from the squared
-    scale, and production scatter weighs as much as four vehicles.
+    by Huber's proposal 2, so that a minority of faulty vehicles moves neither; vehicles known to be healthy are not
+    clipped. V / n_i is subtracted from the squared scale, and production scatter weighs as much as four vehicles.
 
     References
     ----------
@@ -83,7 +87,7 @@ def learn_type(windows: Mapping[str, Iterable[Observation]], *, name: str = "") 
             f"{len(usable)} vehicles have usable windows, and {MIN_VEHICLES} are needed: give more vehicles"
         )
     names = {window.vehicle for own in usable.values() for window in own}
-    return Fleet.of(usable).type_of(usable, name=name or (names.pop() if len(names) == 1 else ""))
+    return Fleet.of(usable).type_of(usable, name=name or (names.pop() if len(names) == 1 else ""), healthy=healthy)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -141,14 +145,15 @@ class Fleet:
         means = dict(zip(windows, (owner / counts).T @ (values - units @ slopes), strict=True))
         return cls(within, scatter.whole, means, {vehicle: len(own) for vehicle, own in windows.items()})
 
-    def type_of(self, vehicles: Iterable[str], *, name: str) -> TypeBaseline:
-        """Return the baseline of the type from some of the vehicles."""
+    def type_of(self, vehicles: Iterable[str], *, name: str, healthy: Collection[str] = ()) -> TypeBaseline:
+        """Return the baseline of the type from some of the vehicles, of which some are known to be healthy."""
         chosen, components = list(vehicles), self.within.components
+        known = np.array([vehicle in healthy for vehicle in chosen])
         means = np.array([self.means[vehicle] for vehicle in chosen])
         noise = self.covariance * float(np.mean([1 / self.counts[vehicle] for vehicle in chosen]))
         pairs, ends, together = directions(components)
         rows = (pairs, ends, together / together.sum(axis=1, keepdims=True))
-        located = [[_huber_location(means @ row) for row in group] for group in rows]
+        located = [[_huber_location(means @ row, known) for row in group] for group in rows]
         along = np.array([location for group in located for location, _ in group])
         left_right, front_rear, common = (
             _shrunk_stds(group, [scale for _, scale in scales], kinds_of(group, components), noise, len(chosen))
@@ -178,16 +183,17 @@ def _shrunk_stds(
     return stds
 
 
-def _huber_location(values: Real) -> tuple[float, float]:
-    """Return location and scale of values by Huber's proposal 2, both as for normal values."""
+def _huber_location(values: Real, known: Booleans) -> tuple[float, float]:
+    """Return location and scale of values by Huber's proposal 2, both as for normal values; known ones are whole."""
     location = float(np.median(values))
     scale = float(np.median(np.abs(values - location)) / ndtri(0.75)) or float(np.std(values)) or 1e-12
     clip = TYPES.clip
     density, tail = np.exp(-(clip**2) / 2) / np.sqrt(2 * np.pi), ndtr(-clip)
     expected = 1 - 2 * tail - 2 * clip * density + 2 * clip**2 * tail
+    share = float(np.mean(np.where(known, 1.0, expected)))
     for _ in range(TYPES.rounds):
-        clipped = np.clip(values, location - clip * scale, location + clip * scale)
-        scale = float(np.sqrt(np.sum((clipped - location) ** 2) / (len(values) - 1) / expected))
+        clipped = np.where(known, values, np.clip(values, location - clip * scale, location + clip * scale))
+        scale = float(np.sqrt(np.sum((clipped - location) ** 2) / (len(values) - 1) / share))
         location = float(np.mean(clipped))
     return location, scale
 

@@ -110,6 +110,19 @@ def test_vehicles_and_learning_again(sprung, store):
     assert "bus-17: new baseline ('new springs') requested at" in plain(sprung("vehicles", "--store", store))
 
 
+def test_what_an_inspection_found_is_stated_without_an_alert(sprung, store):
+    words = ("vehicles", "inspected", "bus-17", "--store", store, "--who", "anna", "--found")
+    assert "bus-17: nothing was found; rank the vehicles again" in plain(sprung(*words, "nothing"))
+    assert "bus-17: front_left.spring was found" in plain(sprung(*words, "front_left.spring"))
+    assert sprung(*words, "spring").code == 2
+    with open_store(store) as opened:
+        first, last = opened.requests.audited(act="inspected")
+    assert [(row.subject, row.who, row.detail) for row in (first, last)] == [
+        ("bus-17", "anna", ""),
+        ("bus-17", "anna", "front_left.spring"),
+    ]
+
+
 @pytest.mark.parametrize("words", [("alerts",), ("alerts", "list"), ("vehicles",), ("vehicles", "list")])
 def test_a_command_alone_lists(sprung, store, words):
     assert (

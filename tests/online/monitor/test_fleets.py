@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import Observation, learn, learn_type
+from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import MonitorSettings, Observed, VehicleMonitor, operations
-from sprung.online.monitor.fleets import VehicleTypes, rankings, type_of_others
+from sprung.online.monitor.alert_book import AlertBook
+from sprung.online.monitor.fleets import VehicleTypes, inspections, rankings, type_of_others
 from sprung.online.store import Progress, StoredFrame
 from sprung.recording import Channel, Recording
 from sprung.results.documents import baseline_document, observation_document
@@ -78,6 +80,43 @@ def test_a_type_is_of_normal_windows_not_of_later_ones(store, car) -> None:
     assert of_type is not None
     assert of_type.n_windows == 24
     assert of_type.mean[SPRING] == pytest.approx(0.0, abs=0.03)
+
+
+def test_an_inspection_makes_a_member_of_the_type_or_takes_a_vehicle_out_of_it(store, car) -> None:
+    fleet(store, car, 8)
+    put(store, "van-8", car, drawn(8, 4, fault=-0.1))
+    put(store, "van-9", car, drawn(9, 4, fault=-0.3))
+    ((_, before),), notes = rankings(store, rate=0.05)
+    assert not notes
+    later = NOW + 10**13  # after the four windows
+    operations.inspected(store, "van-8", part="", who="ann", now=later)
+    operations.inspected(store, "van-9", part="", who="ann", now=later - 10**9)
+    operations.inspected(store, "van-9", part="front_right.spring", who="ann", now=later)  # the last one counts
+    ((_, after),), notes = rankings(store, rate=0.05)
+    assert {one.vehicle for one in before} - {one.vehicle for one in after} == {"van-8", "van-9"}
+    assert notes == ["van-8 was inspected and found healthy", "van-9 was inspected: front_right.spring"]
+    of_type = type_of_others(store, "van-0")
+    assert of_type is not None
+    assert of_type.n_vehicles == 8  # the faulty one is out
+    fresh = [(4, later + 10**9, observation_document(replace(drawn(9, 1)[0], time=later / 1e9 + 1)))]
+    store.results.commit(Progress("van-9", 1, done_seq=-1, observations=tuple(fresh)))
+    ((_, again),), notes = rankings(store, rate=0.05)
+    (compared,) = [one for one in again if one.vehicle == "van-9"]
+    assert compared.n_windows == 1  # what came after the inspection
+    assert not compared.is_discovery
+
+
+def test_a_verdict_on_an_alert_counts_as_an_inspection(store, car) -> None:
+    fleet(store, car, 6)
+    report = Report("van-2", "front_right.spring", 700, "text", {})
+    AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), NOW), now=NOW)
+    (alert,) = store.alerts.find(vehicle="van-2")
+    operations.add_verdict(store, alert.number, verdict="nothing found", who="ann", now=NOW + 10**13)
+    assert inspections(store) == {"van-2": (NOW + 10**13, "")}
+    operations.add_verdict(
+        store, alert.number, verdict="another part", part="rear_left.tyre", who="ann", now=NOW + 2 * 10**13
+    )
+    assert inspections(store) == {"van-2": (NOW + 2 * 10**13, "rear_left.tyre")}
 
 
 def test_windows_are_read_again_only_where_there_are_new_ones(store, car, monkeypatch: pytest.MonkeyPatch) -> None:

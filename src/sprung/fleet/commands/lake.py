@@ -189,7 +189,9 @@ def rank(
     document = fleet_document(rankings, rate=rate, notes=notes)
     if write_result(document, json):
         outputs = written([] if out is None else [out], json)
-        show(*tables.fleet_tables(document.as_json()), [tables.describe_type(of_type), *notes, *outputs])
+        ranked = document.as_json()
+        advice = filter(None, map(tables.describe_next_inspection, ranked["types"]))
+        show(*tables.fleet_tables(ranked), [*advice, tables.describe_type(of_type), *notes, *outputs])
 
 
 def _by_vehicle(files: "Sequence[ImportedFile]") -> list[dict[str, Any]]:

@@ -47,6 +47,7 @@ def rank(
 
     document = ranking_document(store, rate=rate)
     notes = document["notes"] or ([] if document["types"] else [NO_VEHICLES])
+    notes = [*filter(None, map(tables.describe_next_inspection, document["types"])), *notes]
     return Found(document, tables.fleet_tables(document), notes)
 
 
@@ -83,6 +84,23 @@ def learn(
 
     relearn(store, vehicle, reason=reason, who=who, now=time.time_ns())
     return _vehicles(store, describe_relearning(vehicle, reason))
+
+
+@application.command()
+@on_store
+def inspected(
+    store: "Store",
+    vehicle: VehicleName,
+    *,
+    found: Annotated[str, option("nothing|PART", "What was found: nothing, or a part such as front_left.spring.")],
+    who: str,
+) -> Found:
+    """Store what an inspection without an alert found: the vehicle as a member of its type, or out of it."""
+    from sprung.online.monitor.operations import inspected
+
+    part = "" if found == "nothing" else found
+    inspected(store, vehicle, part=part, who=who, now=time.time_ns())
+    return _vehicles(store, f"{vehicle}: {part or 'nothing'} was found; rank the vehicles again")
 
 
 @application.command("rollback")

@@ -4,7 +4,7 @@ Vehicles are of one type if their vehicle files are the same, apart from the nam
 values of the file, and comparable only then.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -18,6 +18,8 @@ from sprung.online.store import Entry, Store
 from sprung.results.documents import observation_from_document
 from sprung.vehicles import vehicle_from_text, vehicle_text
 
+#: Act of the audit trail: a vehicle was inspected, with the part that was found as its detail; empty: healthy.
+INSPECTED = "inspected"
 #: Largest number of vehicles that the baseline of a type is learnt from.
 _MAX_VEHICLES = 50
 
@@ -109,16 +111,55 @@ def type_of_others(store: Store, vehicle: str, *, types: VehicleTypes | None = N
     Notes
     -----
     Each vehicle takes part with the windows that its own baseline was learnt from, so that a later change does not
-    count as normal, or with its last windows before it has one.
+    count as normal, or with its last windows before it has one; after a verdict as `inspections` states.
     """
     types = types or VehicleTypes(store)
     others = types.others(vehicle)[:_MAX_VEHICLES]
     if len(others) < MIN_VEHICLES:
         return None
+    found = inspections(store)
+    healthy, _, rest = _by_verdict(types.normal_windows(others), found)
     try:
-        return learn_type(types.normal_windows(others), name=_name(store, vehicle))
+        return learn_type(rest | healthy, name=_name(store, vehicle), healthy=healthy.keys() - rest.keys())
     except DataError:
         return None
+
+
+def inspections(store: Store) -> dict[str, tuple[int, str]]:
+    """Return the time of the last inspection of each vehicle [UTC ns] and the part that was found; empty: healthy.
+
+    Notes
+    -----
+    From the verdicts on alerts of the suspension ("nothing found": healthy) and from `sprung vehicles inspected`. It
+    says what the windows up to its time are: those of a healthy vehicle belong to the type whatever they are, and those
+    of a faulty one do not. Later windows are compared again.
+    """
+    stated = store.requests.audited(act=INSPECTED, limit=1000)
+    last = {row.subject: (row.time, str(row.detail or "")) for row in stated}
+    judged = [(row, cause) for row, cause in store.verdicts.judged() if "." in cause and row.verdict != "not looked at"]
+    alerts = store.alerts.rows({row.alert for row, _ in judged})
+    for row, cause in judged:
+        vehicle = alerts[row.alert].vehicle
+        if row.time > last.get(vehicle, (0, ""))[0]:
+            last[vehicle] = row.time, {"confirmed": cause, "another part": row.part}.get(row.verdict, "")
+    return last
+
+
+def _by_verdict(
+    windows: Mapping[str, Sequence[Observation]], found: Mapping[str, tuple[int, str]]
+) -> tuple[dict[str, list[Observation]], dict[str, str], dict[str, list[Observation]]]:
+    """Return windows of vehicles known to be healthy, the part of those known to be faulty, and all other windows."""
+    healthy, faulty, rest = {}, {}, {}
+    for vehicle, own in windows.items():
+        time, part = found.get(vehicle, (0, ""))
+        before = [window for window in own if 1e9 * window.time <= time]
+        if before and part:
+            faulty[vehicle] = part
+        elif before:
+            healthy[vehicle] = before
+        if len(before) < len(own):
+            rest[vehicle] = [window for window in own if 1e9 * window.time > time]
+    return healthy, faulty, rest
 
 
 def rankings(store: Store, *, rate: float) -> tuple[list[tuple[str, tuple[RankedVehicle, ...]]], list[str]]:
@@ -139,7 +180,7 @@ def rankings(store: Store, *, rate: float) -> tuple[list[tuple[str, tuple[Ranked
         If the rate is not above 0 and at most 1.
     """
     check_number("rate", rate, above=0, at_most=1)
-    ranked, notes = [], []
+    ranked, notes, found = [], [], inspections(store)
     for vehicles in vehicles_by_type(store).values():
         name = _name(store, vehicles[0])
         references = {vehicle: reference_of(store.results.baselines(vehicle)) for vehicle in vehicles}
@@ -148,8 +189,11 @@ def rankings(store: Store, *, rate: float) -> tuple[list[tuple[str, tuple[Ranked
             vehicle: [window for window in _last_windows(store, vehicle) if window.time > own.learnt_until]
             for vehicle, own in references.items()
         }
+        lone_windows = {vehicle: own for vehicle, own in windows.items() if vehicle not in baselines}
+        healthy, faulty, rest = _by_verdict(lone_windows, found)
+        of_baseline = {vehicle: own for vehicle, own in windows.items() if vehicle in baselines}
         try:
-            of_type = rank_fleet(windows, baselines=baselines, rate=rate)
+            of_type = rank_fleet(of_baseline | rest, baselines=baselines, healthy=healthy, rate=rate)
         except DataError as error:
             notes.append(f"vehicles of the type {name} are not ranked: {error}")
             continue
@@ -157,7 +201,9 @@ def rankings(store: Store, *, rate: float) -> tuple[list[tuple[str, tuple[Ranked
         left = [vehicle for vehicle in vehicles if all(one.vehicle != vehicle for one in of_type)]
         unused = [vehicle for vehicle in left if vehicle in baselines]
         notes += _not_ranked(unused, "no window after the baseline can be compared")
-        lone = [vehicle for vehicle in left if vehicle not in baselines]
+        notes += [f"{vehicle} was inspected and found healthy" for vehicle in healthy.keys() - rest.keys()]
+        notes += [f"{vehicle} was inspected: {part}" for vehicle, part in faulty.items() if vehicle not in rest]
+        lone = [one for one in left if one not in baselines | healthy | faulty]
         notes += _not_ranked(lone, f"without a baseline, usable windows of {MIN_VEHICLES + 1} of the type are needed")
     return ranked, notes
 

@@ -30,7 +30,7 @@ from sprung.online.alerts import (
 from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.engine import StateError
 from sprung.online.monitor.events import Identified, MonitorSettings, Observed
-from sprung.online.monitor.fleets import rankings
+from sprung.online.monitor.fleets import INSPECTED, rankings
 from sprung.online.monitor.histories import (
     LEARN,
     ROLL_BACK,
@@ -47,6 +47,7 @@ from sprung.results.documents.monitoring import HistoryEntry
 from sprung.results.tables import counted, describe_diagnosis
 from sprung.results.tables.wording import format_span, format_time
 from sprung.state import AlertState
+from sprung.vehicles import Component
 
 #: Possible verdicts of the workshop on an alert.
 VERDICTS = ("confirmed", "another part", "nothing found", "not looked at")
@@ -285,6 +286,33 @@ def roll_back(store: Store, vehicle: str, *, version: int, reason: str, who: str
         raise ParameterError(f"baseline {version} of {vehicle} is in use: give an earlier version")
     detail = {"version": version, "reason": reason.strip()}
     return store.requests.add_command(who, vehicle, ROLL_BACK, detail, now=now)
+
+
+def inspected(store: Store, vehicle: str, *, part: str, who: str, now: int) -> None:
+    """Store what an inspection of a vehicle found without an alert, for the comparison with its type.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    vehicle
+        Name of the vehicle.
+    part
+        Part that was found, such as "front_left.spring"; empty: the vehicle is healthy.
+    who
+        Name of the operator.
+    now
+        Present time, UTC ns.
+
+    Raises
+    ------
+    ParameterError
+        If the vehicle is unknown, or the part is no component.
+    """
+    require_vehicle(store, vehicle)
+    if part:
+        Component.parse(part)
+    store.requests.audit(who, INSPECTED, vehicle, part, now=now)
 
 
 def request_samples(store: Store, vehicle: str, *, minutes: float, who: str, now: int) -> int:

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from sprung.diagnosis import RankedVehicle
+from sprung.diagnosis import RankedVehicle, to_inspect
 from sprung.results.documents.document import Document, Pair
 
 
@@ -22,11 +22,22 @@ class RankedEntry(Document):
     interval: Pair | None
 
 
+class InspectionEntry(Document):
+    """The vehicle whose inspection would teach most, and its most likely change."""
+
+    vehicle: str
+    information: float
+    probability: float
+    part: str
+    change: float | None
+
+
 class RankingEntry(Document):
     """The vehicles of a type, the most deviating first."""
 
     name: str
     vehicles: tuple[RankedEntry, ...]
+    inspect_next: InspectionEntry | None = None
 
 
 class FleetDocument(Document):
@@ -68,8 +79,21 @@ def fleet_document(
     >>> [(entry.vehicle, entry.part) for entry in document.types[0].vehicles if entry.deviates]
     [('car-2', 'front_left.spring')]
     """
-    types = [{"name": name, "vehicles": list(map(_entry, ranked))} for name, ranked in rankings]
+    types = [
+        {"name": name, "vehicles": list(map(_entry, ranked)), "inspect_next": _next(ranked)}
+        for name, ranked in rankings
+    ]
     return FleetDocument.of(rate=rate, types=types, notes=list(notes))
+
+
+def _next(ranked: Sequence[RankedVehicle]) -> dict[str, object] | None:
+    """Return the vehicle to inspect next, and why."""
+    best = to_inspect(ranked)
+    if best is None:
+        return None
+    entry = _entry(best)
+    of_type = {"information": best.information, "probability": best.probability}
+    return of_type | {name: entry[name] for name in ("vehicle", "part", "change")}
 
 
 def _entry(ranked: RankedVehicle) -> dict[str, object]:

@@ -23,6 +23,7 @@ from sprung.results.tables.fleet import alerts_table as alerts_table
 from sprung.results.tables.fleet import describe_fleet_plan as describe_fleet_plan
 from sprung.results.tables.fleet import describe_fleet_run as describe_fleet_run
 from sprung.results.tables.fleet import describe_lake as describe_lake
+from sprung.results.tables.fleet import describe_next_inspection as describe_next_inspection
 from sprung.results.tables.fleet import describe_type as describe_type
 from sprung.results.tables.fleet import fleet_plan_table as fleet_plan_table
 from sprung.results.tables.fleet import fleet_run_tables as fleet_run_tables

@@ -228,6 +228,25 @@ def fleet_tables(document: Mapping[str, Any]) -> list[Table]:
     ]
 
 
+def describe_next_inspection(ranking: Mapping[str, Any]) -> str:
+    """Return which vehicle of a type in a `sprung.fleet/1` to inspect next, and why; empty: none.
+
+    Examples
+    --------
+    >>> best = {"vehicle": "bus-088", "probability": 0.36, "part": "rear_left.damper", "change": -0.15}
+    >>> describe_next_inspection({"name": "bus", "inspect_next": best})
+    'inspect bus-088 next, because least is certain of it: 36 % that it deviates, most likely rear left damper -15 %'
+    """
+    best = ranking.get("inspect_next")
+    if best is None:
+        return ""
+    part = "" if best["change"] is None else f", most likely {format_name(best['part'])} {100 * best['change']:+.0f} %"
+    return (
+        f"inspect {best['vehicle']} next, because least is certain of it: {100 * best['probability']:.0f} % that it"
+        f" deviates{part}"
+    )
+
+
 def describe_type(type_baseline: TypeBaseline) -> str:
     """Return a sentence on the numbers of vehicles and windows that the baseline of a type was learnt from.
 
