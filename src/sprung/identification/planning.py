@@ -181,7 +181,9 @@ def without_slow_motion(prepared: Prepared, edge: float) -> Prepared:
     return replace(prepared, motion=band_pass(prepared.motion, edge, None)) if edge > 0 else prepared
 
 
-def search_harmonics(recording: Recording, plan: PreparationPlan, *, speed: str | None) -> tuple[Harmonic, ...]:
+def search_harmonics(
+    recording: Recording, plan: PreparationPlan, *, speed: str | None, known: Sequence[Harmonic] | None = None
+) -> tuple[Harmonic, ...]:
     """Search one record for harmonics of the excitation, up to 100 Hz or the band of the identification.
 
     Parameters
@@ -192,6 +194,8 @@ def search_harmonics(recording: Recording, plan: PreparationPlan, *, speed: str 
         Decisions from `plan_preparation`.
     speed
         Name of the speed channel; None without one.
+    known
+        As for `find_harmonics`.
 
     Returns
     -------
@@ -203,7 +207,7 @@ def search_harmonics(recording: Recording, plan: PreparationPlan, *, speed: str 
         If a channel has missing values, or there is no channel to search.
     """
     searched = _decimate_to(_at_common_rate(recording, plan), _rate_for_lines(plan))
-    return find_harmonics(searched, speed=speed, false_alarm_rate=_RULES.false_lines)
+    return find_harmonics(searched, speed=speed, false_alarm_rate=_RULES.false_lines, known=known)
 
 
 def highest_line(plan: PreparationPlan) -> float:
