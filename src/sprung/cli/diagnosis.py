@@ -59,6 +59,7 @@ def baseline(
 ) -> None:
     """Learn the baseline of a vehicle from drives while it is healthy."""
     from sprung.diagnosis import learn
+    from sprung.learning_progress import learning_progress
     from sprung.results import tables
     from sprung.results.documents import baseline_document, write_baseline
     from sprung.vehicles import read_vehicle, vehicle_text
@@ -88,15 +89,16 @@ def baseline(
         type_baseline=type_baseline,
         min_windows=min_windows,
     )
+    complete = description if calibration is None else calibration.vehicle
     if calibration is not None or (before is not None and before.vehicle_file):
-        complete = description if calibration is None else calibration.vehicle
         learnt = replace(learnt, vehicle_file=vehicle_text(complete))
     write_baseline(learnt, out)
     if write_result(baseline_document(learnt), json):
         layout = list(dict.fromkeys(note for observation in observations for note in observation.notes))
         sentences = [*tables.describe_baseline(learnt, n_windows=len(observations)), *layout]
         completed = [] if calibration is None else tables.describe_calibration(calibration)
-        show(tables.baseline_table(learnt), [*sentences, *completed, *written([out], json)])
+        progress = str(learning_progress(observations, complete))
+        show(tables.baseline_table(learnt), [*sentences, progress, *completed, *written([out], json)])
 
 
 @shares_options

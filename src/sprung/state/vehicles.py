@@ -204,6 +204,8 @@ class VehicleStatus(NamedTuple):
         Time after the last sample, UTC ns; None before the first.
     repeated
         Duration of the samples that arrived last and were analysed before [s]; 0 after new ones.
+    coverage
+        What the windows have brought of the information that a baseline needs, in words; empty before the first.
     """
 
     share: float = 0.0
@@ -214,6 +216,7 @@ class VehicleStatus(NamedTuple):
     window: float = 0.0
     until: int | None = None
     repeated: float = 0.0
+    coverage: str = ""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

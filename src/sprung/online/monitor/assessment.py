@@ -29,6 +29,7 @@ from sprung.diagnosis import (
     with_missing_as_faults,
 )
 from sprung.errors import DataError
+from sprung.learning_progress import learning_progress
 from sprung.likelihood import SegmentSpectra
 from sprung.online.monitor.events import MonitorSettings
 from sprung.recording import Recording
@@ -135,6 +136,13 @@ class Assessment:
         needed = self._settings.learning_windows
         n_learnt = needed if self._detector is not None else sum(map(_is_valid, self._learning))
         return min(n_learnt, needed), needed
+
+    @property
+    def coverage(self) -> str:
+        """What the windows have brought of the information that a baseline needs, in words; empty if none is learnt."""
+        if not any(map(_is_valid, self._learning)):
+            return ""
+        return str(learning_progress(self._learning, self._vehicle, n_needed=self._settings.learning_windows))
 
     @property
     def diagnosis(self) -> Diagnosis | None:

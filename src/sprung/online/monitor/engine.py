@@ -197,6 +197,11 @@ class VehicleMonitor:
         return self._assessment.learning
 
     @property
+    def coverage(self) -> str:
+        """What the windows have brought of the information that a baseline needs, in words; empty if none is learnt."""
+        return self._assessment.coverage
+
+    @property
     def diagnosis(self) -> Diagnosis | None:
         """Diagnosis of the windows since the baseline; while it is being learnt, against the type, if that is known."""
         return self._assessment.diagnosis

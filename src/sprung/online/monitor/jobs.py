@@ -212,6 +212,7 @@ def analyse(
         monitor.settings.window,
         monitor.until,
         monitor.repeated,
+        monitor.coverage,
     )
     return Outcome(vehicle, consumed, tuple(events), state, status, seconds=time.process_time() - begun)
 

@@ -111,7 +111,7 @@ def baseline(context: Shared, _: Viewer, row: KnownVehicle) -> BaselineDetail:
         is_learning=is_learning,
         windows_learnt=status.n_learnt,
         windows_needed=status.n_needed,
-        progress=progress_in_words(status) if is_learning else "",
+        progress="; ".join(filter(None, (progress_in_words(status), status.coverage))) if is_learning else "",
         is_requested=any(each.act == LEARN for each in waiting),
         requested_version=returns[-1] if returns else None,
         versions=_versions(store, vehicle, rows, is_learning=is_learning),
