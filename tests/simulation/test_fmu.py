@@ -21,8 +21,8 @@ from sprung.simulation import (
     response,
     simulate,
     simulate_drive,
-    with_linear_inputs,
-    with_rises,
+    with_derivatives,
+    with_polynomial_inputs,
 )
 from sprung.simulation import fmu as fmus
 from sprung.simulation.fmu_model import SteppedModel
@@ -87,7 +87,7 @@ def test_the_stepped_model_is_the_exact_response(tmp_path) -> None:
     model = SteppedModel(tmp_path / "model.json")
     heights = np.cumsum(np.random.default_rng(1).standard_normal((4, 41)), axis=1)
     fine = np.array([np.interp(np.arange(201) / 5, np.arange(41), row) for row in heights])
-    exact = response(with_linear_inputs(car.state_space(), sampling_rate=1000.0), with_rises(fine))
+    exact = response(with_polynomial_inputs(car.state_space(), sampling_rate=1000.0), with_derivatives(fine))
     for k in range(40):  # communication steps of five steps of the model
         for number in range(4):
             model.set_value(number, heights[number, k])

@@ -10,7 +10,7 @@ from scipy.special import ellipk
 from sprung.errors import ParameterError
 from sprung.excitation import Potholes, SurfaceMotion, random_speed, road_class
 from sprung.simulation import REALISTIC_FORCE_LAWS, ForceLaw, integrate, simulate, simulate_nonlinear
-from sprung.simulation.linear import response, with_linear_inputs, with_rises
+from sprung.simulation.linear import response, with_derivatives, with_polynomial_inputs
 from sprung.vehicles import Component, chain, read_vehicle, structure
 
 RATE = 2000.0
@@ -50,8 +50,8 @@ def bushed():
 def test_without_force_laws_it_is_the_exact_linear_response(vehicle, drive) -> None:
     inputs = drive.samples(16_000, sampling_rate=8000.0, generator=np.random.default_rng(1))
     inputs = inputs - inputs[:, :1]
-    discrete = with_linear_inputs(vehicle.state_space(), sampling_rate=8000.0)
-    expected = response(discrete, with_rises(inputs))
+    discrete = with_polynomial_inputs(vehicle.state_space(), sampling_rate=8000.0)
+    expected = response(discrete, with_derivatives(inputs))
     found = integrate(vehicle, inputs, rate=8000.0).outputs
     assert found == pytest.approx(expected, abs=1e-6 * expected.std())
 
@@ -65,8 +65,8 @@ def test_a_simulated_drive_without_force_laws_is_the_linear_one(car, drive) -> N
 def test_forces_on_a_loaded_body_are_the_exact_linear_response() -> None:
     plate = structure(read_vehicle("plate")).with_payload(0.3, x=0.1, y=-0.05)
     inputs = np.cumsum(np.random.default_rng(1).standard_normal((4, 4000)), axis=1)
-    discrete = with_linear_inputs(plate.state_space(), sampling_rate=RATE)
-    expected = response(discrete, with_rises(inputs))
+    discrete = with_polynomial_inputs(plate.state_space(), sampling_rate=RATE)
+    expected = response(discrete, with_derivatives(inputs))
     found = integrate(plate, inputs, rate=RATE).outputs
     assert found[:, :-1] == pytest.approx(expected[:, :-1], abs=1e-8 * np.abs(expected).max())
 

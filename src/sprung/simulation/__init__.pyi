@@ -31,8 +31,8 @@ from sprung.simulation.linear import response as response
 from sprung.simulation.linear import settling_time as settling_time
 from sprung.simulation.linear import simulate as simulate
 from sprung.simulation.linear import usual_excitation as usual_excitation
-from sprung.simulation.linear import with_linear_inputs as with_linear_inputs
-from sprung.simulation.linear import with_rises as with_rises
+from sprung.simulation.linear import with_derivatives as with_derivatives
+from sprung.simulation.linear import with_polynomial_inputs as with_polynomial_inputs
 from sprung.simulation.nonlinear import integrate as integrate
 from sprung.simulation.nonlinear import simulate_nonlinear as simulate_nonlinear
 from sprung.simulation.sensors import Imperfection as Imperfection

@@ -15,7 +15,7 @@ from sprung.errors import ParameterError
 from sprung.excitation import Excitation
 from sprung.recording import Recording
 from sprung.simulation import fmu_model
-from sprung.simulation.linear import SMOOTH_RATE, sampled_inputs, with_linear_inputs
+from sprung.simulation.linear import SMOOTH_RATE, sampled_inputs, with_polynomial_inputs
 from sprung.vehicles import Structure
 
 _EXTRA = "fmu"
@@ -155,7 +155,7 @@ def write_fmu(vehicle: Structure, path: str | Path, *, step: float = 1e-3, name:
 
 def _document(vehicle: Structure, step: float) -> dict[str, Any]:
     """Return the matrices and variables of a vehicle as `SteppedModel` reads them."""
-    sampled, n = with_linear_inputs(vehicle.state_space(), sampling_rate=1 / step), len(vehicle.inputs)
+    sampled, n = with_polynomial_inputs(vehicle.state_space(), sampling_rate=1 / step), len(vehicle.inputs)
     inputs = []
     for name in vehicle.inputs:
         quantity = next((part for part in ("force", "acceleration") if part in name), "displacement")

@@ -17,6 +17,8 @@ from sprung.vehicles import StateSpace, Structure
 
 #: Lowest rate at which smooth excitations are simulated [Hz].
 SMOOTH_RATE = 1000.0
+#: Samples per period of the fastest natural mode from which a smooth excitation may be linear between them.
+LINEAR_PER_PERIOD = 30.0
 
 
 def response(discrete: StateSpace, inputs: Real) -> Real:
@@ -73,19 +75,26 @@ def response(discrete: StateSpace, inputs: Real) -> Real:
     return ((discrete.output_matrix * scale @ Q) @ states).real + discrete.feedthrough @ inputs
 
 
-def with_linear_inputs(continuous: StateSpace, *, sampling_rate: float) -> StateSpace:
-    """Return the state space sampled at `sampling_rate` [Hz] for inputs that are linear between samples.
+def with_polynomial_inputs(continuous: StateSpace, *, sampling_rate: float, degree: int = 1) -> StateSpace:
+    """Return the state space sampled at `sampling_rate` [Hz] for inputs that are polynomials between samples.
+
+    Parameters
+    ----------
+    continuous
+        State space over time.
+    degree
+        Degree of the polynomials: 1 for inputs that are linear between samples.
 
     Returns
     -------
     StateSpace
-        Sampled state space with twice the inputs: their values, and their rises to the next sample (see
-        `with_rises`).
+        Sampled state space with `degree` + 1 times the inputs: their values and their derivatives per sample at the
+        start of each sample, in this order (see `with_derivatives`).
 
     Notes
     -----
-    First-order hold: x[k+1] = A x[k] + B0 u[k] + B1 (u[k+1] - u[k]), all three from one matrix exponential of
-    [[A, B, 0], [0, 0, I], [0, 0, 0]] over a sample.
+    Hold of order d: x[k+1] = A x[k] + B0 u[k] + B1 u'[k] + ... + Bd u^(d)[k], all from one matrix exponential of
+    [[A, B, 0], [0, 0, I], [0, 0, 0]] over a sample, with one more row of I for each further degree.
 
     References
     ----------
@@ -96,35 +105,58 @@ def with_linear_inputs(continuous: StateSpace, *, sampling_rate: float) -> State
     >>> one = np.ones((1, 1))
     >>> integrator = StateSpace(0 * one, one, one, 0 * one)
     >>> ramp = np.arange(4.0)[None]
-    >>> sampled = with_linear_inputs(integrator, sampling_rate=1.0)
-    >>> response(sampled, with_rises(ramp)).round(6).tolist()  # t^2 / 2
+    >>> sampled = with_polynomial_inputs(integrator, sampling_rate=1.0)
+    >>> response(sampled, with_derivatives(ramp)).round(6).tolist()  # t^2 / 2
     [[0.0, 0.5, 2.0, 4.5]]
     """
     states, inputs = continuous.input_matrix.shape
-    augmented = np.zeros((states + 2 * inputs, states + 2 * inputs))
+    augmented = np.zeros(2 * (states + (degree + 1) * inputs,))
     augmented[:states, : states + inputs] = (
         np.hstack([continuous.state_matrix, continuous.input_matrix]) / sampling_rate
     )
-    augmented[states : states + inputs, states + inputs :] = np.eye(inputs)
+    augmented[states:-inputs, states + inputs :] = np.eye(degree * inputs)
     exponential = expm(augmented)
     return StateSpace(
         state_matrix=exponential[:states, :states],
         input_matrix=exponential[:states, states:],
         output_matrix=continuous.output_matrix,
-        feedthrough=np.hstack([continuous.feedthrough, np.zeros_like(continuous.feedthrough)]),
+        feedthrough=np.pad(continuous.feedthrough, ((0, 0), (0, degree * inputs))),
         sampling_rate=sampling_rate,
     )
 
 
-def with_rises(inputs: Real) -> Real:
-    """Return inputs, shape (inputs, samples), stacked on their rises to the next sample, the last of which is 0.
+def with_derivatives(inputs: Real, *, degree: int = 1) -> Real:
+    """Return inputs, shape (inputs, samples), stacked on their derivatives per sample up to `degree`, 1 or 3.
+
+    Notes
+    -----
+    Degree 1: rises to the next sample, the last of which is 0. Degree 3: derivatives of the cubic spline through the
+    samples.
 
     Examples
     --------
-    >>> with_rises(np.array([[0.0, 1.0, 3.0]])).tolist()
+    >>> with_derivatives(np.array([[0.0, 1.0, 3.0]])).tolist()
     [[0.0, 1.0, 3.0], [1.0, 2.0, 0.0]]
     """
-    return np.vstack([inputs, np.diff(inputs, axis=1, append=inputs[:, -1:])])
+    if degree == 1:
+        return np.vstack([inputs, np.diff(inputs, axis=1, append=inputs[:, -1:])])
+    from scipy.interpolate import CubicSpline
+
+    places = np.arange(inputs.shape[1])
+    spline = CubicSpline(places, inputs, axis=1)
+    return np.vstack([inputs, *(spline(places, order) for order in range(1, degree + 1))])
+
+
+def linear_rate(vehicle: Structure) -> float:
+    """Return the rate [Hz] from which inputs that are linear between samples move a vehicle as smooth ones do.
+
+    Notes
+    -----
+    Corners of linear pieces at the rate r have images at k r +- f, in which accelerations have the size of that at f:
+    a mass on a stiff foot (a wheelset on its rail) with the natural frequency f_n then has an acceleration that is too
+    small by 2 (1 + 1/4 + 1/9 + ...) (f_n / r)^2 = pi^2 / 3 (f_n / r)^2, 0.4 % at thirty samples per period.
+    """
+    return LINEAR_PER_PERIOD * float(np.max(np.abs(np.linalg.eigvals(vehicle.system.state_matrix())))) / (2 * np.pi)
 
 
 def settling_time(vehicle: Structure, *, remainder: float = 1e-4) -> float:
@@ -185,7 +217,8 @@ def simulate(
         Structure with at least one sensor.
     excitation
         Excitation of its inputs. Noise and pulses are held from each sample to the next (zero-order hold); a smooth
-        excitation is linear between samples (first-order hold) and is simulated at 1000 Hz or more, then decimated.
+        excitation is simulated at 1000 Hz or more, then decimated: linear between samples (first-order hold), or a
+        cubic spline where the vehicle is too fast for that (`linear_rate`).
     duration
         Recorded time [s], after a lead-in that is discarded.
     sampling_rate
@@ -234,7 +267,9 @@ def simulate(
         generator=generator,
     )
     if excitation.is_smooth:
-        discrete, inputs = with_linear_inputs(vehicle.state_space(), sampling_rate=drive.rate), with_rises(drive.inputs)
+        degree = 1 if drive.rate >= linear_rate(vehicle) else 3
+        discrete = with_polynomial_inputs(vehicle.state_space(), sampling_rate=drive.rate, degree=degree)
+        inputs = with_derivatives(drive.inputs, degree=degree)
     else:
         discrete, inputs = vehicle.discretised(drive.rate), drive.inputs
     recording = drive.recorded(response(discrete, inputs), vehicle, "simulated")

@@ -13,7 +13,7 @@ from sprung.errors import ParameterError
 from sprung.excitation import Excitation
 from sprung.recording import Recording
 from sprung.simulation.conditions import ForceLaw
-from sprung.simulation.linear import SMOOTH_RATE, check_fits, sampled_inputs
+from sprung.simulation.linear import SMOOTH_RATE, check_fits, linear_rate, sampled_inputs
 from sprung.simulation.sensors import with_noise
 from sprung.vehicles import Component, Structure
 
@@ -106,7 +106,7 @@ def simulate_nonlinear(
         excitation,
         duration=duration,
         sampling_rate=sampling_rate,
-        least_rate=max(SMOOTH_RATE, steps_needed(vehicle, force_laws or {})),
+        least_rate=max(SMOOTH_RATE, steps_needed(vehicle, force_laws or {}), linear_rate(vehicle)),
         lead_in=lead_in,
         generator=generator,
     )
