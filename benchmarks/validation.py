@@ -40,8 +40,8 @@ _LIMITS = """What to read from them:
 
 - Modes of one record are counted as if they were independent, so that intervals are a little too narrow. The clustering
   of pyOMA2 draws random numbers without a seed: between two runs its counts differ by a few.
-- `free-decay` is not a record of stationary motion, which SSI assumes. Sprung finds few of its modes, with large
-  errors: do not use it for free decays.
+- `free-decay` is not a record of stationary motion, which SSI assumes. Sprung recognises free motion and fits the
+  decay itself; the peers apply SSI to it all the same, and koma's errors show what that costs.
 - In `car-drive` the bound knows the delay of the rear wheels exactly, as it is in these records; Sprung fits it
   within 3 %, as no real speed channel is exact, and pays for that. The others have no vehicle model.
 - `short` has 20 periods of its first mode, so that the half-width of a mode is a fifth of the spacing of its spectral

@@ -23,6 +23,7 @@ from typing import Any, Protocol, TypeVar
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: matrices are small, more threads only wait
 
+import numpy as np
 import pytest
 from hypothesis import settings
 
@@ -32,6 +33,9 @@ settings.load_profile("same every time")
 Value = TypeVar("Value")
 
 DATA = Path(os.environ.get("SPRUNG_DATA", Path(__file__).parents[2] / "shared" / "data"))
+#: Claims of `docs/conformance.md`, and the file that takes those of this run (`benchmarks/conformance.py`).
+CLAIMS = Path(__file__).parents[1] / "benchmarks" / "data" / "conformance.jsonl"
+NEW_CLAIMS = os.environ.get("SPRUNG_CONFORMANCE")
 
 #: Folders of whole journeys and chapters, whose tests take the longest.
 LONGEST = ("acceptance", "world", "reproduce")
@@ -41,6 +45,8 @@ LONGEST = ("acceptance", "world", "reproduce")
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the longest tests, so that no process is left alone with one at the end; the rest stays in order."""
     items.sort(key=lambda item: item.path.parent.name not in LONGEST)
+    if NEW_CLAIMS:
+        items[:] = [item for item in items if "conforms" in getattr(item, "fixturenames", ())]
 
 
 def pytest_collection_finish() -> None:
@@ -76,6 +82,83 @@ def real_file() -> Callable[[str], Path]:
         return path
 
     return find
+
+
+class Conforms(Protocol):
+    """Comparison with a clause of a standard or paper."""
+
+    def __call__(
+        self,
+        source: str,
+        clause: str,
+        what: str,
+        found: Any,
+        expected: Any,
+        *,
+        rel: float | None = None,
+        absolute: float | None = None,
+        unit: str = "",
+        rounding: float | None = None,
+    ) -> None:
+        """Compare."""
+
+
+def in_figures(deviation: float, rounding: float) -> float:
+    """Return a deviation in two significant figures; 0 below what rounding of the processor may change."""
+    return 0.0 if deviation < rounding else float(f"{deviation:.1e}")
+
+
+@pytest.fixture
+def conforms(request: pytest.FixtureRequest) -> Conforms:
+    """Return a comparison with a standard: within the tolerance, and no other than `docs/conformance.md` states."""
+
+    def compare(
+        source: str,
+        clause: str,
+        what: str,
+        found: Any,
+        expected: Any,
+        *,
+        rel: float | None = None,
+        absolute: float | None = None,
+        unit: str = "",
+        rounding: float | None = None,
+    ) -> None:
+        tolerance = absolute if rel is None else rel
+        assert tolerance is not None
+        assert rel is None or absolute is None
+        found, expected = np.asarray(found), np.asarray(expected)
+        assert found.size
+        errors = np.abs(found - expected) / (1.0 if rel is None else np.abs(expected))
+        deviation = float(np.max(errors))
+        if rounding is None:
+            rounding = tolerance if tolerance <= 1e-9 else min(1e-6, 1e-3 * tolerance)
+        assert deviation <= tolerance, f"{source}, {clause}: off by {deviation:.3g}, more than {tolerance:g}"
+        claim = {
+            "source": source,
+            "clause": clause,
+            "what": what,
+            "values": int(np.broadcast(found, expected).size),
+            "tolerance": float(tolerance),
+            "deviation": in_figures(deviation, rounding),
+            "rounding": float(rounding),
+            "unit": "relative" if absolute is None else unit,
+            "test": request.node.nodeid,
+        }
+        if NEW_CLAIMS:
+            with Path(NEW_CLAIMS).open("a", encoding="utf-8") as file:
+                file.write(json.dumps(claim, ensure_ascii=False) + "\n")
+            return
+        known = map(json.loads, CLAIMS.read_text(encoding="utf-8").splitlines())
+        names = ("source", "clause", "what", "test")
+        stated = [each for each in known if all(each[name] == claim[name] for name in names)]
+        stale = "write the page anew: python -m benchmarks.conformance"
+        assert len(stated) == 1, f"docs/conformance.md has {len(stated)} claims {what!r} of {source}: {stale}"
+        last_figure = 10.0 ** np.floor(np.log10(deviation)) / 10 if deviation else 0.0
+        assert stated[0] | {"deviation": 0} == claim | {"deviation": 0}, stale
+        assert np.abs(stated[0]["deviation"] - claim["deviation"]) <= 1.01 * max(last_figure, rounding), stale
+
+    return compare
 
 
 def once(function: Callable[..., Value]) -> Callable[..., Value]:

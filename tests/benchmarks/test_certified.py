@@ -58,7 +58,7 @@ def test_there_are_thirteen_records_and_they_are_small() -> None:
 
 
 @pytest.mark.parametrize("path", ANSWERS, ids=lambda path: path.stem)
-def test_modes_are_those_of_the_stated_matrices(path: Path) -> None:
+def test_modes_are_those_of_the_stated_matrices(path: Path, conforms: Any) -> None:
     """40 digits of mpmath against numpy's eigenvalues."""
     stated = answer(path.stem)
     sensors, mass = np.array(stated["sensors"]), np.array(stated["mass"])
@@ -71,7 +71,9 @@ def test_modes_are_those_of_the_stated_matrices(path: Path) -> None:
     exact = modes(system, Outputs(channels, sensors, np.zeros_like(sensors), np.zeros_like(sensors)))
     certified_modes = stated["modes"] + stated.get("optional_modes", [])
     for name, rtol in (("natural_frequency", 1e-10), ("damping_ratio", 1e-9)):
-        np.testing.assert_allclose(getattr(exact, name), [mode[name] for mode in certified_modes], rtol=rtol)
+        what = f"{name} by eigenvalues in double precision"
+        expected = [mode[name] for mode in certified_modes]
+        conforms("Certified records", "answers of 40 digits", what, getattr(exact, name), expected, rel=rtol)
     shapes = np.array(
         [np.array(m["mode_shape"]["real"]) + 1j * np.array(m["mode_shape"]["imag"]) for m in certified_modes]
     )
@@ -80,16 +82,17 @@ def test_modes_are_those_of_the_stated_matrices(path: Path) -> None:
         np.testing.assert_allclose(shape / shape[largest], other / other[largest], atol=1e-9)
 
 
-def test_bounds_of_the_chain_are_those_of_sums_over_lines(certified: Any) -> None:
+def test_bounds_of_the_chain_are_those_of_sums_over_lines(certified: Any, conforms: Any) -> None:
     """Written apart: derivatives of second order, lines of the record, scales of shapes and forces left free."""
     for snr, name in ((10.0, "chain-snr10"), (0.5, "chain-snr05")):
         bound = certified.chain_bound.chain_bound(snr=snr, duration=60.0, sampling_rate=100.0)
         for key in ("natural_frequency", "damping_ratio"):
             stated = [mode[f"{key}_bound"] for mode in answer(name)["modes"]]
-            np.testing.assert_allclose(getattr(bound, key), stated, rtol=2e-3)
+            what = f"bound of {key}, chain at SNR {snr:g}, against a second computation by sums over lines"
+            conforms("Cramér-Rao bound", "certified records", what, getattr(bound, key), stated, rel=2e-3)
 
 
-def test_bounds_of_light_modes_are_those_of_the_likelihood_of_modes(certified: Any) -> None:
+def test_bounds_of_light_modes_are_those_of_the_likelihood_of_modes(certified: Any, conforms: Any) -> None:
     """It has complex shapes and forces and free exponents besides, which cost light modes little."""
     record = certified.records.RECORDS["light-damping"]
     frequency, damping, shapes, forces = record.system.modal()
@@ -111,8 +114,11 @@ def test_bounds_of_light_modes_are_those_of_the_likelihood_of_modes(certified: A
     stated = answer("light-damping")["modes"]
     of_frequency = deviations[model.rows["natural_frequency"]] * frequency
     of_damping = deviations[model.rows["damping_ratio"]] * damping
-    np.testing.assert_allclose(of_frequency, [mode["natural_frequency_bound"] for mode in stated], rtol=0.01)
-    np.testing.assert_allclose(of_damping, [mode["damping_ratio_bound"] for mode in stated], rtol=0.01)
+    for key, found in (("natural_frequency", of_frequency), ("damping_ratio", of_damping)):
+        what = f"standard deviation of {key} by the likelihood of modes, light damping, against the bound"
+        conforms(
+            "Cramér-Rao bound", "certified records", what, found, [mode[f"{key}_bound"] for mode in stated], rel=0.01
+        )
 
 
 def test_sampling_is_exact(certified: Any) -> None:

@@ -85,7 +85,7 @@ def test_one_record_gives_exactly_the_three_modes(snr) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("snr", [10.0, 0.5])
-def test_standard_deviations_are_those_of_repeated_runs(snr) -> None:
+def test_standard_deviations_are_those_of_repeated_runs(snr, conforms) -> None:
     """Monte Carlo of 100 records with default settings.
 
     The frequency's deviation of the third mode is a quarter too small: of the ladder's poles the one of least
@@ -98,8 +98,11 @@ def test_standard_deviations_are_those_of_repeated_runs(snr) -> None:
     values = np.array([[getattr(modes, name) for name in names] for modes in complete])
     deviations = np.array([[getattr(modes, f"{name}_std") for name in names] for modes in complete])
     ratio = np.median(deviations, axis=0) / values.std(axis=0, ddof=1)
-    assert np.all((ratio > 0.7) & (ratio < 1.25)), ratio
-    assert np.all((ratio[:, :2] > 0.8) & (ratio[:, :2] < 1.25)), ratio
+    what = f"median reported over observed standard deviation, 100 records of the chain, SNR {snr:g}, "
+    for modes, chosen, low, high in (("all modes", ratio, 0.7, 1.25), ("first two modes", ratio[:, :2], 0.8, 1.25)):
+        middle, reach = (low + high) / 2, (high - low) / 2
+        words = f"{what}{modes}: from {middle:g}"
+        conforms("Döhler and Mevel (2013)", "covariance of the poles", words, chosen, middle, absolute=reach)
     truth = np.array([TRUTH.natural_frequency, TRUTH.damping_ratio])
     np.testing.assert_allclose(values.mean(axis=0)[0], truth[0], rtol=0.002)
     np.testing.assert_allclose(values.mean(axis=0)[1], truth[1], rtol=0.04)

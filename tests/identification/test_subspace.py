@@ -213,21 +213,21 @@ def perturbed(correlations, change):
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(
-    ("case", "step", "tolerance"),
+    ("case", "steps"),
     [
-        (("chain3", 125.0, "123"), 7e-7, 2e-6),
-        (("chain3", 125.0, "13"), 7e-7, 2e-6),
-        (("quarter", 250.0, "12"), 3e-7, 2e-6),
-        (("zafira", 100.0, "1234"), 1e-9, 5e-4),
+        (("chain3", 125.0, "123"), (7e-7, 2e-6)),
+        (("chain3", 125.0, "13"), (7e-7, 2e-6)),
+        (("quarter", 250.0, "12"), (3e-7, 2e-6)),
+        (("zafira", 100.0, "1234"), (1e-9, 5e-4)),
     ],
 )
-def test_standard_deviations_equal_a_finite_difference_of_the_poles(known, case, step, tolerance, form) -> None:
+def test_standard_deviations_equal_a_finite_difference_of_the_poles(known, case, steps, form, conforms) -> None:
     """Two blocks that differ from the average by +-dLambda have the standard error abs(d pole).
 
     The weakest of the car's 14 states hangs on a singular value of 1e-4 of the largest: rounding, not the formula,
     sets its tolerance.
     """
-    name, rate, references = case
+    (name, rate, references), (step, tolerance) = case, steps
     correlations, poles, _ = known(name, rate)
     correlations = correlations.select(correlations.channels, tuple(references))
     change = step * np.random.default_rng(8).normal(size=correlations.values.shape)
@@ -245,4 +245,7 @@ def test_standard_deviations_equal_a_finite_difference_of_the_poles(known, case,
     lower = frequency_and_damping(correlations.values - change)
     reported, nearest = realised(perturbed(correlations, change))
     for high, low, std in zip(upper, lower, ("natural_frequency_std", "damping_ratio_std"), strict=True):
-        np.testing.assert_allclose(getattr(reported, std)[nearest], np.abs(high - low) / 2, rtol=tolerance)
+        what = f"{std} of {name} against differences of the poles"
+        found, expected = getattr(reported, std)[nearest], np.abs(high - low) / 2
+        source, clause = "Döhler and Mevel (2013)", "covariance of the poles"
+        conforms(source, clause, what, found, expected, rel=tolerance, rounding=tolerance)

@@ -22,7 +22,7 @@ def quarter() -> Corner:
     return Corner(replace(vehicle, mass=mass), tyre)
 
 
-def test_a_wheel_under_a_body_at_rest() -> None:
+def test_a_wheel_under_a_body_at_rest(conforms) -> None:
     parts = {
         component.kind: value
         for component, value in structure(CAR).components().items()
@@ -32,7 +32,20 @@ def test_a_wheel_under_a_body_at_rest() -> None:
     w = 2 * np.pi * frequencies
     spring, tyre = parts["spring"] + 1j * w * parts["damper"], parts["tyre"]
     wheel = tyre / (tyre + spring - 40.5 * w**2)
-    assert quarter().force(frequencies) == pytest.approx(tyre * (1 - wheel), rel=1e-5)
+    force, expected = quarter().force(frequencies), tyre * (1 - wheel)
+    source, clause = "SPECSUS2018 (EGEA), EUSAMA TS-02-76", "contact force on a vibrating plate"
+    what = "magnitude of the force under one wheel, 3 to 20 Hz, against the quarter vehicle in closed form"
+    conforms(source, clause, what, abs(force), abs(expected), rel=1e-5, rounding=1e-7)
+    what = "its phase shift from the plate"
+    phases = [np.degrees(np.angle(each)) for each in (force, expected)]
+    conforms(source, clause, what, *phases, absolute=1e-3, unit="degrees", rounding=1e-5)
+
+
+def test_the_limit_is_that_of_the_specification(conforms) -> None:
+    source, clause = "SPECSUS2018 (EGEA), EUSAMA TS-02-76", "limits"
+    conforms(source, clause, "smallest phase shift that passes", PLATE.phase_limit, 35.0, absolute=0, unit="degrees")
+    plate, what = [2 * PLATE.amplitude, PLATE.highest], "stroke [m] and highest frequency [Hz] of the plate"
+    conforms(source, clause, what, plate, [6e-3, 25.0], rel=1e-9)
 
 
 def test_the_static_loads_are_the_weight() -> None:

@@ -19,18 +19,22 @@ TABLES: dict[str, dict[float, float]] = {
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_tables(name) -> None:
-    for nominal, factor in TABLES[name].items():
-        exact = 10 ** (round(10 * np.log10(nominal)) / 10)
-        assert abs(response_of(name, np.array([exact]))[0]) == pytest.approx(factor / 1000, rel=0.013)
+def test_tables(name, conforms) -> None:
+    exact = [10 ** (round(10 * np.log10(nominal)) / 10) for nominal in TABLES[name]]
+    factors = np.array(list(TABLES[name].values())) / 1000
+    what = f"factors of the weighting {name}"
+    conforms("ISO 2631-1:1997", "tables 3 and 4", what, abs(response_of(name, np.array(exact))), factors, rel=0.013)
 
 
 @pytest.mark.parametrize("name", [*WEIGHTINGS, "Sperling vertical"])
-def test_a_sine_is_weighted_by_the_response(name) -> None:
+def test_a_sine_is_weighted_by_the_response(name, conforms) -> None:
     rate, frequency = 200.0, 0.3 if name == "Wf" else 6.0
     time = np.arange(round(120 * rate)) / rate
     found = weighted(np.sin(2 * np.pi * frequency * time), sampling_rate=rate, weighting=name)[round(60 * rate) :]
-    assert np.sqrt(2 * np.mean(found**2)) == pytest.approx(abs(response_of(name, np.array([frequency]))[0]), rel=5e-3)
+    gain, what = abs(response_of(name, np.array([frequency]))[0]), f"a sine weighted over time by {name}"
+    is_sperling = name.startswith("Sperling")
+    source, clause = ("Sperling", "frequency weighting") if is_sperling else ("ISO 8041-1:2017", "5.6, table 3")
+    conforms(source, clause, what, np.sqrt(2 * np.mean(found**2)), gain, rel=5e-3)
 
 
 def test_an_unknown_weighting_is_refused() -> None:
@@ -50,13 +54,15 @@ def sine(frequency, rms=1.0):
     return rms * np.sqrt(2) * np.sin(2 * np.pi * frequency * TIME)
 
 
-def test_a_sine_on_a_seat() -> None:
+def test_a_sine_on_a_seat(conforms) -> None:
     point = assess_ride(recording(sine(8.0), Channel("seat_z", "acceleration"))).points[0]
     gain = abs(response_of("Wk", np.array([8.0]))[0])
-    assert point.rms == pytest.approx(gain, rel=5e-3)
-    assert point.mtvv == pytest.approx(gain, rel=2e-2)
+    source = "ISO 2631-1:1997"
+    conforms(source, "6.1", "weighted RMS of a sine", point.rms, gain, rel=5e-3)
+    conforms(source, "6.3.1", "MTVV of a sine: running RMS over 1 s", point.mtvv, gain, rel=2e-2)
     assert point.crest_factor == pytest.approx(np.sqrt(2), rel=0.1)  # higher where the shaking begins
-    assert point.vdv == pytest.approx(gain * (1.5 * 60) ** 0.25, rel=1e-2)  # mean of sin^4 is 3/8, of an RMS of 1 3/2
+    dose = gain * (1.5 * 60) ** 0.25  # mean of sin^4 is 3/8, of an RMS of 1 3/2
+    conforms(source, "6.3.2", "VDV of a sine of a minute", point.vdv, dose, rel=1e-2)
     assert (point.axis, point.weighting, point.rating) == ("z", "Wk", "uncomfortable")
 
 
@@ -74,29 +80,29 @@ def test_words_of_comfort(rms, rating) -> None:
     assert assess_ride(recording(sine(8.0, rms / gain), Channel("z", "acceleration"))).points[0].rating == rating
 
 
-def test_mean_comfort_of_three_axes() -> None:
+def test_mean_comfort_of_three_axes(conforms) -> None:
     channels = [Channel(f"floor_{axis}", "acceleration") for axis in "xyz"]
     rows = [sine(1.0, 0.1), sine(1.0, 0.1), sine(5.0, 0.2)]
     ride = assess_ride(recording(rows, *channels), standards=("en12299",))
     horizontal, vertical = (abs(response_of(*each)[0]) for each in (("Wd", np.array([1.0])), ("Wb", np.array([5.0]))))
     expected = 6 * np.sqrt(2 * (0.1 * horizontal) ** 2 + (0.2 * vertical) ** 2)
-    assert ride.mean_comfort == pytest.approx(expected, rel=2e-2)
+    conforms("EN 12299", "mean comfort N_MV", "N_MV of sines on three axes", ride.mean_comfort, expected, rel=2e-2)
     assert mean_comfort_in_words(1.2) == "very comfortable"
     assert [point.rating for point in ride.points] == [None, "very comfortable", "comfortable"]
 
 
-def test_sperling() -> None:
+def test_sperling(conforms) -> None:
     point = assess_ride(recording(sine(5.0, 0.5), Channel("z", "acceleration")), standards=("sperling",)).points[0]
     weighted = 0.5 * abs(response_of("Sperling vertical", np.array([5.0]))[0])
-    assert point.value == pytest.approx(4.42 * weighted**0.3, rel=5e-3)
+    conforms("Sperling", "ride index Wz", "Wz of a vertical sine", point.value, 4.42 * weighted**0.3, rel=5e-3)
 
 
-def test_hunting_of_a_bogie_is_its_running_rms() -> None:
+def test_hunting_of_a_bogie_is_its_running_rms(conforms) -> None:
     noise = 0.01 * np.random.default_rng(1).standard_normal(TIME.size)
     speed = np.full(TIME.size, 50.0)
     run = recording([sine(6.0, 2.0) + noise, speed], Channel("bogie_y", "acceleration"), Channel("speed", "speed"))
     point = assess_ride(run, standards=("en14363",)).points[0]
-    assert point.value == pytest.approx(2.0, rel=2e-2)
+    conforms("EN 14363", "instability: RMS over 100 m", "running RMS of a sine in noise", point.value, 2.0, rel=2e-2)
     assert point.weighting == "4.0 to 8.0 Hz"
 
 

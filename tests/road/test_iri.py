@@ -2,23 +2,43 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from sprung.errors import DataError
 from sprung.road import GOLDEN_CAR, road_class_of, roughness_index, suspension_slope
 
 
 @pytest.mark.parametrize("wavelength", [2.0, 5.0, 12.0, 30.0])
-def test_the_index_of_a_sine_is_that_of_the_response(wavelength) -> None:
+def test_the_index_of_a_sine_is_that_of_the_response(wavelength, conforms) -> None:
     spacing, amplitude = 0.05, 0.005
     x = np.arange(0.0, 60 * wavelength, spacing)
     slope = suspension_slope(amplitude * np.sin(2 * np.pi * x / wavelength), spacing=spacing)[x.size // 2 :]
     response = np.abs(GOLDEN_CAR.response(np.array([1 / wavelength])))[0]
-    assert np.sqrt(2 * np.mean(slope**2)) == pytest.approx(
-        amplitude * response, rel=4e-3
-    )  # straight lines between points of 5 cm
+    found = np.sqrt(2 * np.mean(slope**2))  # straight lines between points of 5 cm
+    what = f"slope of the golden car on waves of {wavelength:g} m against its response"
+    conforms("ASTM E1926", "golden car", what, found, amplitude * response, rel=4e-3)
 
 
-def test_the_response_is_that_of_the_quarter_car() -> None:
+def test_the_motion_over_a_quarter_of_a_metre_is_the_printed_one(conforms) -> None:
+    """M. W. Sayers, T. D. Gillespie, W. D. O. Paterson (1986), World Bank Technical Paper 46, for 250 mm.
+
+    The first coefficient of the input is a difference of nearly equal numbers, printed to five valid digits.
+    """
+    printed = [
+        [0.9966071, 0.01091514, -0.002083274, 0.0003190145],
+        [-0.5563044, 0.9438768, -0.8324718, 0.05064701],
+        [0.02153176, 0.002126763, 0.7508714, 0.008221888],
+        [3.335013, 0.3376467, -39.12762, 0.4347564],
+    ]
+    A, B, _ = GOLDEN_CAR.matrices()
+    moved = expm(A * 0.25 / GOLDEN_CAR.speed)
+    entered = np.linalg.solve(A, (moved - np.eye(4)) @ B)[:, 0]
+    source, clause = "World Bank Technical Paper 46", "coefficients of the IRI, 250 mm"
+    conforms(source, clause, "state transition matrix of the golden car", moved, printed, rel=1e-6)
+    conforms(source, clause, "its input", entered, [0.005476107, 1.388776, 0.2275968, 35.79262], rel=2e-5)
+
+
+def test_the_response_is_that_of_the_quarter_car(conforms) -> None:
     """By its equations of motion, m z'' = forces, solved as two equations instead of by states."""
     n = 0.2
     w = 2 * np.pi * n * GOLDEN_CAR.speed
@@ -26,7 +46,8 @@ def test_the_response_is_that_of_the_quarter_car() -> None:
     spring = k_s + 1j * w * c
     body, wheel = np.linalg.solve([[spring - w**2, -spring], [-spring, k_t + spring - m * w**2]], [0.0, k_t])
     expected = 1j * w * (body - wheel) / GOLDEN_CAR.speed * np.sinc(n * GOLDEN_CAR.contact_length)
-    assert GOLDEN_CAR.response(np.array([n]))[0] == pytest.approx(expected, rel=1e-12)
+    found = GOLDEN_CAR.response(np.array([n]))
+    conforms("ASTM E1926", "golden car", "response against two equations of motion", found, expected, rel=1e-12)
 
 
 def test_a_constant_slope_moves_no_suspension() -> None:
@@ -52,6 +73,15 @@ def test_a_finer_profile_has_the_same_index() -> None:
 def test_a_short_profile_is_refused() -> None:
     with pytest.raises(DataError, match="shorter than a stretch"):
         roughness_index(np.zeros(100), spacing=0.05)
+
+
+def test_classes_end_where_the_standard_says(conforms) -> None:
+    """In 1e-6 m^3; the change of the name lies within a part in a million."""
+    printed = np.array([32, 128, 512, 2048, 8192, 32768, 131072])
+    around = [[road_class_of(limit * 1e-6 * (1 + side)) for side in (-1e-6, 1e-6)] for limit in printed]
+    named = ["ABCDEFGH".index(name) for pair in around for name in pair]
+    what = "numbers of the classes a millionth below and above each limit of G(n0)"
+    conforms("ISO 8608:2016", "table C.1", what, named, [k + side for k in range(7) for side in (0, 1)], absolute=0)
 
 
 @pytest.mark.parametrize(("roughness", "name"), [(16e-6, "A"), (33e-6, "B"), (256e-6, "C"), (1.0, "H")])

@@ -10,20 +10,27 @@ def an_alert(cause="front_left.spring", severity=500, is_active=True, is_acknowl
     return AlertState("car", cause, severity, "softer", 1, is_active, is_acknowledged, shelved_until)
 
 
-@pytest.mark.parametrize(
-    ("is_active", "is_acknowledged", "shelved_until", "name"),
-    [
-        (True, False, None, "unacknowledged"),
-        (True, True, None, "acknowledged"),
-        (False, False, None, "returned to normal, unacknowledged"),
-        (False, True, None, "normal"),
-        (True, False, 2000, "shelved"),
-        (False, True, 2000, "shelved"),
-    ],
-)
-def test_names_of_isa_18_2(is_active, is_acknowledged, shelved_until, name) -> None:
-    alert = an_alert(is_active=is_active, is_acknowledged=is_acknowledged, shelved_until=shelved_until)
-    assert alert.state == name
+#: States of the alarm model (ISA-18.2-2016, figure of the states) by active, acknowledged and shelved.
+STATES = {
+    (True, False, None): "unacknowledged",
+    (True, True, None): "acknowledged",
+    (False, False, None): "returned to normal, unacknowledged",
+    (False, True, None): "normal",
+    (True, False, 2000): "shelved",
+    (True, True, 2000): "shelved",
+    (False, False, 2000): "shelved",
+    (False, True, 2000): "shelved",
+}
+
+
+def test_names_of_isa_18_2(conforms) -> None:
+    wrong = [
+        case
+        for case, name in STATES.items()
+        if an_alert(is_active=case[0], is_acknowledged=case[1], shelved_until=case[2]).state != name
+    ]
+    what = "wrong names of states, of all eight combinations of active, acknowledged and shelved"
+    conforms("ISA-18.2-2016", "states of an alarm", what, len(wrong), 0, absolute=0)
 
 
 @pytest.mark.parametrize(
@@ -31,6 +38,16 @@ def test_names_of_isa_18_2(is_active, is_acknowledged, shelved_until, name) -> N
 )
 def test_steps_of_severity(severity, step) -> None:
     assert severity_step(severity) == step
+
+
+def test_steps_hold_the_categories_of_opc_10000_110(conforms) -> None:
+    """To 200 not active, 300 resource near its limit, 400 maintenance, 600 minor, 800 major, 1000 critical fault."""
+    categories = [(1, 200, 0), (201, 300, 1), (301, 400, 1), (401, 600, 2), (601, 800, 3), (801, 1000, 4)]
+    found = [severity_step(end) for first, last, _ in categories for end in (first, last)]
+    what = "steps of severity at both ends of each category"
+    conforms(
+        "OPC 10000-110:2022", "9.3, table 15", what, found, [step for *_, step in categories for _ in "ab"], absolute=0
+    )
 
 
 def test_values_can_be_keys() -> None:
