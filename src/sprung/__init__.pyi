@@ -1,4 +1,6 @@
 from sprung import plotting as plotting
+from sprung.baseline_progress import LearningProgress as LearningProgress
+from sprung.baseline_progress import learning_progress as learning_progress
 from sprung.bounce_tests import Bounce as Bounce
 from sprung.bounce_tests import BounceChange as BounceChange
 from sprung.bounce_tests import BounceTest as BounceTest
@@ -90,8 +92,6 @@ from sprung.kits import PlannedSensor as PlannedSensor
 from sprung.kits import best_places as best_places
 from sprung.kits import kit_of as kit_of
 from sprung.kits import plan as plan
-from sprung.learning_progress import LearningProgress as LearningProgress
-from sprung.learning_progress import learning_progress as learning_progress
 from sprung.likelihood import CornerFit as CornerFit
 from sprung.likelihood import CornerSettings as CornerSettings
 from sprung.likelihood import fit_corners as fit_corners

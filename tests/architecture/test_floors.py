@@ -20,7 +20,7 @@ FLOORS = (
     ("excitation", "likelihood"),
     ("identification",),
     ("simulation", "diagnosis", "calibration", "bounce_tests", "road", "ride"),
-    ("kits", "learning_progress"),
+    ("kits", "baseline_progress"),
     ("results.renderings",),
     ("results.documents", "results.tables"),
     ("results.figures", "state"),

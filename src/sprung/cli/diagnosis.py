@@ -58,8 +58,8 @@ def baseline(
     reading: Reading,
 ) -> None:
     """Learn the baseline of a vehicle from drives while it is healthy."""
+    from sprung.baseline_progress import learning_progress
     from sprung.diagnosis import learn
-    from sprung.learning_progress import learning_progress
     from sprung.results import tables
     from sprung.results.documents import baseline_document, write_baseline
     from sprung.vehicles import read_vehicle, vehicle_text

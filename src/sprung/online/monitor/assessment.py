@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sprung.baseline_progress import learning_progress
 from sprung.calibration import (
     CALIBRATION_WINDOWS,
     Calibration,
@@ -29,7 +30,6 @@ from sprung.diagnosis import (
     with_missing_as_faults,
 )
 from sprung.errors import DataError
-from sprung.learning_progress import learning_progress
 from sprung.likelihood import SegmentSpectra
 from sprung.online.monitor.events import MonitorSettings
 from sprung.recording import Recording

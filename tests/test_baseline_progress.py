@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from sprung.baseline_progress import learning_progress
 from sprung.diagnosis import Observation, SensorFault, observe_window
 from sprung.errors import ParameterError
-from sprung.learning_progress import learning_progress
 from sprung.likelihood.expected import ExpectedDrive, expected_fit
 from sprung.simulation import RoadConditions, RoadDrive, simulate_drive
 from sprung.vehicles import read_vehicle
