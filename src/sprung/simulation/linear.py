@@ -82,6 +82,8 @@ def with_polynomial_inputs(continuous: StateSpace, *, sampling_rate: float, degr
     ----------
     continuous
         State space over time.
+    sampling_rate
+        Sampling rate of the result [Hz].
     degree
         Degree of the polynomials: 1 for inputs that are linear between samples.
 
