@@ -72,7 +72,10 @@ def test_parts_and_channels(sprung, run, tmp_path) -> None:
         (["run.parquet", "run.parquet", "out"], "convert them one by one"),
         (["run.parquet", "out", "--ending", ".doc"], "must be one of .csv"),
         (["run.parquet", "out.csv", "--from", "5", "--to", "2"], "end=2 must be above start=5"),
-        (["run.parquet", "out.csv", "--time-unit", "weeks"], "time_unit 'weeks' is not one of min, ms"),
+        (
+            ["run.parquet", "out.csv", "--time-unit", "weeks"],
+            "time_unit 'weeks' is not one of HHMMSS, HHMMSScc",
+        ),
     ],
 )
 def test_bad_words(sprung, run, monkeypatch, words, message) -> None:

@@ -99,16 +99,57 @@ def test_one_of_two_time_columns_is_named(text_file) -> None:
     assert read(path, settings=ReadSettings(time="t")).sampling_rate == pytest.approx(100)
 
 
-def test_digits_of_a_clock_are_the_time_of_day(text_file) -> None:
-    ticks = 5_275_000 + np.arange(N * 30)  # hundredths of a second from 14:39:10 on
-    minutes = ticks // 6000
-    digits = minutes // 60 * 10**6 + minutes % 60 * 10**4 + ticks % 6000
-    path = text_file(lines("time,a", digits, np.tile(ACC[0], 30)))
-    recording = read(path)
-    assert (recording.sampling_rate, recording.gaps) == (pytest.approx(100), ())
-    assert said(recording, "time: column 'time' as HHMMSScc, as its digits are carried at full minutes")
-    counted = read(text_file(lines("time,a", np.arange(14_400_000, 14_400_000 + N), ACC[0])))
-    assert counted.sampling_rate == pytest.approx(1)
+def clock_digits(ticks: np.ndarray, per_second: int) -> np.ndarray:
+    """Return times of day, counted in parts of a second, as the digits HHMMSS and those of the parts."""
+    minutes, rest = np.divmod(ticks, 60 * per_second)
+    return (minutes // 60 * 10**4 + minutes % 60 * 10**2) * per_second + rest
+
+
+@pytest.mark.parametrize(
+    ("face", "per_second", "start", "seconds"),
+    [
+        ("HHMMSScc", 100, (14, 39, 10), 90),
+        ("HHMMSScc", 100, (1, 39, 10), 90),
+        ("HHMMSSmmm", 1000, (14, 39, 10), 60),
+        ("HHMMSSmmm", 1000, (0, 39, 50), 30),
+        ("HHMMSScc", 100, (14, 39, 10), 30),
+        ("HHMMSScc", 100, (1, 39, 10), 30),
+        ("HHMMSSmmm", 1000, (12, 34, 10), 10),
+    ],
+)
+def test_digits_of_a_clock_are_the_time_of_day(text_file, face, per_second, start, seconds) -> None:
+    hour, minute, second = start
+    n = seconds * per_second
+    ticks = ((hour * 60 + minute) * 60 + second) * per_second + np.arange(n)
+    digits = clock_digits(ticks, per_second)
+    for stamps in (digits, digits.astype(float)):
+        recording = read(text_file(lines("time,a", stamps, np.arange(n) % 7)))
+        assert (recording.sampling_rate, recording.gaps) == (pytest.approx(per_second), ())
+        assert any(f"time: column 'time' as {face}, as" in line for line in recording.history)
+
+
+def test_digits_with_a_decimal_point_are_the_time_of_day(text_file) -> None:
+    digits = clock_digits(5_275_000 + np.arange(6000), 100) / 100
+    for heading in ("time", "time [s]"):
+        recording = read(text_file(lines(f"{heading},a", digits, np.arange(6000) % 7)))
+        assert (recording.sampling_rate, recording.gaps) == (pytest.approx(100), ())
+
+
+def test_digits_that_may_count_milliseconds_are_asked_for(text_file) -> None:
+    digits = clock_digits(5_275_000 + 10 * np.arange(N), 100)
+    path = text_file(lines("time,a", digits, ACC[0]))
+    with pytest.raises(FormatError, match=r"100 Hz in ms; 10 Hz as HHMMSScc: state its unit with --time-unit"):
+        read(path)
+    assert read(path, sampling_rate=10).sampling_rate == pytest.approx(10)
+    assert read(path, settings=ReadSettings(time_unit="ms")).sampling_rate == pytest.approx(100)
+    assert read(path, settings=ReadSettings(time_unit="HHMMSScc")).sampling_rate == pytest.approx(10)
+    assert read(text_file(lines("utc,a", digits, ACC[0]))).sampling_rate == pytest.approx(10)
+
+
+@pytest.mark.parametrize(("start", "step", "rate"), [(14_475_900, 1, 1), (5_000, 1, 1), (12_345_678, 10, 100)])
+def test_counters_are_no_digits_of_a_clock(text_file, start, step, rate) -> None:
+    counted = read(text_file(lines("time,a", start + step * np.arange(N), ACC[0])))
+    assert counted.sampling_rate == pytest.approx(rate)
 
 
 def test_unit_that_does_not_show_is_asked_for(text_file) -> None:

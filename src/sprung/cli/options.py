@@ -223,7 +223,7 @@ class Reading(Group):
         "HZ", "Sampling rate of files without a time column, or with an inconsistent one.", panel=_READING
     )
     time: str | None = declared("NAME", "Time column. Default: found by name and steps.", panel=_READING)
-    time_unit: str | None = declared("UNIT", "Unit of the time column: s, ms, us or ns.", panel=_READING)
+    time_unit: str | None = declared("UNIT", "Unit of the time column: s, ms, us, ns or HHMMSS.", panel=_READING)
     bridge: float | None = declared("SECONDS", "Longest gap to interpolate across. Default: 0.", panel=_READING)
     dbc: list[Path] | None = declared("F.dbc", "Database that decodes raw CAN frames; may be repeated.", panel=_READING)
     name_table: Path | None = declared(

@@ -22,7 +22,7 @@ from sprung.channel_names import describe_mapping, identified, read_name_table
 from sprung.errors import DataError, FormatError, ParameterError, SprungError
 from sprung.formats.clock import time_scale, unwrapped
 from sprung.formats.other_clocks import interpolated
-from sprung.formats.settings import TIME_UNITS, ReadSettings
+from sprung.formats.settings import CLOCK_FACES, TIME_UNITS, ReadSettings
 from sprung.formats.table import (
     Block,
     Column,
@@ -53,7 +53,8 @@ class _Limits:
     min_rate: float = 5.0  # sampling rates [Hz] that another unit may give
     max_rate: float = 20e3
     same_rate: float = 0.05  # difference from the stated rate up to which a column is the time
-    digits: tuple[float, float] = (1e4, 24e6)  # from one minute to a day as HHMMSScc
+    day: float = 24e4  # a day as HHMMSS
+    hour: float = 1e4  # an hour: smaller numbers are times of day only where their digits are carried
     block_rows: int = 1 << 16  # rows that are joined at a time
 
 
@@ -68,6 +69,7 @@ _UNIT_WORDS = {
 }
 _TIME_WORDS = {"time", "timestamp", "timestamps", "elapsed", "clock", "zeit", "uhrzeit", "zeitstempel", "epoch", "utc"}
 _TIME_WORDS |= {word for word in _UNIT_WORDS if len(word) > 4}
+_CLOCK_WORDS = {"clock", "uhrzeit", "utc", "gmt", "gps", "hhmmss", *map(str.lower, CLOCK_FACES)}
 _COUNTER_WORDS = {"counter", "count", "packet", "index", "idx", "sample", "samples", "row", "line", "frame", "number"}
 _COUNTER_WORDS |= {"no", "nr", "num", "id", "seq", "sequence", "scan", "unnamed", "#"}
 _FLAG_WORDS = {"status", "flag", "flags", "valid", "error", "errors", "state", "mode", "quality", "ok", "sync", "id"}
@@ -355,50 +357,77 @@ def _with_unit(table: Table, settings: ReadSettings) -> Table:
         return unwrapped(table.blocks(first, last))
 
     continued = replace(table, blocks=blocks)
+    if settings.time_unit in CLOCK_FACES:
+        return _with_time_of_day(table, settings.time_unit, "as stated")
     if settings.time_unit is not None:
         note = f"time: column {table.time_heading!r} in {settings.time_unit}, as stated"
         return replace(continued, time_factor=TIME_UNITS[settings.time_unit], notes=(*table.notes, note))
+    first = next((each.stamps for each in table.blocks(0, 1) if each.stamps is not None), np.zeros(0))
+    faces: tuple[str, ...] = ()
+    if first.size and first.dtype.kind in "iuf" and 0 < first[0] < _LIMITS.day * max(CLOCK_FACES.values()):
+        numbers = np.asarray(join([*table.blocks(0, _LIMITS.block_rows)]).stamps, dtype=np.float64)
+        faces, is_carried = _clock_faces(numbers)
+        if is_carried:
+            return _with_time_of_day(table, faces[0], "as its digits are carried at full minutes")
     unit = stated_unit(table.time_heading)
     if unit is not None:
         return replace(continued, time_factor=TIME_UNITS[unit])
-    first = next((each.stamps for each in table.blocks(0, 1) if each.stamps is not None), np.zeros(0))
-    may_be_digits = first.size > 0 and first.dtype.kind in "iuf" and _LIMITS.digits[0] <= first[0] < _LIMITS.digits[1]
-    if may_be_digits and _is_clock_face(join([*table.blocks(0, _LIMITS.block_rows)]).stamps):
-
-        def decoded(first: int = 0, last: int | None = None) -> Iterator[Block]:
-            return unwrapped(replace(each, stamps=_time_of_day(each.stamps)) for each in table.blocks(first, last))
-
-        note = f"time: column {table.time_heading!r} as HHMMSScc, as its digits are carried at full minutes"
-        return replace(table, blocks=decoded, notes=(*table.notes, note))
-    return _with_likely_unit(continued, settings.sampling_rate or table.sampling_rate)
+    return _with_likely_unit(continued, faces, settings.sampling_rate or table.sampling_rate)
 
 
-def _time_of_day(stamps: NDArray[Any] | None) -> NDArray[Any] | None:
-    """Return numbers of the digits HHMMSScc as durations since midnight."""
-    if stamps is None:
-        return None
-    numbers = np.where(np.isfinite(stamps), stamps, 0).astype(np.int64)
-    minutes = numbers // 10**6 * 60 + numbers // 10**4 % 100
-    hundredths = minutes * 6000 + numbers % 10**4
-    return np.where(np.isfinite(stamps), (hundredths * 10**7).astype("m8[ns]"), np.timedelta64("NaT", "ns"))
+def _with_time_of_day(table: Table, face: str, why: str) -> Table:
+    """Return the table with its time, the digits of a time of day, as durations since midnight."""
+
+    def decoded(stamps: NDArray[Any] | None) -> NDArray[Any] | None:
+        if stamps is None or stamps.dtype.kind in "mM":
+            return stamps
+        with np.errstate(invalid="ignore"):
+            times = np.round(1e9 * _time_of_day(stamps, CLOCK_FACES[face])).astype("m8[ns]")
+        return np.where(np.isfinite(stamps), times, np.timedelta64("NaT", "ns"))
+
+    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return unwrapped(replace(each, stamps=decoded(each.stamps)) for each in table.blocks(first, last))
+
+    note = f"time: column {table.time_heading!r} as {face}, {why}"
+    return replace(table, blocks=blocks, notes=(*table.notes, note))
 
 
-def _is_clock_face(stamps: NDArray[Any] | None) -> bool:
-    """Return whether numbers are times of day as HHMMSScc: steps are even only where 60 s are carried to a minute."""
-    if stamps is None or not np.isfinite(stamps).all():
-        return False
-    numbers = stamps.astype(np.float64)
-    is_face = (numbers >= 0) & (numbers < _LIMITS.digits[1]) & (numbers % 10**4 < 6000) & (numbers % 10**6 < 60e4)
-    if not is_face.all() or np.any(numbers != np.round(numbers)):
-        return False
-    times = _time_of_day(stamps)
-    steps = np.diff(times.astype(np.int64)) * 1e-7 if times is not None else numbers
-    carried = np.diff(numbers) >= 4000
-    return bool(carried.any() and np.all(steps[carried] <= 2 * np.median(steps)))
+def _time_of_day(numbers: NDArray[Any], ticks: int) -> Real:
+    """Return the digits HHMMSS followed by those of `ticks` in a second as seconds since midnight."""
+    minutes = numbers // (100 * ticks)
+    seconds: Real = numbers / ticks - 40 * minutes - 2400 * (minutes // 100)
+    return seconds
 
 
-def _with_likely_unit(table: Table, rate: float | None) -> Table:
-    """Return the table with the unit of time that gives a likely sampling rate, where seconds do not."""
+def _clock_faces(numbers: Real) -> tuple[tuple[str, ...], bool]:
+    """Return the forms of a time of day that numbers may have, and whether their digits show that they have the first.
+
+    Sixty seconds are carried to a minute: steps are even only where that is so. Within one minute and after one o'clock
+    numbers may have a form, or count: in the last units of a second, the steps are those of a likely rate.
+    """
+    possible = []
+    for face, ticks in CLOCK_FACES.items():
+        minute = 100 * ticks
+        is_face = (numbers >= 0) & (numbers < _LIMITS.day * ticks) & (numbers % (100 * minute) < 60 * minute)
+        if not np.all(is_face & (numbers % minute < 60 * ticks)):
+            continue
+        steps = np.diff(_time_of_day(numbers, ticks))
+        carried = np.diff(numbers) >= 40 * ticks
+        usual = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
+        if carried.any() and usual <= _LIMITS.long_step and np.all(steps[carried] <= 2 * usual):
+            return (face,), True
+        is_whole = ticks > 1 and numbers[0] >= _LIMITS.hour * ticks and np.all(numbers == np.round(numbers))
+        if is_whole and not carried.any() and _is_even(numbers):
+            possible.append(face)
+    return tuple(possible), False
+
+
+def _with_likely_unit(table: Table, faces: Sequence[str], rate: float | None) -> Table:
+    """Return the table with the unit of time, or form of a time of day, that gives a likely rate where seconds do not.
+
+    A name such as UTC distinguishes a time of day from a counter, and so does a step that is too long for seconds
+    in no other unit.
+    """
     stamps = _head(table).stamps
     if stamps is None or stamps.dtype.kind in "mM" or not np.isfinite(stamps).all():
         return table
@@ -407,21 +436,34 @@ def _with_likely_unit(table: Table, rate: float | None) -> Table:
     if steps.size < _LIMITS.min_steps or np.any(steps < 0):
         return table
     step = float(np.median(steps)) or float(steps.mean())
-    if step * time_scale(stamps).factor <= _LIMITS.long_step:
+    is_short = step * time_scale(stamps).factor <= _LIMITS.long_step
+    if is_short and not faces:
         return table
-    rates = {unit: 1 / (step * TIME_UNITS[unit]) for unit in ("s", "ms", "us", "ns")}
+    rates = {face: CLOCK_FACES[face] / step for face in faces}
+    if not is_short:
+        rates = {unit: 1 / (step * TIME_UNITS[unit]) for unit in ("s", "ms", "us", "ns")} | rates
+        # thousandths of a second within a minute are milliseconds
+        rates.pop("HHMMSSmmm", None)
     if rate is None:
         likely = {unit: value for unit, value in rates.items() if _LIMITS.min_rate <= value <= _LIMITS.max_rate}
     else:
         likely = {unit: value for unit, value in rates.items() if abs(value / rate - 1) < _LIMITS.same_rate}
+    by_name = [
+        face for face in faces if face in likely and not _CLOCK_WORDS.isdisjoint(_words(table.time_heading or ""))
+    ]
+    chosen = by_name[:1] or list(likely)
     whole: Booleans = numbers == np.round(numbers)
+    as_seconds = f"as seconds would mean {1 / step:.3g} Hz"
+    if chosen and chosen[0] in CLOCK_FACES and (by_name or is_short or len(chosen) == 1):
+        return _with_time_of_day(table, chosen[0], f"{as_seconds}: state --time-unit if it counts")
     if len(likely) == 1 and (rate is not None or whole.all()):
-        ((unit, _),) = likely.items()
-        note = f"time: column {table.time_heading!r} in {unit}, as seconds would mean {1 / step:.3g} Hz"
-        return replace(table, time_factor=TIME_UNITS[unit], notes=(*table.notes, note))
-    if rate is not None:
+        note = f"time: column {table.time_heading!r} in {chosen[0]}, {as_seconds}"
+        return replace(table, time_factor=TIME_UNITS[chosen[0]], notes=(*table.notes, note))
+    if rate is not None or is_short:
         return table
-    others = "".join(f"; {value:.4g} Hz in {unit}" for unit, value in likely.items())
+    others = "".join(
+        f"; {value:.4g} Hz {'as' if unit in CLOCK_FACES else 'in'} {unit}" for unit, value in likely.items()
+    )
     raise FormatError(
         f"{table.path}: time column {table.time_heading!r} advances by {step:g} from row to row: {1 / step:.3g} Hz in "
         f"seconds{others}: state its unit with --time-unit, or the rate with --sampling-rate"

@@ -9,6 +9,8 @@ from sprung.errors import ParameterError
 
 #: Seconds in each unit that a time column may carry.
 TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}
+#: Digits of the time of day as one number: its last units in a second, before a decimal point.
+CLOCK_FACES = {"HHMMSS": 1, "HHMMSScc": 100, "HHMMSSmmm": 1000}
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +28,8 @@ class ReadSettings:
     time
         Name of the time column; None: found by its name and behaviour.
     time_unit
-        Unit of the time column, a key of `TIME_UNITS`; None: as stated in the file or found by its behaviour.
+        Unit of the time column, a key of `TIME_UNITS` or `CLOCK_FACES`; None: as stated in the file or found by its
+        behaviour.
     start, end
         Part of the file to read [s after its first sample]; None: from its beginning, to its end.
     databases
@@ -57,7 +60,7 @@ class ReadSettings:
         if self.sampling_rate is not None:
             check_number("sampling_rate", self.sampling_rate, above=0, advice="state it in Hz")
         if self.time_unit is not None:
-            check_one_of("time_unit", self.time_unit, TIME_UNITS)
+            check_one_of("time_unit", self.time_unit, [*TIME_UNITS, *CLOCK_FACES])
         check_number("bridge", self.bridge, at_least=0)
         if self.start is not None:
             check_number("start", self.start, at_least=0)
