@@ -84,12 +84,12 @@ def listed(names: Iterable[str]) -> str:
     return ", ".join(every[: _MAX_NAMES - 1]) + f" and {len(every) - _MAX_NAMES + 1} more"
 
 
-def counted(number: int, thing: str) -> str:
-    """Return a number of things, such as "1 mode" or "3 modes".
+def counted(number: int, thing: str, plural: str = "s") -> str:
+    """Return a number of things, such as "1 mode" or "3 modes", whose name is `plural` longer if they are several.
 
     Examples
     --------
     >>> [counted(number, "mode") for number in (0, 1, 3)]
     ['0 modes', '1 mode', '3 modes']
     """
-    return f"{number} {thing}{'' if number == 1 else 's'}"
+    return f"{number} {thing}{'' if number == 1 else plural}"

@@ -32,7 +32,7 @@ FLOORS = (
     ("online.monitor", "online.box"),
     ("online.site", "fleet.jobs"),
     ("online.demo", "fleet.streams"),
-    ("online.commands", "fleet.commands"),
+    ("online.commands", "fleet.commands", "__main__"),
 )
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}
 WINGS = {name.partition(".")[0] for name in FLOOR_OF if "." in name}

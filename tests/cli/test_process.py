@@ -13,7 +13,7 @@ from sprung.formats import read, write
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs the streams of POSIX")
 
-RUN = [sys.executable, "-c", "import sys; from sprung.cli import main; sys.exit(main())"]
+RUN = [sys.executable, "-m", "sprung"]
 
 
 def python(code):

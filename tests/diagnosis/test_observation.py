@@ -86,7 +86,7 @@ def test_windows_are_compared_with_a_baseline_of_the_same_sensors(car, run, obse
     complete = learn([*observations[:5], lacking[5]], min_windows=5)
     assert (complete.missing, complete.n_windows, complete.n_refused) == ((), 5, 1)
     notes = diagnose([lacking[0]], complete).notes
-    excluded = "1 of 1 windows were excluded because they lack the sensors acc_rr, unlike those of the baseline"
+    excluded = "1 of 1 window was excluded because they lack the sensors acc_rr, unlike those of the baseline"
     assert f"{excluded}: learn it again with the same sensors" in notes
 
 

@@ -213,3 +213,8 @@ def test_line_numbers_in_history_free_messages_stay_on_one_line(text_file) -> No
         read(text_file("time,a\n0,1\n1,'" + "y" * 300_000 + "\n"))
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 400
+
+
+def test_one_channel_is_singular(text_file) -> None:
+    recording = read(text_file("time,a\n0.00,1\n0.01,2\n0.02,3\n"))
+    assert recording.history[0].endswith(": 1 channel, 3 rows")

@@ -87,7 +87,7 @@ def test_band_pass_leaves_short_stretches_out_keeps_the_time_and_says_so() -> No
     assert filtered.n_samples == 970
     assert filtered.start == 10**18 + round(2.3e9)
     assert [(gap.index, round(gap.duration, 9)) for gap in filtered.gaps] == [(570, 3.0)]
-    assert "1 stretches of up to 100 samples left out" in filtered.history[-1]
+    assert "1 stretch of up to 100 samples left out" in filtered.history[-1]
     alone = band_pass(recorded(x[600:]), 1.0, None)
     np.testing.assert_array_equal(filtered.samples[:, 570:], alone.samples)
 

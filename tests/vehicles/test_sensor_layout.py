@@ -23,7 +23,7 @@ def test_raw_values_become_si_and_get_their_place() -> None:
     placed = with_layout(recorded(Channel("a"), Channel("b")), [sensor("a", scale=-2.0)])
     np.testing.assert_allclose(placed.samples, np.outer([-2 * 9.80665, 1.0], [1.0, 2.0, 3.0]))
     assert placed.channels == (Channel("a", "acceleration", (1.2, 0.7, 0.0), (0.0, 0.0, 1.0)), Channel("b"))
-    assert placed.history == ("read", "sensor layout of 1 channels")
+    assert placed.history == ("read", "sensor layout of 1 channel")
 
 
 def test_values_in_si_are_not_converted_again() -> None:
@@ -92,7 +92,7 @@ def test_a_missing_sensor_is_refused_with_the_name_that_may_have_been_meant() ->
             refused(run, sensors)
         assert str(refusal.value) == sentence
     placed = with_layout(run, sensors, allow_missing=True)
-    assert placed.history[-1] == "sensor layout of 1 channels"
+    assert placed.history[-1] == "sensor layout of 1 channel"
     assert placed.channels[1] == Channel("Acc_Z")
     assert quantities_of(run, sensors, allow_missing=True)["AccX"] == "acceleration"
 

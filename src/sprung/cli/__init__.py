@@ -11,7 +11,7 @@ import typer
 from typer.main import get_command
 
 from sprung import __version__
-from sprung.cli import corners, diagnosis, identify, measured, recordings, reproduce, simulate, vehicle_files
+from sprung.cli import corners, diagnosis, identify, measured, recordings, simulate, vehicle_files
 from sprung.cli.output import printable
 from sprung.errors import DataError, IdentificationError, SprungError
 
@@ -98,7 +98,7 @@ def _application() -> typer.Typer:
         measured.road,
         measured.ride,
         diagnosis.compare,
-        reproduce.reproduce,
+        simulate.reproduce,
     ):
         application.command()(command)
     application.add_typer(simulate.simulate, name="simulate")

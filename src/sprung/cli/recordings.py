@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from sprung._display import counted
 from sprung.cli.options import Figures, FileFormat, Files, Json, Reading, check_file, option, shares_options
 from sprung.cli.output import Output, progress_bar, show, write_result, written
 from sprung.errors import DataError, MixedRatesError, ParameterError
@@ -127,7 +128,8 @@ def convert(
             report(f"writing {target.name}", 0.5)
             write(recording, target)
         minutes = recording.duration / 60
-        heading = f"{path}: {len(recording.channels)} channels, {minutes:.4g} min at {recording.sampling_rate:.6g} Hz"
+        channels = counted(len(recording.channels), "channel")
+        heading = f"{path}: {channels}, {minutes:.4g} min at {recording.sampling_rate:.6g} Hz"
         show([*recording.history, f"wrote {target}"], heading=heading)
 
 

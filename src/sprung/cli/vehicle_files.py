@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from sprung._display import counted
 from sprung.cli.options import (
     INPUT,
     AllowMissing,
@@ -150,7 +151,7 @@ def calibrate(
     settings = CalibrationSettings(most_mounts=mounts, has_modes=modes)
     with progress_bar() as report:
         parts = [part for _, part in windows(reading.records(files, report), length=60 * window)]
-        report(f"calibrating on {len(parts)} windows", 0.5)
+        report(f"calibrating on {counted(len(parts), 'window')}", 0.5)
         result = calibrated(parts, description, settings=settings, allow_missing=may_lack)
         write_vehicle(result.vehicle, out)
         output.paths.append(out)

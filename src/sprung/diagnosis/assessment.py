@@ -8,6 +8,7 @@ from scipy.special import entr
 
 from sprung._arrays import Real
 from sprung._checks import check_each, check_number, check_type
+from sprung._display import counted
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, detect, false_discoveries
 from sprung.diagnosis.findings import LIGHTEST_WHEEL, SEVERITIES, STIFFER_TYRE, Diagnosis, Finding, format_time
@@ -225,7 +226,9 @@ def compare(before: Iterable[Observation], after: Iterable[Observation], *, fals
     first = learn(before, min_windows=RULES.min_compared, reason="first set of a comparison")
     # One comparison is one day: the rate of false alarms per day is the probability for the whole set.
     result = diagnose(later, first, false_alarms=false_alarms, windows_per_day=max(len(later), 1))
-    return replace(result, notes=(f"compared with {first.n_windows} windows of the first set", *result.notes))
+    return replace(
+        result, notes=(f"compared with {counted(first.n_windows, 'window')} of the first set", *result.notes)
+    )
 
 
 def _diagnosis(
@@ -395,13 +398,17 @@ def _words(candidate: Candidate) -> str:
     )
 
 
+def _share_of(number: int, windows: Sequence[Observation]) -> str:
+    """Return how many of some windows were, such as "1 of 3 windows was"."""
+    return f"{number} of {counted(len(windows), 'window')} {'was' if number == 1 else 'were'}"
+
+
 def _window_notes(observations: Sequence[Observation]) -> tuple[str, ...]:
     """Return the notes of windows, once each, and one for each reason why some are inconclusive."""
     reasons = [observation.reason for observation in observations if not observation.is_conclusive]
     notes = dict.fromkeys(note for observation in observations for note in observation.notes)
     return *notes, *(
-        f"{reasons.count(reason)} of {len(observations)} windows were inconclusive: {reason}"
-        for reason in dict.fromkeys(reasons)
+        f"{_share_of(reasons.count(reason), observations)} inconclusive: {reason}" for reason in dict.fromkeys(reasons)
     )
 
 
@@ -413,7 +420,7 @@ def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) ->
     if len(valid) < len(conclusive):
         causes = {fault.statement for window in conclusive for fault in window.sensor_faults}
         notes.append(
-            f"{len(conclusive) - len(valid)} of {len(conclusive)} windows were excluded because "
+            f"{_share_of(len(conclusive) - len(valid), conclusive)} excluded because "
             f"{' and '.join(sorted(causes))}; the suspension is not monitored until this is repaired"
         )
     others = {name for window in valid if not baseline.has_sensors_of(window) for name in window.missing}
@@ -421,7 +428,7 @@ def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) ->
     if n_others:
         lacking = f"lack the sensors {', '.join(sorted(others))}" if others else "have more sensors"
         notes.append(
-            f"{n_others} of {len(valid)} windows were excluded because they {lacking}, unlike those of the baseline:"
+            f"{_share_of(n_others, valid)} excluded because they {lacking}, unlike those of the baseline:"
             " learn it again with the same sensors"
         )
     distrusted = sum(not baseline.is_trusted_on(observation) for observation in valid)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sprung._arrays import Booleans, Indices, Real
+from sprung._display import counted
 from sprung.errors import DataError, FormatError, MixedRatesError, ParameterError
 from sprung.formats.clock import Clock, ClockFit, TimeScale, find_gaps, interpolate, time_scale, uncrowded
 from sprung.formats.columns import stated_rate
@@ -200,7 +201,7 @@ def _history(
     table: Table, of_clock: Iterable[str], counts: Indices, n_rows: int, fillers: Sequence[dict[float, int]]
 ) -> Iterator[str]:
     """Yield the history of reading, line by line."""
-    yield f"read {table.path.name}: {len(table.columns)} channels, {n_rows} rows"
+    yield f"read {table.path.name}: {counted(len(table.columns), 'channel')}, {n_rows} rows"
     if table.comment:
         yield f"comment: {table.comment}"
     for column in table.columns:
@@ -396,7 +397,7 @@ class _Assembler:
         """Return the recording that begins `start` seconds after the origin."""
         history = list(self._facts.history)
         if self._n_cut:
-            history.append(f"{self._n_cut} rows removed in which a channel has no value")
+            history.append(f"{counted(self._n_cut, 'row')} removed in which a channel has no value")
         if self._bridged:
             history.append(_said(len(self._bridged), sum(self._bridged.values())))
         origin = self._origin()

@@ -12,6 +12,7 @@ import numpy as np
 
 from sprung._arrays import Complex, Real
 from sprung._checks import check_number, check_type
+from sprung._display import counted
 from sprung.errors import DataError, ParameterError
 from sprung.likelihood.fitting import fit_windows
 from sprung.recording import Recording, each_recording
@@ -364,7 +365,8 @@ def survey_road(
             replace(each, begin_place=way(each.begin_time), end_place=way(each.end_time)) for each in stretches
         )
     events = tuple(event if way is None else replace(event, place=way(event.time)) for event in _events(profile))
-    notes = () if len(stretches) == len(starts) else (f"{len(starts) - len(stretches)} stretches were too slow",)
+    slow = len(starts) - len(stretches)
+    notes = (f"too slow: {counted(slow, 'stretch', 'es')}",) * (slow > 0)
     return RoadSurvey(stretches, events, (*notes, *_vehicle_notes(fit.model_error)))
 
 

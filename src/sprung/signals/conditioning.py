@@ -13,6 +13,7 @@ import numpy as np
 
 from sprung._arrays import Booleans, Real
 from sprung._checks import check_complete, check_number
+from sprung._display import counted
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording, join
 from sprung.signals.data_faults import equal_runs
@@ -144,7 +145,7 @@ def band_pass(recording: Recording, low: float | None, high: float | None, *, or
     dropped = len(recording.gaps) + 1 - len(pieces)
     step = f"zero-phase Butterworth {kind} of order {order}, {' to '.join(f'{edge:g}' for edge in edges)} Hz"
     if dropped:
-        step += f"; {dropped} stretches of up to {padding} samples left out"
+        step += f"; {counted(dropped, 'stretch', 'es')} of up to {padding} samples left out"
     return _join_pieces(recording, pieces, step=step, advice=f"stretches must exceed {padding} samples")
 
 
@@ -235,7 +236,7 @@ def without_missing(recording: Recording) -> Recording:
         for onset, stretch in _stretches_with_onset(recording)
         for part in _runs(is_complete[stretch])
     ]
-    step = f"{np.count_nonzero(~is_complete)} samples with missing values turned into gaps"
+    step = f"{counted(int(np.count_nonzero(~is_complete)), 'sample')} with missing values turned into gaps"
     return _join_pieces(recording, pieces, step=step, advice="no sample has a value in every channel")
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from sprung._arrays import Complex, Real
 from sprung._checks import check_complete, check_number, freeze
-from sprung._display import in_short, listed
+from sprung._display import counted, in_short, listed
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 
@@ -55,7 +55,7 @@ class SpectralMatrix:
 
     def __repr__(self) -> str:
         """Return the channels, the frequencies and the segments."""
-        segments = f"{self.n_segments} segments of {self.segment_length:.4g} s"
+        segments = f"{counted(self.n_segments, 'segment')} of {self.segment_length:.4g} s"
         grid = f"{self.frequencies.size} frequencies to {self.frequencies[-1]:.5g} Hz"
         return in_short(f"SpectralMatrix of {listed(self.names)}", f"{grid}, {segments}")
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from sprung._checks import nearest_name
+from sprung._display import counted
 from sprung.channel_names import rule_of
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Channel, Recording
@@ -50,7 +51,9 @@ def with_layout(recording: Recording, sensors: Sequence[Sensor], *, allow_missin
             samples[row] = advanced(samples[row], delay * recording.sampling_rate, breaks=breaks)
     n_placed = len(stated.keys() & set(recording.names))
     return recording.changed(
-        f"sensor layout of {n_placed} channels", samples=samples, channels=tuple(channel for channel, _ in placed)
+        f"sensor layout of {counted(n_placed, 'channel')}",
+        samples=samples,
+        channels=tuple(channel for channel, _ in placed),
     )
 
 

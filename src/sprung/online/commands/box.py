@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from sprung._display import counted
 from sprung.cli.options import AllowMissing, Files, Reading, SamplingRate, VehicleFile, names, option, shares_options
 from sprung.cli.output import progress_bar, show
 from sprung.cli.services import LogFormat, log_to, stop_on_signals
@@ -100,7 +101,7 @@ def box(
     blocks = open_source(source, settings, Listener(stopping, LOG.warning, lambda name: LOG.info(f"read {name}")))
     sent = send_live(running, blocks, stopping=stopping, on_problem=_log_problem)
     if sent is not None:
-        run = f"{frames.next_seq} frames, {sent / 3600:.2f} hours in this run"
+        run = f"{counted(frames.next_seq, 'frame')}, {sent / 3600:.2f} hours in this run"
         LOG.info(f"source finished; all frames of {vehicle_id} acknowledged: {run}")
 
 

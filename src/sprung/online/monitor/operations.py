@@ -13,6 +13,7 @@ from itertools import groupby
 from typing import Any
 
 from sprung._checks import check_number
+from sprung._display import counted
 from sprung.errors import DataError, ParameterError
 from sprung.online.alerts import (
     AlertSettings,
@@ -44,7 +45,7 @@ from sprung.online.monitor.site import Site
 from sprung.online.store import CommandRow, QuarantineRow, Store, VehicleRow, VerdictRow
 from sprung.results.documents import WorkOrderDocument, fleet_document
 from sprung.results.documents.monitoring import HistoryEntry
-from sprung.results.tables import counted, describe_diagnosis
+from sprung.results.tables import describe_diagnosis
 from sprung.results.tables.wording import format_span, format_time
 from sprung.state import AlertState
 from sprung.vehicles import Component
@@ -612,7 +613,7 @@ def wait_for_samples(
         )
     if not row.detail["frames"]:
         raise DataError(f"no samples {_span(row.detail['asked'])} of {row.vehicle}: {row.detail['reason']}")
-    return f"received samples {_span(row.detail)} of {row.vehicle}, {row.detail['frames']} frames"
+    return f"received samples {_span(row.detail)} of {row.vehicle}, {counted(row.detail['frames'], 'frame')}"
 
 
 def describe_relearning(vehicle: str, reason: str) -> str:

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from sprung._arrays import Complex, Real
 from sprung._checks import check_type
-from sprung._display import in_short
+from sprung._display import counted, in_short
 from sprung.identification import Identification, RovingSetups
 from sprung.identification.refinement import Refinement
 from sprung.modal import Modes
@@ -279,7 +279,8 @@ class IdentificationDocument(Document):
 
     def __repr__(self) -> str:
         """Return method, channels and modes in words."""
-        head = f"IdentificationDocument by {self.method} of {len(self.channels)} channels: {len(self.modes)} modes"
+        size = f"{counted(len(self.channels), 'channel')}: {counted(len(self.modes), 'mode')}"
+        head = f"IdentificationDocument by {self.method} of {size}"
         return in_short(head, self.as_modes().in_words, *self.notes[:1])
 
     def _repr_html_(self) -> str:

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from sprung._arrays import Complex
 from sprung._checks import check_type, data_frame_of
-from sprung._display import in_short, listed
+from sprung._display import counted, in_short, listed
 from sprung.identification.methods import WindowModes
 from sprung.identification.tracking import Jump, Track, TrackedModes, TrackTrend
 from sprung.results.documents.document import (
@@ -83,7 +83,10 @@ class TrackingDocument(Document):
             f"{track.natural_frequency.mean:.4g} Hz{f' {track.label}' if track.label else ''} ({len(track.points)})"
             for track in self.tracks
         )
-        return in_short(f"TrackingDocument: {len(self.tracks)} tracks over {len(self.windows)} windows", listed(means))
+        return in_short(
+            f"TrackingDocument: {counted(len(self.tracks), 'track')} over {counted(len(self.windows), 'window')}",
+            listed(means),
+        )
 
     def to_dataframe(self) -> Any:
         """Return the modes of the tracks as a pandas.DataFrame, as `TrackedModes.to_dataframe`.

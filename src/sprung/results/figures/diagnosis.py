@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from sprung._arrays import Booleans, Real
+from sprung._display import counted
 from sprung.calibration import Calibration
 from sprung.diagnosis import Baseline, Diagnosis, Finding, Hypothesis, ModeChange, Observation
 from sprung.diagnosis.baseline import mean_deviation, typical_std
@@ -49,7 +50,8 @@ def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
     """
     spectra, names = fit.model.spectra, fit.model.layout.coordinates
     measured, fitted = mean_spectra(fit)
-    where = f"{spectra.n_segments} segments of {spectra.segment_length:.3g} s in {spectra.counts.size} speed classes"
+    where = f"{counted(spectra.n_segments, 'segment')} of {spectra.segment_length:.3g} s"
+    where += f" in {counted(spectra.counts.size, 'speed class', 'es')}"
     figure = draw.new_figure("Measured and fitted spectra", where, height=1.3 + 1.9 * len(names), source=source)
     panels = draw.panels(figure, len(names), 2, size=STYLE.small, sharex=True, width_ratios=(3, 2))
     for row, name in enumerate(names):
@@ -263,7 +265,7 @@ def misfit_figure(calibration: Calibration, *, source: str = "") -> Figure:
     """
     names = calibration.coordinates
     n_segments = sum(calibration.n_segments)
-    where = f"measured over fitted power, minus 1: {calibration.n_windows} windows, {n_segments} segments"
+    where = f"measured over fitted power, minus 1: {counted(calibration.n_windows, 'window')}, {n_segments} segments"
     figure = draw.new_figure("Misfit before and after calibration", where, height=1.3 + 1.9 * len(names), source=source)
     panels = draw.panels(figure, len(names), size=STYLE.small, sharex=True)[:, 0]
     given = (calibration.misfit_before, STYLE.faint, "as given")
@@ -415,7 +417,7 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
         mean.std,
         is_identifiable=np.ones(len(mean.components), dtype=np.bool_),
         heading=(
-            f"Corners against {_name(normal)}: mean of {len(conclusive)} windows since {format_time(since)}",
+            f"Corners against {_name(normal)}: mean of {counted(len(conclusive), 'window')} since {format_time(since)}",
             "95 % intervals: thick: independent scatter; thin: with common effects; arrow: beyond the axis",
         ),
         by_chance=mean.std_by_chance,

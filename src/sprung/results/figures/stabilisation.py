@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from sprung._arrays import Indices, Real
+from sprung._display import counted
 from sprung.identification import BlockRowLadder, Identification, OrderLadder, SubsetModes
 from sprung.identification.fdd import find_bells
 from sprung.identification.plscf import PolynomialLadder
@@ -132,7 +133,7 @@ def _rung_label(identification: Identification, index: int) -> str:
     if subset.level is None:
         return rung
     level = f"level {subset.level[0]:.3g} to {subset.level[1]:.3g}"
-    return f"subset {index + 1}, {subset.n_segments} segments\n{level}\n{rung}"
+    return f"subset {index + 1}, {counted(subset.n_segments, 'segment')}\n{level}\n{rung}"
 
 
 def _draw_poles(axes: Axes, subset: SubsetModes, members: Indices) -> None:

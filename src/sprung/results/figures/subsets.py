@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from sprung._arrays import Indices, Real
+from sprung._display import counted
 from sprung.identification import Identification, SubsetModes
 from sprung.modal import INTERVAL_95, Modes, join_modes, mac
 from sprung.results.figures import draw
@@ -325,7 +326,7 @@ def stable_rates_figure(identification: Identification, *, source: str = "", thr
         for place, height in zip(frequency[is_kept], rate[is_kept], strict=True):
             draw.note(axes, f"{place:.2f}", (place, height), ha="center", va="bottom")
         axes.axhline(wanted, color=STYLE.colours[1], linewidth=1, linestyle="--")
-        name = "" if subset.level is None else f"subset {number + 1}\n{subset.n_segments} segments\n"
+        name = "" if subset.level is None else f"subset {number + 1}\n{counted(subset.n_segments, 'segment')}\n"
         axes.set(ylim=(0, 1.15), ylabel=f"{name}rate [-]")
     panels[-1].set_xlabel("Frequency [Hz]; dashed: threshold")
     return figure

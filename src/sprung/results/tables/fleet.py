@@ -375,7 +375,7 @@ def fleet_plan_table(document: Mapping[str, Any]) -> Table:
         for step, count in document["new"].items()
     )
     return Table(
-        f"{document['windows']} windows in the lake",
+        f"{counted(document['windows'], 'window')} in the lake",
         ("step", "windows to analyse", "CPU s/window", "core hours"),
         rows,
         ends_in_words=False,

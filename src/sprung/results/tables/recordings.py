@@ -100,7 +100,7 @@ def _remarks(facts: ChannelFacts) -> str:
     words = {
         "filled": f"filler value {facts.filler or 0.0:.6g} in",
         "repeating": "copies of earlier stretches",
-        "spiking": f"{facts.n_spikes} spikes",
+        "spiking": counted(facts.n_spikes, "spike"),
     }
     remarks = [
         f"{words.get(kind, kind)} {100 * shares[kind]:.3g} %" if kind in shares else words.get(kind, kind)
