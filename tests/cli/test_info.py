@@ -1,4 +1,10 @@
+import json
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+from scipy.io import savemat
 
 
 def test_large_files_are_inspected_in_blocks(sprung, chain, monkeypatch):
@@ -30,3 +36,30 @@ def test_values_missing_everywhere_are_null(sprung, tmp_path):
     dead = outcome.document()["files"][0]["channels"][1]
     assert (dead["is_dead"], dead["rms"], dead["n_values"]) == (True, None, 0)
     assert "dead, missing 100 %" in sprung("info", tmp_path / "run.csv").out
+
+
+@pytest.mark.parametrize("ending", ["npy", "csv", "parquet", "mat"])
+def test_rows_without_a_clock_are_shown_with_the_reason(sprung, tmp_path, ending):
+    path = tmp_path / f"run.{ending}"
+    values = np.random.default_rng(1).standard_normal((400, 2))
+    time = 0.01 * np.arange(400)
+    time[200:] = time[:200]
+    if ending == "npy":
+        np.save(path, values)
+    else:
+        columns = {"time": time, "a": values[:, 0], "b": values[:, 1]}
+        if ending == "parquet":
+            pq.write_table(pa.table(columns), path)
+        elif ending == "mat":
+            savemat(path, columns)
+        else:
+            np.savetxt(path, np.stack(list(columns.values()), axis=1), delimiter=",", header="time,a,b", comments="")
+    outcome = sprung("info", path, "--json", tmp_path / "info.json")
+    reason = "has no time column" if ending == "npy" else "time runs backwards"
+    assert outcome.code == 2
+    assert outcome.out.startswith(f"{path}: 400 rows without a clock")
+    assert f"{values[:, 0].max():.4g}" in outcome.out
+    assert reason in outcome.err
+    (facts,) = json.loads((tmp_path / "info.json").read_text())["files"]
+    assert (facts["sampling_rate"], facts["duration"], facts["n_samples"]) == (None, None, 400)
+    assert reason in facts["history"][0]

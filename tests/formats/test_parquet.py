@@ -60,4 +60,4 @@ def test_infinite_values_are_missing_and_named(tmp_path: Path) -> None:
     values[[1, 30]] = -np.inf
     recording = read(parquet(tmp_path, fields, [np.arange(50) / 100, values]))
     assert recording.n_samples == 48
-    assert "a: -inf in row 2, one of 2 values that cannot be measured: taken as missing" in recording.history
+    assert "a: -inf in row 2, the first of 2 values, cannot be measured: taken as missing" in recording.history

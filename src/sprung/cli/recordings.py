@@ -1,5 +1,6 @@
 """The commands `sprung info` and `sprung convert`."""
 
+import math
 import re
 from dataclasses import replace
 from functools import partial
@@ -11,7 +12,7 @@ import typer
 from sprung._display import counted
 from sprung.cli.options import Figures, FileFormat, Files, Json, Reading, check_file, option, shares_options
 from sprung.cli.output import Output, progress_bar, show, write_result, written
-from sprung.errors import DataError, MixedRatesError, ParameterError
+from sprung.errors import DataError, MixedRatesError, ParameterError, SprungError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,11 +42,12 @@ def info(
     output = Output(figures, file_format, json=json)
     output.check(*files)
     inspections: dict[str, Inspection] = {}
+    unread: list[SprungError] = []
     for path in files:
         parts, refused = _parts(path, reading.settings), []
         for name, part in parts.items():
             try:
-                inspection, settings = _inspected(path, part)
+                inspection, settings, clockless = _inspected(path, part)
             except DataError as error:
                 refused.append(error)
                 if len(refused) == len(parts):
@@ -55,30 +57,46 @@ def info(
             if json != "-":
                 heading = f"{name}: {tables.describe_inspection(inspection)}"
                 show(tables.inspection_table(inspection), [*doubts(inspection), *inspection.history], heading=heading)
+            if clockless is not None:
+                unread.append(clockless)
+                continue
             recording_of = partial(read, path, settings=settings)
             output.draw(partial(_overview, recording_of=recording_of, name=name))
         if refused and json != "-":
             show([str(error) for error in refused], heading="Groups without samples of motion")
     if write_result(inspection_document(inspections), json):
         show(written(output.paths, json))
+    if unread:
+        raise unread[0]
 
 
-def _inspected(path: Path, settings: "ReadSettings") -> "tuple[Inspection, ReadSettings]":
-    """Return the inspection of a part, and the settings that leave out its channels of other rates."""
+def _inspected(path: Path, settings: "ReadSettings") -> "tuple[Inspection, ReadSettings, SprungError | None]":
+    """Return the inspection of a part, the settings without its channels of other rates, and what its clock lacks.
+
+    Rows without a clock are counted at 1 Hz, so that their levels are seen.
+    """
     from sprung.formats import read_records
     from sprung.signals.inspection import inspect_blocks
 
     left_out: list[str] = []
+    clockless: SprungError | None = None
     while True:
         try:
             with progress_bar() as report:
                 inspection = inspect_blocks(read_records([path], settings=settings, on_progress=report))
-            return replace(inspection, history=(*inspection.history, *left_out)), settings
+            if clockless is not None:
+                history = [f"{clockless}", *(line for line in inspection.history if "1 Hz as stated" not in line)]
+                inspection = replace(inspection, sampling_rate=math.nan, duration=math.nan, history=tuple(history))
+            return replace(inspection, history=(*inspection.history, *left_out)), settings, clockless
         except MixedRatesError as error:
             if not error.others:
                 raise
             left_out.append(str(error))
             settings = replace(settings, channels=error.others)
+        except SprungError as error:
+            if settings.sampling_rate is not None:
+                raise clockless or error from None
+            clockless, settings = error, replace(settings, sampling_rate=1.0)
 
 
 def _overview(drawn: Any, *, recording_of: "Callable[[], Recording]", name: str) -> "dict[str, Figure]":

@@ -125,7 +125,7 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
         )
     of_clock = _history_of_clock(clock, scale, doubts, n_rows)
     infinite = (
-        f"{name}: {first}, one of {n} values that cannot be measured: taken as missing"
+        f"{name}: {first}{f', the first of {n} values,' if n > 1 else ''} cannot be measured: taken as missing"
         for name, (first, n) in unmeasured.items()
     )
     history = (*_history(table, of_clock, counts, n_rows, fillers), *infinite)

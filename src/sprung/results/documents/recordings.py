@@ -8,7 +8,7 @@ from pydantic import ConfigDict, Field
 
 from sprung._arrays import Complex
 from sprung._checks import check_type
-from sprung.results.documents.document import Document, Pair, checked, read_fields, write_document
+from sprung.results.documents.document import Document, Number, Pair, checked, read_fields, write_document
 from sprung.signals.inspection import ChannelFacts, Inspection
 from sprung.signals.plausibility import doubts
 
@@ -25,9 +25,9 @@ class FileFacts(Document):
 
     path: str
     channels: tuple[ChannelFacts, ...]
-    sampling_rate: float
+    sampling_rate: Number
     n_samples: int
-    duration: float
+    duration: Number
     n_gaps: int
     gap_duration: float
     start: int | None

@@ -1,5 +1,6 @@
 """Channels of recordings, and the true modes of simulated ones."""
 
+import math
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
@@ -65,6 +66,8 @@ def describe_inspection(inspection: Inspection) -> str:
     >>> describe_inspection(sprung.inspect(run))
     '4000 samples at 100 Hz: 40 s, no gaps'
     """
+    if math.isnan(inspection.sampling_rate):
+        return f"{inspection.n_samples} rows without a clock"
     length = format_duration(inspection.duration)
     gaps = "no gaps"
     if inspection.n_gaps:
