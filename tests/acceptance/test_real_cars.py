@@ -207,6 +207,29 @@ def test_a_note_on_an_imu_without_the_speed_names_the_band_of_bodies(real_file) 
     assert not any("if this IMU" in note for note in sought.notes)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("log", "line"), [("00000165_00000001-60FEB68B", 23.8), ("00000165_00000002-60FEB8E3", 11.6)])
+def test_lines_of_wheels_are_no_modes_of_an_imu_without_the_speed(real_file, log, line) -> None:
+    """With 0.64 and 2.5 % damping and MPC 0.31 and 0.20; the second is that of the wheels at most of the speeds."""
+    run = read(real_file(f"canedge_car_body_imu/{log}_decoded.parquet"))
+    found = cov_ssi(run.select([name for name in run.names if name != "Speed"]))
+    assert len(found.modes)
+    assert not np.any(np.abs(found.modes.natural_frequency / line - 1) < 0.03)
+    assert any(note.startswith("narrow poles without a shape") and f"{line}" in note for note in found.notes)
+
+
+@pytest.mark.slow
+def test_modes_whose_sensors_move_at_all_phases_are_noted(real_file) -> None:
+    run = comma_run(real_file)
+    assert not any("MPC below" in note for note in cov_ssi(run).notes)
+    horizontal = np.load(real_file("comma2k19_car_body_imu/acc_xyz.npy")).T[:2]
+    channels = (Channel("ax", "acceleration"), Channel("ay", "acceleration"))
+    found = cov_ssi(Recording(np.vstack([run.samples, horizontal]), 104.36, (*run.channels, *channels)))
+    mixed = found.modes.natural_frequency[found.modes.mpc < 0.3]
+    assert mixed.size
+    assert any(f"{mixed[0]:.4g}" in note and "MPC below 0.3" in note for note in found.notes)
+
+
 def test_sensor_of_the_car_turns_into_the_bodys_axes() -> None:
     sensor = Sensor.model_validate(CANEDGE["sensor"][2])
     assert sensor.as_channel().direction == (-1.0, 0.0, 0.0)

@@ -32,6 +32,8 @@ _SEGMENTS_OF_A_SUBSET = 8
 #: Damping ratio and modal phase collinearity of a pole of a drive below both of which it is a line.
 _NARROW_ON_DRIVES = 0.02
 _SHAPELESS = 0.5
+#: Modal phase collinearity below which a shape is hardly that of one motion.
+_MIXED = 0.3
 #: Bounds of the natural frequencies of bodies on their suspensions [Hz].
 _OF_BODIES = (0.5, 4.0)
 #: Most families of lines in a note.
@@ -297,7 +299,7 @@ def merge(draft: Draft) -> Draft:
         merged, deviations = _with_modes_of_all_levels(merged, deviations, draft.summary)
     members = merged.members
     is_kept = significant(merged.modes, draft.summary.average, least=draft.settings.criteria.contribution)
-    is_line = _is_line_of_drive(merged.modes, draft.summary)
+    is_line = _is_line_of_drive(merged.modes, deviations[1], draft)
     is_kept &= ~is_line
     subsets = [
         _with_verdicts(subset, members[~is_kept, k], members[:, k], _as_measured(subset.modes, own, draft.summary))
@@ -310,10 +312,11 @@ def merge(draft: Draft) -> Draft:
     return draft.noted(note) if lines else draft
 
 
-def _is_line_of_drive(modes: Modes, summary: CorrelationSummary) -> Booleans:
-    """Return which modes of a drive are narrower than motion on springs, and of sensors at any phase."""
-    is_narrow = (modes.damping_ratio < _NARROW_ON_DRIVES) & (mpc(modes.mode_shapes) < _SHAPELESS)
-    return is_narrow & summary.plan.preparation.is_drive
+def _is_line_of_drive(modes: Modes, damping_std: Real, draft: Draft) -> Booleans:
+    """Return which modes of a drive, or of an IMU, may be narrower than motion on springs, without a shape."""
+    lowest = modes.damping_ratio - np.nan_to_num(damping_std)
+    is_driven = draft.summary.plan.preparation.is_drive or is_imu(draft.measured.channels)
+    return (lowest < _NARROW_ON_DRIVES) & (mpc(modes.mode_shapes) < _SHAPELESS) & is_driven
 
 
 def _as_measured(modes: Modes, deviations: Real, summary: CorrelationSummary) -> Modes:
@@ -427,6 +430,8 @@ def combine(draft: Draft) -> Draft:
     draft = draft.noted(*notes, *_notes_on_modes(modes, settings.lifter), *_notes_on_duration(modes, draft.summary))
     if draft.level_trends is not None:
         draft = draft.noted(*levels.trends_in_words(modes, draft.level_trends))
+    if vehicle is None:
+        draft = draft.noted(*_notes_on_shapes(modes))
     if vehicle is None and settings.band is None:
         draft = draft.noted(*_note_on_body(modes, draft.summary.plan, records.channels))
     refinement = draft.refinement
@@ -458,6 +463,17 @@ def _note_on_body(modes: Modes, plan: Plan, channels: Sequence[Channel]) -> list
     return [
         f"no mode of the body at {low:g} to {high:g} Hz, where vehicles bounce, pitch and roll: its damping is too"
         " heavy or the drive too short; describe the vehicle (sprung describe) and pass --vehicle"
+    ]
+
+
+def _notes_on_shapes(modes: Modes) -> list[str]:
+    """Return a note on modes whose sensors move at all phases."""
+    mixed = ", ".join(f"{frequency:.4g}" for frequency in modes.natural_frequency[modes.mpc < _MIXED])
+    if not mixed:
+        return []
+    return [
+        f"at {mixed} Hz the sensors move at all phases (MPC below {_MIXED:g}), as in motions that are not separated or"
+        " with gravity in tilting sensors: do not rely on the shape"
     ]
 
 
