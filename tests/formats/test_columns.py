@@ -92,6 +92,12 @@ def test_time_column_and_unit_as_stated(text_file) -> None:
     assert read(slow, settings=ReadSettings(time_unit="s")).sampling_rate == pytest.approx(0.05)
 
 
+def test_one_name_is_that_of_one_channel(text_file) -> None:
+    path = text_file(lines("time,acc,b", 0.01 * np.arange(N), *ACC))
+    assert read(path, channels="acc").names == ("acc",)
+    assert read(path, settings=ReadSettings(channels="acc")).names == ("acc",)
+
+
 def test_one_of_two_time_columns_is_named(text_file) -> None:
     path = text_file(lines("t,time,a,b", 0.01 * np.arange(N), 0.02 * np.arange(N), *ACC))
     with pytest.raises(FormatError, match="'t' and 'time', which advance at different rates: keep one"):

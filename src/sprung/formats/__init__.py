@@ -139,7 +139,7 @@ def _recordings(
     if sampling_rate is not None:
         settings = replace(settings, sampling_rate=sampling_rate)
     if channels is not None:
-        settings = replace(settings, channels=tuple(channels))
+        settings = replace(settings, channels=channels)
     with reported(path, "file"):
         table = wanted_table(path, groups(path, settings), settings)
     if block_samples is None:

@@ -22,7 +22,7 @@ class ReadSettings:
     sampling_rate
         Sampling rate [Hz], above 0, of a file without time, or with an inconsistent time column, which it replaces.
     channels
-        Names of the channels to read, in this order; None: all.
+        Names of the channels to read, in this order, or the only one; None: all.
     groups
         Names of the groups to read, the first of which gives the sample times; empty: all, which must share a clock.
     time
@@ -59,6 +59,10 @@ class ReadSettings:
     def __post_init__(self) -> None:
         if self.sampling_rate is not None:
             check_number("sampling_rate", self.sampling_rate, above=0, advice="state it in Hz")
+        for name in ("channels", "groups"):
+            given = getattr(self, name)
+            if isinstance(given, str):
+                object.__setattr__(self, name, (given,))
         if self.time_unit is not None:
             check_one_of("time_unit", self.time_unit, [*TIME_UNITS, *CLOCK_FACES])
         check_number("bridge", self.bridge, at_least=0)
