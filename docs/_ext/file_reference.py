@@ -17,7 +17,7 @@ from pydantic_core import PydanticUndefined
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from sprung.cli.conditions import DriveConditions, RigRunConditions, RoadDriveConditions
+from sprung.cli.conditions import DriveConditions, RailDriveConditions, RigRunConditions, RoadDriveConditions
 from sprung.online.monitor.site import Site
 from sprung.results.documents import DOCUMENTS, json_schema
 from sprung.vehicles.description import Chain, Quarter, Vehicle
@@ -158,7 +158,11 @@ class ConditionFields(SphinxDirective):
         common = {name for name, _, _ in sections_of(DriveConditions) if name}
         own = {
             kind: [section for section in sections_of(model) if section[0] not in common]
-            for kind, model in (("road", RoadDriveConditions), ("rig", RigRunConditions))
+            for kind, model in (
+                ("road", RoadDriveConditions),
+                ("rail", RailDriveConditions),
+                ("rig", RigRunConditions),
+            )
         }
         text = f"## All drives\n\n{_tables(DriveConditions, 3)}"
         for kind, sections in own.items():

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import check_number, check_one_of, check_type
+from sprung._checks import check_number, check_one_of
 from sprung.calibration.data_sheet import accelerometer, gyroscope
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, prior_information
 from sprung.diagnosis.detectability import detectable
@@ -15,7 +15,7 @@ from sprung.diagnosis.learning import LEARNING_WINDOWS
 from sprung.diagnosis.scatter import Scatter
 from sprung.errors import ParameterError
 from sprung.likelihood.expected import ExpectedDrive, ExpectedFit, expected_fit
-from sprung.vehicles import Component, Sensor, Vehicle
+from sprung.vehicles import Component, Sensor, Vehicle, check_on_axles
 
 __all__ = ["KitPlan", "PlannedComponent", "PlannedSensor", "best_places", "candidates", "kit_of", "plan"]
 
@@ -117,7 +117,7 @@ def kit_of(vehicle: Vehicle, name: str) -> Vehicle:
     ParameterError
         If there is no such kit.
     """
-    check_type("vehicle", vehicle, Vehicle)
+    check_on_axles(vehicle, "a plan of sensors")
     check_one_of("kit", name, ("four", "three", "two", "imu"))
     if name == "imu":
         rates = [("pitch_rate", (0.0, 1.0, 0.0)), ("roll_rate", (1.0, 0.0, 0.0))]
@@ -176,7 +176,7 @@ def plan(vehicle: Vehicle, *, drive: ExpectedDrive | None = None, false_alarms: 
     >>> all(sensor.gain < 0.1 for sensor in four.sensors), all(part.is_identifiable for part in four.components)
     (True, True)
     """
-    check_type("vehicle", vehicle, Vehicle)
+    check_on_axles(vehicle, "a plan of sensors")
     check_number("false_alarms", false_alarms, above=0)
     drive = drive or ExpectedDrive()
     expected = expected_fit(vehicle, drive)
@@ -303,7 +303,7 @@ def best_places(
     ----------
     V. V. Fedorov, Theory of Optimal Experiments, Academic Press, 1972 (exchange of points).
     """
-    check_type("vehicle", vehicle, Vehicle)
+    check_on_axles(vehicle, "a plan of sensors")
     check_number("n_sensors", n_sensors, at_least=1, at_most=len(candidates))
     conditions = drive or ExpectedDrive()
     known: dict[frozenset[str], float] = {}

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from sprung.vehicles import parse_vehicle
+from sprung.vehicles import Vehicle, parse_vehicle
 
 REPOSITORY = Path(__file__).parents[2]
 DOCUMENTS = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
@@ -23,10 +23,17 @@ def blocks(path, language):
 
 
 def test_vehicle_file_of_the_documentation_parses() -> None:
-    (block,) = blocks(REPOSITORY / "docs" / "vehicle-file.md", "toml")
-    vehicle = parse_vehicle(tomllib.loads(block))
+    on_axles, on_bogies = map(tomllib.loads, blocks(REPOSITORY / "docs" / "vehicle-file.md", "toml"))
+    vehicle = parse_vehicle(on_axles)
     assert vehicle.name == "zafira"
     assert vehicle.sensor[0].channel == "acc_fl"
+    (front,) = on_bogies["bogie"]
+    body = {"mass": 27000.0, "pitch_inertia": 850e3, "roll_inertia": 42e3}
+    bogies = [front, front | {"x": -7.2}]
+    metro = parse_vehicle(on_bogies | {"name": "metro", "kind": "rail", "body": body, "bogie": bogies})
+    assert isinstance(metro, Vehicle)
+    assert metro.bogie[1].secondary_stiffness == 2.9e5
+    assert metro.sensor[0].on == "bogie1"
 
 
 def commands():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sprung.cli import simulate
-from sprung.cli.conditions import DriveConditions, RigRunConditions, RoadDriveConditions
+from sprung.cli.conditions import RailDriveConditions, RigRunConditions, RoadDriveConditions
 from sprung.formats import read
 from sprung.simulation import RailDrive, RigRun, RoadDrive
 from sprung.vehicles import read_description, read_vehicle
@@ -101,7 +101,7 @@ def test_defaults_of_a_drive_are_those_of_its_settings(options, settings):
 
 @pytest.mark.parametrize(
     ("model", "settings"),
-    [(RoadDriveConditions, RoadDrive()), (DriveConditions, RailDrive()), (RigRunConditions, RigRun())],
+    [(RoadDriveConditions, RoadDrive()), (RailDriveConditions, RailDrive()), (RigRunConditions, RigRun())],
 )
 def test_defaults_of_conditions_are_those_of_the_settings(model, settings):
     stated = model().settings("speed")
@@ -200,6 +200,7 @@ def test_a_part_wears_from_record_to_record(sprung, tmp_path, conditions):
         ("road", "[raod]\nroad_class = 'C'", "did you mean road?"),
         ("rail", "[road]\nroad_class = 'C'", "road is not known here"),
         ("rail", "driven = 'front'", "driven is not known here"),
+        ("rail", "quality = 'low'", "quality='low' must be"),
         ("rig", "driven = 'rear'", "driven='rear'"),
         ("road", "n_stops = -1", "n_stops=-1"),
         ("road", "n_stops", "is not a TOML file"),

@@ -3,7 +3,7 @@ import pickle
 import numpy as np
 import pytest
 
-from sprung.excitation import road_class
+from sprung.excitation import rail_quality, road_class
 from sprung.signals.conditioning import while_moving
 from sprung.signals.spectrum import spectral_matrix
 from sprung.simulation import (
@@ -14,6 +14,7 @@ from sprung.simulation import (
     RoadConditions,
     RoadDrive,
     simulate_drive,
+    with_gravity,
 )
 from sprung.vehicles import frequency_response, parse_fault, read_vehicle, structure
 
@@ -87,6 +88,62 @@ def test_bogies_run_on_rails_and_rigs(settings, rate) -> None:
     found = simulate_drive(read_vehicle("y25"), settings, seed=1)
     assert found.recording.sampling_rate == rate
     assert np.all(found.recording.samples.std(axis=1)[:4] > 1e-4)
+
+
+@pytest.mark.slow
+def test_spectra_on_a_track_are_response_times_rails() -> None:
+    """At one speed a vehicle on bogies has the spectral matrix H S H^H; its eight wheels meet the same track."""
+    metro, speed = read_vehicle("metro"), 20.0
+    found = drive(metro, kind=RailDrive, duration=900.0, speed=(speed, speed), sampling_rate=100.0, welded=True)
+    spectra = spectral_matrix(found.recording.select(found.recording.names[:12]), segment_length=20.48)
+    f = spectra.frequencies[8:408]  # 0.4 to 20 Hz
+    n, track = f / speed, rail_quality("good")
+    patch = np.sinc(n * 0.01) ** 2 / speed
+    x, side = np.array([(wheel.x, np.sign(wheel.y)) for wheel in metro.wheels]).T
+    alike = np.equal.outer(side, side)[..., None]
+    level = patch * (track.common(n) + np.where(alike, 1.0, -1.0) * track.differing(n))
+    S = level * np.exp(2j * np.pi * n * np.subtract.outer(x, x)[..., None])
+    H = frequency_response(structure(metro), f)
+    expected = (H @ S.transpose(2, 0, 1) @ H.conj().swapaxes(1, 2)).transpose(1, 2, 0)
+    size = np.sqrt(np.einsum("iif,jjf->ijf", expected, expected).real)
+    error = np.abs(((spectra.matrix[:, :, 8:408] - expected) / size).reshape(12, 12, 20, 20).mean(axis=3))
+    assert error[:8, :8].max() < 0.12  # frames; 87 segments, 20 frequencies each
+    assert (
+        error[..., :4].max() < 0.12
+    )  # frames and body, up to 4.3 Hz: above, the distances of the wheelsets make notches
+
+
+def test_bogies_meet_the_track_one_after_another_and_faults_are_in_the_truth() -> None:
+    """The second frame moves as the first did 14.4 m earlier, as both bogies are alike and the body moves little."""
+    settings = {"kind": RailDrive, "duration": 60.0, "speed": (20.0, 20.0), "sampling_rate": 100.0}
+    fault = parse_fault("bogie1_left.secondary_spring=-0.2")
+    found = drive(read_vehicle("metro"), faults=(fault,), quality="bad", **settings)
+    first, second = (found.recording.samples[found.recording.index(f"bogie{number}_fl")] for number in (1, 2))
+    lags = np.arange(30, 110)
+    best = lags[np.argmax([np.corrcoef(first[:-lag], second[lag:])[0, 1] for lag in lags])]
+    assert best == 72
+    assert found.truth["components"]["bogie1_left"]["secondary_spring"]["value"] == pytest.approx(0.8 * 290e3)
+    assert found.truth["components"]["bogie2_rear_right"]["primary_damper"]["value"] == 11e3
+    assert found.truth["conditions"]["track"] == {"quality": "bad", "welded": False}
+
+
+def test_a_bad_track_has_2_7_times_the_power_of_a_good_one() -> None:
+    """Without joints, for the same seed; the ratio of both scale factors of ERRI B176 is 1.080 / 0.4032."""
+    good, bad = (
+        drive(read_vehicle("metro"), kind=RailDrive, quality=quality, welded=True, sampling_rate=100.0).recording
+        for quality in ("good", "bad")
+    )
+    ratio = bad.samples[:12].var(axis=1) / good.samples[:12].var(axis=1)
+    assert ratio == pytest.approx(np.full(12, 1.080 / 0.4032), rel=1e-6)
+
+
+def test_an_accelerometer_on_a_frame_reads_gravity_as_the_frame_turns() -> None:
+    metro = read_vehicle("metro")
+    sensor = metro.sensor[0].model_copy(update={"direction": (0.6, 0.0, 0.8)})
+    turned = metro.model_copy(update={"sensor": (sensor,)})
+    still = with_gravity(structure(turned), turned)
+    row = dict(zip(still.coordinates, still.outputs.displacement[0], strict=True))
+    assert {name: value for name, value in row.items() if value} == {"bogie1_pitch": pytest.approx(-0.6 * 9.81)}
 
 
 def test_settings_can_be_sent_to_another_process() -> None:

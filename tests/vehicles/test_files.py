@@ -284,7 +284,7 @@ def test_chain_has_neither_body_nor_corners(fields, message) -> None:
 
 
 def test_neither_file_nor_name() -> None:
-    with pytest.raises(ParameterError, match="vehicle 'zafirra' is neither a file nor one of chain3, plate, "):
+    with pytest.raises(ParameterError, match="vehicle 'zafirra' is neither a file nor one of chain3, coach, "):
         read_vehicle("zafirra")
     with pytest.raises(ParameterError, match="is neither a file"):
         read_vehicle("/")

@@ -91,10 +91,13 @@ def test_models_of_any_scale_are_vehicles(name, scale) -> None:
     powers = {"mass": 3, "unsprung_mass": 3, "wheelset_mass": 3, "damping": 2, "x": 1, "half_track": 1, "height": 1}
     powers |= {"pitch_inertia": 5, "roll_inertia": 5, "yaw_inertia": 5, "wheelset_roll_inertia": 5}
     powers |= dict.fromkeys(("spring_stiffness", "tyre_stiffness", "longitudinal_stiffness"), 1)
-    powers |= {"contact_half_track": 1}
-    tables = [fields["body"], *fields["axle"], *fields.get("mounted_mass", ())]
+    stages = dict.fromkeys(("primary_stiffness", "secondary_stiffness"), 1)
+    powers |= {"contact_half_track": 1, "half_wheelbase": 1, "primary_damping": 2, "secondary_damping": 2, **stages}
+    tables = [fields["body"], *fields.get("axle", ()), *fields.get("bogie", ()), *fields.get("mounted_mass", ())]
     for table in tables:
         table |= {key: value * scale ** powers[key] for key, value in table.items() if key in powers}
+        if "half_spacing" in table:
+            table["half_spacing"] = [scale * place for place in table["half_spacing"]]
     for sensor in fields["sensor"]:
         sensor["position"] = [scale * place for place in sensor["position"]]
     parse_vehicle({**fields, "kind": read_description(name).kind})

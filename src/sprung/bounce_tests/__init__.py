@@ -91,7 +91,9 @@ def bounce(
     modes = fit.modes if fit is not None else pooled(with_friction)
     modes = labelled(modes, runs[0].channels, vehicle=vehicle)
     corners: tuple[CornerValue, ...] = ()
-    if isinstance(vehicle, Vehicle) and fit is not None:
+    if isinstance(vehicle, Vehicle) and vehicle.bogie:
+        notes.append("springs and dampers are not estimated: the vehicle stands on bogies")
+    elif isinstance(vehicle, Vehicle) and fit is not None:
         corners, more = corners_of(fit, vehicle)
         notes += more
     if with_friction:

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import check_number, check_type, freeze, settings_of
+from sprung._checks import check_number, freeze, settings_of
 from sprung._display import Drawable, Savable, Tabular, counted, in_short
 from sprung.calibration.draft import (
     COMPONENT_FIELDS,
@@ -40,7 +40,7 @@ from sprung.errors import DataError, ParameterError
 from sprung.likelihood import CornerSettings
 from sprung.likelihood.spectra import OVERCOUNT
 from sprung.recording import Recording, each_recording
-from sprung.vehicles import Component, Vehicle, corner_names
+from sprung.vehicles import Component, Vehicle, check_on_axles, corner_names
 from sprung.vehicles.sections import FlexibleMode, LearntNumber
 from sprung.vehicles.sensor_checks import refuse_wrong_sensors
 from sprung.vehicles.window import Window, window_of
@@ -269,7 +269,7 @@ def calibrate(
     (True, True, False)
     """
     settings = settings_of(CalibrationSettings, settings)
-    check_type("vehicle", vehicle, Vehicle)
+    check_on_axles(vehicle, "a calibration")
     windows = [window_of(recording, vehicle, allow_missing=allow_missing) for recording in each_recording(recordings)]
     _check_alike(windows)
     faults = refuse_wrong_sensors(windows)

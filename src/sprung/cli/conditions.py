@@ -146,6 +146,21 @@ class RoadDriveConditions(DriveConditions):
     wheel_orders: WheelOrders | None = None
 
 
+class RailDriveConditions(DriveConditions):
+    """Conditions of drives on a track.
+
+    Parameters
+    ----------
+    quality
+        Level of the track's irregularity by ERRI B176: "good" (low) or "bad" (high).
+    welded
+        Whether the rails are welded; otherwise they have dipped joints every 18 m.
+    """
+
+    quality: Literal["good", "bad"] = "good"
+    welded: bool = False
+
+
 class RigRunConditions(DriveConditions):
     """Conditions of runs on a roller rig.
 

@@ -149,6 +149,8 @@ class Drive(Run):
         described = read_description(self.vehicle)
         if not isinstance(described, Vehicle):
             raise self._wrong_kind(described.kind, kind)
+        if described.bogie and kind != "rail":
+            raise self._wrong_kind("rail, on bogies", kind)
         vehicle = described.model_copy(update={"kind": kind})
         stated = read_conditions(model, self.conditions).settings(vehicle.speed_channel)
         if road_class is not None:
@@ -236,11 +238,11 @@ class _Rail(Drive):
 @simulate.command()
 @shares_options
 def rail(*, options: _Rail) -> None:
-    """Simulate a bogie that runs on a track."""
-    from sprung.cli.conditions import DriveConditions
+    """Simulate a bogie, or a vehicle on bogies, that runs on a track."""
+    from sprung.cli.conditions import RailDriveConditions
     from sprung.simulation import RailDrive
 
-    options.simulate("rail", DriveConditions, RailDrive)
+    options.simulate("rail", RailDriveConditions, RailDrive)
 
 
 @dataclass(frozen=True, kw_only=True)

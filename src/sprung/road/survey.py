@@ -17,7 +17,7 @@ from sprung.errors import DataError, ParameterError
 from sprung.likelihood.fitting import fit_windows
 from sprung.recording import Recording, each_recording
 from sprung.road.profile import RoadProfile, road_profile
-from sprung.vehicles import Vehicle
+from sprung.vehicles import Vehicle, check_on_axles
 from sprung.vehicles.window import window_of
 
 
@@ -343,7 +343,7 @@ def survey_road(
     >>> survey.stretches[1].left.road_class, 6 < survey.stretches[1].left.iri < 12
     ('C', True)
     """
-    check_type("vehicle", vehicle, Vehicle)
+    check_on_axles(vehicle, "a survey of the road")
     check_number("stretch", stretch, at_least=20)
     records = list(each_recording(recordings))
     windows = [window_of(record, vehicle, allow_missing=allow_missing) for record in records]

@@ -14,6 +14,7 @@ from sprung.errors import ParameterError
 from sprung.simulation.sensors import Imperfection, delayed, scaled
 from sprung.toml import checked
 from sprung.vehicles import Component, Fault, FlexibleMode, MountedMass, Sensor, Structure, Vehicle, structure
+from sprung.vehicles.structure import DAMPERS, SPRINGS
 
 #: Fields of the body and of all axles whose values may differ from the file.
 _BODY = ("mass", "pitch_inertia", "roll_inertia")
@@ -21,6 +22,8 @@ _AXLES = {"wheelbase": "x", "track": "half_track", "unsprung_mass": "unsprung_ma
 _AXLES |= {"anti_roll_stiffness": "anti_roll_stiffness"}
 #: Values that may differ from the file.
 VALUES = (*_BODY, *_AXLES)
+#: Field of the production scatter of each kind of part; contacts with rails count as tyres.
+_SCATTERING = {**dict.fromkeys(SPRINGS, "spring"), **dict.fromkeys(DAMPERS, "damper"), "tyre": "tyre"}
 #: Streams of random numbers of one vehicle, so that switching on one deviation leaves the others as they are.
 _SCATTER, _PLACES, _TILTS, _GAINS, _LAGS, WHEELS = range(6)
 
@@ -170,8 +173,8 @@ class Deviations:
             return {}
         generator, factors = self.generator(_SCATTER), {}
         for component in vehicle.components():
-            if component.side is not None and component.kind in {"spring", "damper", "tyre"}:
-                std = getattr(self.scatter, component.kind)
+            if component.side is not None and component.kind in _SCATTERING:
+                std = getattr(self.scatter, _SCATTERING[component.kind])
                 factors[component] = math.exp(std * generator.standard_normal())
         return factors
 

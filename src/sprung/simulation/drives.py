@@ -49,8 +49,9 @@ from sprung.simulation.linear import settling_time, simulate
 from sprung.simulation.nonlinear import TimeHistory, simulate_nonlinear
 from sprung.simulation.sensors import Imperfection, with_imperfections, with_noise
 from sprung.simulation.truth import plain, true_conditions, truth
-from sprung.vehicles import Component, Fault, Sensor, Structure, Vehicle, corner_names, structure, with_faults
+from sprung.vehicles import Component, Fault, Sensor, Structure, Vehicle, check_on_axles, structure, with_faults
 from sprung.vehicles.sections import SENSOR_QUANTITIES
+from sprung.vehicles.structure import DAMPERS, motions_of
 
 #: Names of the inputs that `with_body_accelerations` adds.
 INPUTS = ("longitudinal_acceleration", "lateral_acceleration")
@@ -105,16 +106,13 @@ def with_conditions(
 
 def _wheel_speed(sensor: Sensor, vehicle: Vehicle, speed: Real, yaw_rate: Real) -> Real:
     """Return the circumferential speed [m/s] or the angular velocity [rad/s] of a wheel, or the speed of the body."""
-    corners = corner_names(len(vehicle.axle))
-    corner = sensor.on.removeprefix("wheel_")
-    if corner not in corners:
+    wheel = {wheel.corner: wheel for wheel in vehicle.wheels}.get(sensor.on.removeprefix("wheel_"))
+    if wheel is None:
         return speed
-    number = corners.index(corner)
-    axle, side = vehicle.axle[number // 2], 1 - 2 * (number % 2)
-    circumferential = speed - side * axle.half_track * yaw_rate
-    if sensor.quantity == "speed" or axle.rolling_radius is None:
+    circumferential = speed - wheel.y * yaw_rate
+    if sensor.quantity == "speed" or wheel.rolling_radius is None:
         return circumferential
-    return circumferential / axle.rolling_radius
+    return circumferential / wheel.rolling_radius
 
 
 #: Height of a body's centre of gravity above the ground where nothing states it [m].
@@ -254,15 +252,44 @@ class RoadDrive(DriveSettings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RailDrive(DriveSettings):
-    """Settings of a drive on a good track with dipped joints, see `DriveSettings`."""
+    """Settings of a drive on a track; for the common ones see `DriveSettings`.
+
+    Parameters
+    ----------
+    quality
+        Level of the track's irregularity by ERRI B176: "good" (low) or "bad" (high).
+    welded
+        Whether the rails are welded; otherwise they have dipped joints every 18 m.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range, or the quality is neither "good" nor "bad".
+    """
 
     sampling_rate: float = 500.0
     speed: tuple[float, float] = (15.0, 30.0)
+    quality: Literal["good", "bad"] = "good"
+    welded: bool = False
+
+    def __post_init__(self) -> None:
+        DriveSettings.__post_init__(self)
+        rail_quality(self.quality)
 
     def excitation(self, vehicle: Vehicle, route: Route) -> Excitation:
         """Return the height of the rails under the wheels."""
-        track = rail_quality("good")
-        return SurfaceMotion(track, _axle_positions(vehicle), route.speed, contact_length=0.01, obstacles=(Joints(),))
+        return SurfaceMotion(
+            rail_quality(self.quality),
+            _axle_positions(vehicle),
+            route.speed,
+            contact_length=0.01,
+            obstacles=() if self.welded else (Joints(),),
+        )
+
+    def own_conditions(self, vehicle: Vehicle, route: Route) -> dict[str, Any]:
+        """Return the track."""
+        del vehicle, route
+        return {"track": {"quality": self.quality, "welded": self.welded}}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -358,6 +385,8 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
     """
     check_type("vehicle", vehicle, Vehicle)
     check_type("settings", settings, DriveSettings)
+    if vehicle.bogie and not isinstance(settings, RailDrive):
+        raise ParameterError(f"vehicle {vehicle.name!r} stands on bogies, which run on a track only: use RailDrive")
     generator = np.random.default_rng(seed)
     true = true_vehicle(vehicle, settings.deviations)
     healthy = _healthy(true, settings)
@@ -417,7 +446,7 @@ def _healthy(vehicle: Vehicle, settings: DriveSettings) -> Structure:
     for payload in settings.payloads:
         loaded = loaded.with_payload(payload.mass, x=payload.x, y=payload.y)
     by_kind = {
-        "damper": damping_factor(settings.suspension.temperature),
+        **dict.fromkeys(DAMPERS, damping_factor(settings.suspension.temperature)),
         "tyre": tyre_factor(settings.suspension.tyre_temperature),
     }
     warm = {part: by_kind[part.kind] for part in loaded.components() if part.side and part.kind in by_kind}
@@ -470,8 +499,8 @@ def _tyre_factors(vehicle: Vehicle, true: Structure) -> dict[Component, float]:
 
 
 def _axle_positions(vehicle: Vehicle) -> tuple[float, ...]:
-    """Return the distances of the axles ahead of the centre of gravity [m]."""
-    return tuple(axle.x for axle in vehicle.axle)
+    """Return the distances of the axles or wheelsets ahead of the centre of gravity [m]."""
+    return tuple(wheel.x for wheel in vehicle.wheels[::2])
 
 
 def _time_histories(faults: list[Fault], vehicle: Structure) -> dict[Component, TimeHistory]:
@@ -501,6 +530,7 @@ def driven_structure(vehicle: Vehicle, *, faults: Sequence[Fault] = ()) -> Struc
     >>> driven_structure(read_vehicle("zafira")).inputs[-3:]
     ('road_rear_right', 'longitudinal_acceleration', 'lateral_acceleration')
     """
+    check_on_axles(vehicle, "a vehicle that brakes and corners")
     still = with_gravity(with_faults(structure(vehicle), faults), vehicle)
     return with_body_accelerations(still, height=_height(vehicle, Driving()))
 
@@ -546,7 +576,7 @@ def with_body_accelerations(vehicle: Structure, *, height: float) -> Structure:
 
 
 def with_gravity(vehicle: Structure, description: Vehicle) -> Structure:
-    """Return the structure whose accelerometers on the body read gravity as they pitch and roll with it.
+    """Return the structure whose accelerometers on body and frames read gravity as they pitch and roll with them.
 
     Parameters
     ----------
@@ -570,12 +600,13 @@ def with_gravity(vehicle: Structure, description: Vehicle) -> Structure:
     >>> round(float(car.outputs.displacement[0, car.coordinates.index("roll")]), 3)  # m/s^2 per rad
     9.81
     """
-    on_body = {sensor.channel for sensor in description.sensor if sensor.on == "body"}
+    carriers = {sensor.channel: motions_of(sensor.on)[1:] for sensor in description.sensor}
     displacement = vehicle.outputs.displacement.copy()
     for row, channel in enumerate(vehicle.outputs.channels):
-        if channel.quantity == "acceleration" and channel.name in on_body and channel.direction is not None:
-            displacement[row, vehicle.coordinates.index("pitch")] -= GRAVITY * channel.direction[0]
-            displacement[row, vehicle.coordinates.index("roll")] += GRAVITY * channel.direction[1]
+        pitch, roll = carriers.get(channel.name, ("", ""))
+        if channel.quantity == "acceleration" and pitch in vehicle.coordinates and channel.direction is not None:
+            displacement[row, vehicle.coordinates.index(pitch)] -= GRAVITY * channel.direction[0]
+            displacement[row, vehicle.coordinates.index(roll)] += GRAVITY * channel.direction[1]
     return replace(vehicle, outputs=replace(vehicle.outputs, displacement=displacement))
 
 

@@ -1,25 +1,23 @@
-"""Contents of a vehicle file, body, axles, sensors, with the checks of every field; files read and written."""
+"""Contents of a vehicle file, body, axles or bogies, sensors, with the checks of every field."""
 
-import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from importlib import resources
-from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
+from pydantic_core import PydanticKnownError
 
-from sprung._checks import check_number, check_path, check_type
+from sprung._checks import check_number, check_type
 from sprung._display import in_short, listed
-from sprung.errors import FormatError, ParameterError
-from sprung.toml import checked, toml_fields
+from sprung.errors import ParameterError
 from sprung.units import STANDARD_GRAVITY
 from sprung.vehicles.sections import (
     LONGEST_DELAY,
     Axle,
     Body,
+    Bogie,
     ChainMass,
     FlexibleMode,
     LearntNumber,
@@ -80,6 +78,25 @@ def corner_names(n_axles: int) -> tuple[str, ...]:
     return tuple(f"{axle}_{side}" for axle in axles for side in ("left", "right"))
 
 
+class Wheel(NamedTuple):
+    """Wheel by the name of its corner, its place on the road or track [m], and the radius on which it rolls [m/rad]."""
+
+    corner: str
+    x: float
+    y: float
+    rolling_radius: float | None = None
+
+
+_Support = TypeVar("_Support", Axle, Bogie)
+
+
+def _none_or_several(supports: tuple[_Support, ...]) -> tuple[_Support, ...]:
+    """Refuse a single axle or bogie, on which no body stands."""
+    if len(supports) == 1:
+        raise PydanticKnownError("too_short", {"field_type": "Tuple", "min_length": 2, "actual_length": 1})
+    return supports
+
+
 class Description(Section):
     """Fields of all vehicle files.
 
@@ -121,7 +138,9 @@ class Description(Section):
     def parts(self) -> tuple[str, ...]:
         """Parts that can carry a sensor: the body, and every coordinate that is not a motion of the body."""
         of_body = {*BODY_MOTIONS, *FLEXIBLE_SHAPES}
-        others = tuple(name for name in self.coordinates if name not in of_body and not name.endswith("_roll"))
+        others = tuple(
+            name for name in self.coordinates if name not in of_body and not name.endswith(("_pitch", "_roll"))
+        )
         return others if "bounce" not in self.coordinates else ("body", *others)
 
     @property
@@ -149,7 +168,7 @@ class Description(Section):
 
 
 class Vehicle(Description):
-    """Body on two or more axles, from front to rear; for the other fields see `Description`.
+    """Body on two or more axles, or on bogies, from front to rear; for the other fields see `Description`.
 
     Parameters
     ----------
@@ -159,6 +178,8 @@ class Vehicle(Description):
         Sprung body.
     axle
         Axles from front to rear.
+    bogie
+        Bogies from front to rear, in place of axles: a rail vehicle with two stages of suspension.
     mounted_mass
         Masses on mounts on the body.
     flexible_mode
@@ -169,7 +190,8 @@ class Vehicle(Description):
 
     kind: Literal["road", "rail", "rig"]
     body: Body = Body()
-    axle: Annotated[tuple[Axle, ...], Field(strict=False, min_length=2, max_length=50)]
+    axle: Annotated[tuple[Axle, ...], Field(strict=False, max_length=50), AfterValidator(_none_or_several)] = ()
+    bogie: Annotated[tuple[Bogie, ...], Field(strict=False, max_length=20), AfterValidator(_none_or_several)] = ()
     mounted_mass: Annotated[tuple[MountedMass, ...], Field(strict=False, max_length=50)] = ()
     flexible_mode: Annotated[tuple[FlexibleMode, ...], Field(strict=False, max_length=2)] = ()
     learnt: Annotated[tuple[LearntNumber, ...], Field(strict=False, max_length=1000)] = ()
@@ -177,21 +199,46 @@ class Vehicle(Description):
     @property
     def inertias(self) -> tuple[float, float]:
         """Pitch and roll inertia of the body [kg m^2], estimated from mass and geometry where the file has none."""
-        body, half_track = self.body, max(axle.half_track for axle in self.axle)
-        pitch = body.pitch_inertia or PITCH_SHARE * body.mass * self.axle[0].x * -self.axle[-1].x
-        return pitch, body.roll_inertia or ROLL_SHARE * body.mass * half_track**2
+        body, supports = self.body, self.axle or self.bogie
+        pitch = body.pitch_inertia or PITCH_SHARE * body.mass * supports[0].x * -supports[-1].x
+        return pitch, body.roll_inertia or ROLL_SHARE * body.mass * self.half_width**2
+
+    @property
+    def wheels(self) -> tuple[Wheel, ...]:
+        """Wheels from front to rear, left before right; places of axles without wheels too."""
+        axles = [(axle.x, axle.half_track, axle.rolling_radius) for axle in self.axle] + [
+            (bogie.x + sign * bogie.half_wheelbase, bogie.contact_half_spacing, None)
+            for bogie in self.bogie
+            for sign in (1, -1)
+        ]
+        names = self.suspensions if self.axle else [name for name in self.suspensions if name.count("_") > 1]
+        places = [(x, side * half, radius) for x, half, radius in axles for side in (1, -1)]
+        return tuple(Wheel(name, *place) for name, place in zip(names, places, strict=True))
+
+    @property
+    def wheelbase(self) -> float:
+        """Distance of the last axle or wheelset behind the first one [m]."""
+        return self.wheels[0].x - self.wheels[-1].x
 
     @property
     def suspensions(self) -> tuple[str, ...]:
-        """Names of the corners."""
-        return corner_names(len(self.axle))
+        """Names of the corners; of bogies the sides of the secondary and the axle boxes of the primary suspension."""
+        if self.axle:
+            return corner_names(len(self.axle))
+        places = ("left", "right", "front_left", "front_right", "rear_left", "rear_right")
+        return tuple(f"bogie{number}_{place}" for number in range(1, len(self.bogie) + 1) for place in places)
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of the motions of body, wheels or wheelsets and mounted masses, and of the flexible modes."""
-        corners = corner_names(len(self.axle))
+        """Names of the motions of body, frames, wheels or wheelsets and mounted masses, and of the flexible modes."""
+        body = BODY_MOTIONS[: 5 if self.axle and self.axle[0].lateral_stiffness is not None else 3]
+        bogies: list[str] = []
+        for number in range(1, len(self.bogie) + 1):
+            bogies += [f"bogie{number}", f"bogie{number}_pitch", f"bogie{number}_roll"]
+            for wheelset in (f"wheelset{2 * number - 1}", f"wheelset{2 * number}"):
+                bogies += [wheelset, f"{wheelset}_roll"]
         wheels: list[str] = []
-        for axle, left, right in zip(self.axle, corners[::2], corners[1::2], strict=True):
+        for axle, left, right in zip(self.axle, self.suspensions[::2], self.suspensions[1::2], strict=False):
             name = left.removesuffix("_left")
             if axle.wheelset_mass is not None:
                 wheels += [f"wheelset_{name}", f"wheelset_{name}_roll"]
@@ -199,18 +246,28 @@ class Vehicle(Description):
                 wheels += [f"wheel_{left}", f"wheel_{right}"]
         mounted = [f"mounted_mass_{number}" for number in range(1, len(self.mounted_mass) + 1)]
         flexible = [mode.shape for mode in self.flexible_mode]
-        return (*BODY_MOTIONS[: 5 if self.axle[0].lateral_stiffness is not None else 3], *wheels, *mounted, *flexible)
+        return (*body, *bogies, *wheels, *mounted, *flexible)
+
+    @property
+    def half_width(self) -> float:
+        """Largest distance of a spring from the middle [m]."""
+        return max([axle.half_track for axle in self.axle] + [max(bogie.half_spacing) for bogie in self.bogie])
 
     @model_validator(mode="after")
     def _axles_in_order(self) -> "Vehicle":
-        positions = [axle.x for axle in self.axle]
+        if self.bogie:
+            self._check_bogies()
+        elif not self.axle:
+            raise ValueError("axle is missing: add it")
+        what, supports = ("bogies", self.bogie) if self.bogie else ("axles", self.axle)
+        positions = [support.x for support in supports]
         if positions != sorted(set(positions), reverse=True) or not positions[0] > 0 > positions[-1]:
             raise ValueError(
-                f"x of the axles is {positions}, but must fall from front to rear with the body's centre of gravity "
-                "(x = 0) between the first and the last: order the axles and give x behind it a minus sign"
+                f"x of the {what} is {positions}, but must fall from front to rear with the body's centre of gravity "
+                f"(x = 0) between the first and the last: order the {what} and give x behind it a minus sign"
             )
         for sensor in self.sensor:
-            if sensor.is_motion and sensor.between is None and sensor.on == "body":
+            if sensor.is_motion and sensor.between is None and (sensor.on == "body" or sensor.on.startswith("bogie")):
                 self._check_layout(sensor)
             if sensor.quantity == "wheel_speed":
                 self._check_wheel(sensor)
@@ -218,6 +275,17 @@ class Vehicle(Description):
             raise ValueError("lateral_stiffness is given for some axles only: give it for all, or for none")
         _check(_magnitudes(self))
         return self
+
+    def _check_bogies(self) -> None:
+        """Raise if the file has what a vehicle on bogies cannot have."""
+        if self.axle:
+            raise ValueError("the file has both [[axle]] and [[bogie]] tables: keep those of one kind")
+        if self.kind != "rail":
+            raise ValueError(f'kind={self.kind!r} must be "rail" for a vehicle with [[bogie]] tables: correct it')
+        if self.flexible_mode:
+            raise ValueError("[[flexible_mode]] is for bodies on [[axle]] tables: remove it")
+        if any(sensor.quantity == "wheel_speed" for sensor in self.sensor):
+            raise ValueError("quantity 'wheel_speed' is for wheels of [[axle]] tables: give the speed in m/s")
 
     @model_validator(mode="after")
     def _shapes_differ(self) -> "Vehicle":
@@ -237,7 +305,7 @@ class Vehicle(Description):
 
     def _check_wheel(self, sensor: Sensor) -> None:
         """Raise if a sensor of a wheel's rotation is not on a wheel of known radius."""
-        wheels = {f"wheel_{corner}": self.axle[row // 2] for row, corner in enumerate(self.suspensions)}
+        wheels = {f"wheel_{wheel.corner}": wheel for wheel in self.wheels}
         if sensor.on not in wheels:
             raise ValueError(
                 f"sensor {sensor.channel!r}, on={sensor.on!r} must be one of {', '.join(wheels)}: correct it"
@@ -247,6 +315,19 @@ class Vehicle(Description):
                 f"sensor {sensor.channel!r} measures the rotation of {sensor.on}, whose axle has no rolling_radius: "
                 "add rolling_radius = 0.31 (in metres) to the axle"
             )
+
+
+def check_on_axles(vehicle: Vehicle, what: str) -> None:
+    """Refuse a vehicle on bogies, or what is no vehicle, for what needs axles.
+
+    Raises
+    ------
+    ParameterError
+        If it is not a vehicle on axles.
+    """
+    check_type("vehicle", vehicle, Vehicle)
+    if vehicle.bogie:
+        raise ParameterError(f"vehicle {vehicle.name!r} stands on [[bogie]] tables, but {what} needs [[axle]] tables")
 
 
 class Quarter(Description):
@@ -330,27 +411,43 @@ _MILLIMETRES = "is that mm? Give metres"
 
 
 def _magnitudes(vehicle: Vehicle) -> Iterator[_Magnitude]:
-    """Yield the numbers of a body on axles, the most basic first."""
-    wheelbase = vehicle.axle[0].x - vehicle.axle[-1].x
-    base = f"[[axle]], x: a wheelbase of {wheelbase:g} m"
+    """Yield the numbers of a body on axles or bogies, the most basic first."""
+    table, wheelbase, body = "[[axle]]" if vehicle.axle else "[[bogie]]", vehicle.wheelbase, vehicle.body
+    base = f"{table}, x: a wheelbase of {wheelbase:g} m"
     of_vehicle = f"of a vehicle with a wheelbase of {wheelbase:g} m"
-    body, share = vehicle.body, vehicle.body.mass / (2 * len(vehicle.axle))
     axles = {f"[[axle]] {number}": axle for number, axle in enumerate(vehicle.axle, start=1)}
+    bogies = {f"[[bogie]] {number}": bogie for number, bogie in enumerate(vehicle.bogie, start=1)}
+    widths = {f"{where}, half_track": axle.half_track for where, axle in axles.items()} | {
+        f"{where}, {name}": width
+        for where, bogie in bogies.items()
+        for name, width in zip(("half_spacing[1]", "half_spacing[2]"), bogie.half_spacing, strict=True)
+    }
     low, high = _LIMITS.half_tracks
-    for where, axle in axles.items():
-        half, ratio = axle.half_track, axle.half_track / wheelbase
-        yield _Magnitude(f"{where}, half_track={half:g} m {of_vehicle}", ratio, high=high, above=_MILLIMETRES)
-        yield _Magnitude(f"{base} with a half track of {half:g} m", ratio, low=low, below=_MILLIMETRES)
+    for where, half in widths.items():
+        name, ratio = where.rpartition(", ")[2].replace("_", " "), half / wheelbase
+        yield _Magnitude(f"{where}={half:g} m {of_vehicle}", ratio, high=high, above=_MILLIMETRES)
+        yield _Magnitude(f"{base} with a {name} of {half:g} m", ratio, low=low, below=_MILLIMETRES)
     yield _Magnitude(base, wheelbase, high=_LIMITS.longest, above=_MILLIMETRES)
-    area = wheelbase * 2 * max(axle.half_track for axle in vehicle.axle)
+    area = wheelbase * 2 * vehicle.half_width
     if body.mass != 1:  # else all is per kilogram of body
         remedy = "Give kilograms, or leave it out where all values are per kilogram of body"
         what = f"body, mass={body.mass:g} kg of a vehicle with {area:.3g} m2 between its wheels"
         limits = _LIMITS.mass_of_area
         yield _Magnitude(what, body.mass / area, *limits, f"is that t? {remedy}", f"is that g? {remedy}")
     yield from _inertias(vehicle)
+    is_road = vehicle.kind in {"road", "rail"}
     for where, axle in axles.items():
-        yield from _suspension(where, axle, share, room=wheelbase, is_road=vehicle.kind in {"road", "rail"})
+        yield from _suspension(where, axle, body.mass / (2 * len(axles)), room=wheelbase, is_road=is_road)
+    for where, bogie in bogies.items():
+        share = body.mass / (2 * len(bogies))
+        for stage, mass in (("secondary", share), ("primary", share / 2 + bogie.mass / 4)):
+            corner = _Stage(
+                getattr(bogie, f"{stage}_stiffness"),
+                getattr(bogie, f"{stage}_damping"),
+                bogie.wheelset_mass / 2 if stage == "primary" else bogie.mass / 2,
+                bogie.contact_stiffness if stage == "primary" else None,
+            )
+            yield from _suspension(where, corner, mass, room=wheelbase, is_road=is_road, stage=stage)
     farthest = _LIMITS.farthest * wheelbase
     beyond = f"is more than {farthest:.3g} m, five wheelbases, from the centre of gravity"
     for number, sensor in enumerate(vehicle.sensor, start=1):
@@ -376,7 +473,7 @@ def _magnitudes(vehicle: Vehicle) -> Iterator[_Magnitude]:
 def _inertias(vehicle: Vehicle) -> Iterator[_Magnitude]:
     """Yield the inertias of a body of its mass and size."""
     body, advice = vehicle.body, "correct the unit"
-    reach = max(abs(axle.x) for axle in vehicle.axle), max(axle.half_track for axle in vehicle.axle)
+    reach = max(abs(support.x) for support in vehicle.axle or vehicle.bogie), vehicle.half_width
     for name, inertia, length in zip(("pitch", "roll"), (body.pitch_inertia, body.roll_inertia), reach, strict=True):
         if inertia is not None:
             low, high = ((share * length) ** 2 * body.mass for share in _LIMITS.gyration)
@@ -393,12 +490,23 @@ def _inertias(vehicle: Vehicle) -> Iterator[_Magnitude]:
     yield _Magnitude(what, abs(product), high=math.nextafter(limit, 0), above=advice)
 
 
+class _Stage(NamedTuple):
+    """Stage of a suspension, with what moves below it."""
+
+    spring_stiffness: float
+    damping: float
+    unsprung_mass: float
+    tyre_stiffness: float | None
+
+
 def _suspension(
-    where: str, corner: Axle | QuarterCorner, mass: float, *, room: float, is_road: bool
+    where: str, corner: Axle | QuarterCorner | _Stage, mass: float, *, room: float, is_road: bool, stage: str = ""
 ) -> Iterator[_Magnitude]:
     """Yield the numbers of a suspension against the mass above it [kg] and the room below it [m]."""
     above, stiffness = f"under {mass:.3g} kg of body", corner.spring_stiffness
-    spring = f"{where}, spring_stiffness={stiffness:g} N/m {above}"
+    named = {"spring": f"{stage}_stiffness", "damper": f"{stage}_damping", "tyre": "contact_stiffness"}
+    named = named if stage else {"spring": "spring_stiffness", "damper": "damping", "tyre": "tyre_stiffness"}
+    spring = f"{where}, {named['spring']}={stiffness:g} N/m {above}"
     sinking = STANDARD_GRAVITY * mass / stiffness
     what = f"{spring}: sinking by {sinking:.3g} m, more than {room:.3g} m"
     yield _Magnitude(what, sinking, high=room, above="is that N/mm? Give N/m")
@@ -407,224 +515,15 @@ def _suspension(
     what = f"{spring}: a bounce at {frequency:.3g} Hz"
     yield _Magnitude(what, frequency, high=highest, above="correct the units, N/m and kg")
     if corner.unsprung_mass is not None:
-        what = f"{where}, unsprung_mass={corner.unsprung_mass:g} kg {above}"
+        what = f"{where}, {'mass below' if stage else 'unsprung_mass'}={corner.unsprung_mass:g} kg {above}"
         grams = "is that g, or is the mass of the body missing? Give kilograms"
         yield _Magnitude(what, corner.unsprung_mass / mass, *_LIMITS.unsprung, "is that t? Give kilograms", grams)
     if corner.tyre_stiffness is not None:
-        what = f"{where}, tyre_stiffness={corner.tyre_stiffness:g} N/m below springs of {stiffness:g} N/m"
+        what = f"{where}, {named['tyre']}={corner.tyre_stiffness:g} N/m below springs of {stiffness:g} N/m"
         other = "is one of them in another unit? Give N/m"
         yield _Magnitude(what, corner.tyre_stiffness / stiffness, *_LIMITS.tyres, "is that N/mm? Give N/m", other)
     ratio, (low, high) = corner.damping / (2 * math.sqrt(stiffness * mass)), _LIMITS.damping
-    what = f"{where}, damping={corner.damping:g} N s/m {above}: that damps it by {100 * ratio:.2g} %"
+    what = f"{where}, {named['damper']}={corner.damping:g} N s/m {above}: that damps it by {100 * ratio:.2g} %"
     units = "Give N s/m, kg and N/m"
     questions = f"is that N s/mm? {units}", f"is the stiffness in another unit? {units}"
     yield _Magnitude(what, ratio, low if is_road and ratio > 0 else 0.0, high, *questions)
-
-
-#: Vehicles shipped with the package.
-VEHICLES = ("chain3", "plate", "quarter", "scale-bogie", "y25", "zafira", "zafira-printed")
-
-# A vehicle file is a page of text; anything larger is another file.
-_LARGEST_FILE = 1_000_000
-
-
-def read_vehicle(path_or_name: str | Path) -> Vehicle:
-    """Read the file of a vehicle on axles, or one of those shipped with the package.
-
-    Parameters
-    ----------
-    path_or_name
-        A name of `VEHICLES`, or the path of a TOML file.
-
-    Returns
-    -------
-    Vehicle
-        Description of a body on axles (kind road, rail or rig). `read_description` reads quarter vehicles and chains
-        as well.
-
-    Raises
-    ------
-    ParameterError
-        If the file or name does not exist, or describes a quarter vehicle or a chain.
-    FormatError
-        If the file is not a valid vehicle file; the message names file, field, rule and remedy.
-
-    Examples
-    --------
-    >>> read_vehicle("zafira").body.mass
-    1480.0
-    """
-    return _on_axles(read_description(path_or_name), source=str(path_or_name))
-
-
-def read_description(path_or_name: str | Path) -> Vehicle | Quarter | Chain:
-    """Read a vehicle file of any kind, or one of the vehicles shipped with the package.
-
-    Parameters
-    ----------
-    path_or_name
-        A name of `VEHICLES`, or the path of a TOML file.
-
-    Returns
-    -------
-    Vehicle, Quarter or Chain
-        Description of the kind that the file states.
-
-    Raises
-    ------
-    ParameterError
-        If the file or name does not exist.
-    FormatError
-        If the file is not a valid vehicle file; the message names file, field, rule and remedy.
-
-    Examples
-    --------
-    >>> read_description("chain3").kind
-    'chain'
-    """
-    check_path("path_or_name", path_or_name)
-    if str(path_or_name) in VEHICLES:
-        return _read(str(path_or_name), _shipped(str(path_or_name)))
-    path = Path(path_or_name)
-    if not path.is_file():
-        raise ParameterError(
-            f"vehicle {str(path_or_name)!r} is neither a file nor one of {', '.join(VEHICLES)}: correct the path"
-        )
-    if path.stat().st_size > _LARGEST_FILE:
-        raise FormatError(
-            f"{path} has {path.stat().st_size} bytes, more than any vehicle file: give the TOML file of the vehicle"
-        )
-    return _read(str(path), path.read_bytes())
-
-
-def parse_vehicle(fields: Mapping[str, Any]) -> Vehicle | Quarter | Chain:
-    """Check the fields of a vehicle and return it.
-
-    Parameters
-    ----------
-    fields
-        Fields as in a vehicle file; `schema` may be left out.
-
-    Raises
-    ------
-    ParameterError
-        If a field is missing, unknown or outside its range; the message names field, rule and remedy.
-
-    Examples
-    --------
-    >>> corner = {"unsprung_mass": 40.0, "spring_stiffness": 2e4, "damping": 1500.0, "tyre_stiffness": 2e5}
-    >>> quarter = parse_vehicle({"kind": "quarter", "name": "mine", "corner": corner, "body": {"mass": 400.0}})
-    >>> quarter.corner.tyre_stiffness
-    200000.0
-    """
-    kind = fields.get("kind")
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise ParameterError(f"kind={kind!r} must be one of {', '.join(KINDS)}: add or correct it")
-    return checked(KINDS[kind], fields)
-
-
-def write_vehicle(vehicle: Vehicle | Quarter | Chain, path: str | Path) -> None:
-    """Write a vehicle file; reading it gives an equal vehicle.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> zafira = read_vehicle("zafira")
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_vehicle(zafira, Path(folder) / "car.toml")
-    ...     again = read_vehicle(Path(folder) / "car.toml")
-    ...
-    >>> again == zafira
-    True
-    """
-    check_type("vehicle", vehicle, Vehicle, Quarter, Chain)
-    check_path("path", path)
-    Path(path).write_text(vehicle_text(vehicle), encoding="utf-8")
-
-
-def vehicle_text(vehicle: Vehicle | Quarter | Chain) -> str:
-    """Return the text of a vehicle file.
-
-    Examples
-    --------
-    >>> print(vehicle_text(read_vehicle("zafira")).splitlines()[0])
-    schema = "sprung.vehicle/1"
-    """
-    fields = vehicle.model_dump(mode="json", exclude_defaults=True)
-    return _toml({"schema": vehicle.schema_name, **fields})
-
-
-def vehicle_from_text(text: str, *, source: str) -> Vehicle:
-    """Return the vehicle on axles that the text of a file describes.
-
-    Parameters
-    ----------
-    text
-        Content of a vehicle file.
-    source
-        Name of the file in messages.
-
-    Raises
-    ------
-    FormatError
-        If the text is not a valid vehicle file.
-    ParameterError
-        If it describes a quarter vehicle or a chain.
-
-    Examples
-    --------
-    >>> text = vehicle_text(read_vehicle("zafira"))
-    >>> vehicle_from_text(text, source="zafira.toml") == read_vehicle("zafira")
-    True
-    """
-    return _on_axles(_read(source, text.encode("utf-8")), source=source)
-
-
-def _on_axles(description: Vehicle | Quarter | Chain, *, source: str) -> Vehicle:
-    """Reject a description that is not of a body on axles."""
-    if not isinstance(description, Vehicle):
-        raise ParameterError(
-            f"vehicle {source!r} is of kind {description.kind}, but must be a body on axles (kind road, rail or rig): "
-            "give the file of such a vehicle"
-        )
-    return description
-
-
-def _shipped(name: str) -> bytes:
-    """Text of a vehicle file of the package."""
-    return (resources.files("sprung.vehicles") / "data" / f"{name}.toml").read_bytes()
-
-
-def _read(source: str, content: bytes) -> Vehicle | Quarter | Chain:
-    """Parse and check a vehicle file; `source` is its name in messages."""
-    fields = toml_fields(content, source=source)
-    if fields.get("schema") != "sprung.vehicle/1":
-        raise FormatError(
-            f'{source}: schema={fields.get("schema")!r} must be "sprung.vehicle/1": add it as the first line if this '
-            "is a vehicle file"
-        )
-    try:
-        return parse_vehicle(fields)
-    except ParameterError as error:
-        raise FormatError(f"{source}: {error}") from None
-
-
-def _toml(fields: Mapping[str, Any], prefix: str = "") -> str:
-    """Write scalars and lists, then tables, then arrays of tables."""
-    lines = [f"{key} = {_toml_value(value)}" for key, value in fields.items() if not _is_table(value)]
-    for key, value in fields.items():
-        if isinstance(value, Mapping):
-            lines.append(f"\n[{prefix}{key}]\n{_toml(value)}".rstrip("\n"))
-        elif _is_table(value):
-            lines += [f"\n[[{prefix}{key}]]\n{_toml(entry)}".rstrip("\n") for entry in value]
-    return "\n".join(lines) + "\n"
-
-
-def _is_table(value: Any) -> bool:
-    """Whether a value is a table or a list of tables."""
-    return isinstance(value, Mapping) or (isinstance(value, list) and bool(value) and isinstance(value[0], Mapping))
-
-
-def _toml_value(value: Any) -> str:
-    """Write text, numbers and lists of numbers; their TOML is their JSON, but for the delete character."""
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

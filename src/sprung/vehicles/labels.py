@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sprung._arrays import Complex, Real
-from sprung.modal import Modes
+from sprung.modal import Modes, mac
 from sprung.recording import Channel
 from sprung.vehicles import (
     Description,
@@ -30,6 +30,7 @@ class _Naming:
     """Limits of the names of modes, and of what is usual."""
 
     share: float = 0.5  # smallest share of a motion in a mode that is named after it
+    similar: float = 0.7  # smallest MAC with the mode of the vehicle file on bogies whose label it gets
     explained: float = 0.7  # smallest share of the shape that the rigid body must explain
     nearby: float = 0.2  # largest relative difference from a known natural frequency of a mode identified with it
     unsure: float = 1.6  # factor to the file's body modes: a full load, one broken spring, friction that locks springs
@@ -118,7 +119,7 @@ def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Description 
         Channels of `modes`, in the same order.
     vehicle
         Vehicle description, for the mass matrix of the body (shares of energy) and the wheel-hop frequencies. The modes
-        of a quarter vehicle or a chain are labelled by frequency only.
+        of a quarter vehicle or a chain are labelled by frequency only, those of a vehicle on bogies by their shapes.
 
     Returns
     -------
@@ -133,6 +134,8 @@ def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Description 
     sqrt((spring + tyre) / unsprung mass) / 2 pi of an axle is wheel hop, unless the body twists or bends in it: the
     wheels move a rigid body.
     """
+    if isinstance(vehicle, Vehicle) and vehicle.bogie:
+        return replace(modes, labels=_labels_by_shape(modes, structure(vehicle).modes()))
     if vehicle is not None and not isinstance(vehicle, Vehicle):
         return replace(modes, labels=_labels_by_frequency(modes, structure(vehicle).modes()))
     exact = None if vehicle is None else structure(vehicle)
@@ -194,6 +197,23 @@ def _shows_twist(channels: Sequence[Channel], vehicle: Vehicle | None) -> bool:
     return is_placed and len(channels) > len(MOTIONS)
 
 
+def _labels_by_shape(modes: Modes, exact: ExactModes) -> tuple[str | None, ...]:
+    """Return for each mode the label of the exact mode of the most similar shape near its frequency, each once."""
+    if not set(modes.channels) <= set(exact.channels):  # of a file without sensors
+        return (None,) * len(modes)
+    rows = [exact.channels.index(name) for name in modes.channels]
+    ratios = modes.natural_frequency[:, None] / exact.natural_frequency
+    near = (ratios < _NAMING.unsure) & (ratios > 1 / _NAMING.unsure)
+    similar = np.where(near, mac(modes.mode_shapes, exact.mode_shapes[:, rows]), 0.0)
+    best = similar.argmax(axis=1)
+    values, labels = similar.max(axis=1), [exact.labels[row] for row in best]
+    rivals = [[v for v, other in zip(values, labels, strict=True) if other == label] for label in labels]
+    return tuple(
+        label if value >= _NAMING.similar and (label == "wheel_hop" or value == max(of_label)) else None
+        for label, value, of_label in zip(labels, values, rivals, strict=True)
+    )
+
+
 def _labels_by_frequency(modes: Modes, exact: ExactModes) -> tuple[str | None, ...]:
     """Return for each mode the label of the nearest exact mode, if it is near and no other mode is nearer to it."""
     distances = np.abs(modes.natural_frequency[:, None] / exact.natural_frequency - 1)
@@ -221,16 +241,16 @@ def plausibility_notes(vehicle: Description) -> tuple[str, ...]:
         return ()
     modes = structure(vehicle).modes()
     named = {label: k for k, label in enumerate(modes.labels) if label in MOTIONS}
-    wheelbase = vehicle.axle[0].x - vehicle.axle[-1].x
     lowest, highest = _NAMING.frequencies
-    highest *= float(np.sqrt(max(1.0, _NAMING.full_size / wheelbase)))
+    highest *= float(np.sqrt(max(1.0, _NAMING.full_size / vehicle.wheelbase)))
     frequencies = {label: float(modes.natural_frequency[k]) for label, k in named.items()}
     odd = ", ".join(f"{label} {f:.2g} Hz" for label, f in frequencies.items() if not lowest <= f <= highest)
     damping = {label: float(modes.damping_ratio[k]) for label, k in named.items()}
     # Of the body above a ground that does not move: strong dampers leave no mode.
-    stiffness = 2 * sum(axle.spring_stiffness for axle in vehicle.axle)
-    damper = 2 * sum(axle.damping for axle in vehicle.axle)
-    above_ground = damper / (2 * float(np.sqrt(stiffness * vehicle.body.mass)))
+    supports = [(axle.spring_stiffness, axle.damping) for axle in vehicle.axle]
+    supports += [(bogie.secondary_stiffness, bogie.secondary_damping) for bogie in vehicle.bogie]
+    stiffness, damper = 2 * np.sum(supports, axis=0)
+    above_ground = float(damper / (2 * np.sqrt(stiffness * vehicle.body.mass)))
     damping["bounce"] = max(damping.get("bounce", 0.0), above_ground)
     least, most = _NAMING.damping
     undue = ", ".join(f"{label} {_percent(x)} %" for label, x in damping.items() if not least <= round(x, 6) <= most)

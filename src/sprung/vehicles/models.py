@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 from sprung._arrays import Real
 from sprung._checks import check_number, wrong_type
 from sprung.errors import ParameterError
-from sprung.vehicles.description import Chain, Description, Quarter, Vehicle, corner_names, parse_vehicle
+from sprung.vehicles.description import Chain, Description, Quarter, Vehicle, corner_names
+from sprung.vehicles.files import parse_vehicle
 from sprung.vehicles.sections import Axle, FlexibleMode, MountedMass
-from sprung.vehicles.structure import BodyShape, Element, Structure, body_row, sensor_outputs
+from sprung.vehicles.structure import SUSPENSIONS, BodyShape, Element, Structure, body_row, sensor_outputs
 from sprung.vehicles.system import Outputs
 
 
@@ -25,18 +26,21 @@ class _Corner(NamedTuple):
 
 
 class _Body(NamedTuple):
-    """Body among the coordinates of its vehicle, with the shapes of its flexible modes."""
+    """Body or another rigid part among the coordinates of its vehicle, with the shapes of its flexible modes."""
 
     coordinates: tuple[str, ...]
-    shapes: tuple[BodyShape, ...]
+    shapes: tuple[BodyShape, ...] = ()
+    part: str = "body"
 
     def row(self, x: float, y: float) -> Real:
         """Return the upward displacement at (x, y) [m] for one unit of each coordinate."""
-        return body_row(self.coordinates, x=x, y=y, shapes=self.shapes)
+        return body_row(self.coordinates, x=x, y=y, shapes=self.shapes, part=self.part)
 
 
 #: Modal mass of the bending of an even beam, over its mass: its coordinate is the displacement of its middle.
 BENDING_SHARE = 0.8
+#: Default of a missing roll inertia of a wheelset: radius of gyration [m] of the wheelsets of the Manchester coach.
+WHEELSET_GYRATION = 0.786
 #: Default of a missing unsprung mass: mass of all wheels over mass of the body; about 0.09 to 0.13 in cars.
 UNSPRUNG_SHARE = 1 / 9
 
@@ -47,8 +51,8 @@ def structure(description: Description) -> Structure:
     Parameters
     ----------
     description
-        Vehicle description: a `Chain`, driven by a force on each mass; a `Quarter` or a `Vehicle`, driven by the
-        displacement of the road or rail under each wheel.
+        Vehicle description: a `Chain`, driven by a force on each mass; a `Quarter` or a `Vehicle`, on axles or bogies,
+        driven by the displacement of the road or rail under each wheel.
 
     Returns
     -------
@@ -168,7 +172,7 @@ def _vehicle(description: Vehicle) -> Structure:
     """Return a body on wheels; on axles without wheels, forces on the body replace the road."""
     corners, coordinates = _corners(description), description.coordinates
     body = _Body(coordinates, tuple(_body_shape(description, mode.shape) for mode in description.flexible_mode))
-    elements = [element for corner in corners for element in _corner_elements(body, corner)]
+    elements = [*_bogie_elements(body, description), *(e for corner in corners for e in _corner_elements(body, corner))]
     elements += [
         element
         for left, right in zip(corners[::2], corners[1::2], strict=True)
@@ -178,7 +182,8 @@ def _vehicle(description: Vehicle) -> Structure:
         _mount(body, f"mounted_mass_{number}", mass) for number, mass in enumerate(description.mounted_mass, start=1)
     ]
     elements += [_flexibility(coordinates, description, mode) for mode in description.flexible_mode]
-    forces = np.zeros((len(coordinates), len(corners)))
+    inputs = tuple(_input_name(corner) for corner in corners) or tuple(f"road_{w.corner}" for w in description.wheels)
+    forces = np.zeros((len(coordinates), len(inputs)))
     for column, (_, axle, y) in enumerate(corners):
         if axle.tyre_stiffness is None:
             forces[:, column] = body.row(axle.x, y)
@@ -188,7 +193,7 @@ def _vehicle(description: Vehicle) -> Structure:
         coordinates=coordinates,
         mass=mass,
         elements=tuple(elements),
-        inputs=tuple(_input_name(corner) for corner in corners),
+        inputs=inputs,
         forces=forces,
         outputs=_outputs(description, elements, body.shapes),
         shapes=body.shapes,
@@ -242,7 +247,7 @@ def wheel_hop_frequencies(description: Vehicle) -> Real:
     Notes
     -----
     sqrt((spring + tyre stiffness) / unsprung mass) / 2 pi, with half the mass of a wheelset. The frequencies of the
-    exact undamped modes differ slightly, as the body moves too.
+    exact undamped modes differ slightly, as the body moves too. On bogies: of each wheelset, below a fixed frame.
 
     Examples
     --------
@@ -253,11 +258,14 @@ def wheel_hop_frequencies(description: Vehicle) -> Real:
     halves = np.array([(axle.wheelset_mass or 0.0) / 2 for axle in description.axle])
     unsprung = _unsprung_masses(description) + halves
     stiffness = [axle.spring_stiffness + (axle.tyre_stiffness or np.nan) for axle in description.axle]
+    for bogie in description.bogie:
+        stiffness += [bogie.primary_stiffness + bogie.contact_stiffness] * 2
+        unsprung = np.append(unsprung, [bogie.wheelset_mass / 2] * 2)
     return np.sqrt(np.array(stiffness) / unsprung) / (2 * np.pi)
 
 
 def _corners(description: Vehicle) -> list[_Corner]:
-    names = corner_names(len(description.axle))
+    names = corner_names(len(description.axle)) if description.axle else ()
     sides = [(axle, side * axle.half_track) for axle in description.axle for side in (1, -1)]
     return [_Corner(name, axle, y) for name, (axle, y) in zip(names, sides, strict=True)]
 
@@ -271,8 +279,11 @@ def _masses(description: Vehicle) -> list[float]:
     """Return the masses and inertias of the coordinates, estimated where the description omits them."""
     body, axles = description.body, description.axle
     pitch_inertia, roll_inertia = description.inertias
-    plane = [] if axles[0].lateral_stiffness is None else [body.mass, body.yaw_inertia or pitch_inertia]
+    plane = [body.mass, body.yaw_inertia or pitch_inertia] if "sway" in description.coordinates else []
     wheels: list[float] = []
+    for bogie in description.bogie:
+        roll = bogie.wheelset_roll_inertia or WHEELSET_GYRATION**2 * bogie.wheelset_mass
+        wheels += [bogie.mass, bogie.pitch_inertia, bogie.roll_inertia, *2 * [bogie.wheelset_mass, roll]]
     for axle, unsprung in zip(axles, _unsprung_masses(description), strict=True):
         if axle.wheelset_mass is not None and axle.wheelset_roll_inertia is not None:
             wheels += [
@@ -288,19 +299,17 @@ def _masses(description: Vehicle) -> list[float]:
 
 def _unsprung_masses(description: Vehicle) -> Real:
     """Return the mass of one wheel of each axle, or the mass fixed to one end of a wheelset."""
-    usual = UNSPRUNG_SHARE * description.body.mass / (2 * len(description.axle))
+    usual = UNSPRUNG_SHARE * description.body.mass / (2 * max(len(description.axle), 1))
     return np.array([axle.unsprung_mass or (usual if axle.wheelset_mass is None else 0.0) for axle in description.axle])
 
 
 def _wheel_row(coordinates: Sequence[str], corner: _Corner, y: float) -> Real:
     """Return the upward displacement of a wheel, or of a wheelset at y [m], for one unit of each coordinate."""
-    row = np.zeros(len(coordinates))
-    wheelset = f"wheelset_{corner.name.rsplit('_', 1)[0]}"
     if corner.axle.wheelset_mass is not None:
-        row[[coordinates.index(wheelset), coordinates.index(f"{wheelset}_roll")]] = 1.0, y
-    elif corner.axle.tyre_stiffness is not None:
-        row[coordinates.index(f"wheel_{corner.name}")] = 1.0
-    return row
+        return body_row(coordinates, x=0.0, y=y, part=f"wheelset_{corner.name.rsplit('_', 1)[0]}")
+    if corner.axle.tyre_stiffness is not None:
+        return body_row(coordinates, x=0.0, y=y, part=f"wheel_{corner.name}")
+    return np.zeros(len(coordinates))
 
 
 def _deflection(body: _Body, corner: _Corner) -> Real:
@@ -332,6 +341,28 @@ def _corner_elements(body: _Body, corner: _Corner) -> Iterator[Element]:
         yield Element(name, "lateral", elongation, axle.lateral_stiffness, axle.lateral_damping)
 
 
+def _bogie_elements(body: _Body, description: Vehicle) -> Iterator[Element]:
+    """Yield secondary suspension, anti-roll bar, primary suspension and wheel-rail contacts of every bogie."""
+    for number, bogie in enumerate(description.bogie, start=1):
+        name = f"bogie{number}"
+        frame, (primary, secondary) = _Body(body.coordinates, part=name), bogie.half_spacing
+        for side, sign in (("left", 1), ("right", -1)):
+            elongation = body.row(bogie.x, sign * secondary) - frame.row(0.0, sign * secondary)
+            stage = bogie.secondary_stiffness, bogie.secondary_damping
+            yield Element(f"{name}_{side}", "secondary", elongation, *stage)
+        if bogie.anti_roll_stiffness > 0:
+            turn = body.row(0.0, 1.0) - body.row(0.0, 0.0) - frame.row(0.0, 1.0) + frame.row(0.0, 0.0)
+            yield Element(name, "anti_roll", turn, bogie.anti_roll_stiffness)
+        for end, along, wheelset in (("front", 1, 2 * number - 1), ("rear", -1, 2 * number)):
+            axle = _Body(body.coordinates, part=f"wheelset{wheelset}")
+            for side, sign in (("left", 1), ("right", -1)):
+                owner, y = f"{name}_{end}_{side}", sign * primary
+                elongation = frame.row(along * bogie.half_wheelbase, y) - axle.row(0.0, y)
+                yield Element(owner, "primary", elongation, bogie.primary_stiffness, bogie.primary_damping)
+                contact = axle.row(0.0, sign * bogie.contact_half_spacing)
+                yield Element(owner, "tyre", contact, bogie.contact_stiffness, foot=f"road_{owner}")
+
+
 def _anti_roll_bar(body: _Body, left: _Corner, right: _Corner) -> Iterator[Element]:
     """Yield the anti-roll bar of one axle, if it has one."""
     if left.axle.anti_roll_stiffness > 0:
@@ -360,7 +391,7 @@ def _flexibility(coordinates: Sequence[str], description: Vehicle, mode: Flexibl
 def _outputs(description: Description, elements: Iterable[Element], shapes: Sequence[BodyShape] = ()) -> Outputs:
     """Return the outputs of the motion sensors of a description."""
     sensors = [sensor for sensor in description.sensor if sensor.is_motion]
-    suspensions = [element for element in elements if element.part == "suspension"]
+    suspensions = [element for element in elements if element.part in SUSPENSIONS]
     return sensor_outputs(
         description.coordinates,
         sensors=[sensor.as_channel() for sensor in sensors],

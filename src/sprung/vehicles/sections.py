@@ -4,7 +4,7 @@ import math
 from types import MappingProxyType
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, model_validator
 
 from sprung.recording import QUANTITIES, Channel
 from sprung.signals.data_faults import CONDITIONS
@@ -45,13 +45,15 @@ class Sensor(Section):
     unit
         Unit of that quantity; raw value times `scale` is in this unit.
     position
-        Position x forward, y left, z up from the body's centre of gravity [m].
+        Position x forward, y left, z up from the body's centre of gravity [m]; of a sensor on a bogie frame or wheelset
+        of a vehicle with two stages, from its own.
     direction
         Measured axis, or axis of rotation, of length 1.
     scale
         Factor of the raw values, not 0.
     on
-        Part that carries the sensor: "body", or a coordinate such as "wheel_front_left" or "mass_1".
+        Part that carries the sensor: "body", or a coordinate such as "wheel_front_left", "bogie1" or "mass_1". A file
+        may also call this key `body`.
     between
         Suspension between whose ends the sensor is, such as "front_left": its elongation is the quantity "travel",
         positive in extension; with the quantity "temperature", that of the damper.
@@ -65,7 +67,7 @@ class Sensor(Section):
     position: Vector | None = None
     direction: Vector | None = None
     scale: Annotated[float, Field(allow_inf_nan=False)] = 1.0
-    on: Name = "body"
+    on: Name = Field("body", validation_alias=AliasChoices("on", "body"))
     between: Name | None = None
     delay: Annotated[float, Field(ge=-LONGEST_DELAY, le=LONGEST_DELAY, allow_inf_nan=False)] = 0.0
 
@@ -209,6 +211,54 @@ class Axle(Section):
         if self.lateral_damping > 0 and self.lateral_stiffness is None:
             raise ValueError("lateral_damping needs lateral_stiffness: add it, or leave both out")
         return self
+
+
+class Bogie(Section):
+    """Bogie with two wheelsets below a car body: springs per axle box (primary) and per side (secondary).
+
+    Parameters
+    ----------
+    x
+        Distance of its pivot ahead of the body's centre of gravity [m]; negative behind it.
+    mass
+        Mass of the frame [kg].
+    pitch_inertia, roll_inertia
+        Moments of inertia of the frame [kg m^2].
+    half_wheelbase
+        Distance of the wheelsets from the pivot [m].
+    half_spacing
+        Distance of the primary and of the secondary springs from the middle [m].
+    wheelset_mass
+        Mass of a wheelset with its axle boxes [kg].
+    wheelset_roll_inertia
+        Roll inertia of a wheelset [kg m^2]; default: a radius of gyration of 0.79 m, that of the Manchester coach.
+    primary_stiffness, primary_damping
+        Vertical stiffness [N/m] and damping [N s/m] at an axle box.
+    secondary_stiffness, secondary_damping
+        Vertical stiffness [N/m] and damping [N s/m] on one side, between frame and body.
+    anti_roll_stiffness
+        Stiffness of the anti-roll bar between frame and body [N m/rad].
+    contact_stiffness
+        Stiffness of the contact of a wheel with the rail [N/m], that of Hertz linearised at the static load.
+    contact_half_spacing
+        Distance of the contacts with the rails from the middle [m]; default: that of standard gauge.
+    """
+
+    x: Length
+    mass: Positive
+    pitch_inertia: Positive
+    roll_inertia: Positive
+    half_wheelbase: Positive
+    half_spacing: Annotated[tuple[Positive, Positive], Field(strict=False)]
+    wheelset_mass: Positive
+    wheelset_roll_inertia: Positive | None = None
+    primary_stiffness: Positive
+    primary_damping: NotNegative
+    secondary_stiffness: Positive
+    secondary_damping: NotNegative
+    anti_roll_stiffness: NotNegative = 0.0
+    contact_stiffness: Positive = 1.0e9
+    contact_half_spacing: Positive = 0.75
 
 
 class MountedMass(Section):

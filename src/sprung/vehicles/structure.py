@@ -19,6 +19,8 @@ from sprung.vehicles.system import ExactModes, MechanicalSystem, Outputs, StateS
 PARTS = MappingProxyType(
     {
         "suspension": ("spring", "damper"),
+        "primary": ("primary_spring", "primary_damper"),
+        "secondary": ("secondary_spring", "secondary_damper"),
         "tyre": ("tyre", None),
         "anti_roll": ("anti_roll", None),
         "mount": ("spring", "damper"),
@@ -29,6 +31,12 @@ PARTS = MappingProxyType(
     }
 )
 
+
+#: Parts between whose ends a sensor of travel can be.
+SUSPENSIONS = ("suspension", "primary", "secondary")
+#: Kinds of their springs and dampers.
+SPRINGS = ("spring", "primary_spring", "secondary_spring")
+DAMPERS = ("damper", "primary_damper", "secondary_damper")
 
 #: Shapes of flexible modes of the body, and the coordinates called after them.
 FLEXIBLE_SHAPES = ("torsion", "bending")
@@ -186,7 +194,7 @@ class Structure:
     ----------
     coordinates
         Names of the n coordinates: "bounce", "pitch", "roll" of the body, "wheel_front_left" ..., "mass_1" ...;
-        "torsion" and "bending" of a flexible body.
+        "torsion" and "bending" of a flexible body; other parts see `motions_of`.
     mass
         Mass matrix [kg, kg m^2], shape (n, n).
     elements
@@ -370,8 +378,8 @@ def sensor_outputs(
     Small motions of a rigid body in ISO 8855 axes: with bounce z, pitch p (positive nose down), roll r (positive
     left side up), sway s and yaw w (positive to the left) the point (x, y, h) moves by (h p - y w, s + x w - h r,
     z - x p + y r), and the angular velocity is (r', p', w'). A flexible body adds the displacement of its shapes to z,
-    and their slopes -dz/dx and dz/dy to p and r at the place of the sensor. A wheelset bounces and rolls. Gravity's
-    share in the reading of a tilted accelerometer is left out.
+    and their slopes -dz/dx and dz/dy to p and r at the place of the sensor. A bogie frame moves as a rigid body about
+    its own centre. A wheelset bounces and rolls. Gravity's share in the reading of a tilted accelerometer is left out.
 
     References
     ----------
@@ -400,20 +408,45 @@ def sensor_outputs(
                 f"channel {sensor.name!r} is on {carrier!r}, but the parts are "
                 f"{', '.join(['body', *coordinates, *elongations])}"
             )
-        motion = _motion(sensor, carrier, shapes, is_rotation=is_rotation)
+        has_pitch = motions_of(carrier)[1] in coordinates
+        motion = _motion(sensor, carrier, shapes, is_rotation=is_rotation, has_pitch=has_pitch)
         for name, value in motion.items():  # names that the structure lacks are 0
             if name in coordinates:
                 rows[order][row, coordinates.index(name)] = value
     return Outputs(channels=tuple(sensors), acceleration=rows[2], velocity=rows[1], displacement=rows[0])
 
 
-def body_row(coordinates: Sequence[str], *, x: float, y: float, shapes: Sequence[BodyShape] = ()) -> Real:
-    """Return the upward displacement of the body at (x, y) [m] for one unit of each coordinate, shape (n,).
+def motions_of(part: str) -> tuple[str, str, str]:
+    """Return the names of bounce, pitch and roll of a part: "bogie1", "bogie1_pitch", "bogie1_roll"; of the body's.
+
+    Examples
+    --------
+    >>> motions_of("body")
+    ('bounce', 'pitch', 'roll')
+    """
+    return ("bounce", "pitch", "roll") if part == "body" else (part, f"{part}_pitch", f"{part}_roll")
+
+
+def body_row(
+    coordinates: Sequence[str], *, x: float, y: float, shapes: Sequence[BodyShape] = (), part: str = "body"
+) -> Real:
+    """Return the upward displacement of a part at (x, y) [m] for one unit of each coordinate, shape (n,).
+
+    Parameters
+    ----------
+    coordinates
+        Names of the n coordinates.
+    x, y
+        Place ahead and to the left of the part's own centre of gravity [m].
+    shapes
+        Shapes of the flexible modes of the body.
+    part
+        "body", a bogie frame, a wheel or a wheelset; rotations that it lacks are left out.
 
     Raises
     ------
     ParameterError
-        If the structure has no bounce, pitch or roll.
+        If the structure lacks the part, or its body lacks pitch or roll.
 
     Notes
     -----
@@ -430,10 +463,11 @@ def body_row(coordinates: Sequence[str], *, x: float, y: float, shapes: Sequence
     [1.0, -1.2, 0.7]
     """
     row = np.zeros(len(coordinates))
-    for name, value in (("bounce", 1.0), ("pitch", -x), ("roll", y)):
-        if name not in coordinates:
+    for name, value in zip(motions_of(part), (1.0, -x, y), strict=True):
+        if name in coordinates:
+            row[coordinates.index(name)] = value
+        elif part in {"body", name}:
             raise ParameterError(f"the structure has no {name}: only a body on axles has a place at x and y")
-        row[coordinates.index(name)] = value
     for shape in shapes:
         row[coordinates.index(shape.coordinate)] = shape.deflection(x, y)
     return row
@@ -445,21 +479,26 @@ def _weighted_gram(rows: Real, weights: Real) -> Real:
     return (gram + gram.T) / 2
 
 
-def _motion(sensor: Channel, carrier: str, shapes: Sequence[BodyShape], *, is_rotation: bool) -> dict[str, float]:
-    """Motion at the sensor for one unit of each coordinate of its carrier."""
+def _motion(
+    sensor: Channel, part: str, shapes: Sequence[BodyShape], *, is_rotation: bool, has_pitch: bool
+) -> dict[str, float]:
+    """Motion at the sensor for one unit of each coordinate; that of parts without pitch, wheels, is vertical."""
     x, y, h = sensor.position or (0.0, 0.0, 0.0)
     dx, dy, dz = sensor.direction or (0.0, 0.0, 1.0)
-    if carrier == "body" and is_rotation:
-        turning = {shape.coordinate: float(np.dot((dy, dx), shape.rotation(x, y))) for shape in shapes}
-        return {"pitch": dy, "roll": dx, "yaw": sensor.direction[2] if sensor.direction else 0.0, **turning}
-    if carrier == "body":
-        plane = {"sway": dy, "yaw": dy * x - dx * y}
-        bending = {
+    bounce, pitch, roll = motions_of(part)
+    of_body: dict[str, float] = {}
+    if part == "body" and is_rotation:
+        of_body = {shape.coordinate: float(np.dot((dy, dx), shape.rotation(x, y))) for shape in shapes}
+        of_body["yaw"] = sensor.direction[2] if sensor.direction else 0.0
+    elif part == "body":
+        of_body = {
             shape.coordinate: dz * shape.deflection(x, y) + float(np.dot((dx * h, -dy * h), shape.rotation(x, y)))
             for shape in shapes
         }
-        return {"bounce": dz, "pitch": dx * h - dz * x, "roll": dz * y - dy * h, **plane, **bending}
-    return {carrier: 0.0 if is_rotation else dz, f"{carrier}_roll": dx if is_rotation else dz * y}
+        of_body |= {"sway": dy, "yaw": dy * x - dx * y}
+    if is_rotation:
+        return {pitch: dy, roll: dx, **of_body}
+    return {bounce: dz, pitch: dx * h - dz * x, roll: dz * y - (dy * h if has_pitch else 0.0), **of_body}
 
 
 def with_faults(structure: Structure, faults: Iterable[Fault], *, time: float = math.inf) -> Structure:

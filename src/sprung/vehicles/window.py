@@ -140,8 +140,7 @@ def _with_speed_of_wheels(recording: Recording, vehicle: Vehicle) -> tuple[Recor
     four wheels is the mean of the two in between: that of the vehicle's middle in a bend, also if one sensor fails or
     one wheel slips.
     """
-    of_axles = (axle.rolling_radius or np.nan for axle in vehicle.axle for _ in range(2))
-    radii = {f"wheel_{corner}": float(radius) for corner, radius in zip(vehicle.suspensions, of_axles, strict=True)}
+    radii = {f"wheel_{wheel.corner}": wheel.rolling_radius or np.nan for wheel in vehicle.wheels}
     wheels = {sensor.channel: 1.0 for sensor in vehicle.sensor if sensor.quantity == "speed" and sensor.on in radii}
     wheels |= {sensor.channel: radii[sensor.on] for sensor in vehicle.sensor if sensor.quantity == "wheel_speed"}
     speeds_of = {channel.name: corner_of(channel.name) for channel in recording.channels if channel.quantity == "speed"}
