@@ -18,6 +18,7 @@ from sprung.modal import mac, unit_shapes
 from sprung.vehicles import Component, Vehicle, structure
 from sprung.vehicles.channel_faults import SensorFault
 from sprung.vehicles.labels import MOTIONS
+from sprung.vehicles.structure import DAMPERS
 
 #: Verdicts of a diagnosis.
 Verdict = Literal["change", "no_change_detected", "inconclusive"]
@@ -101,7 +102,7 @@ class Finding(Tabular):
         """The finding in plain words."""
         if self.change is None or self.interval is None:
             return f"the suspension differs from the baseline in a way that no single part explains: {self.advice}"
-        softer, stiffer = ("weaker", "stronger") if self.component == "damper" else ("softer", "stiffer")
+        softer, stiffer = ("weaker", "stronger") if self.component in DAMPERS else ("softer", "stiffer")
         low, high = sorted((100 * end for end in self.interval), key=abs)
         digits = 0 if abs(high - low) >= _NARROW else 1
         if low * high > 0:
@@ -122,13 +123,12 @@ class Finding(Tabular):
     @property
     def _what(self) -> str:
         """The parts in words."""
+        part, corner = self.component.replace("_", " "), self.corner.replace("_", "-")
         if self.component == "anti_roll":
             return f"{self.corner.removesuffix('_axle')} anti-roll bar or a link of it"
         if self.corner == "all":
-            return f"all {self.component}s"
-        if "_" not in self.corner:
-            return f"both {self.corner} {self.component}s"
-        return f"{self.corner.replace('_', '-')} {self.component}"
+            return f"all {part}s"
+        return f"{corner} {part}" if Component(self.corner, self.component).side else f"both {corner} {part}s"
 
 
 class Findings(tuple[Finding, ...], Tabular):

@@ -11,7 +11,7 @@ from sprung.errors import ParameterError
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
-from sprung.vehicles import Component, Structure, Vehicle, corner_names
+from sprung.vehicles import Component, Structure, Vehicle
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -122,7 +122,7 @@ def free_components(
     ParameterError
         If a name is neither a kind nor a component of a corner.
     """
-    corners = corner_names(len(vehicle.axle))
+    corners = vehicle.suspensions
     every = tuple(
         component for component, value in nominal.components().items() if component.corner in corners and value > 0
     )

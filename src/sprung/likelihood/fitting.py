@@ -41,6 +41,7 @@ from sprung.recording import Recording, each_recording
 from sprung.vehicles import Structure, Vehicle
 from sprung.vehicles.labels import MOTIONS
 from sprung.vehicles.sensor_checks import refuse_wrong_sensors
+from sprung.vehicles.structure import SPRINGS
 from sprung.vehicles.window import Window, window_of
 
 
@@ -402,7 +403,7 @@ def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real]) -> Real:
     if tempering(untempered, end) >= RULES.doubtful:
         return end
     broken = RULES.broken * np.eye(len(rough.components))
-    springs = [row for row, component in enumerate(rough.components) if component.kind == "spring"]
+    springs = [row for row, component in enumerate(rough.components) if component.kind in SPRINGS]
     start = min((rough.scaled_start(broken[row]) for row in springs), key=misfit)
     return min((end, minimised(rough, start)), key=misfit)
 

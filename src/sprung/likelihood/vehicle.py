@@ -153,6 +153,8 @@ def vehicle_model(
     >>> model.matrix(model.start).shape == spectra.matrices.shape
     True
     """
+    if vehicle.bogie and kind != "rail":
+        raise ParameterError(f'kind={kind!r} of a vehicle on bogies must be "rail": leave it out')
     components = free_components(nominal, vehicle, settings.free, kind=kind)
     blocks: list[ParameterBlock] = [FreeComponents(nominal, components, log_std=settings.prior_std)]
     if kind != "rig" if settings.has_payload is None else settings.has_payload:
@@ -173,7 +175,8 @@ def _inputs(
     """Parameter blocks of the wheels' inputs."""
     if kind == "rig":
         return [RigInputs(spectra, nominal.inputs)]
-    positions, sides = np.repeat([axle.x for axle in vehicle.axle], 2), np.tile([1.0, -1.0], len(vehicle.axle))
+    positions = np.array([wheel.x for wheel in vehicle.wheels])
+    sides = np.sign([wheel.y for wheel in vehicle.wheels])
     by_class = ClassRoughness(spectra.speeds.size)
     if kind == "road":
         return [

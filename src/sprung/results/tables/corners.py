@@ -8,6 +8,7 @@ from sprung._display import counted
 from sprung.likelihood import CornerFit
 from sprung.results.tables.identification import describe_shapes
 from sprung.results.tables.wording import Table, format_estimate, format_name
+from sprung.vehicles.structure import DAMPERS, SPRINGS
 
 if TYPE_CHECKING:
     from sprung.bounce_tests import Bounce
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 #: Letters of the longest bar, and the relative change at which it is reached.
 _BAR, _FULL = 8, 0.4
-_UNITS = {"spring": "N/m", "damper": "N s/m", "tyre": "N/m"}
+_UNITS = {**dict.fromkeys((*SPRINGS, "tyre"), "N/m"), **dict.fromkeys(DAMPERS, "N s/m")}
 
 
 def components_table(fit: CornerFit) -> Table:
