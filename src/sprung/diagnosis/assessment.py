@@ -393,7 +393,7 @@ def _is_needed(pair: Candidate, alone: Mapping[Hypothesis, float]) -> bool:
 def _words(candidate: Candidate) -> str:
     """Return a hypothesis in words."""
     return " and ".join(
-        f"{change.corner.replace('_', '-')} {change.component} by {100 * size.change:+.0f} %"
+        f"{change.corner.replace('_', '-')} {change.component} by {100 * size.change:+z.0f} %"
         for change, size in zip(candidate.hypothesis.changes, candidate.sizes, strict=True)
     )
 

@@ -76,7 +76,7 @@ class CornerFit(Tabular, Savable, Drawable):
         """Return the quality of the fit, and the components that deviate most from nominal."""
         known = np.flatnonzero(self.is_identifiable)
         order = sorted(known, key=lambda row: -abs(self.log_ratios[row]) / self.log_ratios_std[row])
-        changes = (f"{self.components[row]} {100 * np.expm1(self.log_ratios[row]):+.1f} %" for row in order)
+        changes = (f"{self.components[row]} {100 * np.expm1(self.log_ratios[row]):+z.1f} %" for row in order)
         quality = f"{counted(self.n_segments, 'segment')}, model error {100 * self.model_error:.2g} %"
         head = f"CornerFit: {len(known)} of {counted(len(self.components), 'component')} identifiable from {quality}"
         return in_short(head, f"from nominal: {listed(changes)}" if order else "", *self.notes[:1])

@@ -228,7 +228,7 @@ def _faults(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
     theory = np.array([truth.natural_frequency for truth in truths.values()])
     columns = (
         ("", [f"{condition}, {label}" for condition in list(CONDITIONS)[1:] for label in thesis.BODY_MODES]),
-        ("theory", [f"{shift:+.2f}" for shift in (theory[1:] - theory[0]).ravel()]),
+        ("theory", [f"{shift:+z.2f}" for shift in (theory[1:] - theory[0]).ravel()]),
         ("CoSS-SSI: both found in, median (5 to 95 %)", thesis.in_runs(found[:, 1:] - found[:, :1])),
     )
     table = thesis.column_table("Change of frequency with the fault [Hz]", columns)

@@ -236,7 +236,7 @@ def deviations(ours: ArrayLike, published: ArrayLike) -> list[str]:
     """
     printed = np.asarray(published, dtype=np.float64)
     relative = 100 * (np.asarray(ours) / np.where(printed == 0, np.nan, printed) - 1)
-    return [f"{value:+.2f} %" if np.isfinite(value) else "–" for value in relative.ravel()]
+    return [f"{value:+z.2f} %" if np.isfinite(value) else "–" for value in relative.ravel()]
 
 
 def theory_table(

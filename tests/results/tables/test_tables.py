@@ -2,6 +2,8 @@
 
 import math
 from datetime import UTC, datetime
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from sprung.diagnosis import Trend
 from sprung.results.tables import (
     alert_history_table,
     alerts_table,
+    describe_payload,
     describe_shapes,
     describe_trend,
     format_orders,
@@ -104,3 +107,8 @@ def test_orders_inorders_in_words():
 )
 def test_a_trend_in_words(trend, words):
     assert describe_trend(trend) == words
+
+
+def test_numbers_that_round_to_nothing_have_no_sign() -> None:
+    fit: Any = SimpleNamespace(payload={"payload_mass": {"value": -0.4, "std": 3.0}})
+    assert describe_payload(fit) == ["payload: 0 ± 3 kg"]

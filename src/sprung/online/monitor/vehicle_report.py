@@ -440,7 +440,7 @@ def _columns(rows: Sequence[Sequence[Any]]) -> tuple[Any, ...]:
 
 def _in_percent(ratio: float) -> str:
     """Return a relative change in percent with its sign."""
-    return _with_minus(f"{100 * ratio:+.1f}")
+    return _with_minus(f"{100 * ratio:+z.1f}")
 
 
 def _with_minus(number: str) -> str:

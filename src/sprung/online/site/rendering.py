@@ -253,7 +253,7 @@ def _signed(change: float, interval: tuple[float, float]) -> str:
 
 def _rounded(value: float, digits: int = 0) -> str:
     """Return a number with a number of decimals, and no sign where it rounds to 0."""
-    return f"{round(value, digits) or 0.0:.{digits}f}".replace("-", "−")
+    return f"{value:z.{digits}f}".replace("-", "−")
 
 
 def _road(roughness: float) -> str:

@@ -85,7 +85,7 @@ class CornersDocument(Document):
     def __repr__(self) -> str:
         """Return the quality of the fit, and the changes from nominal."""
         changes = (
-            f"{corner}.{kind} {100 * (part.relative_to_nominal - 1):+.1f} %"
+            f"{corner}.{kind} {100 * (part.relative_to_nominal - 1):+z.1f} %"
             for corner, parts in self.corners.items()
             for kind, part in parts.items()
             if part.is_identifiable

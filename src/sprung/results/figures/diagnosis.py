@@ -193,9 +193,9 @@ def _draw_corner(
         colour = STYLE.colours[(*STYLE.kinds, "anti_roll").index(name) % 3] if is_known else "#C8C8C8"
         axes.add_patch(Rectangle((place - 0.3, 0), 0.6, change[place], color=colour, alpha=0.75, linewidth=0))
         if is_known and change[place] >= 0:
-            draw.note(axes, f"{change[place]:+.1f} %", (place, max(far[place], 0.0)), offset=(4, 1), va="bottom")
+            draw.note(axes, f"{change[place]:+z.1f} %", (place, max(far[place], 0.0)), offset=(4, 1), va="bottom")
         elif is_known:
-            draw.note(axes, f"{change[place]:+.1f} %", (place, min(near[place], 0.0)), offset=(4, -1), va="top")
+            draw.note(axes, f"{change[place]:+z.1f} %", (place, min(near[place], 0.0)), offset=(4, -1), va="top")
     axes.set_xlim(-0.6, len(names) - 0.4)
     axes.set_xticks(range(len(names)), [name.replace("_", "-") for name in names], fontsize=STYLE.small)
 
@@ -512,7 +512,7 @@ def _draw_trend(axes: Axes, finding: Finding, minutes: Real, values: Real) -> No
     later = minutes >= finding.since / 60
     away = minutes[later] - minutes[later].mean()
     trend = values[later].mean() + np.log1p(finding.trend.per_hour) * away / 60
-    label = f"{100 * finding.trend.per_hour:+.1f} % per hour"
+    label = f"{100 * finding.trend.per_hour:+z.1f} % per hour"
     axes.plot(minutes[later], percent(trend), color=STYLE.colours[1], linewidth=1.5, linestyle="--", label=label)
 
 

@@ -531,7 +531,7 @@ def _draw_cell(
     axes.add_patch(FancyBboxPatch((x, y - 0.21), 1.4, 0.2, linewidth=0.7, **style))
     text: dict[str, Any] = {"fontsize": STYLE.small, "color": ink, "va": "center"}
     axes.text(x + 0.06, y - 0.115, component.kind.replace("_", "-"), **text)
-    axes.text(x + 1.34, y - 0.115, f"{sign} {change:+.1f} %".replace("-", "−").strip(), ha="right", **text)
+    axes.text(x + 1.34, y - 0.115, f"{sign} {change:+z.1f} %".replace("-", "−").strip(), ha="right", **text)
 
 
 def _draw_changes(

@@ -39,7 +39,7 @@ def components_table(fit: CornerFit) -> Table:
     for row, component in enumerate(fit.components):
         value, change = fit.values[row], float(fit.values[row] / fit.nominal[row] - 1)
         estimate = format_estimate(value, value * fit.log_ratios_std[row])
-        numbers = (estimate, f"{100 * change:+.1f}", _bar(change))
+        numbers = (estimate, f"{100 * change:+z.1f}", _bar(change))
         unknown = ("–", "–", "not identifiable")
         kind = f"{component.kind} [{_UNITS.get(component.kind, '-')}]"
         rows.append((format_name(component.corner), kind, *(numbers if fit.is_identifiable[row] else unknown)))
@@ -90,7 +90,7 @@ def describe_payload(fit: CornerFit) -> list[str]:
     (True, True)
     """
     mass = fit.payload.get("payload_mass")
-    return [] if mass is None else [f"payload: {mass['value']:.0f} ± {mass['std']:.0f} kg"]
+    return [] if mass is None else [f"payload: {mass['value']:z.0f} ± {mass['std']:.0f} kg"]
 
 
 def _bar(change: float) -> str:
@@ -162,7 +162,7 @@ def _number_cells(number: "CalibratedNumber") -> tuple[str, ...]:
     given = "–" if number.nominal_value is None else f"{number.nominal_value:.5g}"
     change = ""
     if number.nominal_value:
-        percent = f"{100 * (number.value / number.nominal_value - 1):+.1f} %"
+        percent = f"{100 * (number.value / number.nominal_value - 1):+z.1f} %"
         change = f"{number.value - number.nominal_value:+.2g}" if number.unit in {"m", "s"} else percent
     determined = "yes" if number.is_identifiable else "no"
     return f"{number.name}{unit}", given, format_estimate(number.value, number.std), change, determined
@@ -181,7 +181,7 @@ def describe_bounce(bounce: "Bounce") -> str:
         return f"{sizes}; no change detected"
     largest = max(significant, key=lambda change: change.score)
     what = f"{format_name(largest.part)} {_QUANTITIES[largest.quantity]}".removesuffix(" value")
-    return f"{sizes}; changed: {what} {100 * largest.change:+.0f} %"
+    return f"{sizes}; changed: {what} {100 * largest.change:+z.0f} %"
 
 
 def bounce_tables(bounce: "Bounce") -> list[Table]:
@@ -194,7 +194,7 @@ def bounce_tables(bounce: "Bounce") -> list[Table]:
                 format_name(value.component.corner),
                 f"{value.component.kind} [{_UNITS[value.component.kind]}]",
                 format_estimate(value.value, value.value * value.std),
-                f"{100 * (value.value / value.nominal - 1):+.1f}",
+                f"{100 * (value.value / value.nominal - 1):+z.1f}",
             )
             for value in known
         )
@@ -205,8 +205,8 @@ def bounce_tables(bounce: "Bounce") -> list[Table]:
             (
                 format_name(change.part),
                 _QUANTITIES[change.quantity],
-                f"{100 * change.change:+.1f}",
-                f"{100 * change.interval[0]:+.0f} .. {100 * change.interval[1]:+.0f}",
+                f"{100 * change.change:+z.1f}",
+                f"{100 * change.interval[0]:+z.0f} .. {100 * change.interval[1]:+z.0f}",
                 "changed" if change.is_significant else "no change detected",
             )
             for change in bounce.changes

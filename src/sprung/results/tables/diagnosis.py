@@ -51,7 +51,7 @@ def baseline_table(baseline: Baseline) -> Table:
     rows = tuple(
         (
             format_name(str(component)),
-            f"{100 * np.expm1(mean):+.1f}",
+            f"{100 * np.expm1(mean):+z.1f}",
             f"{100 * deviation:.1f}",
             " / ".join(f"{100 * loss[component]:.0f}" for loss in losses),
         )
@@ -237,8 +237,8 @@ def findings_table(value: Sequence[Finding] | Finding) -> Table:
     rows = tuple(
         (
             format_name(finding.hypothesis),
-            "" if finding.change is None else f"{100 * finding.change:+.1f}",
-            "" if finding.interval is None else " to ".join(f"{100 * end:+.1f}" for end in finding.interval),
+            "" if finding.change is None else f"{100 * finding.change:+z.1f}",
+            "" if finding.interval is None else " to ".join(f"{100 * end:+z.1f}" for end in finding.interval),
             format_time(finding.since),
             finding.severity,
             finding.advice,
@@ -311,8 +311,8 @@ def hypotheses_table(detection: Detection) -> Table:
         (
             format_name(candidate.hypothesis.name).replace("all ", "every ").replace("+", ", "),
             f"{candidate.log_evidence:.1f}",
-            ", ".join(f"{100 * size.change:+.1f}" for size in candidate.sizes),
-            ", ".join(" to ".join(f"{100 * end:+.1f}" for end in size.interval) for size in candidate.sizes),
+            ", ".join(f"{100 * size.change:+z.1f}" for size in candidate.sizes),
+            ", ".join(" to ".join(f"{100 * end:+z.1f}" for end in size.interval) for size in candidate.sizes),
         )
         for candidate in detection.candidates[:_SHOWN]
     )
@@ -368,10 +368,10 @@ def describe_trend(trend: Trend | None) -> str:
     """
     if trend is None:
         return "trend not estimated: it needs a single part and at least four windows since the onset"
-    low, high = (f"{100 * end:+.1f}" for end in trend.interval)
+    low, high = (f"{100 * end:+z.1f}" for end in trend.interval)
     if trend.interval[0] * trend.interval[1] <= 0:
         return f"no trend detected: {low} to {high} % per hour of driving"
-    text = f"trend: {100 * trend.per_hour:+.1f} % ({low} to {high}) per hour of driving"
+    text = f"trend: {100 * trend.per_hour:+z.1f} % ({low} to {high}) per hour of driving"
     if trend.hours_to_limit is None:
         return text
     soonest, latest = trend.hours_to_limit

@@ -240,7 +240,7 @@ def describe_next_inspection(ranking: Mapping[str, Any]) -> str:
     best = ranking.get("inspect_next")
     if best is None:
         return ""
-    part = "" if best["change"] is None else f", most likely {format_name(best['part'])} {100 * best['change']:+.0f} %"
+    part = "" if best["change"] is None else f", most likely {format_name(best['part'])} {100 * best['change']:+z.0f} %"
     return (
         f"inspect {best['vehicle']} next, because least is certain of it: {100 * best['probability']:.0f} % that it"
         f" deviates{part}"
@@ -278,7 +278,7 @@ def _row(entry: Mapping[str, Any]) -> tuple[str, ...]:
     size = ""
     if entry["change"] is not None:
         low, high = entry["interval"]
-        size = f"{100 * entry['change']:+.0f} ({100 * low:+.0f} to {100 * high:+.0f})"
+        size = f"{100 * entry['change']:+z.0f} ({100 * low:+z.0f} to {100 * high:+z.0f})"
     what = "several parts, or one that the model lacks" if entry["change"] is None else format_name(entry["part"])
     return (entry["vehicle"], str(entry["windows"]), f"{entry['p_value']:.2g}", size, f"deviates: {what}")
 
@@ -413,7 +413,7 @@ def _finding(row: Mapping[str, Any]) -> tuple[str, ...]:
     size = ""
     if row["change"] is not None:
         part = format_name(f"{row['corner']}.{row['component']}")
-        size = f"{100 * row['change']:+.0f} ({100 * row['lower']:+.0f} to {100 * row['upper']:+.0f})"
+        size = f"{100 * row['change']:+z.0f} ({100 * row['lower']:+z.0f} to {100 * row['upper']:+z.0f})"
     since = f"{datetime.fromtimestamp(row['since'], UTC):%Y-%m-%d %H:%M}"
     return (row["vehicle"], part, size, since, row["severity"])
 
