@@ -100,7 +100,7 @@ def sprung_score(name: str, realisation: int) -> Score:
         recordings.append(sprung.Recording(samples, answer["sampling_rate"], channels))
     if "sticking" in answer:
         return _friction_score(answer, recordings)
-    vehicle = _vehicle(answer) if "corners" in answer else None
+    vehicle = certified_vehicle(answer) if "corners" in answer else None
     modes = sprung.cov_ssi(recordings, vehicle=vehicle).modes
     scored = score(answer, "sprung", modes.natural_frequency, modes.damping_ratio)
     if vehicle is None:
@@ -126,7 +126,7 @@ def _friction_score(answer: dict[str, Any], recordings: Sequence[Any]) -> Score:
     return replace(scored, n_within=within, errors=(*scored.errors, float(error)))
 
 
-def _vehicle(answer: dict[str, Any]) -> Any:
+def certified_vehicle(answer: dict[str, Any]) -> Any:
     """Return the vehicle file of the drive, with nominal components."""
     from sprung.vehicles import parse_vehicle
 

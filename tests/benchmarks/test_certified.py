@@ -164,7 +164,7 @@ def test_files_are_what_the_seeds_give(certified: Any, name: str) -> None:
 def test_the_car_moves_as_the_structure_of_its_description_does(certified: Any) -> None:
     """Spectra of the exactly sampled drive against response x road x response^H, where aliases are small."""
     car, stated = certified.car, answer("car-drive")
-    vehicle = structure(certified.score._vehicle(stated))
+    vehicle = structure(certified.score.certified_vehicle(stated))
     factors = {c: car.FACTORS.get(str(c), 1.0) for c in vehicle.components()}
     driven = vehicle.changed(factors)
     frequencies, speed = np.array([1.2, 1.6, 2.4, 5.0, 10.0, 13.0]), 18.0

@@ -1,0 +1,1 @@
+"""The challenge: tasks, sealed truth, entries and scores, see `README.md`."""
