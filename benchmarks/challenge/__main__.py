@@ -68,6 +68,9 @@ def _check(given: argparse.Namespace) -> None:
 
 def _score(given: argparse.Namespace) -> None:
     truth = read_truth(given.truth)
+    if given.data:
+        manifest = _manifest(given.data)
+        truth |= {task: {name: truth[task][name] for name in manifest[task]} for task in TASKS}
     document = score_entry(read_entry(given.entry, truth), truth)
     if given.json:
         given.json.parent.mkdir(parents=True, exist_ok=True)
@@ -112,6 +115,7 @@ def _arguments() -> argparse.ArgumentParser:
     score = commands.add_parser("score", help="score an entry")
     score.add_argument("entry", type=Path)
     score.add_argument("--truth", type=Path, required=True, help="archive of the truth")
+    score.add_argument("--data", type=Path, help="folder of the recordings, to score the cases in it alone")
     score.add_argument("--json", type=Path, help="file for the scores of every case")
     score.set_defaults(run=_score)
     table = commands.add_parser("table", help="print the table of entries that have been scored with --json")

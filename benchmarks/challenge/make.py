@@ -31,8 +31,7 @@ from sprung.simulation import (
     SuspensionConditions,
     simulate_drive,
 )
-from sprung.vehicles import Component, Fault, MountedMass, Vehicle, read_vehicle, structure
-from sprung.vehicles.description import vehicle_text
+from sprung.vehicles import Component, Fault, MountedMass, Vehicle, read_vehicle, structure, vehicle_text
 
 CARS = ("zafira", *(str(path) for path in sorted((Path(__file__).parents[1] / "vehicles").glob("*.toml"))))
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
