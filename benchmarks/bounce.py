@@ -33,7 +33,7 @@ def pushed(name: str, seed: int) -> tuple[list[sprung.Recording], Any]:
     rate = max(100.0, 8 * fastest, *(2.5 * f for f in exact.natural_frequency if f < 100))
     rng = np.random.default_rng(seed)
     if "bounce" in vehicle.coordinates and "pitch" in vehicle.coordinates:
-        reach = [max(abs(channel.position[k]) for channel in vehicle.outputs.channels) for k in (0, 1)]
+        reach = np.abs([channel.position or (0.0,) * 3 for channel in vehicle.outputs.channels]).max(axis=0)
         rows = [[1.0, -x * reach[0], y * reach[1]] for x in (1, -1) for y in (1, -1)]
         hands = np.zeros((len(vehicle.coordinates), 4))
         hands[[vehicle.coordinates.index(each) for each in ("bounce", "pitch", "roll")]] = np.array(rows).T
@@ -49,7 +49,7 @@ def pushed(name: str, seed: int) -> tuple[list[sprung.Recording], Any]:
     swing, wait = round(SWING * rate), round(0.5 * rate)
     n_hands = hands.shape[1]
     noise = [RATE_NOISE if each.quantity == "angular_velocity" else ACCELERATION_NOISE for each in outputs.channels]
-    channels = tuple(sprung.Channel(each.name, each.quantity) for each in outputs.channels)
+    measured = tuple(sprung.Channel(each.name, each.quantity) for each in outputs.channels)
     size = 0.6 * float(vehicle.mass[0, 0])
     recordings = []
     for k in range(n_hands):
@@ -57,7 +57,7 @@ def pushed(name: str, seed: int) -> tuple[list[sprung.Recording], Any]:
         force[len(vehicle.inputs) + k, wait : wait + press] = -size * np.sin(np.pi * np.arange(press) / press)
         motion = _response(changed, force, rate)
         samples = motion + np.array(noise)[:, None] * rng.standard_normal(motion.shape)
-        recordings.append(sprung.Recording(samples, rate, channels))
+        recordings.append(sprung.Recording(samples, rate, measured))
     return recordings, exact
 
 

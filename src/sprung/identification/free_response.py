@@ -311,6 +311,8 @@ class _TransientRules:
 
     #: Bounds of the frequency of the swings [Hz] that sets the windows of the level.
     swings: tuple[float, float] = (0.4, 30.0)
+    #: Samples at either end through whose means a line is subtracted: a step between the ends is no swing.
+    ends: int = 8
     #: Power over its median from which a line is motion: one line of noise in a million is.
     beyond_median: float = 20.0
     #: Level at which a motion begins and ends, over the largest level, and over that of the quiet parts.
@@ -395,11 +397,12 @@ def motion_level(recording: Recording) -> tuple[Real, float]:
     from scipy.ndimage import uniform_filter1d
 
     samples, rate = np.nan_to_num(recording.samples), recording.sampling_rate
-    slopes = np.abs(np.fft.rfft(np.diff(samples, axis=1), axis=1)) ** 2
-    frequencies = np.fft.rfftfreq(samples.shape[1] - 1, 1 / rate)
+    begin, end = (part.mean(axis=1) for part in (samples[:, : _EVENTS.ends], samples[:, -_EVENTS.ends :]))
+    powers = np.abs(np.fft.rfft(samples - np.linspace(begin, end, samples.shape[1], axis=1), axis=1)) ** 2
+    frequencies = np.fft.rfftfreq(samples.shape[1], 1 / rate)
     used = (frequencies >= _EVENTS.swings[0]) & (frequencies <= min(_EVENTS.swings[1], 0.4 * rate))
-    slopes, frequencies = slopes[:, used], frequencies[used]
-    powers = slopes / np.sin(np.pi * frequencies / rate) ** 2
+    powers, frequencies = powers[:, used], frequencies[used]
+    slopes = powers * np.sin(np.pi * frequencies / rate) ** 2
     slopes = slopes * (powers > _EVENTS.beyond_median * np.median(powers, axis=1, keepdims=True))
     spectrum = np.mean(slopes / np.maximum(slopes.sum(axis=1, keepdims=True), 1e-300), axis=0)
     centre = float(np.sum(spectrum * frequencies) / max(spectrum.sum(), 1e-300)) or _EVENTS.swings[0]
@@ -449,13 +452,14 @@ def find_transients(recording: Recording) -> tuple[Transient, ...]:
         starts = np.linspace(peak - width, peak + 2 * width, _EVENTS.n_starts).astype(int)
         starts = np.unique(np.clip(starts, 0, max(end - int(_EVENTS.min_windows * width), 0)))
         left = [_left_over(recording, begin, end, scale, window) for begin in starts]
-        if not np.isfinite(left).any():
+        fitted = np.flatnonzero(np.isfinite(left))
+        if not fitted.size:
             continue
         motion = float(np.sqrt(np.mean((np.std(recording.samples[:, starts[0] : end], axis=1) / scale[:, 0]) ** 2)))
         allowed = _EVENTS.beyond_least * min(left) + _EVENTS.beyond_motion * motion
         number = int(np.flatnonzero(np.array(left) <= allowed)[0])
         begin = int(starts[number])
-        judged = int(np.clip(np.searchsorted(starts, peak + width // 4), 0, len(starts) - 1))
+        judged = int(fitted[np.clip(np.sum(starts[fitted] < peak + width // 4), 0, fitted.size - 1)])
         own = np.sqrt(np.mean((np.std(recording.samples[:, starts[judged] : end], axis=1) / scale[:, 0]) ** 2))
         relative, quiet = (float(each / max(own, 1e-300)) for each in (left[judged], at_rest))
         found.append(Transient(float(first / rate), begin / rate, float(end / rate), window, relative, quiet))
