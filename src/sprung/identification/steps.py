@@ -315,7 +315,7 @@ def merge(draft: Draft) -> Draft:
 def _is_line_of_drive(modes: Modes, damping_std: Real, draft: Draft) -> Booleans:
     """Return which modes of a drive, or of an IMU, may be narrower than motion on springs, without a shape."""
     lowest = modes.damping_ratio - np.nan_to_num(damping_std)
-    is_driven = draft.summary.plan.preparation.is_drive or is_imu(draft.measured.channels)
+    is_driven = draft.summary.plan.preparation.is_drive or is_imu(draft.summary.channels)
     return (lowest < _NARROW_ON_DRIVES) & (mpc(modes.mode_shapes) < _SHAPELESS) & is_driven
 
 
