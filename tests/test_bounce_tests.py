@@ -118,3 +118,36 @@ def test_rebound_clicks_of_a_bicycle() -> None:
     assert damping == sorted(damping)
     frequency = [float(result.modes.natural_frequency[0]) for result in results]
     assert max(frequency) / min(frequency) < 1.17
+
+
+def test_a_brake_pulse_among_sensors_that_do_not_move() -> None:
+    """Pitch after a stop; four of the six channels of the IMU hold noise alone, which hid the motion."""
+    time = np.arange(1600) / 200
+    swing = np.zeros(time.size)
+    after = time[480:] - time[480]
+    swing[480:] = np.exp(-0.2 * 2 * np.pi * 1.76 * after) * np.sin(2 * np.pi * 1.76 * np.sqrt(1 - 0.2**2) * after)
+    samples = 0.02 * np.random.default_rng(1).standard_normal((6, time.size))
+    samples[[0, 4]] += np.array([[1.0], [0.6]]) * swing
+    channels = tuple(Channel(f"{name}_{axis}", "unknown") for name in ("acc", "gyro") for axis in "xyz")
+    result = bounce(Recording(samples, 200.0, channels))
+    assert result.modes.natural_frequency == pytest.approx([1.76], rel=0.01)
+    assert result.modes.damping_ratio == pytest.approx([0.2], rel=0.05)
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_two_pushes_in_noise_show_two_close_modes(seed) -> None:
+    """The second does not fall to a third of its peak before the noise; modes of each begin the search for all."""
+    time, rng = np.arange(1600) / 200, np.random.default_rng(seed)
+    frequencies, damping = np.array([1.518, 1.759]), np.array([0.162, 0.204])
+    poles = 2 * np.pi * frequencies * (1j * np.sqrt(1 - damping**2) - damping)
+    shapes = np.array([[0.1, 0.2, 1.0, 0.15, 0.1, 0.0], [0.5, -0.2, 0.4, -0.05, 0.3, 0.0]])
+    samples = np.repeat([[0.02], [0.004]], 3, axis=0) * rng.standard_normal((6, time.size))
+    for start, amplitudes in ((0.85, (1.0, 0.5)), (4.65, (0.8, -0.6))):
+        after = time[time >= start] - start
+        waves = np.exp(np.outer(poles, after)).imag * np.array(amplitudes)[:, None]
+        samples[:, time >= start] += shapes.T @ waves
+    channels = tuple(Channel(f"{name}_{axis}", "unknown") for name in ("acc", "gyro") for axis in "xyz")
+    result = bounce(Recording(samples, 200.0, channels))
+    assert len(result.tests) == 2
+    assert result.modes.natural_frequency == pytest.approx(frequencies, rel=0.01)
+    assert result.modes.damping_ratio == pytest.approx(damping, rel=0.05)

@@ -231,16 +231,18 @@ def fitted_together(tests: Sequence[BounceTest], runs: Sequence[Recording]) -> F
         return None
     band = _band(runs[tests[0].recording], tests[0].transient)
     each = [(test, runs[test.recording]) for test in tests]
+    begins = [test.modes for test in tests]
     spans = [delayed(test, run) for test, run in each]
     try:
-        fit = fit_free_response([run.part(*span) for (_, run), span in zip(each, spans, strict=True)], band=band)
+        parts = [run.part(*span) for (_, run), span in zip(each, spans, strict=True)]
+        fit = fit_free_response(parts, band=band, begins=begins)
     except DataError:
         fit = None
     if fit is None or not len(fit.modes):
-        return fit_free_response([test.part for test in tests], band=band)
+        return fit_free_response([test.part for test in tests], band=band, begins=begins)
     firsts = [free_from(fit, k, run, spans[k], test) for k, (test, run) in enumerate(each)]
     parts = [run.part(first, span[1]) for (_, run), first, span in zip(each, firsts, spans, strict=True)]
-    return fit_free_response(parts, band=band)
+    return fit_free_response(parts, band=band, begins=[fit.modes, *begins])
 
 
 def pooled(tests: Sequence[BounceTest]) -> Modes:

@@ -86,6 +86,7 @@ def fit_free_response(
     *,
     band: tuple[float, float] | None = None,
     max_modes: int | None = None,
+    begins: Sequence[Modes] = (),
 ) -> FreeFit:
     """Return the modes of one or several free responses of one system, each from a state of its own.
 
@@ -98,6 +99,8 @@ def fit_free_response(
         Frequencies to fit [Hz]; default: up to 0.4 of the sampling rate.
     max_modes
         Largest number of modes; default: 6.
+    begins
+        Modes of all channels from which the search begins, too, such as those of single records.
 
     Returns
     -------
@@ -129,6 +132,8 @@ def fit_free_response(
     runs = list(each_recording(recordings))
     lines = free_lines(runs, band=band or (0.0, 0.4 * runs[0].sampling_rate))
     starts = _starts(lines, most=max_modes or _FIT.max_modes)
+    known = [_started(lines, modes.poles, modes.mode_shapes) for modes in begins if len(modes)]
+    starts += [start for start in known if start is not None]
     nearest = sorted(starts, key=lambda start: start.criterion)[: _FIT.n_refined]
     best = min(map(_refined, nearest), key=lambda fitted: fitted.criterion, default=None)
     if best is None:
@@ -273,7 +278,8 @@ def _result(fitted: _Fitted, *, channels: tuple[str, ...]) -> FreeFit:
     of_mode = np.concatenate([np.arange(n), np.arange(n), np.repeat(np.nonzero(model.modal.is_free)[0], 2)])
     factors = np.sqrt(_misfits(fitted))[of_mode]
     covariance = covariance[np.ix_(chosen, chosen)] * np.outer(factors, factors)
-    stds = np.sqrt(np.diag(covariance))
+    variances = np.diag(covariance)
+    stds = np.sqrt(np.where(variances > 0, variances, np.inf))  # not positive where the records determine nothing
     shape_stds = np.zeros(values.mode_shapes.shape, dtype=np.complex128)
     shape_stds[model.modal.is_free] = stds[2 * n :].view(np.complex128)
     modes = Modes(
@@ -322,6 +328,8 @@ class _TransientRules:
     min_peak: float = 0.4
     #: Smallest fall of the level from the peak to the end.
     min_fall: float = 3.0
+    #: The same where the end is at the edge.
+    min_fall_to_edge: float = 2.0
     #: Shortest free motion, in windows of the level.
     min_windows: float = 1.2
     #: Rise of the level over its minimum since the peak before from which another motion begins.
@@ -386,8 +394,8 @@ def motion_level(recording: Recording) -> tuple[Real, float]:
     Returns
     -------
     ndarray, float
-        Standard deviation within a window of about one period around each sample, root mean square over the channels,
-        each over its own largest; shape (samples,).
+        Standard deviation within a window of about one period around each sample, root mean square over the channels
+        that move beyond their noise, each over its own largest; shape (samples,).
 
     Notes
     -----
@@ -410,7 +418,9 @@ def motion_level(recording: Recording) -> tuple[Real, float]:
     centred = samples - np.median(samples, axis=1, keepdims=True)
     means, squares = (uniform_filter1d(values, n, axis=1, mode="nearest") for values in (centred, centred**2))
     deviations = np.sqrt(np.maximum(squares - means**2, 0.0))
-    level = np.sqrt(np.mean((deviations / np.maximum(deviations.max(axis=1, keepdims=True), 1e-300)) ** 2, axis=0))
+    largest = np.maximum(deviations.max(axis=1, keepdims=True), 1e-300)
+    moves = largest[:, 0] > _EVENTS.min_fall * np.quantile(deviations, 0.1, axis=1)
+    level = np.sqrt(np.mean((deviations / largest)[moves if moves.any() else slice(None)] ** 2, axis=0))
     return np.asarray(level / max(level.max(), 1e-300)), n / rate
 
 
@@ -445,7 +455,8 @@ def find_transients(recording: Recording) -> tuple[Transient, ...]:
     found = []
     for first, last in events:
         part = level[first : last + 1]
-        if part.max() < _EVENTS.min_peak or part[-1] > part.max() / _EVENTS.min_fall:
+        fallen = max(part.max() / _EVENTS.min_fall, min(edge, part.max() / _EVENTS.min_fall_to_edge))
+        if part.max() < _EVENTS.min_peak or part[-1] > fallen:
             continue
         peak = first + int(np.flatnonzero(part > 0.7 * part.max())[-1])
         end = min([last + _EVENTS.rest * width, level.size, *(each[0] for each in events if each[0] > last)])
