@@ -366,7 +366,9 @@ def _parts(fit: CornerFit) -> dict[Component, int]:
 
 def _fitted_conditions(fit: CornerFit) -> dict[str, float]:
     """Return the conditions that a fit estimates."""
-    layout = {name: estimate["value"] for name, estimate in fit.payload.items()}
+    # Of a vehicle on bogies tons: a baseline counts in the payloads of a car, and the fit estimates it in any case.
+    has_frames = any(element.part == "secondary" for element in fit.model.structure.elements)
+    layout = {} if has_frames else {name: estimate["value"] for name, estimate in fit.payload.items()}
     for block, own in fit.model.by_block(fit.parameters):
         layout |= block.values(own) if block.group == "tracks" else {}
     fitted = {"model_error": fit.model_error, "segments": float(fit.n_segments)}

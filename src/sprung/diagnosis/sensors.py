@@ -166,7 +166,7 @@ def _is_driving(motion: Recording) -> bool:
 
 
 def exchanged_opposites(window: Window, fit: CornerFit, settings: CornerSettings | None) -> tuple[SensorFault, ...]:
-    """Return swapped accelerometers at opposite corners, as faults.
+    """Return swapped accelerometers at opposite corners of one part, as faults.
 
     Parameters
     ----------
@@ -187,12 +187,18 @@ def exchanged_opposites(window: Window, fit: CornerFit, settings: CornerSettings
     if fit.model_error <= LIMITS.suspect:
         return ()
     names = window.recording.names
-    places = {
-        sensor.channel: np.array(sensor.position[:2])
+    sensors = {
+        sensor.channel: sensor
         for sensor in window.vehicle.sensor
         if sensor.quantity == "acceleration" and sensor.position is not None and sensor.channel in names
     }
-    opposites = [pair for pair in combinations(places, 2) if np.all(places[pair[0]] * places[pair[1]] < 0)]
+    carriers = {name: sensor.on for name, sensor in sensors.items()}
+    places = {name: np.array(sensor.position)[:2] for name, sensor in sensors.items()}
+    opposites = [
+        (first, second)
+        for first, second in combinations(places, 2)
+        if carriers[first] == carriers[second] and np.all(places[first] * places[second] < 0)
+    ]
     misfits = {pair: _nominal_misfit(_exchanged(fit.model, pair)) for pair in opposites}
     best = min(misfits, key=misfits.__getitem__, default=None)
     if best is None or misfits[best] > _nominal_misfit(fit.model) - LIMITS.more_likely:
@@ -200,7 +206,7 @@ def exchanged_opposites(window: Window, fit: CornerFit, settings: CornerSettings
     if fit_windows([window.exchanged(*best)], settings=settings).model_error > fit.model_error:
         return ()
     words = f"{best[0]} with {best[1]}, or the other two corners with each other"
-    return tuple(SensorFault(name, "swapped", words) for name in places)
+    return tuple(SensorFault(name, "swapped", words) for name in places if carriers[name] == carriers[best[0]])
 
 
 def _exchanged(model: Model, pair: tuple[str, str]) -> Model:

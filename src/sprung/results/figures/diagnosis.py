@@ -190,7 +190,8 @@ def _draw_corner(
     axes.axhline(0, color=STYLE.ink, linewidth=1)
     near, far = ends
     for place, (name, is_known) in enumerate(zip(names, is_identifiable, strict=True)):
-        colour = STYLE.colours[(*STYLE.kinds, "anti_roll").index(name) % 3] if is_known else "#C8C8C8"
+        family = next((k for k, kind in enumerate(STYLE.kinds) if name.endswith(kind)), 0)
+        colour = STYLE.colours[family] if is_known else "#C8C8C8"
         axes.add_patch(Rectangle((place - 0.3, 0), 0.6, change[place], color=colour, alpha=0.75, linewidth=0))
         if is_known and change[place] >= 0:
             draw.note(axes, f"{change[place]:+z.1f} %", (place, max(far[place], 0.0)), offset=(4, 1), va="bottom")

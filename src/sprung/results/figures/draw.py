@@ -215,11 +215,13 @@ def corner_of(component: Component) -> str:
 def component_panels(figure: Figure, components: Sequence[Component]) -> tuple[NDArray[Any], list[tuple[Axes, int]]]:
     """Return panels of springs, dampers and tyres by corner, and those of the components with their rows.
 
-    Anti-roll bars are below the left corner of their axle.
+    Anti-roll bars are below the left corner of their axle; a vehicle on bogies has panels of both stages.
     """
     rows = {(corner_of(component), component.kind): row for row, component in enumerate(components)}
     corners = list(dict.fromkeys(corner for corner, _ in rows))
-    kinds = [*STYLE.kinds, *dict.fromkeys(kind for _, kind in rows if kind == "anti_roll")]
+    stages = [kind for _, kind in rows if kind.startswith(("primary_", "secondary_"))]
+    bars = [kind for _, kind in rows if kind == "anti_roll"]
+    kinds = list(dict.fromkeys([*(stages or STYLE.kinds), *bars]))
     grid = panels(figure, len(kinds), len(corners), sharex=True, sharey="row")
     shown = []
     for (k, column), axes in np.ndenumerate(grid):

@@ -1,0 +1,86 @@
+"""Changes of primary and secondary springs and dampers against a baseline: named, worded and drawn."""
+
+import numpy as np
+import pytest
+
+from sprung import Observation, diagnose, learn
+from sprung.diagnosis import observe_window
+from sprung.recording import Channel, Recording
+from sprung.results.figures import corner_changes_figure, trends_figure
+from sprung.simulation import RailDrive, simulate_drive
+from sprung.vehicles import read_vehicle, structure
+
+METRO = structure(read_vehicle("metro"))
+PARTS = tuple(
+    component for component in METRO.components() if component.kind.startswith(("primary", "secondary", "anti_roll"))
+)
+
+
+def windows(n, first=0, seed=1, **changes):
+    """Windows with 1 % scatter and relative changes of parts such as bogie1_left__secondary_spring."""
+    values = 0.01 * np.random.default_rng(seed).standard_normal((n, len(PARTS)))
+    for name, change in changes.items():
+        values[:, list(map(str, PARTS)).index(name.replace("__", "."))] += np.log1p(change)
+    C = 0.01**2 * np.eye(len(PARTS))
+    return [Observation(600.0 * (first + k), PARTS, x, C, {}, {}, ()) for k, x in enumerate(values)]
+
+
+@pytest.fixture(scope="module")
+def baseline():
+    return learn(windows(12))
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        ("bogie1_left__secondary_spring", "bogie1-left secondary spring 20 % (18 to 22 %) softer"),
+        ("bogie2_rear_right__primary_damper", "bogie2-rear-right primary damper 20 % (18 to 22 %) weaker"),
+    ],
+)
+def test_the_changed_part_of_either_stage_is_named(baseline, part, words) -> None:
+    result = diagnose(windows(6, first=12, seed=2, **{part: -0.2}), baseline)
+    (finding,) = result.findings
+    assert f"{finding.corner}__{finding.component}" == part
+    assert finding.change == pytest.approx(-0.2, abs=0.015)
+    start, _, end = words.partition(" 20 % (18 to 22 %) ")
+    assert finding.sentence.startswith(f"{start} ")
+    assert f") {end}" in finding.sentence
+
+
+def test_both_sides_of_a_stage_have_one_finding_in_words(baseline) -> None:
+    both = {"bogie1_front_left__primary_spring": -0.2, "bogie1_front_right__primary_spring": -0.2}
+    (finding,) = diagnose(windows(6, first=12, seed=3, **both), baseline).findings
+    assert (finding.corner, finding.component) == ("bogie1_front", "primary_spring")
+    assert finding.sentence.startswith("both bogie1-front primary springs ")
+
+
+def test_an_unchanged_vehicle_is_called_so(baseline) -> None:
+    assert diagnose(windows(6, first=12, seed=4), baseline).verdict == "no_change_detected"
+
+
+def test_figures_show_every_part(baseline) -> None:
+    result = diagnose(windows(6, first=12, seed=2, bogie1_left__secondary_spring=-0.2), baseline)
+    figure = corner_changes_figure(result, baseline)
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert titles[:3] == ["bogie1 left", "bogie1 right", "bogie1 front left"]
+    assert len(titles) == 12
+    assert float(figure.axes[0].texts[0].get_text().removesuffix(" %")) == pytest.approx(-20, abs=1.5)
+    names = {axes.get_ylabel() for axes in trends_figure(result, baseline).axes}
+    assert {f"{stage}-{kind} [%]" for stage in ("primary", "secondary") for kind in ("spring", "damper")} <= names
+
+
+def test_exchanged_sensors_of_one_frame_are_named_and_no_others() -> None:
+    """Opposite corners of a frame exchanged: four sensors of that frame are swapped, none of the other or the body."""
+    metro = read_vehicle("metro")
+    run = simulate_drive(metro, RailDrive(duration=120.0, sampling_rate=60.0, snr=50.0, welded=True), seed=1).recording
+    rows = list(range(len(run.channels)))
+    first, second = run.index("bogie1_fl"), run.index("bogie1_rr")
+    rows[first], rows[second] = second, first
+    exchanged = Recording(run.samples[rows], run.sampling_rate, tuple(map(_plain, run.channels)))
+    faults = observe_window(exchanged, metro).sensor_faults
+    assert {fault.kind for fault in faults} == {"swapped"}
+    assert {fault.channel for fault in faults} == {"bogie1_fl", "bogie1_fr", "bogie1_rl", "bogie1_rr"}
+
+
+def _plain(channel: Channel) -> Channel:
+    return Channel(channel.name, channel.quantity)
