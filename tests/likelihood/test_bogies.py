@@ -5,7 +5,7 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.likelihood import CornerSettings, fit_corners
-from sprung.simulation import RailDrive, simulate_drive
+from sprung.simulation import Payload, RailDrive, simulate_drive
 from sprung.vehicles import parse_fault, read_vehicle
 
 FAULTS = {"bogie1_left.secondary_spring": -0.2, "bogie2_rear_left.primary_damper": -0.3}
@@ -38,6 +38,48 @@ def test_estimates_are_the_true_values_within_their_standard_deviations(fit) -> 
     assert np.abs(errors).max() < 0.03
     assert np.sqrt(np.mean((errors / fit.log_ratios_std) ** 2)) < 1.6
     assert np.max(fit.log_ratios_std) < 0.03
+
+
+def with_two_sensors():
+    """The metro car with one accelerometer on a frame and one on the body."""
+    metro = read_vehicle("metro")
+    return metro.model_copy(
+        update={"sensor": tuple(sensor for sensor in metro.sensor if sensor.channel in {"bogie1_fl", "body_fl"})}
+    )
+
+
+def test_two_accelerometers_suffice_with_speed_and_load_unmeasured() -> None:
+    """A primary and a secondary spring of the first bogie are found; the other parts differ from nominal by chance."""
+    metro, faults = (
+        with_two_sensors(),
+        {"bogie1_front_left.primary_spring": -0.3, "bogie1_right.secondary_spring": -0.4},
+    )
+    drive = RailDrive(
+        duration=300.0,
+        sampling_rate=100.0,
+        snr=30.0,
+        welded=True,
+        payload=Payload(3000.0, x=1.0),
+        faults=tuple(parse_fault(f"{name}={change}") for name, change in faults.items()),
+    )
+    run = simulate_drive(metro, drive, seed=5).recording
+    fit = fit_corners(run.select(["bogie1_fl", "body_fl"]), metro)
+    assert fit.notes[-1].startswith("the speed was not recorded: ")
+    values = dict(zip(map(str, fit.components), zip(fit.log_ratios, fit.log_ratios_std, strict=True), strict=True))
+    for name, (value, std) in values.items():
+        assert abs(value - np.log1p(faults.get(name, 0.0))) < 4 * std, name
+    for name, size in faults.items():
+        assert values[name][0] < np.log1p(size / 2)
+        assert values[name][1] < 0.2
+
+
+def test_joints_are_found_in_the_default_band() -> None:
+    """Their lines lie between the modes of body and frames and 25 Hz."""
+    metro = with_two_sensors()
+    run = simulate_drive(metro, RailDrive(duration=300.0, sampling_rate=100.0, snr=50.0), seed=1).recording
+    fit = fit_corners(run, metro)
+    assert "rail joints every 18.0 m are part of the fit" in fit.notes
+    assert fit.model_error < 0.2
 
 
 def test_what_runs_on_a_track_only_has_no_other_excitation() -> None:
