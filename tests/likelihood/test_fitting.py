@@ -10,7 +10,8 @@ import pytest
 from sprung.errors import DataError
 from sprung.excitation import Lines, Sum, SurfaceMotion, random_speed, road_class
 from sprung.identification import cov_ssi
-from sprung.likelihood import CornerSettings, fit_corners, fitting
+from sprung.likelihood import CornerSettings, Expected, fit_corners, fitting
+from sprung.likelihood.search import minimised
 from sprung.recording import Channel
 from sprung.simulation import (
     Payload,
@@ -309,3 +310,33 @@ def error_or_message(run, car):
         return fit_corners(run, car).model_error
     except DataError as error:
         return str(error)
+
+
+@pytest.mark.slow
+def test_what_other_windows_showed_saves_a_search_and_hides_no_broken_spring(car, monkeypatch) -> None:
+    """The file lacks an engine, so that fits are doubtful: 3 searches without, 2 with what a healthy window showed."""
+    searches: list[object] = []
+
+    def counted(*given):
+        searches.append(given)
+        return minimised(*given)
+
+    monkeypatch.setattr(fitting, "minimised", counted)
+    engine = MountedMass(mass=180.0, x=1.1, frequency=9.0, damping_ratio=0.08)
+    real = car.model_copy(update={"mounted_mass": (engine,)})
+    settings = {"duration": 300.0, "sampling_rate": 100.0}
+    healthy = fit_corners(drive(real, 1, **settings).recording, car)
+    known = dict(zip(healthy.components, healthy.log_ratios, strict=True))
+    expected = CornerSettings(expected=Expected(known, healthy.model_error))
+    broken = parse_fault("front_left.spring=-0.9")
+    for seed, faults in ((2, ()), (5, (broken,))):
+        recording = drive(real, seed, faults=faults, **settings).recording
+        numbers, fits = [], []
+        for choices in (CornerSettings(), expected):
+            searches.clear()
+            fits.append(fit_corners(recording, car, settings=choices))
+            numbers.append(len(searches))
+        alone, started = fits
+        assert numbers == [3, 2]
+        assert np.abs((started.log_ratios - alone.log_ratios) / alone.log_ratios_std).max() < 0.1
+        assert (started.log_ratios[0] - healthy.log_ratios[0] < np.log(0.5)) == bool(faults)

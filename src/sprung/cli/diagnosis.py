@@ -137,7 +137,7 @@ def diagnose(
     normal = None if baseline is None else baseline_of(description, baseline)
     description = completed_vehicle(description, normal)
     with progress_bar() as report:
-        observations = _Drives(files, reading, window, allow_missing, report).observed(description)
+        observations = _Drives(files, reading, window, allow_missing, report).observed(description, normal)
         result = diagnosis.diagnose(
             observations,
             normal,
@@ -219,15 +219,18 @@ class _Drives:
         check_number("--window", self.minutes, at_least=1)
         return windows(self.reading.records(self.files, self.report), length=60 * self.minutes)
 
-    def observed(self, vehicle: "Vehicle") -> "list[Observation]":
-        """Return the observations of the windows."""
+    def observed(self, vehicle: "Vehicle", baseline: "Baseline | None" = None) -> "list[Observation]":
+        """Return the observations of the windows; with a baseline, the fits start from it."""
         from sprung.diagnosis import observe_window
+        from sprung.likelihood import CornerSettings
 
+        settings = None if baseline is None else CornerSettings(expected=baseline.expected)
         may_lack = self.reading.may_lack(vehicle, allow_missing=self.allow_missing)
         observations: list[Observation] = []
         for number, (time, part) in enumerate(self.windows(), start=1):
             self.report(f"window {number}", 0.5)
-            observations.append(observe_window(part, vehicle, time=time, allow_missing=may_lack))
+            window = observe_window(part, vehicle, time=time, settings=settings, allow_missing=may_lack)
+            observations.append(window)
         return observations
 
 

@@ -13,6 +13,7 @@ from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import ResidualReference
 from sprung.diagnosis.scatter import FRONT_REAR_STD, directions, shared_covariance
 from sprung.errors import ParameterError
+from sprung.likelihood import Expected
 from sprung.vehicles import Component
 
 #: Conditions on which components may depend, and one unit of each: kg, ln of the road's roughness, m/s, K, kg m.
@@ -143,6 +144,11 @@ class Baseline(Tabular, Savable):
         """Covariance of `mean` about the vehicle's own one, shape (components, components)."""
         size = len(self.components)
         return np.asarray(np.linalg.inv(self.information)[:size, :size], dtype=np.float64)
+
+    @property
+    def expected(self) -> Expected:
+        """What fits of further windows may start from."""
+        return Expected(dict(zip(self.components, self.mean.tolist(), strict=True)), self.model_error)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -34,5 +34,6 @@ from sprung.likelihood.surface import RoadInputs as RoadInputs
 from sprung.likelihood.surface import SurfaceInputs as SurfaceInputs
 from sprung.likelihood.surface import TrackLevels as TrackLevels
 from sprung.likelihood.vehicle import CornerSettings as CornerSettings
+from sprung.likelihood.vehicle import Expected as Expected
 from sprung.likelihood.vehicle import vehicle_model as vehicle_model
 from sprung.likelihood.whittle import Model as Model

@@ -1,7 +1,7 @@
 """Fit of springs, dampers and tyres of every corner to the spectra of a drive."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit, corners_from_modes
 from sprung.likelihood.joints import joint_pitch
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines, without_lines
-from sprung.likelihood.search import minimised
+from sprung.likelihood.search import DescentSettings, minimised
 from sprung.likelihood.spectra import (
     CLASS_WIDTH,
     ClassSpectra,
@@ -29,6 +29,7 @@ from sprung.likelihood.speed_delay import DELAYS, SpeedDelay, speed_delay, with_
 from sprung.likelihood.uncertainty import parameter_covariance, power_misfit, segment_weights, tempering
 from sprung.likelihood.vehicle import (
     CornerSettings,
+    Expected,
     Kind,
     default_choices,
     lowest_of_lines,
@@ -55,6 +56,8 @@ class FitRules:
     first: float = 0.1
     #: Tempering below which the first fit may be a local minimum.
     doubtful: float = 0.3
+    #: The same by the error of the model over that of other windows of the vehicle, where it is known.
+    worse: float = 1.5
     #: ln of the broken spring with which the search then starts again.
     broken: float = -1.2
     #: Largest number of fits after the first one, each with the lines and the tempering of the one before.
@@ -69,6 +72,8 @@ class FitRules:
     imperfect: float = 0.1
     #: Largest number of lines that a note names.
     max_named: int = 6
+    #: Ends of the searches: what is left moves no parameter by much more than a fiftieth of its standard deviation.
+    search: DescentSettings = field(default_factory=lambda: DescentSettings(slope=0.02, gain=1e-4))
 
 
 RULES = FitRules()
@@ -314,8 +319,9 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
     One rough fit, then up to four full ones, in this order:
 
     1. *Rough*: speed classes twice as wide and a likelihood to the power of 0.1 (tempering), which flattens local
-       minima. If its error is so large that its own tempering is below 0.3, the search is repeated from the most
-       likely vehicle with one spring broken, and the better result is taken.
+       minima. If its error is so large that its own tempering is below 0.3, and larger than in other windows of
+       the vehicle, the search is repeated from the most likely vehicle with one spring broken, and the better result is
+       taken.
     2. *Full*: classes 5 % wide. Each fit is followed by three choices for the next one, until they no longer change:
 
        - the amplitude of a segment is limited to that at 1.2 times the median power, a winsorised residual as
@@ -372,7 +378,7 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
         model = _weighted(untempered, tempering=power, lines=lines)
         if lines == last_lines and abs(power - last_power) < RULES.settled * last_power:
             break
-        parameters = minimised(model, parameters)
+        parameters = minimised(model, parameters, RULES.search)
     covariance = parameter_covariance(model, parameters, limited)
     misfit, excess = power_misfit(model, parameters)
     counts, error = (model.spectra.n_segments, segments.n_rejected), float(np.sqrt(max(0.0, excess)))
@@ -385,7 +391,7 @@ def _start(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) ->
     """Return the model with speed classes of full width, tempered as at first, and where its search starts."""
     coarse = setup.at_classes(segments, width=RULES.coarse)
     rough = _weighted(coarse, tempering=RULES.first)
-    end = _rough_fit(rough, _weighted(coarse, tempering=1.0), starts)
+    end = _rough_fit(rough, _weighted(coarse, tempering=1.0), starts, setup.settings.expected)
     model = _weighted(setup.at_classes(segments, width=CLASS_WIDTH), tempering=RULES.first)
     parameters = _carried_over(rough, end, model)
     if model.objective(parameters)[0] == TOO_FAR:
@@ -393,19 +399,24 @@ def _start(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) ->
     return model, parameters
 
 
-def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real]) -> Real:
+def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real], expected: Expected | None) -> Real:
     """Return the parameters of the first fit; if it is doubtful, a search from a broken spring is compared."""
+    if expected is not None:
+        starts = [*starts, np.array([expected.log_ratios.get(part, 0.0) for part in rough.components])]
 
     def misfit(parameters: Real) -> float:
         return rough.objective(parameters)[0]
 
-    end = minimised(rough, min((rough.scaled_start(start) for start in (None, *starts)), key=misfit))
+    start = min((rough.scaled_start(start) for start in (None, *starts)), key=misfit)
+    end = minimised(rough, start, RULES.search)
     if tempering(untempered, end) >= RULES.doubtful:
+        return end
+    if expected is not None and power_misfit(untempered, end)[1] <= (RULES.worse * expected.model_error) ** 2:
         return end
     broken = RULES.broken * np.eye(len(rough.components))
     springs = [row for row, component in enumerate(rough.components) if component.kind in SPRINGS]
     start = min((rough.scaled_start(broken[row]) for row in springs), key=misfit)
-    return min((end, minimised(rough, start)), key=misfit)
+    return min((end, minimised(rough, start, RULES.search)), key=misfit)
 
 
 def _weighted(model: Model, *, tempering: float, lines: tuple[SpectralLine, ...] = ()) -> Model:

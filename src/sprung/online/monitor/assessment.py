@@ -30,7 +30,7 @@ from sprung.diagnosis import (
     with_missing_as_faults,
 )
 from sprung.errors import DataError
-from sprung.likelihood import SegmentSpectra
+from sprung.likelihood import CornerSettings, SegmentSpectra
 from sprung.online.monitor.events import MonitorSettings
 from sprung.recording import Recording
 from sprung.results.documents import (
@@ -162,8 +162,9 @@ class Assessment:
     def update(self, recording: Recording, *, time: float) -> tuple[Observation, Diagnosis | None, Baseline | None]:
         """Add a window that begins at a time [s], and return its observation, the diagnosis, and a baseline learnt."""
         known = () if self._baseline is None else self._baseline.missing
+        settings = None if self._detector is None else CornerSettings(expected=self._detector.baseline.expected)
         observed = with_missing_as_faults(
-            observe_window(recording, self._vehicle, time=time, allow_missing=True), known=known
+            observe_window(recording, self._vehicle, time=time, settings=settings, allow_missing=True), known=known
         )
         observation = replace(observed, vehicle=self._vehicle.name)
         self._note = _reservations(observation)
