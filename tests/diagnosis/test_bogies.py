@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from sprung import Observation, diagnose, learn
+from sprung.calibration import calibrate, calibrated_if_imperfect, usable_spectra
 from sprung.diagnosis import observe_window
+from sprung.errors import ParameterError
 from sprung.recording import Channel, Recording
 from sprung.results.figures import corner_changes_figure, trends_figure
 from sprung.simulation import RailDrive, simulate_drive
 from sprung.vehicles import read_vehicle, structure
 
 METRO = structure(read_vehicle("metro"))
-PARTS = tuple(
-    component for component in METRO.components() if component.kind.startswith(("primary", "secondary", "anti_roll"))
-)
+PARTS = tuple(component for component in METRO.components() if component.kind.startswith(("primary", "secondary")))
 
 
 def windows(n, first=0, seed=1, **changes):
@@ -56,6 +56,23 @@ def test_both_sides_of_a_stage_have_one_finding_in_words(baseline) -> None:
 
 def test_an_unchanged_vehicle_is_called_so(baseline) -> None:
     assert diagnose(windows(6, first=12, seed=4), baseline).verdict == "no_change_detected"
+
+
+def test_without_a_baseline_left_is_compared_with_right() -> None:
+    (finding,) = diagnose(windows(6, seed=2, bogie1_left__secondary_spring=-0.4)).findings
+    assert (finding.corner, finding.component) == ("bogie1_left", "secondary_spring")
+    assert diagnose(windows(6, seed=3)).findings == ()
+
+
+def test_a_baseline_leaves_the_file_as_it_is() -> None:
+    """A vehicle on bogies cannot be calibrated, so that even windows that its file explains poorly change nothing."""
+    metro = read_vehicle("metro")
+    run = simulate_drive(metro, RailDrive(duration=30.0, sampling_rate=60.0), seed=1).recording
+    spectra = usable_spectra([run], metro)
+    assert spectra == ()
+    assert calibrated_if_imperfect(spectra, metro, model_errors=[0.9]) is None
+    with pytest.raises(ParameterError, match="but a calibration needs"):
+        calibrate(run, metro)
 
 
 def test_figures_show_every_part(baseline) -> None:

@@ -488,6 +488,8 @@ def calibrated_if_imperfect(
 def usable_spectra(recordings: Iterable[Recording], vehicle: Vehicle) -> tuple[WindowSpectra, ...]:
     """Return the spectra of those windows that a calibration can use, with the channels of the first of them.
 
+    Of a vehicle on bogies there are none: its file cannot be calibrated.
+
     Parameters
     ----------
     recordings
@@ -508,7 +510,7 @@ def usable_spectra(recordings: Iterable[Recording], vehicle: Vehicle) -> tuple[W
     [('acc_fl', 'acc_fr', 'acc_rl', 'acc_rr')]
     """
     usable: list[WindowSpectra] = []
-    for recording in recordings:
+    for recording in () if vehicle.bogie else recordings:
         try:
             spectra = window_spectra(window_of(recording, vehicle, allow_missing=True), CornerSettings())
         except (DataError, ParameterError):

@@ -240,7 +240,7 @@ def _calibration(
     """Return the calibration of a vehicle file, if requested or if the file fits the windows badly; None otherwise."""
     from sprung.calibration import calibrate, calibrated_if_imperfect, chosen_windows, usable_spectra
 
-    if is_wanted is False or (vehicle.bogie and not is_wanted):
+    if is_wanted is False:
         return None
     errors = [one.conditions.get("model_error", math.inf) for one in observations]
     chosen = chosen_windows(len(errors))
