@@ -68,10 +68,11 @@ def _check(given: argparse.Namespace) -> None:
 
 def _score(given: argparse.Namespace) -> None:
     truth = read_truth(given.truth)
+    entry = read_entry(given.entry, truth)
     if given.data:
         manifest = _manifest(given.data)
         truth |= {task: {name: truth[task][name] for name in manifest[task]} for task in TASKS}
-    document = score_entry(read_entry(given.entry, truth), truth)
+    document = score_entry(entry, truth)
     if given.json:
         given.json.parent.mkdir(parents=True, exist_ok=True)
         given.json.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.challenge.entry import CERTAIN
-from benchmarks.challenge.score import HEALTHY_LIFE, base_rates
+from benchmarks.challenge.score import DAMPING, HEALTHY_LIFE, NEAR, base_rates
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -36,11 +36,14 @@ def around(value: float, std: float) -> list[float]:
 
 
 def as_modes(frequency: Array, frequency_std: Array, damping: Array, damping_std: Array) -> list[dict[str, Any]]:
-    """Return modes as an entry states them; a standard deviation that is not available is taken as 0."""
-    columns = zip(frequency, np.nan_to_num(frequency_std), damping, np.nan_to_num(damping_std), strict=True)
+    """Return modes as an entry states them, with the intervals of silence where there is no standard deviation."""
+    columns = zip(*(map(float, each) for each in (frequency, frequency_std, damping, damping_std)), strict=True)
     return [
-        {"natural_frequency": around(float(f), float(df)), "damping_ratio": around(float(xi), float(dxi))}
-        for f, df, xi, dxi in columns
+        {
+            "natural_frequency": around(f, f_std) if np.isfinite(f_std) else [f * (1 - NEAR), f * (1 + NEAR)],
+            "damping_ratio": around(xi, xi_std) if np.isfinite(xi_std) else list(DAMPING),
+        }
+        for f, f_std, xi, xi_std in columns
     ]
 
 

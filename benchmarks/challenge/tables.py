@@ -26,6 +26,7 @@ def tables(scores: Sequence[Score]) -> str:
         entered = [each for each in scores if each.get(task)]
         if entered:
             found = [row for each in entered for row in rows(each["entrant"], each[task])]
+            found.sort(key=lambda row: list(KINDS.values()).index(row.get("lives", KINDS["road"])))
             head = list(found[0])
             parts.append(f"{title}\n\n" + table(head, [list(row.values()) for row in found]))
     return "\n".join(parts)
