@@ -3,6 +3,7 @@ from sprung.state.alerts import STEP_SIZE as STEP_SIZE
 from sprung.state.alerts import STEPS as STEPS
 from sprung.state.alerts import WATCHING as WATCHING
 from sprung.state.alerts import AlertState as AlertState
+from sprung.state.alerts import StepName as StepName
 from sprung.state.alerts import health_index as health_index
 from sprung.state.alerts import is_of_suspension as is_of_suspension
 from sprung.state.alerts import severity_step as severity_step

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal, TypeAlias, get_args
 
 from pydantic import BaseModel
 
@@ -13,7 +13,8 @@ from sprung.results.documents.monitoring import AlertEntry
 from sprung.vehicles import Component
 
 #: Names of the five steps of severity, each of 200: note from 1, low from 201, critical from 801 to 1000.
-STEPS = ("note", "low", "medium", "high", "critical")
+StepName: TypeAlias = Literal["note", "low", "medium", "high", "critical"]
+STEPS: tuple[StepName, ...] = get_args(StepName)
 STEP_SIZE = 200
 #: Causes that concern monitoring and not the vehicle.
 WATCHING = ("silent", "lost", "monitor")

@@ -12,7 +12,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.online.alerts import AlertSettings, MailSender, SendError, WebhookSender
+from sprung.online.alerts import AlertSettings, MailSender, SelectiveSender, SendError, WebhookSender, trial_message
 from sprung.online.monitor import Site, notifier
 from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.context import Context
@@ -299,3 +299,29 @@ def test_a_healthy_server_gets_every_message_once_while_all_others_hold_their_th
             finally:
                 released.set()
                 office.close()
+
+
+def test_a_sender_is_given_the_alerts_of_its_vehicles_and_severity(office, clock, store):
+    every, some, severe = Sender("every"), Sender("some"), Sender("severe")
+    running = office(every, SelectiveSender(some, vehicles=("car-1*",)), SelectiveSender(severe, step=4))
+    for number in (1, 2, 12):
+        report(store, number)
+    send_for(running, clock, 2)
+    assert [each.vehicle for each in every.sent] == ["car-1", "car-2", "car-12"]
+    assert [each.vehicle for each in some.sent] == ["car-1", "car-12"]
+    assert severe.sent == []
+    assert running.problems == []
+    assert not store.alerts.next_notification("severe", now=clock())
+    SelectiveSender(severe, step=4).send(trial_message(NOW))
+    assert len(severe.sent) == 1
+
+
+def test_the_site_file_selects_what_a_sender_is_given():
+    site = Site.model_validate(
+        {"send": {"webhook": [{"url": "https://x.org", "severity": "high", "vehicles": ["a*"]}]}}
+    )
+    (sender,) = (
+        each for each in notifier.senders_of(site.send, lambda topic, payload: None) if each.name == "webhook 1"
+    )
+    assert isinstance(sender, SelectiveSender)
+    assert (sender.step, sender.vehicles) == (3, ("a*",))

@@ -66,7 +66,7 @@ def fields(model, table=""):
 
 def test_every_setting_is_in_the_manual_with_its_default() -> None:
     expected = {key: (shown_default(field), field.description) for key, field in fields(Site)}
-    assert len(expected) == 43
+    assert len(expected) == 49
     assert documented() == expected
 
 

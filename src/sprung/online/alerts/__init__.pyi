@@ -6,6 +6,7 @@ from sprung.online.alerts.senders import Backoff as Backoff
 from sprung.online.alerts.senders import LogSender as LogSender
 from sprung.online.alerts.senders import MailSender as MailSender
 from sprung.online.alerts.senders import PublishSender as PublishSender
+from sprung.online.alerts.senders import SelectiveSender as SelectiveSender
 from sprung.online.alerts.senders import Sender as Sender
 from sprung.online.alerts.senders import SendError as SendError
 from sprung.online.alerts.senders import ServiceSender as ServiceSender

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from email.message import EmailMessage
 from email.utils import format_datetime
+from fnmatch import fnmatchcase
 from html import escape
 from http.client import HTTPConnection, HTTPException, HTTPResponse, HTTPSConnection
 from typing import Any, Protocol, Self
@@ -58,6 +59,47 @@ class Sender(Protocol):
 
     def send(self, message: Message) -> None:
         """Deliver a message, or raise `SendError`."""
+
+
+@dataclass(frozen=True, slots=True)
+class SelectiveSender:
+    """Passes messages about some vehicles, from a step of severity on, to a sender; the others are settled unsent.
+
+    Parameters
+    ----------
+    sender
+        The sender.
+    step
+        Smallest step of severity, 0 to 4.
+    vehicles
+        Names of vehicles, or patterns such as "bus-0*"; empty: all.
+    """
+
+    sender: Sender
+    step: int = 0
+    vehicles: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the sender."""
+        return self.sender.name
+
+    @property
+    def shows_pictures(self) -> bool:
+        """Whether the sender passes on pictures."""
+        return self.sender.shows_pictures
+
+    def send(self, message: Message) -> None:
+        """Deliver what a person sends, and a notification that is selected.
+
+        Raises
+        ------
+        SendError
+            If the sender could not deliver it.
+        """
+        is_of = not self.vehicles or any(fnmatchcase(message.vehicle, pattern) for pattern in self.vehicles)
+        if message.what in {"test", "work order"} or (is_of and severity_step(message.severity) >= self.step):
+            self.sender.send(message)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,10 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from sprung.errors import FormatError, ParameterError
 from sprung.link import Address
-from sprung.online.alerts import AlertSettings, MailSender, Sender, ServiceSender, WebhookSender
+from sprung.online.alerts import AlertSettings, MailSender, SelectiveSender, Sender, ServiceSender, WebhookSender
 from sprung.online.monitor.events import MonitorSettings
 from sprung.online.store import check_address
+from sprung.state import STEPS, StepName
 from sprung.toml import checked, toml_fields
 
 _DAY = 86400 * 10**9
@@ -140,9 +141,15 @@ class _Recipient(_Table):
 
     sender_type: ClassVar[Callable[..., Sender]]
 
+    severity: StepName = Field("note", description="smallest severity of the alerts that are sent")
+    vehicles: list[str] = Field(
+        [], description="vehicles whose alerts are sent: names or patterns such as `bus-0*`, `monitor`; empty: all"
+    )
+
     def as_sender(self, name: str) -> Sender:
-        """Return the sender."""
-        return self.sender_type(**self.model_dump(), name=name)
+        """Return the sender of the alerts that are selected."""
+        sender = self.sender_type(**self.model_dump(exclude={"severity", "vehicles"}), name=name)
+        return SelectiveSender(sender, STEPS.index(self.severity), tuple(self.vehicles))
 
     @model_validator(mode="after")
     def _can_send(self) -> Self:

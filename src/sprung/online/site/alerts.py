@@ -13,7 +13,7 @@ from sprung.online.site.shared import Answer, Shared, Wanted, column_number, par
 from sprung.online.store import AlertFilter, AlertPlace
 from sprung.results.documents.monitoring import AlertEntry
 from sprung.results.tables import counted
-from sprung.state import STEPS, severity_step
+from sprung.state import STEPS, StepName, severity_step
 
 api = APIRouter(tags=["alerts"])
 pages = APIRouter(include_in_schema=False)
@@ -21,7 +21,6 @@ pages = APIRouter(include_in_schema=False)
 StateName: TypeAlias = Literal[
     "unacknowledged", "acknowledged", "returned to normal, unacknowledged", "shelved", "normal"
 ]
-StepName: TypeAlias = Literal["note", "low", "medium", "high", "critical"]
 #: Sign of each state in the terms of ISA-18.2, those that require action first.
 STATES: dict[StateName, str] = {
     "unacknowledged": "●",

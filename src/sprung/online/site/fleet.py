@@ -9,12 +9,11 @@ from pydantic import Field
 from sprung.online.monitor import embedded_port
 from sprung.online.monitor.histories import vehicle_state
 from sprung.online.site.access import Viewer
-from sprung.online.site.alerts import StepName
 from sprung.online.site.rendering import filter_link, page, with_others
 from sprung.online.site.shared import Answer, Context, Shared, Wanted, column_number, parse_cursor
 from sprung.online.store import FleetCounts, FleetFilter, FleetRow, Place, VehicleRow
 from sprung.results.tables import counted
-from sprung.state import STEPS, AlertState, VehicleState, Verdict
+from sprung.state import STEPS, AlertState, StepName, VehicleState, Verdict
 
 api = APIRouter(tags=["vehicles"])
 pages = APIRouter(include_in_schema=False)
