@@ -115,7 +115,7 @@ def report(stage, rows):
     import numpy as np
 
     usable = [row for row in rows if "best" in row]
-    print(f"{stage} springs, {len(rows)} drives")
+    print(f"{stage} springs, {len(rows)} drives, {len(rows) - len(usable)} of them inconclusive")
     print(f"  right stage        {share([f'.{stage}_' in row['best'] for row in usable])}")
     print(f"  right part         {share([row['best'] == row['part'] for row in usable])}")
     print(f"  with a finding     {share([row['is_found'] for row in usable])}")
