@@ -27,7 +27,7 @@ from the results in `benchmarks/data`.
 
 _CERTIFIED = """## Certified records
 
-Twelve small recordings with exact answers, ten draws of each; `benchmarks/certified/README.md` describes them and how
+Thirteen small recordings with exact answers, ten draws of each; `benchmarks/certified/README.md` describes them and how
 the answers are computed. A mode is found if one is reported within 5 % of its natural frequency. It is within three
 bounds if both frequency and damping ratio are off by at most three times the smallest standard deviation that an
 unbiased estimate can have (Cramér-Rao). Sprung gets the samples and the sampling rate, for the drive also the vehicle
@@ -42,6 +42,8 @@ _LIMITS = """What to read from them:
   of pyOMA2 draws random numbers without a seed: between two runs its counts differ by a few.
 - `free-decay` is not a record of stationary motion, which SSI assumes. Sprung recognises free motion and fits the
   decay itself; the peers apply SSI to it all the same, and koma's errors show what that costs.
+- In `friction` Sprung tells the dry friction from viscous damping in two of ten draws; in the others it reports no
+  swing with friction, which counts as not found. SSI has no model of it.
 - In `car-drive` the bound knows the delay of the rear wheels exactly, as it is in these records; Sprung fits it
   within 3 %, as no real speed channel is exact, and pays for that. The others have no vehicle model.
 - `short` has 20 periods of its first mode, so that the half-width of a mode is a fifth of the spacing of its spectral
