@@ -1,5 +1,6 @@
 """Diagnoses of windows drawn from their own model, and of a bogie on its rig."""
 
+from collections import Counter
 from dataclasses import replace
 from functools import cache
 
@@ -313,11 +314,30 @@ def test_windows_of_another_vehicle_than_the_baseline_are_refused(healthy) -> No
         diagnose(other, learn(zafira))
 
 
-@pytest.mark.parametrize(("kind", "largest"), [("spring", 0.2), ("anti_roll", 0.6)])
+@pytest.mark.parametrize(("kind", "largest"), [("spring", 0.2), ("anti_roll", 0.7)])
 def test_a_bar_may_hide_more_than_a_spring(kind, largest) -> None:
     part = Component("front_axle", kind)
     assert doubt_about({part: largest}) == ""
     assert "front-axle" in doubt_about({part: largest + 0.01})
+
+
+@pytest.mark.parametrize(("bar_std", "verdict"), [(0.2, "no_change_detected"), (0.4, "inconclusive")])
+def test_no_change_is_stated_where_a_broken_link_as_it_reads_would_be_found(bar_std, verdict) -> None:
+    """It reads as a loss of 70 % in a multibody engine, and by chance as another one: found in 95 of 100."""
+    parts = (*structure(read_vehicle("zafira")).components(), Component("front_axle", "anti_roll"))
+    deviation = np.array([*np.full(12, 0.02), bar_std])
+    generator = np.random.default_rng(4)
+
+    def half_hours(number, change=0.0):
+        values = deviation * generator.standard_normal((number, 3, 13)) + np.log1p(change) * np.eye(13)[12]
+        covariance = np.diag(deviation**2)
+        return [[Observation(600.0 * k, parts, x, covariance, {}, {}, ()) for k, x in enumerate(one)] for one in values]
+
+    normal = learn([window for one in half_hours(4) for window in one])
+    healthy = [diagnose(one, normal) for one in half_hours(8)]
+    assert Counter(one.verdict for one in healthy).most_common(1)[0] == (verdict, 8)
+    broken = [diagnose(one, normal).findings for one in half_hours(20, -0.7)]
+    assert (sum(bool(found) for found in broken) >= 18) == (verdict == "no_change_detected")
 
 
 def test_a_broken_link_of_an_anti_roll_bar_is_the_bar_alone() -> None:
@@ -340,7 +360,7 @@ def test_a_broken_link_of_an_anti_roll_bar_is_the_bar_alone() -> None:
     assert finding.interval[0] == -1.0 < finding.interval[1] < -0.7
     healthy = diagnose([window(file, number) for number in (10, 11)], baseline)
     assert not healthy.findings
-    assert healthy.detectable[Component("front_axle", "anti_roll")] < 0.6
+    assert healthy.detectable[Component("front_axle", "anti_roll")] < 0.7
 
 
 def test_a_much_stiffer_tyre_may_be_another_wheel(faulty, baseline) -> None:
