@@ -44,13 +44,13 @@ def test_figures_are_reachable_from_the_package() -> None:
 
 #: Types of parts of models, which are named in packages of their own.
 OF_MODELS = {
-    "likelihood": {"Model"},
+    "likelihood": {"Expected", "Model"},
     "diagnosis": {"Scatter"},
     "excitation": {"Lines", "Route"},
     "simulation": {"ForceLaw"},
     "vehicles": {
         *("BodyShape", "ChainMass", "Element", "LearntNumber", "MechanicalSystem", "Outputs", "QuarterBody"),
-        *("QuarterCorner", "StateSpace"),
+        *("QuarterCorner", "StateSpace", "Wheel"),
     },
 }
 

@@ -183,6 +183,7 @@ from sprung.simulation import simulate_drive as simulate_drive
 from sprung.simulation import usual_excitation as usual_excitation
 from sprung.vehicles import Axle as Axle
 from sprung.vehicles import Body as Body
+from sprung.vehicles import Bogie as Bogie
 from sprung.vehicles import Chain as Chain
 from sprung.vehicles import Component as Component
 from sprung.vehicles import ExactModes as ExactModes

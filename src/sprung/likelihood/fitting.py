@@ -1,7 +1,7 @@
 """Fit of springs, dampers and tyres of every corner to the spectra of a drive."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit, corners_from_modes
 from sprung.likelihood.joints import joint_pitch
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines, without_lines
-from sprung.likelihood.search import DescentSettings, minimised
+from sprung.likelihood.search import minimised
 from sprung.likelihood.spectra import (
     CLASS_WIDTH,
     ClassSpectra,
@@ -72,8 +72,6 @@ class FitRules:
     imperfect: float = 0.1
     #: Largest number of lines that a note names.
     max_named: int = 6
-    #: Ends of the searches: what is left moves no parameter by much more than a fiftieth of its standard deviation.
-    search: DescentSettings = field(default_factory=lambda: DescentSettings(slope=0.02, gain=1e-4))
 
 
 RULES = FitRules()
@@ -378,7 +376,7 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
         model = _weighted(untempered, tempering=power, lines=lines)
         if lines == last_lines and abs(power - last_power) < RULES.settled * last_power:
             break
-        parameters = minimised(model, parameters, RULES.search)
+        parameters = minimised(model, parameters)
     covariance = parameter_covariance(model, parameters, limited)
     misfit, excess = power_misfit(model, parameters)
     counts, error = (model.spectra.n_segments, segments.n_rejected), float(np.sqrt(max(0.0, excess)))
@@ -407,8 +405,7 @@ def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real], expected
     def misfit(parameters: Real) -> float:
         return rough.objective(parameters)[0]
 
-    start = min((rough.scaled_start(start) for start in (None, *starts)), key=misfit)
-    end = minimised(rough, start, RULES.search)
+    end = minimised(rough, min((rough.scaled_start(start) for start in (None, *starts)), key=misfit))
     if tempering(untempered, end) >= RULES.doubtful:
         return end
     if expected is not None and power_misfit(untempered, end)[1] <= (RULES.worse * expected.model_error) ** 2:
@@ -416,7 +413,7 @@ def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real], expected
     broken = RULES.broken * np.eye(len(rough.components))
     springs = [row for row, component in enumerate(rough.components) if component.kind in SPRINGS]
     start = min((rough.scaled_start(broken[row]) for row in springs), key=misfit)
-    return min((end, minimised(rough, start, RULES.search)), key=misfit)
+    return min((end, minimised(rough, start)), key=misfit)
 
 
 def _weighted(model: Model, *, tempering: float, lines: tuple[SpectralLine, ...] = ()) -> Model:

@@ -71,7 +71,7 @@ class Likelihood(Protocol):
         """Return the Fisher information without the prior, shape (parameters, parameters)."""
 
 
-def minimised(model: Likelihood, start: Real, settings: DescentSettings = DESCENT) -> Real:
+def minimised(model: Likelihood, start: Real) -> Real:
     """Return the parameters at which the likelihood is largest.
 
     Parameters
@@ -80,8 +80,6 @@ def minimised(model: Likelihood, start: Real, settings: DescentSettings = DESCEN
         Model with its data.
     start
         Parameters at which the search starts, shape (parameters,).
-    settings
-        Ends of the search.
 
     Raises
     ------
@@ -96,7 +94,7 @@ def minimised(model: Likelihood, start: Real, settings: DescentSettings = DESCEN
     ----------
     J. Nocedal and S. J. Wright, Numerical Optimization, 2nd edition, Springer, 2006, chapter 6.
     """
-    return [start, *descent(model, start, settings)][-1]
+    return [start, *descent(model, start)][-1]
 
 
 def scored(model: Likelihood, start: Real, *, is_vain: Callable[[Real], bool] | None = None) -> tuple[Real, bool]:
@@ -154,7 +152,7 @@ def _score_step(model: Likelihood, parameters: Real, slope: Real) -> tuple[Real,
     return step, float(-slope @ step)
 
 
-def descent(model: Likelihood, start: Real, settings: DescentSettings = DESCENT) -> Iterator[Real]:
+def descent(model: Likelihood, start: Real) -> Iterator[Real]:
     """Yield the parameters after each step of a search for the largest likelihood.
 
     Parameters
@@ -163,8 +161,6 @@ def descent(model: Likelihood, start: Real, settings: DescentSettings = DESCENT)
         Model with its data.
     start
         Parameters at which the search starts, shape (parameters,).
-    settings
-        Ends of the search, and when the information is computed again.
 
     Raises
     ------
@@ -186,10 +182,10 @@ def descent(model: Likelihood, start: Real, settings: DescentSettings = DESCENT)
     value, slope = model.objective(parameters)
     first = value
     factor, inverse = preconditioner(model, parameters), np.eye(start.size)
-    for _ in range(settings.max_steps):
+    for _ in range(DESCENT.max_steps):
         direction = -inverse @ (factor.T @ slope)
         descent_rate = -float((factor.T @ slope) @ direction)
-        if descent_rate < settings.slope**2:
+        if descent_rate < DESCENT.slope**2:
             return
         length, new_value, new_slope = _shortened(model, parameters, factor @ direction, value, descent_rate)
         if length == 0.0:
@@ -198,10 +194,10 @@ def descent(model: Likelihood, start: Real, settings: DescentSettings = DESCENT)
         parameters = parameters + factor @ step
         gain, value, slope, age = value - new_value, new_value, new_slope, age + 1
         yield parameters
-        if gain < settings.gain * (first - value):
+        if gain < DESCENT.gain * (first - value):
             return
-        is_far = bool(np.linalg.norm(step) > settings.far) and n_renewed < settings.max_far
-        if is_far or age == settings.stale:
+        is_far = bool(np.linalg.norm(step) > DESCENT.far) and n_renewed < DESCENT.max_far
+        if is_far or age == DESCENT.stale:
             factor, inverse, age, n_renewed = preconditioner(model, parameters), np.eye(start.size), 0, n_renewed + 1
         else:
             inverse = _updated(inverse, step, change, is_first=age == 1)
