@@ -183,7 +183,7 @@ def test_channel_without_a_measured_value_is_dead_and_the_others_are_read(text_f
     recording = read(text_file("time,a,b\n" + "\n".join(rows)))
     assert np.isfinite(recording.samples[0]).all()
     assert np.isnan(recording.samples[1]).all()
-    assert any(line.startswith("b: ") and "in line 2, one of 100 values" in line for line in recording.history)
+    assert any(line.startswith("b: ") and "in line 2, the first of 100 values" in line for line in recording.history)
 
 
 @pytest.mark.parametrize("heading", ["timestamp,t,a", "timestamp,elapsed_s,a", "t,timestamp,a"])
