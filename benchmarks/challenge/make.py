@@ -333,7 +333,7 @@ def make_set(
 
 
 def _record(folder: Path, source: Source, name: str) -> dict[str, Any]:
-    """Write another draw of a certified record, and return what its entrants are told."""
+    """Write another draw of a certified record, and return its entry of the manifest."""
     answer = json.loads((ANSWERS / f"{name}.json").read_text(encoding="utf-8"))
     runs = record_files(name, int(source(name, "draw").integers(1, 2**31)))
     facts = {key: answer[key] for key in ("sampling_rate", "quantity")}

@@ -41,7 +41,7 @@ def components_table(fit: CornerFit) -> Table:
         estimate = format_estimate(value, value * fit.log_ratios_std[row])
         numbers = (estimate, f"{100 * change:+z.1f}", _bar(change))
         unknown = ("–", "–", "not identifiable")
-        kind = f"{component.kind} [{_UNITS.get(component.kind, '-')}]"
+        kind = f"{format_name(component.kind)} [{_UNITS.get(component.kind, '-')}]"
         rows.append((format_name(component.corner), kind, *(numbers if fit.is_identifiable[row] else unknown)))
     return Table("Corners", columns, tuple(rows), n_words=2, caption="± standard deviation")
 
