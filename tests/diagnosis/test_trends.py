@@ -31,6 +31,18 @@ def test_a_limit_that_is_passed_is_due_now(window, baseline) -> None:
     assert finding.trend.hours_to_limit[0] == 0
 
 
+def test_a_growing_change_has_one_size_in_findings_and_hypotheses(window, baseline) -> None:
+    generator = np.random.default_rng(4)
+    grown = [window(generator, 600.0 * k, {"front_left.spring": -0.03 * k}) for k in range(16)]
+    diagnosis = diagnose(grown, baseline)
+    (finding,) = diagnosis.findings
+    assert diagnosis.detection is not None
+    named = next(one for one in diagnosis.detection.candidates if one.hypothesis.name == finding.hypothesis)
+    assert (named.change, named.interval, named.score) == (finding.change, finding.interval, finding.score)
+    assert finding.interval is not None
+    assert finding.interval[0] < -0.45 < finding.interval[1]  # after the last window, not the mean since the onset
+
+
 def candidate(corner: str, component: str) -> Candidate:
     scope = "else" if component == "unmodelled" else "single"
     sizes = () if scope == "else" else (Size(-0.1, (-0.12, -0.08), 10.0),)

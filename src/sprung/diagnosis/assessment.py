@@ -243,7 +243,14 @@ def _diagnosis(
     if baseline is None:
         return Diagnosis((), first_faults, None, every, notes, None, false_alarms)
     compared = [window for window in every if baseline.accepts(window)]
-    findings = () if detection is None else _findings(detection, compared, baseline)
+    named: Candidate | None = None
+    findings: tuple[Finding, ...] = ()
+    if detection is not None:
+        best, second = _best_two(detection)
+        named = _at_present(best, compared, baseline) if detection.is_alert else best
+        stated = tuple(named if candidate is best else candidate for candidate in detection.candidates)
+        detection = replace(detection, candidates=stated)
+        findings = _findings(named, second, compared, baseline) if detection.is_alert else ()
     doubts = []
     if detection is not None and baseline.n_windows == 0:
         doubts.append("no baseline: compared with the vehicle file, and left with right, with wide limits")
@@ -262,7 +269,7 @@ def _diagnosis(
         *_exclusion_notes(every, baseline),
         *baseline.notes,
         *_condition_notes(baseline, compared),
-        *([] if detection is None else _evidence_notes(detection)),
+        *([] if detection is None or named is None else _evidence_notes(detection, named)),
         *opinion,
         *doubts,
     )
@@ -333,27 +340,33 @@ def _second_opinion(tests: Mapping[float, ResidualTest], *, is_changed: bool) ->
     return [sentence], is_contradicted
 
 
-def _findings(detection: Detection, observations: Sequence[Observation], baseline: Baseline) -> tuple[Finding, ...]:
+def _at_present(best: Candidate, observations: Sequence[Observation], baseline: Baseline) -> Candidate:
+    """Return the hypothesis to name with its sizes after the last window, by which it is judged."""
+    sizes = []
+    for change, size in zip(best.hypothesis.changes, current_sizes(best, observations, baseline), strict=True):
+        low, high = size.interval
+        if change.component == "tyre" and change.scope == "single" and size.change >= STIFFER_TYRE:
+            low = (1 + low) * LIGHTEST_WHEEL - 1
+        sizes.append(replace(size, interval=(low, high)))
+    return replace(best, sizes=tuple(sizes))
+
+
+def _findings(
+    best: Candidate, second: Candidate | None, observations: Sequence[Observation], baseline: Baseline
+) -> tuple[Finding, ...]:
     """Return the findings of an alert: one for each change of the hypothesis to name, one for an unmodelled change."""
-    if not detection.is_alert:
-        return ()
-    best, second = _best_two(detection)
     is_close = second is not None and best.log_evidence - second.log_evidence < RULES.close
     onset = best.onset, best.onset_interval, _words(second) if second is not None and is_close else ""
     if not best.sizes:
         without_size, severity = (None, None, None), SEVERITIES[2][1:]
         return (Finding(best.hypothesis.corner, best.hypothesis.component, *without_size, *severity, *onset, None),)
     findings = []
-    for number, size in enumerate(current_sizes(best, observations, baseline)):
-        change = best.hypothesis.changes[number]
+    for number, (change, size) in enumerate(zip(best.hypothesis.changes, best.sizes, strict=True)):
         low, high = size.interval
-        if change.component == "tyre" and change.scope == "single" and size.change >= STIFFER_TYRE:
-            low = (1 + low) * LIGHTEST_WHEEL - 1
-        interval = low, high
-        certain = min(map(abs, interval)) if low * high > 0 else 0.0
+        certain = min(abs(low), abs(high)) if low * high > 0 else 0.0
         severity = next(level[1:] for level in SEVERITIES if certain >= level[0])
         course = trend(best, observations, baseline, since=best.onset, number=number)
-        size_of_it = size.change, interval, size.score
+        size_of_it = size.change, size.interval, size.score
         findings.append(Finding(change.corner, change.component, *size_of_it, *severity, *onset, course))
     return tuple(findings)
 
@@ -441,13 +454,13 @@ def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) ->
     return notes
 
 
-def _evidence_notes(detection: Detection) -> list[str]:
+def _evidence_notes(detection: Detection, named: Candidate) -> list[str]:
     """Return notes on what the named part leaves unexplained, or on an alert that has cleared."""
     if not detection.is_alert:
         if detection.first_alert is None:
             return []
         return [f"an alert was raised in the window at {format_time(detection.first_alert)} and has cleared"]
-    first, named = detection.candidates[0], _best_two(detection)[0]
+    first = detection.candidates[0]
     if first.log_evidence - named.log_evidence < detection.threshold:
         return []
     return [

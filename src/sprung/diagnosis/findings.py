@@ -152,7 +152,8 @@ class Diagnosis(Tabular, Savable, Drawable):
     sensor_faults
         Faults of sensors, each kind of each channel once.
     detection
-        Change test behind the findings; None if no window could be compared with the baseline.
+        Change test behind the findings, in which the hypothesis that they name has their sizes, those after the last
+        window; None if no window could be compared with the baseline.
     observations
         All windows.
     notes

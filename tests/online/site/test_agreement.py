@@ -29,6 +29,7 @@ MAIL = MailSender("localhost", sender="sprung@example.org", recipients=["anna@ex
 #: Name of each vehicle with its verdict, and what makes it so.
 VEHICLES: list[tuple[str, str, dict[str, Any]]] = (
     [(f"changed-{k}", "change", {"change": {part: -0.15 - 0.05 * k}}) for k, part in enumerate(PARTS)]
+    + [("growing", "change", {"change": {"front_left.spring": -0.03}, "n_windows": 16, "grows": True})]
     + [(f"healthy-{k}", "no_change_detected", {"n_windows": 12 + 3 * k}) for k in range(5)]
     + [(f"few-{count}", "inconclusive", {"n_windows": count}) for count in (0, 2, 5)]
     + [
@@ -43,7 +44,7 @@ VEHICLES: list[tuple[str, str, dict[str, Any]]] = (
 )
 
 
-def fill(store, name, *, n_windows=12, change=None, status=None, age=0, fault=None):
+def fill(store, name, *, n_windows=12, change=None, grows=False, status=None, age=0, fault=None):
     """Store a vehicle as its monitor would."""
     seen = NOW - age
     store.inbox.put_vehicle(name, configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
@@ -54,7 +55,8 @@ def fill(store, name, *, n_windows=12, change=None, status=None, age=0, fault=No
     generator = np.random.default_rng(sum(name.encode()))
     begin = seen // 10**9 - 600 * (TAUGHT + n_windows)
     taught = [drawn_window(generator, begin + 600.0 * k) for k in range(TAUGHT)]
-    after = [drawn_window(generator, begin + 600.0 * (TAUGHT + k), change or {}) for k in range(n_windows)]
+    sizes = [{part: size * (k if grows else 1) for part, size in (change or {}).items()} for k in range(n_windows)]
+    after = [drawn_window(generator, begin + 600.0 * (TAUGHT + k), one) for k, one in enumerate(sizes)]
     baseline = learn(taught)
     progress = {"share": 0.0, "n_learnt": TAUGHT, "n_needed": TAUGHT, "window": 600.0, "until": seen}
     diagnosis = diagnose(after, baseline) if after else None
@@ -151,6 +153,8 @@ def assert_alerts_agree(store, client, name, parts, sentence):
         if part is None or evidence["change"] is None:
             continue
         assert (evidence["change"], evidence["interval"]) == (part["change"], part["interval"])
+        likeliest = {each["name"]: (each["change"], each["interval"]) for each in evidence["hypotheses"]}
+        assert likeliest[row.cause] == (evidence["change"], evidence["interval"])
         assert evidence["detectable"][row.cause] == part["detectable"]
         columns = ("change_percent", "change_low_percent", "change_high_percent", "detectable_percent")
         numbers = [float(exported[row.cause][column]) for column in columns]

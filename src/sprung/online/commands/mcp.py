@@ -117,7 +117,7 @@ def _of_monitor(get: Get) -> tuple[Callable[..., str], ...]:
         return ask(alert=f"/alerts/{alert}", evidence=f"/alerts/{alert}/evidence")
 
     def trends(vehicle: str, since: int | None = None, until: int | None = None) -> str:
-        """Springs, dampers, tyres and modes of a vehicle over time (UTC ns), with what was detectable."""
+        """Springs, dampers, tyres and modes of a vehicle over time (UTC ns)."""
         period = {name: value for name, value in {"since": since, "until": until}.items() if value is not None}
         return ask(trends=f"/vehicles/{quote(vehicle, safe='')}/trends?{urlencode(period)}")
 

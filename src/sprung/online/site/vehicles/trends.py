@@ -50,7 +50,6 @@ class PartTrend(Answer):
     low: tuple[float | None, ...]
     high: tuple[float | None, ...]
     band: Pair | None = Field(description="range of 95 % of usual single windows; null without a baseline")
-    detectable: float | None = Field(description="smallest relative loss that would have been found; null: unknown")
 
 
 class ModeTrend(Answer):
@@ -201,7 +200,6 @@ def _parts(reference: Reference, windows: Sequence[Observation | None]) -> tuple
             ends = interval_95(middle, np.sqrt(np.diag(window.covariance)))
             values[:, row] = np.vstack([np.expm1(middle), ends])
     band = reference.band()
-    limits = reference.limits(max(reference.detectable, default=0))
     return tuple(
         PartTrend(
             part=str(component),
@@ -210,7 +208,6 @@ def _parts(reference: Reference, windows: Sequence[Observation | None]) -> tuple
                 for k, name in enumerate(("change", "low", "high"))
             },
             band=None if band is None else (float(band[0, column]), float(band[1, column])),
-            detectable=limits.get(str(component)),
         )
         for column, component in enumerate(components)
     )
