@@ -18,11 +18,12 @@ class DataError(SprungError):
 
 
 class MixedRatesError(DataError):
-    """Samples of a channel at another rate than those of the others, whose names are `others`."""
+    """Channels at another rate than the `others`, by their names; `left_out` has a reason by the name of each."""
 
-    def __init__(self, message: str, others: tuple[str, ...] = ()) -> None:
+    def __init__(self, message: str, others: tuple[str, ...] = (), left_out: tuple[tuple[str, str], ...] = ()) -> None:
         super().__init__(message)
-        self.others = others
+        self.others = tuple(others)
+        self.left_out = left_out
 
 
 class IdentificationError(SprungError):

@@ -17,16 +17,71 @@ def test_large_files_are_inspected_in_blocks(sprung, chain, monkeypatch):
         assert channel["rms"] == pytest.approx(expected["rms"], rel=1e-9)
 
 
-def test_channels_of_another_rate_are_named_and_the_others_shown(sprung, tmp_path):
-    rows = [f"{k / 100:.2f},{k % 7},{k if k % 10 == 0 else ''},{k if k % 20 == 0 else ''}" for k in range(500)]
-    path = tmp_path / "mixed.csv"
-    path.write_text("time,acc,speed,heading\n" + "\n".join(rows))
-    outcome = sprung("info", path)
-    assert outcome.code == 0
-    said = " ".join(outcome.out.split())
-    assert "500 samples at 100 Hz" in said
-    assert "channel 'speed' has a value in one of 10 rows only (another rate): keep the channels" in said
-    assert "channel 'heading' has a value in one of 20 rows only" in said
+def table_file(path, columns):
+    """Write columns, the first of which is the time, in the format of the ending; an array of NumPy has no names."""
+    match path.suffix:
+        case ".npy":
+            np.save(path, np.stack(list(columns.values()), axis=1))
+        case ".npz":
+            np.savez(path, **columns)
+        case ".parquet":
+            pq.write_table(pa.table(columns), path)
+        case ".mat":
+            savemat(path, columns)
+        case _:
+            every = zip(*columns.values(), strict=True)
+            rows = (",".join("" if np.isnan(value) else f"{value:.9g}" for value in row) for row in every)
+            path.write_text("\n".join([",".join(columns), *rows]))
+    return path
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "mat", "npz", "npy"])
+def test_a_channel_of_another_rate_is_a_row_with_its_reason(sprung, tmp_path, ending):
+    samples = np.random.default_rng(1).standard_normal((3, 500))
+    for row, step in ((1, 10), (2, 20)):
+        samples[row, np.arange(500) % step > 0] = np.nan
+    columns = dict(zip(("time", "acc", "speed", "heading"), [np.arange(500) / 100, *samples], strict=True))
+    path = table_file(tmp_path / f"mixed.{ending}", columns)
+    outcome = sprung("info", path, "--json", tmp_path / "info.json")
+    (facts,) = json.loads((tmp_path / "info.json").read_text())["files"]
+    assert (outcome.code, facts["sampling_rate"], facts["n_samples"]) == (0, 100.0, 500)
+    acc, speed, heading = facts["channels"]
+    assert acc["reason"] == ""
+    assert speed["reason"] == "left out: a value in one of 10 rows only, 10 Hz"
+    assert heading["reason"] == "left out: a value in one of 20 rows only, 5 Hz"
+    assert (speed["n_values"], speed["maximum"]) == (50, pytest.approx(np.nanmax(samples[1]), rel=1e-6))
+    assert speed["reason"] in outcome.out
+    assert "another rate" not in outcome.out
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "mat", "npz", "npy"])
+def test_infinite_values_are_the_reason_in_the_row_of_their_channel(sprung, tmp_path, ending):
+    first, second = np.random.default_rng(1).standard_normal((2, 500))
+    second[100:140] = -np.inf
+    columns = {"time": np.arange(500) / 100, "a": first, "b": second, "c": np.full(500, -np.inf)}
+    outcome = sprung("info", table_file(tmp_path / f"run.{ending}", columns), "--json", tmp_path / "info.json")
+    (facts,) = json.loads((tmp_path / "info.json").read_text())["files"]
+    a, b, c = facts["channels"]
+    word, place = {"csv": ("line", 1), "parquet": ("row", 0)}.get(ending, ("sample", 0))
+    assert (a["reason"], a["n_values"], b["n_values"]) == ("", 460, 460)
+    assert b["reason"] == f"-inf in {word} {101 + place}, the first of 40 values"
+    assert c["reason"] == f"-inf in {word} {1 + place}, the first of 500 values"
+    assert c["is_dead"]
+    assert b["reason"] in outcome.out
+
+
+@pytest.mark.parametrize("ending", ["mat", "npz"])
+@pytest.mark.parametrize("n_short", [50, 400])
+def test_an_array_of_another_length_is_a_row_with_its_reason(sprung, tmp_path, ending, n_short):
+    samples = np.random.default_rng(1).standard_normal(500)
+    arrays = {"fs": np.array(100.0), "acc": samples, "speed": samples[:n_short], "gain": np.ones(3)}
+    path = table_file(tmp_path / f"run.{ending}", arrays)
+    (facts,) = sprung("info", path, "--json", "-").document()["files"]
+    acc, speed = facts["channels"]
+    assert (acc["n_values"], speed["n_values"]) == (500, n_short)
+    assert speed["reason"] == f"left out: {n_short} samples, others have 500"
+    (chosen,) = sprung("info", path, "--channels", "acc", "--json", "-").document()["files"]
+    assert [channel["name"] for channel in chosen["channels"]] == ["acc"]
 
 
 def test_values_missing_everywhere_are_null(sprung, tmp_path):
@@ -38,6 +93,9 @@ def test_values_missing_everywhere_are_null(sprung, tmp_path):
     assert "dead, missing 100 %" in sprung("info", tmp_path / "run.csv").out
 
 
+_ROWS = {"csv": "line 202", "parquet": "row 201", "mat": "sample 201"}
+
+
 @pytest.mark.parametrize("ending", ["npy", "csv", "parquet", "mat"])
 def test_rows_without_a_clock_are_shown_with_the_reason(sprung, tmp_path, ending):
     path = tmp_path / f"run.{ending}"
@@ -47,13 +105,7 @@ def test_rows_without_a_clock_are_shown_with_the_reason(sprung, tmp_path, ending
     if ending == "npy":
         np.save(path, values)
     else:
-        columns = {"time": time, "a": values[:, 0], "b": values[:, 1]}
-        if ending == "parquet":
-            pq.write_table(pa.table(columns), path)
-        elif ending == "mat":
-            savemat(path, columns)
-        else:
-            np.savetxt(path, np.stack(list(columns.values()), axis=1), delimiter=",", header="time,a,b", comments="")
+        table_file(path, {"time": time, "a": values[:, 0], "b": values[:, 1]})
     outcome = sprung("info", path, "--json", tmp_path / "info.json")
     reason = "has no time column" if ending == "npy" else "time runs backwards"
     assert outcome.code == 2
@@ -63,3 +115,7 @@ def test_rows_without_a_clock_are_shown_with_the_reason(sprung, tmp_path, ending
     (facts,) = json.loads((tmp_path / "info.json").read_text())["files"]
     assert (facts["sampling_rate"], facts["duration"], facts["n_samples"]) == (None, None, 400)
     assert reason in facts["history"][0]
+    if ending != "npy":  # whose columns have no names
+        clock = facts["channels"][0]
+        assert (clock["name"], clock["rms"], clock["is_dead"]) == ("time", None, False)
+        assert clock["reason"] == f"{_ROWS[ending]}: {reason}"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from sprung.errors import DataError, FormatError
+from sprung.errors import DataError, FormatError, MixedRatesError
 from sprung.formats import read
 
 G = 9.80665
@@ -88,7 +88,7 @@ def test_every_array_as_long_as_time_is_a_channel(tmp_path: Path, write) -> None
 @WRITERS
 def test_arrays_of_two_lengths_are_refused(tmp_path: Path, write) -> None:
     path = write(tmp_path, left=SIGNAL, right=SIGNAL[:40], fs=10.0)
-    with pytest.raises(FormatError, match="'right' has 40 samples, others have 50"):
+    with pytest.raises(MixedRatesError, match="'right' has 40 samples, others have 50"):
         read(path)
     assert read(path, channels=["right"]).n_samples == 40
 

@@ -15,13 +15,18 @@ from sprung.cli.output import Output, progress_bar, show, write_result, written
 from sprung.errors import DataError, MixedRatesError, ParameterError, SprungError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from matplotlib.figure import Figure
 
     from sprung.formats import ReadSettings
+    from sprung.formats.table import Group
     from sprung.recording import Recording
-    from sprung.signals.inspection import Inspection
+    from sprung.signals.inspection import ChannelFacts, Inspection
+
+
+#: Difference of rates up to which they are the same.
+_SAME_RATE = 0.01
 
 
 @shares_options
@@ -34,7 +39,7 @@ def info(
     reading: Reading,
 ) -> None:
     """Summarise recordings: groups, channels, units, rate, length, gaps, levels and faults."""
-    from sprung.formats import read
+    from sprung.formats import groups, read
     from sprung.results import tables
     from sprung.results.documents import inspection_document
     from sprung.signals.plausibility import doubts
@@ -44,10 +49,11 @@ def info(
     inspections: dict[str, Inspection] = {}
     unread: list[SprungError] = []
     for path in files:
-        parts, refused = _parts(path, reading.settings), []
+        found = groups(path, reading.settings)
+        parts, refused = _parts(path, found, reading.settings), []
         for name, part in parts.items():
             try:
-                inspection, settings, clockless = _inspected(path, part)
+                inspection, settings, clockless = _inspected(path, found, part)
             except DataError as error:
                 refused.append(error)
                 if len(refused) == len(parts):
@@ -70,33 +76,67 @@ def info(
         raise unread[0]
 
 
-def _inspected(path: Path, settings: "ReadSettings") -> "tuple[Inspection, ReadSettings, SprungError | None]":
+def _inspected(
+    path: Path, found: "Sequence[Group]", settings: "ReadSettings"
+) -> "tuple[Inspection, ReadSettings, SprungError | None]":
     """Return the inspection of a part, the settings without its channels of other rates, and what its clock lacks.
 
     Rows without a clock are counted at 1 Hz, so that their levels are seen.
     """
     from sprung.formats import read_records
-    from sprung.signals.inspection import inspect_blocks
+    from sprung.formats.columns import wanted_table
+    from sprung.signals.inspection import facts_without_values, inspect_blocks
 
-    left_out: list[str] = []
+    given, left_out = settings, dict[str, str]()
     clockless: SprungError | None = None
     while True:
         try:
             with progress_bar() as report:
                 inspection = inspect_blocks(read_records([path], settings=settings, on_progress=report))
-            if clockless is not None:
-                history = [f"{clockless}", *(line for line in inspection.history if "1 Hz as stated" not in line)]
-                inspection = replace(inspection, sampling_rate=math.nan, duration=math.nan, history=tuple(history))
-            return replace(inspection, history=(*inspection.history, *left_out)), settings, clockless
+            break
         except MixedRatesError as error:
             if not error.others:
                 raise
-            left_out.append(str(error))
+            left_out |= dict(error.left_out)
             settings = replace(settings, channels=error.others)
         except SprungError as error:
             if settings.sampling_rate is not None:
                 raise clockless or error from None
             clockless, settings = error, replace(settings, sampling_rate=1.0)
+    table = wanted_table(path, found, settings)
+    left_out |= dict(table.left_out) if given.channels is None else {}
+    rows = [_with_reason(facts, inspection.history) for facts in inspection.channels]
+    for name, reason in left_out.items():
+        rows.append(_alone(path, replace(settings, channels=(name,)), f"left out: {reason}", inspection.sampling_rate))
+    if clockless is not None:
+        history = [f"{clockless}", *(line for line in inspection.history if "1 Hz as stated" not in line)]
+        inspection = replace(inspection, sampling_rate=math.nan, duration=math.nan, history=tuple(history))
+        if table.time_heading is not None:
+            reason = str(clockless).removeprefix(str(path)).lstrip(":, ").rsplit(": ", 1)[0]
+            rows.insert(0, facts_without_values(table.time_heading, reason))
+    return replace(inspection, channels=tuple(rows)), settings, clockless
+
+
+def _with_reason(facts: "ChannelFacts", history: "Sequence[str]") -> "ChannelFacts":
+    """Return the facts about a channel with what the history says of its values that were not measured."""
+    from sprung.formats.grid import UNMEASURED
+
+    start, end = f"{facts.name}: ", f" {UNMEASURED}"
+    found = next((line for line in history if line.startswith(start) and line.endswith(end)), "")
+    return replace(facts, reason=found.removeprefix(start).removesuffix(end).rstrip(","))
+
+
+def _alone(path: Path, settings: "ReadSettings", reason: str, others: float) -> "ChannelFacts":
+    """Return the row of a channel that is left out, with its levels and rate where it can be read by itself."""
+    from sprung.formats import read_records
+    from sprung.signals.inspection import facts_without_values, inspect_blocks
+
+    try:
+        own = inspect_blocks(read_records([path], settings=settings))
+    except SprungError:
+        return facts_without_values(", ".join(settings.channels or ()), reason)
+    is_other = abs(own.sampling_rate / others - 1) > _SAME_RATE
+    return replace(own.channels[0], reason=f"{reason}, {own.sampling_rate:.4g} Hz" if is_other else reason)
 
 
 def _overview(drawn: Any, *, recording_of: "Callable[[], Recording]", name: str) -> "dict[str, Figure]":
@@ -106,12 +146,10 @@ def _overview(drawn: Any, *, recording_of: "Callable[[], Recording]", name: str)
     return {f"{label}-{kind}": figure for kind, figure in drawn.overview_figures(recording_of(), source=source).items()}
 
 
-def _parts(path: Path, reading: "ReadSettings") -> "dict[str, ReadSettings]":
+def _parts(path: Path, found: "Sequence[Group]", reading: "ReadSettings") -> "dict[str, ReadSettings]":
     """Return the settings for each inspected part by name: the file, or each group if the groups share no clock."""
-    from sprung.formats import groups
     from sprung.results.documents.recordings import group_label
 
-    found = groups(path, reading)
     if reading.groups or reading.channels is not None or len({group.clock for group in found}) == 1:
         return {str(path): reading}
     return {f"{path}{group_label(group.name)}": replace(reading, groups=(group.name,)) for group in found}

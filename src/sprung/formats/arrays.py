@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sprung.errors import FormatError
+from sprung.errors import FormatError, MixedRatesError
 from sprung.formats.settings import TIME_UNITS
 from sprung.formats.table import (
     Block,
@@ -45,6 +45,8 @@ class InMemory:
     #: Size that every file may have [bytes], and size over that of the file: measured signals are packed to a tenth.
     small: int = 2**28
     ratio: int = 200
+    #: Fewer values than this in an array are parameters.
+    fewest: int = 10
 
 
 IN_MEMORY = InMemory()
@@ -244,7 +246,9 @@ class _Source:
         """Return the table of some channels."""
         path, stamps = self.path, self.stamps
         rows = _main_matrix(path, self.signals, self.arrays.values)
-        rows = rows or _all_of_one_length(path, self.signals, stamps, channels)
+        left_out: tuple[tuple[str, str], ...] = ()
+        if not rows:
+            rows, left_out = _all_of_one_length(path, self.signals, stamps, channels)
         columns = chosen_columns(list(rows), channels, units=self._units(list(rows)), path=path)
         wanted = [rows[column.heading] for column in columns]
         n_rows = wanted[0].size
@@ -264,6 +268,7 @@ class _Source:
             sampling_rate=self.rate,
             start=self.arrays.start,
             comment=self.arrays.comment,
+            left_out=left_out,
         )
 
     def _time_heading(self) -> str | None:
@@ -367,28 +372,37 @@ def _rows(path: Path, array: Array) -> list[Row]:
 
 def _all_of_one_length(
     path: Path, signals: Mapping[str, Array], stamps: NDArray[Any] | None, channels: Sequence[str] | None
-) -> dict[str, Row]:
-    """Return every array as long as the time stamps or the longest array, its rows numbered.
+) -> tuple[dict[str, Row], tuple[tuple[str, str], ...]]:
+    """Return every array as long as the time stamps or the longest array, its rows numbered, and why others are not.
 
-    Short arrays are parameters. An array of a similar but different length is a channel of another rate, an error.
+    Shorter arrays may be parameters. One of a similar but different length is a channel of another rate, an error.
     """
-    rows: dict[str, Row] = {}
+    every: dict[str, Row] = {}
     for name, array in signals.items():
         if len(array.shape) not in {1, 2} or np.prod(array.shape) <= 1:
             continue
         own = _rows(path, array)
         numbered = [name] if len(own) == 1 else [f"{name}_{number}" for number in range(1, len(own) + 1)]
-        rows.update((key, row) for key, row in zip(numbered, own, strict=True) if channels is None or key in channels)
+        every |= dict(zip(numbered, own, strict=True))
+    rows = {name: row for name, row in every.items() if channels is None or name in channels}
     if not rows:
         raise FormatError(f"{path} holds no arrays of numbers with a channel's samples")
     length = max(row.size for row in rows.values()) if stamps is None else stamps.size
+    kept = {name: row for name, row in rows.items() if row.size == length}
+    left_out = tuple(
+        (name, f"{row.size} samples, others have {length}")
+        for name, row in every.items()
+        if row.size != length and row.size >= IN_MEMORY.fewest
+    )
     for name, row in rows.items():
         if row.size != length and row.size > length / 2:
-            raise FormatError(
+            raise MixedRatesError(
                 f"{path}: {name!r} has {row.size} samples, others have {length}: keep the channels of one rate with "
-                "--channels"
+                "--channels",
+                tuple(kept),
+                left_out,
             )
-    return {name: row for name, row in rows.items() if row.size == length}
+    return kept, left_out
 
 
 def written_arrays(recording: Recording) -> dict[str, NDArray[Any]]:

@@ -47,6 +47,8 @@ class _Limits:
 
 
 _LIMITS = _Limits()
+#: What the history says of a value that is infinite or too large, after its place.
+UNMEASURED = "cannot be measured: taken as missing"
 _FILLERS = np.array([*_LIMITS.fillers, *(-number for number in _LIMITS.fillers[:8])])
 
 
@@ -125,7 +127,7 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
         )
     of_clock = _history_of_clock(clock, scale, doubts, n_rows)
     infinite = (
-        f"{name}: {first}{f', the first of {n} values,' if n > 1 else ''} cannot be measured: taken as missing"
+        f"{name}: {first}{f', the first of {n} values,' if n > 1 else ''} {UNMEASURED}"
         for name, (first, n) in unmeasured.items()
     )
     history = (*_history(table, of_clock, counts, n_rows, fillers), *infinite)
@@ -170,15 +172,18 @@ def _note_unmeasured(found: dict[str, tuple[str, int]], table: Table, block: Blo
 
 
 def _values_present(table: Table, values: Real) -> Booleans:
-    """Return which values are present, shape (channels, rows); raise on other rates."""
+    """Return which values are present, shape (channels, rows); raise on other rates in rows that hold any value."""
     present = ~np.isnan(values)
-    for column, has_value in zip(table.columns, present, strict=True):
+    shared = present[:, present.any(axis=0)]
+    for column, has_value in zip(table.columns, shared, strict=True):
         rows = np.flatnonzero(has_value)
-        if 10 <= rows.size < 0.6 * values.shape[1] and np.median(np.diff(rows)) >= 2:
+        if 10 <= rows.size < 0.6 * shared.shape[1] and np.median(np.diff(rows)) >= 2:
+            reason = f"a value in one of {np.median(np.diff(rows)):.0f} rows only"
             raise MixedRatesError(
-                f"{table.path}: channel {column.name!r} has a value in one of {np.median(np.diff(rows)):.0f} rows only "
-                "(another rate): keep the channels of one rate with --channels, or write it to a file of its own",
+                f"{table.path}: channel {column.name!r} has {reason} (another rate): keep the channels of one rate "
+                "with --channels, or write it to a file of its own",
                 tuple(other.name for other in table.columns if other is not column),
+                ((column.name, reason),),
             )
     return present
 

@@ -118,7 +118,7 @@ class _Reader:
                 ) from None
         if "error" in answer:
             kind: type[SprungError] = getattr(errors, answer["error"])
-            raise kind(answer["message"].replace(str(path.absolute()), str(path)))
+            raise kind(answer["message"].replace(str(path.absolute()), str(path)), **answer["facts"])
         return answer, arrays
 
     def blocks(self, path: Path, table: tuple[Any, ...], first: int, last: int | None) -> Iterator[Block]:
@@ -268,10 +268,11 @@ def _serve(connection: "Connection[Any, Any]") -> None:
             _limit_memory(memory)
             answer, arrays = getattr(child, method)(*arguments)
         except SprungError as error:
-            answer = {"error": type(error).__name__, "message": str(error)}
+            answer = {"error": type(error).__name__, "message": str(error), "facts": vars(error)}
         except MemoryError:
             message = f"{path} cannot be read: it takes more memory than its size allows"
-            answer = {"error": "FormatError", "message": f"{message}: check that the file is complete"}
+            message = f"{message}: check that the file is complete"
+            answer = {"error": "FormatError", "message": message, "facts": {}}
         answer["sizes"] = [len(array) for array in arrays]
         connection.send_bytes(json.dumps(answer, default=operator.methodcaller("item")).encode())
         for array in arrays:

@@ -107,6 +107,8 @@ class Table:
         Seconds in one unit of the time stamps; None: by their heading or magnitude.
     notes
         Lines for the history on how the table was opened.
+    left_out
+        Name of each channel of another length, and why it is left out.
     """
 
     path: Path
@@ -119,6 +121,7 @@ class Table:
     comment: str = ""
     time_factor: float | None = None
     notes: tuple[str, ...] = ()
+    left_out: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -48,6 +48,8 @@ class ChannelFacts:
         earlier ones, 0 to 1.
     n_spikes
         Number of single-sample spikes: jumps and returns that are too large for the motion of any body.
+    reason
+        Why the channel takes no part in the recording, or some of its values do not; empty where all do.
     """
 
     name: str
@@ -70,6 +72,7 @@ class ChannelFacts:
     fillers: float
     repeated: float
     n_spikes: int
+    reason: str = ""
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -174,6 +177,11 @@ def inspect_blocks(blocks: Iterable[Recording], *, counts_odd_samples: bool = Tr
         raise DataError("there is nothing to inspect: the recording has no blocks")
     facts = zip(block.channels, tallies, strict=True)
     return replace(total, channels=tuple(_facts(channel, tally, total.sampling_rate) for channel, tally in facts))
+
+
+def facts_without_values(name: str, reason: str) -> ChannelFacts:
+    """Return the row of a channel that cannot be read, with the reason."""
+    return replace(_facts(Channel(name), _Tally(), 1.0), missing=0.0, is_dead=False, reason=reason)
 
 
 def _extended(total: Inspection | None, block: Recording) -> Inspection:

@@ -109,4 +109,5 @@ def _remarks(facts: ChannelFacts) -> str:
         f"{words.get(kind, kind)} {100 * shares[kind]:.3g} %" if kind in shares else words.get(kind, kind)
         for kind in facts.faults
     ]
+    remarks += [facts.reason] if facts.reason else []
     return ", ".join(remarks + [f"missing {100 * facts.missing:.3g} %"] * (facts.missing > 0))
