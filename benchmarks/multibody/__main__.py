@@ -27,7 +27,7 @@ import numpy as np
 from benchmarks.conditions import CALIBRATIONS, OBSERVATIONS, code_version
 from benchmarks.detection import binomial_interval
 from benchmarks.multibody.design import DESIGNS, Design, Effects, Faults, Rider, sensor_places
-from benchmarks.multibody.drive import RATE, Drive, driven
+from benchmarks.multibody.drive import RATE, Drive, driven, wheel_loads
 
 from sprung.calibration import DataSheet, calibrate, described
 from sprung.diagnosis import Diagnosis, Observation, diagnose, learn, observe_window
@@ -36,8 +36,12 @@ from sprung.vehicles import Sensor, Vehicle
 from sprung.vehicles.files import vehicle_from_text, vehicle_text
 
 HERE = Path(__file__).resolve().parent
-#: Tyres in the data sheets of the vehicles with two axles; a data sheet of three axles cannot be described yet.
-TYRES = {"car": "205/55R16", "van": "225/65R16"}
+#: Tyres of each axle, their pressure [Pa] and the height of the vehicle [m] in its data sheet.
+SHEETS = {
+    "car": (("205/55R16",), 230e3, None),
+    "van": (("225/65R16",), 350e3, 2.5),
+    "bus": (("275/70R22.5", "2x275/70R22.5", "275/70R22.5"), 800e3, 3.1),
+}
 #: Windows that are diagnosed together: half an hour.
 TOGETHER = 3
 Result = TypeVar("Result")
@@ -159,18 +163,19 @@ def recording(study: Study, drive: Drive, seed: int) -> Recording:
 
 def sheet_file(design: Design) -> Vehicle:
     """Return the vehicle file from the data sheet, with the sensors where they are."""
-    first, last = design.axles[0], design.axles[-1]
-    unsprung = 2 * sum(axle.wheel_mass for axle in design.axles)
-    moment = 2 * sum(axle.wheel_mass * (axle.x - last.x) for axle in design.axles) - design.mass * last.x
-    base = first.x - last.x
-    share = moment / base / (design.mass + unsprung)
+    first = design.axles[0]
+    tyres, pressure, height = SHEETS[design.name]
+    total = design.mass + 2 * sum(axle.wheel_mass for axle in design.axles)
+    loads = wheel_loads(design).reshape(len(design.axles), 2).sum(axis=1)
     sheet = DataSheet(
-        mass=design.mass + unsprung + 75.0,
-        wheelbase=base,
+        mass=total + 75.0,
+        wheelbase=tuple(first.x - axle.x for axle in design.axles[1:]),
         track=2 * first.half_track,
-        tyre=TYRES[design.name],
-        front_share=round(share, 3),
-        pressure=230e3 if design.name == "car" else 350e3,
+        tyre=tyres,
+        axle_loads=tuple(float(load) for load in loads / loads.sum() * (total + 75.0)) if len(loads) > 2 else None,
+        front_share=round(float(loads[0] / loads.sum()), 3),
+        height=height,
+        pressure=pressure,
         name=design.name,
     )
     vehicle = described(sheet)
@@ -268,7 +273,7 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
 def main() -> None:
     """Print the table of each vehicle."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("vehicles", nargs="+", choices=sorted(TYRES))
+    parser.add_argument("vehicles", nargs="+", choices=sorted(SHEETS))
     parser.add_argument("--healthy", type=int, default=12, help="healthy windows")
     parser.add_argument("--faulty", type=int, default=2, help="half hours of each fault")
     parser.add_argument("--jobs", type=int, default=2)

@@ -37,6 +37,41 @@ def test_spring_and_tyre_together_have_the_ride_frequency() -> None:
         assert np.sqrt(ride / load) / (2 * np.pi) == pytest.approx(frequency, rel=1e-3)
 
 
+BUS: dict[str, Any] = {
+    "mass": 16_240.0,
+    "wheelbase": (6.8, 8.2),
+    "track": 2.0,
+    "tyre": ("275/70R22.5", "2x275/70R22.5", "275/70R22.5"),
+    "axle_loads": (5400.0, 7000.0, 3840.0),
+    "height": 3.1,
+    "pressure": 8e5,
+}
+
+
+def test_a_bus_of_three_axles_stands_on_its_axles_as_stated() -> None:
+    vehicle = described(DataSheet(**BUS))
+    assert [round(vehicle.axle[0].x - axle.x, 3) for axle in vehicle.axle] == [0, 6.8, 8.2]
+    moment = 0.0
+    for axle, load, frequency in zip(vehicle.axle, BUS["axle_loads"], (1.2, 1.4, 1.4), strict=True):
+        above = load - 2 * stated(axle.unsprung_mass)
+        ride = 1 / (1 / stated(axle.spring_stiffness) + 1 / stated(axle.tyre_stiffness))
+        assert np.sqrt(ride / (above / 2)) / (2 * np.pi) == pytest.approx(frequency, rel=1e-3)
+        moment += above * axle.x
+    assert moment == pytest.approx(0, abs=2)
+    front, drive, _ = (stated(axle.tyre_stiffness) for axle in vehicle.axle)
+    assert drive == pytest.approx(2 * front, abs=1)
+    assert [sensor.channel for sensor in vehicle.sensor] == ["acc_fl", "acc_fr", "acc_2l", "acc_2r", "acc_rl", "acc_rr"]
+    assert {entry.name for entry in vehicle.learnt} >= {"axle2.tyre_stiffness", "rear.damping", "body.centre_x"}
+    assert {"bounce", "pitch", "roll"} <= set(structure(vehicle).modes().labels)
+
+
+def test_inertias_of_a_bus_are_within_their_width_of_those_of_another_engine() -> None:
+    """The single-deck bus of the multibody benchmark."""
+    guess = {entry.name: entry for entry in described(DataSheet(**BUS)).learnt}
+    for name, value in (("body.roll_inertia", 14_500.0), ("body.pitch_inertia", 165_000.0)):
+        assert abs(guess[name].value - value) < 2 * guess[name].std
+
+
 def test_guesses_are_within_their_width_of_a_measured_car(hatchback) -> None:
     """The hatchback of the tests, and the tyres of the shipped car."""
     sheet = DataSheet(mass=1194.0, wheelbase=2.55, track=1.47, tyre="185/60R15", front_share=0.597)
@@ -63,6 +98,10 @@ def test_a_description_is_a_vehicle_file() -> None:
         ({"mass": 12.0}, "mass"),
         ({"ride_frequencies": (1.2, 9.0)}, "ride_frequencies"),
         ({"sensors": "all"}, "sensors"),
+        ({"wheelbase": (6.8, 8.2)}, "3 axles need the mass on each of them"),
+        ({"axle_loads": (800.0,)}, "axle_loads has 1 value for 2 axles"),
+        ({"axle_loads": (800.0, 800.0)}, "axle_loads add up to 1600 kg, but the mass is 1350 kg"),
+        ({"wheelbase": (6.8, 6.9)}, "wheelbase"),
     ],
 )
 def test_impossible_sheets_are_refused(change, message) -> None:

@@ -3,11 +3,12 @@
 import math
 import re
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 from sprung._checks import check_number, check_one_of, check_type
+from sprung._display import counted
 from sprung.errors import ParameterError
-from sprung.vehicles import Axle, Body, Sensor, Vehicle
+from sprung.vehicles import Axle, Body, Sensor, Vehicle, corner_names
 from sprung.vehicles.sections import LearntNumber
 
 
@@ -21,12 +22,18 @@ class SheetRules:
     per_pressure: float = 2.7
     #: Share of each wheel with hub and half of its links and springs in the mass of a car.
     unsprung: float = 0.028
-    #: Pitch: squared radius of gyration over the product of the axles' distances.
+    #: The same in the mass on its axle, where that is stated.
+    unsprung_of_axle: float = 0.056
+    #: Pitch: squared radius of gyration over the mean squared distance of the loads on axles.
     pitch: float = 0.88
     #: Roll: squared radius of gyration over the squared half track width.
     roll: float = 0.52
-    #: Stiffness of the anti-roll bars of front and rear axle over that of one spring.
+    #: Roll of a vehicle of known height: the same over that of a full box.
+    roll_of_box: float = 0.7
+    #: Stiffness of the anti-roll bars of the front axle and of the others over that of one spring.
     bars: tuple[float, float] = (0.3, 0.15)
+    #: Largest relative difference between the mass and the sum of the loads on axles.
+    loads_within: float = 0.02
 
 
 RULES = SheetRules()
@@ -48,30 +55,39 @@ class GuessWidths:
 
 
 WIDTHS = GuessWidths()
-_SIZE = re.compile(r"(\d{3})/(\d{2,3})\s*Z?R\s*(\d{2}(?:\.\d)?)C?", re.IGNORECASE)
+_SIZE = re.compile(r"(2x)?\s*(\d{3})/(\d{2,3})\s*Z?R\s*(\d{2}(?:\.\d)?)C?", re.IGNORECASE)
 Sensors = Literal["corners", "imu", "travel"]
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, slots=True)
 class DataSheet:
-    """What a data sheet states about a car, and usual values for what it does not.
+    """What a data sheet states about a car, van, truck or bus, and usual values for what it does not.
 
     Parameters
     ----------
     mass
-        Mass of the car as it is driven [kg].
-    wheelbase, track
-        Distance of the axles, and mean distance of the wheels of an axle [m].
+        Mass of the vehicle as it is driven [kg].
+    wheelbase
+        Distance of the rear axle from the front axle [m]; of more than two axles the distance of each further one.
+    track
+        Mean distance of the wheels of an axle, of twin tyres that of their middles [m].
     tyre
-        Size of the tyres, such as "205/55R16".
+        Size of the tyres, such as "205/55R16"; or that of each axle, twin tyres as "2x275/70R22.5".
     front_share
-        Share of the mass on the front axle.
+        Share of the mass on the front axle of two.
+    axle_loads
+        Mass on each axle [kg], which more than two axles need; None: by `front_share`.
     ride_frequencies
-        Natural frequency of the body above each axle, on springs and tyres [Hz].
+        Natural frequency of the body above the front axle and above each other one, on springs and tyres [Hz]; the last
+        holds for all further axles.
     damping_ratio
         Damping ratio of the body above each axle.
     unsprung_masses
-        Unsprung mass of a front and of a rear wheel [kg]; None: 2.8 % of the mass each.
+        Unsprung mass of a wheel of the front axle and of each other one [kg], as `ride_frequencies`; None: 2.8 % of the
+        mass each, or 5.6 % of the mass on their axle where `axle_loads` are stated.
+    height
+        Height of the vehicle [m], for the roll inertia of vans, trucks and buses; None: that of a car.
     pressure
         Pressure of the tyres [Pa].
     sensors
@@ -87,20 +103,24 @@ class DataSheet:
     """
 
     mass: float
-    wheelbase: float
+    wheelbase: float | tuple[float, ...]
     track: float
-    tyre: str
+    tyre: str | tuple[str, ...]
     front_share: float = 0.58
-    ride_frequencies: tuple[float, float] = (1.2, 1.4)
+    axle_loads: tuple[float, ...] | None = None
+    ride_frequencies: tuple[float, ...] = (1.2, 1.4)
     damping_ratio: float = 0.28
-    unsprung_masses: tuple[float, float] | None = None
+    unsprung_masses: tuple[float, ...] | None = None
+    height: float | None = None
     pressure: float = RULES.pressure
     sensors: Sensors = "corners"
     name: str = "car"
 
     def __post_init__(self) -> None:
-        check_number("mass", self.mass, at_least=300, at_most=20_000)
-        check_number("wheelbase", self.wheelbase, at_least=1.2, at_most=10)
+        check_number("mass", self.mass, at_least=300, at_most=60_000)
+        for distance, before in zip(self.distances[1:], self.distances, strict=False):
+            check_number("wheelbase", distance - before, at_least=0.9, at_most=15)
+        check_number("wheelbase", self.distances[-1], at_least=1.2, at_most=15)
         check_number("track", self.track, at_least=0.8, at_most=3)
         check_number("front_share", self.front_share, at_least=0.2, at_most=0.8)
         check_number("damping_ratio", self.damping_ratio, above=0, at_most=1)
@@ -108,7 +128,65 @@ class DataSheet:
         for frequency in self.ride_frequencies:
             check_number("ride_frequencies", frequency, at_least=0.5, at_most=4)
         check_one_of("sensors", self.sensors, ("corners", "imu", "travel"))
-        tyre_size(self.tyre)
+        if self.height is not None:
+            check_number("height", self.height, at_least=1, at_most=4.5)
+        for tyre in self.tyres:
+            tyre_size(tyre)
+        self._check_loads()
+
+    def _check_loads(self) -> None:
+        """Check that there is a load for each axle, and that they make up the mass."""
+        count = len(self.distances)
+        if self.axle_loads is None:
+            if count > 2:
+                raise ParameterError(f"{count} axles need the mass on each of them: state axle_loads (--axle-load)")
+            return
+        if len(self.axle_loads) != count:
+            raise ParameterError(
+                f"axle_loads has {counted(len(self.axle_loads), 'value')} for {count} axles: state one for each"
+            )
+        for load in self.axle_loads:
+            check_number("axle_loads", load, at_least=100, at_most=20_000)
+        total = sum(self.axle_loads)
+        if abs(total / self.mass - 1) > RULES.loads_within:
+            raise ParameterError(
+                f"axle_loads add up to {total:.0f} kg, but the mass is {self.mass:.0f} kg: correct one of them"
+            )
+
+    @property
+    def distances(self) -> tuple[float, ...]:
+        """Distance of each axle from the front axle [m], shape (axles,)."""
+        return (0.0, *(self.wheelbase if isinstance(self.wheelbase, tuple) else (self.wheelbase,)))
+
+    @property
+    def tyres(self) -> tuple[str, ...]:
+        """Size of the tyres of each axle."""
+        return self._each(self.tyre if isinstance(self.tyre, tuple) else (self.tyre,))
+
+    @property
+    def loads(self) -> tuple[float, ...]:
+        """Mass on each axle [kg]."""
+        if self.axle_loads is None:
+            return self.mass * self.front_share, self.mass * (1 - self.front_share)
+        return tuple(load * self.mass / sum(self.axle_loads) for load in self.axle_loads)
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """Natural frequency of the body above each axle [Hz]."""
+        return self._each(self.ride_frequencies)
+
+    @property
+    def wheels(self) -> tuple[float, ...]:
+        """Unsprung mass of a wheel of each axle [kg]."""
+        if self.unsprung_masses is not None:
+            return self._each(self.unsprung_masses)
+        if self.axle_loads is not None:
+            return tuple(RULES.unsprung_of_axle * load for load in self.loads)
+        return self._each((RULES.unsprung * self.mass,))
+
+    def _each(self, values: tuple[Value, ...]) -> tuple[Value, ...]:
+        """Return a value for each axle: the last holds for all further ones."""
+        return tuple(values[min(index, len(values) - 1)] for index in range(len(self.distances)))
 
 
 def tyre_size(text: str) -> tuple[float, float]:
@@ -127,17 +205,17 @@ def tyre_size(text: str) -> tuple[float, float]:
     found = _SIZE.match(text.strip())
     if found is None:
         raise ParameterError(f"tyre={text!r} is not a size: write width/aspect ratio R rim, such as 205/55R16")
-    width, aspect, rim = (float(part) for part in found.groups())
+    width, aspect, rim = (float(part) for part in found.groups()[1:])
     return width / 1000, round(rim * 0.0254 + 2 * width * aspect / 1e5, 6)
 
 
 def tyre_stiffness(tyre: str, *, pressure: float = RULES.pressure) -> float:
-    """Return the usual vertical stiffness of a tyre [N/m], with an error of about 15 %.
+    """Return the usual vertical stiffness of a tyre or of twin tyres [N/m], with an error of about 15 %.
 
     Parameters
     ----------
     tyre
-        Size, such as "205/55R16".
+        Size, such as "205/55R16", or "2x275/70R22.5" for twin tyres.
     pressure
         Pressure above that of the atmosphere [Pa].
 
@@ -159,7 +237,8 @@ def tyre_stiffness(tyre: str, *, pressure: float = RULES.pressure) -> float:
     [224, 272]
     """
     width, diameter = tyre_size(tyre)
-    return RULES.per_pressure * pressure * math.sqrt(width * diameter)
+    count = 2 if tyre.strip().lower().startswith("2x") else 1
+    return count * RULES.per_pressure * pressure * math.sqrt(width * diameter)
 
 
 def described(sheet: DataSheet) -> Vehicle:
@@ -178,9 +257,10 @@ def described(sheet: DataSheet) -> Vehicle:
     Notes
     -----
     The ride rate r = (2 pi f)^2 m of a corner with sprung mass m is the series of spring and tyre k, so that the spring
-    has r k / (k - r); damping 2 z sqrt(spring m). Radii of gyration of the body: k_y^2 = 0.88 a b with the axles'
-    distances a and b from the centre of gravity (Olley's k^2/ab is 0.8 to 1 in cars), k_x^2 = 0.52 of the squared half
-    track: rules with errors of 10 and 15 %, not regressions on measured vehicles.
+    has r k / (k - r); damping 2 z sqrt(spring m). Radii of gyration of the body: k_y^2 is 0.88 of the mean squared
+    distance of the axles' loads from the centre of gravity, which is a b of two axles at the distances a and b (Olley's
+    k^2/ab is 0.8 to 1 in cars); k_x^2 is 0.52 of the squared half track, or 0.7 of that of a full box as wide and high
+    as the vehicle: rules with errors of 10 and 15 %, not regressions on measured vehicles.
 
     References
     ----------
@@ -202,19 +282,17 @@ def described(sheet: DataSheet) -> Vehicle:
     1.2
     """
     check_type("sheet", sheet, DataSheet)
-    unsprung = sheet.unsprung_masses or (RULES.unsprung * sheet.mass, RULES.unsprung * sheet.mass)
-    shares = sheet.front_share, 1 - sheet.front_share
-    loads = [sheet.mass * share - 2 * mass for share, mass in zip(shares, unsprung, strict=True)]
-    sprung = sum(loads)
-    places = (sheet.wheelbase * loads[1] / sprung, -sheet.wheelbase * loads[0] / sprung)
+    above = [load - 2 * mass for load, mass in zip(sheet.loads, sheet.wheels, strict=True)]
+    sprung = sum(above)
+    centre = sum(load * distance for load, distance in zip(above, sheet.distances, strict=True)) / sprung
+    places = tuple(centre - distance for distance in sheet.distances)
     axles = tuple(
-        _axle(sheet, index, place, load / 2, mass)
-        for index, (place, load, mass) in enumerate(zip(places, loads, unsprung, strict=True))
+        _axle(sheet, index, place, load / 2) for index, (place, load) in enumerate(zip(places, above, strict=True))
     )
     body = Body(
         mass=round(sprung, 1),
-        pitch_inertia=round(RULES.pitch * sprung * places[0] * -places[1], 1),
-        roll_inertia=round(RULES.roll * sprung * (sheet.track / 2) ** 2, 1),
+        pitch_inertia=round(RULES.pitch * sum(load * x**2 for load, x in zip(above, places, strict=True)), 1),
+        roll_inertia=round(_roll_radius(sheet) ** 2 * sprung, 1),
     )
     return Vehicle(
         name=sheet.name,
@@ -226,9 +304,17 @@ def described(sheet: DataSheet) -> Vehicle:
     )
 
 
-def _axle(sheet: DataSheet, index: int, x: float, load: float, unsprung: float) -> Axle:
-    """Return the front or rear axle, by the sprung mass above a wheel and the mass of the wheel [kg]."""
-    tyre, frequency = tyre_stiffness(sheet.tyre, pressure=sheet.pressure), sheet.ride_frequencies[index]
+def _roll_radius(sheet: DataSheet) -> float:
+    """Return the radius of gyration of the body about its longitudinal axis [m]."""
+    if sheet.height is None:
+        return math.sqrt(RULES.roll) * sheet.track / 2
+    width = sheet.track + max(tyre_size(tyre)[0] for tyre in sheet.tyres)
+    return math.sqrt(RULES.roll_of_box * (width**2 + sheet.height**2) / 12)
+
+
+def _axle(sheet: DataSheet, index: int, x: float, load: float) -> Axle:
+    """Return an axle, by its place [m] and the sprung mass above one of its wheels [kg]."""
+    tyre, frequency = tyre_stiffness(sheet.tyres[index], pressure=sheet.pressure), sheet.frequencies[index]
     ride = (2 * math.pi * frequency) ** 2 * load
     if ride > tyre / 2:
         raise ParameterError(
@@ -239,22 +325,23 @@ def _axle(sheet: DataSheet, index: int, x: float, load: float, unsprung: float) 
     return Axle(
         x=round(x, 4),
         half_track=sheet.track / 2,
-        unsprung_mass=round(unsprung, 2),
+        unsprung_mass=round(sheet.wheels[index], 2),
         spring_stiffness=round(spring),
         damping=round(2 * sheet.damping_ratio * math.sqrt(spring * load)),
         tyre_stiffness=round(tyre),
-        anti_roll_stiffness=round(RULES.bars[index] * spring),
+        anti_roll_stiffness=round(RULES.bars[min(index, 1)] * spring),
     )
 
 
 def _guesses(body: Body, axles: tuple[Axle, ...], sheet: DataSheet) -> tuple[LearntNumber, ...]:
     """Return the guesses with their standard deviations and sources."""
     guesses = []
-    for where, axle, frequency in zip(("front", "rear"), axles, sheet.ride_frequencies, strict=True):
+    names = [left.removesuffix("_left") for left in corner_names(len(axles))[::2]]
+    for where, axle, tyre, frequency in zip(names, axles, sheet.tyres, sheet.frequencies, strict=True):
         sources = {
             "spring_stiffness": f"ride frequency {frequency:g} Hz",
             "damping": f"damping ratio {sheet.damping_ratio:g}",
-            "tyre_stiffness": f"size {sheet.tyre} at {sheet.pressure / 1e5:.2g} bar",
+            "tyre_stiffness": f"size {tyre} at {sheet.pressure / 1e5:.2g} bar",
             "unsprung_mass": "usual share of the mass" if sheet.unsprung_masses is None else "data sheet",
             "anti_roll_stiffness": "usual share of the spring",
         }
@@ -262,33 +349,40 @@ def _guesses(body: Body, axles: tuple[Axle, ...], sheet: DataSheet) -> tuple[Lea
     for field in ("pitch_inertia", "roll_inertia"):
         guesses.append(("body", field, getattr(body, field), "radius of gyration"))
     widths = [float(f"{getattr(WIDTHS, field) * value:.3g}") for _, field, value, _ in guesses]
-    guesses.append(("body", "centre_x", 0.0, "share of the front axle"))
-    widths.append(round(WIDTHS.front_share * sheet.wheelbase, 4))
+    guesses.append(
+        ("body", "centre_x", 0.0, "share of the front axle" if sheet.axle_loads is None else "loads of the axles")
+    )
+    widths.append(round(WIDTHS.front_share * sheet.distances[-1], 4))
     return tuple(
         LearntNumber(name=f"{where}.{field}", value=float(value), std=std, source=f"guess: {source}")
         for (where, field, value, source), std in zip(guesses, widths, strict=True)
     )
 
 
-def _sensors(sheet: DataSheet, places: tuple[float, float]) -> tuple[Sensor, ...]:
+def _sensors(sheet: DataSheet, places: tuple[float, ...]) -> tuple[Sensor, ...]:
     """Return the sensors of the usual layouts."""
-    corners = {
-        f"{end}{side}": (round(x, 4), sign * sheet.track / 2)
-        for end, x in zip("fr", places, strict=True)
-        for side, sign in (("l", 1.0), ("r", -1.0))
-    }
+    names = corner_names(len(places))
+    channels = [_channel_end(name) for name in names]
     if sheet.sensors == "corners":
-        return tuple(accelerometer(f"acc_{corner}", *place) for corner, place in corners.items())
+        sides = [sign * sheet.track / 2 for sign in (1.0, -1.0)]
+        where = [(round(x, 4), y) for x in places for y in sides]
+        return tuple(accelerometer(f"acc_{end}", *place) for end, place in zip(channels, where, strict=True))
     if sheet.sensors == "travel":
-        names = {"fl": "front_left", "fr": "front_right", "rl": "rear_left", "rr": "rear_right"}
         return tuple(
-            Sensor(channel=f"travel_{corner}", quantity="travel", unit="m", between=names[corner]) for corner in corners
+            Sensor(channel=f"travel_{end}", quantity="travel", unit="m", between=name)
+            for end, name in zip(channels, names, strict=True)
         )
     return (
         accelerometer("acc_z", 0.0, 0.0),
         gyroscope("gyro_x", (1.0, 0.0, 0.0)),
         gyroscope("gyro_y", (0.0, 1.0, 0.0)),
     )
+
+
+def _channel_end(corner: str) -> str:
+    """Return the end of the names of a corner's channels: "fl", "2r" of axle2_right, "rr"."""
+    axle, side = corner.rsplit("_", 1)
+    return (axle[0] if axle in {"front", "rear"} else axle.removeprefix("axle")) + side[0]
 
 
 def accelerometer(channel: str, x: float, y: float) -> Sensor:

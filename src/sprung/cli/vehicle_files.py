@@ -25,20 +25,38 @@ from sprung.cli.output import Output, progress_bar, show
 
 def describe(
     *,
-    mass: Annotated[float, option("KG", "Mass of the car as driven.")],
-    wheelbase: Annotated[float, option("M", "Distance between the axles.")],
+    mass: Annotated[float, option("KG", "Mass of the vehicle as driven.")],
+    wheelbase: Annotated[
+        list[float],
+        option("M", "Distance of the rear axle from the front axle; of more axles, once for each further one."),
+    ],
     track: Annotated[float, option("M", "Mean distance between the wheels of an axle.")],
-    tyre: Annotated[str, option("SIZE", "Size of the tyres, such as 205/55R16.")],
+    tyre: Annotated[
+        list[str],
+        option("SIZE", "Size of the tyres, such as 205/55R16 or 2x275/70R22.5 (twin); once, or once for each axle."),
+    ],
     out: Annotated[Path, option("V.toml", "Vehicle file to write.")],
     name: Annotated[str, option("NAME", "Name of the vehicle.", panel=INPUT)] = "car",
     front_share: Annotated[float, option("S", "Share of the mass on the front axle.", panel=INPUT)] = 0.58,
+    axle_load: Annotated[
+        list[float] | None,
+        option("KG", "Mass on each axle, from front to rear, once for each; more than two axles need it.", panel=INPUT),
+    ] = None,
     ride_frequency: Annotated[
-        tuple[float, float], option("FRONT REAR", "Natural frequency of the body above each axle, in Hz.", panel=INPUT)
+        tuple[float, float],
+        option("FRONT REAR", "Natural frequency of the body above the front and each other axle, in Hz.", panel=INPUT),
     ] = (1.2, 1.4),
     damping_ratio: Annotated[float, option("Z", "Damping ratio of the body above each axle.", panel=INPUT)] = 0.28,
     unsprung: Annotated[
         tuple[float, float] | None,
-        option("FRONT REAR", "Unsprung mass of a wheel, in kg. Default: 2.8 % of the mass.", panel=INPUT),
+        option(
+            "FRONT REAR",
+            "Unsprung mass of a wheel, in kg. Default: 2.8 % of the mass, or 5.6 % of that on its axle.",
+            panel=INPUT,
+        ),
+    ] = None,
+    height: Annotated[
+        float | None, option("M", "Height of a van, truck or bus, for its roll inertia.", panel=INPUT)
     ] = None,
     pressure: Annotated[float, option("BAR", "Pressure of the tyres.", panel=INPUT)] = 2.3,
     sensors: Annotated[
@@ -59,13 +77,15 @@ def describe(
     check_file("--out", out)
     sheet = DataSheet(
         mass=mass,
-        wheelbase=wheelbase,
+        wheelbase=tuple(wheelbase),
         track=track,
-        tyre=tyre,
+        tyre=tuple(tyre),
         front_share=front_share,
+        axle_loads=tuple(axle_load) if axle_load else None,
         ride_frequencies=ride_frequency,
         damping_ratio=damping_ratio,
         unsprung_masses=unsprung,
+        height=height,
         pressure=1e5 * pressure,
         sensors=sensors,
         name=name,
