@@ -215,3 +215,14 @@ def test_conditions_that_cannot_be_are_refused(sprung, tmp_path, kind, text, mes
     assert message in " ".join(outcome.err.split())
     assert str(file) in outcome.err
     assert list(tmp_path.iterdir()) == [file]
+
+
+def test_records_follow_one_another_from_a_stated_start(sprung, tmp_path):
+    words = ("simulate", "chain", *SHORT, "--records", "2", "--start", "2026-11-21T08:30")
+    sprung(*words, "--out", tmp_path / "run.csv")
+    first, second = (read(tmp_path / f"run-0{k}.csv") for k in (1, 2))
+    assert first.start == 1_795_249_800_000_000_000
+    assert (second.start, first.n_samples) == (first.start + 12 * 10**9, 2400)
+    assert first.sampling_rate == 200
+    refused = sprung("simulate", "chain", *SHORT, "--start", "noon", "--out", tmp_path / "other.csv")
+    assert (refused.code, "--start" in refused.err) == (2, True)

@@ -61,6 +61,11 @@ class Run(Group):
     records: int = declared(
         "N", "Number of records; several are numbered -01, -02 ..", default=1, panel=OUTPUT, min=1, max=1000
     )
+    start: str | None = declared(
+        "TIME",
+        "Start of the first record, such as 2026-11-21T08:30 (UTC); further ones follow one another. Default: times"
+        " count from 0 s.",
+    )
     seed: int = declared("N", "Seed of all random numbers.", default=0, min=0)
     json: Json = None
 
@@ -93,9 +98,11 @@ class Run(Group):
         """Simulate and write the recordings, and the truth and the vehicle file next to them; print the files."""
         from sprung.formats import write
         from sprung.results import tables
+        from sprung.results.tables.wording import parse_time
         from sprung.simulation.runs import joint_truth, record_seeds
         from sprung.vehicles import write_vehicle
 
+        start = parse_time("--start", self.start)
         truths, paths = [], [self.out]
         if self.records > 1:
             paths = [self.out.with_stem(f"{self.out.stem}-{k:02d}") for k in range(1, self.records + 1)]
@@ -104,7 +111,8 @@ class Run(Group):
             for number, (simulation, path, seed) in enumerate(zip(simulations, paths, seeds, strict=True)):
                 report(f"simulating {path.name}", number / len(paths))
                 run = simulation(seed=seed)
-                write(run.recording, path)
+                later = None if start is None else start + number * round(60e9 * self.minutes)
+                write(replace(run.recording, start=later), path)
                 truths.append(run.truth)
         document = {**joint_truth(truths, seed=self.seed), **settings, "files": [str(path) for path in paths]}
         truth_path, vehicle_path = Path(f"{self.out}.truth.json"), Path(f"{self.out}.vehicle.toml")
