@@ -75,10 +75,14 @@ def road(
     output: Output,
     reading: Reading,
 ) -> None:
-    """Measure the road under a vehicle: roughness index, classes, potholes, along the way."""
+    """Measure the road under a vehicle: roughness index, classes, potholes, along the way.
+
+    Several files are passes over one road, which are averaged: by latitude and longitude where all have them, else by
+    the distance from where each begins. A file that begins when the one before it ends continues its drive.
+    """
     from sprung.results import tables
     from sprung.results.documents import road_document
-    from sprung.road import survey_road, write_survey
+    from sprung.road import drives_of, survey_passes, write_survey
     from sprung.vehicles import read_vehicle
 
     output.check(*files, vehicle)
@@ -87,9 +91,8 @@ def road(
     description = read_vehicle(vehicle)
     may_lack = reading.may_lack(description, allow_missing=allow_missing)
     with progress_bar() as report:
-        recordings = reading.records(files, report)
-        report("fitting the vehicle", 0.5)
-        survey = survey_road(recordings, description, stretch=stretch, allow_missing=may_lack)
+        drives = drives_of(reading.records([path], report) for path in files)
+        survey = survey_passes(drives, description, stretch=stretch, allow_missing=may_lack, on_progress=report)
     source = ", ".join(path.name for path in files)
     output.draw(lambda drawn: {"road": drawn.road_figure(survey, source=source)})
     if out is not None:

@@ -1,3 +1,6 @@
+from sprung.road.maps import write_survey as write_survey
+from sprung.road.passes import averaged as averaged
+from sprung.road.passes import survey_passes as survey_passes
 from sprung.road.profile import RoadProfile as RoadProfile
 from sprung.road.profile import road_profile as road_profile
 from sprung.road.survey import GOLDEN_CAR as GOLDEN_CAR
@@ -6,9 +9,11 @@ from sprung.road.survey import RoadEvent as RoadEvent
 from sprung.road.survey import RoadSurvey as RoadSurvey
 from sprung.road.survey import Stretch as Stretch
 from sprung.road.survey import TrackRoughness as TrackRoughness
-from sprung.road.survey import averaged as averaged
 from sprung.road.survey import road_class_of as road_class_of
 from sprung.road.survey import roughness_index as roughness_index
 from sprung.road.survey import survey_road as survey_road
 from sprung.road.survey import suspension_slope as suspension_slope
-from sprung.road.survey import write_survey as write_survey
+from sprung.road.tracks import Track as Track
+from sprung.road.tracks import Ways as Ways
+from sprung.road.tracks import drives_of as drives_of
+from sprung.road.tracks import track_of as track_of

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from sprung.likelihood.fitting import FitSetup
 from sprung.likelihood.spectra import SLOWEST, ClassSpectra, between_updates
 from sprung.likelihood.transfer import Transfer, transfer
 from sprung.recording import Recording
+from sprung.road.tracks import Track, filled, runs_of
 from sprung.vehicles.window import Window
 
 
@@ -31,8 +33,9 @@ class ProfileSettings:
     speed_step: float = 1.03
     #: Relative error of the model's spectra, as noise: what the fit leaves unexplained at best.
     model_error: float = 0.02
-    #: Distance between the points of the profile [m].
+    #: Distance between the points of the profile [m], and that from which on two points have a gap between them.
     spacing: float = 0.05
+    jump: float = 1.0
 
 
 SETTINGS = ProfileSettings()
@@ -50,6 +53,9 @@ class RoadProfile:
         Whether the vehicle was fast enough, shape (points,).
     times
         Time at which the front axle was there, in s from the start of the first recording, shape (points,).
+    distances
+        Distance from the start of the first recording by the speed, gaps included [m], shape (points,); it jumps where
+        a part of the way has no heights.
     speeds
         Speed there [m/s], shape (points,).
     missing_density
@@ -64,6 +70,7 @@ class RoadProfile:
     heights: Real
     is_valid: Booleans
     times: Real
+    distances: Real
     speeds: Real
     missing_density: Real
     frequencies: Real
@@ -71,7 +78,7 @@ class RoadProfile:
     sensitivity: Real
 
     def __post_init__(self) -> None:
-        freeze(self, times=1, speeds=1, frequencies=1, at_speeds=1)
+        freeze(self, times=1, distances=1, speeds=1, frequencies=1, at_speeds=1)
         freeze(self, heights=2, missing_density=3, sensitivity=3)
         freeze(self, is_valid=1, dtype=np.bool_)
 
@@ -80,8 +87,14 @@ class RoadProfile:
         """Distance between points [m]."""
         return SETTINGS.spacing
 
+    def blocks(self) -> list[slice]:
+        """Return the ranges of points without a gap between them."""
+        jumps = 1 + np.flatnonzero(np.diff(self.distances) > SETTINGS.jump)
+        edges = [0, *jumps.tolist(), self.distances.size]
+        return [slice(first, last) for first, last in pairwise(edges)]
 
-def road_profile(windows: Sequence[Window], fit: CornerFit) -> RoadProfile:
+
+def road_profile(windows: Sequence[Window], fit: CornerFit, track: Track) -> RoadProfile:
     """Return the profile of the road from drives of a fitted vehicle.
 
     Parameters
@@ -90,6 +103,8 @@ def road_profile(windows: Sequence[Window], fit: CornerFit) -> RoadProfile:
         Windows of one vehicle, with its speed, in the order of time.
     fit
         Vehicle fitted to these windows.
+    track
+        Where the vehicle was during the windows, by `track_of`.
 
     Raises
     ------
@@ -112,8 +127,6 @@ def road_profile(windows: Sequence[Window], fit: CornerFit) -> RoadProfile:
     heights, is_valid, times, speeds = [], [], [], []
     clock = 0.0
     for window in windows:
-        if window.speed is None:
-            raise DataError("the road needs the speed of the vehicle: give recordings with the speed channel")
         for motion, speed, start in _stretches(window):
             found = inverse.along(motion, speed)
             if found is not None:
@@ -124,10 +137,12 @@ def road_profile(windows: Sequence[Window], fit: CornerFit) -> RoadProfile:
         clock += window.recording.duration
     if not heights:
         raise DataError(f"no stretch is {SETTINGS.piece:g} s long at more than {SLOWEST:g} m/s: give a longer drive")
+    when = np.concatenate(times)
     return RoadProfile(
         np.concatenate(heights, axis=1),
         np.concatenate(is_valid),
-        np.concatenate(times),
+        when,
+        np.interp(when, track.times, track.distances),
         np.concatenate(speeds),
         inverse.missing,
         inverse.frequencies,
@@ -137,13 +152,16 @@ def road_profile(windows: Sequence[Window], fit: CornerFit) -> RoadProfile:
 
 
 def _stretches(window: Window) -> Iterator[tuple[Recording, Real, float]]:
-    """Yield the motion and the speed of each stretch without a gap, and its start [s]."""
-    recording, motion = window.recording, window.motion
-    speed = recording.samples[recording.index(window.speed or "")]
+    """Yield the motion and the speed of each stretch without a gap or a missing value, and its start [s]."""
+    recording = window.recording
+    motion = recording.select(window.outputs)
+    speed = filled(recording.samples[recording.index(window.speed or "")])
+    is_known: Booleans = np.logical_and.reduce(np.isfinite(motion.samples))
     for stretch in recording.stretches():
-        part = motion.part(stretch.start, stretch.stop)
         values = between_updates(speed[stretch], recording.sampling_rate)
-        yield part, values, stretch.start / recording.sampling_rate
+        for run in runs_of(is_known[stretch]):
+            first = stretch.start + run.start
+            yield motion.part(first, stretch.start + run.stop), values[run], first / recording.sampling_rate
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -1,22 +1,19 @@
-"""Roughness of a road (IRI, classes of ISO 8608) from the profile under a vehicle, potholes; maps and tables."""
+"""Roughness of a road (IRI, classes of ISO 8608) from the profile under a vehicle, and potholes."""
 
-import csv
-import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, Literal
-from xml.sax.saxutils import quoteattr
+from typing import Literal
 
 import numpy as np
 
-from sprung._arrays import Complex, Real
+from sprung._arrays import Booleans, Complex, Real
 from sprung._checks import check_number, check_type
 from sprung._display import counted
-from sprung.errors import DataError, ParameterError
+from sprung.errors import DataError
 from sprung.likelihood.fitting import fit_windows
 from sprung.recording import Recording, each_recording
 from sprung.road.profile import RoadProfile, road_profile
+from sprung.road.tracks import Section, Ways, track_of, whole_sections
 from sprung.vehicles import Vehicle, check_on_axles
 from sprung.vehicles.window import window_of
 
@@ -167,15 +164,13 @@ def road_class_of(roughness: float) -> str:
 
 #: Spatial frequency of the roughness [1/m], and waviness of the standard's classes.
 _REFERENCE, _WAVINESS = 0.1, 2.0
-#: Names of the channels with latitude and longitude.
-_PLACES = (("latitude", "lat", "gnss_latitude", "gps_lat"), ("longitude", "lon", "lng", "gnss_longitude", "gps_lon"))
 
 
 @dataclass(frozen=True, slots=True)
 class SurveySettings:
     """How stretches and events are judged."""
 
-    #: Largest share of a stretch on which the vehicle is too slow.
+    #: Largest share of a stretch on which the vehicle is too slow, or that has no heights.
     slow: float = 0.1
     #: Spatial frequencies between which roughness and waviness are estimated [1/m].
     band: tuple[float, float] = (0.05, 1.0)
@@ -203,6 +198,8 @@ class TrackRoughness:
         G(n0) at 0.1 cycles/m [m^3], and exponent of the spectrum.
     road_class
         Class of ISO 8608, A to H.
+    iri_scatter
+        Standard deviation of the index between passes; None for one pass.
     """
 
     iri: float
@@ -210,6 +207,7 @@ class TrackRoughness:
     roughness: float
     waviness: float
     road_class: str
+    iri_scatter: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +217,7 @@ class Stretch:
     Parameters
     ----------
     begin, end
-        Distance from the start of the survey [m].
+        Distance from the start of the recordings, or address on the ways [m].
     begin_time, end_time
         Time from the start of the recordings [s].
     left, right
@@ -257,6 +255,8 @@ class RoadEvent:
         Depth or height, and length [m].
     place
         Latitude and longitude [degrees]; None where the recordings do not have them.
+    n_passes
+        Number of passes that found it.
     """
 
     at: float
@@ -266,6 +266,7 @@ class RoadEvent:
     depth: float
     length: float
     place: tuple[float, float] | None = None
+    n_passes: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -292,6 +293,7 @@ def survey_road(
     vehicle: Vehicle,
     *,
     stretch: float = 100.0,
+    ways: Ways | None = None,
     allow_missing: bool = False,
 ) -> RoadSurvey:
     """Return the roughness of the road under a vehicle, and its potholes.
@@ -299,11 +301,14 @@ def survey_road(
     Parameters
     ----------
     recordings
-        Drive or drives with the speed, in the order of time.
+        Drive with the speed, in one recording or several in the order of time. For several passes over one road, see
+        `survey_passes`.
     vehicle
         Vehicle with its sensors: calibrated, or described by a data sheet.
     stretch
         Length of a stretch [m], at least 20.
+    ways
+        Ways, with stretches of the same length, whose addresses take the place of the distance; None: no ways.
     allow_missing
         Whether the recordings may lack sensors of the vehicle file.
 
@@ -347,54 +352,51 @@ def survey_road(
     check_number("stretch", stretch, at_least=20)
     records = list(each_recording(recordings))
     windows = [window_of(record, vehicle, allow_missing=allow_missing) for record in records]
+    track = track_of(windows)
     fit = fit_windows(windows)
-    profile = road_profile(windows, fit)
-    slopes = np.stack([suspension_slope(row, spacing=profile.spacing) for row in profile.heights])
-    n_points = round(stretch / profile.spacing)
-    starts = range(0, profile.times.size - n_points + 1, n_points)
-    stretches = tuple(
-        _stretch(profile, slopes, slice(first, first + n_points))
-        for first in starts
-        if np.mean(~profile.is_valid[first : first + n_points]) <= SETTINGS.slow
-    )
+    profile = road_profile(windows, fit, track)
+    slopes, is_settled = _slopes(profile)
+    if ways is None:
+        whole = np.array([0.0, track.distances[-1]])
+        sections = whole_sections(whole, whole, stretch)
+    else:
+        sections = ways.sections(track)
+    stretches, slow = [], 0
+    for section in sections:
+        part = slice(*np.searchsorted(profile.distances, [section.first, section.last]).tolist())
+        share = (part.stop - part.start) * profile.spacing / max(section.last - section.first, profile.spacing)
+        if share < 1 - SETTINGS.slow:
+            continue
+        if np.mean(~profile.is_valid[part]) > SETTINGS.slow:
+            slow += 1
+            continue
+        found = _stretch(profile, slopes, is_settled, part)
+        found = replace(found, begin=section.begin, end=section.begin + stretch)
+        places = track.place(found.begin_time), track.place(found.end_time)
+        stretches.append(replace(found, begin_place=places[0], end_place=places[1]))
     if not stretches:
+        if ways is not None and not sections:
+            raise DataError(f"the drive is on no way for {stretch:g} m: give latitude and longitude [degrees]")
         raise DataError(f"no stretch of {stretch:g} m was driven fast enough: give a longer or faster drive")
-    way = _way(records)
-    if way is not None:
-        stretches = tuple(
-            replace(each, begin_place=way(each.begin_time), end_place=way(each.end_time)) for each in stretches
-        )
-    events = tuple(event if way is None else replace(event, place=way(event.time)) for event in _events(profile))
-    slow = len(starts) - len(stretches)
+    events = [replace(event, place=track.place(event.time)) for event in _events(profile)]
+    if ways is not None:
+        events = [replace(event, at=at) for event in events for at in _addresses(event.at, sections)]
     notes = (f"too slow: {counted(slow, 'stretch', 'es')}",) * (slow > 0)
-    return RoadSurvey(stretches, events, (*notes, *_vehicle_notes(fit.model_error)))
+    return RoadSurvey(tuple(stretches), tuple(events), (*notes, *_vehicle_notes(fit.model_error)))
 
 
-def _way(records: Sequence[Recording]) -> Callable[[float], tuple[float, float]] | None:
-    """Return the latitude and longitude [degrees] over time [s]; None where a recording lacks them."""
-    columns: list[list[Real]] = [[], [], []]
-    clock = 0.0
-    for record in records:
-        lower = {name.lower(): name for name in record.names}
-        rows = [next((lower[name] for name in names if name in lower), None) for names in _PLACES]
-        if None in rows:
-            return None
-        columns[0].append(clock + np.arange(record.n_samples) / record.sampling_rate)
-        for column, name in zip(columns[1:], rows, strict=True):
-            column.append(record.samples[record.index(str(name))])
-        clock += record.duration
-    times, latitudes, longitudes = (np.concatenate(column) for column in columns)
-    known = np.isfinite(latitudes) & np.isfinite(longitudes)
-    if not known.any():
-        return None
+def _addresses(at: float, sections: Sequence[Section]) -> list[float]:
+    """Return the address of a distance along a drive; none where the drive is on no whole stretch."""
+    return [section.begin + at - section.first for section in sections if section.first <= at < section.last]
 
-    def place(time: float) -> tuple[float, float]:
-        return (
-            float(np.interp(time, times[known], latitudes[known])),
-            float(np.interp(time, times[known], longitudes[known])),
-        )
 
-    return place
+def _slopes(profile: RoadProfile) -> tuple[Real, Booleans]:
+    """Return the slopes of the golden car's suspension, and where it has forgotten where it started."""
+    slopes, is_settled = np.zeros_like(profile.heights), np.ones(profile.times.size, dtype=bool)
+    for block in profile.blocks():
+        slopes[:, block] = [suspension_slope(row[block], spacing=profile.spacing) for row in profile.heights]
+        is_settled[block.start : min(block.start + round(RUN_IN / profile.spacing), block.stop)] = False
+    return slopes, is_settled
 
 
 def _vehicle_notes(model_error: float) -> tuple[str, ...]:
@@ -403,23 +405,22 @@ def _vehicle_notes(model_error: float) -> tuple[str, ...]:
     return (f"the vehicle file explains the motion only to {100 * model_error:.0f} %: calibrate it on several drives",)
 
 
-def _stretch(profile: RoadProfile, slopes: Real, part: slice) -> Stretch:
-    begin, end = part.start * profile.spacing, part.stop * profile.spacing
-    speed = float(np.median(profile.speeds[part]))
-    left, right = (_roughness(profile, slopes[side], side, part, speed) for side in (0, 1))
-    times = profile.times[part]
-    return Stretch(begin, end, float(times[0]), float(times[-1]), left, right)
+def _stretch(profile: RoadProfile, slopes: Real, is_settled: Booleans, part: slice) -> Stretch:
+    """Return the roughness of a part of a profile, at its distance in the profile."""
+    settled = np.arange(part.start, part.stop)[is_settled[part]]
+    inside = settled if settled.size else np.arange(part.start, part.stop)
+    left, right = (_roughness(profile, slopes[side, inside], side, part) for side in (0, 1))
+    times, at = profile.times[part], profile.distances[part]
+    return Stretch(float(at[0]), float(at[-1]), float(times[0]), float(times[-1]), left, right)
 
 
-def _roughness(profile: RoadProfile, slopes: Real, side: int, part: slice, speed: float) -> TrackRoughness:
-    """Return the roughness of one track on one stretch."""
-    run_in = round(RUN_IN / profile.spacing)
-    inside = slice(max(part.start, min(run_in, part.stop - run_in)), part.stop)
-    found = float(np.mean(np.abs(slopes[inside])))
-    missing, n, density = _missing(profile, side, speed)
-    share = missing / max(float(np.mean(slopes[inside] ** 2)), 1e-300)
+def _roughness(profile: RoadProfile, slopes: Real, side: int, part: slice) -> TrackRoughness:
+    """Return the roughness of one track on one stretch with its slopes."""
+    found = float(np.mean(np.abs(slopes)))
+    missing, n, density = _missing(profile, side, float(np.median(profile.speeds[part])))
+    share = missing / max(float(np.mean(slopes**2)), 1e-300)
     index = 1000 * found * np.sqrt(1 + share)
-    n_independent = max(1.0, (inside.stop - inside.start) * profile.spacing / SETTINGS.independent)
+    n_independent = max(1.0, slopes.size * profile.spacing / SETTINGS.independent)
     gain = np.abs(GOLDEN_CAR.response(n)) ** 2 * n**-_WAVINESS
     of_fit = profile.sensitivity[:, side] @ (gain / gain.sum()) / 2
     std = index * np.sqrt(share / n_independent + np.sum(of_fit**2))
@@ -450,31 +451,32 @@ def _fitted_spectrum(heights: Real, spacing: float, n_missing: Real, missing: Re
     return roughness, float(-slope)
 
 
+_SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
+
+
 def _events(profile: RoadProfile) -> tuple[RoadEvent, ...]:
     """Return the potholes and bumps of a profile."""
     from scipy import signal
 
     longest, shortest = 1 / SETTINGS.event[1], 1 / SETTINGS.event[0]
     sos = signal.butter(2, (longest, shortest), "bandpass", fs=1 / profile.spacing, output="sos")
-    heights = signal.sosfiltfilt(sos, profile.heights, axis=1) * profile.is_valid
-    n_nearby = round(SETTINGS.nearby / profile.spacing)
+    n_nearby, apart = (round(length / profile.spacing) for length in (SETTINGS.nearby, SETTINGS.event[1]))
     found: list[RoadEvent] = []
-    sides: tuple[Literal["left", "right"], ...] = ("left", "right")
-    for side, row in zip(sides, heights, strict=True):
-        blocks = np.abs(row[: row.size // n_nearby * n_nearby]).reshape(-1, n_nearby)
-        if not len(blocks):
+    for block in profile.blocks():
+        if block.stop - block.start < n_nearby:
             continue
-        scatter = 1.4826 * np.repeat(np.median(blocks, axis=1), n_nearby)
-        limits = np.maximum(
-            SETTINGS.depth, SETTINGS.over_scatter * np.pad(scatter, (0, row.size - scatter.size), "edge")
-        )
-        peaks, _ = signal.find_peaks(np.abs(row), height=limits, distance=round(SETTINGS.event[1] / profile.spacing))
-        widths = signal.peak_widths(np.abs(row), peaks, rel_height=0.5)[0] * profile.spacing
-        for peak, width in zip(peaks.tolist(), widths.tolist(), strict=True):
-            is_bump = row[peak] > 0
-            kind: Literal["pothole", "bump"] = "bump" if is_bump else "pothole"
-            depth = float(abs(row[peak]))
-            found.append(RoadEvent(peak * profile.spacing, float(profile.times[peak]), side, kind, depth, 2 * width))
+        heights = signal.sosfiltfilt(sos, profile.heights[:, block], axis=1) * profile.is_valid[block]
+        for side, row in enumerate(heights):
+            blocks = np.abs(row[: row.size // n_nearby * n_nearby]).reshape(-1, n_nearby)
+            scatter = 1.4826 * np.repeat(np.median(blocks, axis=1), n_nearby)
+            scatter = np.pad(scatter, (0, row.size - scatter.size), "edge")
+            limits = np.maximum(SETTINGS.depth, SETTINGS.over_scatter * scatter)
+            peaks, _ = signal.find_peaks(np.abs(row), height=limits, distance=apart)
+            widths = signal.peak_widths(np.abs(row), peaks, rel_height=0.5)[0] * profile.spacing
+            for peak, width in zip(peaks.tolist(), widths.tolist(), strict=True):
+                at, time = (float(each[block.start + peak]) for each in (profile.distances, profile.times))
+                kind: Literal["pothole", "bump"] = "bump" if row[peak] > 0 else "pothole"
+                found.append(RoadEvent(at, time, _SIDES[side], kind, float(abs(row[peak])), 2 * width))
     return tuple(_on_both_sides(sorted(found, key=lambda event: event.at)))
 
 
@@ -490,119 +492,3 @@ def _on_both_sides(events: Sequence[RoadEvent]) -> list[RoadEvent]:
         else:
             merged.append(event)
     return merged
-
-
-def averaged(surveys: Sequence[RoadSurvey]) -> RoadSurvey:
-    """Return the mean of several passes over one way that start at one place.
-
-    Parameters
-    ----------
-    surveys
-        Surveys with stretches of the same length, of one or several vehicles.
-
-    Returns
-    -------
-    RoadSurvey
-        Means of the indices, weighted by their variances; standard deviations with the scatter between passes; events
-        of all passes.
-    """
-    passes: dict[float, list[Stretch]] = {}
-    for survey in surveys:
-        for stretch in survey.stretches:
-            passes.setdefault(round(stretch.begin, 3), []).append(stretch)
-    stretches = tuple(
-        replace(
-            own[0],
-            left=_mean([stretch.left for stretch in own]),
-            right=_mean([stretch.right for stretch in own]),
-            n_passes=sum(stretch.n_passes for stretch in own),
-        )
-        for _, own in sorted(passes.items())
-    )
-    events = tuple(event for survey in surveys for event in survey.events)
-    return RoadSurvey(stretches, events, tuple(dict.fromkeys(note for survey in surveys for note in survey.notes)))
-
-
-def _mean(tracks: Sequence[TrackRoughness]) -> TrackRoughness:
-    """Return the mean of a track over passes."""
-    values, stds = (np.array([getattr(track, name) for track in tracks]) for name in ("iri", "iri_std"))
-    weights = 1 / stds**2
-    mean = float(np.average(values, weights=weights))
-    scatter = float(np.std(values, ddof=1) / np.sqrt(len(values))) if len(values) > 1 else 0.0
-    roughness = float(np.exp(np.mean([np.log(track.roughness) for track in tracks])))
-    waviness = float(np.mean([track.waviness for track in tracks]))
-    return TrackRoughness(
-        mean, max(scatter, float(np.sqrt(1 / weights.sum()))), roughness, waviness, road_class_of(roughness)
-    )
-
-
-#: Columns of a table of stretches.
-_COLUMNS = ("from_m", "to_m", "left_iri", "left_iri_std", "left_class", "right_iri", "right_iri_std", "right_class")
-
-
-def write_survey(survey: RoadSurvey, path: str | Path) -> None:
-    """Write a survey for maps or tables, by the ending of the file.
-
-    Parameters
-    ----------
-    survey
-        Road under a vehicle.
-    path
-        `.geojson`: a line for each stretch with index and class, a point for each event (RFC 7946). `.gpx`: events as
-        way-points (GPX 1.1). `.csv`: a row for each stretch.
-
-    Raises
-    ------
-    DataError
-        If a map is asked for and the recordings have no latitude and longitude.
-    ParameterError
-        If the ending is another one.
-    """
-    check_type("survey", survey, RoadSurvey, advice="sprung.survey_road(recording, vehicle)")
-    target = Path(path)
-    ending = target.suffix.lower()
-    if ending not in {".geojson", ".gpx", ".csv"}:
-        raise ParameterError(f"{target.name} ends in {ending!r}: give a file that ends in .geojson, .gpx or .csv")
-    if ending != ".csv" and not all(stretch.begin_place and stretch.end_place for stretch in survey.stretches):
-        raise DataError("the recordings have no latitude and longitude for a map: write .csv, or record them [degrees]")
-    if ending == ".csv":
-        with target.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(_COLUMNS)
-            writer.writerows(_rows(survey))
-    elif ending == ".geojson":
-        collection = {"type": "FeatureCollection", "features": list(_features(survey))}
-        target.write_text(json.dumps(collection, indent=1), encoding="utf-8")
-    else:
-        target.write_text(_way_points(survey), encoding="utf-8")
-
-
-def _rows(survey: RoadSurvey) -> Iterator[tuple[Any, ...]]:
-    for stretch in survey.stretches:
-        tracks = [(round(t.iri, 3), round(t.iri_std, 3), t.road_class) for t in (stretch.left, stretch.right)]
-        yield (round(stretch.begin, 1), round(stretch.end, 1), *tracks[0], *tracks[1])
-
-
-def _features(survey: RoadSurvey) -> Iterator[dict[str, Any]]:
-    """Yield the features of a map; coordinates are longitude and latitude."""
-    for stretch, row in zip(survey.stretches, _rows(survey), strict=True):
-        ends = [list(reversed(place)) for place in (stretch.begin_place, stretch.end_place) if place]
-        line = {"type": "LineString", "coordinates": ends}
-        yield {"type": "Feature", "geometry": line, "properties": dict(zip(_COLUMNS, row, strict=True))}
-    for event in survey.events:
-        if event.place is not None:
-            point = {"type": "Point", "coordinates": list(reversed(event.place))}
-            properties = {"kind": event.kind, "side": event.side, "depth_m": event.depth, "length_m": event.length}
-            yield {"type": "Feature", "geometry": point, "properties": properties}
-
-
-def _way_points(survey: RoadSurvey) -> str:
-    """Return the events as a GPX file."""
-    points = [
-        f"<wpt lat={quoteattr(f'{event.place[0]:.7f}')} lon={quoteattr(f'{event.place[1]:.7f}')}>"
-        f"<name>{event.kind}, {event.side}, {1000 * event.depth:.0f} mm</name></wpt>"
-        for event in survey.events
-        if event.place is not None
-    ]
-    head = '<gpx version="1.1" creator="sprung" xmlns="http://www.topografix.com/GPX/1/1">'
-    return "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', head, *points, "</gpx>", ""])

@@ -12,6 +12,6 @@ def register(application: typer.Typer) -> None:
         help="Keep and analyse the archive of a fleet, analyse its streams, and compare its vehicles.",
     )
     fleet.command("import")(lake.import_files)
-    for command in (lake.archive, runs.run, runs.explain, runs.stream, lake.rank):
+    for command in (lake.archive, runs.run, runs.explain, runs.stream, runs.road, lake.rank):
         fleet.command()(command)
     application.add_typer(fleet, name="fleet")

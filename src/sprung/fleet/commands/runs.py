@@ -216,6 +216,50 @@ def explain(
         show(tables.fleet_plan_table(plain), [*tables.describe_fleet_plan(plain), *written([], json)])
 
 
+def road(
+    lake: LakePlace,
+    *,
+    vehicles: Vehicles,
+    out: Out,
+    stretch: Annotated[float, option("METRES", "Length of a stretch.", panel=INPUT)] = 100.0,
+    by: Annotated[
+        Literal["place", "distance"],
+        option(
+            None, "Compare drives by latitude and longitude, or by the distance from where each begins.", panel=INPUT
+        ),
+    ] = "place",
+    since: Since = None,
+    until: Until = None,
+    allow_missing: AllowMissing = False,
+    map_file: Annotated[
+        Path | None, option("F.geojson|F.gpx|F.csv", "Write stretches and events for maps or tables.", "--map")
+    ] = None,
+    master: Master = "local[*]",
+    json: Json = None,
+) -> None:
+    """Measure the roads under a fleet: passes of all vehicles over each stretch, averaged, with their scatter."""
+    from sprung.fleet import jobs
+    from sprung.fleet.lake import Lake
+    from sprung.results import tables
+    from sprung.results.documents import road_document
+    from sprung.results.tables.wording import parse_period
+    from sprung.road import write_survey
+
+    check_file("--json", json)
+    check_file("--map", map_file)
+    period = parse_period(since, until)
+    settings = jobs.RoadSettings(stretch, by, period.since, period.until, allow_missing)
+    Lake(lake).table.open()  # refused before Spark starts where there is none
+    with _spark(master) as (session, report):
+        survey = jobs.survey_fleet(session, Lake(lake), vehicles, jobs.Results(out), settings=settings, report=report)
+    if map_file is not None:
+        write_survey(survey, map_file)
+    if write_result(road_document(survey), json):
+        shown = [tables.road_table(survey), *([tables.events_table(survey)] if survey.events else [])]
+        files = [Path(out), *([] if map_file is None else [map_file])]
+        show(*shown, [*survey.notes, *written(files, json)])
+
+
 @takes_settings("since", "until", "false_discoveries")
 def stream(
     lake: Annotated[

@@ -2,6 +2,8 @@ from sprung.fleet.jobs.plan import Cost as Cost
 from sprung.fleet.jobs.plan import FleetSettings as FleetSettings
 from sprung.fleet.jobs.plan import Plan as Plan
 from sprung.fleet.jobs.results import Results as Results
+from sprung.fleet.jobs.roads import RoadSettings as RoadSettings
+from sprung.fleet.jobs.roads import survey_fleet as survey_fleet
 from sprung.fleet.jobs.runs import FleetRun as FleetRun
 from sprung.fleet.jobs.runs import Summary as Summary
 from sprung.fleet.jobs.runs import explain as explain

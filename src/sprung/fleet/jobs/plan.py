@@ -249,6 +249,10 @@ class Planner:
         self._files = lake.files(since=settings.since, until=settings.until)
         self._limits = self._learning_limits(settings.assessment.learning_windows).cache()
 
+    def keys(self) -> "DataFrame":
+        """Return the keys of all windows of the period, once each, and where they are."""
+        return self._keys(self._files).dropDuplicates(["vehicle", "start", "digest"])
+
     def chunks(self) -> Iterator[Sequence[AddedFile]]:
         """Yield the files of the lake in chunks of dates, with about as many windows each as are committed together."""
         return in_parts(self._files, size=lambda file: file.n_rows, limit=self._settings.windows_in_commit)

@@ -125,6 +125,43 @@ SCHEMAS: Mapping[str, pa.Schema] = {
         severity=_TEXT,
         is_discovery=_FLAG,
     ),
+    "passes": _schema(
+        vehicle=_TEXT,
+        start=_TIME,  # of the drive, UTC ns
+        n_windows=_COUNT,
+        reason=_TEXT,  # why the road under it has no survey; empty where there is one
+    ),
+    "roads": _schema(
+        begin=_NUMBER,  # address on the ways [m]
+        end=_NUMBER,
+        n_passes=_COUNT,
+        **{
+            f"{side}_{name}": kind
+            for side in ("left", "right")
+            for name, kind in {
+                "iri": _NUMBER,  # International Roughness Index [m/km], standard deviation of the mean, of passes
+                "iri_std": _NUMBER,
+                "iri_scatter": _NUMBER,
+                "road_class": _TEXT,  # ISO 8608
+                "roughness": _NUMBER,  # G(n0) [m^3]
+                "waviness": _NUMBER,
+            }.items()
+        },
+        begin_latitude=_NUMBER,  # [degrees]
+        begin_longitude=_NUMBER,
+        end_latitude=_NUMBER,
+        end_longitude=_NUMBER,
+    ),
+    "road_events": _schema(
+        at=_NUMBER,  # address on the ways [m]
+        side=_TEXT,
+        kind=_TEXT,  # pothole or bump
+        depth=_NUMBER,  # [m]
+        length=_NUMBER,
+        n_passes=_COUNT,
+        latitude=_NUMBER,
+        longitude=_NUMBER,
+    ),
     "runs": _schema(
         run=_TEXT,
         finished=_TIME,  # UTC ns

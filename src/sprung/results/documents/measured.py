@@ -146,13 +146,14 @@ class PlanDocument(Document):
 
 
 class TrackDocument(Document):
-    """Roughness of a track on a stretch: index [m/km], G(n0) [m^3], class of ISO 8608."""
+    """Roughness of a track on a stretch: index [m/km], its scatter between passes, G(n0) [m^3], class of ISO 8608."""
 
     iri: float
     iri_std: float
     road_class: str = _renamed("class", "road_class")
     roughness: float
     waviness: float
+    iri_scatter: float | None = Field(default=None, exclude_if=lambda scatter: scatter is None)
 
 
 class StretchDocument(Document):
@@ -175,6 +176,8 @@ class EventDocument(Document):
     kind: Literal["pothole", "bump", "joint"]
     depth: float
     length: float
+    n_passes: int = 1
+    place: Pair | None = Field(default=None, exclude_if=lambda place: place is None)
 
 
 class RoadDocument(Document):

@@ -72,10 +72,14 @@ def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
     has_map = all(stretch.begin_place for stretch in survey.stretches)
     figure = draw.new_figure("Road", "Bands: 95 % intervals; marks: potholes and bumps", height=4.0, source=source)
     axes, *maps = draw.panels(figure, 1, 1 + has_map, width_ratios=(2, 1)[: 1 + has_map])[0]
-    edges = [*(stretch.begin for stretch in survey.stretches), survey.stretches[-1].end]
+    ends = np.array([(stretch.begin, stretch.end) for stretch in survey.stretches])
+    gaps = 1 + np.flatnonzero(ends[1:, 0] - ends[:-1, 1] > 1e-6 * ends[:-1, 1])
+    edges = np.append(np.insert(ends[:, 0], gaps, ends[gaps - 1, 1]), ends[-1, 1])
     for side, colour in (("left", STYLE.colours[0]), ("right", STYLE.colours[1])):
         tracks = [getattr(stretch, side) for stretch in survey.stretches]
-        index, std = (np.array([getattr(track, name) for track in tracks]) for name in ("iri", "iri_std"))
+        index, std = (
+            np.insert(np.array([getattr(track, name) for track in tracks]), gaps, np.nan) for name in ("iri", "iri_std")
+        )
         axes.stairs(index, edges, color=colour, label=side, linewidth=1.4, baseline=None)
         low, high = index - INTERVAL_95 * std, index + INTERVAL_95 * std
         axes.fill_between(edges, [*low, low[-1]], [*high, high[-1]], step="post", color=colour, alpha=0.2, linewidth=0)

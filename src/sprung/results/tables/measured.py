@@ -54,11 +54,20 @@ def describe_plan(plan: "KitPlan") -> list[str]:
 
 def road_table(survey: "RoadSurvey") -> Table:
     """Return the table of the stretches of a road."""
-    columns = ("from [m]", "to [m]", "left IRI [m/km]", "right IRI [m/km]", "left class", "right class")
+    is_mean = any(stretch.n_passes > 1 for stretch in survey.stretches)
+    columns: tuple[str, ...] = (
+        "from [m]",
+        "to [m]",
+        "left IRI [m/km]",
+        "right IRI [m/km]",
+        "left class",
+        "right class",
+    )
     rows = [
         (
             f"{stretch.begin:.0f}",
             f"{stretch.end:.0f}",
+            *((f"{stretch.n_passes}", _scatter(stretch.left), _scatter(stretch.right)) if is_mean else ()),
             _index(stretch.left),
             _index(stretch.right),
             stretch.left.road_class,
@@ -66,9 +75,16 @@ def road_table(survey: "RoadSurvey") -> Table:
         )
         for stretch in survey.stretches[:_MOST_STRETCHES]
     ]
+    if is_mean:
+        columns = (*columns[:2], "passes", "left scatter", "right scatter", *columns[2:])
     left = len(survey.stretches) - len(rows)
-    caption = "± standard deviation" + (f"; {left} more stretches in the files" if left else "")
+    caption = "± standard deviation" + ("; scatter: standard deviation between passes [m/km]" if is_mean else "")
+    caption += f"; {left} more stretches in the files" if left else ""
     return Table("Road", columns, tuple(rows), n_words=0, caption=caption)
+
+
+def _scatter(track: "TrackRoughness") -> str:
+    return "" if track.iri_scatter is None else f"{track.iri_scatter:.2f}"
 
 
 def _index(track: "TrackRoughness") -> str:
@@ -77,12 +93,20 @@ def _index(track: "TrackRoughness") -> str:
 
 def events_table(survey: "RoadSurvey") -> Table:
     """Return the table of potholes and bumps, the deepest first."""
+    is_of_one = all(event.n_passes == 1 for event in survey.events)
     deepest = sorted(survey.events, key=lambda event: -event.depth)[:_MOST_STRETCHES]
     rows = [
-        (event.kind, event.side, f"{event.at:.0f}", f"{1000 * event.depth:.0f}", f"{event.length:.1f}")
+        (
+            event.kind,
+            event.side,
+            f"{event.at:.0f}",
+            f"{1000 * event.depth:.0f}",
+            f"{event.length:.1f}",
+            "" if is_of_one else f"{event.n_passes}",
+        )
         for event in deepest
     ]
-    columns = ("event", "side", "at [m]", "depth [mm]", "length [m]")
+    columns = ("event", "side", "at [m]", "depth [mm]", "length [m]", "passes")
     return Table("Potholes and bumps", columns, tuple(rows), n_words=2, ends_in_words=False)
 
 

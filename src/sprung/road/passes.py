@@ -1,0 +1,141 @@
+"""Passes of one or several vehicles over the same road, averaged."""
+
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sprung.errors import DataError
+from sprung.recording import Recording
+from sprung.road.survey import RoadEvent, RoadSurvey, Stretch, TrackRoughness, road_class_of, survey_road
+from sprung.road.tracks import Ways, track_of
+from sprung.vehicles import Vehicle, check_on_axles
+from sprung.vehicles.window import window_of
+
+#: Distance between two events that are taken for one [m]: what satellite positions of two passes differ by.
+_SAME_EVENT = 8.0
+
+
+def survey_passes(
+    drives: Iterable[Sequence[Recording]],
+    vehicle: Vehicle,
+    *,
+    stretch: float = 100.0,
+    allow_missing: bool = False,
+    on_progress: Callable[[str, float], None] = lambda step, share: None,
+) -> RoadSurvey:
+    """Return the mean of several passes of a vehicle over the same road.
+
+    Parameters
+    ----------
+    drives
+        Recordings of each drive, with the speed. Where all have latitude and longitude, they are compared by place,
+        else by the distance from where each drive begins.
+    vehicle, stretch, allow_missing
+        As for `survey_road`.
+    on_progress
+        Callback that receives the current step and the share that is done (0 to 1).
+
+    Raises
+    ------
+    DataError
+        As for `survey_road`, if no drive is long and fast enough.
+
+    Notes
+    -----
+    Each drive is surveyed by itself, with a vehicle fitted to it alone, and `averaged` takes the means.
+    """
+    check_on_axles(vehicle, "a survey of the road")
+    passes = [list(drive) for drive in drives]
+    ways: Ways | None = None
+    if len(passes) > 1:
+        tracks = [track_of([window_of(each, vehicle, allow_missing=allow_missing) for each in own]) for own in passes]
+        if all(track.places is not None for track in tracks):
+            ways = Ways(stretch=stretch)
+            for track in tracks:
+                ways.add(track)
+    surveys, reasons = [], []
+    for number, drive in enumerate(passes):
+        on_progress("fitting the vehicle", number / len(passes))
+        try:
+            surveys.append(survey_road(drive, vehicle, stretch=stretch, ways=ways, allow_missing=allow_missing))
+        except DataError as error:
+            reasons.append(f"drive {number + 1}: {error}" if len(passes) > 1 else str(error))
+    if not surveys:
+        raise DataError("; ".join(reasons))
+    mean = surveys[0] if len(passes) == 1 else averaged(surveys)
+    return replace(mean, notes=(*mean.notes, *reasons))
+
+
+def averaged(surveys: Sequence[RoadSurvey], *, vehicles: Sequence[Hashable] | None = None) -> RoadSurvey:
+    """Return the mean of several passes over the same road.
+
+    Parameters
+    ----------
+    surveys
+        Surveys with stretches of the same length whose beginnings mean the same place: of drives that begin at one
+        place, or with the same `Ways`.
+    vehicles
+        Vehicle of each survey; None: all are of one.
+
+    Returns
+    -------
+    RoadSurvey
+        Means of the indices, weighted by their variances; standard deviations of these means; scatter between passes;
+        events, with the number of passes that found them.
+
+    Notes
+    -----
+    What is uncertain about a vehicle is the same in all its passes: its mean is no more precise than they are, and only
+    means of several vehicles are. No standard deviation is below that of a mean of passes that scatter as these do.
+    """
+    of_vehicle = [0] * len(surveys) if vehicles is None else vehicles
+    passes: dict[float, list[tuple[Hashable, Stretch]]] = {}
+    for vehicle, survey in zip(of_vehicle, surveys, strict=True):
+        for stretch in survey.stretches:
+            passes.setdefault(round(stretch.begin, 3), []).append((vehicle, stretch))
+    stretches = []
+    for _, own in sorted(passes.items(), key=lambda item: item[0]):
+        names = [vehicle for vehicle, _ in own]
+        left, right = (_mean([getattr(each, side) for _, each in own], names) for side in ("left", "right"))
+        stretches.append(replace(own[0][1], left=left, right=right, n_passes=sum(each.n_passes for _, each in own)))
+    events = _merged([event for survey in surveys for event in survey.events])
+    return RoadSurvey(tuple(stretches), events, tuple(dict.fromkeys(note for each in surveys for note in each.notes)))
+
+
+def _mean(tracks: Sequence[TrackRoughness], vehicles: Sequence[Hashable]) -> TrackRoughness:
+    """Return the mean of a track over passes."""
+    values, stds = (np.array([getattr(track, name) for track in tracks]) for name in ("iri", "iri_std"))
+    roughness = float(np.exp(np.mean([np.log(track.roughness) for track in tracks])))
+    waviness = float(np.mean([track.waviness for track in tracks]))
+    means = []
+    for vehicle in dict.fromkeys(vehicles):
+        own = np.array([other == vehicle for other in vehicles])
+        means.append((np.average(values[own], weights=stds[own] ** -2), np.sqrt(np.mean(stds[own] ** 2))))
+    weights = np.array([std**-2 for _, std in means])
+    mean, std = float(np.average([value for value, _ in means], weights=weights)), float(weights.sum() ** -0.5)
+    scatter = float(np.std(values, ddof=1)) if len(values) > 1 else None
+    at_least = 0.0 if scatter is None else scatter / float(np.sqrt(len(values)))
+    return TrackRoughness(mean, max(std, at_least), roughness, waviness, road_class_of(roughness), scatter)
+
+
+def _merged(events: Sequence[RoadEvent]) -> tuple[RoadEvent, ...]:
+    """Return events in the order of the way, those that several passes found at one place as one."""
+    groups: list[list[RoadEvent]] = []
+    for event in sorted(events, key=lambda event: (event.kind, event.side, event.at)):
+        last = groups[-1][0] if groups else None
+        if last and (last.kind, last.side) == (event.kind, event.side) and event.at - last.at < _SAME_EVENT:
+            groups[-1].append(event)
+        else:
+            groups.append([event])
+    merged = [
+        replace(
+            own[0],
+            at=float(np.mean([event.at for event in own])),
+            depth=float(np.mean([event.depth for event in own])),
+            length=float(np.mean([event.length for event in own])),
+            n_passes=sum(event.n_passes for event in own),
+        )
+        for own in groups
+    ]
+    return tuple(sorted(merged, key=lambda event: event.at))
