@@ -40,6 +40,23 @@ def test_a_window_with_other_components_or_a_failing_sensor_is_not_accepted(base
         baseline.residual(fewer)
 
 
+def test_a_window_whose_fit_made_a_tyre_absurdly_stiff_is_not_compared(baseline, healthy) -> None:
+    """Of a multibody car with a spare wheel, whose hop is at the end of the band, one window had a tyre 22 times."""
+    (window,) = healthy(1)
+    tyre = next(part for part in window.components if str(part) == "rear_left.tyre")
+    row = window.components.index(tyre)
+    values = baseline.mean.copy()
+    values[row] += 3.1
+    absurd = replace(window, log_ratios=values)
+    assert not baseline.accepts(absurd)
+    (note,) = (note for note in diagnose([absurd], baseline).notes if "no fault explains" in note)
+    assert note.startswith(
+        "1 of 1 window was excluded because the fit of rear-left tyre is more than 2.5 times as stiff"
+    )
+    values[row] = baseline.mean[row] + np.log(1.9)  # a spare wheel
+    assert baseline.accepts(replace(window, log_ratios=values))
+
+
 def test_conditions_count_in_units_from_the_middle(healthy) -> None:
     """100 kg, ln roughness 1.4 and 5 m/s; at most 5 units, and 0 where unknown."""
     middle = {"payload": 100.0, "roughness": 1e-4, "speed": 10.0}

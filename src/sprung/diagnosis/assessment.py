@@ -10,6 +10,7 @@ from sprung._arrays import Real
 from sprung._checks import check_each, check_number, check_type
 from sprung._display import counted
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
+from sprung.diagnosis.baseline import SETTINGS as BASELINE
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, detect, false_discoveries
 from sprung.diagnosis.findings import LIGHTEST_WHEEL, SEVERITIES, STIFFER_TYRE, Diagnosis, Finding, format_time
 from sprung.diagnosis.hypotheses import Hypothesis
@@ -450,6 +451,16 @@ def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) ->
         notes.append(
             f"the model fits {distrusted} of {len(valid)} windows too poorly for a comparison with the vehicle file: "
             "learn a baseline"
+        )
+    alike = [window for window in valid if window.components == baseline.components]
+    undetermined = [parts for window in alike if (parts := baseline.too_stiff_in(window))]
+    if undetermined:
+        names = ", ".join(
+            sorted({str(part).replace("_", "-").replace(".", " ") for each in undetermined for part in each})
+        )
+        notes.append(
+            f"{_share_of(len(undetermined), valid)} excluded because the fit of {names} is more than "
+            f"{BASELINE.stiffest:g} times as stiff as in the baseline, which no fault explains: give other drives"
         )
     return notes
 

@@ -45,6 +45,8 @@ class BaselineSettings:
     imperfect: float = 0.25
     #: Model error up to which values can be compared with the vehicle file itself.
     trusted: float = 0.15
+    #: Stiffness of a spring or tyre over that of the baseline that no fault explains: the fit did not determine it.
+    stiffest: float = 2.5
 
 
 SETTINGS = BaselineSettings()
@@ -178,10 +180,17 @@ class Baseline(Tabular, Savable):
         """Return whether a window can be compared: conclusive, from valid sensors, with the same components.
 
         The effect of a failing sensor on a fit is unknown. Without a learnt baseline, the vehicle file must also
-        explain the window well.
+        explain the window well. A window that hardly determines a spring or tyre has deviations which are not normal.
         """
         is_alike = observation.components == self.components and self.has_sensors_of(observation)
-        return observation.is_valid and is_alike and self.is_trusted_on(observation)
+        is_sound = observation.is_valid and is_alike and self.is_trusted_on(observation)
+        return is_sound and not self.too_stiff_in(observation)
+
+    def too_stiff_in(self, observation: Observation) -> tuple[Component, ...]:
+        """Return the springs and tyres that are too stiff for any fault, in a window with the same components."""
+        ratios = zip(self.components, observation.log_ratios - self.mean, strict=True)
+        limit = np.log(SETTINGS.stiffest)
+        return tuple(part for part, ratio in ratios if ratio > limit and part.kind in {"spring", "tyre"})
 
     def has_sensors_of(self, observation: Observation) -> bool:
         """Return whether a window lacks the same sensors as those that the baseline was learnt from, if it was."""
