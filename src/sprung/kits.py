@@ -241,9 +241,11 @@ def _expected_baseline(expected: ExpectedFit) -> Baseline:
 
 
 def _sensors(vehicle: Vehicle, drive: ExpectedDrive, expected: ExpectedFit) -> tuple[PlannedSensor, ...]:
-    """Return the contribution of each sensor."""
+    """Return the contribution of each sensor; of a mix of roads, on their mean, as it differs little between roads."""
+    mean = drive.on_mean_road
+    precision = _precision(expected if len(drive.roads) == 1 else expected_fit(vehicle, mean))
     return tuple(
-        PlannedSensor(sensor.channel, 1 - _precision(expected) / _precision_without(vehicle, drive, sensor))
+        PlannedSensor(sensor.channel, 1 - precision / _precision_without(vehicle, mean, sensor))
         for sensor in vehicle.sensor
         if sensor.quantity in {"acceleration", "angular_velocity"}
     )
@@ -305,7 +307,7 @@ def best_places(
     """
     check_on_axles(vehicle, "a plan of sensors")
     check_number("n_sensors", n_sensors, at_least=1, at_most=len(candidates))
-    conditions = drive or ExpectedDrive()
+    conditions = (drive or ExpectedDrive()).on_mean_road
     known: dict[frozenset[str], float] = {}
 
     def criterion(chosen: Sequence[Sensor]) -> float:

@@ -149,3 +149,18 @@ def test_nothing_that_is_read_is_written_over(sprung, tmp_path):
         assert "would overwrite" in outcome.err
     assert out.read_bytes() == before
     assert vehicle.read_text().startswith("schema")
+
+
+@pytest.mark.parametrize(
+    ("road", "message"),
+    [
+        ("A:0.3,B:0.3", "add up to 0.6"),
+        ("A:x,B:0.3", "such as A:0.3,B:0.5,C:0.2"),
+        ("A,B", "such as A:0.3,B:0.5,C:0.2"),
+        ("K:1", "road class 'K'"),
+    ],
+)
+def test_a_mix_of_roads_has_classes_and_shares(sprung, road, message) -> None:
+    outcome = sprung("plan", "zafira", "--road", road)
+    assert (outcome.code, outcome.err.count("\n")) == (2, 1)
+    assert message in outcome.err

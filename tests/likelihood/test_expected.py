@@ -29,6 +29,27 @@ def test_a_vehicle_without_speed_is_less_certain() -> None:
     assert all(unknown.std[part] >= known.std[part] - 1e-12 for part in known.components)
 
 
+def test_the_information_of_a_mix_is_the_mean_of_its_roads() -> None:
+    """The inverse of the covariance without a prior is additive; here the roads are far from the prior's limit."""
+    smooth, rough = 1e-6, 256e-6
+    alone = [expected_fit(CAR, ExpectedDrive(roughness=each)) for each in (smooth, rough)]
+    mixed = expected_fit(CAR, ExpectedDrive(roughness=((smooth, 0.25), (rough, 0.75))))
+    for part, std in mixed.contrast_std.items():
+        mean = sum(share / each.contrast_std[part] ** 2 for share, each in zip((0.25, 0.75), alone, strict=True))
+        assert std == pytest.approx(mean**-0.5, rel=0.03)
+    assert any(alone[0].contrast_std[part] > 1.05 * alone[1].contrast_std[part] for part in mixed.contrast_std)
+    same = expected_fit(CAR, ExpectedDrive(roughness=((rough, 0.5), (rough, 0.5))))
+    assert list(same.std.values()) == pytest.approx(list(alone[1].std.values()), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("roads", "message"), [(((64e-6, 0.5),), "add up to 0.5"), (((64e-6, 1.5), (1e-6, -0.5)), "share of a road")]
+)
+def test_shares_that_are_none_are_refused(roads, message) -> None:
+    with pytest.raises(ParameterError, match=message):
+        ExpectedDrive(roughness=roads)
+
+
 def test_speeds_that_fall_are_refused() -> None:
     with pytest.raises(ParameterError, match="must rise"):
         ExpectedDrive(speed=(20.0, 10.0))

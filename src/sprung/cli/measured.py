@@ -32,16 +32,19 @@ def plan(
     ] = None,
     minutes: Annotated[float, option("M", "Length of a window.", panel=INPUT)] = 10.0,
     speed: Annotated[tuple[float, float], option("LO HI", "Range of speeds, in m/s.", panel=INPUT)] = (8.0, 25.0),
-    road: Annotated[str, option("A..H", "Class of the road, ISO 8608.", panel=INPUT)] = "B",
+    road: Annotated[
+        str, option("A..H|A:0.3,B:0.5,..", "Class of the road, ISO 8608, or classes with their shares.", panel=INPUT)
+    ] = "B",
     has_speed: Annotated[
         bool, option(None, "Whether the speed will be recorded.", "--with-speed/--without-speed", panel=INPUT)
     ] = True,
+    false_alarms: Annotated[float, option("RATE", "False alarms per vehicle and day of driving.", panel=INPUT)] = 1e-3,
     best: Annotated[int | None, option("N", "Also find the best places of N accelerometers.", panel=INPUT)] = None,
     output: Output,
 ) -> None:
     """Predict what a kit of sensors will see on a vehicle, and how soon, before it is bought."""
     from sprung import kits
-    from sprung.excitation import road_class
+    from sprung.excitation import road_mix
     from sprung.likelihood.expected import ExpectedDrive
     from sprung.results import tables
     from sprung.results.documents import plan_document
@@ -49,8 +52,9 @@ def plan(
 
     output.check(vehicle)
     description = read_vehicle(vehicle)
-    drive = ExpectedDrive(minutes=minutes, speed=speed, roughness=road_class(road).roughness, has_speed=has_speed)
-    planned = kits.plan(description if kit is None else kits.kit_of(description, kit), drive=drive)
+    drive = ExpectedDrive(minutes=minutes, speed=speed, roughness=road_mix(road), has_speed=has_speed)
+    with_kit = description if kit is None else kits.kit_of(description, kit)
+    planned = kits.plan(with_kit, drive=drive, false_alarms=false_alarms)
     sentences = tables.describe_plan(planned)
     if best is not None:
         chosen = kits.best_places(description, kits.candidates(description), best, drive=drive)

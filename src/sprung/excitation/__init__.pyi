@@ -30,3 +30,4 @@ from sprung.excitation.surface import Road as Road
 from sprung.excitation.surface import SurfaceMotion as SurfaceMotion
 from sprung.excitation.surface import rail_quality as rail_quality
 from sprung.excitation.surface import road_class as road_class
+from sprung.excitation.surface import road_mix as road_mix

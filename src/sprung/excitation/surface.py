@@ -129,6 +129,38 @@ def road_class(name: str) -> Road:
     return Road(ROAD_CLASSES[check_one_of("road class", name.upper(), ROAD_CLASSES)])
 
 
+def road_mix(text: str) -> tuple[tuple[float, float], ...]:
+    """Return the roughness [m^3] and the share of each road in a mix of classes.
+
+    Parameters
+    ----------
+    text
+        A class of ISO 8608, or classes with their shares of the time, which add up to 1.
+
+    Raises
+    ------
+    ParameterError
+        If a class does not exist, or a share is no number.
+
+    Examples
+    --------
+    >>> road_mix("B"), road_mix("A:0.3, C:0.7")
+    (((6.4e-05, 1.0),), ((1.6e-05, 0.3), (0.000256, 0.7)))
+    """
+    mix = []
+    for part in text.split(","):
+        name, _, share = part.strip().partition(":")
+        try:
+            mix.append((road_class(name).roughness, float(share) if share or "," in text else 1.0))
+        except ValueError as error:
+            if isinstance(error, ParameterError):
+                raise
+            raise ParameterError(
+                f"road {part.strip()!r} is no class with its share: give classes such as A:0.3,B:0.5,C:0.2"
+            ) from None
+    return tuple(mix)
+
+
 @dataclass(frozen=True, slots=True)
 class Rail:
     """Track with the irregularity spectra of ERRI B176.

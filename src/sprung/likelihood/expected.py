@@ -18,6 +18,9 @@ from sprung.likelihood.vehicle import CornerSettings, default_choices
 from sprung.likelihood.whittle import Model
 from sprung.vehicles import Component, Vehicle, structure
 
+#: Error of the sum of shares that is rounding.
+_WHOLE = 1e-3
+
 
 @dataclass(frozen=True, slots=True)
 class ExpectedDrive:
@@ -30,7 +33,8 @@ class ExpectedDrive:
     speed
         Lowest and highest speed [m/s]; all speeds between are as frequent.
     roughness
-        Roughness of the road G(n0) [m^3], or of the track; above 0.
+        Roughness of the road G(n0) [m^3], or of the track; above 0. Of a mix of roads a pair for each: roughness, and
+        share of the time.
     sampling_rate
         Sampling rate [Hz], above 0.
     steady
@@ -48,20 +52,36 @@ class ExpectedDrive:
 
     minutes: float = 10.0
     speed: tuple[float, float] = (8.0, 25.0)
-    roughness: float = 64e-6
+    roughness: float | tuple[tuple[float, float], ...] = 64e-6
     sampling_rate: float = 200.0
     steady: float = 0.8
     driving: float = 1e-3
     has_speed: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("minutes", "roughness", "sampling_rate", "driving"):
+        for name in ("minutes", "sampling_rate", "driving"):
             check_number(name, getattr(self, name), above=0)
+        for roughness, share in self.roads:
+            check_number("roughness", roughness, above=0)
+            check_number("share of a road", share, above=0, at_most=1)
+        if abs(sum(share for _, share in self.roads) - 1) > _WHOLE:
+            total = sum(share for _, share in self.roads)
+            raise ParameterError(f"the shares of the roads add up to {total:g}, not to 1: correct them")
         check_number("steady", self.steady, above=0, at_most=1)
         if not SLOWEST <= self.speed[0] < self.speed[1]:
             raise ParameterError(
                 f"speed {self.speed[0]:g} to {self.speed[1]:g} m/s must rise from {SLOWEST:g} m/s: correct it"
             )
+
+    @property
+    def roads(self) -> tuple[tuple[float, float], ...]:
+        """Roughness of each road, and its share of the time."""
+        return self.roughness if isinstance(self.roughness, tuple) else ((self.roughness, 1.0),)
+
+    @property
+    def on_mean_road(self) -> "ExpectedDrive":
+        """The same drive on one road, whose roughness is the geometric mean of the mix."""
+        return replace(self, roughness=float(np.exp(sum(share * np.log(roughness) for roughness, share in self.roads))))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -147,7 +167,8 @@ def expected_fit(
     -----
     The covariance is that of `parameter_covariance` at the nominal vehicle, A (c I + P) A with the Fisher information
     I of the likelihood that the fit uses, A = (I + P)^-1, the prior P, and c = 19/9 for overlapping windows. Segments
-    are spread evenly over the speeds. An error of the model, friction above all, adds to it on a real vehicle.
+    are spread evenly over the speeds. The information of a mix of roads is the mean of theirs, weighted by their
+    shares. An error of the model, friction above all, adds to it on a real vehicle.
 
     References
     ----------
@@ -167,18 +188,19 @@ def expected_fit(
     """
     drive, settings = drive or ExpectedDrive(), settings_of(CornerSettings, settings)
     model, parameters = _model(vehicle, drive, settings, {**NOISE, **(noise or {})})
+    information = sum(share * model.information(values) for share, values in parameters)
     std = model.prior_std.copy()
     if not drive.has_speed and "delay" in model.names:
         std[model.names.index("delay")] = _UNKNOWN_DELAY
-    covariance = expected_covariance(model.information(parameters), std)
+    covariance = expected_covariance(np.asarray(information), std)
     rows = model.rows("components")
     return ExpectedFit(model.components, covariance[np.ix_(rows, rows)], settings.prior_std)
 
 
 def _model(
     vehicle: Vehicle, drive: ExpectedDrive, settings: CornerSettings, noise: Mapping[str, float]
-) -> tuple[Model, Real]:
-    """Return the model of a vehicle with classes of planned speeds and no data, and its expected parameters."""
+) -> tuple[Model, list[tuple[float, Real]]]:
+    """Return the model of a vehicle with classes of planned speeds and no data, and its parameters on each road."""
     nominal = structure(vehicle)
     layout = rigid_layout(nominal)
     kind = settings.kind or vehicle.kind
@@ -201,7 +223,7 @@ def _model(
     model = FitSetup(vehicle, nominal, layout, settings, kind).model(spectra)
     parameters = model.start.copy()
     names = {name: row for row, name in enumerate(model.names)}
-    expected = {"roughness": drive.roughness, "braking": drive.driving, "cornering": drive.driving}
+    expected = {"braking": drive.driving, "cornering": drive.driving}
     expected |= {
         f"noise_{name}": (noise[QUANTITIES[order]] / TYPICAL_NOISE[order]) ** 2
         for name, order in zip(layout.names, layout.orders, strict=True)
@@ -209,4 +231,10 @@ def _model(
     for name, value in expected.items():
         if name in names:
             parameters[names[name]] = np.log(value)
-    return model, parameters
+    on_roads = []
+    for roughness, share in drive.roads:
+        values = parameters.copy()
+        if "roughness" in names:
+            values[names["roughness"]] = np.log(roughness)
+        on_roads.append((share, values))
+    return model, on_roads

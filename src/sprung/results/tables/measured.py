@@ -45,8 +45,12 @@ def describe_plan(plan: "KitPlan") -> list[str]:
     speed = "" if plan.drive.has_speed else ", speed not recorded"
     redundant = [sensor.channel for sensor in plan.sensors if sensor.gain < 0.02]
     repeated = [f"{', '.join(redundant)}: each repeats what the others measure, and buys the check of the sensors"]
+    roads = " and ".join(
+        f"G(n0) = {1e6 * roughness:.0f}e-6 m³" + (f" for {100 * share:.0f} % of the time" if share < 1 else "")
+        for roughness, share in plan.drive.roads
+    )
     return [
-        f"{drive}, G(n0) = {1e6 * plan.drive.roughness:.0f}e-6 m³{speed}",
+        f"{drive}, {roads}{speed}",
         *(repeated * bool(redundant)),
         *plan.notes,
     ]
