@@ -16,7 +16,7 @@ CAR = read_vehicle("zafira")
 def window(drive: ExpectedDrive, *, faults: tuple[SensorFault, ...] = ()) -> Observation:
     """Return a window that is as precise as expected."""
     fit = expected_fit(CAR, drive)
-    conditions = {"speed": float(np.mean(drive.speed)), "roughness": drive.roughness}
+    conditions = {"speed": float(np.mean(drive.speed)), "roughness": drive.roads[0][0]}
     return Observation(0.0, fit.components, np.zeros(len(fit.components)), fit.covariance, conditions, {}, faults)
 
 
