@@ -19,15 +19,14 @@ pytest.importorskip("numba")
 
 
 @pytest.mark.slow
-def test_a_tenth_is_found_whatever_the_file_knows(tmp_path: Path) -> None:
-    # A car whose file is complete, and one whose geometry is 3 % wrong.
+def test_a_tenth_is_found_on_a_car_whose_file_has_a_geometry_that_is_wrong(tmp_path: Path) -> None:
     lives = tmp_path / "lives.jsonl"
-    command = [sys.executable, str(BENCHMARK), "--seeds", "44", "45", "--healthy", "3", "--jobs", "2"]
+    command = [sys.executable, str(BENCHMARK), "--seeds", "45", "--healthy", "3", "--jobs", "1"]
     command += ["--lives", str(lives)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=HANGS, check=False)
     assert done.returncode == 0, done.stderr
     found = {life["seed"]: life for life in map(json.loads, lives.read_text().splitlines())}
-    assert set(found) == {44, 45}
+    assert set(found) == {45}
     for life in found.values():
         assert (life["size"], life["alarm"], life["mute"], life["hours"]) == (0.1, False, 0, 0.5)
         assert life["found"]["30"] == life["found"]["120"] == life["name"]
