@@ -1,6 +1,7 @@
 """A problem with monitoring itself is one alert, however often it is reported."""
 
 import numpy as np
+import pytest
 
 import sprung
 from sprung.online.alerts import AlertSettings
@@ -77,3 +78,26 @@ def test_an_alert_keeps_the_change_test_behind_it(store) -> None:
     names = [hypothesis["name"] for hypothesis in evidence["detection"]["hypotheses"]]
     assert names == [candidate.hypothesis.name for candidate in detection.candidates[:5]]
     assert names[0] == "front_left.spring"
+
+
+@pytest.mark.parametrize(
+    ("limits", "severity", "advice"),
+    [
+        ({"damper": (0.01, 0.02)}, 700, "inspect before the next 500 km"),  # of the finding
+        ({"spring": (0.1, 0.2)}, 900, "inspect before the next drive"),
+        ({"spring": (0.1, 0.9)}, 700, "inspect before the next 500 km"),
+        ({"spring": (0.8, 0.9)}, 300, "continue monitoring"),
+        ({"spring": (0.1, 0.2), "front_left.spring": (0.8, 0.9)}, 300, "continue monitoring"),
+    ],
+)
+def test_soft_and_hard_limits_of_a_part_decide_the_severity(store, limits, severity, advice) -> None:
+    generator = np.random.default_rng(1)
+    healthy = [window(generator, k, change=0.0) for k in range(8)]
+    compared = [window(generator, k, change=-0.35) for k in range(8, 18)]
+    diagnosis = sprung.diagnose(compared, sprung.learn(healthy))
+    recording = sprung.Recording(np.zeros((1, 2)), 1.0, (sprung.Channel("a"),), NOW)
+    event = Observed(17, recording, compared[-1], diagnosis, None)
+    AlertBook(store, AlertSettings(limits=limits)).take_window("car-1", event, now=NOW)
+    (row,) = store.alerts.find()
+    assert (row.cause, row.severity, row.advice) == ("front_left.spring", severity, advice)
+    assert row.sentence.endswith(advice)

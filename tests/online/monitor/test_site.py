@@ -66,7 +66,7 @@ def fields(model, table=""):
 
 def test_every_setting_is_in_the_manual_with_its_default() -> None:
     expected = {key: (shown_default(field), field.description) for key, field in fields(Site)}
-    assert len(expected) == 49
+    assert len(expected) == 50
     assert documented() == expected
 
 
@@ -110,6 +110,16 @@ def changed(path, value):
         ),
         (("http",), "8737", "http: '8737' is not an address: write HOST:PORT, such as 127.0.0.1:8737"),
         (("url",), "sprung.example.org", "url: 'sprung.example.org' is not the address of a page: write it like https"),
+        (
+            ("alerts", "limits"),
+            {"dampr": [0.1, 0.2]},
+            "alerts, limits: 'dampr' is no part: limit one of spring, damper, primary_spring",
+        ),
+        (
+            ("alerts", "limits"),
+            {"damper": [0.3, 0.2]},
+            "alerts, limits: damper = [0.3, 0.2] must be a soft limit above 0 and a hard one",
+        ),
         (("send", "webhook"), {"url": "http://secret"}, "send, webhook must be a list: write texts in brackets"),
         (("send", "webhook", 0), {}, "[[send.webhook]] 1, url is missing: add it"),
         (("send", "webhook", 0, "url"), "x/secret", "[[send.webhook]] 1: url of the webhook must begin with http://"),

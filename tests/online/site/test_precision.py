@@ -109,3 +109,39 @@ def test_outcomes_state_what_was_found_and_the_way_driven_since(serve, store) ->
     page = client.get("/outcomes").text
     for words in ("1 of 1 inspected alert was right", "spring renewed", ">36<", "not raised again"):
         assert words in page
+
+
+def test_resets_have_person_date_and_mileage_which_grows_with_the_way_driven(log_in, store) -> None:
+    client, header = log_in("engineer")
+    assert client.get("/api/v1/vehicles/bus-3").json()["mileage"] is None
+    given = {"reason": "new dampers", "mileage": 120000}
+    assert client.post("/api/v1/vehicles/bus-3/baselines", json=given, headers=header).status_code == 202
+    driven = [
+        (k, NOW + k * HOUR, observation_document(Observation(0.0, (), *_NOTHING, {"speed": 20.0}, {}, ())))
+        for k in range(1, 4)
+    ]
+    store.inbox.add_frames([StoredFrame("bus-3", 1, 0, NOW, b"x")], now=NOW)
+    store.results.commit(Progress("bus-3", 1, done_seq=0, observations=tuple(driven), now=NOW))
+    (reset,) = client.get("/api/v1/outcomes").json()["resets"]
+    expected = {"vehicle": "bus-3", "time": NOW, "who": "eve", "reason": "new dampers", "mileage": 120000}
+    assert reset == expected
+    # three windows of ten minutes at 20 m/s
+    assert client.get("/api/v1/vehicles/bus-3").json()["mileage"] == pytest.approx(120036)
+    number = raise_alert(store, "bus-3", "front_left.damper", text="front-left damper weaker")
+    assert "about 120,036" in client.get(f"/alerts/{number}/job-card").text
+    assert "about 120,036 km" in client.get("/vehicles/bus-3").text
+    assert "120,000" in client.get("/outcomes").text
+    below = client.post("/api/v1/vehicles/bus-3/baselines", json={"reason": "x", "mileage": -1}, headers=header)
+    assert below.status_code == 422
+    operations.add_verdict(
+        store,
+        number,
+        verdict="confirmed",
+        action="damper renewed",
+        new_baseline=True,
+        mileage=121e3,
+        who="eve",
+        now=NOW + 1,
+    )
+    resets = client.get("/api/v1/outcomes").json()["resets"]
+    assert [(each["reason"], each["mileage"]) for each in resets] == [("damper renewed", 121e3), ("new dampers", 120e3)]

@@ -39,6 +39,9 @@ class AlertSettings:
         Hysteresis: consecutive windows without a report before it clears, at least 1.
     renotify_after
         Time after which an active, unacknowledged alert is notified again [ns]; None: never.
+    limits
+        Soft and hard limit of the certain change by kind of part or by part: the alert is high from the first on, and
+        critical from the second; parts without limits have the severity of their finding.
 
     Raises
     ------
@@ -49,6 +52,7 @@ class AlertSettings:
     raise_after: int = 1
     clear_after: int = 3
     renotify_after: int | None = None
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         check_number("raise_after", self.raise_after, at_least=1, advice="1 raises at the first report")

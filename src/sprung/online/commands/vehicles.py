@@ -77,12 +77,13 @@ def learn(
     vehicle: VehicleName,
     *,
     reason: Annotated[str, option("TEXT", "Reason, such as 'new dampers'; required.", show_default=False)] = "",
+    mileage: Annotated[float | None, option("KM", "Mileage of the vehicle in km. Default: unknown.", min=0)] = None,
     who: str,
 ) -> Found:
     """Learn a new baseline of a vehicle, such as after maintenance."""
     from sprung.online.monitor.operations import describe_relearning, relearn
 
-    relearn(store, vehicle, reason=reason, who=who, now=time.time_ns())
+    relearn(store, vehicle, reason=reason, mileage=mileage, who=who, now=time.time_ns())
     return _vehicles(store, describe_relearning(vehicle, reason))
 
 

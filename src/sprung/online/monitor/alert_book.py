@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from sprung._display import counted
-from sprung.diagnosis import Diagnosis, detectable_in_words
+from sprung.diagnosis import SEVERITIES, Diagnosis, Finding, detectable_in_words
 from sprung.online.alerts import AlertSettings, Report, Transition, absent, assess, message_of, reported, shelf_ended
 from sprung.online.monitor.assessment import describe_fault
 from sprung.online.monitor.events import Observed
@@ -55,7 +55,7 @@ class AlertBook:
             for fault in {fault.channel: fault for fault in reversed(sensors)}.values()  # the first of each channel
         ]
         if event.diagnosis is not None:
-            reports += _of_diagnosis(vehicle, event.diagnosis)
+            reports += _of_diagnosis(vehicle, event.diagnosis, self._settings.limits)
         is_valid = event.observation.is_conclusive and not sensors
         with self._store.alerts.locked_of(vehicle) as known:
             transitions = assess(
@@ -151,7 +151,19 @@ class AlertBook:
         return {alert.cause: alert for alert in self._store.alerts.find(vehicle=vehicle)}
 
 
-def _of_diagnosis(vehicle: str, diagnosis: Diagnosis) -> list[Report]:
+def _limited(finding: Finding, limits: Mapping[str, tuple[float, float]]) -> Finding:
+    """Return a finding with the severity by the limits of its part, or of its kind of part, if there are any."""
+    known = limits.get(finding.hypothesis) or limits.get(finding.component)
+    if known is None or finding.interval is None:
+        return finding
+    (soft, hard), (low, high) = known, finding.interval
+    certain = min(abs(low), abs(high)) if low * high > 0 else 0.0
+    critical, warning, *_, least = SEVERITIES
+    _, severity, number, advice = critical if certain >= hard else warning if certain >= soft else least
+    return replace(finding, severity=severity, severity_number=number, advice=advice)
+
+
+def _of_diagnosis(vehicle: str, diagnosis: Diagnosis, limits: Mapping[str, tuple[float, float]]) -> list[Report]:
     """Return the reports of the findings of a diagnosis, with the change test behind them."""
     test: dict[str, Any] = {"detectable": detectable_document(diagnosis.detectable)}
     if diagnosis.detection is not None:
@@ -167,5 +179,5 @@ def _of_diagnosis(vehicle: str, diagnosis: Diagnosis) -> list[Report]:
             f"{finding.sentence}; {limit}" if limit else finding.sentence,
             {**finding_document(finding), **test},
         )
-        for finding in diagnosis.findings
+        for finding in (_limited(finding, limits) for finding in diagnosis.findings)
     ]

@@ -39,6 +39,8 @@ from sprung.state import (
 
 #: Requests that change the baseline of a vehicle: learn a new one, and return to an earlier one.
 LEARN = "learn"
+#: Entry of the audit trail that states the mileage of a vehicle [km].
+MILEAGE = "mileage"
 ROLL_BACK = "roll back"
 #: Age of the last message of a parked vehicle after which it says nothing about the present [ns].
 _PARKED = DAY
@@ -430,6 +432,22 @@ def history_of(store: Store, vehicle: str, *, max_windows: int) -> History:
         n_identified,
         reason if status.get("is_learning") else "",
     )
+
+
+def driven_since(store: Store, vehicle: str, time: int, *, limit: int) -> float | None:
+    """Return the way driven since a time [UTC ns] in windows that state a speed [m]; None without any."""
+    entries = store.results.observations(vehicle, since=time, limit=limit)
+    length = float((store.results.status(vehicle) or {}).get("window") or MonitorSettings().window)
+    speeds = [window.conditions["speed"] for _, window in observations_of(entries) if "speed" in window.conditions]
+    return length * sum(speeds) if speeds else None
+
+
+def mileage_of(store: Store, vehicle: str, *, limit: int) -> float | None:
+    """Return the mileage of a vehicle [km]: as last stated, and the way since in windows; None if it never was."""
+    stated = [row for row in store.requests.audited(act=MILEAGE) if row.subject == vehicle]
+    if not stated:
+        return None
+    return float(stated[-1].detail) + (driven_since(store, vehicle, stated[-1].time, limit=limit) or 0.0) / 1000
 
 
 def restored_baseline(store: Store, vehicle: str, *, version: int, reason: str) -> Baseline:

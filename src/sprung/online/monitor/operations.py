@@ -34,6 +34,7 @@ from sprung.online.monitor.events import Identified, MonitorSettings, Observed
 from sprung.online.monitor.fleets import INSPECTED, rankings
 from sprung.online.monitor.histories import (
     LEARN,
+    MILEAGE,
     ROLL_BACK,
     history_of,
     require_vehicle,
@@ -179,6 +180,7 @@ def add_verdict(
     part: str = "",
     action: str = "",
     new_baseline: bool = False,
+    mileage: float | None = None,
     who: str,
     now: int,
 ) -> int | None:
@@ -198,6 +200,8 @@ def add_verdict(
         Work that was done.
     new_baseline
         Whether a new baseline is learnt, as after a repair; the alert is cleared then, and otherwise acknowledged.
+    mileage
+        Mileage of the vehicle [km]; None: unknown.
     who
         Name of the operator.
     now
@@ -220,6 +224,7 @@ def add_verdict(
     words = "; ".join(text for text in (f"verdict: {verdict}", part.strip(), action.strip()) if text)
     with _locked(store, number) as alert:
         request = None
+        _state_mileage(store, alert.vehicle, mileage, who=who, now=now)
         if new_baseline:
             request = relearn(store, alert.vehicle, reason=action.strip() or words, who=who, now=now)
         stored = VerdictRow(number, now, who, verdict, part.strip(), action.strip(), alert.raised, request)
@@ -233,18 +238,28 @@ def add_verdict(
     return request
 
 
-def relearn(store: Store, vehicle: str, *, reason: str, who: str, now: int) -> int:
+def relearn(store: Store, vehicle: str, *, reason: str, mileage: float | None = None, who: str, now: int) -> int:
     """Request a new baseline of a vehicle, such as after maintenance, and return the number of the request.
+
+    The reset is recorded with its time, the person, the reason and, where it is known, the mileage [km].
 
     Raises
     ------
     ParameterError
-        If the vehicle is unknown, or the reason is empty.
+        If the vehicle is unknown, the reason is empty, or the mileage is below 0.
     """
     if not reason.strip():
         raise ParameterError(f"a new baseline of {vehicle} needs a reason: give --reason TEXT, such as 'new dampers'")
     require_vehicle(store, vehicle)
+    _state_mileage(store, vehicle, mileage, who=who, now=now)
     return store.requests.add_command(who, vehicle, LEARN, reason.strip(), now=now)
+
+
+def _state_mileage(store: Store, vehicle: str, mileage: float | None, *, who: str, now: int) -> None:
+    """Record the mileage of a vehicle [km]; None: it is unknown."""
+    if mileage is not None:
+        check_number("mileage", mileage, at_least=0)
+        store.requests.audit(who, MILEAGE, vehicle, mileage, now=now)
 
 
 def roll_back(store: Store, vehicle: str, *, version: int, reason: str, who: str, now: int) -> int:

@@ -14,6 +14,7 @@ from sprung.online.monitor.events import MonitorSettings
 from sprung.online.store import check_address
 from sprung.state import STEPS, StepName
 from sprung.toml import checked, toml_fields
+from sprung.vehicles.structure import PARTS
 
 _DAY = 86400 * 10**9
 # A century: times are nanoseconds in 64 bits.
@@ -26,6 +27,8 @@ class _Table(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+#: Kinds of parts that limits are set for.
+_KINDS = tuple(dict.fromkeys(kind for kinds in PARTS.values() for kind in kinds if kind))
 _MONITOR, _ALERT = MonitorSettings(), AlertSettings()
 
 
@@ -88,12 +91,31 @@ class Alerts(_Table):
     silent_after_minutes: float = Field(
         60.0, gt=0, description="time without messages after which a vehicle is silent, unless switched off [min]"
     )
+    limits: dict[str, list[float]] = Field(
+        {},
+        description="soft and hard limit of the certain change of a kind of part or of one part, such as damper ="
+        " [0.2, 0.4] or rear_left.damper: high from the first on, critical from the second, low below; left out: by the"
+        " severity of findings",
+    )
+
+    @field_validator("limits")
+    @classmethod
+    def _are_limits(cls, limits: dict[str, list[float]]) -> dict[str, list[float]]:
+        for name, ends in limits.items():
+            if name.rpartition(".")[2] not in _KINDS:
+                raise ParameterError(
+                    f"{name!r} is no part: limit one of {', '.join(_KINDS)}, or a part such as rear_left.damper"
+                )
+            if len(ends) != 2 or not 0 < ends[0] <= ends[1]:
+                raise ParameterError(f"{name} = {ends} must be a soft limit above 0 and a hard one: write [0.2, 0.4]")
+        return limits
 
     @property
     def settings(self) -> AlertSettings:
         """Settings of the alerts."""
         remind = None if self.remind_after_hours is None else round(3600e9 * self.remind_after_hours)
-        return AlertSettings(self.raise_after_windows, self.clear_after_windows, remind)
+        limits = {name: (soft, hard) for name, (soft, hard) in self.limits.items()}
+        return AlertSettings(self.raise_after_windows, self.clear_after_windows, remind, limits)
 
 
 class Keep(_Table):

@@ -17,7 +17,20 @@ from sprung.online.site.access import Engineer, EngineerForm, Viewer
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.alerts import STATES
 from sprung.online.site.rendering import page
-from sprung.online.site.shared import Answer, Context, Done, Given, Line, Name, Number, Outcome, Shared, Text, finite
+from sprung.online.site.shared import (
+    Answer,
+    Context,
+    Done,
+    Given,
+    Line,
+    Mileage,
+    Name,
+    Number,
+    Outcome,
+    Shared,
+    Text,
+    finite,
+)
 from sprung.online.store import Entry, VerdictRow
 from sprung.results.documents import WorkOrderDocument, document_text
 from sprung.results.documents.monitoring import AlertEntry, HistoryEntry
@@ -157,6 +170,7 @@ class WorkshopVerdict(Given):
     part: Line = ""
     action: Text = ""
     new_baseline: bool = False
+    mileage: Mileage | None = None
 
 
 class Action(NamedTuple):

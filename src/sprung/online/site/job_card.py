@@ -6,11 +6,12 @@ from importlib.util import find_spec
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
+from sprung.online.monitor.histories import mileage_of
 from sprung.online.monitor.operations import require_alert, work_order
 from sprung.online.site.access import Viewer
 from sprung.online.site.guard import policy
 from sprung.online.site.rendering import page
-from sprung.online.site.shared import Context, Number, Shared
+from sprung.online.site.shared import LIMITS, Context, Number, Shared
 from sprung.results.page import pdf_of
 from sprung.state import AlertState
 from sprung.vehicles import Component
@@ -68,6 +69,7 @@ def show(request: Request, context: Shared, person: Viewer, number: Number) -> H
         part=alert.name if alert.is_of_suspension else order.part,
         inspections=_INSPECTIONS.get(kind, _INSPECTIONS_OF_OTHERS),
         axles=_axles(context, alert),
+        mileage=mileage_of(context.store, alert.vehicle, limit=LIMITS.max_windows),
     )
     styles = re.findall(r"<style>(.*?)</style>", bytes(answer.body).decode(), re.DOTALL)
     answer.headers["content-security-policy"] = policy(*styles)

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Request, Response
 from pydantic import Field
 from scipy.special import betaincinv
 
-from sprung.online.monitor.histories import observations_of
+from sprung.online.monitor.histories import LEARN, MILEAGE, driven_since
 from sprung.online.monitor.operations import VERDICTS
 from sprung.online.site.access import Viewer
 from sprung.online.site.rendering import page
@@ -71,10 +71,21 @@ class AlertOutcome(Answer):
     is_back: bool = Field(description="whether the cause was raised again since")
 
 
+class ResetEntry(Answer):
+    """A reset of a vehicle after maintenance, from which a new baseline is learnt."""
+
+    vehicle: str
+    time: int = Field(description="UTC ns")
+    who: str
+    reason: str
+    mileage: float | None = Field(description="[km]; null: not stated")
+
+
 class Outcomes(Answer):
     """What came of the alerts of the suspension and of sensors."""
 
     precision: Precision
+    resets: tuple[ResetEntry, ...] = Field(description="last resets of vehicles, the latest first")
     alerts: tuple[AlertOutcome, ...] = Field(description="last verdicts, the latest first")
 
 
@@ -92,6 +103,7 @@ def outcomes(context: Shared, _: Viewer) -> Outcomes:
     rows = context.store.alerts.rows({verdict.alert for verdict in last})
     return Outcomes(
         precision=precision(context.store),
+        resets=_resets(context.store),
         alerts=tuple(_outcome(context, rows[verdict.alert], verdict) for verdict in last),
     )
 
@@ -104,15 +116,27 @@ def show(request: Request, context: Shared, person: Viewer) -> Response:
 
 def _outcome(context: Context, alert: AlertState, verdict: VerdictRow) -> AlertOutcome:
     """Return what came of an alert."""
-    entries = context.store.results.observations(alert.vehicle, since=verdict.time, limit=LIMITS.max_windows)
-    length = float((context.store.results.status(alert.vehicle) or {}).get("window") or LIMITS.usual_window)
-    speeds = [window.conditions["speed"] for _, window in observations_of(entries) if "speed" in window.conditions]
     return AlertOutcome(
         **{name: getattr(verdict, name) for name in ("alert", "verdict", "part", "action", "time", "who")},
         vehicle=alert.vehicle,
         text=alert.sentence,
-        distance=length * sum(speeds) if speeds else None,
+        distance=driven_since(context.store, alert.vehicle, verdict.time, limit=LIMITS.max_windows),
         is_back=alert.raised > verdict.time,
+    )
+
+
+def _resets(store: Store) -> tuple[ResetEntry, ...]:
+    """Return the last resets of vehicles."""
+    stated = {(row.subject, row.time): row.detail for row in store.requests.audited(act=MILEAGE)}
+    return tuple(
+        ResetEntry(
+            vehicle=row.subject,
+            time=row.time,
+            who=row.who,
+            reason=str(row.detail or ""),
+            mileage=stated.get((row.subject, row.time)),
+        )
+        for row in reversed(store.requests.audited(act=LEARN, limit=_N_SHOWN))
     )
 
 

@@ -83,6 +83,7 @@ LIMITS = Limits()
 #: Texts of people, short enough for a table.
 Line = Annotated[str, Field(max_length=200)]
 Text = Annotated[str, Field(max_length=4000)]
+Mileage = Annotated[float, Field(ge=0, le=1e7)]
 #: Numbers of rows, boots and windows, and times, as columns hold them.
 Number = Annotated[int, Path(ge=1, le=LARGEST)]
 Place = Annotated[int, Path(ge=0, le=LARGEST)]

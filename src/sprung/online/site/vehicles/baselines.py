@@ -24,6 +24,7 @@ from sprung.online.site.shared import (
     Given,
     KnownVehicle,
     Line,
+    Mileage,
     Outcome,
     Shared,
     VehicleName,
@@ -41,9 +42,15 @@ Version = Annotated[int, Path(ge=1, lt=2**31)]
 
 
 class Learning(Given):
-    """Why a new baseline is learnt."""
+    """Why another baseline is used."""
 
     reason: Line = Field(min_length=1)
+
+
+class Reset(Learning):
+    """Why a new baseline is learnt, and the mileage [km]; null: unknown."""
+
+    mileage: Mileage | None = None
 
 
 class BaselineEntry(Answer):
@@ -122,9 +129,10 @@ def baseline(context: Shared, _: Viewer, row: KnownVehicle) -> BaselineDetail:
 
 
 @api.post("/vehicles/{vehicle}/baselines", status_code=202)
-def learn(context: Shared, person: Engineer, vehicle: VehicleName, given: Learning) -> Done:
+def learn(context: Shared, person: Engineer, vehicle: VehicleName, given: Reset) -> Done:
     """Learn a new baseline from the next windows."""
-    number = operations.relearn(context.store, vehicle, reason=given.reason, who=person.name, now=context.clock())
+    now = context.clock()
+    number = operations.relearn(context.store, vehicle, **given.model_dump(), who=person.name, now=now)
     return Done(sentence=f"{vehicle} will relearn its baseline from its next usable windows", number=number)
 
 
@@ -165,11 +173,10 @@ def change_by_form(request: Request, context: Shared, form: EngineerForm, vehicl
     try:
         if not form.text("reason"):
             raise ParameterError(f"Give a reason, such as {example}: it is stored with the baseline.")
-        given = form.body(Learning)
         if is_return:
-            roll_back(context, form.person, vehicle, version, given)
+            roll_back(context, form.person, vehicle, version, form.body(Learning))
         else:
-            learn(context, form.person, vehicle, given)
+            learn(context, form.person, vehicle, form.body(Reset))
     except ParameterError as error:
         require_vehicle(context, vehicle)
         problems = {done: str(error)}

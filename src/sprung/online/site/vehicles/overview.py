@@ -4,8 +4,9 @@ from typing import Annotated, Literal
 from urllib.parse import urlencode
 
 from fastapi import APIRouter, Query, Request, Response
+from pydantic import Field
 
-from sprung.online.monitor.histories import observations_of
+from sprung.online.monitor.histories import mileage_of, observations_of
 from sprung.online.site.access import Viewer
 from sprung.online.site.fleet import FleetVehicle, state_seen
 from sprung.online.site.guard import policy
@@ -37,6 +38,7 @@ class VehicleDetail(Answer):
     alerts: tuple[AlertEntry, ...]
     baselines: tuple[BaselineEntry, ...]
     windows: int
+    mileage: float | None = Field(description="as last stated with a reset, and driven since [km]; null: unknown")
 
 
 class Changes(Answer):
@@ -125,6 +127,7 @@ def _detail_and_state(context: Context, known: VehicleRow) -> tuple[VehicleDetai
         alerts=tuple(AlertEntry(**alert.as_entry()) for alert in state.alerts),
         baselines=tuple(map(BaselineEntry.of, reversed(baselines))),
         windows=store.results.n_observations(vehicle),
+        mileage=mileage_of(store, vehicle, limit=LIMITS.max_windows),
     )
     return detail, state
 
