@@ -85,6 +85,7 @@ def _inspected(
     """
     from sprung.formats import read_records
     from sprung.formats.columns import wanted_table
+    from sprung.formats.table import is_time, spellings
     from sprung.signals.inspection import facts_without_values, inspect_blocks
 
     given, left_out = settings, dict[str, str]()
@@ -103,15 +104,18 @@ def _inspected(
             if settings.sampling_rate is not None:
                 raise clockless or error from None
             clockless, settings = error, replace(settings, sampling_rate=1.0)
-    table = wanted_table(path, found, settings)
-    left_out |= dict(table.left_out) if given.channels is None else {}
+    known = {facts.name for facts in inspection.channels}
+    headings = [heading for group in found for heading in group.headings if not is_time(heading)]
+    is_read = clockless is None and all(known & {*spellings(heading)} for heading in headings)
+    table = None if is_read else wanted_table(path, found, settings)
+    left_out |= dict(table.left_out) if table is not None and given.channels is None else {}
     rows = [_with_reason(facts, inspection.history) for facts in inspection.channels]
     for name, reason in left_out.items():
         rows.append(_alone(path, replace(settings, channels=(name,)), f"left out: {reason}", inspection.sampling_rate))
     if clockless is not None:
         history = [f"{clockless}", *(line for line in inspection.history if "1 Hz as stated" not in line)]
         inspection = replace(inspection, sampling_rate=math.nan, duration=math.nan, history=tuple(history))
-        if table.time_heading is not None:
+        if table is not None and table.time_heading is not None:
             reason = str(clockless).removeprefix(str(path)).lstrip(":, ").rsplit(": ", 1)[0]
             rows.insert(0, facts_without_values(table.time_heading, reason))
     return replace(inspection, channels=tuple(rows)), settings, clockless
