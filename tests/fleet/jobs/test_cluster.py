@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from sprung.errors import ParameterError
 from sprung.fleet.jobs import FleetSettings, Results, run
 from sprung.fleet.jobs.assessment import AssessmentSettings
+from sprung.fleet.jobs.spark import spark_session
 from sprung.fleet.lake import Lake
 
 pytestmark = pytest.mark.slow
@@ -63,3 +65,17 @@ def test_a_submitted_job_whose_processes_are_killed_gives_the_same_tables(cluste
     assert [row["vehicle"] for row in Results("local")["diagnoses"].rows().to_pylist() if row["is_discovery"]] == [
         "car0"
     ]
+
+
+@pytest.mark.parametrize(
+    ("home", "place"), [(None, "this machine lacks"), ("", "this machine lacks"), ("/none", "/none")]
+)
+def test_without_java_one_sentence_says_what_to_install(monkeypatch, tmp_path, home, place) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("JAVA_HOME", raising=False)
+    if home is not None:
+        monkeypatch.setenv("JAVA_HOME", home)
+    with pytest.raises(
+        ParameterError, match=f"Spark needs Java 17 or later, .*{place}.*: install default-jre-headless"
+    ):
+        spark_session("local[1]")

@@ -78,8 +78,10 @@ def spark_session(master: str = "local[*]", *, settings: dict[str, str] | None =
     """
     pyspark = required("pyspark", purpose="archives and streams of a fleet", extra="fleet")
     sql = required("pyspark.sql", purpose="archives and streams of a fleet", extra="fleet")
-    if "JAVA_HOME" not in os.environ and shutil.which("java") is None:
-        raise ParameterError("Spark needs Java 17 or later, which this machine lacks: install default-jre-headless")
+    home = os.environ.get("JAVA_HOME", "")
+    if shutil.which("java", path=os.path.join(home, "bin") if home else None) is None:
+        place = f"which JAVA_HOME={home} does not hold" if home else "which this machine lacks"
+        raise ParameterError(f"Spark needs Java 17 or later, {place}: install default-jre-headless")
     is_local = master.startswith("local")
     is_here = is_local or "//127.0.0.1" in master or "//localhost" in master
     chosen = dict(_SETTINGS)
