@@ -78,6 +78,23 @@ def test_exchanged_names_are_refused(sprung, drive, command, monkeypatch) -> Non
     assert "sensors are swapped, acc_fr with acc_fl or acc_rl with acc_rr: correct the names" in outcome.err
 
 
+def test_a_baseline_names_exchanged_sensors_and_does_not_calibrate_them_away(sprung, tmp_path) -> None:
+    """Two windows, as one of them alone is not enough for a calibration to find other places."""
+    from sprung.formats import write
+    from sprung.simulation import RoadDrive, simulate_drive
+    from sprung.vehicles import read_vehicle, vehicle_text
+
+    files = [tmp_path / f"run-{seed}.parquet" for seed in (1, 2)]
+    for seed, path in enumerate(files, start=1):
+        write(simulate_drive(read_vehicle("zafira"), RoadDrive(duration=180.0, snr=30.0), seed=seed).recording, path)
+    text = vehicle_text(read_vehicle("zafira"))
+    car = tmp_path / "exchanged.toml"
+    car.write_text(text.replace('"acc_fl"', '"?"').replace('"acc_fr"', '"acc_fl"').replace('"?"', '"acc_fr"'))
+    outcome = sprung("baseline", *files, "--vehicle", car, "--window", "3", "--out", tmp_path / "b.json")
+    assert outcome.code == 3
+    assert "sensors are swapped, acc_fr with acc_fl or acc_rl with acc_rr: correct the names" in outcome.err
+
+
 @pytest.mark.slow
 def test_without_a_sensor_every_output_says_so(sprung, drive, misnamed, tmp_path) -> None:
     notes = [

@@ -239,11 +239,14 @@ def _calibration(
 ) -> "Calibration | None":
     """Return the calibration of a vehicle file, if requested or if the file fits the windows badly; None otherwise."""
     from sprung.calibration import calibrate, calibrated_if_imperfect, chosen_windows, usable_spectra
+    from sprung.vehicles.sensor_checks import CONTRADICTIONS
 
     if is_wanted is False:
         return None
     errors = [one.conditions.get("model_error", math.inf) for one in observations]
-    chosen = chosen_windows(len(errors))
+    contradicted = [any(fault.kind in CONTRADICTIONS for fault in one.sensor_faults) for one in observations]
+    # What was asked for refuses exchanged sensors itself; unasked, it would put them where they read as healthy ones.
+    chosen = [number for number in chosen_windows(len(errors)) if is_wanted or not contradicted[number]]
     recordings = (part for number, (_, part) in enumerate(drives.windows()) if number in chosen)
     if is_wanted:
         return calibrate(list(recordings), vehicle, allow_missing=True)  # the windows have been observed
