@@ -1,24 +1,33 @@
-"""Precision that a plan predicts, beside that of fits to simulated drives: `python -m benchmarks.plan [--drives N]`.
+"""What a plan predicts, beside simulated drives: `python -m benchmarks.plan [--drives N] [--lives N]`.
 
-For each kit of sensors: the standard deviations that the fits report (median over the drives) and the scatter of the
-ratios of left to right, over those predicted, as median and range over the components.
+With `--drives`, for each kit of sensors: the standard deviations that the fits report (median over the drives) and the
+scatter of the ratios of left to right, over those predicted, as median and range over the components.
+
+With `--lives`, the time until a loss is named, for kits, parts and losses that take more than one window by the plan.
+Each life is twelve windows to learn from, then windows with the loss until the first finding is the part. Columns:
+predicted median, median of the lives with its 95 % interval (by ranks), and lives that named another part first.
 """
 
 import argparse
 import os
+import sys
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+import scipy.stats
 from benchmarks.measuring import print_table
 
-from sprung.kits import kit_of
+from sprung.diagnosis import Observation, diagnose, learn, observe_window
+from sprung.kits import kit_of, plan
 from sprung.likelihood import fit_corners
 from sprung.likelihood.expected import ExpectedDrive, ExpectedFit, expected_fit
 from sprung.simulation import RoadConditions, RoadDrive, simulate_drive
-from sprung.vehicles import Vehicle, read_vehicle
+from sprung.vehicles import Fault, Vehicle, parse_fault, read_vehicle
 
 KITS = ("four", "three", "two", "one", "imu")
 #: The simulated drives: class C, no braking or cornering, noise 34 dB below the motion.
@@ -42,12 +51,76 @@ def fitted(name: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return fit.log_ratios, fit.covariance[np.ix_(rows, rows)]
 
 
+#: Kits, parts and losses of the lives, and their windows [min] and number of windows to learn from.
+LIVES = (
+    ("four", "front_left.spring", 0.05),
+    ("four", "rear_left.damper", 0.05),
+    ("two", "front_left.spring", 0.1),
+    ("two", "front_left.damper", 0.1),
+    ("two", "front_left.tyre", 0.05),
+    ("two", "rear_left.damper", 0.1),
+)
+WINDOW, LEARNING = 5.0, 12
+#: Longest life that is followed, over the predicted time.
+PATIENCE = 4.0
+
+
+def observed(vehicle: Vehicle, seed: Sequence[int], faults: tuple[Fault, ...] = ()) -> Observation:
+    """Return a window of a drive."""
+    drive = replace(DRIVE, duration=60 * WINDOW, faults=faults)
+    return observe_window(simulate_drive(vehicle, drive, seed=list(seed)).recording, vehicle, time=600.0 * seed[-1])
+
+
+def life(name: str, part: str, loss: float, predicted: float, seed: int) -> tuple[float, bool]:
+    """Return the minutes until the part is named (infinite: not in time), and whether another was named before."""
+    vehicle, fault = kit(name), (parse_fault(f"{part}={-loss}"),)
+    baseline = learn([observed(vehicle, (seed, number)) for number in range(LEARNING)])
+    windows: list[Observation] = []
+    was_wrong = False
+    for number in range(1, int(np.ceil(PATIENCE * predicted / WINDOW)) + 1):
+        windows.append(observed(vehicle, (seed, 100 + number), fault))
+        findings = diagnose(windows, baseline, windows_per_day=24 * 60 / WINDOW).findings
+        if findings and f"{findings[0].corner}.{findings[0].component}" == part:
+            return number * WINDOW, was_wrong
+        was_wrong |= bool(findings)
+    return float("inf"), was_wrong
+
+
+def print_lives(n_lives: int, jobs: int) -> None:
+    """Print a row for each kit, part and loss."""
+    rows = []
+    with ProcessPoolExecutor(jobs) as pool:
+        for name, part, loss in LIVES:
+            planned = {
+                str(each.component): each
+                for each in plan(kit(name), drive=replace(EXPECTED, minutes=WINDOW)).components
+            }
+            predicted = planned[part].minutes[loss]
+            if predicted is None:
+                raise ValueError(f"{name}: {part} is not found in time")
+            lives = list(pool.map(partial(life, name, part, loss, predicted), range(n_lives)))
+            times = np.sort([time for time, _ in lives])
+            low, high = (int(rank) for rank in scipy.stats.binom.interval(0.95, n_lives, 0.5))
+            interval = f"{times[low]:.0f} to {times[min(high, n_lives - 1)]:.0f}"
+            median = float(np.median(times))
+            wrong = sum(was_wrong for _, was_wrong in lives)
+            row = [name, part, f"{100 * loss:.0f}", f"{predicted:.0f}", f"{median:.0f}", interval]
+            rows.append([*row, f"{median / predicted:.2f}", f"{wrong} of {n_lives}"])
+            print(*rows[-1], file=sys.stderr, flush=True)
+    heads = ["kit", "part", "loss [%]", "predicted [min]", "lives [min]", "95 %", "ratio", "another first"]
+    print_table(f"`python -m benchmarks.plan --lives {n_lives}`, windows of {WINDOW:g} min", heads, rows)
+
+
 def main() -> None:
     """Print a row for each kit."""
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("--drives", type=int, default=200)
     arguments.add_argument("--jobs", type=int, default=1)
+    arguments.add_argument("--lives", type=int, default=0)
     given = arguments.parse_args()
+    if given.lives:
+        print_lives(given.lives, given.jobs)
+        return
     rows = []
     with ProcessPoolExecutor(given.jobs) as pool:
         for name in KITS:

@@ -45,3 +45,10 @@ def test_the_best_three_places_are_no_worse_than_the_kit() -> None:
 def test_an_unknown_kit_is_refused() -> None:
     with pytest.raises(ParameterError, match="imu"):
         kit_of(CAR, "five")
+
+
+def test_one_sensor_is_planned_and_none_is_refused() -> None:
+    one = plan(CAR.model_copy(update={"sensor": CAR.sensor[:1]}), drive=SHORT)
+    assert [sensor.gain for sensor in one.sensors] == [1.0]
+    with pytest.raises(ParameterError, match="no sensor of its motion"):
+        plan(CAR.model_copy(update={"sensor": ()}), drive=SHORT)

@@ -12,6 +12,7 @@ from scipy.fft import next_fast_len
 
 from sprung._arrays import Complex, Real
 from sprung._checks import check_number, check_one_of
+from sprung._display import counted
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording, each_recording
 
@@ -164,6 +165,8 @@ class _Settings:
     stability_length: float = 100.0  # distance over which the running RMS of EN 14363 is taken [m]
     stability_band: float = 2.0  # half width of its band around the peak [Hz]
     peaks: tuple[float, float] = (3.0, 9.0)  # where that peak may lie [Hz]
+    heaviest: float = 50e3  # largest mass of a bogie; at 60 t its limit would be 0 [kg]
+    bins: int = 30  # of histograms
     comfort: tuple[tuple[float, float, str], ...] = (  # overlapping ranges of ISO 2631-1 [m/s^2]
         (0.0, 0.315, "not uncomfortable"),
         (0.315, 0.63, "a little uncomfortable"),
@@ -223,6 +226,8 @@ class RidePoint:
         largest running RMS of EN 14363 [m/s^2].
     rating
         The standard's words; None where it has none for this axis.
+    n_exceedances
+        Number of times that the running RMS of EN 14363 rose above its limit; None where that is not known.
     """
 
     channel: str
@@ -235,6 +240,23 @@ class RidePoint:
     crest_factor: float
     value: float
     rating: str | None
+    n_exceedances: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Histogram:
+    """Share of the time in bins of equal width.
+
+    Parameters
+    ----------
+    edges
+        Ends of the bins, rising; one more than there are bins.
+    shares
+        Share of the time in each bin; they add up to 1.
+    """
+
+    edges: tuple[float, ...]
+    shares: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,6 +277,8 @@ class Travel:
         Travel at 5, 25, 50, 75 and 95 % of the time [m].
     rebound_speed, bump_speed
         95 % of the speeds in extension and compression [m/s].
+    travel_histogram, speed_histogram
+        Time over the travel [m], and over its speed [m/s], which is positive in rebound and negative in bump.
     """
 
     channel: str
@@ -265,6 +289,8 @@ class Travel:
     quantiles: tuple[float, ...]
     rebound_speed: float
     bump_speed: float
+    travel_histogram: Histogram
+    speed_histogram: Histogram
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,6 +321,7 @@ def assess_ride(
     standards: Sequence[Standard] = ("iso2631",),
     channels: Sequence[str] | None = None,
     available_travel: float | None = None,
+    bogie_mass: float | None = None,
 ) -> Ride:
     """Return the ride of a vehicle by standards.
 
@@ -308,6 +335,8 @@ def assess_ride(
         Accelerations and travel to judge; None: all of them.
     available_travel
         Travel of a suspension between its stops [m], above 0; None: not known.
+    bogie_mass
+        Mass of the bogie with its wheelsets [kg], above 0 and up to 50 t, for the limit of EN 14363; None: not judged.
 
     Returns
     -------
@@ -327,7 +356,7 @@ def assess_ride(
     factor above 9, MTVV above 1.5 RMS, or VDV above 1.75 RMS T^(1/4) mean that RMS alone understates the vibration.
     EN 12299: 95 % of RMS over blocks of 5 s, Wb vertical, Wd horizontal; N_MV = 6 sqrt(a_x^2 + a_y^2 + a_z^2).
     Sperling: Wz = 4.42 a_w^0.3. EN 14363: RMS over 100 m (1 s without the speed) in 2 Hz to either side of the largest
-    peak from 3 to 9 Hz; the limit, (12 - m / 5) / 2 m/s^2 with the mass of the bogie m in t, is not judged here.
+    peak from 3 to 9 Hz; its limit is (12 - m / 5) / 2 m/s^2 with the mass of the bogie m in t.
 
     References
     ----------
@@ -344,6 +373,8 @@ def assess_ride(
     >>> point.weighting, round(point.rms, 2), point.rating
     ('Wk', 0.52, 'a little to fairly uncomfortable')
     """
+    if bogie_mass is not None:
+        check_number("bogie_mass", bogie_mass, above=0, at_most=_SETTINGS.heaviest)
     for standard in standards:
         check_one_of("standard", standard, STANDARDS)
     parts = [
@@ -365,7 +396,7 @@ def assess_ride(
         point
         for standard in standards
         for channel in accelerations
-        if (point := _point(long, channel, standard)) is not None
+        if (point := _point(long, channel, standard, bogie_mass)) is not None
     ]
     notes = _shock_notes(points, sum(part.duration for part in long))
     return Ride(
@@ -384,11 +415,13 @@ def axis_of(channel: Channel) -> Axis:
     return next((axis for axis in _AXES if ending in {f"_{axis}", f"-{axis}", f" {axis}"}), "z")
 
 
-def _point(parts: Sequence[Recording], channel: Channel, standard: Standard) -> RidePoint | None:
+def _point(
+    parts: Sequence[Recording], channel: Channel, standard: Standard, bogie_mass: float | None
+) -> RidePoint | None:
     """Return the vibration of a channel by a standard; None where it does not concern the axis."""
     axis = axis_of(channel)
     if standard == "en14363":
-        return _stability(parts, channel) if axis == "y" else None
+        return _stability(parts, channel, bogie_mass) if axis == "y" else None
     weighting = {
         "iso2631": "Wk" if axis == "z" else "Wd",
         "en12299": "Wb" if axis == "z" else "Wd",
@@ -428,8 +461,8 @@ def _ninety_five(pieces: Sequence[Real], rate: float) -> float:
     return float(np.quantile(np.sqrt(np.mean(blocks**2, axis=1)), 0.95))
 
 
-def _stability(parts: Sequence[Recording], channel: Channel) -> RidePoint:
-    """Return the running RMS of a lateral acceleration around its largest peak."""
+def _stability(parts: Sequence[Recording], channel: Channel, bogie_mass: float | None) -> RidePoint:
+    """Return the running RMS of a lateral acceleration around its largest peak, and how often it exceeds the limit."""
     rate = parts[0].sampling_rate
     rows = [part.samples[part.index(channel.name)] for part in parts]
     longest = max(rows, key=len)
@@ -446,10 +479,16 @@ def _stability(parts: Sequence[Recording], channel: Channel) -> RidePoint:
     speeds = [part.samples[k] for part in parts for k, each in enumerate(part.channels) if each.quantity == "speed"]
     mean = float(np.mean([np.mean(speed) for speed in speeds])) if speeds else _SETTINGS.stability_length
     n = max(1, round(_SETTINGS.stability_length / max(mean, 1.0) * rate))
-    running = max(float(np.sqrt(ndimage.uniform_filter1d(piece**2, n)).max()) for piece in pieces)
+    levels = [np.sqrt(np.maximum(ndimage.uniform_filter1d(piece**2, n), 0.0)) for piece in pieces]
+    running = max(float(level.max()) for level in levels)
+    words, count = None, None
+    if bogie_mass is not None:
+        limit = (12 - bogie_mass / 5000) / 2
+        count = sum(int(np.count_nonzero(np.diff(level > limit, prepend=False) & (level > limit))) for level in levels)
+        words = f"{'unstable' if count else 'stable'}: {counted(count, 'time')} above {limit:.3g} m/s²"
     rms = float(np.sqrt(np.mean(np.concatenate(pieces) ** 2)))
     name = f"{max(peak - _SETTINGS.stability_band, 0):.1f} to {peak + _SETTINGS.stability_band:.1f} Hz"
-    return RidePoint(channel.name, "y", "en14363", name, rms, *_peaks(pieces, rms, rate), running, None)
+    return RidePoint(channel.name, "y", "en14363", name, rms, *_peaks(pieces, rms, rate), running, words, count)
 
 
 def _travel(parts: Sequence[Recording], channel: Channel, available: float | None) -> Travel:
@@ -465,7 +504,9 @@ def _travel(parts: Sequence[Recording], channel: Channel, available: float | Non
         share = float(np.diff(np.quantile(values, [0.001, 0.999]))[0] / available)
         at_end = values <= high - 0.98 * available
         n_bottomed = int(np.count_nonzero(at_end[1:] & ~at_end[:-1]))
-    rebound, bump = speeds[speeds > 0], -speeds[speeds < 0]
+    rebound, bump = (
+        float(np.quantile(each, 0.95)) if each.size else 0.0 for each in (speeds[speeds > 0], -speeds[speeds < 0])
+    )
     return Travel(
         channel.name,
         low,
@@ -473,8 +514,18 @@ def _travel(parts: Sequence[Recording], channel: Channel, available: float | Non
         share,
         n_bottomed,
         tuple(np.quantile(values, [0.05, 0.25, 0.5, 0.75, 0.95]).tolist()),
-        *(float(np.quantile(each, 0.95)) if each.size else 0.0 for each in (rebound, bump)),
+        rebound,
+        bump,
+        _histogram(values),
+        _histogram(speeds),
     )
+
+
+def _histogram(values: Real) -> Histogram:
+    """Return the shares of values in bins over 99.8 % of them; the others are in the first and last bin."""
+    low, high = np.quantile(values, [0.001, 0.999])
+    counts, edges = np.histogram(np.clip(values, low, high), bins=_SETTINGS.bins)
+    return Histogram(tuple(edges.tolist()), tuple((counts / values.size).tolist()))
 
 
 def _mean_comfort(points: Sequence[RidePoint]) -> float | None:

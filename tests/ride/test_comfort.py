@@ -106,6 +106,29 @@ def test_hunting_of_a_bogie_is_its_running_rms(conforms) -> None:
     assert point.weighting == "4.0 to 8.0 Hz"
 
 
+def test_exceedances_of_the_limit_of_a_bogie_are_counted() -> None:
+    """A bogie of 10 t has the limit 5 m/s^2; the sine of 5 Hz has 7 m/s^2 RMS for two spells and 2 m/s^2 between."""
+    level = np.where((TIME % 30 > 10) & (TIME % 30 < 20) & (TIME < 60), 7.0, 2.0)
+    run = recording(np.sqrt(2) * level * np.sin(2 * np.pi * 5 * TIME), Channel("bogie_y", "acceleration"))
+    point = assess_ride(run, standards=("en14363",), bogie_mass=10e3).points[0]
+    assert point.n_exceedances == 2
+    assert point.rating == "unstable: 2 times above 5 m/s²"
+    assert assess_ride(run, standards=("en14363",)).points[0].n_exceedances is None
+    with pytest.raises(ParameterError, match="bogie_mass"):
+        assess_ride(run, standards=("en14363",), bogie_mass=70e3)
+
+
+def test_histograms_of_a_swing_are_those_of_the_arcsine() -> None:
+    frequency = 0.9731  # no multiple of the sampling rate, so that the values fill the bins
+    run = recording(0.04 * np.sin(2 * np.pi * frequency * TIME), Channel("fork", "displacement"))
+    travel = assess_ride(run).travel[0]
+    for histogram, largest in ((travel.travel_histogram, 0.04), (travel.speed_histogram, 0.08 * np.pi * frequency)):
+        edges = np.clip(np.array(histogram.edges) / largest, -1, 1)
+        expected = np.diff(np.arcsin(edges)) / np.pi
+        np.testing.assert_allclose(histogram.shares[1:-1], expected[1:-1], atol=5e-3)
+        assert sum(histogram.shares) == pytest.approx(1)
+
+
 def test_travel() -> None:
     ride = assess_ride(
         recording(0.04 * np.sin(2 * np.pi * TIME), Channel("fork", "displacement")), available_travel=0.1

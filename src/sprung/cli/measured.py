@@ -128,6 +128,9 @@ def ride(
         Path | None, option("V.toml|NAME", "Vehicle file, for units and directions of the sensors.", panel=INPUT)
     ] = None,
     travel: Annotated[float | None, option("METRES", "Available travel of a suspension.", panel=INPUT)] = None,
+    bogie_mass: Annotated[
+        float | None, option("KG", "Mass of a bogie with its wheelsets, for the limit of EN 14363.", panel=INPUT)
+    ] = None,
     output: Output,
     reading: Reading,
 ) -> None:
@@ -144,7 +147,7 @@ def ride(
         if vehicle is not None:
             description = read_vehicle(vehicle)
             recordings = [window_of(run, description, allow_missing=True).recording for run in recordings]
-        result = assess_ride(recordings, standards=(standard,), available_travel=travel)
+        result = assess_ride(recordings, standards=(standard,), available_travel=travel, bogie_mass=bogie_mass)
     source = ", ".join(path.name for path in files)
     output.draw(lambda drawn: {"ride": drawn.ride_figure(result, source=source)})
     sentences, shown = tables.describe_ride(result), tables.ride_tables(result)

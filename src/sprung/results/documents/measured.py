@@ -9,7 +9,7 @@ from sprung.bounce_tests import Bounce, BounceTest
 from sprung.kits import KitPlan, PlannedSensor
 from sprung.results.documents.document import Document, Number, Pair
 from sprung.results.documents.identification import IdentifiedMode, ModeValues, identified_modes
-from sprung.ride import Ride, RidePoint
+from sprung.ride import Histogram, Ride, RidePoint
 from sprung.road import RoadSurvey
 
 
@@ -200,6 +200,8 @@ class TravelDocument(Document):
     quantiles: tuple[float, ...]
     rebound_speed: float
     bump_speed: float
+    travel_histogram: Histogram
+    speed_histogram: Histogram
 
 
 class RideDocument(Document):

@@ -1,5 +1,7 @@
 """Figures of plans, roads, rides and bounce tests."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,7 +13,7 @@ from sprung.modal import INTERVAL_95
 from sprung.results.figures import draw
 from sprung.results.figures.style import STYLE, with_unit
 from sprung.results.tables.wording import format_name
-from sprung.ride import Ride
+from sprung.ride import Ride, Travel
 from sprung.road import RoadSurvey
 
 
@@ -100,7 +102,7 @@ def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
 
 
 def ride_figure(ride: Ride, *, source: str = "") -> Figure:
-    """Draw the weighted RMS of each channel with the limits of ISO 2631-1.
+    """Draw the weighted RMS of each channel with the limits of ISO 2631-1, and how the travel was used.
 
     Examples
     --------
@@ -110,9 +112,16 @@ def ride_figure(ride: Ride, *, source: str = "") -> Figure:
     'Weighted RMS [m/s²]'
     """
     where = "Light: largest running value (MTVV). Lines: limits of comfort of ISO 2631-1 for the RMS"
-    height = 1.6 + 0.35 * max(len(ride.points), 3)
-    figure = draw.new_figure("Ride", where, width=8.0, height=height, source=source)
-    axes = draw.panels(figure)[0, 0]
+    n_rows = bool(ride.points) + len(ride.travel)
+    height = (1.6 + 0.35 * max(len(ride.points), 3)) * bool(ride.points) + 2.0 * len(ride.travel)
+    where = where if ride.points else "Share of the time over travel and speed; rebound is positive"
+    figure = draw.new_figure("Ride", where, width=8.0, height=max(height, 3.0), source=source)
+    grid = figure.subfigures(n_rows, 1, squeeze=False)[:, 0]
+    for row, travel in zip(grid[bool(ride.points) :], ride.travel, strict=True):
+        _draw_travel(draw.panels(row, 1, 2)[0], travel)
+    if not ride.points:
+        return figure
+    axes = draw.panels(grid[0])[0, 0]
     places = np.arange(len(ride.points))[::-1]
     axes.barh(places, [point.mtvv for point in ride.points], 0.6, color="#CFE0EC")
     axes.barh(places, [point.rms for point in ride.points], 0.6, color=STYLE.colours[0])
@@ -124,6 +133,17 @@ def ride_figure(ride: Ride, *, source: str = "") -> Figure:
             axes.axvline(limit, color=STYLE.faint, linewidth=0.8, linestyle=":")
     axes.set_xlabel("Weighted RMS [m/s²]")
     return figure
+
+
+def _draw_travel(panels: Sequence[Axes], travel: Travel) -> None:
+    """Draw the histograms of the travel and of its speed."""
+    cases = ((travel.travel_histogram, 1000, "Travel [mm]"), (travel.speed_histogram, 1, "Speed [m/s], rebound > 0"))
+    for axes, (histogram, scale, label) in zip(panels, cases, strict=True):
+        axes.stairs(
+            100 * np.array(histogram.shares), scale * np.array(histogram.edges), fill=True, color=STYLE.colours[0]
+        )
+        axes.set(xlabel=label, ylabel="Time [%]")
+    draw.title(panels[0], travel.channel)
 
 
 #: Most tests that are drawn, and most channels of each.
