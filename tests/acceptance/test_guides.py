@@ -18,7 +18,7 @@ GUIDES = DOCS / "how-to"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("guide", ["plan-a-kit", "road", "ride", "fmu"])
+@pytest.mark.parametrize("guide", ["plan-a-kit", "road", "ride", "inspection", "fmu"])
 def test_a_guide_shows_what_its_commands_print(guide, tmp_path, monkeypatch, capsys) -> None:
     if guide == "fmu":
         pytest.importorskip("fmpy")
