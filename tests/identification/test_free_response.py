@@ -8,6 +8,7 @@ import pytest
 from sprung.errors import DataError
 from sprung.identification import cov_ssi
 from sprung.identification.free_response import find_transients, fit_free_response, motion_level
+from sprung.modal import INTERVAL_95
 from sprung.recording import Channel, Recording
 from sprung.simulation import RoadConditions, RoadDrive, simulate, simulate_drive, usual_excitation
 from sprung.vehicles import chain, read_vehicle
@@ -50,7 +51,7 @@ def test_repeats_reduce_the_deviations() -> None:
     one = fit_free_response(decay(level=0.02)).modes
     four = fit_free_response([decay(level=0.02, seed=seed) for seed in range(4)]).modes
     ratio = four.damping_ratio_std / one.damping_ratio_std
-    np.testing.assert_allclose(ratio, 0.5, atol=0.12)
+    np.testing.assert_allclose(ratio, 0.5, atol=0.2)  # each holds a hidden mode as likely as its record lets it
 
 
 def test_random_forces_during_the_decay_are_part_of_the_model() -> None:
@@ -109,3 +110,37 @@ def test_one_swing_is_one_motion(frequency, damping) -> None:
         (found,) = find_transients(run)
         assert 3.0 - 1.5 / frequency < found.onset < found.begin < 3.0 + 2.0 / frequency
         assert motion_level(run)[1] * frequency == pytest.approx(0.9, abs=0.25)
+
+
+IMU_SHAPES = np.array([[1.0, 0.02, 0.05], [0.35, 0.02, 0.6]])
+
+
+def body(seed, *, channels=3) -> Recording:
+    """Bounce of 1.52 Hz and pitch of 1.76 Hz of a car in one IMU, three seconds, with the noise of a phone."""
+    frequency, damping = np.array([1.518, 1.759]), np.array([0.162, 0.204])
+    poles = 2 * np.pi * frequency * (1j * np.sqrt(1 - damping**2) - damping)
+    motion = (
+        IMU_SHAPES.T @ (np.array([1.0, 0.7 - 0.5j])[:, None] * np.exp(poles[:, None] * np.arange(600) / 200))
+    ).real
+    noise = np.array([[0.02], [0.01], [0.01]]) * np.random.default_rng(seed).standard_normal((3, 600))
+    return Recording(
+        (motion + noise)[:channels], 200.0, tuple(Channel(f"s{k}", "acceleration") for k in range(channels))
+    )
+
+
+def test_close_modes_of_one_imu_are_told_apart() -> None:
+    """The search ended at one blend of both, 1.6 Hz to the third digit."""
+    for seed in range(10):
+        modes = fit_free_response(body(seed), band=(0.0, 14.0)).modes
+        assert modes.natural_frequency == pytest.approx([1.518, 1.759], rel=0.02)
+        assert modes.damping_ratio == pytest.approx([0.162, 0.204], rel=0.12)
+
+
+def test_intervals_hold_a_mode_that_may_be_hidden() -> None:
+    """One sensor in which pitch is a fifth of bounce: where one mode is found, its deviation knows of the other."""
+    held, frequencies = [], np.array([1.518, 1.759])
+    for seed in range(40):
+        modes = fit_free_response(body(seed, channels=1), band=(0.0, 14.0)).modes
+        reach = INTERVAL_95 * modes.natural_frequency_std
+        held += np.any(np.abs(modes.natural_frequency[:, None] - frequencies) < reach[:, None], axis=1).tolist()
+    assert np.mean(held) >= 0.87  # 71 of 79

@@ -53,7 +53,7 @@ def free_from(fit: FreeFit, record: int, run: Recording, span: tuple[int, int], 
     Amplitudes, offsets and the errors of the modes are estimated from the later samples by least squares, and predict
     the block of samples before with their covariance (recursive residuals). A block within chance joins the estimate.
     """
-    from scipy.stats import chi2
+    from scipy.special import gammaincc
 
     begin, end = span
     motion = _Linearised(fit, record, run, begin)
@@ -72,7 +72,7 @@ def free_from(fit: FreeFit, record: int, run: Recording, span: tuple[int, int], 
         gain = np.linalg.solve(np.eye(len(rows)) + rows @ covariance @ rows.T, np.column_stack([rows, errors]))
         power = float(errors @ gain[:, -1])
         worse, size = worse + power, size + errors.size
-        if min(chi2.sf(power, errors.size), chi2.sf(worse, size)) < _RULES.least_probability:
+        if min(gammaincc(errors.size / 2, power / 2), gammaincc(size / 2, worse / 2)) < _RULES.least_probability:
             return min(first + _RULES.margin * block, begin)
         state = state + covariance @ rows.T @ gain[:, -1]
         covariance = covariance - covariance @ rows.T @ gain[:, :-1] @ covariance

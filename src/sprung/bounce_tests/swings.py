@@ -10,7 +10,7 @@ from sprung.bounce_tests.begins import delayed, free_from
 from sprung.bounce_tests.results import RULES, BounceTest, CornerValue
 from sprung.errors import DataError, ParameterError
 from sprung.identification.free_response import FreeFit, Transient, fit_free_response
-from sprung.identification.friction import FrictionFit, fit_friction
+from sprung.identification.friction import FrictionFit, correlated_samples, fit_friction
 from sprung.likelihood import corners_from_modes, rigid_layout
 from sprung.modal import Modes, mac, unit_shapes
 from sprung.recording import Recording
@@ -112,25 +112,36 @@ def _band(run: Recording, transient: Transient) -> tuple[float, float]:
 
 def tested(run: Recording, number: int, transient: Transient) -> BounceTest:
     """Return the test of one motion, by linear modes or with friction."""
-    begin, end = (round(each * run.sampling_rate) for each in (transient.begin, transient.end))
-    part = run.part(begin, end)
-    is_linear = transient.unexplained < max(RULES.nonlinear, RULES.tried_beyond_noise * transient.noise)
+    of_noise = max(RULES.nonlinear, RULES.tried_beyond_noise * transient.noise)
+    is_linear = transient.unexplained < of_noise
     with_friction = None if is_linear else _with_friction(run, number, transient)
     if with_friction is not None and with_friction.is_significant:
         return with_friction
     if with_friction is None and transient.unexplained > max(RULES.hopeless, RULES.beyond_noise * transient.noise):
         raise DataError("it does not swing freely")
     try:
-        fit = fit_free_response(part, band=_band(run, transient), max_modes=RULES.max_modes)
+        linear = _linear(run, number, transient)
     except DataError:
         if with_friction is None:
             raise
         return with_friction
+    if is_linear and len(linear.modes) > 1:  # several modes imitate friction
+        with_friction = _with_friction(run, number, transient)
+        if with_friction is not None and not with_friction.is_significant:
+            return linear
+    if with_friction is None:
+        return linear
+    if is_linear or linear.residual < of_noise:
+        return linear if _is_likelier(linear, with_friction) else with_friction
+    is_simpler = len(linear.modes) <= len(with_friction.modes) and linear.residual < with_friction.residual
+    return linear if is_simpler else with_friction
+
+
+def _linear(run: Recording, number: int, transient: Transient) -> BounceTest:
+    """Return a test by linear modes."""
+    part = run.part(*(round(each * run.sampling_rate) for each in (transient.begin, transient.end)))
+    fit = fit_free_response(part, band=_band(run, transient), max_modes=RULES.max_modes)
     residual = float(np.sqrt(max(1 - fit.explained, 0.0)))
-    if with_friction is not None and not (
-        0 < len(fit.modes) <= len(with_friction.modes) and residual < with_friction.residual
-    ):
-        return with_friction
     if not len(fit.modes) or residual > _by_noise(RULES.max_linear_residual, transient):
         raise DataError("it does not swing freely")
     if fit.modes.damping_ratio.min() > RULES.max_damping:
@@ -138,6 +149,19 @@ def tested(run: Recording, number: int, transient: Transient) -> BounceTest:
     motion = fit.motion(0, np.arange(part.n_samples) / part.sampling_rate)
     motion = motion + np.mean(part.samples - motion, axis=1, keepdims=True)
     return BounceTest(number, transient, part, motion, fit.modes, (None,) * len(fit.modes), residual)
+
+
+def _is_likelier(linear: BounceTest, with_friction: BounceTest) -> bool:
+    """Return whether linear modes are likelier than swings with friction, by the Bayesian information criterion."""
+    n = min(linear.part.n_samples, with_friction.part.n_samples)
+    left = [(test.part.samples - test.fitted)[:, -n:] for test in (linear, with_friction)]
+    left = [each[~np.isnan(left[1]).any(axis=1)] for each in left]
+    powers = [np.sum(each**2, axis=1) for each in left]
+    n_free = n / correlated_samples(left[int(np.argmin([np.sum(np.log(power)) for power in powers]))])
+    n_channels = len(left[0])
+    n_more = len(linear.modes) * (2 + 2 * n_channels) - len(with_friction.modes) * 4 - n_channels
+    gain = n_free / 2 * float(np.sum(np.log(powers[1] / powers[0])))
+    return bool(gain > n_more / 2 * np.log(n_free * n_channels))
 
 
 def _by_noise(limit: float, transient: Transient) -> float:

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sprung._arrays import Complex, Real
+from sprung._arrays import Complex, Indices, Real
 from sprung._checks import check_type, freeze
 from sprung.errors import DataError
+from sprung.likelihood.free_poles import FreePoles
 from sprung.likelihood.free_response import FreeLines, FreeResponse, free_lines, poles_of, realised_poles
 from sprung.likelihood.modal import ModalParameters
 from sprung.likelihood.search import scored
@@ -34,6 +35,8 @@ class _FreeRules:
     judged_widths: float = 2.0
     #: Misfit there, over that by chance, from which random forces during the decay are tried.
     forced_misfit: float = 2.0
+    #: Largest distance of a further mode, in ln of the frequency, that may be hidden beside another.
+    nearby: float = 0.5
 
 
 _FIT = _FreeRules()
@@ -114,9 +117,10 @@ def fit_free_response(
 
     Notes
     -----
-    Starting values by realisation (`realised_poles`) with rising numbers of states, each refined to the largest
-    likelihood (`FreeResponse`). Variances are multiplied by the power of the residuals around each mode, over that of
-    the model, where it is above 1, and corrected for the number of parameters.
+    Starting values by least squares with rising numbers of modes (`FreePoles`), each from a realisation
+    (`realised_poles`) or from the fit before and a further pole; the nearest are refined to the largest likelihood
+    (`FreeResponse`). Variances are multiplied by the power of the residuals around each mode, over that of the model,
+    where it is above 1, corrected for the number of parameters, and hold a further mode that may be hidden nearby.
 
     Examples
     --------
@@ -131,7 +135,9 @@ def fit_free_response(
     """
     runs = list(each_recording(recordings))
     lines = free_lines(runs, band=band or (0.0, 0.4 * runs[0].sampling_rate))
-    starts = _starts(lines, most=max_modes or _FIT.max_modes)
+    most = max_modes or _FIT.max_modes
+    realised = _starts(lines, most=most)
+    starts = _grown(lines, realised, most=most)
     known = [_started(lines, modes.poles, modes.mode_shapes) for modes in begins if len(modes)]
     starts += [start for start in known if start is not None]
     nearest = sorted(starts, key=lambda start: start.criterion)[: _FIT.n_refined]
@@ -139,8 +145,8 @@ def fit_free_response(
     if best is None:
         raise DataError("no motion swings freely in these records: give the part after the push, or a wider band")
     if _misfits(best).max() > _FIT.forced_misfit:
-        best = min(best, _refined(_with_forces(best)), key=lambda fitted: fitted.criterion)
-    return _result(best, channels=runs[0].names)
+        best = min([best, *_forced(realised)], key=lambda fitted: fitted.criterion)
+    return _result(best, _doubts(best), channels=runs[0].names)
 
 
 def unexplained(recording: Recording, *, band: tuple[float, float], max_modes: int) -> float:
@@ -205,6 +211,25 @@ def _starts(lines: FreeLines, *, most: int, step: int = 1) -> list[_Fitted]:
     return list(best.values())
 
 
+def _grown(lines: FreeLines, realised: Sequence[_Fitted], *, most: int) -> list[_Fitted]:
+    """Return the fits of least squares with rising numbers of modes, each from a realisation or from the fit before."""
+    found: list[_Fitted] = []
+    poles = FreePoles(lines, np.zeros(0, dtype=np.complex128))
+    known = {start.model.modal.n_modes: poles_of(start.model.begin) for start in realised}
+    for n in range(1, most + 1):
+        candidates = [poles.with_another().refined()]
+        if n in known:
+            candidates.append(FreePoles(lines, known[n]).refined())
+        poles = min(candidates, key=lambda each: each.criterion)
+        start = _started(lines, poles.poles, unit_shapes(poles.mode_shapes))
+        if start is None:
+            break
+        found.append(start)
+        if n - 2 > np.argmin([each.criterion for each in found]):
+            break
+    return found
+
+
 def _started(data: FreeLines, poles: Complex, shapes: Complex) -> _Fitted | None:
     """Return the model at some poles with the noise that they leave; None where the data are fewer than needed."""
     n, n_channels = len(poles), data.values.shape[1]
@@ -238,6 +263,16 @@ def _refined(fitted: _Fitted) -> _Fitted:
         return fitted
 
 
+def _forced(realised: Sequence[_Fitted]) -> list[_Fitted]:
+    """Return fits with random forces of rising numbers of modes, as long as the criterion falls."""
+    found: list[_Fitted] = []
+    for start in sorted(realised, key=lambda start: start.model.modal.n_modes):
+        found.append(_refined(_with_forces(_refined(start))))
+        if found[-1].criterion > min(each.criterion for each in found):
+            break
+    return found
+
+
 def _with_forces(fitted: _Fitted) -> _Fitted:
     """Return a fit with random forces whose motion at each peak is as strong as the noise."""
     values = fitted.model.modal.unpacked(fitted.parameters)
@@ -267,17 +302,71 @@ def _misfits(fitted: _Fitted) -> Real:
     return np.maximum(misfits, everywhere)
 
 
-def _result(fitted: _Fitted, *, channels: tuple[str, ...]) -> FreeFit:
+def _doubts(fitted: _Fitted) -> Real:
+    """Return factors of the standard deviations of ln frequencies and damping ratios for modes that may be hidden.
+
+    Returns
+    -------
+    ndarray
+        At least 1, shape (2, modes).
+
+    Notes
+    -----
+    The criterion leaves out a mode beside another that is worth less than its parameters cost, but the estimates of the
+    other one move. Mean square errors are averaged over the fit and the one with a further mode nearby, whose weight is
+    1/2 where it gains as much as chance gives on average, and its logistic function of the gain beyond.
+
+    References
+    ----------
+    S. T. Buckland, K. P. Burnham and N. H. Augustin, Model selection: an integral part of inference, Biometrics 53
+    (1997), 603-618.
+    """
+    model, n = fitted.model, fitted.model.modal.n_modes
+    own = model.fitted(fitted.parameters).values
+    poles = FreePoles(model.data, poles_of(own)).with_another(nearer=_FIT.nearby).refined()
+    start = _started(model.data, poles.poles, unit_shapes(poles.mode_shapes))
+    if model.has_forces or start is None:
+        return np.ones((2, n))
+    other = _refined(start)
+    gain = model.objective(fitted.parameters)[0] - other.model.objective(other.parameters)[0]
+    n_more = other.parameters.size - fitted.parameters.size + 2 * model.data.n_records
+    weight = 1 / (1 + np.exp(np.clip(n_more / 2 - gain, -50, 50)))
+    values = other.model.fitted(other.parameters).values
+    logarithms = [np.log([each.natural_frequency, each.damping_ratio]) for each in (own, values)]
+    differences = logarithms[1][:, None, :] - logarithms[0][:, :, None]
+    nearest = np.argmin(np.sum(np.abs(differences), axis=0), axis=1)
+    errors = differences[:, np.arange(n), nearest] ** 2
+    variances = np.diag(_covariance(fitted))[: 2 * n].reshape(2, n)
+    further = np.diag(_covariance(other))[: 2 * n + 2].reshape(2, n + 1)[:, nearest]
+    ratios = (further + errors) / np.where(variances > 0, variances, np.inf)
+    return np.asarray(np.sqrt(np.maximum(1, 1 + weight * (ratios - 1))))
+
+
+def _covariance(fitted: _Fitted) -> Real:
+    """Return the covariance of ln frequencies, ln damping ratios and free parts of the shapes, misfits included."""
+    model, parameters = fitted.model, fitted.parameters
+    covariance = np.linalg.inv(model.information(parameters) + np.diag(1 / model.prior_std**2))
+    chosen = np.concatenate([model.modal.rows[name] for name in ("natural_frequency", "damping_ratio", "mode_shapes")])
+    factors = np.sqrt(_misfits(fitted))[_mode_of_each(model)]
+    return np.asarray(covariance[np.ix_(chosen, chosen)] * np.outer(factors, factors))
+
+
+def _mode_of_each(model: FreeResponse) -> Indices:
+    """Return the number of the mode of each row of `_covariance`."""
+    return np.concatenate(
+        [np.tile(np.arange(model.modal.n_modes), 2), np.repeat(np.nonzero(model.modal.is_free)[0], 2)]
+    )
+
+
+def _result(fitted: _Fitted, doubts: Real, *, channels: tuple[str, ...]) -> FreeFit:
     """Return the clear modes of a fit."""
     model, parameters = fitted.model, fitted.parameters
     fit, n = model.fitted(parameters), model.modal.n_modes
     values = fit.values
     f, xi, poles = values.natural_frequency, values.damping_ratio, poles_of(values)
-    covariance = np.linalg.inv(model.information(parameters) + np.diag(1 / model.prior_std**2))
-    chosen = np.concatenate([model.modal.rows[name] for name in ("natural_frequency", "damping_ratio", "mode_shapes")])
-    of_mode = np.concatenate([np.arange(n), np.arange(n), np.repeat(np.nonzero(model.modal.is_free)[0], 2)])
-    factors = np.sqrt(_misfits(fitted))[of_mode]
-    covariance = covariance[np.ix_(chosen, chosen)] * np.outer(factors, factors)
+    of_mode = _mode_of_each(model)
+    factors = np.concatenate([doubts.ravel(), doubts.max(axis=0)[of_mode[2 * n :]]])
+    covariance = _covariance(fitted) * np.outer(factors, factors)
     variances = np.diag(covariance)
     stds = np.sqrt(np.where(variances > 0, variances, np.inf))  # not positive where the records determine nothing
     shape_stds = np.zeros(values.mode_shapes.shape, dtype=np.complex128)
@@ -296,7 +385,8 @@ def _result(fitted: _Fitted, *, channels: tuple[str, ...]) -> FreeFit:
     durations = 2 / (gains * model.data.sampling_rate) ** 2
     amplitudes = 2 * fit.amplitudes / (1 - np.exp(np.outer(durations, poles)))
     order = np.argsort(f)
-    is_clear = (stds[:n] < _FIT.max_deviation * xi) & (stds[n : 2 * n] < _FIT.max_deviation) & (xi < _FIT.max_damping)
+    certain = (stds[: 2 * n] / doubts.ravel()).reshape(2, n)
+    is_clear = (certain[0] < _FIT.max_deviation * xi) & (certain[1] < _FIT.max_deviation) & (xi < _FIT.max_damping)
     kept = order[is_clear[order]]
     rows = np.concatenate([kept, n + kept, *(np.flatnonzero(of_mode[2 * n :] == k) + 2 * n for k in kept)])
     left = np.sum(np.abs(fit.residuals) ** 2, axis=0)

@@ -248,7 +248,7 @@ def fit_friction(samples: Real, sampling_rate: float, *, frequency: float, order
     best = searched([*(np.array([f, xi, part, turn]) for f, xi, part in fine), viscous.x], 0.95)
     factors = linear(best.x)[1]
     of_best, of_viscous = _deviations(best), _deviations(viscous)
-    n_free = values.size / _correlation(best.fun.reshape(values.shape[::-1]))
+    n_free = values.size / correlated_samples(best.fun.reshape(values.shape[::-1]))
     scales = np.maximum(np.std(samples, axis=1), 1e-300)
     f, xi = np.exp(best.x[:2])
     equivalent = np.exp(viscous.x[:2])
@@ -271,11 +271,11 @@ def fit_friction(samples: Real, sampling_rate: float, *, frequency: float, order
 
 def _deviations(fit: Any) -> Real:
     """Return the standard deviations of the parameters of a least-squares fit, from its residuals."""
-    n_free = max(fit.fun.size / _correlation(fit.fun[None]) - 6, 1.0)
+    n_free = max(fit.fun.size / correlated_samples(fit.fun[None]) - 6, 1.0)
     return np.asarray(np.sqrt(np.diag(2 * fit.cost / n_free * np.linalg.pinv(fit.jac.T @ fit.jac))))
 
 
-def _correlation(residuals: Real) -> float:
+def correlated_samples(residuals: Real) -> float:
     """Return the number of samples that count as one, by the correlation of residuals up to its first zero."""
     n = residuals.shape[1]
     lines = np.sum(np.abs(np.fft.rfft(residuals - residuals.mean(axis=1, keepdims=True), 2 * n)) ** 2, axis=0)

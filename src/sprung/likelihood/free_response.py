@@ -15,6 +15,9 @@ from sprung.recording import Recording
 
 #: Least noise over the motion, in power: below it, rounding decides.
 _LEAST_NOISE = 1e-26
+#: Standard deviations of the priors around the start of ln frequency, ln damping ratio, and parts of shapes: they hold
+#: modes that the data hardly determine, along which a search would run away.
+_PRIOR_STD = {"natural_frequency": 0.5, "damping_ratio": 1.0, "mode_shapes": 10.0}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -132,10 +135,13 @@ class FreeResponse:
         """Parameters at which the search starts."""
         return self.modal.start
 
-    @property
+    @cached_property
     def prior_std(self) -> Real:
-        """Standard deviation of the prior of each parameter, infinite for a free one."""
-        return self.modal.prior_std
+        """Standard deviation of the prior of each parameter."""
+        stds = self.modal.prior_std.copy()
+        for name, std in _PRIOR_STD.items():
+            stds[self.modal.rows[name]] = std
+        return stds
 
     def objective(self, parameters: Real) -> tuple[float, Real]:
         """Return minus the log likelihood, the prior included, and its gradient; `TOO_FAR` and 0 if they do not exist.
@@ -161,7 +167,10 @@ class FreeResponse:
         """Return the objective and its gradient by the parameters of the random part; noise alone has a short form."""
         if self.has_forces:
             products = fit.residuals[:, :, None] * fit.residuals[:, None, :].conj()
-            return replace(self.modal, spectra=replace(self.modal.spectra, matrices=products)).objective(parameters)
+            model = replace(self.modal, spectra=replace(self.modal.spectra, matrices=products))
+            value, gradient = model.objective(parameters)
+            deviation = (parameters - self.modal.start) / np.where(np.isinf(model.prior_std), self.prior_std, np.inf)
+            return value + float(deviation @ deviation) / 2, gradient + deviation / self.prior_std
         excess = 1 - np.abs(fit.whitened) ** 2
         deviation = (parameters - self.modal.start) / self.prior_std
         gradient = deviation / self.prior_std

@@ -1,0 +1,189 @@
+"""Poles of free responses by least squares, with the shapes of every record free: where the search for modes begins."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sprung._arrays import Complex, Real
+from sprung.likelihood.free_response import FreeLines
+
+
+@dataclass(frozen=True, slots=True)
+class _PoleRules:
+    """How poles are searched."""
+
+    #: Bounds of the damping ratios.
+    damping: tuple[float, float] = (1e-4, 0.95)
+    #: Frequencies in each octave, and damping ratios, among which a further pole is sought.
+    per_octave: int = 8
+    further: tuple[float, ...] = (0.03, 0.1, 0.2, 0.4)
+    #: Most steps of a search, longest step of a logarithm, and gain of the log likelihood at which it ends.
+    max_steps: int = 40
+    longest: float = 0.5
+    gain: float = 1e-4
+    #: Damping of the first step by Levenberg and Marquardt, its factors after a good and a bad step, and its end.
+    begin: float = 1e-3
+    less: float = 0.1
+    more: float = 10.0
+    vain: float = 1e6
+
+
+_RULES = _PoleRules()
+#: Least part of a further pole beside those that are there, in power.
+_LEAST_PART = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class FreePoles:
+    """Poles of free responses whose residues are free in every record and channel.
+
+    Parameters
+    ----------
+    data
+        Lines of the records.
+    poles
+        Continuous poles [rad/s], shape (poles,).
+
+    Notes
+    -----
+    The lines are linear in the residues, which least squares over each record give. Only frequencies and damping ratios
+    are searched (variable projection); each channel counts by the inverse power of what is left of it.
+
+    References
+    ----------
+    G. H. Golub and V. Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
+    variables separate, SIAM Journal on Numerical Analysis 10 (1973), 413-432; derivatives as in L. Kaufman, A variable
+    projection method for solving separable nonlinear least squares problems, BIT 15 (1975), 49-57.
+    """
+
+    data: FreeLines
+    poles: Complex
+
+    @cached_property
+    def noise(self) -> Real:
+        """Power of the lines that is left of each channel, shape (channels,)."""
+        left = sum(np.sum(part.left**2, axis=0) for part in self._parts)
+        power = np.sum(np.abs(self.data.values) ** 2, axis=0)
+        return np.asarray(np.maximum(left, 1e-26 * power) / len(self.data.values))
+
+    @cached_property
+    def mode_shapes(self) -> Complex:
+        """Shapes of largest amplitude over the records, of any scale, shape (poles, channels)."""
+        n, scale = len(self.poles), np.sqrt(self.noise)
+        residues = np.array([part.residues[:n] + 1j * part.residues[n:] for part in self._parts]) / scale
+        return np.asarray([np.linalg.svd(residues[:, k])[2][0] * scale for k in range(n)]).reshape(n, -1)
+
+    def refined(self) -> "FreePoles":
+        """Return the poles of largest likelihood near these."""
+        found, damping = self, _RULES.begin
+        for _ in range(_RULES.max_steps):
+            slopes, errors = found._slopes(), found._errors()
+            normal, slope = slopes.T @ slopes, slopes.T @ errors
+            stretch = np.diag(np.diag(normal) + _LEAST_PART * np.trace(normal))
+            while damping < _RULES.vain:
+                step = np.linalg.solve(normal + damping * stretch, -slope).reshape(2, -1)
+                better = found._moved(np.clip(step, -_RULES.longest, _RULES.longest))
+                if better.criterion < found.criterion:
+                    break
+                damping *= _RULES.more
+            else:
+                return found
+            gain, found, damping = found.criterion - better.criterion, better, damping * _RULES.less
+            if gain < _RULES.gain:
+                return found
+        return found
+
+    @cached_property
+    def criterion(self) -> float:
+        """Minus the log likelihood, but for a constant."""
+        return float(len(self.data.values) * np.sum(np.log(self.noise)))
+
+    def with_another(self, *, nearer: float = np.inf) -> "FreePoles":
+        """Return these poles and the one of a grid that explains most of what they leave.
+
+        Parameters
+        ----------
+        nearer
+            Largest distance of the logarithm of its frequency from that of one of these poles.
+        """
+        low, high = np.log2([self.data.frequencies.min(), self.data.frequencies.max()])
+        octaves = np.arange(low - 1, high, 1 / _RULES.per_octave)
+        xi = np.repeat(_RULES.further, octaves.size)
+        grid = 2 * np.pi * np.tile(2**octaves, len(_RULES.further)) * (1j * np.sqrt(1 - xi**2) - xi)
+        if np.isfinite(nearer):
+            grid = grid[np.min(np.abs(np.log(np.abs(grid / self.poles[:, None]))), axis=0) < nearer]
+        gains = np.zeros(grid.size)
+        for number, part in enumerate(self._parts):
+            further = _stacked(self._columns(number, grid)[0])
+            further = further - part.basis @ (part.basis.T @ further)
+            first, second = further[:, : grid.size], further[:, grid.size :]
+            crossed = np.sum(first * second, axis=0)
+            powers = np.sum(first**2, axis=0), np.sum(second**2, axis=0)
+            left = (part.left / np.sqrt(self.noise)).T
+            with_first, with_second = left @ first, left @ second
+            gains += np.sum(
+                powers[1] * with_first**2 + powers[0] * with_second**2 - 2 * crossed * with_first * with_second, axis=0
+            ) / (powers[0] * powers[1] * (1 + _LEAST_PART) - crossed**2)
+        return FreePoles(self.data, np.append(self.poles, grid[np.argmax(gains)]))
+
+    def _moved(self, step: Real) -> "FreePoles":
+        """Return poles after a step of the logarithms of frequencies and damping ratios, shape (2, poles)."""
+        f, xi = np.abs(self.poles) * np.exp(step[0]), -self.poles.real / np.abs(self.poles) * np.exp(step[1])
+        f = np.clip(f, np.pi * self.data.frequencies.min(), 2 * np.pi * self.data.frequencies.max())
+        xi = np.clip(xi, *_RULES.damping)
+        return FreePoles(self.data, f * (1j * np.sqrt(1 - xi**2) - xi))
+
+    def _errors(self) -> Real:
+        return np.concatenate([(part.left / np.sqrt(self.noise)).ravel() for part in self._parts])
+
+    def _slopes(self) -> Real:
+        """Return the derivatives of the errors by logarithms of frequencies and damping ratios."""
+        n, xi = len(self.poles), -self.poles.real / np.abs(self.poles)
+        steps = np.stack([self.poles, np.abs(self.poles) * (-xi - 1j * xi**2 / np.sqrt(1 - xi**2))])
+        rows = []
+        for number, part in enumerate(self._parts):
+            slopes = [_stacked(each) for each in self._columns(number, self.poles, steps)]
+            moved = np.stack([slope[:, k::n] @ part.residues[k::n] for slope in slopes for k in range(n)], axis=-1)
+            flat = moved.reshape(len(moved), -1)
+            flat = flat - part.basis @ (part.basis.T @ flat)
+            rows.append(-(flat.reshape(moved.shape) / np.sqrt(self.noise)[:, None]).reshape(-1, 2 * n))
+        return np.concatenate(rows)
+
+    @cached_property
+    def _parts(self) -> "list[_Part]":
+        """Each record at these poles."""
+        parts = []
+        for number in range(self.data.n_records):
+            wanted = _stacked(self.data.values[self.data.records == number])
+            basis, triangle = np.linalg.qr(_stacked(self._columns(number, self.poles)[0]))
+            inside = basis.T @ wanted
+            residues = np.linalg.lstsq(triangle, inside, rcond=1e-12)[0]
+            parts.append(_Part(basis, residues, wanted - basis @ inside))
+        return parts
+
+    def _columns(self, number: int, poles: Complex, steps: Complex | None = None) -> list[Complex]:
+        """Return a record's lines of unit real and imaginary residues, or their derivatives; (lines, 2 poles)."""
+        own, rate = self.data.records == number, self.data.sampling_rate
+        turn = np.exp(-2j * np.pi * self.data.frequencies[own, None] / rate)
+        z, gains = np.exp(poles / rate), self.data.gains[own, None]
+        ahead, behind = gains / (1 - z * turn), gains / (1 - z.conj() * turn)
+        if steps is None:
+            return [np.hstack([ahead + behind, 1j * (ahead - behind)])]
+        ahead, behind = ahead**2 * z * turn / (rate * gains), behind**2 * z.conj() * turn / (rate * gains)
+        moved = [(ahead * step, behind * step.conj()) for step in steps]
+        return [np.hstack([forward + backward, 1j * (forward - backward)]) for forward, backward in moved]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Part:
+    """One record: orthonormal basis of its lines at the poles, residues, and what is left; real and imaginary parts."""
+
+    basis: Real
+    residues: Real
+    left: Real
+
+
+def _stacked(lines: Complex) -> Real:
+    """Return real parts above imaginary ones."""
+    return np.concatenate([lines.real, lines.imag])
