@@ -3,9 +3,9 @@
 One accelerometer is on the frame of the first bogie above an axle box, one on the car body above its secondary spring.
 Each car differs from its vehicle file by production scatter, mass and inertias. Its baseline is learnt from drives on
 tracks of ERRI B176 low and high, with a random load and random speeds; then drives with one weaker spring of the first
-bogie, and healthy ones, are diagnosed one by one. Printed are the shares of drives of which the most likely change is
-of the right stage and of the right part, of those with a finding, and the mean absolute error of the size, with 95 %
-intervals.
+bogie, and healthy ones, are diagnosed one by one or some together. Printed are the shares of drives of which the most
+likely change is of the right stage and of the right part, of those with a finding, and the mean absolute error of the
+size, with 95 % intervals.
 """
 
 import argparse
@@ -29,6 +29,7 @@ def main():
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--cars", type=int, default=10)
     arguments.add_argument("--drives", type=int, default=12, help="drives of each stage and healthy ones, of each car")
+    arguments.add_argument("--together", type=int, default=1, help="drives that are diagnosed together")
     arguments.add_argument("--minutes", type=float, default=5.0, help="length of a drive")
     arguments.add_argument("--sizes", type=float, nargs=2, default=(0.1, 0.4), help="range of the loss of stiffness")
     arguments.add_argument("--joints", action="store_true", help="rails have joints every 18 m")
@@ -43,7 +44,7 @@ def main():
         report(stage, [row for row in rows if row["stage"] == stage])
     healthy = [row for row in rows if row["stage"] == "healthy"]
     print(f"healthy: {share([row['is_found'] for row in healthy])} with a finding (false alarms)")
-    print(f"inconclusive windows: {sum(row['reason'] != '' for row in rows)} of {len(rows)}")
+    print(f"inconclusive: {sum(row['reason'] != '' for row in rows)} of {len(rows)}")
 
 
 def life_of(given, number):
@@ -64,11 +65,14 @@ def life_of(given, number):
             change = -float(generator.uniform(*given.sizes))
             part = None if stage == "healthy" else str(generator.choice(PARTS[stage]))
             faults = () if part is None else (parse_fault(f"{part}={change}"),)
-            window = drive(LEARNING + len(rows), faults)
-            rows.append({"stage": stage, "part": part, "change": change, "reason": window.reason, "is_found": False})
-            if not window.is_conclusive:
+            first = LEARNING + given.together * len(rows)
+            windows = [drive(first + count, faults) for count in range(given.together)]
+            reasons = [window.reason for window in windows if window.reason]
+            rows.append({"stage": stage, "part": part, "change": change, "reason": "", "is_found": False})
+            if len(reasons) == given.together:
+                rows[-1]["reason"] = reasons[0]
                 continue
-            result = diagnose([window], baseline)
+            result = diagnose(windows, baseline)
             best = next(one for one in result.detection.candidates if one.hypothesis.scope == "single")
             rows[-1] |= {"is_found": bool(result.findings), "best": best.hypothesis.name, "size": best.sizes[0].change}
             print(number, rows[-1], flush=True)

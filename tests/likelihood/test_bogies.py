@@ -82,6 +82,16 @@ def test_joints_are_found_in_the_default_band() -> None:
     assert fit.model_error < 0.2
 
 
+@pytest.mark.slow
+def test_misfit_of_channels_without_noise_is_put_down_to_leakage() -> None:
+    """Twelve channels of nine coordinates without noise differ by what segments leak from one frequency to another."""
+    metro = read_vehicle("metro")
+    run = simulate_drive(metro, RailDrive(duration=120.0, sampling_rate=100.0), seed=1).recording
+    (note,) = (note for note in fit_corners(run, metro).notes if "more than chance allows" in note)
+    assert "have no noise, as simulated ones" in note
+    assert "moving part" not in note
+
+
 def test_what_runs_on_a_track_only_has_no_other_excitation() -> None:
     metro = read_vehicle("metro")
     run = simulate_drive(metro, RailDrive(duration=20.0, sampling_rate=50.0), seed=1).recording

@@ -70,6 +70,8 @@ class FitRules:
     rounds: int = 3
     #: Relative misfit of the spectra above which a note states an error of the model.
     imperfect: float = 0.1
+    #: Median density of the channels' noise, over the usual variance of the layout [1/Hz], below which they have none.
+    noiseless: float = 1e-5
     #: Largest number of lines that a note names.
     max_named: int = 6
 
@@ -443,10 +445,12 @@ def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:
         verb, stay = ("is", "its estimate stays") if len(weak) == 1 else ("are", "their estimates stay")
         notes.append(f"{', '.join(weak)} {verb} not identifiable from this run and these sensors; {stay} near nominal")
     if fit.model_error > RULES.imperfect:
+        cause = "the vehicle has a moving part that the vehicle file lacks"
+        if _is_noiseless(fit):
+            cause = "its channels have no noise, as simulated ones, so that leakage between frequencies counts"
         notes.append(
-            f"the fitted spectra deviate {100 * fit.model_error:.0f} % more than chance allows: the vehicle has a "
-            "moving part that the vehicle file lacks; differences between corners and from a baseline are more "
-            "reliable than the values"
+            f"the fitted spectra deviate {100 * fit.model_error:.0f} % more than chance allows: {cause}; differences "
+            "between corners and from a baseline are more reliable than the values"
         )
     notes += _implausibility_notes(fit)
     if lines:
@@ -460,6 +464,12 @@ def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:
             f"{fit.n_rejected} of {fit.n_rejected + fit.n_segments} segments were too slow or of changing speed"
         )
     return tuple(notes)
+
+
+def _is_noiseless(fit: CornerFit) -> bool:
+    """Return whether more channels than the motion has coordinates are free of noise."""
+    noise = fit.parameters[fit.model.rows("noise")]
+    return len(noise) > len(fit.model.layout.coordinates) and bool(np.median(noise) < np.log(RULES.noiseless))
 
 
 def _implausibility_notes(fit: CornerFit) -> list[str]:
