@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sprung.likelihood.free_poles import FreePoles
 from sprung.likelihood.free_response import FreeResponse, free_lines, poles_of, realised_poles
 from sprung.likelihood.modal import ModalParameters
 from sprung.likelihood.search import scored
@@ -96,3 +97,10 @@ def test_leverages_add_up_to_the_parameters_of_the_mean() -> None:
     assert 2 * shares.sum() == pytest.approx(2 * 3 + 2 * 3 * 2 + 2 * 3 * 2)
     assert np.all(shares >= 0)
     assert np.all(shares < 1)
+
+
+def test_a_further_pole_is_sought_where_the_others_have_left_the_band() -> None:
+    data = free_lines(RUNS, band=(0.4, 15.0))
+    found = FreePoles(data, POLES[:1] / 1000).with_another(nearer=0.5)
+    assert len(found.poles) == 2
+    assert np.abs(found.poles[1]) > np.abs(POLES[0]) / 10

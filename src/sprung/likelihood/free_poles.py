@@ -112,7 +112,8 @@ class FreePoles:
         xi = np.repeat(_RULES.further, octaves.size)
         grid = 2 * np.pi * np.tile(2**octaves, len(_RULES.further)) * (1j * np.sqrt(1 - xi**2) - xi)
         if np.isfinite(nearer):
-            grid = grid[np.min(np.abs(np.log(np.abs(grid / self.poles[:, None]))), axis=0) < nearer]
+            near = np.min(np.abs(np.log(np.abs(grid / self.poles[:, None]))), axis=0) < nearer
+            grid = grid[near] if near.any() else grid  # poles may have left the band
         gains = np.zeros(grid.size)
         for number, part in enumerate(self._parts):
             further = _stacked(self._columns(number, grid)[0])
