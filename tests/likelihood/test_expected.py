@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.likelihood import fit_corners
-from sprung.likelihood.expected import ExpectedDrive, ExpectedFit, expected_fit
+from sprung.likelihood import CornerSettings, fit_corners
+from sprung.likelihood.expected import NOISE, ExpectedDrive, ExpectedFit, _model, expected_fit
 from sprung.simulation import RoadConditions, RoadDrive, simulate_drive
 from sprung.vehicles import read_vehicle
 
@@ -22,6 +22,16 @@ def test_a_fit_reports_what_was_expected() -> None:
     for name in ("std", "contrast_std"):
         ratios = np.array(list(getattr(reported, name).values())) / list(getattr(expected, name).values())
         assert np.all(np.abs(ratios - 1) < 0.25), name
+
+
+@pytest.mark.parametrize("part", range(8))
+def test_the_ends_of_the_band_do_not_depend_on_rounding(part) -> None:
+    """They are 3 and 99 cycles of a segment, by an eigenvalue whose last digit depends on the processor."""
+    car = CAR
+    body = car.body.model_copy(update={"mass": car.body.mass * (1 + 0.01 * part)})
+    model, _ = _model(car.model_copy(update={"body": body}), ExpectedDrive(), CornerSettings(), dict(NOISE))
+    cycles = model.spectra.frequencies * model.spectra.segment_length
+    assert cycles[[0, -1]] == pytest.approx([3, 99])
 
 
 def test_a_vehicle_without_speed_is_less_certain() -> None:

@@ -18,7 +18,7 @@ from sprung.likelihood.vehicle import CornerSettings, default_choices
 from sprung.likelihood.whittle import Model
 from sprung.vehicles import Component, Vehicle, structure
 
-#: Error of the sum of shares that is rounding.
+#: Error of a sum of shares, and of a number of cycles, that is rounding.
 _WHOLE = 1e-3
 
 
@@ -207,7 +207,9 @@ def _model(
     layout = rigid_layout(nominal)
     kind = settings.kind or vehicle.kind
     (low, high), length = default_choices(vehicle, nominal, settings, drive.sampling_rate)
-    frequencies = np.arange(np.ceil(low * length), np.floor(high * length) + 1) / length
+    # The ends of the default band are whole numbers of cycles of a segment, but for the rounding of eigenvalues.
+    first, last = np.ceil(low * length - _WHOLE), np.floor(high * length + _WHOLE)
+    frequencies = np.arange(first, last + 1) / length
     n_classes = max(1, int(np.log(drive.speed[1] / drive.speed[0]) / np.log1p(CLASS_WIDTH)))
     edges = np.geomspace(*drive.speed, n_classes + 1)
     n_segments = drive.steady * 60 * drive.minutes / ((1 - OVERLAP) * length)

@@ -24,7 +24,7 @@ def learnt(seed=0, previous=None):
     """A baseline of six windows that scatter by 1 %."""
     generator = np.random.default_rng(seed)
     covariance = 0.01**2 * np.eye(12)
-    values = generator.multivariate_normal(np.zeros(12), covariance, size=6)
+    values = generator.multivariate_normal(np.zeros(12), covariance, size=6, method="cholesky")
     windows = [
         Observation(600.0 * k + seed, COMPONENTS, row, covariance, {"speed": 12.0 + k}, {}, (), vehicle="zafira")
         for k, row in enumerate(values)

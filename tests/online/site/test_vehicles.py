@@ -28,7 +28,7 @@ PERSON = Person("anna", Role.VIEWER)
 
 
 def drawn(generator, start, change=0.0, **fields):
-    values = generator.multivariate_normal(np.zeros(12), COVARIANCE)
+    values = generator.multivariate_normal(np.zeros(12), COVARIANCE, method="cholesky")
     values[SPRING] += np.log1p(change)
     conditions = {"speed": 12.0, "payload": 100.0, "standing": 0.1, "temperature": 10.0}
     return Observation(start / 1e9, COMPONENTS, values, COVARIANCE, conditions, {"roll": (1.6, 0.2)}, (), **fields)

@@ -16,7 +16,7 @@ SLOPE = -0.03
 
 
 def window(generator, time, change=0.0):
-    values = generator.multivariate_normal(np.zeros(12), COVARIANCE)
+    values = generator.multivariate_normal(np.zeros(12), COVARIANCE, method="cholesky")
     values[SPRING] += change
     return Observation(time, COMPONENTS, values, COVARIANCE, {}, {"roll": (2.0 + change, 0.2)}, ())
 
