@@ -1,10 +1,11 @@
 """Plans of kits of sensors."""
 
+import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
 from sprung.kits import CHANGES, best_places, candidates, kit_of, plan
-from sprung.likelihood.expected import ExpectedDrive
+from sprung.likelihood.expected import ExpectedDrive, ExpectedFit, expected_fit
 from sprung.vehicles import read_vehicle
 
 CAR = read_vehicle("zafira")
@@ -32,6 +33,20 @@ def test_larger_changes_are_found_sooner(plans) -> None:
 def test_a_redundant_sensor_buys_no_precision(plans) -> None:
     assert all(0 <= sensor.gain < 0.05 for sensor in plans["four"].sensors)
     assert all(sensor.gain > 0.5 for sensor in plans["two"].sensors)
+
+
+def test_noisier_accelerometers_tell_less(plans) -> None:
+    noisy = plan(kit_of(CAR, "two"), drive=ExpectedDrive(minutes=5.0, accelerometer_noise=0.05))
+    for noisier, usual in zip(noisy.components, plans["two"].components, strict=True):
+        assert noisier.std > usual.std
+
+
+def test_front_against_rear_is_the_ratio_of_the_means_of_axles() -> None:
+    """Of independent values of one standard deviation s, the ratio of means of two has s; the covariance decides."""
+    fit = expected_fit(kit_of(CAR, "four"), SHORT)
+    alone = ExpectedFit(fit.components, 0.04 * np.eye(len(fit.components)), fit.prior_std)
+    assert list(alone.axle_std.values()) == pytest.approx([0.2] * len(fit.components))
+    assert fit.axle_std[fit.components[0]] < fit.std[fit.components[0]]
 
 
 def test_the_best_three_places_are_no_worse_than_the_kit() -> None:

@@ -48,6 +48,8 @@ class PlannedComponent:
         Expected standard deviation of its value from one window, relative.
     contrast_std
         The same of its ratio to the other side of the axle; None where there is no other side.
+    axle_std
+        The same of the ratio of its axle, both sides, to the others; None where there is no other.
     minutes
         Median driving time until each change of `CHANGES` is found and named [min]; None: not within 64 windows.
     is_identifiable
@@ -57,6 +59,7 @@ class PlannedComponent:
     component: Component
     std: float
     contrast_std: float | None
+    axle_std: float | None
     minutes: dict[float, float | None]
     is_identifiable: bool
 
@@ -180,10 +183,10 @@ def plan(vehicle: Vehicle, *, drive: ExpectedDrive | None = None, false_alarms: 
     check_number("false_alarms", false_alarms, above=0)
     drive = drive or ExpectedDrive()
     expected = expected_fit(vehicle, drive)
-    contrasts, identifiable = expected.contrast_std, expected.is_identifiable
+    contrasts, axles, identifiable = expected.contrast_std, expected.axle_std, expected.is_identifiable
     minutes = _minutes(expected, drive, false_alarms)
     components = tuple(
-        PlannedComponent(part, std, contrasts.get(part), minutes[part], identifiable[part])
+        PlannedComponent(part, std, contrasts.get(part), axles.get(part), minutes[part], identifiable[part])
         for part, std in expected.std.items()
     )
     return KitPlan(vehicle, drive, components, _sensors(vehicle, drive, expected), _notes(components))

@@ -1,5 +1,6 @@
 """The commands `sprung plan`, `sprung road` and `sprung ride`."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -39,6 +40,10 @@ def plan(
         bool, option(None, "Whether the speed will be recorded.", "--with-speed/--without-speed", panel=INPUT)
     ] = True,
     false_alarms: Annotated[float, option("RATE", "False alarms per vehicle and day of driving.", panel=INPUT)] = 1e-3,
+    noise: Annotated[
+        float | None,
+        option("UG", "Noise density of the accelerometers, in micro-g per root of Hz. Default: 102.", panel=INPUT),
+    ] = None,
     best: Annotated[int | None, option("N", "Also find the best places of N accelerometers.", panel=INPUT)] = None,
     output: Output,
 ) -> None:
@@ -48,11 +53,14 @@ def plan(
     from sprung.likelihood.expected import ExpectedDrive
     from sprung.results import tables
     from sprung.results.documents import plan_document
+    from sprung.units import conversion
     from sprung.vehicles import read_vehicle
 
     output.check(vehicle)
     description = read_vehicle(vehicle)
     drive = ExpectedDrive(minutes=minutes, speed=speed, roughness=road_mix(road), has_speed=has_speed)
+    if noise is not None:
+        drive = replace(drive, accelerometer_noise=noise * conversion("ug")[1])
     with_kit = description if kit is None else kits.kit_of(description, kit)
     planned = kits.plan(with_kit, drive=drive, false_alarms=false_alarms)
     sentences = tables.describe_plan(planned)

@@ -43,6 +43,8 @@ class ExpectedDrive:
         Density of the accelerations by braking and cornering at 1 Hz [(m/s^2)^2/Hz], above 0.
     has_speed
         Whether the speed is recorded. Without it, the delay between the axles is unknown.
+    accelerometer_noise
+        Noise density of the accelerometers [m/s^2 per root of Hz], above 0.
 
     Raises
     ------
@@ -57,9 +59,10 @@ class ExpectedDrive:
     steady: float = 0.8
     driving: float = 1e-3
     has_speed: bool = True
+    accelerometer_noise: float = 1e-3
 
     def __post_init__(self) -> None:
-        for name in ("minutes", "sampling_rate", "driving"):
+        for name in ("minutes", "sampling_rate", "driving", "accelerometer_noise"):
             check_number(name, getattr(self, name), above=0)
         for roughness, share in self.roads:
             check_number("roughness", roughness, above=0)
@@ -121,6 +124,19 @@ class ExpectedFit:
             if other is not None and other != row:
                 contrast = np.zeros(len(rows))
                 contrast[[row, other]] = 1.0, -1.0
+                stds[component] = float(np.sqrt(contrast @ self.covariance @ contrast))
+        return stds
+
+    @property
+    def axle_std(self) -> dict[Component, float]:
+        """Expected standard deviation of the mean of each component's axle over that of the same kind on all others."""
+        stds = {}
+        for component in self.std:
+            alike = np.array([other.kind == component.kind for other in self.components])
+            own = alike & np.array([other.axle == component.axle for other in self.components])
+            others = alike & ~own
+            if others.any():
+                contrast = own / own.sum() - others / others.sum()
                 stds[component] = float(np.sqrt(contrast @ self.covariance @ contrast))
         return stds
 
@@ -187,7 +203,9 @@ def expected_fit(
     ('front_left.spring', 2.0)
     """
     drive, settings = drive or ExpectedDrive(), settings_of(CornerSettings, settings)
-    model, parameters = _model(vehicle, drive, settings, {**NOISE, **(noise or {})})
+    model, parameters = _model(
+        vehicle, drive, settings, {**NOISE, "acceleration": drive.accelerometer_noise, **(noise or {})}
+    )
     information = sum(share * model.information(values) for share, values in parameters)
     std = model.prior_std.copy()
     if not drive.has_speed and "delay" in model.names:

@@ -132,6 +132,7 @@ class PlannedPart(Document):
 
     std: float
     contrast_std: float | None
+    axle_std: float | None
     minutes: dict[str, float | None]
     is_identifiable: bool
 

@@ -20,15 +20,18 @@ def plan_tables(plan: "KitPlan") -> tuple[Table, Table]:
     """Return the tables of the components and of the sensors of a plan."""
     from sprung.kits import CHANGES
 
-    minutes = tuple(f"{100 * change:.0f} % found [min]" for change in CHANGES)
-    columns = ("component", "std [%]", "left/right std [%]", *minutes)
+    minutes = tuple(f"{100 * change:.0f} % [min]" for change in CHANGES)
+    columns = ("component", "std [%]", "left/right [%]", "front/rear [%]", *minutes)
     rows = []
     for part in plan.components:
-        contrast = "" if part.contrast_std is None else f"{100 * part.contrast_std:.1f}"
+        ratios = ["" if std is None else f"{100 * std:.1f}" for std in (part.contrast_std, part.axle_std)]
         times = [_minutes(part.minutes[change], plan) for change in CHANGES]
-        values = (f"{100 * part.std:.1f}", contrast, *times) if part.is_identifiable else ("–",) * 5
+        values = (f"{100 * part.std:.1f}", *ratios, *times) if part.is_identifiable else ("–",) * 6
         rows.append((format_name(str(part.component)), *values))
-    caption = "std: of one window; –: not determined; >: not within 64 windows; times are medians"
+    caption = (
+        "std and std of the ratios left/right and front/rear: of one window; median times until a change of that size "
+        "is found; –: not determined; >: not within 64 windows"
+    )
     components = Table("What the kit will see", columns, tuple(rows), ends_in_words=False, caption=caption)
     sensors = tuple((sensor.channel, f"{100 * sensor.gain:.0f}") for sensor in plan.sensors)
     return components, Table("Sensors", ("channel", "narrower by it [%]"), sensors, ends_in_words=False)
