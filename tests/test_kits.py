@@ -35,7 +35,7 @@ def test_a_redundant_sensor_buys_no_precision(plans) -> None:
     assert all(sensor.gain > 0.5 for sensor in plans["two"].sensors)
 
 
-def test_noisier_accelerometers_tell_less(plans) -> None:
+def test_noisier_accelerometers_are_less_precise(plans) -> None:
     noisy = plan(kit_of(CAR, "two"), drive=ExpectedDrive(minutes=5.0, accelerometer_noise=0.05))
     for noisier, usual in zip(noisy.components, plans["two"].components, strict=True):
         assert noisier.std > usual.std

@@ -42,7 +42,7 @@ class RoadSettings:
         Period of the windows, UTC ns, its ends included; None: open.
     allow_missing
         Whether windows may lack sensors of the vehicle file.
-    most_windows
+    max_windows
         Number of windows after which a drive counts as another one: what one task has in memory.
 
     Raises
@@ -56,12 +56,12 @@ class RoadSettings:
     since: int | None = None
     until: int | None = None
     allow_missing: bool = False
-    most_windows: int = 12
+    max_windows: int = 12
 
     def __post_init__(self) -> None:
         check_number("stretch", self.stretch, at_least=20)
         check_one_of("by", self.by, ("place", "distance"))
-        check_number("most_windows", self.most_windows, at_least=1)
+        check_number("max_windows", self.max_windows, at_least=1)
 
 
 #: Pause between two windows of one drive, and by which they may overlap [s].
@@ -197,7 +197,7 @@ def _drives(
         for row in planner.keys().toLocalIterator()
     )
     rows, without = [], []
-    by_time = sorted(_runs(keys, settings.most_windows), key=lambda windows: (windows[0][1], windows[0][0]))
+    by_time = sorted(_runs(keys, settings.max_windows), key=lambda windows: (windows[0][1], windows[0][0]))
     for number, windows in enumerate(by_time):
         vehicle, start = windows[0][:2]
         own = texts.get(vehicle, {"reason": WITHOUT_FILE})
