@@ -143,6 +143,7 @@ from sprung.results.documents import write_inspections as write_inspections
 from sprung.results.documents import write_tracking as write_tracking
 from sprung.results.documents import write_truth as write_truth
 from sprung.results.documents import write_type_baseline as write_type_baseline
+from sprung.ride import Histogram as Histogram
 from sprung.ride import Ride as Ride
 from sprung.ride import RidePoint as RidePoint
 from sprung.ride import Travel as Travel
