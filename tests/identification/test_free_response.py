@@ -47,6 +47,14 @@ def test_deviations_are_those_of_the_errors() -> None:
     assert np.abs(np.mean(errors, axis=0)).max() < 0.3
 
 
+def test_a_record_that_no_free_motion_explains_counts() -> None:
+    """An earthquake on a model building looked free: the modes explained 97 % of all its parts, and 87 % of one."""
+    random = np.random.default_rng(3).standard_normal((2, 300))
+    forced = Recording(0.05 * np.cumsum(random, axis=1) / 5, 100.0, CHANNELS)
+    assert fit_free_response([decay(level=0.01), decay(level=0.01, seed=1)]).explained > 0.99
+    assert fit_free_response([decay(level=0.01), forced], max_modes=2).explained < 0.95
+
+
 def test_repeats_reduce_the_deviations() -> None:
     one = fit_free_response(decay(level=0.02)).modes
     four = fit_free_response([decay(level=0.02, seed=seed) for seed in range(4)]).modes

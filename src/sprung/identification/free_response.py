@@ -57,7 +57,8 @@ class FreeFit:
         Covariance of ln frequency and ln damping ratio of all modes, then of the real and imaginary parts of their
         shapes at all channels but the largest, shape (parameters, parameters).
     explained
-        Share of the power in the band that the modes explain, in the channel that they explain best.
+        Share of the power in the band that the modes explain, in the channel that they explain best of the record that
+        they explain least.
     information_criterion
         Bayesian information criterion, half of it, in units of the log likelihood.
     has_forces
@@ -389,12 +390,13 @@ def _result(fitted: _Fitted, doubts: Real, *, channels: tuple[str, ...]) -> Free
     is_clear = (certain[0] < _FIT.max_deviation * xi) & (certain[1] < _FIT.max_deviation) & (xi < _FIT.max_damping)
     kept = order[is_clear[order]]
     rows = np.concatenate([kept, n + kept, *(np.flatnonzero(of_mode[2 * n :] == k) + 2 * n for k in kept)])
-    left = np.sum(np.abs(fit.residuals) ** 2, axis=0)
+    every = np.arange(model.data.n_records)[:, None] == model.data.records
+    left, whole = (every @ np.abs(each) ** 2 for each in (fit.residuals, model.data.values))
     return FreeFit(
         modes=modes.take(kept),
         amplitudes=amplitudes[:, kept],
         covariance=covariance[np.ix_(rows, rows)],
-        explained=float(1 - np.min(left / np.sum(np.abs(model.data.values) ** 2, axis=0))),
+        explained=float(1 - np.max(np.min(left / whole, axis=1))),
         information_criterion=fitted.criterion,
         has_forces=model.has_forces,
         n_unclear=n - len(kept),
