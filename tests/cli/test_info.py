@@ -36,7 +36,8 @@ def table_file(path, columns):
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "mat", "npz", "npy"])
-def test_a_channel_of_another_rate_is_a_row_with_its_reason(sprung, tmp_path, ending):
+def test_a_channel_of_another_rate_is_a_row_with_its_reason(sprung, tmp_path, monkeypatch, ending):
+    monkeypatch.setenv("COLUMNS", "120")
     samples = np.random.default_rng(1).standard_normal((3, 500))
     for row, step in ((1, 10), (2, 20)):
         samples[row, np.arange(500) % step > 0] = np.nan

@@ -37,6 +37,8 @@ class NamingRules:
     largest: float = 3.0
     #: Share of what an unmodelled change explains that a part must explain to be named in its place.
     mostly: float = 0.8
+    #: The same of a pair, which is the best of many: two healthy parts explained 0.8 of a soft spring on its bump stop.
+    mostly_of_pair: float = 0.9
     #: Apparent change of another part for a unit change of one (both ln), by nonlinearity and errors of the file:
     #: standard deviation.
     leak: float = 0.1
@@ -387,7 +389,8 @@ def _best_two(detection: Detection) -> tuple[Candidate, Candidate | None]:
     ]
     first, *others = candidates
     named = next(candidate for candidate in candidates if candidate.hypothesis.scope != "else")
-    is_enough = named.explained >= RULES.mostly * first.explained and named.log_evidence >= detection.threshold
+    mostly = RULES.mostly_of_pair if named.hypothesis.scope == "pair" else RULES.mostly
+    is_enough = named.explained >= mostly * first.explained and named.log_evidence >= detection.threshold
     if first.hypothesis.scope == "else" and is_enough:
         first, others = named, [value for value in others if value is not named and value.hypothesis.scope != "else"]
     possible = (value for value in others if all(1 + size.change <= RULES.largest for size in value.sizes))
