@@ -90,6 +90,7 @@ def bounce(
     fit = None if largest.frictions[0] is not None else fitted_together(linear, runs)
     modes = fit.modes if fit is not None else pooled(with_friction)
     modes = labelled(modes, runs[0].channels, vehicle=vehicle)
+    notes += () if fit is None else fit.notes
     corners: tuple[CornerValue, ...] = ()
     if isinstance(vehicle, Vehicle) and vehicle.bogie:
         notes.append("springs and dampers are not estimated: the vehicle stands on bogies")

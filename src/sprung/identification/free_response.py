@@ -37,6 +37,8 @@ class _FreeRules:
     forced_misfit: float = 2.0
     #: Largest distance of a further mode, in ln of the frequency, that may be hidden beside another.
     nearby: float = 0.5
+    #: Factor of a deviation by which a mode that may be hidden is noted.
+    doubled: float = 2.0
 
 
 _FIT = _FreeRules()
@@ -63,8 +65,8 @@ class FreeFit:
         Bayesian information criterion, half of it, in units of the log likelihood.
     has_forces
         Whether random forces acted during the motion.
-    n_unclear
-        Number of fitted modes that are left out, because the records do not determine them.
+    hidden
+        Frequencies of the modes beside which another one may hide, so that their deviations are more than doubled [Hz].
     """
 
     modes: Modes
@@ -73,11 +75,21 @@ class FreeFit:
     explained: float
     information_criterion: float
     has_forces: bool
-    n_unclear: int = 0
+    hidden: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, amplitudes=2, dtype=np.complex128)
         freeze(self, covariance=2)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence on modes that may be hidden, if any."""
+        if not self.hidden:
+            return ()
+        beside = " and ".join(f"{frequency:.4g}" for frequency in self.hidden)
+        return (
+            f"another mode may hide beside {beside} Hz, which the stated deviations allow for: add sensors elsewhere",
+        )
 
     def motion(self, record: int, time: Real) -> Real:
         """Return the fitted motion of one record at times [s] after its first sample, shape (channels, times)."""
@@ -399,7 +411,7 @@ def _result(fitted: _Fitted, doubts: Real, *, channels: tuple[str, ...]) -> Free
         explained=float(1 - np.max(np.min(left / whole, axis=1))),
         information_criterion=fitted.criterion,
         has_forces=model.has_forces,
-        n_unclear=n - len(kept),
+        hidden=tuple(f[kept][doubts.max(axis=0)[kept] > _FIT.doubled].tolist()),
     )
 
 

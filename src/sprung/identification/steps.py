@@ -380,7 +380,8 @@ def fit_free_motion(draft: Draft, fit: FreeFit) -> Draft:
     """Take the modes of free motion in place of those of random motion."""
     draft = draft.noted(
         "the records are free motion after pushes, drops or releases: modes are those of the free response"
-        " (--kind random for modes of random motion)"
+        " (--kind random for modes of random motion)",
+        *fit.notes,
     )
     draft = _with_modes_alone(draft, fit.modes)
     return replace(draft, sources=("free_response",) * len(fit.modes)).noted(*_notes_on_modes(draft.modes, None))
