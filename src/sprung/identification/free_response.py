@@ -335,10 +335,12 @@ def _doubts(fitted: _Fitted) -> Real:
     (1997), 603-618.
     """
     model, n = fitted.model, fitted.model.modal.n_modes
+    if model.has_forces:
+        return np.ones((2, n))
     own = model.fitted(fitted.parameters).values
     poles = FreePoles(model.data, poles_of(own)).with_another(nearer=_FIT.nearby).refined()
     start = _started(model.data, poles.poles, unit_shapes(poles.mode_shapes))
-    if model.has_forces or start is None:
+    if start is None:
         return np.ones((2, n))
     other = _refined(start)
     gain = model.objective(fitted.parameters)[0] - other.model.objective(other.parameters)[0]
