@@ -74,24 +74,26 @@ def road_table(survey: "RoadSurvey") -> Table:
         (
             f"{stretch.begin:.0f}",
             f"{stretch.end:.0f}",
-            *((f"{stretch.n_passes}", _scatter(stretch.left), _scatter(stretch.right)) if is_mean else ()),
             _index(stretch.left),
             _index(stretch.right),
             stretch.left.road_class,
             stretch.right.road_class,
+            *((f"{stretch.n_passes}", f"{_scatter(stretch.left)}, {_scatter(stretch.right)}") if is_mean else ()),
         )
         for stretch in survey.stretches[:_MOST_STRETCHES]
     ]
     if is_mean:
-        columns = (*columns[:2], "passes", "left scatter", "right scatter", *columns[2:])
+        columns = (*columns, "passes", "scatter [m/km]")
     left = len(survey.stretches) - len(rows)
-    caption = "± standard deviation" + ("; scatter: standard deviation between passes [m/km]" if is_mean else "")
+    caption = "± standard deviation" + (
+        "; scatter: standard deviation between passes, left and right" if is_mean else ""
+    )
     caption += f"; {left} more stretches in the files" if left else ""
     return Table("Road", columns, tuple(rows), n_words=0, caption=caption)
 
 
 def _scatter(track: "TrackRoughness") -> str:
-    return "" if track.iri_scatter is None else f"{track.iri_scatter:.2f}"
+    return "–" if track.iri_scatter is None else f"{track.iri_scatter:.2f}"
 
 
 def _index(track: "TrackRoughness") -> str:
