@@ -226,3 +226,12 @@ def test_records_follow_one_another_from_a_stated_start(sprung, tmp_path):
     assert first.sampling_rate == 200
     refused = sprung("simulate", "chain", *SHORT, "--start", "noon", "--out", tmp_path / "other.csv")
     assert (refused.code, "--start" in refused.err) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("seed", "day"), [(0, "2025-01-01"), (1, "2025-01-02"), (364, "2025-12-31"), (365, "2025-01-01")]
+)
+def test_each_seed_starts_on_a_day_of_its_own(sprung, tmp_path, seed, day):
+    file = tmp_path / "run.csv"
+    assert sprung("simulate", "chain", *SHORT, "--seed", seed, "--out", file).code == 0
+    assert np.datetime64(read(file).start, "ns") == np.datetime64(f"{day}T08:00", "ns")

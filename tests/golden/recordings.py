@@ -335,7 +335,7 @@ RECORDINGS = {
     "chain-fault": Case(
         (
             "simulate chain --minutes 1 --sampling-rate 100 --snr 10 --records 3 --seed 7 --out a.npz",
-            f"{_CHAIN} --seed 8 --fault mass_1.spring=-0.2 --out b.npz --json -",
+            f"{_CHAIN} --seed 8 --start 2025-01-08T08:03 --fault mass_1.spring=-0.2 --out b.npz --json -",
             "identify a-01.npz a-02.npz a-03.npz --json a.json",
             "identify b.npz --json b.json",
             "track a.json b.json",

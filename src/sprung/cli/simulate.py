@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, replace
+from datetime import date, timedelta
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -63,8 +64,8 @@ class Run(Group):
     )
     start: str | None = declared(
         "TIME",
-        "Start of the first record, such as 2026-11-21T08:30 (UTC); further ones follow one another. Default: times"
-        " count from 0 s.",
+        "Start of the first record, such as 2026-11-21T08:30 (UTC); further ones follow one another. Default: 08:00 of"
+        " 2025-01-01, a day later for each --seed (0 to 364, then over again).",
     )
     seed: int = declared("N", "Seed of all random numbers.", default=0, min=0)
     json: Json = None
@@ -102,7 +103,9 @@ class Run(Group):
         from sprung.simulation.runs import joint_truth, record_seeds
         from sprung.vehicles import write_vehicle
 
-        start = parse_time("--start", self.start)
+        # Drives of different seeds do not overlap, and outputs are reproducible.
+        day = date(2025, 1, 1) + timedelta(days=self.seed % 365)
+        start = parse_time("--start", self.start or f"{day}T08:00") or 0
         truths, paths = [], [self.out]
         if self.records > 1:
             paths = [self.out.with_stem(f"{self.out.stem}-{k:02d}") for k in range(1, self.records + 1)]
@@ -111,8 +114,7 @@ class Run(Group):
             for number, (simulation, path, seed) in enumerate(zip(simulations, paths, seeds, strict=True)):
                 report(f"simulating {path.name}", number / len(paths))
                 run = simulation(seed=seed)
-                later = None if start is None else start + number * round(60e9 * self.minutes)
-                write(replace(run.recording, start=later), path)
+                write(replace(run.recording, start=start + number * round(60e9 * self.minutes)), path)
                 truths.append(run.truth)
         document = {**joint_truth(truths, seed=self.seed), **settings, "files": [str(path) for path in paths]}
         truth_path, vehicle_path = Path(f"{self.out}.truth.json"), Path(f"{self.out}.vehicle.toml")

@@ -46,6 +46,14 @@ def test_a_given_start_counts(file_of, text) -> None:
     assert times.notes[0].endswith("samples count from 2026-11-19 08:30 UTC on, as given")
 
 
+def test_a_given_start_that_no_file_needs_is_noted(file_of) -> None:
+    path = file_of("a.parquet", NOW - 10**15)
+    assert replay_times([path], now=NOW, start="2026-11-19").notes == [
+        "--start is not used: every file states its own start time"
+    ]
+    assert replay_times([path], now=NOW).notes == []
+
+
 def test_a_start_that_is_no_time_is_refused() -> None:
     with pytest.raises(ParameterError, match=r"--start 'noon' is not a time: write it like 2026-11-21T08:30"):
         replay_times([], now=NOW, start="noon")

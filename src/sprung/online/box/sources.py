@@ -481,9 +481,9 @@ class ReplayTimes:
 
     @property
     def notes(self) -> list[str]:
-        """Sentence about files without start time; empty if the times are those of the files."""
+        """Sentence about files without start time, or about a time that was given for none; else empty."""
         if not self.untimed:
-            return []
+            return ["--start is not used: every file states its own start time"] * self.is_given
         others = f" and {counted(len(self.untimed) - 1, 'other file')}" if self.untimed[1:] else ""
         how = "as given" if self.is_given else "so that they end now; give --start TIME for the time of recording"
         begin = format_time(self.start)
