@@ -88,6 +88,10 @@ def test_an_alert_keeps_the_change_test_behind_it(store) -> None:
         ({"spring": (0.1, 0.9)}, 700, "inspect before the next 500 km"),
         ({"spring": (0.8, 0.9)}, 300, "continue monitoring"),
         ({"spring": (0.1, 0.2), "front_left.spring": (0.8, 0.9)}, 300, "continue monitoring"),
+        ({"front_left.spring": (0.1, 0.2), "car-*": {"spring": (0.8, 0.9)}}, 300, "continue monitoring"),
+        ({"spring": (0.1, 0.2), "bus-*": {"spring": (0.8, 0.9)}}, 900, "inspect before the next drive"),
+        ({"spring": (0.1, 0.2), "car-*": {"damper": (0.8, 0.9)}}, 900, "inspect before the next drive"),
+        ({"car-1": {"spring": (0.1, 0.9)}, "car-*": {"spring": (0.8, 0.9)}}, 700, "inspect before the next 500 km"),
     ],
 )
 def test_soft_and_hard_limits_of_a_part_decide_the_severity(store, limits, severity, advice) -> None:
@@ -97,7 +101,9 @@ def test_soft_and_hard_limits_of_a_part_decide_the_severity(store, limits, sever
     diagnosis = sprung.diagnose(compared, sprung.learn(healthy))
     recording = sprung.Recording(np.zeros((1, 2)), 1.0, (sprung.Channel("a"),), NOW)
     event = Observed(17, recording, compared[-1], diagnosis, None)
-    AlertBook(store, AlertSettings(limits=limits)).take_window("car-1", event, now=NOW)
+    of_vehicles = {name: limits.pop(name) for name in list(limits) if isinstance(limits[name], dict)}
+    settings = AlertSettings(limits=limits, vehicle_limits=of_vehicles)
+    AlertBook(store, settings).take_window("car-1", event, now=NOW)
     (row,) = store.alerts.find()
     assert (row.cause, row.severity, row.advice) == ("front_left.spring", severity, advice)
     assert row.sentence.endswith(advice)

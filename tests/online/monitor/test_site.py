@@ -66,7 +66,7 @@ def fields(model, table=""):
 
 def test_every_setting_is_in_the_manual_with_its_default() -> None:
     expected = {key: (shown_default(field), field.description) for key, field in fields(Site)}
-    assert len(expected) == 50
+    assert len(expected) == 51
     assert documented() == expected
 
 
@@ -119,6 +119,11 @@ def changed(path, value):
             ("alerts", "limits"),
             {"damper": [0.3, 0.2]},
             "alerts, limits: damper = [0.3, 0.2] must be a soft limit above 0 and a hard one",
+        ),
+        (
+            ("alerts", "vehicle_limits"),
+            {"bus-0*": {"dampr": [0.1, 0.2]}},
+            "alerts, vehicle_limits, bus-0*: 'dampr' is no part: limit one of spring, damper, primary_spring",
         ),
         (("send", "webhook"), {"url": "http://secret"}, "send, webhook must be a list: write texts in brackets"),
         (("send", "webhook", 0), {}, "[[send.webhook]] 1, url is missing: add it"),

@@ -3,8 +3,9 @@
 Of what people do only the end of shelving and the closing of an alert notify.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from typing import Any, Literal
 
 from sprung._checks import check_number
@@ -42,6 +43,8 @@ class AlertSettings:
     limits
         Soft and hard limit of the certain change by kind of part or by part: the alert is high from the first on, and
         critical from the second; parts without limits have the severity of their finding.
+    vehicle_limits
+        Such limits of vehicles by name, or by a pattern such as "bus-0*".
 
     Raises
     ------
@@ -52,13 +55,19 @@ class AlertSettings:
     raise_after: int = 1
     clear_after: int = 3
     renotify_after: int | None = None
-    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)
+    limits: Mapping[str, Sequence[float]] = field(default_factory=dict, hash=False)
+    vehicle_limits: Mapping[str, Mapping[str, Sequence[float]]] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         check_number("raise_after", self.raise_after, at_least=1, advice="1 raises at the first report")
         check_number("clear_after", self.clear_after, at_least=1, advice="1 clears at the first window without it")
         if self.renotify_after is not None:
             check_number("renotify_after", self.renotify_after, above=0, advice="None never notifies again")
+
+    def limits_of(self, vehicle: str, *parts: str) -> Sequence[float] | None:
+        """Return the limits of the first of `parts` that is known: of the vehicle, else of all; None without any."""
+        own = [table for name, table in self.vehicle_limits.items() if fnmatchcase(vehicle, name)]
+        return next((table[part] for table in (*own, self.limits) for part in parts if part in table), None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """From windows of vehicles, and problems of monitoring, to alerts in the store."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -55,7 +55,7 @@ class AlertBook:
             for fault in {fault.channel: fault for fault in reversed(sensors)}.values()  # the first of each channel
         ]
         if event.diagnosis is not None:
-            reports += _of_diagnosis(vehicle, event.diagnosis, self._settings.limits)
+            reports += _of_diagnosis(vehicle, event.diagnosis, self._settings)
         is_valid = event.observation.is_conclusive and not sensors
         with self._store.alerts.locked_of(vehicle) as known:
             transitions = assess(
@@ -151,9 +151,8 @@ class AlertBook:
         return {alert.cause: alert for alert in self._store.alerts.find(vehicle=vehicle)}
 
 
-def _limited(finding: Finding, limits: Mapping[str, tuple[float, float]]) -> Finding:
-    """Return a finding with the severity by the limits of its part, or of its kind of part, if there are any."""
-    known = limits.get(finding.hypothesis) or limits.get(finding.component)
+def _limited(finding: Finding, known: Sequence[float] | None) -> Finding:
+    """Return a finding with the severity by its soft and hard limit, if there are any."""
     if known is None or finding.interval is None:
         return finding
     (soft, hard), (low, high) = known, finding.interval
@@ -163,7 +162,7 @@ def _limited(finding: Finding, limits: Mapping[str, tuple[float, float]]) -> Fin
     return replace(finding, severity=severity, severity_number=number, advice=advice)
 
 
-def _of_diagnosis(vehicle: str, diagnosis: Diagnosis, limits: Mapping[str, tuple[float, float]]) -> list[Report]:
+def _of_diagnosis(vehicle: str, diagnosis: Diagnosis, settings: AlertSettings) -> list[Report]:
     """Return the reports of the findings of a diagnosis, with the change test behind them."""
     test: dict[str, Any] = {"detectable": detectable_document(diagnosis.detectable)}
     if diagnosis.detection is not None:
@@ -179,5 +178,6 @@ def _of_diagnosis(vehicle: str, diagnosis: Diagnosis, limits: Mapping[str, tuple
             f"{finding.sentence}; {limit}" if limit else finding.sentence,
             {**finding_document(finding), **test},
         )
-        for finding in (_limited(finding, limits) for finding in diagnosis.findings)
+        for found in diagnosis.findings
+        for finding in (_limited(found, settings.limits_of(vehicle, found.hypothesis, found.component)),)
     ]

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 from urllib.parse import urlsplit
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from sprung.errors import FormatError, ParameterError
 from sprung.link import Address
@@ -76,6 +76,21 @@ class Watch(_Table):
         )
 
 
+def _limits(limits: dict[str, list[float]]) -> dict[str, list[float]]:
+    """Return soft and hard limits of parts, or refuse them."""
+    for name, ends in limits.items():
+        if name.rpartition(".")[2] not in _KINDS:
+            raise ParameterError(
+                f"{name!r} is no part: limit one of {', '.join(_KINDS)}, or a part such as rear_left.damper"
+            )
+        if len(ends) != 2 or not 0 < ends[0] <= ends[1]:
+            raise ParameterError(f"{name} = {ends} must be a soft limit above 0 and a hard one: write [0.2, 0.4]")
+    return limits
+
+
+_Limits = Annotated[dict[str, list[float]], AfterValidator(_limits)]
+
+
 class Alerts(_Table):
     """When alerts are raised, cleared and repeated."""
 
@@ -91,31 +106,25 @@ class Alerts(_Table):
     silent_after_minutes: float = Field(
         60.0, gt=0, description="time without messages after which a vehicle is silent, unless switched off [min]"
     )
-    limits: dict[str, list[float]] = Field(
+    limits: _Limits = Field(
         {},
         description="soft and hard limit of the certain change of a kind of part or of one part, such as damper ="
         " [0.2, 0.4] or rear_left.damper: high from the first on, critical from the second, low below; left out: by the"
         " severity of findings",
     )
-
-    @field_validator("limits")
-    @classmethod
-    def _are_limits(cls, limits: dict[str, list[float]]) -> dict[str, list[float]]:
-        for name, ends in limits.items():
-            if name.rpartition(".")[2] not in _KINDS:
-                raise ParameterError(
-                    f"{name!r} is no part: limit one of {', '.join(_KINDS)}, or a part such as rear_left.damper"
-                )
-            if len(ends) != 2 or not 0 < ends[0] <= ends[1]:
-                raise ParameterError(f"{name} = {ends} must be a soft limit above 0 and a hard one: write [0.2, 0.4]")
-        return limits
+    vehicle_limits: dict[str, _Limits] = Field(
+        {},
+        description='such limits of vehicles by name or pattern: `[alerts.vehicle_limits."bus-0*"]`; the first that'
+        " matches and states the part or its kind counts, then `limits`",
+    )
 
     @property
     def settings(self) -> AlertSettings:
         """Settings of the alerts."""
         remind = None if self.remind_after_hours is None else round(3600e9 * self.remind_after_hours)
-        limits = {name: (soft, hard) for name, (soft, hard) in self.limits.items()}
-        return AlertSettings(self.raise_after_windows, self.clear_after_windows, remind, limits)
+        return AlertSettings(
+            self.raise_after_windows, self.clear_after_windows, remind, self.limits, self.vehicle_limits
+        )
 
 
 class Keep(_Table):
