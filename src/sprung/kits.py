@@ -3,19 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sprung._arrays import Real
 from sprung._checks import check_number, check_one_of
 from sprung.calibration.data_sheet import accelerometer, gyroscope
-from sprung.diagnosis.baseline import CONDITIONS, Baseline, prior_information
-from sprung.diagnosis.detectability import detectable
-from sprung.diagnosis.learning import LEARNING_WINDOWS
-from sprung.diagnosis.scatter import Scatter
 from sprung.errors import ParameterError
 from sprung.likelihood.expected import ExpectedDrive, ExpectedFit, expected_fit
 from sprung.vehicles import Component, Sensor, Vehicle, check_on_axles
+
+if TYPE_CHECKING:
+    from sprung.diagnosis.baseline import Baseline
 
 __all__ = ["KitPlan", "PlannedComponent", "PlannedSensor", "best_places", "candidates", "kit_of", "plan"]
 
@@ -196,6 +196,8 @@ def _minutes(
     expected: ExpectedFit, drive: ExpectedDrive, false_alarms: float
 ) -> dict[Component, dict[float, float | None]]:
     """Return the median time to a finding of each component and change [min]."""
+    from sprung.diagnosis.detectability import detectable
+
     baseline = _expected_baseline(expected)
     per_day = 24 * 60 / drive.minutes
     losses = [
@@ -217,8 +219,12 @@ def _time(losses: Sequence[float], change: float, minutes: float) -> float | Non
     return float(minutes * max(1.0, windows))
 
 
-def _expected_baseline(expected: ExpectedFit) -> Baseline:
+def _expected_baseline(expected: ExpectedFit) -> "Baseline":
     """Return the baseline of windows of the expected precision, at one temperature and in the same conditions."""
+    from sprung.diagnosis.baseline import CONDITIONS, Baseline, prior_information
+    from sprung.diagnosis.learning import LEARNING_WINDOWS
+    from sprung.diagnosis.scatter import Scatter
+
     components, size = expected.components, len(expected.components)
     scatter = Scatter.typical(components, expected.covariance, with_temperature=True)
     seen = np.zeros((1 + len(CONDITIONS),) * 2)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sprung.identification.friction import fit_friction, swing_with_friction
+from sprung.identification.friction import beyond_one_swing, fit_friction, swing_with_friction
 
 TIME = np.arange(400) / 100
 
@@ -62,3 +62,11 @@ def test_a_linear_swing_has_no_friction() -> None:
     ]
     assert not any(fit.is_significant for fit in fits)
     np.testing.assert_allclose(fits[0].equivalent[0], [1.5, 0.15], rtol=0.03)
+
+
+def test_two_motions_are_beyond_one_swing() -> None:
+    """Two orthogonal motions of equal power in two channels: one of them explains half of the power."""
+    time = np.arange(200) / 100
+    both = np.stack([np.sin(2 * np.pi * time), np.cos(2 * np.pi * time)])
+    assert beyond_one_swing(both) == pytest.approx(np.sqrt(0.5), rel=1e-12)
+    assert beyond_one_swing(np.outer([1.0, -3.0], both[0])) < 1e-12

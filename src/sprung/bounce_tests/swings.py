@@ -10,7 +10,7 @@ from sprung.bounce_tests.begins import delayed, free_from
 from sprung.bounce_tests.results import RULES, BounceTest, CornerValue
 from sprung.errors import DataError, ParameterError
 from sprung.identification.free_response import FreeFit, Transient, fit_free_response
-from sprung.identification.friction import FrictionFit, correlated_samples, fit_friction
+from sprung.identification.friction import FrictionFit, beyond_one_swing, correlated_samples, fit_friction
 from sprung.likelihood import corners_from_modes, rigid_layout
 from sprung.modal import Modes, mac, unit_shapes
 from sprung.recording import Recording
@@ -201,8 +201,6 @@ def _with_friction(run: Recording, number: int, transient: Transient) -> BounceT
 
 def _swing(run: Recording, group: tuple[int, ...], transient: Transient) -> tuple[FrictionFit, int] | None:
     """Return the swing with friction of some channels, and its first sample; None where none describes them."""
-    from scipy.signal import find_peaks
-
     rate, window = run.sampling_rate, transient.window
     order = _ORDERS.get(run.channels[group[0]].quantity, 2)
     first, end = round(transient.onset * rate), round(transient.end * rate)
@@ -213,7 +211,7 @@ def _swing(run: Recording, group: tuple[int, ...], transient: Transient) -> tupl
     smooth = np.convolve(largest, np.ones(width) / width, mode="same")
     prominence = 0.1 * np.ptp(smooth)
     side = 1 if np.ptp([smooth.max(), smooth[-1]]) > np.ptp([smooth.min(), smooth[-1]]) else -1
-    turns, others = (find_peaks(sign * smooth, prominence=prominence)[0] for sign in (side, -side))
+    turns, others = (_peaks(sign * smooth, prominence) for sign in (side, -side))
     if first == 0 and side * largest[0] > 0.97 * np.max(side * largest):  # released where the record begins
         turns = np.concatenate([[0], turns])
     turns = turns[turns >= np.argmax(side * smooth)] if turns.size and turns[0] > 0 else turns
@@ -223,6 +221,8 @@ def _swing(run: Recording, group: tuple[int, ...], transient: Transient) -> tupl
     for turn in turns[: RULES.max_turns]:
         if end - first - turn < 1.2 * window * rate:
             break
+        if beyond_one_swing(samples[:, turn:]) > RULES.max_residual:
+            continue
         fit = fit_friction(samples[:, turn:], rate, frequency=1 / window, order=order)
         if fit.equivalent[0, 1] > RULES.max_swing_damping or fit.friction > RULES.max_swing_damping:
             continue
@@ -233,6 +233,23 @@ def _swing(run: Recording, group: tuple[int, ...], transient: Transient) -> tupl
         if fit.residual < RULES.good_residual:
             break
     return best
+
+
+def _peaks(values: Real, prominence: float) -> Indices:
+    """Return the maxima, or their middles, that rise and fall by a prominence from the minima on either side."""
+    found: list[int] = []
+    lowest, highest = np.inf, None
+    for k, value in enumerate(values.tolist()):
+        if highest is None:
+            lowest = min(lowest, value)
+            highest = k if value - lowest >= prominence else None
+        elif value > values[highest]:
+            highest = k
+        elif values[highest] - value >= prominence:
+            level = int(np.argmin(values[highest:] == values[highest]))
+            found.append(highest + (level - 1) // 2)
+            lowest, highest = value, None
+    return np.array(found, dtype=np.intp)
 
 
 def _at_stop(values: Real, samples: Real) -> Booleans:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import ndimage, special
+from scipy import special
 
 from sprung._arrays import Booleans, Complex, Real
 from sprung.identification.correlation import Correlations
@@ -81,6 +81,8 @@ def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlatio
 
 def _spectra_of_chance(correlations: Correlations) -> Real | None:
     """Return the running medians of the spectra of all channels, shape (channels, frequencies); None if unknown."""
+    from scipy import ndimage
+
     has_own = correlations.references == correlations.channels and len(correlations.channels) > 1
     if not has_own or not np.isfinite(correlations.n_products):
         return None

@@ -207,8 +207,7 @@ def fit_friction(samples: Real, sampling_rate: float, *, frequency: float, order
     """
     from scipy.optimize import OptimizeResult, least_squares
 
-    step = max(1, samples.shape[1] // RULES.max_samples)
-    values = samples[:, ::step].T / np.maximum(np.std(samples, axis=1), 1e-300)
+    values, step = _scaled(samples)
     time = np.arange(len(values)) * step / sampling_rate
 
     def linear(parameters: Real) -> tuple[Real, Real]:
@@ -221,7 +220,7 @@ def fit_friction(samples: Real, sampling_rate: float, *, frequency: float, order
             order=order,
         )
         columns = np.stack([swing, np.ones_like(swing)], axis=1)
-        return columns, np.linalg.lstsq(columns, values, rcond=None)[0]
+        return columns, np.asarray(np.linalg.lstsq(columns, values, rcond=None)[0], dtype=np.float64)
 
     def errors(parameters: Real) -> Real:
         columns, factors = linear(parameters)
@@ -267,6 +266,19 @@ def fit_friction(samples: Real, sampling_rate: float, *, frequency: float, order
         offsets=factors[1] * scales,
         order=order,
     )
+
+
+def _scaled(samples: Real) -> tuple[Real, int]:
+    """Return the samples that are fitted, over the RMS of their channel, shape (samples, channels), and their step."""
+    step = max(1, samples.shape[1] // RULES.max_samples)
+    return np.asarray(samples[:, ::step].T / np.maximum(np.std(samples, axis=1), 1e-300)), step
+
+
+def beyond_one_swing(samples: Real) -> float:
+    """Return the least RMS that any one motion of all channels can leave of samples, over that of the motion."""
+    values = _scaled(samples)[0]
+    own = np.linalg.svd(values - values.mean(axis=0), compute_uv=False)
+    return float(np.sqrt(np.sum(own[1:] ** 2) / values.size))
 
 
 def _deviations(fit: Any) -> Real:

@@ -7,7 +7,6 @@ from operator import add
 
 import numpy as np
 from scipy import fft
-from scipy.cluster import hierarchy
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_each, freeze, settings_of
@@ -73,6 +72,8 @@ def match_modes(parts: Sequence[Modes], rows: Sequence[Sequence[int]]) -> Indice
     + ((1 - MAC) / 0.3)^2, up to 1; two modes of one set-up are never the same. The MAC is that on the points that both
     set-ups measure; with a single shared point it carries no information.
     """
+    from scipy.cluster import hierarchy
+
     owners = np.concatenate([np.full(len(part), k) for k, part in enumerate(parts)]).astype(np.intp)
     places = np.concatenate([np.arange(len(part)) for part in parts]).astype(np.intp)
     if len(owners) < 2:

@@ -6,7 +6,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.cluster import hierarchy
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_number, freeze
@@ -281,6 +280,8 @@ def align(poles: Complex, mode_shapes: Complex, *, has_free_damping: bool = Fals
     within half of their half-bandwidth and of one shape are one mode. With free damping p and q are moduli, and 2
     stands for 0.5: modes of one shape whose half-power bands overlap are one.
     """
+    from scipy.cluster import hierarchy
+
     if len(poles) < 2:
         return np.zeros(len(poles), dtype=np.intp)
     share = _RULES.merged_bandwidth if has_free_damping else _RULES.aligned_bandwidth

@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise, permutations
 
 import numpy as np
-from scipy.ndimage import median_filter
-from scipy.optimize import linear_sum_assignment
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_each, check_number, freeze, settings_of
@@ -302,6 +300,8 @@ def scatter(values: Real) -> float:
 
 def _tracked(times: Real, values: Real, deviations: Real) -> TrackedValue:
     """Return the summary of values over time."""
+    from scipy.ndimage import median_filter
+
     known = deviations[np.isfinite(deviations)]
     low, high = np.percentile(values, [2.5, 97.5])
     own = scatter(values)
@@ -493,6 +493,8 @@ def _main_directions(shapes: Complex | Sequence[Complex], rank: int) -> Complex:
 
 def _assigned(costs: Real) -> list[tuple[int, int]]:
     """Return the pairs of least total cost, in which a track or mode without a partner costs half the gate."""
+    from scipy.optimize import linear_sum_assignment
+
     rows, columns = linear_sum_assignment(np.minimum(costs, _RULES.gate))
     return [
         (int(row), int(column)) for row, column in zip(rows, columns, strict=True) if costs[row, column] < _RULES.gate

@@ -156,7 +156,7 @@ class FreePoles:
         """Each record at these poles."""
         parts = []
         for number in range(self.data.n_records):
-            wanted = _stacked(self.data.values[self.data.records == number])
+            wanted = _stacked(self.data.values[self.data.of_records[number]])
             basis, triangle = np.linalg.qr(_stacked(self._columns(number, self.poles)[0]))
             inside = basis.T @ wanted
             residues = np.linalg.lstsq(triangle, inside, rcond=1e-12)[0]
@@ -165,8 +165,8 @@ class FreePoles:
 
     def _columns(self, number: int, poles: Complex, steps: Complex | None = None) -> list[Complex]:
         """Return a record's lines of unit real and imaginary residues, or their derivatives; (lines, 2 poles)."""
-        own, rate = self.data.records == number, self.data.sampling_rate
-        turn = np.exp(-2j * np.pi * self.data.frequencies[own, None] / rate)
+        own, rate = self.data.of_records[number], self.data.sampling_rate
+        turn = self.data.turn[own]
         z, gains = np.exp(poles / rate), self.data.gains[own, None]
         ahead, behind = gains / (1 - z * turn), gains / (1 - z.conj() * turn)
         if steps is None:

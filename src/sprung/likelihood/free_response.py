@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,7 +21,7 @@ _LEAST_NOISE = 1e-26
 _PRIOR_STD = {"natural_frequency": 0.5, "damping_ratio": 1.0, "mode_shapes": 10.0}
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class FreeLines:
     """Fourier lines of records that are not tapered, scaled so that their mean squares are one-sided densities.
 
@@ -53,6 +54,17 @@ class FreeLines:
     def n_records(self) -> int:
         """Number of records."""
         return int(self.records[-1]) + 1
+
+    @cached_property
+    def of_records(self) -> list[slice]:
+        """Lines of each record."""
+        ends = np.searchsorted(self.records, np.arange(self.n_records + 1))
+        return [slice(int(first), int(last)) for first, last in pairwise(ends)]
+
+    @cached_property
+    def turn(self) -> Complex:
+        """e^(-iw) of every line, shape (lines, 1)."""
+        return np.exp(-2j * np.pi * self.frequencies[:, None] / self.sampling_rate)
 
     def scaled(self, factors: Real) -> "FreeLines":
         """Return the lines of channels multiplied by factors, shape (channels,)."""
@@ -192,9 +204,8 @@ class FreeResponse:
                 total[np.ix_(own, own)] = np.sum(powers[:, 0, :, None] * powers[:, 0, None, :], axis=0)
         rows, slopes = self._slopes(fit)
         columns = self._columns(fit.values, fit.whitening)
-        for number in range(self.data.n_records):
-            own = self.data.records == number
-            slope = _projected(_stacked(columns[own]), _stacked(slopes[own]))[1]
+        for lines in self.data.of_records:
+            slope = _projected(_stacked(columns[lines]), _stacked(slopes[lines]))[1]
             total[np.ix_(rows, rows)] += 2 * slope.T @ slope
         return total
 
@@ -203,8 +214,7 @@ class FreeResponse:
         fit, (n_lines, n_channels) = self.fitted(parameters), self.data.values.shape
         slopes, columns = self._slopes(fit)[1], self._columns(fit.values, fit.whitening)
         shares, left = np.zeros((n_lines, n_channels)), np.empty((2, n_lines, n_channels, slopes.shape[2]))
-        for number in range(self.data.n_records):
-            own = self.data.records == number
+        for own in self.data.of_records:
             basis, slope = _projected(_stacked(columns[own]), _stacked(slopes[own]))
             shares[own] = np.sum(basis**2, axis=1).reshape(2, -1, n_channels).mean(axis=0)
             left[:, own] = slope.reshape(2, -1, n_channels, slopes.shape[2])
@@ -241,8 +251,7 @@ class FreeResponse:
             raise np.linalg.LinAlgError("the modes do not decay")
         n = len(values.natural_frequency)
         amplitudes = np.zeros((self.data.n_records, n), dtype=np.complex128)
-        for number in range(self.data.n_records):
-            own = self.data.records == number
+        for number, own in enumerate(self.data.of_records):
             solved = np.linalg.lstsq(_stacked(columns[own]), _stacked(wanted[own])[:, 0], rcond=None)[0]
             amplitudes[number] = solved[:n] + 1j * solved[n:]
         forward, backward = self._kernels(values)
@@ -261,12 +270,7 @@ class FreeResponse:
         """Return B_k(w) and B_k(-w)^* of every line, scaled as the lines are, shape (lines, modes)."""
         z = np.exp(poles_of(values) / self.data.sampling_rate)
         gains = self.data.gains[:, None]
-        return gains / (1 - z * self._turn), gains / (1 - z.conj() * self._turn)
-
-    @cached_property
-    def _turn(self) -> Complex:
-        """e^(-iw) of every line, shape (lines, 1)."""
-        return np.exp(-2j * np.pi * self.data.frequencies[:, None] / self.data.sampling_rate)
+        return gains / (1 - z * self.data.turn), gains / (1 - z.conj() * self.data.turn)
 
     def _columns(self, values: ModalParameters, whitening: Complex | Real) -> Complex:
         """Return the whitened lines of unit real and imaginary amplitudes, shape (lines, channels, 2 modes)."""
@@ -289,8 +293,8 @@ class FreeResponse:
         z, gains = np.exp(poles / rate), self.data.gains[:, None]
         xi = values.damping_ratio
         by_damping = 2 * np.pi * values.natural_frequency * (-xi - 1j * xi**2 / np.sqrt(1 - xi**2))
-        ahead = each * forward**2 * z * self._turn / (rate * gains)
-        behind = each.conj() * backward**2 * z.conj() * self._turn / (rate * gains)
+        ahead = each * forward**2 * z * self.data.turn / (rate * gains)
+        behind = each.conj() * backward**2 * z.conj() * self.data.turn / (rate * gains)
         shapes = values.mode_shapes.T
         slopes = [
             shapes * (ahead * step)[:, None, :] + shapes.conj() * (behind * step.conj())[:, None, :]
@@ -388,8 +392,7 @@ def realised_poles(data: FreeLines, *, n_states: Sequence[int], block_rows: int)
     stretch = tangents.max() / np.tan(0.4 * np.pi)
     turn = np.exp(2j * np.arctan(tangents / stretch))
     n_channels, parts = data.values.shape[1], []
-    for number in range(data.n_records):
-        own = data.records == number
+    for own in data.of_records:
         powers = turn[own] ** np.arange(block_rows)[:, None]
         stacked = (powers[:, None, :] * data.values[own].T).reshape(block_rows * n_channels, -1)
         inputs = np.hstack([powers.real, powers.imag])

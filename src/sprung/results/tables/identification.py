@@ -4,18 +4,21 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sprung._arrays import Complex
 from sprung._display import counted
-from sprung.identification import METHOD_NAMES, Identification, LevelTrends, RovingSetups, SubsetModes
-from sprung.identification.methods import WindowModes
-from sprung.identification.stabilisation import StabilisationDiagram
-from sprung.identification.tracking import Track, TrackedModes, TrackedValue
 from sprung.modal import Modes, PoleStatus
 from sprung.results.tables.wording import Table, format_duration, format_estimate, format_name, format_time
-from sprung.signals.harmonics import Harmonic
+
+if TYPE_CHECKING:
+    from sprung.identification import Identification, LevelTrends, RovingSetups, SubsetModes
+    from sprung.identification.methods import WindowModes
+    from sprung.identification.stabilisation import StabilisationDiagram
+    from sprung.identification.tracking import Track, TrackedModes, TrackedValue
+    from sprung.signals.harmonics import Harmonic
 
 #: Channels below this share of the largest one are omitted from a shape in words.
 _MAIN_SHARE = 0.3
@@ -38,7 +41,7 @@ _MODES_CAPTION = (
 )
 
 
-def why_none(identification: Identification) -> str:
+def why_none(identification: "Identification") -> str:
     """Return a sentence that explains why there is no mode.
 
     Examples
@@ -69,7 +72,7 @@ def why_none(identification: Identification) -> str:
     return f"no mode found in {reasons.total()} poles ({counts}): record longer, or widen --band"
 
 
-def describe_identification(identification: Identification) -> str:
+def describe_identification(identification: "Identification") -> str:
     """Return the number of modes, the method and the channels of an identification in a line.
 
     Examples
@@ -83,6 +86,8 @@ def describe_identification(identification: Identification) -> str:
     >>> describe_identification(identification)
     '3 modes by Cov-SSI from 3 channels at 200 Hz'
     """
+    from sprung.identification import METHOD_NAMES
+
     modes, channels = counted(len(identification.modes), "mode"), counted(len(identification.channels), "channel")
     method = METHOD_NAMES.get(identification.method, identification.method)
     words = f"{modes} by {method} from {channels} at {identification.sampling_rate:.5g} Hz"
@@ -92,7 +97,7 @@ def describe_identification(identification: Identification) -> str:
     return f"{words}, {len(identification.setups.parts)} set-ups over references {names}"
 
 
-def identification_tables(identification: Identification) -> list[Table]:
+def identification_tables(identification: "Identification") -> list[Table]:
     """Return all tables of an identification that have rows.
 
     Examples
@@ -202,7 +207,7 @@ def _sign(part: complex) -> str:
     return "~" if abs(cosine) < 0.5 else "+" if cosine > 0 else "-"
 
 
-def subsets_table(identification: Identification) -> Table:
+def subsets_table(identification: "Identification") -> Table:
     """Return the table of each mode in each subset of segments.
 
     Examples
@@ -232,13 +237,13 @@ def subsets_table(identification: Identification) -> Table:
     return Table("Modes in subsets of segments, by the level of their signals", columns, rows)
 
 
-def _heading(subset: SubsetModes) -> str:
+def _heading(subset: "SubsetModes") -> str:
     """Return level and number of segments."""
     level = "" if subset.level is None else f"{subset.level[0]:.3g} to {subset.level[1]:.3g}\n"
     return f"{level}{counted(subset.n_segments, 'segment')}"
 
 
-def _level_trend(trends: LevelTrends | None, k: int) -> str:
+def _level_trend(trends: "LevelTrends | None", k: int) -> str:
     """Return the change of frequency and damping of a mode for twice the level, with standard deviations."""
     if trends is None or not np.isfinite(trends.p_value[k]):
         return ""
@@ -248,14 +253,14 @@ def _level_trend(trends: LevelTrends | None, k: int) -> str:
     return f"f {frequency:+.2g} ± {frequency_std:.2g} %, damping {damping:+.2g} ± {damping_std:.2g}{verdict}"
 
 
-def _subset_mode(subset: SubsetModes, member: int) -> str:
+def _subset_mode(subset: "SubsetModes", member: int) -> str:
     """Return frequency and damping of a mode in a subset."""
     if member < 0:
         return "-"
     return f"{subset.modes.natural_frequency[member]:.4g} Hz, {100 * subset.modes.damping_ratio[member]:.3g} %"
 
 
-def setups_table(modes: Modes, setups: RovingSetups) -> Table:
+def setups_table(modes: Modes, setups: "RovingSetups") -> Table:
     """Return the table of each mode in the set-ups: how many show it, and how much they differ."""
     rows = tuple(
         (f"{frequency:.4g} Hz", *_in_setups(setups, mode)) for mode, frequency in enumerate(modes.natural_frequency)
@@ -269,7 +274,7 @@ def setups_table(modes: Modes, setups: RovingSetups) -> Table:
     )
 
 
-def _in_setups(setups: RovingSetups, mode: int) -> tuple[str, ...]:
+def _in_setups(setups: "RovingSetups", mode: int) -> tuple[str, ...]:
     """Return number of set-ups that show a mode, ranges of frequency and damping, and lowest MAC."""
     showing = [part for part in setups.parts if part.members[mode] >= 0]
     frequency = [part.identification.modes.natural_frequency[part.members[mode]] for part in showing]
@@ -282,7 +287,7 @@ def _in_setups(setups: RovingSetups, mode: int) -> tuple[str, ...]:
     )
 
 
-def harmonics_table(harmonics: Sequence[Harmonic]) -> Table:
+def harmonics_table(harmonics: Sequence["Harmonic"]) -> Table:
     """Return the table of harmonics, strongest first, with the multiples of a fundamental in one row.
 
     Examples
@@ -307,12 +312,12 @@ def harmonics_table(harmonics: Sequence[Harmonic]) -> Table:
     return Table("Harmonics of the excitation, not modes", columns, tuple(rows), n_words=2)
 
 
-def _faintness(family: tuple[tuple[str, float], Sequence[Harmonic]]) -> float:
+def _faintness(family: tuple[tuple[str, float], Sequence["Harmonic"]]) -> float:
     """Return the sort key of a family: the most prominent comes first."""
     return -max(line.prominence for line in family[1])
 
 
-def _family(fundamental: float, lines: Sequence[Harmonic]) -> tuple[str, ...]:
+def _family(fundamental: float, lines: Sequence["Harmonic"]) -> tuple[str, ...]:
     """Return the row of a fundamental and its multiples."""
     is_over_time = lines[0].kind != "speed"
     low, high = min(line.band[0] for line in lines), max(line.band[1] for line in lines)
@@ -345,7 +350,7 @@ def _listed(words: Sequence[str], separator: str = " ") -> str:
     return separator.join([*words[:_MAX_WORDS], *(["..."] if len(words) > _MAX_WORDS else [])])
 
 
-def diagram_table(diagram: StabilisationDiagram) -> Table:
+def diagram_table(diagram: "StabilisationDiagram") -> Table:
     """Return the table of the numbers of poles of each status."""
     counts = {status: int((diagram.status == status).sum()) for status in PoleStatus}
     rows = tuple((str(count), status.sentence) for status, count in counts.items() if count)
@@ -363,7 +368,7 @@ _CAPTION = (
 )
 
 
-def tracks_table(tracked: TrackedModes, *, start: int | None = None, has_times: bool | None = None) -> Table:
+def tracks_table(tracked: "TrackedModes", *, start: int | None = None, has_times: bool | None = None) -> Table:
     """Return the table of tracked modes, one line for each.
 
     Parameters
@@ -418,7 +423,7 @@ def tracks_table(tracked: TrackedModes, *, start: int | None = None, has_times: 
     return Table("", columns, rows, caption=_CAPTION)
 
 
-def describe_tracks(tracked: TrackedModes) -> str:
+def describe_tracks(tracked: "TrackedModes") -> str:
     """Return the number of modes and windows in a line.
 
     Examples
@@ -437,7 +442,7 @@ def describe_tracks(tracked: TrackedModes) -> str:
     return f"{counted(len(tracked.tracks), 'mode')} followed over {count} with modes, of {len(tracked.times)}"
 
 
-def tracks_notes(tracked: TrackedModes, windows: Sequence[WindowModes]) -> list[str]:
+def tracks_notes(tracked: "TrackedModes", windows: Sequence["WindowModes"]) -> list[str]:
     """Return sentences on the layout of the sensors, on windows without modes, and on modes that belong to no track.
 
     Examples
@@ -470,7 +475,7 @@ def tracks_notes(tracked: TrackedModes, windows: Sequence[WindowModes]) -> list[
     return notes
 
 
-def describe_jumps(tracked: TrackedModes, track: Track, *, start: int | None, has_times: bool) -> list[str]:
+def describe_jumps(tracked: "TrackedModes", track: "Track", *, start: int | None, has_times: bool) -> list[str]:
     """Return the sudden changes of a track's frequency, the first few of many."""
     words = [
         f"{100 * (jump.after / jump.before - 1):+.2g} % at "
@@ -480,7 +485,7 @@ def describe_jumps(tracked: TrackedModes, track: Track, *, start: int | None, ha
     return [*words[:_MAX_LISTED], "..."] if len(words) > _MAX_LISTED else words
 
 
-def format_change(value: TrackedValue) -> str:
+def format_change(value: "TrackedValue") -> str:
     """Return the relative change over a track [%] with its standard deviation; empty for a short one."""
     trend = value.trend
     if trend is None:
@@ -497,7 +502,7 @@ def format_moment(time: float, *, start: int | None, has_times: bool) -> str:
     return format_duration(time)
 
 
-def _ratio(value: TrackedValue, n_windows: int) -> str:
+def _ratio(value: "TrackedValue", n_windows: int) -> str:
     """Return scatter over stated deviation; empty if one is unknown or rests on few windows."""
     ratio = value.scatter / value.stated if value.stated > 0 and n_windows >= _FOR_RATIO else math.nan
     return f"{ratio:.2g}" if math.isfinite(ratio) else ""
