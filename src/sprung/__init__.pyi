@@ -21,6 +21,7 @@ from sprung.diagnosis import Findings as Findings
 from sprung.diagnosis import Hypothesis as Hypothesis
 from sprung.diagnosis import Observation as Observation
 from sprung.diagnosis import Observations as Observations
+from sprung.diagnosis import PhaseShift as PhaseShift
 from sprung.diagnosis import RankedVehicle as RankedVehicle
 from sprung.diagnosis import ResidualReference as ResidualReference
 from sprung.diagnosis import ResidualStatistics as ResidualStatistics

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import Candidate, Hypothesis, Size, diagnose, trend
+from sprung.diagnosis.trends import phase_shift
 
 
 def test_growing_change_has_a_trend_and_a_forecast(window, faulty, baseline) -> None:
@@ -82,3 +83,58 @@ def test_three_windows_or_an_unmodelled_change_have_no_trend(baseline, healthy) 
     windows = growing(baseline, healthy, per_hour=-0.12)
     assert trend(candidate("front_left", "spring"), windows, baseline, since=2400.0) is None
     assert trend(candidate("vehicle", "unmodelled"), windows, baseline, since=0.0) is None
+
+
+def phases(window, *degrees: float, std: float = 2.0):
+    """Windows of ten minutes with the phase shift of the rear-left corner."""
+    generator = np.random.default_rng(4)
+    return [
+        window(generator, 600.0 * k, phase_shifts={"rear_left": (value, std), "rear_right": (54.0, 2.0)})
+        for k, value in enumerate(degrees)
+    ]
+
+
+def test_a_steady_phase_shift_is_the_mean_with_the_uncertainty_that_all_windows_share(window) -> None:
+    found = phase_shift(["rear_left", "rear_right"], phases(window, 39.0, 41.0, 40.0, 41.0, 39.0), since=0.0)
+    assert found is not None
+    assert found.degrees == pytest.approx(40.0)
+    assert found.interval == pytest.approx((40 - 1.96 * 2, 40 + 1.96 * 2))
+    assert found.hours_to_limit is None
+
+
+def test_a_falling_phase_shift_reaches_the_limit_when_its_line_does(window) -> None:
+    falling = 50 - 6 * np.arange(7) / 6 + 1e-6 * np.random.default_rng(1).standard_normal(7)
+    found = phase_shift(["rear_left"], phases(window, *falling, std=1e-9), since=0.0)
+    assert found is not None
+    assert found.degrees == pytest.approx(44.0, abs=1e-5)
+    assert found.hours_to_limit == pytest.approx((1.5, 1.5), abs=1e-4)  # 9 degrees at 6 an hour
+    due = phase_shift(["rear_left"], phases(window, *(falling - 20), std=1e-9), since=0.0)
+    assert due is not None
+    assert due.hours_to_limit == (0.0, 0.0)
+
+
+def test_a_corner_far_above_the_limit_has_no_phase_shift(window) -> None:
+    windows = [*phases(window, 54.0, 54.0), window(np.random.default_rng(1), 1200.0)]
+    assert phase_shift(["rear_left"], windows, since=0.0) is None
+    assert phase_shift(["front_left"], windows[:2], since=0.0) is None
+    assert phase_shift(["rear_left"], [], since=0.0) is None
+
+
+@pytest.mark.parametrize(
+    ("degrees", "severity"), [(50.0, "medium"), (34.0, "medium"), (30.9, "high"), (36.0, "medium")]
+)
+def test_a_damper_that_fails_the_suspension_test_is_severe_however_little_it_has_changed(
+    window, faulty, baseline, degrees, severity
+) -> None:
+    changed = [
+        replace(one, phase_shifts={"rear_left": (degrees, 2.0)})
+        for one in faulty(3, {"rear_left.damper": -0.19}, before=0, after=8)
+    ]
+    (finding,) = diagnose(changed, baseline).findings
+    assert (finding.hypothesis, finding.severity) == ("rear_left.damper", severity)
+    assert f"phase shift at inspection {degrees:.0f} degrees" in finding.sentence
+    (stiffer,) = diagnose(
+        [replace(one, phase_shifts={"rear_left": (30.0, 2.0)}) for one in faulty(3, {"rear_left.damper": 0.3})],
+        baseline,
+    ).findings
+    assert stiffer.phase_shift is None

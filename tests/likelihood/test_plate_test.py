@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.likelihood import fit_corners
-from sprung.likelihood.plate_test import PLATE, Corner, plate_tests, tyres
+from sprung.likelihood.plate_test import PLATE, Corner, low_phase_shifts, plate_tests, tyres
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.vehicles import Component, parse_fault, read_vehicle, structure
 
@@ -92,3 +92,15 @@ def test_an_axle_that_carries_no_body_has_figures() -> None:
     mass[0, 0] = 1e-3 * mass[0, 0]
     corner = Corner(replace(vehicle, mass=mass), tyres(vehicle)["front_left"])
     assert np.all(np.isfinite(corner.figures(*corner.extremes())))
+
+
+def test_a_window_states_the_phase_shift_of_weak_corners_alone() -> None:
+    settings = RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0, faults=(parse_fault("rear_left.damper=-0.7"),))
+    weak = fit_corners(simulate_drive(CAR, settings, seed=2).recording, CAR)
+    test = plate_tests(weak)["rear_left"]
+    assert low_phase_shifts(weak)["rear_left"] == (test.phase_shift, test.phase_shift_std)
+    assert "rear_right" not in low_phase_shifts(weak)
+    healthy = fit_corners(simulate_drive(CAR, replace(settings, faults=()), seed=2).recording, CAR)
+    assert low_phase_shifts(healthy) == {
+        c: (t.phase_shift, t.phase_shift_std) for c, t in plate_tests(healthy).items() if t.phase_shift < 55
+    }

@@ -38,6 +38,7 @@ from sprung.diagnosis.residuals import learn_reference as learn_reference
 from sprung.diagnosis.residuals import residual_statistics as residual_statistics
 from sprung.diagnosis.residuals import residual_test as residual_test
 from sprung.diagnosis.sensors import sensor_faults as sensor_faults
+from sprung.diagnosis.trends import PhaseShift as PhaseShift
 from sprung.diagnosis.trends import Trend as Trend
 from sprung.diagnosis.trends import trend as trend
 from sprung.diagnosis.type_baselines import TypeBaseline as TypeBaseline

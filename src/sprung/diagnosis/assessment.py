@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 from scipy.special import entr
@@ -17,13 +18,15 @@ from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.learning import learn
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import RESIDUALS, ResidualTest, residual_test
-from sprung.diagnosis.trends import current_sizes, trend
+from sprung.diagnosis.trends import PhaseShift, current_sizes, phase_shift, trend
 from sprung.diagnosis.type_baselines import MIN_VEHICLES, TypeBaseline, nominal_type
 from sprung.diagnosis.type_comparison import TypeComparison, compare_with_type
 from sprung.diagnosis.type_learning import Fleet, usable_windows
 from sprung.errors import DataError, ParameterError
+from sprung.likelihood.plate_test import PLATE
 from sprung.vehicles import Component
 from sprung.vehicles.channel_faults import SensorFault
+from sprung.vehicles.structure import DAMPERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -368,10 +371,22 @@ def _findings(
         low, high = size.interval
         certain = min(abs(low), abs(high)) if low * high > 0 else 0.0
         severity = next(level[1:] for level in SEVERITIES if certain >= level[0])
+        phase = None
+        if change.component in DAMPERS and size.change < 0:
+            corners = [part.corner for part in change.parts(baseline.components)]
+            phase = phase_shift(corners, observations, since=best.onset)
+        severity = max(severity, _severity_by(phase), key=itemgetter(1))
         course = trend(best, observations, baseline, since=best.onset, number=number)
         size_of_it = size.change, size.interval, size.score
-        findings.append(Finding(change.corner, change.component, *size_of_it, *severity, *onset, course))
+        findings.append(Finding(change.corner, change.component, *size_of_it, *severity, *onset, course, phase))
     return tuple(findings)
+
+
+def _severity_by(phase: PhaseShift | None) -> tuple[str, int, str]:
+    """Return the severity of a damper that certainly fails the suspension test, that probably does, or of others."""
+    if phase is None or phase.degrees >= PLATE.phase_limit:
+        return SEVERITIES[3][1:]
+    return SEVERITIES[1 if phase.interval[1] < PLATE.phase_limit else 2][1:]
 
 
 def _best_two(detection: Detection) -> tuple[Candidate, Candidate | None]:

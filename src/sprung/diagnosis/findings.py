@@ -13,7 +13,8 @@ from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.changes import Detection
 from sprung.diagnosis.observation import Observation, Observations
 from sprung.diagnosis.residuals import ResidualTest
-from sprung.diagnosis.trends import Trend
+from sprung.diagnosis.trends import PhaseShift, Trend
+from sprung.likelihood.plate_test import PLATE
 from sprung.modal import mac, unit_shapes
 from sprung.vehicles import Component, Vehicle, structure
 from sprung.vehicles.channel_faults import SensorFault
@@ -73,6 +74,8 @@ class Finding(Tabular):
         Second hypothesis in words, unless it is far less likely; empty otherwise.
     trend
         Course of the change after its onset; None with too few windows.
+    phase_shift
+        What a suspension tester would measure at a weaker damper; None where that is far above its limit or unknown.
     """
 
     corner: str
@@ -87,6 +90,7 @@ class Finding(Tabular):
     since_interval: tuple[float, float]
     runner_up: str
     trend: Trend | None
+    phase_shift: PhaseShift | None = None
 
     def __repr__(self) -> str:
         """Return the finding in plain words."""
@@ -118,6 +122,10 @@ class Finding(Tabular):
         )
         if others := " or ".join(filter(None, (*alike, self.runner_up))):
             text += f" (or {others})"
+        if self.phase_shift is not None:
+            phase, (low, high) = self.phase_shift.degrees, self.phase_shift.interval
+            span = f"{max(low, 0.0):.0f} to {high:.0f}; limit {PLATE.phase_limit:.0f}"
+            text += f", phase shift at inspection {phase:.0f} degrees ({span})"
         return f"{text}, since {format_time(self.since)}; {self.advice}"
 
     @property

@@ -1,7 +1,7 @@
 """Observations of windows of ten minutes: conditions, corners, modes, sensor faults; or a reason for their absence."""
 
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from sprung.errors import DataError, IdentificationError, ParameterError
 from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import CornerFit, CornerSettings, fit_corners
 from sprung.likelihood.fitting import fit_windows
+from sprung.likelihood.plate_test import low_phase_shifts
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Component, Vehicle
 from sprung.vehicles.channel_faults import MISSING, SensorFault
@@ -96,6 +97,9 @@ class Observation(Tabular):
     notes
         Unusual motion of the vehicle file, sensors that the recording lacks, and channels that the file does not name,
         in words.
+    phase_shifts
+        Phase shift of the suspension test [degrees] and its standard deviation, of the corners below 55 degrees, see
+        `sprung.likelihood.plate_tests`.
     """
 
     time: float
@@ -110,6 +114,7 @@ class Observation(Tabular):
     residuals: ResidualStatistics | None = None
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    phase_shifts: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         # Row by row, as when it is read from a document: the order in memory shows in the last digit of sums.
@@ -337,6 +342,7 @@ def observe_window(
         conditions=window.conditions | _fitted_conditions(fit),
         modes={label: (frequency, damping) for label, frequency, damping in body if label in MOTIONS},
         residuals=None if check.faults else _residuals(window),
+        phase_shifts=low_phase_shifts(fit),
     )
 
 

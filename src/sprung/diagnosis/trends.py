@@ -1,6 +1,6 @@
 """Growth of a change after its onset, and the time until it reaches a limit: prognostic assessment of ISO 13374."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +9,7 @@ from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.changes import Candidate, Size, size_of
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.ratios import Compared, compare
+from sprung.likelihood.plate_test import PLATE
 from sprung.modal import INTERVAL_95
 
 
@@ -46,6 +47,24 @@ class Trend:
 
 
 @dataclass(frozen=True, slots=True)
+class PhaseShift:
+    """Phase shift that a suspension tester would measure at the corner of a damper, after the last window.
+
+    Parameters
+    ----------
+    degrees, interval
+        Phase shift and its 95 % interval [degrees]; a suspension below 35 degrees fails (EGEA SPECSUS2018).
+    hours_to_limit
+        Hours from the last window until it falls to 35 degrees: earliest and latest, 0 if it has; None without a trend
+        towards it.
+    """
+
+    degrees: float
+    interval: tuple[float, float]
+    hours_to_limit: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
 class _Line:
     """Line through the sizes of windows [ln], over time [h]: slope, size at the last window, and their deviations."""
 
@@ -63,9 +82,7 @@ class _Line:
         if interval[0] * interval[1] <= 0 or self.last * self.slope <= 0:
             return Trend(float(np.expm1(self.slope)), (low, high), None)
         distance = abs(np.log1p(np.copysign(RULES.limit, self.slope))) - abs(self.last)
-        slow, fast = sorted(map(abs, interval))
-        hours = max(0.0, float(distance - doubt)) / fast, max(0.0, float(distance + doubt)) / slow
-        return Trend(float(np.expm1(self.slope)), (low, high), hours)
+        return Trend(float(np.expm1(self.slope)), (low, high), _hours(distance, doubt, interval))
 
 
 def trend(
@@ -155,6 +172,56 @@ def current_sizes(candidate: Candidate, observations: Sequence[Observation], bas
         else size
         for change, line, size in zip(candidate.hypothesis.changes, lines, candidate.sizes, strict=True)
     )
+
+
+def phase_shift(corners: Collection[str], observations: Iterable[Observation], *, since: float) -> PhaseShift | None:
+    """Return the phase shift of the weakest of some corners after the onset of a change, and when it reaches the limit.
+
+    Parameters
+    ----------
+    corners
+        Corners whose dampers have changed.
+    observations
+        Windows in the order of time.
+    since
+        Onset of the change [s].
+
+    Returns
+    -------
+    PhaseShift or None
+        Mean of the windows since the onset, or the end of the line through them where it falls by 2.6 standard
+        deviations of its slope; None unless all of them state the phase shift of a corner.
+
+    Notes
+    -----
+    Least squares. The friction that a window does not determine is wrong alike in all of them: the standard deviation
+    of their own mean is not divided by their number.
+    """
+    later = [window for window in observations if window.time >= since and window.is_valid]
+    courses = {
+        corner: np.array([window.phase_shifts[corner] for window in later])
+        for corner in corners
+        if later and all(corner in window.phase_shifts for window in later)
+    }
+    if not courses:
+        return None
+    values, stds = min(courses.values(), key=lambda course: float(course[:, 0].mean())).T
+    level, std, hours = float(values.mean()), float(stds.mean()), None
+    if len(later) >= RULES.min_windows:
+        times = np.array([window.time - later[-1].time for window in later]) / 3600
+        (slope, last), scatter = np.polyfit(times, values, 1, cov=True)
+        slope_std = float(np.sqrt(scatter[0, 0]))
+        if slope < -RULES.clearly * slope_std:
+            half = INTERVAL_95 * slope_std
+            level, std = float(last), float(np.hypot(std, np.sqrt(scatter[1, 1])))
+            hours = _hours(level - PLATE.phase_limit, INTERVAL_95 * std, (slope - half, slope + half))
+    return PhaseShift(level, (level - INTERVAL_95 * std, level + INTERVAL_95 * std), hours)
+
+
+def _hours(distance: float, doubt: float, slope: tuple[float, float]) -> tuple[float, float]:
+    """Return the earliest and the latest time [h] at which a line has covered a distance that is uncertain."""
+    slow, fast = sorted(map(abs, slope))
+    return max(0.0, float(distance - doubt)) / fast, max(0.0, float(distance + doubt)) / slow
 
 
 def _compared(observations: Sequence[Observation], baseline: Baseline) -> list[Compared]:

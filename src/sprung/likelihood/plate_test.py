@@ -31,6 +31,8 @@ class PlateSettings:
     step: float = 0.05
     #: Smallest phase shift of a suspension that passes [degrees].
     phase_limit: float = 35.0
+    #: Phase shift below which a window states it: well above the limit, so that its course towards it shows [degrees].
+    phase_watched: float = 55.0
     #: Smallest adhesion that is called fair.
     adhesion_limit: float = 0.4
     #: Largest difference of left and right, of the larger one.
@@ -182,6 +184,32 @@ def plate_tests(fit: CornerFit, *, friction: Friction | None = None) -> dict[str
         larger = max(test.damping_ratio, other)
         tests[corner] = replace(test, asymmetry=abs(test.damping_ratio - other) / larger) if larger else test
     return tests
+
+
+def low_phase_shifts(fit: CornerFit) -> dict[str, tuple[float, float]]:
+    """Return the phase shift [degrees] and its standard deviation of each corner that is not far above the limit.
+
+    Parameters
+    ----------
+    fit
+        Vehicle fitted to a drive.
+
+    Notes
+    -----
+    `plate_tests` costs as much as a fifth of a fit. It is left out where no corner is below 55 degrees with all of its
+    damping viscous: friction adds phase on the small motion of a plate.
+    """
+    if not has_loads(fit):
+        return {}
+    vehicle = fitted_structure(fit.model, fit.parameters)
+    corners = [Corner(vehicle, tyre) for tyre in tyres(vehicle).values()]
+    if all(corner.figures(*corner.extremes())[0] >= PLATE.phase_watched for corner in corners):
+        return {}
+    return {
+        corner: (test.phase_shift, test.phase_shift_std)
+        for corner, test in plate_tests(fit).items()
+        if test.phase_shift < PLATE.phase_watched
+    }
 
 
 def tyres(structure: Structure) -> dict[str, Element]:

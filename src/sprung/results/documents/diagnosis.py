@@ -52,7 +52,7 @@ Window = Annotated[
     Observation,
     Published(
         *("time", "components", "log_ratios", "covariance", "conditions", "modes", "sensor_faults", "reason"),
-        *("missing", "notes"),
+        *("missing", "notes", "phase_shifts"),
     ),
     BeforeValidator(_restored),
 ]

@@ -13,6 +13,7 @@ from sprung.diagnosis import (
     Finding,
     ModeChange,
     Observation,
+    PhaseShift,
     Trend,
     detectable,
     detectable_in_words,
@@ -120,7 +121,11 @@ def describe_diagnosis(diagnosis: Diagnosis) -> list[str]:
     no trend detected: -10.6 to +4.1 % per hour of driving
     ln evidence 91.0; alarm threshold 10.8; a change of 8 to 11 % of any part would have been found
     """
-    sentences = [line for finding in diagnosis.findings for line in (finding.sentence, describe_trend(finding.trend))]
+    sentences = [
+        line
+        for finding in diagnosis.findings
+        for line in (finding.sentence, describe_trend(finding.trend, finding.phase_shift))
+    ]
     sentences = sentences or [describe_verdict(diagnosis)]
     sentences += [f"sensor {fault.statement}: {fault.detail}" for fault in diagnosis.sensor_faults]
     if diagnosis.detection is None:
@@ -355,8 +360,8 @@ def mode_changes_table(changes: Sequence[ModeChange]) -> Table:
     return Table("Body modes as the finding implies and as measured", columns, rows, ends_in_words=False)
 
 
-def describe_trend(trend: Trend | None) -> str:
-    """Return a sentence about how a change develops.
+def describe_trend(trend: Trend | None, phase: PhaseShift | None = None) -> str:
+    """Return a sentence about how a change develops, and when a damper reaches the limit of the suspension test.
 
     Examples
     --------
@@ -366,6 +371,10 @@ def describe_trend(trend: Trend | None) -> str:
     >>> describe_trend(Trend(per_hour=0.01, interval=(-0.01, 0.03), hours_to_limit=None))
     'no trend detected: -1.0 to +3.0 % per hour of driving'
     """
+    if phase is not None and phase.hours_to_limit is not None:
+        soonest, latest = phase.hours_to_limit
+        due = f"in {soonest:.1f} to {latest:.1f} hours" if latest else "by now"
+        return f"{describe_trend(trend)}; it fails the suspension test {due} at this rate"
     if trend is None:
         return "trend not estimated: it needs a single part and at least four windows since the onset"
     low, high = (f"{100 * end:+z.1f}" for end in trend.interval)
