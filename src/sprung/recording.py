@@ -27,6 +27,7 @@ QUANTITIES = MappingProxyType(
         "force": "N",
         "temperature": "degC",
         "pressure": "Pa",
+        "distance": "m",
         "unknown": "",
     }
 )

@@ -44,6 +44,8 @@ UNITS = MappingProxyType(
         "kPa": ("pressure", 1e3),
         "bar": ("pressure", 1e5),
         "psi": ("pressure", 6894.757293168361),
+        "km": ("distance", 1e3),
+        "mi": ("distance", 1609.344),
     }
 )
 
@@ -114,7 +116,7 @@ def conversion(unit: str) -> tuple[str, float]:
     Upper and lower case are different units (mg, Mg), so "G" is not taken for "g". "g" is the standard acceleration of
     free fall, never the gram. A unit has a factor but no offset, so kelvin and degrees Fahrenheit are unknown. Speed
     (of the vehicle) and velocity (of a vibration) have the same SI unit: m/s, km/h and mph are reported as speed, mm/s
-    as velocity.
+    as velocity; and so have distance (driven: km, mi) and displacement (m, mm).
 
     Examples
     --------

@@ -53,6 +53,22 @@ def test_conditions_are_those_that_channels_show(car, run) -> None:
     }
 
 
+@pytest.mark.parametrize(
+    ("channel", "mileage"),
+    [
+        (Channel("Odometer", "distance"), 154_321.7),
+        (Channel("Vehicle.TraveledDistance", "distance"), 154_321.7),
+        (Channel("range_left", "distance"), None),
+        (Channel("odometer"), None),  # of an unknown unit
+    ],
+)
+def test_the_mileage_is_the_last_reading_of_an_odometer(car, run, channel, mileage) -> None:
+    readings = np.full(run.n_samples, np.nan)
+    readings[::100] = np.linspace(154_320.0e3, 154_321.7e3, readings[::100].size)
+    with_odometer = replace(run, samples=np.vstack([run.samples, readings]), channels=(*run.channels, channel))
+    assert window_of(with_odometer, car).conditions.get("mileage") == (mileage and pytest.approx(mileage, rel=1e-12))
+
+
 def test_the_speed_is_scaled_and_advanced(car, run) -> None:
     """A ramp, whose values at every time are known: 0.5 s later, times 1.1."""
     samples = run.samples.copy()

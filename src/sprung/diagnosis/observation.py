@@ -43,6 +43,7 @@ CONDITION_UNITS = {
     "payload_x_moment": "kg m",
     "payload_y_moment": "kg m",
     "payload_product": "kg m^2",
+    "mileage": "km",
 }
 
 
@@ -79,9 +80,10 @@ class Observation(Tabular):
         Covariance of `log_ratios`, shape (components, components).
     conditions
         Known conditions. Of every window: "speed" [m/s] and "temperature" [°C] (means), "standing" (share of time),
-        "turning" (RMS of the yaw rate [rad/s]: near 0 on a straight). Of conclusive windows: "roughness" of the road
-        G(n0) [m^3], "payload" [kg], "payload_x_moment" and "payload_y_moment" [kg m], "payload_product" [kg m^2],
-        "right_over_left" (amplitude of the tracks), "model_error", "segments".
+        "turning" (RMS of the yaw rate [rad/s]: near 0 on a straight), "mileage" (odometer at its end [km]). Of
+        conclusive windows: "roughness" of the road G(n0) [m^3], "payload" [kg], "payload_x_moment" and
+        "payload_y_moment" [kg m], "payload_product" [kg m^2], "right_over_left" (amplitude of the tracks),
+        "model_error", "segments".
     modes
         Natural frequency [Hz] and damping ratio of bounce, pitch and roll, as far as the fitted vehicle has them.
     sensor_faults

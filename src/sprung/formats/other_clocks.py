@@ -11,7 +11,7 @@ from sprung.formats.clock import TimeScale, interpolate, time_scale
 from sprung.formats.table import PIECE_ROWS, Block, Table, rebatch
 
 #: Quantities that vary slowly: they may come from a slower group.
-_SLOW = ("speed", "temperature", "pressure", "unknown")
+_SLOW = ("speed", "temperature", "pressure", "distance", "unknown")
 #: Difference of rates of one kind of sensor.
 _SAME_SENSOR = 0.01
 #: Rows on either side of a block that the splines through it need.

@@ -12,7 +12,7 @@ from sprung._arrays import Booleans, Indices, Real
 from sprung.recording import Recording
 
 #: Quantities that are conditions of the motion, not motion: they may stay at a value, even at their highest one.
-CONDITIONS = ("speed", "temperature", "pressure")
+CONDITIONS = ("speed", "temperature", "pressure", "distance")
 #: Speed above which a vehicle moves [m/s]: while it stands, sensors may well be constant.
 MOVING = 2.0
 #: Relative variation of a constant after resampling and conversion of units: a channel within it is dead.
@@ -63,7 +63,7 @@ _FACTOR = np.uint64(0x9E3779B97F4A7C15)
 
 
 def is_condition(name: str, quantity: str) -> bool:
-    """Return whether a channel measures an operating condition (speed, temperature, pressure) rather than motion.
+    """Return whether a channel measures an operating condition (speed, temperature, pressure, distance), no motion.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sprung.channel_names import corner_of
+from sprung.channel_names import corner_of, rule_of
 from sprung.recording import Channel, Recording
 from sprung.signals.conditioning import advanced_linearly
 from sprung.vehicles.description import Vehicle
@@ -174,6 +174,12 @@ def _conditions(placed: Recording, vehicle: Vehicle, speed: str | None) -> dict[
         conditions["speed"] = float(np.nanmean(values))
         conditions["standing"] = float(np.nanmean(values < _STANDING))
     conditions |= _temperatures_and_pressure(placed, vehicle)
+    stated = {sensor.channel for sensor in vehicle.sensor if sensor.quantity == "distance"}
+    for channel, values in zip(placed.channels, placed.samples, strict=True):
+        rule = rule_of(channel.name)
+        is_odometer = channel.name in stated or (rule is not None and rule.quantity == "distance")
+        if is_odometer and channel.quantity == "distance" and np.isfinite(values).any():
+            conditions["mileage"] = float(np.nanmax(values)) / 1000
     for sensor in vehicle.sensor:
         is_upright = sensor.direction is not None and abs(sensor.direction[2]) > _UPRIGHT
         if is_upright and sensor.quantity == "angular_velocity" and sensor.channel in placed.names:

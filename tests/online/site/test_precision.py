@@ -145,3 +145,22 @@ def test_resets_have_person_date_and_mileage_which_grows_with_the_way_driven(log
     )
     resets = client.get("/api/v1/outcomes").json()["resets"]
     assert [(each["reason"], each["mileage"]) for each in resets] == [("damper renewed", 121e3), ("new dampers", 120e3)]
+
+
+def test_an_odometer_gives_the_mileage_of_pages_and_resets(log_in, store) -> None:
+    client, header = log_in("engineer")
+    conditions = [{"speed": 20.0, "mileage": 154_300.0}, {"speed": 20.0, "mileage": 154_312.0}, {"speed": 20.0}]
+    driven = [
+        (k, NOW + k * HOUR, observation_document(Observation(0.0, (), *_NOTHING, each, {}, ())))
+        for k, each in enumerate(conditions)
+    ]
+    store.inbox.add_frames([StoredFrame("bus-3", 1, 0, NOW, b"x")], now=NOW)
+    store.results.commit(Progress("bus-3", 1, done_seq=0, observations=tuple(driven), now=NOW))
+    # the last reading, and a window of ten minutes at 20 m/s since
+    assert client.get("/api/v1/vehicles/bus-3").json()["mileage"] == pytest.approx(154_324)
+    number = raise_alert(store, "bus-3", "front_left.damper", text="front-left damper weaker")
+    assert "about 154,324" in client.get(f"/alerts/{number}/job-card").text
+    baselines = "/api/v1/vehicles/bus-3/baselines"
+    assert client.post(baselines, json={"reason": "new dampers"}, headers=header).status_code == 202
+    (reset,) = client.get("/api/v1/outcomes").json()["resets"]
+    assert (reset["reason"], reset["mileage"]) == ("new dampers", 154_312.0)

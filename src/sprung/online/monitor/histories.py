@@ -442,8 +442,22 @@ def driven_since(store: Store, vehicle: str, time: int, *, limit: int) -> float 
     return length * sum(speeds) if speeds else None
 
 
+def odometer_of(store: Store, vehicle: str, *, limit: int) -> tuple[int, float] | None:
+    """Return the last window [UTC ns] with a reading of the odometer, and the reading [km]; None without any."""
+    read = observations_of(store.results.observations(vehicle, limit=limit))
+    readings = [(entry.t0, window.conditions["mileage"]) for entry, window in read if "mileage" in window.conditions]
+    return readings[-1] if readings else None
+
+
 def mileage_of(store: Store, vehicle: str, *, limit: int) -> float | None:
-    """Return the mileage of a vehicle [km]: as last stated, and the way since in windows; None if it never was."""
+    """Return the mileage of a vehicle [km]; None if it is unknown.
+
+    It is the last reading of the odometer, else that stated last; and the way since in windows.
+    """
+    reading = odometer_of(store, vehicle, limit=limit)
+    if reading is not None:
+        time, mileage = reading
+        return mileage + (driven_since(store, vehicle, time + 1, limit=limit) or 0.0) / 1000
     stated = [row for row in store.requests.audited(act=MILEAGE) if row.subject == vehicle]
     if not stated:
         return None

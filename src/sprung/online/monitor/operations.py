@@ -37,6 +37,7 @@ from sprung.online.monitor.histories import (
     MILEAGE,
     ROLL_BACK,
     history_of,
+    odometer_of,
     require_vehicle,
     restored_baseline,
     vehicle_state,
@@ -201,7 +202,7 @@ def add_verdict(
     new_baseline
         Whether a new baseline is learnt, as after a repair; the alert is cleared then, and otherwise acknowledged.
     mileage
-        Mileage of the vehicle [km]; None: unknown.
+        Mileage of the vehicle [km]; None: unknown, or with a new baseline that of the odometer.
     who
         Name of the operator.
     now
@@ -224,9 +225,11 @@ def add_verdict(
     words = "; ".join(text for text in (f"verdict: {verdict}", part.strip(), action.strip()) if text)
     with _locked(store, number) as alert:
         request = None
-        _state_mileage(store, alert.vehicle, mileage, who=who, now=now)
         if new_baseline:
-            request = relearn(store, alert.vehicle, reason=action.strip() or words, who=who, now=now)
+            reason = action.strip() or words
+            request = relearn(store, alert.vehicle, reason=reason, mileage=mileage, who=who, now=now)
+        else:
+            _state_mileage(store, alert.vehicle, mileage, who=who, now=now)
         stored = VerdictRow(number, now, who, verdict, part.strip(), action.strip(), alert.raised, request)
         store.verdicts.add(stored)
         if new_baseline and alert.is_active:
@@ -241,7 +244,7 @@ def add_verdict(
 def relearn(store: Store, vehicle: str, *, reason: str, mileage: float | None = None, who: str, now: int) -> int:
     """Request a new baseline of a vehicle, such as after maintenance, and return the number of the request.
 
-    The reset is recorded with its time, the person, the reason and, where it is known, the mileage [km].
+    The reset is recorded with its time, the person, the reason and the mileage [km], by default that of the odometer.
 
     Raises
     ------
@@ -251,7 +254,8 @@ def relearn(store: Store, vehicle: str, *, reason: str, mileage: float | None = 
     if not reason.strip():
         raise ParameterError(f"a new baseline of {vehicle} needs a reason: give --reason TEXT, such as 'new dampers'")
     require_vehicle(store, vehicle)
-    _state_mileage(store, vehicle, mileage, who=who, now=now)
+    reading = odometer_of(store, vehicle, limit=1000) if mileage is None else None
+    _state_mileage(store, vehicle, mileage if reading is None else reading[1], who=who, now=now)
     return store.requests.add_command(who, vehicle, LEARN, reason.strip(), now=now)
 
 

@@ -38,7 +38,7 @@ class VehicleDetail(Answer):
     alerts: tuple[AlertEntry, ...]
     baselines: tuple[BaselineEntry, ...]
     windows: int
-    mileage: float | None = Field(description="as last stated with a reset, and driven since [km]; null: unknown")
+    mileage: float | None = Field(description="by odometer, or as last stated, and driven since [km]; null: unknown")
 
 
 class Changes(Answer):
