@@ -42,8 +42,8 @@ _LIMITS = """What to read from them:
   of pyOMA2 draws random numbers without a seed: between two runs its counts differ by a few.
 - `free-decay` is not a record of stationary motion, which SSI assumes. Sprung recognises free motion and fits the
   decay itself; the peers apply SSI to it all the same, and koma's errors show what that costs.
-- In `friction` Sprung separates dry friction from viscous damping in two of ten draws; in the others it reports no
-  swing with friction, which counts as not found. SSI has no model of it.
+- In `friction` Sprung separates dry friction from viscous damping, in one of ten draws by more than three bounds from
+  the truth. SSI has no model of it.
 - In `car-drive` the bound knows the delay of the rear wheels exactly, as it is in these records; Sprung fits it
   within 3 %, as no real speed channel is exact, and pays for that. The others have no vehicle model.
 - `short` has 20 periods of its first mode, so that the half-width of a mode is a fifth of the spacing of its spectral
