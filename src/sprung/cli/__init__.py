@@ -3,12 +3,13 @@
 import os
 import sys
 from collections.abc import Callable, Sequence
+from functools import update_wrapper
 from importlib.metadata import distribution
 from io import TextIOWrapper
 from typing import Annotated, Any, TextIO
 
 import typer
-from typer.main import get_command
+from typer.main import get_command, get_command_name, solve_typer_info_help
 
 from sprung import __version__
 from sprung.cli import corners, diagnosis, identify, measured, recordings, simulate, vehicle_files
@@ -37,7 +38,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: more threads are slower
     sys.stdout, sys.stderr = _tolerant(sys.stdout), _tolerant(sys.stderr)
-    command = get_command(_application())
+    words = sys.argv[1:] if arguments is None else arguments
+    application = _application()
+    if "_SPRUNG_COMPLETE" not in os.environ:
+        _name_others(application, next((word for word in words if not word.startswith("-")), ""))
+    command = get_command(application)
     _hide_types(command)
     return explained(lambda: command.main(arguments, prog_name="sprung", standalone_mode=False))
 
@@ -105,6 +110,17 @@ def _application() -> typer.Typer:
     for wing in sorted(distribution("sprung").entry_points.select(group="sprung.commands"), key=lambda each: each.name):
         wing.load()(application)
     return application
+
+
+def _name_others(application: typer.Typer, word: str) -> None:
+    """Leave of the commands that `word` does not call their names and first lines: options take a while to make."""
+    for command in application.registered_commands:
+        if command.callback is not None and word != (command.name or get_command_name(command.callback.__name__)):
+            command.callback = update_wrapper(lambda: None, command.callback, ("__name__", "__doc__"), ())
+            del command.callback.__wrapped__
+    for group in application.registered_groups:
+        if group.typer_instance is not None and word != group.name:
+            group.typer_instance = typer.Typer(help=solve_typer_info_help(group))
 
 
 def _hide_types(command: Any) -> None:
