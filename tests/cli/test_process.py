@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 import pytest
-import typer
+from typer.utils import get_params_from_function
 
 from sprung.formats import read, write
 
@@ -68,13 +68,12 @@ def test_flags_are_shown_without_a_type(sprung):
 def test_options_are_made_for_the_called_command_alone(sprung, monkeypatch, words):
     """Those of all commands take a seventh of the processor time of `sprung --help`; what it shows is the same."""
     made: set[str] = set()
-    of_function = typer.main.get_params_from_function
 
     def noted(function):
-        made.update([function.__name__] * bool(parameters := of_function(function)))
+        made.update([function.__name__] * bool(parameters := get_params_from_function(function)))
         return parameters
 
-    monkeypatch.setattr(typer.main, "get_params_from_function", noted)
+    monkeypatch.setattr("typer.main.get_params_from_function", noted)
     shown = sprung(*words).out
     assert {"road", "verdict", "rank", "info"} & made == {"rank", "info"} & {*words}
     monkeypatch.setattr("sprung.cli._name_others", lambda application, word: None)

@@ -85,9 +85,9 @@ def stop_on_signals(*, within: float | None = None) -> threading.Event:
 
 def _end(within: float) -> None:
     """End the process whatever its threads wait for: results are in the store, transaction by transaction."""
-    LOG.error(f"no clean stop within {within:g} s, as the store or a disk does not answer: process ended")
     import multiprocessing
 
+    LOG.error(f"no clean stop within {within:g} s, as the store or a disk does not answer: process ended")
     for child in multiprocessing.active_children():
         child.kill()
         child.join(1.0)
