@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from sprung._arrays import Booleans, Real
 from sprung.channel_names import describe_mapping, identified, read_name_table
 from sprung.errors import DataError, FormatError, ParameterError, SprungError
-from sprung.formats.clock import time_scale, unwrapped
-from sprung.formats.other_clocks import interpolated
+from sprung.formats.clock import interpolated, time_scale, unwrapped
 from sprung.formats.settings import CLOCK_FACES, TIME_UNITS, ReadSettings
 from sprung.formats.table import (
     Block,
