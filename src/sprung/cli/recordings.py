@@ -195,7 +195,7 @@ def convert(
 
 def _with_plain_names(recording: "Recording") -> "Recording":
     """Return a recording whose channel names do not end with the unit, which is written separately."""
-    from sprung.formats.writing import without_unit
+    from sprung.formats.table import without_unit
 
     names = {channel.name: without_unit(channel.name) for channel in recording.channels}
     if len(set(names.values())) < len(names) or all(name == plain for name, plain in names.items()):

@@ -23,8 +23,8 @@ from sprung.formats.table import (
     row_pieces,
     stated_column,
     time_column,
+    written,
 )
-from sprung.formats.writing import written
 from sprung.recording import Recording
 
 _RATES = ("sampling_rate", "fs", "fs_hz")

@@ -36,8 +36,8 @@ from sprung.formats.table import (
     split_heading,
     time_column,
     within,
+    written,
 )
-from sprung.formats.writing import written
 from sprung.recording import Recording
 
 NAME = "text"

@@ -10,8 +10,7 @@ import numpy as np
 from sprung.errors import FormatError
 from sprung.formats.arrays import Arrays, array_groups
 from sprung.formats.settings import ReadSettings
-from sprung.formats.table import Group, reported
-from sprung.formats.writing import written
+from sprung.formats.table import Group, reported, written
 from sprung.recording import Recording
 
 NAME, EXTRA = "HDF5", None

@@ -22,8 +22,8 @@ from sprung.formats.table import (
     refuse_repeated,
     reported,
     time_column,
+    written,
 )
-from sprung.formats.writing import written
 from sprung.recording import Recording
 
 NAME, EXTRA = "Parquet", None

@@ -25,8 +25,7 @@ from sprung.formats.dataset58 import (
 )
 from sprung.formats.settings import TIME_UNITS, ReadSettings
 from sprung.formats.stated import column_group, described, distinct, mapped, plain, utc
-from sprung.formats.table import Block, Column, Group, reported, stated_column
-from sprung.formats.writing import seconds_of
+from sprung.formats.table import Block, Column, Group, reported, seconds_of, stated_column
 from sprung.recording import Channel, Recording
 
 NAME, EXTRA = "a universal file", None
