@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import MissingPackageError, ParameterError
-from sprung.formats.nodes import neighbours, nodes_of
-from sprung.formats.universal_modes import write_universal
+from sprung.formats.nodes import neighbours, nodes_of, write_universal
 from sprung.modal import Modes
 from sprung.recording import Channel
 

@@ -374,7 +374,7 @@ def _write_shapes(identification: "Identification", path: Path | None, source: s
         return []
     modes, channels = identification.modes, identification.channels
     if path.suffix.lower() in {".unv", ".uff"}:
-        from sprung.formats.universal_modes import write_universal
+        from sprung.formats.nodes import write_universal
 
         write_universal(modes, channels, path)
     else:
