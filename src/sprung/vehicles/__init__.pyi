@@ -1,6 +1,3 @@
-from sprung.vehicles.components import Component as Component
-from sprung.vehicles.components import Fault as Fault
-from sprung.vehicles.components import parse_fault as parse_fault
 from sprung.vehicles.description import Chain as Chain
 from sprung.vehicles.description import Description as Description
 from sprung.vehicles.description import Quarter as Quarter
@@ -30,10 +27,13 @@ from sprung.vehicles.sections import QuarterBody as QuarterBody
 from sprung.vehicles.sections import QuarterCorner as QuarterCorner
 from sprung.vehicles.sections import Sensor as Sensor
 from sprung.vehicles.structure import BodyShape as BodyShape
+from sprung.vehicles.structure import Component as Component
 from sprung.vehicles.structure import Element as Element
+from sprung.vehicles.structure import Fault as Fault
 from sprung.vehicles.structure import Structure as Structure
 from sprung.vehicles.structure import body_row as body_row
 from sprung.vehicles.structure import frequency_response as frequency_response
+from sprung.vehicles.structure import parse_fault as parse_fault
 from sprung.vehicles.structure import sensor_outputs as sensor_outputs
 from sprung.vehicles.structure import with_faults as with_faults
 from sprung.vehicles.system import ExactModes as ExactModes
