@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 import sprung
 from sprung.modal import INTERVAL_95
 from sprung.vehicles import Structure, discretised, read_description, sensor_outputs, structure
-from sprung.vehicles.files import VEHICLES
+from sprung.vehicles.models import VEHICLES
 
 #: Noise of a phone [m/s^2, rad/s], RMS at its rate; free motion after each push [s].
 ACCELERATION_NOISE, RATE_NOISE, SWING = 0.02, 0.001, 3.0

@@ -57,7 +57,7 @@ from sprung.simulation import (
 )
 from sprung.simulation.truth import plain
 from sprung.vehicles import Component, Fault, FlexibleMode, MountedMass, Sensor, Vehicle, read_vehicle, structure
-from sprung.vehicles.files import vehicle_from_text, vehicle_text
+from sprung.vehicles.models import vehicle_from_text, vehicle_text
 
 #: Code that decides the samples of a drive, what a window says, and how a vehicle file is completed.
 DRIVES = ("excitation", "recording.py", "signals", "simulation", "vehicles")

@@ -33,7 +33,7 @@ from sprung.calibration import DataSheet, calibrate, described
 from sprung.diagnosis import Diagnosis, Observation, diagnose, learn, observe_window
 from sprung.recording import Channel, Recording
 from sprung.vehicles import Sensor, Vehicle
-from sprung.vehicles.files import vehicle_from_text, vehicle_text
+from sprung.vehicles.models import vehicle_from_text, vehicle_text
 
 HERE = Path(__file__).resolve().parent
 #: Tyres of each axle, their pressure [Pa] and the height of the vehicle [m] in its data sheet.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sprung.vehicles.files import VEHICLES
+from sprung.vehicles.models import VEHICLES
 
 
 def offered(words: str, folder: Path) -> list[str]:

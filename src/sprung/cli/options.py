@@ -51,7 +51,7 @@ INPUT, OUTPUT = "Input", "Output"
 
 def complete_vehicles(incomplete: str) -> list[str]:
     """Return the shipped vehicles and vehicle files that begin with a text."""
-    from sprung.vehicles.files import VEHICLES
+    from sprung.vehicles.models import VEHICLES
 
     return [*(name for name in VEHICLES if name.startswith(incomplete)), *_paths(incomplete, (".toml",))]
 
