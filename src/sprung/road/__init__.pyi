@@ -1,6 +1,6 @@
-from sprung.road.maps import write_survey as write_survey
 from sprung.road.passes import averaged as averaged
 from sprung.road.passes import survey_passes as survey_passes
+from sprung.road.passes import write_survey as write_survey
 from sprung.road.profile import RoadProfile as RoadProfile
 from sprung.road.profile import road_profile as road_profile
 from sprung.road.survey import GOLDEN_CAR as GOLDEN_CAR
