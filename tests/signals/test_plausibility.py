@@ -7,7 +7,7 @@ import pytest
 
 import sprung
 from sprung.recording import Channel, Recording
-from sprung.signals.plausibility import doubts_of
+from sprung.signals.inspection import doubts_of
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.vehicles import read_vehicle
 

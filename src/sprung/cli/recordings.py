@@ -42,7 +42,7 @@ def info(
     from sprung.formats import groups, read
     from sprung.results import tables
     from sprung.results.documents import inspection_document
-    from sprung.signals.plausibility import doubts
+    from sprung.signals.inspection import doubts
 
     output = Output(figures, file_format, json=json)
     output.check(*files)

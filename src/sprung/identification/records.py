@@ -26,8 +26,7 @@ from sprung.identification.settings import COV, IdentificationSettings, Method, 
 from sprung.recording import Channel, Recording
 from sprung.signals.data_faults import REST_DURATION, REST_RUN_SHARE, has_runs, stuck_runs
 from sprung.signals.harmonics import Harmonic, in_families, subtract_lines, without_side_lines
-from sprung.signals.inspection import inspect
-from sprung.signals.plausibility import doubts_of
+from sprung.signals.inspection import doubts_of, inspect
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles.labels import plausibility_notes
 from sprung.vehicles.sensor_layout import (

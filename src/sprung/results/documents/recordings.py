@@ -9,8 +9,7 @@ from pydantic import ConfigDict, Field
 from sprung._arrays import Complex
 from sprung._checks import check_type
 from sprung.results.documents.document import Document, Number, Pair, checked, read_fields, write_document
-from sprung.signals.inspection import ChannelFacts, Inspection
-from sprung.signals.plausibility import doubts
+from sprung.signals.inspection import ChannelFacts, Inspection, doubts
 
 
 class InspectionDocument(Document):
