@@ -73,7 +73,7 @@ from sprung.identification.free_response import Transient as Transient
 from sprung.identification.free_response import find_transients as find_transients
 from sprung.identification.free_response import fit_free_response as fit_free_response
 from sprung.identification.friction import FrictionFit as FrictionFit
-from sprung.identification.plscf import PolynomialLadder as PolynomialLadder
+from sprung.identification.ladders import PolynomialLadder as PolynomialLadder
 from sprung.identification.refinement import Refinement as Refinement
 from sprung.identification.settings import Plan as Plan
 from sprung.identification.settings import PreparationPlan as PreparationPlan

@@ -8,8 +8,7 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.identification import BlockRowLadder, OrderLadder
-from sprung.identification.ladders import decimate_correlations, filter_half_width
-from sprung.identification.plscf import PolynomialLadder, polynomial_ladder
+from sprung.identification.ladders import PolynomialLadder, decimate_correlations, filter_half_width, polynomial_ladder
 from sprung.identification.subspace import poles_of_orders, realise, with_deviations
 from sprung.modal import mac
 

@@ -11,8 +11,7 @@ from scipy import special
 from sprung._arrays import Booleans, Complex, Real
 from sprung._checks import check_number
 from sprung.errors import DataError, ParameterError
-from sprung.identification.ladders import Ladder, OrderLadder
-from sprung.identification.plscf import suitable_ladder
+from sprung.identification.ladders import Ladder, OrderLadder, suitable_ladder
 from sprung.identification.settings import IdentificationSettings, Method, Plan, PreparationPlan
 from sprung.modal import Modes, unit_shapes
 from sprung.recording import Recording

@@ -17,7 +17,7 @@ from sprung.identification import (
     PreparationPlan,
 )
 from sprung.identification.correlation import Correlations
-from sprung.identification.plscf import PolynomialLadder
+from sprung.identification.ladders import PolynomialLadder
 from sprung.identification.stabilisation import StabilityCriteria
 from sprung.link.blocks import plain_channels, restored_channels
 from sprung.signals.cepstrum import Exponential, ShortPass

@@ -13,7 +13,7 @@ from sprung._arrays import Indices, Real
 from sprung._display import counted
 from sprung.identification import BlockRowLadder, Identification, OrderLadder, SubsetModes
 from sprung.identification.fdd import find_bells
-from sprung.identification.plscf import PolynomialLadder
+from sprung.identification.ladders import PolynomialLadder
 from sprung.identification.stabilisation import StabilisationDiagram
 from sprung.modal import PoleStatus
 from sprung.results.figures import draw
