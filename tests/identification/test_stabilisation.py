@@ -10,14 +10,16 @@ from scipy import signal
 from tests.identification.runs import modes_of, pole
 
 from sprung.errors import ParameterError
-from sprung.identification.contribution import complete_shapes, contributions, significant
 from sprung.identification.correlation import average, correlate_segments
 from sprung.identification.stabilisation import (
     THESIS_CRITERIA,
     StabilityCriteria,
     align,
+    complete_shapes,
+    contributions,
     merge_modes,
     select_modes,
+    significant,
     stabilise,
 )
 from sprung.identification.subspace import poles_of_orders, realise

@@ -11,11 +11,11 @@ from scipy import fft
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_each, freeze, settings_of
 from sprung.errors import DataError, ParameterError
-from sprung.identification.contribution import complete_shapes
 from sprung.identification.correlation import Correlations, exact_correlations
 from sprung.identification.results import Identification, RovingSetups, SetUp
 from sprung.identification.roving import Points, common_points
 from sprung.identification.settings import IdentificationSettings
+from sprung.identification.stabilisation import complete_shapes
 from sprung.identification.steps import no_report
 from sprung.modal import Modes, mac, unit_shapes
 from sprung.recording import Recording, each_recording

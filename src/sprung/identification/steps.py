@@ -9,7 +9,6 @@ from sprung._arrays import Booleans, Indices, Real
 from sprung.channel_names import is_imu
 from sprung.errors import IdentificationError
 from sprung.identification import levels, stabilisation
-from sprung.identification.contribution import complete_shapes, significant
 from sprung.identification.correlation import Correlations, average
 from sprung.identification.fdd import find_bells, modes_of_bells
 from sprung.identification.free_response import FreeFit
@@ -20,6 +19,7 @@ from sprung.identification.results import CorrelationSummary, Identification, Su
 from sprung.identification.road_modes import combined_modes, has_road, kept_records
 from sprung.identification.roving import note_on_moved_sensors
 from sprung.identification.settings import KINDS, IdentificationSettings, Method, Plan
+from sprung.identification.stabilisation import complete_shapes, significant
 from sprung.modal import Modes, PoleStatus, join_modes, mpc, unit_shapes
 from sprung.recording import Channel, Recording, each_recording
 from sprung.signals.cepstrum import Lifter, ShortPass
