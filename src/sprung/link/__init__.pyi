@@ -1,7 +1,3 @@
-from sprung.link.blocks import Block as Block
-from sprung.link.blocks import FrameBlock as FrameBlock
-from sprung.link.blocks import frame_block as frame_block
-from sprung.link.blocks import joined as joined
 from sprung.link.credentials import LOCAL_USER as LOCAL_USER
 from sprung.link.credentials import SecretError as SecretError
 from sprung.link.credentials import common_name as common_name
@@ -16,10 +12,14 @@ from sprung.link.frame import STUCK as STUCK
 from sprung.link.frame import TIME_KEPT as TIME_KEPT
 from sprung.link.frame import TIME_SET as TIME_SET
 from sprung.link.frame import TIME_UNKNOWN as TIME_UNKNOWN
+from sprung.link.frame import Block as Block
 from sprung.link.frame import Frame as Frame
+from sprung.link.frame import FrameBlock as FrameBlock
 from sprung.link.frame import check_frame as check_frame
 from sprung.link.frame import decode as decode
 from sprung.link.frame import encode as encode
+from sprung.link.frame import frame_block as frame_block
+from sprung.link.frame import joined as joined
 from sprung.link.frame import quantised as quantised
 from sprung.link.messages import DOWNWARDS as DOWNWARDS
 from sprung.link.messages import MAX_LOSSES as MAX_LOSSES

@@ -19,7 +19,7 @@ from sprung.identification import (
 from sprung.identification.correlation import Correlations
 from sprung.identification.ladders import PolynomialLadder
 from sprung.identification.stabilisation import StabilityCriteria
-from sprung.link.blocks import plain_channels, restored_channels
+from sprung.link.frame import plain_channels, restored_channels
 from sprung.signals.cepstrum import Exponential, ShortPass
 from sprung.signals.harmonics import harmonic_from_dict
 

@@ -15,17 +15,18 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from sprung.errors import FormatError, SprungError
-from sprung.link.blocks import (
+from sprung.link.frame import (
     LONGEST_STEP,
     Block,
     FrameBlock,
+    check_frame,
+    decode,
     frame_block,
     joined,
     part_of,
     plain_channels,
     restored_channels,
 )
-from sprung.link.frame import check_frame, decode
 from sprung.link.messages import REPORTS, Header, Key, checked_map, losses_in
 from sprung.recording import Channel, Recording
 

@@ -12,7 +12,7 @@ from sprung._checks import required
 from sprung.diagnosis import Baseline, Diagnosis, Observation, TypeBaseline
 from sprung.errors import ParameterError, SprungError
 from sprung.link import Block, joined
-from sprung.link.blocks import part_of, plain_channels, restored_channels
+from sprung.link.frame import part_of, plain_channels, restored_channels
 from sprung.link.windows import WindowCutter
 from sprung.online.monitor.assessment import Assessment, History
 from sprung.online.monitor.events import Event, MonitorSettings, Observed, Restored
