@@ -1,9 +1,3 @@
-from sprung.link.credentials import LOCAL_USER as LOCAL_USER
-from sprung.link.credentials import SecretError as SecretError
-from sprung.link.credentials import common_name as common_name
-from sprung.link.credentials import find_secret as find_secret
-from sprung.link.credentials import keep_secret as keep_secret
-from sprung.link.credentials import valid_until as valid_until
 from sprung.link.frame import CLIPPED as CLIPPED
 from sprung.link.frame import MISSING as MISSING
 from sprung.link.frame import PACKED as PACKED
@@ -37,10 +31,16 @@ from sprung.link.messages import message as message
 from sprung.link.messages import parse_topic as parse_topic
 from sprung.link.messages import span_of as span_of
 from sprung.link.messages import topic as topic
+from sprung.link.mqtt import LOCAL_USER as LOCAL_USER
 from sprung.link.mqtt import Address as Address
 from sprung.link.mqtt import Every as Every
 from sprung.link.mqtt import Link as Link
 from sprung.link.mqtt import LinkError as LinkError
+from sprung.link.mqtt import SecretError as SecretError
 from sprung.link.mqtt import Sending as Sending
+from sprung.link.mqtt import common_name as common_name
+from sprung.link.mqtt import find_secret as find_secret
+from sprung.link.mqtt import keep_secret as keep_secret
+from sprung.link.mqtt import valid_until as valid_until
 from sprung.link.spool import Spool as Spool
 from sprung.link.spool import SpoolError as SpoolError
