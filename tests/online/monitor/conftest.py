@@ -12,8 +12,7 @@ from sprung.link import Frame, encode, quantised
 from sprung.online.box import blocks_of
 from sprung.online.monitor import Site, Station, VehicleMonitor, assessment, identifier
 from sprung.online.monitor.jobs import Opening, Outcome
-from sprung.online.monitor.processes import answer
-from sprung.online.monitor.workers import Workers
+from sprung.online.monitor.workers import Workers, answer
 from sprung.online.store import open_store
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.vehicles import parse_fault, read_vehicle, vehicle_text

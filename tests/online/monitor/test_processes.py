@@ -8,9 +8,9 @@ from multiprocessing import Pipe
 import numpy as np
 import pytest
 
-from sprung.online.monitor import processes
+from sprung.online.monitor import workers
 from sprung.online.monitor.jobs import Failure, Limits, failed, limited_memory
-from sprung.online.monitor.processes import Lost, answer, received
+from sprung.online.monitor.workers import Lost, answer, received
 
 
 @pytest.fixture
@@ -36,7 +36,7 @@ def test_an_answer_that_ends_midway_is_lost(pipe) -> None:
     [(b"no pickle", "unreadable"), (pickle.dumps("text"), "not an outcome"), (bytes(101), "unreadable")],
 )
 def test_what_is_no_outcome_is_lost(pipe, monkeypatch: pytest.MonkeyPatch, message, words) -> None:
-    monkeypatch.setattr(processes, "_MAX_BYTES", 100)
+    monkeypatch.setattr(workers, "_MAX_BYTES", 100)
     here, there = pipe
     there.send_bytes(message)
     found = received(here)

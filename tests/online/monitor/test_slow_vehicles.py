@@ -9,7 +9,7 @@ import pytest
 from sprung.diagnosis import Observation
 from sprung.online.monitor import MonitorSettings, Observed, VehicleStatus, Workers
 from sprung.online.monitor.jobs import Failure, Opening, Outcome
-from sprung.online.monitor.processes import Answer, Lost
+from sprung.online.monitor.workers import Answer, Lost
 from sprung.recording import Channel, Recording
 from sprung.vehicles import Component
 
