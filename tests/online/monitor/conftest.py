@@ -10,7 +10,7 @@ from tests.online.store.conftest import postgresql_server, postgresql_url
 from sprung.diagnosis import Baseline
 from sprung.link import Frame, encode, quantised
 from sprung.online.box import blocks_of
-from sprung.online.monitor import Site, Station, VehicleMonitor, assessment, identifier
+from sprung.online.monitor import Site, Station, VehicleMonitor, assessment, engine
 from sprung.online.monitor.jobs import Opening, Outcome
 from sprung.online.monitor.workers import Workers, answer
 from sprung.online.store import open_store
@@ -29,7 +29,7 @@ def _fits_of_a_window_once(fits_once):
     """Let monitors in this process fit windows of equal samples once; tests fit what they compare with anew."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(assessment, "observe_window", fits_once["observe_window"])
-        patch.setattr(identifier, "METHODS", fits_once)
+        patch.setattr(engine, "METHODS", fits_once)
         yield
 
 

@@ -13,7 +13,7 @@ from sprung.identification import METHODS
 from sprung.link.archive import ArchiveError, write_archive
 from sprung.modal import PoleStatus
 from sprung.online.monitor.diagrams import answer, archived_recording, diagram_values, window_diagrams
-from sprung.online.monitor.identifier import IDENTIFICATION
+from sprung.online.monitor.engine import IDENTIFICATION
 from sprung.recording import Gap
 from sprung.results.documents import mode_documents
 from sprung.vehicles import vehicle_text

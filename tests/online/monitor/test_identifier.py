@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sprung.identification import METHODS, cov_ssi
-from sprung.online.monitor import MonitorSettings, identifier
-from sprung.online.monitor.identifier import IDENTIFICATION, ModeIdentifier
+from sprung.online.monitor import MonitorSettings, engine
+from sprung.online.monitor.engine import IDENTIFICATION, ModeIdentifier
 from sprung.results.documents import mode_documents
 from sprung.signals import harmonics
 from sprung.simulation import RoadDrive, simulate_drive
@@ -21,7 +21,7 @@ SETTINGS = MonitorSettings(window=1000.0)
 @pytest.fixture
 def searches(monkeypatch):
     """A list that grows with each search for lines proportional to speed, and no identification from memory."""
-    monkeypatch.setattr(identifier, "METHODS", METHODS)
+    monkeypatch.setattr(engine, "METHODS", METHODS)
     found = []
     searching = harmonics._speed_lines
 
@@ -83,7 +83,7 @@ def test_lines_are_sought_anew_where_a_mode_may_be_one(car, windows, searches, m
     monitored = ModeIdentifier(SETTINGS)
     modes_of(monitored, windows[0], car)
     expected, before = of_batch(windows[1], car), len(searches)
-    monkeypatch.setattr(identifier, "_NARROW", 1.0)
+    monkeypatch.setattr(engine, "_NARROW", 1.0)
     assert modes_of(monitored, windows[1], car) == expected
     assert len(searches) == before + 1
     assert monitored.state()["lines_known"] == 0.0
@@ -96,6 +96,6 @@ def test_a_narrow_mode_of_a_minute_calls_for_a_search(car, windows, monkeypatch)
     modes_of(monitored, windows[0], car)
     assert monitored.identify([windows[1]], None, car).modes
     assert monitored.state()["lines_known"] == 2600.0
-    monkeypatch.setattr(identifier, "_NARROW", 1.0)
+    monkeypatch.setattr(engine, "_NARROW", 1.0)
     monitored.identify([windows[1]], None, car)
     assert monitored.state()["lines_known"] == 0.0

@@ -21,7 +21,7 @@ from sprung.likelihood import CornerFit
 from sprung.likelihood.fitting import fit_windows
 from sprung.link.archive import read_archive
 from sprung.modal import PoleStatus
-from sprung.online.monitor.identifier import IDENTIFICATION
+from sprung.online.monitor.engine import IDENTIFICATION
 from sprung.online.monitor.jobs import limited_memory
 from sprung.recording import Channel, Gap, Recording
 from sprung.results.documents import identification_document
