@@ -210,7 +210,7 @@ def bytes_stored(recorded: Recorded, folder: Path, *, hours: int = 50) -> dict[s
     import sqlite3
 
     from sprung.online.monitor import Site
-    from sprung.online.monitor.context import Context
+    from sprung.online.monitor.alert_book import Context
     from sprung.online.monitor.ledger import Ledger
     from sprung.online.store import StoredFrame, open_store
 

@@ -13,8 +13,7 @@ from sprung.link import Key, Sending, Spool, checked_map, message, parse_topic, 
 from sprung.link import spool as spool_module
 from sprung.link.windows import FrameOrder
 from sprung.online.monitor import failures
-from sprung.online.monitor.alert_book import AlertBook
-from sprung.online.monitor.context import Context
+from sprung.online.monitor.alert_book import AlertBook, Context
 from sprung.online.monitor.dispatch import Dispatch, FrameCache
 from sprung.online.monitor.intake import Intake
 from sprung.online.monitor.notifier import Notifier

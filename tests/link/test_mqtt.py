@@ -21,7 +21,7 @@ from sprung.link import UPWARDS, Address, Link, LinkError, Spool, topic
 from sprung.link.messages import LARGEST
 from sprung.online.box.running import box_of, replay
 from sprung.online.monitor import Site
-from sprung.online.monitor.context import Context
+from sprung.online.monitor.alert_book import Context
 from sprung.online.monitor.intake import Intake
 from sprung.online.store import open_store
 from sprung.recording import Channel, Recording

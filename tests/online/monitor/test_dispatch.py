@@ -8,7 +8,7 @@ import pytest
 
 from sprung.diagnosis import Baseline, Observation
 from sprung.online.monitor import Observed, Site, VehicleStatus, Workers
-from sprung.online.monitor.context import Context
+from sprung.online.monitor.alert_book import Context
 from sprung.online.monitor.dispatch import Dispatch
 from sprung.online.monitor.jobs import Failure, Opening, Outcome
 from sprung.online.monitor.ledger import Ledger

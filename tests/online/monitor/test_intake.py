@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sprung.link import RAW, UPWARDS, Frame, Key, checked_map, encode, message, topic
 from sprung.online.monitor import Site
-from sprung.online.monitor.context import Context
+from sprung.online.monitor.alert_book import Context
 from sprung.online.monitor.intake import Intake
 from sprung.online.monitor.message_queue import BOOTS, INVALID, QUOTA, UNSTORABLE, VERSION_UNKNOWN, Refusals
 from sprung.online.store import Progress, RefusedError

@@ -8,7 +8,7 @@ import pytest
 
 from sprung.fleet.lake import Lake, recording_of
 from sprung.online.monitor import Site, lakes
-from sprung.online.monitor.context import Context
+from sprung.online.monitor.alert_book import Context
 from sprung.online.monitor.lakes import LakeWriter
 from sprung.recording import Channel, Recording
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from sprung.online.monitor import Identified, Site, VehicleStatus
-from sprung.online.monitor.context import Context
+from sprung.online.monitor.alert_book import Context
 from sprung.online.monitor.jobs import Outcome
 from sprung.online.monitor.ledger import Ledger
 from sprung.online.store import RefusedError, StoredFrame, StoreError, open_store

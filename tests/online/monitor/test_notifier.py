@@ -14,8 +14,7 @@ import pytest
 from sprung.errors import ParameterError
 from sprung.online.alerts import AlertSettings, MailSender, SelectiveSender, SendError, WebhookSender, trial_message
 from sprung.online.monitor import Site, notifier
-from sprung.online.monitor.alert_book import AlertBook
-from sprung.online.monitor.context import Context
+from sprung.online.monitor.alert_book import AlertBook, Context
 from sprung.online.monitor.notifier import NotificationService, try_senders
 
 NOW = 1_795_219_200_000_000_000

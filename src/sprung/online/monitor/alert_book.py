@@ -1,7 +1,8 @@
 """From windows of vehicles, and problems of monitoring, to alerts in the store."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from sprung._display import counted
@@ -9,6 +10,7 @@ from sprung.diagnosis import SEVERITIES, Diagnosis, Finding, detectable_in_words
 from sprung.online.alerts import AlertSettings, Report, Transition, absent, assess, message_of, reported, shelf_ended
 from sprung.online.monitor.assessment import describe_fault
 from sprung.online.monitor.events import Observed
+from sprung.online.monitor.site import Site
 from sprung.online.store import Store
 from sprung.results.documents import detectable_document, detection_document, finding_document
 from sprung.results.tables.wording import format_span
@@ -181,3 +183,29 @@ def _of_diagnosis(vehicle: str, diagnosis: Diagnosis, settings: AlertSettings) -
         for found in diagnosis.findings
         for finding in (_limited(found, settings.limits_of(vehicle, found.hypothesis, found.component)),)
     ]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Context:
+    """Settings, store, alerts and clocks of a monitor.
+
+    Parameters
+    ----------
+    site
+        Settings.
+    store
+        Open store.
+    clock
+        Present time, UTC ns.
+    timer
+        Present time [s] of a monotonic clock.
+    """
+
+    site: Site
+    store: Store
+    clock: Callable[[], int] = time.time_ns
+    timer: Callable[[], float] = time.monotonic
+    alerts: AlertBook = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "alerts", AlertBook(self.store, self.site.alerts.settings))

@@ -9,7 +9,7 @@ from typing import Any
 from sprung.diagnosis import Baseline
 from sprung.errors import ParameterError
 from sprung.link.windows import FrameOrder
-from sprung.online.monitor.context import Context
+from sprung.online.monitor.alert_book import Context
 from sprung.online.monitor.events import Observed
 from sprung.online.monitor.failures import Failures
 from sprung.online.monitor.fleets import VehicleTypes, type_of_others

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 from sprung.errors import ParameterError
 from sprung.link import VERSION, Address, Every, Key, Link, message, topic, valid_until
-from sprung.online.monitor.context import Context
+from sprung.online.monitor.alert_book import Context
 from sprung.online.monitor.dispatch import Dispatch
 from sprung.online.monitor.failures import CircuitBreaker
 from sprung.online.monitor.histories import LEARN, ROLL_BACK

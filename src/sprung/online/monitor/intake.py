@@ -24,7 +24,7 @@ from sprung.link import (
     topic,
 )
 from sprung.link.messages import MAX_BOOTS, REPORTS, checksum, count, integer, text
-from sprung.online.monitor.context import Context
+from sprung.online.monitor.alert_book import Context
 from sprung.online.monitor.message_queue import (
     BOOTS,
     INVALID,

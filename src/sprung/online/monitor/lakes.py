@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from sprung.errors import SprungError
 from sprung.link import Every
-from sprung.online.monitor.context import Context
+from sprung.online.monitor.alert_book import Context
 from sprung.recording import Recording
 
 LOG = logging.getLogger("sprung.monitor")

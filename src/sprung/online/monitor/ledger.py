@@ -12,7 +12,7 @@ from sprung.link import Key, checked_map
 from sprung.link.archive import write_archive
 from sprung.link.messages import count
 from sprung.link.summaries import summary_from_document
-from sprung.online.monitor.context import Context
+from sprung.online.monitor.alert_book import Context
 from sprung.online.monitor.events import Event, Identified, Observed, Restored
 from sprung.online.monitor.jobs import Outcome
 from sprung.online.monitor.lakes import LakeWriter

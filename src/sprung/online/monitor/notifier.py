@@ -16,7 +16,7 @@ from sprung.online.alerts import (
     deliver,
     trial_message,
 )
-from sprung.online.monitor.context import Context
+from sprung.online.monitor.alert_book import Context
 from sprung.online.monitor.site import Send
 from sprung.online.monitor.vehicle_report import alert_picture
 from sprung.online.store import Delivery, NotificationRow, ReservationLostError, StoreError

@@ -9,7 +9,7 @@ from contextlib import suppress
 from functools import partial
 
 from sprung.link import UPWARDS, VERSION, Every, Key, Link, message, topic
-from sprung.online.monitor.context import Context
+from sprung.online.monitor.alert_book import Context
 from sprung.online.monitor.dispatch import Dispatch
 from sprung.online.monitor.events import Observed
 from sprung.online.monitor.failures import CircuitBreaker, Heartbeats, Loop
