@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from sprung.fleet.lake import Lake, recording_of
-from sprung.online.monitor import Site, lakes
+from sprung.online.monitor import Site, ledger
 from sprung.online.monitor.alert_book import Context
-from sprung.online.monitor.lakes import LakeWriter
+from sprung.online.monitor.ledger import LakeWriter
 from sprung.recording import Channel, Recording
 
 BEGUN = 1_795_219_200 * 10**9
@@ -62,7 +62,7 @@ def test_windows_are_written_every_ten_minutes(writer, clock, tmp_path) -> None:
 
 
 def test_many_windows_do_not_wait(writer, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lakes, "_MANY", 4)
+    monkeypatch.setattr(ledger, "_MANY", 4)
     for k in range(4):
         writer.step()
         assert written(tmp_path) == 0
@@ -120,7 +120,7 @@ def test_windows_stay_in_a_lake_as_long_as_results() -> None:
 
 
 def test_a_monitor_writes_its_windows(bench, drive, frames_of, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lakes, "_LOOK", 0.01)
+    monkeypatch.setattr(ledger, "_LOOK", 0.01)
     watch = {"learning_windows": 2, "window_minutes": 2, "identify_every_minutes": 0, "calibrate": False}
     one = bench(tmp_path, watch=watch, keep={"lake": str(tmp_path / "lake"), "raw_days": 0})
     one.describe()

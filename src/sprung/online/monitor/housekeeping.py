@@ -11,7 +11,7 @@ from sprung.online.monitor.dispatch import Dispatch
 from sprung.online.monitor.failures import CircuitBreaker
 from sprung.online.monitor.histories import LEARN, ROLL_BACK
 from sprung.online.monitor.intake import MONITOR, Intake
-from sprung.online.monitor.lakes import LakeWriter
+from sprung.online.monitor.ledger import LakeWriter
 from sprung.online.monitor.notifier import NotificationService
 from sprung.online.monitor.site import Site, embedded_port
 from sprung.online.store import CommandRow, Retention

@@ -15,8 +15,7 @@ from sprung.online.monitor.events import Observed
 from sprung.online.monitor.failures import CircuitBreaker, Heartbeats, Loop
 from sprung.online.monitor.housekeeping import Housekeeping
 from sprung.online.monitor.intake import MONITOR, Intake
-from sprung.online.monitor.lakes import LakeWriter
-from sprung.online.monitor.ledger import Ledger
+from sprung.online.monitor.ledger import LakeWriter, Ledger
 from sprung.online.monitor.message_queue import OVERLOAD, MessageQueue, Refusals, vehicle_of
 from sprung.online.monitor.notifier import NotificationService, senders_of
 from sprung.online.monitor.site import Site
