@@ -9,8 +9,7 @@ from tests.online.site.conftest import NOW, PASSWORD, ROLES
 from sprung.errors import ParameterError
 from sprung.online.monitor import Site
 from sprung.online.site import Context, Server, add_account, add_token, remove_account, remove_token
-from sprung.online.site.access import Allowed, FormOf
-from sprung.online.site.accounts import SESSION, change_role, of_session
+from sprung.online.site.accounts import SESSION, Allowed, FormOf, change_role, of_session
 from sprung.online.site.app import ROUTERS
 
 #: Routes without a role in their signature: who may log in, and whether the monitor is healthy. Tests of probes show

@@ -13,8 +13,7 @@ from pydantic import Field
 from sprung.errors import ParameterError
 from sprung.online.monitor import MONITOR, operations
 from sprung.online.monitor.operations import require_alert, send_work_order, work_order
-from sprung.online.site.access import Engineer, EngineerForm, Viewer
-from sprung.online.site.accounts import Person, Role
+from sprung.online.site.accounts import Engineer, EngineerForm, Person, Role, Viewer
 from sprung.online.site.alerts import STATES
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import (

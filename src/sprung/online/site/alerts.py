@@ -6,7 +6,7 @@ from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 
 from sprung.online.monitor import MONITOR
-from sprung.online.site.access import Viewer
+from sprung.online.site.accounts import Viewer
 from sprung.online.site.outcomes import precision
 from sprung.online.site.rendering import filter_link, page, with_others
 from sprung.online.site.shared import Answer, Shared, Wanted, column_number, parse_cursor

@@ -17,7 +17,7 @@ from starlette.types import ASGIApp
 from sprung import __version__
 from sprung.errors import SprungError
 from sprung.online.site import alert, alerts, fleet, job_card, live, outcomes, people, probes, runs, site
-from sprung.online.site.access import Viewer
+from sprung.online.site.accounts import Viewer
 from sprung.online.site.guard import Attempts, Guard, RateLimit
 from sprung.online.site.live import Feed
 from sprung.online.site.rendering import page, plotly_file

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from sprung.online.monitor import embedded_port
 from sprung.online.monitor.histories import vehicle_state
-from sprung.online.site.access import Viewer
+from sprung.online.site.accounts import Viewer
 from sprung.online.site.rendering import filter_link, page, with_others
 from sprung.online.site.shared import Answer, Context, Shared, Wanted, column_number, parse_cursor
 from sprung.online.store import FleetCounts, FleetFilter, FleetRow, Place, VehicleRow

@@ -8,7 +8,7 @@ from fastapi.responses import HTMLResponse, Response
 
 from sprung.online.monitor.histories import mileage_of
 from sprung.online.monitor.operations import require_alert, work_order
-from sprung.online.site.access import Viewer
+from sprung.online.site.accounts import Viewer
 from sprung.online.site.guard import policy
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import LIMITS, Context, Number, Shared

@@ -10,7 +10,7 @@ from scipy.special import betaincinv
 
 from sprung.online.monitor.histories import LEARN, MILEAGE, driven_since
 from sprung.online.monitor.operations import VERDICTS
-from sprung.online.site.access import Viewer
+from sprung.online.site.accounts import Viewer
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import LIMITS, Answer, Context, Shared
 from sprung.online.store import Store, VerdictRow

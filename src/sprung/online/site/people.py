@@ -9,9 +9,8 @@ from fastapi.responses import RedirectResponse, Response
 from pydantic import Field
 
 from sprung.errors import ParameterError
-from sprung.online.site import access, accounts
-from sprung.online.site.access import Admin, AdminForm, Engineer, Viewer, ViewerForm
-from sprung.online.site.accounts import Person, Role
+from sprung.online.site import accounts
+from sprung.online.site.accounts import Admin, AdminForm, Engineer, Person, Role, Viewer, ViewerForm
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import LIMITS, Answer, Context, Done, Given, Line, Name, Number, Outcome, Shared
 from sprung.online.store import AuditRow
@@ -94,16 +93,16 @@ def who_am_i(person: Viewer) -> WhoAmI:
 @api.post("/session")
 def log_in(context: Shared, request: Request, response: Response, given: LogIn) -> WhoAmI:
     """Log in: the answer sets the cookie of the session."""
-    person = access.enter(request, given.name, given.password)
-    access.set_session(response, context, person.secret)
+    person = accounts.enter(request, given.name, given.password)
+    accounts.set_session(response, context, person.secret)
     return WhoAmI.model_validate(person)
 
 
 @api.delete("/session")
 def log_out(context: Shared, request: Request, response: Response, _: Viewer) -> Done:
     """Log out."""
-    accounts.log_out(context.store, request.cookies.get(access.cookie_name(context), ""))
-    response.delete_cookie(access.cookie_name(context))
+    accounts.log_out(context.store, request.cookies.get(accounts.cookie_name(context), ""))
+    response.delete_cookie(accounts.cookie_name(context))
     return Done(sentence="logged out")
 
 
@@ -120,16 +119,16 @@ def show_log_in(
 @pages.post("/log-in")
 async def log_in_by_form(request: Request, context: Shared) -> Response:
     """Log in, and continue to the requested page."""
-    fields = await access.form_fields(request)
+    fields = await accounts.form_fields(request)
     name = fields.get("name", "")
     following = _inside(fields.get("next", "/"))
     try:
-        person = await run_in_threadpool(access.enter, request, name, fields.get("password", ""))
+        person = await run_in_threadpool(accounts.enter, request, name, fields.get("password", ""))
     except HTTPException as error:
         values = {"problem": error.detail, "name": name, "next": following}
         return await run_in_threadpool(page, request, "log-in.html", status=error.status_code, **values)
     answer = RedirectResponse(following, 303)
-    access.set_session(answer, context, person.secret)
+    accounts.set_session(answer, context, person.secret)
     return answer
 
 

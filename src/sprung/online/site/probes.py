@@ -16,8 +16,7 @@ from pydantic import BaseModel
 
 from sprung.errors import SprungError
 from sprung.online.monitor import FIGURES
-from sprung.online.site.access import Allowed
-from sprung.online.site.accounts import Role
+from sprung.online.site.accounts import Allowed, Role
 from sprung.online.site.shared import LIMITS, Shared, context_of
 
 T = TypeVar("T")

@@ -18,8 +18,7 @@ from pydantic import BaseModel
 
 from sprung import __version__
 from sprung.modal import INTERVAL_95
-from sprung.online.site.access import find_person, set_session
-from sprung.online.site.accounts import Person, Role
+from sprung.online.site.accounts import Person, Role, find_person, set_session
 from sprung.online.site.shared import context_of
 from sprung.results.tables.wording import format_age, format_time
 from sprung.road import road_class_of

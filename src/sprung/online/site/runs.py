@@ -10,7 +10,7 @@ from pydantic import Field
 
 from sprung.diagnosis import Verdict
 from sprung.errors import DataError
-from sprung.online.site.access import Viewer
+from sprung.online.site.accounts import Viewer
 from sprung.online.site.rendering import filter_link, page
 from sprung.online.site.shared import LIMITS, Answer, Shared, Wanted, column_number, parse_cursor
 from sprung.online.store import StoreError

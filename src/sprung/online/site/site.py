@@ -20,8 +20,7 @@ from sprung.online.monitor.housekeeping import certificates_of
 from sprung.online.monitor.notifier import try_senders
 from sprung.online.monitor.site import Keep, Mail, Service, Site, Webhook
 from sprung.online.monitor.station import loops_of
-from sprung.online.site.access import Engineer, EngineerForm, Viewer
-from sprung.online.site.accounts import Role
+from sprung.online.site.accounts import Engineer, EngineerForm, Role, Viewer
 from sprung.online.site.outcomes import TAIL
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import LIMITS, Answer, Context, Done, Name, Shared

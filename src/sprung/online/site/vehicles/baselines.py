@@ -13,8 +13,7 @@ from sprung.errors import FormatError, ParameterError
 from sprung.online.monitor import VehicleStatus, operations
 from sprung.online.monitor.histories import LEARN, ROLL_BACK, reference_of
 from sprung.online.monitor.operations import describe_rollback
-from sprung.online.site.access import Engineer, EngineerForm, Viewer
-from sprung.online.site.accounts import Person, Role
+from sprung.online.site.accounts import Engineer, EngineerForm, Person, Role, Viewer
 from sprung.online.site.rendering import path_of, vehicle_page
 from sprung.online.site.shared import (
     LIMITS,

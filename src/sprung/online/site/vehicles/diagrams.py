@@ -23,7 +23,7 @@ from pydantic import Field
 from sprung.errors import ParameterError
 from sprung.link.archive import archive_path
 from sprung.online.monitor.histories import reference_of
-from sprung.online.site.access import Viewer
+from sprung.online.site.accounts import Viewer
 from sprung.online.site.rendering import path_of, vehicle_page
 from sprung.online.site.shared import (
     LIMITS,

@@ -12,7 +12,7 @@ from sprung.errors import ParameterError
 from sprung.online.monitor import exports
 from sprung.online.monitor.exports import MEDIA_TYPES, FileFormat, What
 from sprung.online.monitor.vehicle_report import vehicle_report
-from sprung.online.site.access import Viewer
+from sprung.online.site.accounts import Viewer
 from sprung.online.site.guard import policy
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import LIMITS, Context, Shared, VehicleName

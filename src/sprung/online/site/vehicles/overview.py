@@ -7,7 +7,7 @@ from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 
 from sprung.online.monitor.histories import mileage_of, observations_of
-from sprung.online.site.access import Viewer
+from sprung.online.site.accounts import Viewer
 from sprung.online.site.fleet import FleetVehicle, state_seen
 from sprung.online.site.guard import policy
 from sprung.online.site.rendering import axis_of, path_of, plotly_styles, vehicle_page

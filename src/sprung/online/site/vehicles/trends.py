@@ -13,7 +13,7 @@ from sprung.diagnosis import Observation
 from sprung.errors import FormatError, SprungError
 from sprung.modal import Modes
 from sprung.online.monitor.histories import observations_of, reference_of
-from sprung.online.site.access import Viewer
+from sprung.online.site.accounts import Viewer
 from sprung.online.site.rendering import path_of
 from sprung.online.site.shared import LIMITS, Answer, KnownVehicle, Shared, Time, finite
 from sprung.online.store import Entry, Store, VehicleRow

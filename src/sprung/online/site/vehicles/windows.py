@@ -12,7 +12,7 @@ from sprung.diagnosis import Observation
 from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.errors import FormatError
 from sprung.online.monitor.histories import observations_of, reference_of
-from sprung.online.site.access import Viewer
+from sprung.online.site.accounts import Viewer
 from sprung.online.site.rendering import axis_of, vehicle_page
 from sprung.online.site.shared import LIMITS, Answer, KnownVehicle, KnownWindow, Limit, Shared, Time, VehicleName
 from sprung.online.site.vehicles.trends import ModeValue, body_modes_in
