@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 
 from sprung.online.monitor import Site
-from sprung.online.site import Context, Server, guard, server
+from sprung.online.site import Context, Server, app, guard
 from sprung.online.site.guard import Attempts, Guard, RateLimit, network_of, policy
 from sprung.online.site.shared import LIMITS
 
@@ -118,7 +118,7 @@ def running(opened):
 
 @pytest.mark.parametrize("n_before", [0, 1])
 def test_a_request_that_does_not_end_is_cut_off(running, monkeypatch, n_before) -> None:
-    monkeypatch.setattr(server, "LIMITS", replace(LIMITS, head_timeout=0.05))
+    monkeypatch.setattr(app, "LIMITS", replace(LIMITS, head_timeout=0.05))
     with socket.create_connection(running, timeout=20.0) as slow:
         received = b""
         if n_before:
@@ -135,7 +135,7 @@ def test_a_client_that_takes_nothing_is_cut_off(opened, running, monkeypatch) ->
     complete.request("GET", "/static/plotly.js")
     n_complete = len(complete.getresponse().read())
     complete.close()
-    monkeypatch.setattr(server, "LIMITS", replace(LIMITS, write_timeout=0.05))
+    monkeypatch.setattr(app, "LIMITS", replace(LIMITS, write_timeout=0.05))
     opened._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 16)  # of the system, for each connection
     with socket.create_connection(running, timeout=20.0) as slow:
         slow.sendall(b"GET /static/plotly.js HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
