@@ -239,7 +239,10 @@ def required(package: str, *, purpose: str, extra: str) -> Any:
     try:
         return import_module(package)
     except ImportError as error:
-        raise missing_package(error, package, purpose=purpose, extra=extra) from None
+        if error.name is None or error.name.split(".")[0] != package.split(".", maxsplit=1)[0]:
+            raise  # another module is missing
+        advice = f"install it with pip install 'sprung[{extra}]'"
+        raise MissingPackageError(f"{purpose} needs the package {package}: {advice}") from None
 
 
 def data_frame_of(columns: Mapping[str, Any]) -> Any:
@@ -251,13 +254,6 @@ def data_frame_of(columns: Mapping[str, Any]) -> Any:
         If pandas is not installed.
     """
     return required("pandas", purpose="a data frame", extra="notebook").DataFrame(columns)
-
-
-def missing_package(error: ImportError, package: str, *, purpose: str, extra: str) -> ImportError:
-    """Return the error of an optional package that is not installed; `error` itself if another module is missing."""
-    if error.name is None or error.name.split(".")[0] != package.split(".", maxsplit=1)[0]:
-        return error
-    return MissingPackageError(f"{purpose} needs the package {package}: install it with pip install 'sprung[{extra}]'")
 
 
 def check_complete(names: Sequence[str], samples: Real) -> None:
