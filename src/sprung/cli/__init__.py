@@ -12,7 +12,7 @@ import typer
 from typer.main import get_command, get_command_name, solve_typer_info_help
 
 from sprung import __version__
-from sprung.cli import corners, diagnosis, identify, measured, recordings, simulate, vehicle_files
+from sprung.cli import diagnosis, identify, measured, recordings, simulate, vehicle_files
 from sprung.cli.output import printable
 from sprung.errors import DataError, IdentificationError, SprungError
 
@@ -92,8 +92,8 @@ def _application() -> typer.Typer:
         recordings.convert,
         identify.identify,
         identify.track,
-        corners.corners,
-        corners.bounce,
+        measured.corners,
+        measured.bounce,
         vehicle_files.describe,
         vehicle_files.calibrate,
         vehicle_files.fmu,
