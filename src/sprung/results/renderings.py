@@ -83,7 +83,7 @@ RENDERINGS: Mapping[str, Renderings] = MappingProxyType(
         "Ride": _of("measured:ride_document", picture="measured:ride_figure"),
         "RoadSurvey": _of("measured:road_document", picture="measured:road_figure"),
         "StabilisationDiagram": _of("", "diagram", "identification:diagram_table"),
-        "TrackedModes": _of("tracking:plain_tracking_document", "tracks", _TRACKS, "history:plain_tracks_figure"),
+        "TrackedModes": _of("identification:plain_tracking_document", "tracks", _TRACKS, "history:plain_tracks_figure"),
         "TypeBaseline": _of("baseline:type_baseline_document"),
     }
 )

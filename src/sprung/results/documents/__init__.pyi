@@ -39,10 +39,14 @@ from sprung.results.documents.fleet import LakeDocument as LakeDocument
 from sprung.results.documents.fleet import LakeImportDocument as LakeImportDocument
 from sprung.results.documents.fleet import fleet_document as fleet_document
 from sprung.results.documents.identification import IdentificationDocument as IdentificationDocument
+from sprung.results.documents.identification import TrackingDocument as TrackingDocument
 from sprung.results.documents.identification import identification_document as identification_document
 from sprung.results.documents.identification import mode_documents as mode_documents
 from sprung.results.documents.identification import read_identification as read_identification
+from sprung.results.documents.identification import read_tracking as read_tracking
+from sprung.results.documents.identification import tracking_document as tracking_document
 from sprung.results.documents.identification import write_identification as write_identification
+from sprung.results.documents.identification import write_tracking as write_tracking
 from sprung.results.documents.measured import BounceDocument as BounceDocument
 from sprung.results.documents.measured import PlanDocument as PlanDocument
 from sprung.results.documents.measured import RideDocument as RideDocument
@@ -70,9 +74,5 @@ from sprung.results.documents.schemas import DOCUMENTS as DOCUMENTS
 from sprung.results.documents.schemas import json_schema as json_schema
 from sprung.results.documents.schemas import read_document as read_document
 from sprung.results.documents.schemas import write_json_schemas as write_json_schemas
-from sprung.results.documents.tracking import TrackingDocument as TrackingDocument
-from sprung.results.documents.tracking import read_tracking as read_tracking
-from sprung.results.documents.tracking import tracking_document as tracking_document
-from sprung.results.documents.tracking import write_tracking as write_tracking
 from sprung.results.renderings import document_of as document_of
 from sprung.results.renderings import save as save
