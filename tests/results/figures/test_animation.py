@@ -11,7 +11,7 @@ from sprung.errors import ParameterError
 from sprung.modal import Modes
 from sprung.recording import Channel
 from sprung.results.figures.animation import animated_figure, animation_page, save_animation, scene_of
-from sprung.results.figures.style import STYLE
+from sprung.results.figures.draw import STYLE
 
 Z = (0.0, 0.0, 1.0)
 CORNERS = ((1.2, 0.7, 0.0), (1.2, -0.7, 0.0), (-1.2, -0.7, 0.0), (-1.2, 0.7, 0.0))

@@ -6,8 +6,8 @@ from matplotlib.colors import same_color
 
 from sprung.modal import PoleStatus
 from sprung.results.figures import stabilisation_figure
+from sprung.results.figures.draw import mode_colour
 from sprung.results.figures.stabilisation import singular_values_in_decibels
-from sprung.results.figures.style import mode_colour
 from sprung.signals.spectrum import SpectralMatrix
 
 

@@ -12,9 +12,8 @@ from matplotlib.text import Text
 
 from sprung.modal import Modes
 from sprung.results.figures import spectra_figure, stabilisation_figure
-from sprung.results.figures.draw import ink_on, panel_grid, spread
+from sprung.results.figures.draw import STYLE, ink_on, panel_grid, spread
 from sprung.results.figures.frequency_axis import curve_limits, frequency_range
-from sprung.results.figures.style import STYLE
 from sprung.signals.harmonics import Harmonic
 
 

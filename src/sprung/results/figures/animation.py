@@ -21,8 +21,8 @@ from sprung.formats.nodes import nodes_of
 from sprung.modal import Modes
 from sprung.recording import Channel
 from sprung.results.figures import draw
+from sprung.results.figures.draw import STYLE, in_hertz, in_percent, mode_colour, mode_name
 from sprung.results.figures.shapes import body_shapes, projected
-from sprung.results.figures.style import STYLE, in_hertz, in_percent, mode_colour, mode_name
 
 ENDINGS = (".gif", ".html")
 

@@ -18,7 +18,7 @@ from sprung.errors import ParameterError
 from sprung.likelihood import CornerFit
 from sprung.modal import INTERVAL_95
 from sprung.results.figures import draw
-from sprung.results.figures.style import STYLE, percent
+from sprung.results.figures.draw import STYLE, percent
 from sprung.vehicles import Component
 
 _UNITS = {"bounce": "(m/s²)²/Hz", "pitch": "(rad/s²)²/Hz", "roll": "(rad/s²)²/Hz"}

@@ -14,7 +14,7 @@ from sprung._arrays import Booleans, Real
 from sprung.identification import Identification
 from sprung.modal import Modes
 from sprung.results.figures import draw
-from sprung.results.figures.style import STYLE, in_hertz, mode_colour, mode_name, mode_values, text_width
+from sprung.results.figures.draw import STYLE, in_hertz, mode_colour, mode_name, mode_values, text_width
 from sprung.signals.harmonics import Harmonic
 
 

@@ -17,7 +17,7 @@ from sprung._arrays import Indices, Real
 from sprung.identification.tracking import Track, TrackedModes
 from sprung.modal import INTERVAL_95
 from sprung.results.figures import draw
-from sprung.results.figures.style import STYLE, in_hertz, mode_colour, percent
+from sprung.results.figures.draw import STYLE, in_hertz, mode_colour, percent
 from sprung.vehicles import Component
 
 #: Untyped part of matplotlib.

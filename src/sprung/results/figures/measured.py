@@ -11,7 +11,7 @@ from sprung.bounce_tests import Bounce, BounceTest
 from sprung.kits import KitPlan
 from sprung.modal import INTERVAL_95
 from sprung.results.figures import draw
-from sprung.results.figures.style import STYLE, with_unit
+from sprung.results.figures.draw import STYLE, with_unit
 from sprung.results.tables.wording import format_name
 from sprung.ride import Ride, Travel
 from sprung.road import RoadSurvey

@@ -19,10 +19,10 @@ from sprung.results.figures.diagnosis import (
     mode_changes_figure,
     trends_figure,
 )
+from sprung.results.figures.draw import STYLE
 from sprung.results.figures.shapes import complexity_figure, shapes_figure
 from sprung.results.figures.signals import spectra_figure
 from sprung.results.figures.stabilisation import stabilisation_figure
-from sprung.results.figures.style import STYLE
 from sprung.results.figures.subsets import mac_figure, subsets_figure
 
 #: Formats of saved figures.

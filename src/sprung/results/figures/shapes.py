@@ -15,7 +15,7 @@ from sprung._arrays import Complex, Indices, Real
 from sprung.modal import Modes
 from sprung.recording import Channel
 from sprung.results.figures import draw
-from sprung.results.figures.style import STYLE, mode_colour, mode_name, mode_values, pretty_unit
+from sprung.results.figures.draw import STYLE, mode_colour, mode_name, mode_values, pretty_unit
 from sprung.vehicles import sensor_outputs
 from sprung.vehicles.labels import MOTIONS, rigid_body_participation
 

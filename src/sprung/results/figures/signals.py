@@ -16,6 +16,7 @@ from sprung._arrays import Complex, Real
 from sprung.identification import Identification
 from sprung.recording import Recording
 from sprung.results.figures import draw
+from sprung.results.figures.draw import STYLE, mode_colour, origin, pretty_unit, with_unit
 from sprung.results.figures.frequency_axis import (
     FrequencyRange,
     curve_limits,
@@ -25,7 +26,6 @@ from sprung.results.figures.frequency_axis import (
     mark_harmonics,
     mark_modes,
 )
-from sprung.results.figures.style import STYLE, mode_colour, origin, pretty_unit, with_unit
 from sprung.signals.data_faults import is_condition
 from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
 

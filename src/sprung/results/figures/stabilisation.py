@@ -17,6 +17,7 @@ from sprung.identification.ladders import PolynomialLadder
 from sprung.identification.stabilisation import StabilisationDiagram
 from sprung.modal import PoleStatus
 from sprung.results.figures import draw
+from sprung.results.figures.draw import STYLE, mode_colour, origin
 from sprung.results.figures.frequency_axis import (
     FrequencyRange,
     curve_limits,
@@ -26,7 +27,6 @@ from sprung.results.figures.frequency_axis import (
     mark_harmonics,
     mark_modes,
 )
-from sprung.results.figures.style import STYLE, mode_colour, origin
 from sprung.signals.spectrum import SpectralMatrix, singular_values
 
 #: Colour of the second and further singular values, and mark of the peaks of the first.

@@ -14,8 +14,8 @@ from sprung._display import counted
 from sprung.identification import Identification, SubsetModes
 from sprung.modal import INTERVAL_95, Modes, join_modes, mac
 from sprung.results.figures import draw
+from sprung.results.figures.draw import STYLE, in_hertz, mode_colour, mode_name, mode_values, origin
 from sprung.results.figures.frequency_axis import frequency_range
-from sprung.results.figures.style import STYLE, in_hertz, mode_colour, mode_name, mode_values, origin
 
 
 def mac_figure(identification: Identification, *, source: str = "") -> Figure:
