@@ -33,10 +33,10 @@ from sprung.results.figures.signals import response_figure as response_figure
 from sprung.results.figures.signals import runs_figure as runs_figure
 from sprung.results.figures.signals import spectra_figure as spectra_figure
 from sprung.results.figures.signals import spectrogram_figure as spectrogram_figure
+from sprung.results.figures.stabilisation import alignment_rates as alignment_rates
+from sprung.results.figures.stabilisation import mac_figure as mac_figure
+from sprung.results.figures.stabilisation import reference_mac_figure as reference_mac_figure
 from sprung.results.figures.stabilisation import stabilisation_figure as stabilisation_figure
-from sprung.results.figures.subsets import alignment_rates as alignment_rates
-from sprung.results.figures.subsets import mac_figure as mac_figure
-from sprung.results.figures.subsets import reference_mac_figure as reference_mac_figure
-from sprung.results.figures.subsets import stable_rates_figure as stable_rates_figure
-from sprung.results.figures.subsets import subsets_figure as subsets_figure
+from sprung.results.figures.stabilisation import stable_rates_figure as stable_rates_figure
+from sprung.results.figures.stabilisation import subsets_figure as subsets_figure
 from sprung.results.renderings import picture_of as picture_of

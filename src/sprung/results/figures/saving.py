@@ -22,8 +22,7 @@ from sprung.results.figures.diagnosis import (
 from sprung.results.figures.draw import STYLE
 from sprung.results.figures.shapes import complexity_figure, shapes_figure
 from sprung.results.figures.signals import spectra_figure
-from sprung.results.figures.stabilisation import stabilisation_figure
-from sprung.results.figures.subsets import mac_figure, subsets_figure
+from sprung.results.figures.stabilisation import mac_figure, stabilisation_figure, subsets_figure
 
 #: Formats of saved figures.
 FILE_FORMATS = ("png", "svg", "pdf")
