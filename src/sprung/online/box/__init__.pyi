@@ -4,10 +4,10 @@ from sprung.online.box.box import BoxSettings as BoxSettings
 from sprung.online.box.can import can_bus as can_bus
 from sprung.online.box.can import from_can as from_can
 from sprung.online.box.mqtt_source import from_mqtt as from_mqtt
-from sprung.online.box.resampling import Regular as Regular
 from sprung.online.box.running import Listener as Listener
 from sprung.online.box.running import SourceSettings as SourceSettings
 from sprung.online.box.running import open_source as open_source
+from sprung.online.box.sources import Regular as Regular
 from sprung.online.box.sources import after as after
 from sprung.online.box.sources import blocks_of as blocks_of
 from sprung.online.box.sources import from_files as from_files

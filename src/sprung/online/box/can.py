@@ -7,7 +7,7 @@ from typing import Any
 
 from sprung._checks import required
 from sprung.errors import FormatError, ParameterError
-from sprung.online.box.resampling import Regular
+from sprung.online.box.sources import Regular
 from sprung.recording import Channel, Recording
 from sprung.units import conversion
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from sprung.errors import FormatError, ParameterError
 from sprung.link import Address, Link
-from sprung.online.box.resampling import Regular
+from sprung.online.box.sources import Regular
 from sprung.recording import Recording
 
 #: Longest wait for the broker [s].
