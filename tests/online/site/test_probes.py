@@ -11,8 +11,8 @@ from tests.online.site.conftest import NOW
 from sprung.errors import ParameterError
 from sprung.online.monitor import FIGURES, Site
 from sprung.online.monitor.station import labelled
-from sprung.online.site import Context, Server, add_token, probes
-from sprung.online.site.probes import exposition
+from sprung.online.site import Context, Server, add_token, live
+from sprung.online.site.live import exposition
 from sprung.online.site.shared import LIMITS
 from sprung.online.store import StoreError
 
@@ -50,7 +50,7 @@ def test_a_store_that_hangs_or_fails_costs_only_what_it_has(serve, store, monkey
         raise StoreError("the store does not answer")
 
     monkeypatch.setattr(store, "size", size)
-    monkeypatch.setattr(probes, "LIMITS", replace(LIMITS, store_timeout=0.05))
+    monkeypatch.setattr(live, "LIMITS", replace(LIMITS, store_timeout=0.05))
     _, client = serve()
     for _ in range(6):
         answer = client.get("/metrics")
@@ -72,7 +72,7 @@ def test_a_store_that_hangs_keeps_figures_from_other_machines_only(serve, store,
 
     for name in ("n_accounts", "of_session", "of_token"):
         monkeypatch.setattr(store.accounts, name, hang)
-    monkeypatch.setattr(probes, "LIMITS", replace(LIMITS, store_timeout=0.05))
+    monkeypatch.setattr(live, "LIMITS", replace(LIMITS, store_timeout=0.05))
     _, client = serve(**fields)
     answer = client.get("/metrics", headers={"Authorization": "Bearer sprung_x"})
     assert answer.status_code == status
