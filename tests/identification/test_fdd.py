@@ -1,5 +1,7 @@
 """Frequency domain decomposition: exact spectra, chance, and bells through a window."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -111,3 +113,22 @@ def test_a_frequency_without_a_maximum_is_refused() -> None:
     assert str(refusal.value) == (
         "no clear maximum of the first singular value near 30 Hz: the nearest are at 7 Hz, pick one of those"
     )
+
+
+def test_a_mode_beside_a_stronger_one_peaks_in_the_second_singular_value() -> None:
+    """Two modes of other shapes, one of a hundredth of the power on the slope of the other."""
+    strong = oscillator(7.0, 0.01, n_derivatives=2)
+    weak = oscillator(7.6, 0.01, n_derivatives=2)
+    shape = np.array([0.5, 1.0])
+    density = weak.matrix[0, 0] * np.outer(shape, shape)[:, :, None]
+    spectra = replace(strong, matrix=strong.matrix + 0.01 * density, n_segments=20)
+    bells = find_bells(spectra, band=(1.0, 50.0))
+    modes = modes_of_bells(bells, spectra, channels=[Channel(name, "acceleration") for name in spectra.names])
+    assert modes.natural_frequency == pytest.approx([7.0, 7.6], rel=1e-3)
+    assert modes.damping_ratio == pytest.approx([0.01, 0.01], rel=0.01)
+    np.testing.assert_allclose(modes.mode_shapes, [[1, -0.5], [0.5, 1]], atol=0.01)
+
+
+def test_a_peak_at_the_end_of_the_band_is_as_high_as_it_is_beyond() -> None:
+    spectra = replace(oscillator(20.0, 0.01, n_derivatives=2), n_segments=20)
+    assert spectra.frequencies[find_bells(spectra, band=(1.0, 20.1)).peaks] == pytest.approx([20.0])

@@ -26,6 +26,8 @@ class _Rules:
     segments_per_channel: int = 2
     #: Least MAC with the peak of the first singular vectors of the lines of its bell.
     min_mac: float = 0.85
+    #: Least share of a second singular vector that is of no neighbouring peak.
+    min_own: float = 0.2
     #: Fewest lines of a bell.
     min_lines: int = 7
     #: Odd numbers of lines whose matrices are averaged: peaks that the first leaves within chance are of the second.
@@ -110,7 +112,7 @@ def with_long_segments(
 
 
 def find_bells(spectra: SpectralMatrix, *, band: tuple[float, float]) -> Bells:
-    """Return the peaks of the first singular value that rise higher than chance, with their bells.
+    """Return the peaks of the singular values that rise higher than chance, with their bells.
 
     Parameters
     ----------
@@ -130,27 +132,82 @@ def find_bells(spectra: SpectralMatrix, *, band: tuple[float, float]) -> Bells:
     probability of 0.1 %. Its degrees of freedom are 2 x 3 x segments x 9/19, as windowed lines and overlapping segments
     repeat each other. Broad peaks that do not stand out so far are compared once more, averaged over nine lines.
 
+    A mode beside a stronger one rules the second singular value, which peaks too where two modes are equally strong:
+    a peak of it counts where a part of the second singular vector is outside of the shapes of the peaks on either side.
+    The mode is at the peak of the spectrum of that part, and its shape is the product of the spectral matrix with it.
+
     References
     ----------
     R. Brincker, L. Zhang and P. Andersen (2001), Modal identification of output-only systems using frequency domain
     decomposition, Smart Materials and Structures 10, 441-445.
     """
+    found: Bells | None = None
+    for n_smoothed in _RULES.smoothed:
+        values, vectors, scale = _decomposed(spectra, n_smoothed)
+        fresh = _prominent(spectra, values[:, 0], n_smoothed, band)
+        known = np.zeros(0, dtype=np.intp) if found is None else found.peaks
+        fresh = fresh[_distance(fresh, known) > n_smoothed]
+        bells = _bells(
+            values[:, 0], vectors[:, :, :1], scale, fresh, vectors[fresh, :, 0], among=np.union1d(known, fresh)
+        )
+        found = bells if found is None else _joined(found, bells)
+    assert found is not None
+    n_smoothed = _RULES.smoothed[0]
+    values, vectors, scale = _decomposed(spectra, n_smoothed)
+    for peak in _prominent(spectra, values[:, 1], n_smoothed, band) if values.shape[1] > 1 else ():
+        place, shape = _beside(found, int(peak), spectra, vectors, n_smoothed)
+        if shape is not None:
+            here = np.array([place])
+            found = _joined(found, _bells(values[:, 0], vectors, scale, here, shape[None], among=here))
+    return found
+
+
+def _prominent(spectra: SpectralMatrix, values: Real, n_smoothed: int, band: tuple[float, float]) -> Indices:
+    """Return the lines within the band at which singular values rise higher than chance."""
     from scipy import signal
 
     frequencies = spectra.frequencies
-    last = np.searchsorted(frequencies, min(band[1], 0.8 * frequencies[-1]), side="right")
-    peaks, parts = np.zeros(0, dtype=np.intp), []
-    for n_smoothed in _RULES.smoothed:
-        values, vectors, scale = _decomposed(spectra, n_smoothed)
-        prominent = signal.find_peaks(np.log(values[:last]), prominence=_chance(spectra, n_smoothed))[0]
-        distance = np.abs(prominent[:, None] - peaks).min(axis=1, initial=len(frequencies))
-        fresh = prominent[(frequencies[prominent] >= band[0]) & (distance > n_smoothed)]
-        peaks = np.sort(np.concatenate([peaks, fresh]))
-        parts.append(_bells(values, vectors, scale, fresh, peaks))
-    order = np.argsort(np.concatenate([part.peaks for part in parts]))
+    peaks = signal.find_peaks(np.log(values), prominence=_chance(spectra, n_smoothed))[0]
+    top = min(band[1], 0.8 * frequencies[-1])
+    return np.asarray(peaks[(frequencies[peaks] >= band[0]) & (frequencies[peaks] <= top)], dtype=np.intp)
+
+
+def _distance(peaks: Indices, known: Indices) -> Indices:
+    """Return the number of lines from each peak to the nearest known one."""
+    return np.asarray(np.abs(peaks[:, None] - known).min(axis=1, initial=np.iinfo(np.intp).max), dtype=np.intp)
+
+
+def _joined(bells: Bells, others: Bells) -> Bells:
+    """Return all bells by rising frequency."""
+    order = np.argsort(np.concatenate([bells.peaks, others.peaks]))
     names = ("peaks", "first", "last", "shapes")
-    joined: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts])[order] for name in names}
-    return replace(parts[0], **joined)
+    joined: dict[str, Any] = {
+        name: np.concatenate([getattr(each, name) for each in (bells, others)])[order] for name in names
+    }
+    return replace(bells, **joined)
+
+
+def _beside(
+    bells: Bells, peak: int, spectra: SpectralMatrix, vectors: Complex, n_smoothed: int
+) -> tuple[int, Complex | None]:
+    """Return the line and shape of a mode beside stronger ones, from a peak of the second singular value; or None."""
+    below, above = np.flatnonzero(bells.peaks < peak)[-1:], np.flatnonzero(bells.peaks > peak)[:1]
+    neighbours = np.linalg.qr(bells.shapes[np.concatenate([below, above])].T)[0]
+    own = vectors[peak, :, 1] - neighbours @ (neighbours.conj().T @ vectors[peak, :, 1])
+    if np.linalg.norm(own) ** 2 < _RULES.min_own:
+        return peak, None
+    weights = own * bells.scale
+    power = np.einsum("p,pqf,q->f", weights.conj(), spectra.matrix, weights, optimize=True).real
+    power = ndimage.uniform_filter1d(power, n_smoothed, mode="nearest")
+    start = -1
+    while start != peak:
+        start, low = peak, max(peak - n_smoothed, 1)
+        peak = low + int(np.argmax(power[low : peak + n_smoothed + 1]))
+    if _distance(np.array([peak]), bells.peaks)[0] <= n_smoothed:
+        return peak, None
+    near = slice(peak - n_smoothed // 2, peak + n_smoothed // 2 + 1)
+    shape = bells.scale * (spectra.matrix[:, :, near].mean(axis=2) @ weights)
+    return peak, shape / np.linalg.norm(shape)
 
 
 def _chance(spectra: SpectralMatrix, n_smoothed: int) -> float:
@@ -180,6 +237,7 @@ def bells_at(spectra: SpectralMatrix, frequencies: Sequence[float]) -> Bells:
 
     values, vectors, scale = _decomposed(spectra, _RULES.smoothed[0])
     prominence = _RULES.picked_prominence * _chance(spectra, _RULES.smoothed[0])
+    values, vectors = values[:, 0], vectors[:, :, :1]
     maxima = signal.find_peaks(np.log(values), prominence=prominence)[0]
     places, resolution = spectra.frequencies[maxima], spectra.frequencies[1]
     peaks = []
@@ -193,26 +251,34 @@ def bells_at(spectra: SpectralMatrix, frequencies: Sequence[float]) -> Bells:
                 " Hz, pick one of those"
             )
         peaks.append(maxima[near][np.argmax(values[maxima[near]])])
-    return _bells(values, vectors, scale, np.unique(peaks), np.unique(peaks))
+    chosen = np.unique(peaks)
+    return _bells(values, vectors, scale, chosen, vectors[chosen, :, 0], among=chosen)
 
 
 def _decomposed(spectra: SpectralMatrix, n_smoothed: int) -> tuple[Real, Complex, Real]:
-    """Return first singular values and vectors of scaled matrices, averaged over neighbouring lines, and the scale."""
+    """Return singular values and vectors of scaled matrices, averaged over neighbouring lines, and the scale.
+
+    Returns
+    -------
+    ndarray, ndarray, ndarray
+        From the largest, shape (lines, channels); shape (lines, channels, singular values); shape (channels,).
+    """
     variance = spectra.densities[:, 1:].sum(axis=1) * spectra.frequencies[1]
     scale = 1 / np.sqrt(np.maximum(variance, np.finfo(float).tiny))
     matrices = (spectra.matrix * np.outer(scale, scale)[:, :, None]).transpose(2, 0, 1)
     matrices[0] = matrices[1]
     smooth = ndimage.uniform_filter1d(matrices, n_smoothed, axis=0, mode="nearest")
     values, vectors = np.linalg.eigh(smooth)
-    return np.maximum(values[:, -1], np.finfo(float).tiny), vectors[:, :, -1], scale
+    return np.maximum(values[:, ::-1], np.finfo(float).tiny), vectors[:, :, ::-1], scale
 
 
-def _bells(values: Real, vectors: Complex, scale: Real, peaks: Indices, all_peaks: Indices) -> Bells:
-    """Return the bells of peaks: no further than the lowest line on the way to the next of all peaks."""
-    alike = mac(vectors[peaks], vectors) >= _RULES.min_mac
+def _bells(values: Real, vectors: Complex, scale: Real, peaks: Indices, shapes: Complex, *, among: Indices) -> Bells:
+    """Return the bells of peaks: lines where a vector has their shape, up to the lowest on the way to the next peak."""
+    ranks = range(min(2, vectors.shape[2]))
+    alike = np.any([mac(shapes, vectors[:, :, k]) >= _RULES.min_mac for k in ranks], axis=0)
     first, last = [], []
     for k, peak in enumerate(peaks):
-        below, above = all_peaks[all_peaks < peak], all_peaks[all_peaks > peak]
+        below, above = among[among < peak], among[among > peak]
         low = below[-1] + int(np.argmin(values[below[-1] : peak + 1])) if len(below) else 1
         high = peak + int(np.argmin(values[peak : above[0] + 1])) if len(above) else len(values) - 1
         outside = np.flatnonzero(~alike[k])
@@ -221,7 +287,7 @@ def _bells(values: Real, vectors: Complex, scale: Real, peaks: Indices, all_peak
         end = min(high, int(outside[outside > peak].min(initial=len(values))) - 1)
         first.append(max(min(start, peak - least), 1))
         last.append(min(max(end, peak + least), len(values) - 1))
-    return Bells(peaks, np.array(first, dtype=np.intp), np.array(last, dtype=np.intp), vectors[peaks], scale)
+    return Bells(peaks, np.array(first, dtype=np.intp), np.array(last, dtype=np.intp), shapes, scale)
 
 
 def modes_of_bells(bells: Bells, spectra: SpectralMatrix, *, channels: Sequence[Channel]) -> Modes:
