@@ -57,7 +57,7 @@ class Member:
     seed: int
     fault: str = ""
     dead_channel: str = ""
-    after: int = 5
+    after: int = 4
 
 
 def drives(car: Vehicle, member: Member, start: int) -> Iterator[Recording]:
@@ -146,7 +146,7 @@ def waiting_time(driven: float, pace: float) -> float:
 
 
 #: Windows of ten minutes from which baselines are learnt, and after which the faults begin.
-_LEARNING, _AFTER = 4, 5
+_LEARNING, _AFTER = 4, 4
 #: The fleet: a healthy car, one with a soft spring, one with a dead sensor.
 HEALTHY = Member("car-1", 1)
 SOFT = Member("car-2", 2, fault="front_left.spring=-0.25", after=_AFTER)
@@ -154,7 +154,7 @@ DEAD = Member("car-3", 3, dead_channel="acc_rr", after=_AFTER)
 FLEET = (HEALTHY, SOFT, DEAD)
 _EXPECTED = ((SOFT.name, "front_left.spring"), (DEAD.name, f"sensor:{DEAD.dead_channel}"))
 #: Time between checks of the alerts, and for which both alerts must have been active at the end [s].
-_LOOK, _SETTLED = 0.25, 10.0
+_LOOK, _SETTLED = 1.0, 10.0
 
 
 @dataclass(frozen=True, slots=True)
