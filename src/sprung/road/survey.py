@@ -30,6 +30,8 @@ class GoldenCar:
     #: Speed [m/s], and length over which the tyre averages the profile [m].
     speed: float = 80 / 3.6
     contact_length: float = 0.25
+    #: Longest straight line by which a profile is joined [m]: of 5 cm they make the index of a road 0.2 % smaller.
+    longest_line: float = 0.01
 
     def matrices(self) -> tuple[Real, Real, Real]:
         """Return A, B and C from heights [m] to the velocity of the suspension [m/s]; states z_s, z_s', z_u, z_u'."""
@@ -77,8 +79,9 @@ def suspension_slope(heights: Real, *, spacing: float) -> Real:
 
     Notes
     -----
-    The profile, a spline through its points, is averaged over 0.25 m, the averages are joined by straight lines, and
-    the motion between them is exact (first-order hold). The car starts at rest on the slope of the first 11 m.
+    The profile, a spline through its points, is averaged over 0.25 m, averages at most 1 cm apart are joined by
+    straight lines, and the motion between them is exact (first-order hold). The car starts at rest on the slope of the
+    first 11 m.
 
     References
     ----------
@@ -96,17 +99,18 @@ def suspension_slope(heights: Real, *, spacing: float) -> Real:
     places = spacing * np.arange(-n_more, heights.size + n_more)
     longer = np.pad(heights, n_more, mode="reflect", reflect_type="odd")
     area = CubicSpline(places, longer).antiderivative()
-    smooth = (area(places + half) - area(places - half))[n_more : n_more + heights.size] / (2 * half)
+    finer = int(np.ceil(spacing / GOLDEN_CAR.longest_line))
+    along = np.arange((heights.size - 1) * finer + 1) * (spacing / finer)
+    smooth = (area(along + half) - area(along - half)) / (2 * half)
     A, B, C = GOLDEN_CAR.matrices()
-    step = spacing / GOLDEN_CAR.speed
+    step = spacing / finer / GOLDEN_CAR.speed
     a, b, c, d, _ = signal.cont2discrete((A, B, C, np.zeros((1, 1))), step, method="foh")
-    n_first = min(smooth.size - 1, round(11.0 / spacing))
-    slope = (smooth[n_first] - smooth[0]) / max(n_first * spacing, spacing)
-    level = (
-        smooth - smooth[0] - slope * spacing * np.arange(heights.size)
-    )  # at rest on the first slope, which moves nothing
+    first = min(smooth.size - 1, round(11.0 / spacing) * finer)
+    slope = (smooth[first] - smooth[0]) / max(along[first], spacing)
+    level = smooth - smooth[0] - slope * along  # at rest on the first slope, which moves nothing
     numerator, denominator = signal.ss2tf(a, b, c, d)
-    return np.asarray(signal.lfilter(numerator[0], denominator, level)) / GOLDEN_CAR.speed
+    moved = signal.lfilter(numerator[0], denominator, level)
+    return np.asarray(moved[::finer]) / GOLDEN_CAR.speed
 
 
 def roughness_index(heights: Real, *, spacing: float, stretch: float = 100.0) -> Real:
