@@ -191,3 +191,10 @@ def test_scores_match_each_mode_once(certified: Any) -> None:
     assert scored.errors == pytest.approx((1.0, 1.0))
     both = certified.score.score(stated, "any", np.array([3.04, 3.07]), np.array([0.01, 0.014]))
     assert (both.n_found, both.n_within, both.n_spurious) == (2, 0, 0)
+
+
+def test_twenty_periods_of_the_first_mode_show_all_modes(certified: Any) -> None:
+    """Six blocks scatter by the modes' own random level: modes were taken for chance (9 of 20 records were right)."""
+    scores = [certified.score.sprung_score("short", draw) for draw in range(20)]
+    assert sum(each.n_found == 3 and each.n_spurious == 0 for each in scores) >= 16
+    assert sum(each.n_spurious for each in scores) <= 2

@@ -532,6 +532,8 @@ _CHANCE = 1e-2
 _WELL_KNOWN = 0.2
 #: Number of blocks below which the excess of a mode must be larger.
 _MANY_BLOCKS = 24
+#: Excess over its bound from which a short record shows a mode clearly.
+_CLEAR = 6.0
 #: Half of a running median of a spectrum is one of this number of parts of it.
 _MEDIAN_SHARE = 12
 
@@ -696,7 +698,8 @@ def significant(modes: Modes, correlations: Correlations, *, least: float) -> Bo
     distribution for the complex participation of each reference, in the average over that in each block but one; this
     matters where there are few channels or few blocks. The excess, too, must reach the bound, and with fewer than 24
     blocks the bound times 24 over their number: in a short record chance offers a mode many places, of which the
-    stabilisation diagram shows the best.
+    stabilisation diagram shows the best. There half of the bound of the contribution suffices where the excess is six
+    times its bound: few blocks differ by the mode's own random level, too.
     """
     is_kept = np.ones(len(modes), dtype=np.bool_)
     if least <= 0:
@@ -710,7 +713,8 @@ def significant(modes: Modes, correlations: Correlations, *, least: float) -> Bo
         kept = np.flatnonzero(is_kept)
         contribution, excess = contributions(modes.poles[kept], modes.mode_shapes[kept], correlations)
         certainty = contribution / np.fmax(spread[kept] / _WELL_KNOWN, 1.0)
-        certainty = np.minimum(certainty / least, excess / least_excess)
+        is_clear = (excess > _CLEAR * least_excess) & (len(correlations.blocks) < _MANY_BLOCKS)
+        certainty = np.minimum(certainty / np.where(is_clear, least / 2, least), excess / least_excess)
         weakest = int(np.argmin(certainty))
         if certainty[weakest] >= 1:
             break
