@@ -64,7 +64,7 @@ _OBSERVATIONS = _of("", "observations", "diagnosis:observations_table")
 RENDERINGS: Mapping[str, Renderings] = MappingProxyType(
     {
         "Baseline": _of(
-            "baseline:baseline_document", "baseline", "diagnosis:baseline_table diagnosis:describe_baseline"
+            "diagnosis:baseline_document", "baseline", "diagnosis:baseline_table diagnosis:describe_baseline"
         ),
         "Bounce": _of("measured:bounce_document", "bounce", f"{_BOUNCE} .notes", "measured:bounce_figure"),
         "Calibration": _of("corners:calibration_document", "calibration", _CALIBRATION, "diagnosis:misfit_figure"),
@@ -84,7 +84,7 @@ RENDERINGS: Mapping[str, Renderings] = MappingProxyType(
         "RoadSurvey": _of("measured:road_document", picture="measured:road_figure"),
         "StabilisationDiagram": _of("", "diagram", "identification:diagram_table"),
         "TrackedModes": _of("identification:plain_tracking_document", "tracks", _TRACKS, "history:plain_tracks_figure"),
-        "TypeBaseline": _of("baseline:type_baseline_document"),
+        "TypeBaseline": _of("diagnosis:type_baseline_document"),
     }
 )
 

@@ -19,7 +19,7 @@ from sprung.results.documents import (
     type_baseline_from_document,
     write_type_baseline,
 )
-from sprung.results.documents.baseline import BaselineDocument, TypeBaselineDocument
+from sprung.results.documents.diagnosis import BaselineDocument, TypeBaselineDocument
 
 #: Fields of a baseline that its document lists by condition.
 BY_CONDITION = {"slopes", "centre", "ranges"}
