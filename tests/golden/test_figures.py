@@ -21,7 +21,7 @@ from sprung.kits import kit_of, plan
 from sprung.results import figures
 from sprung.ride import Ride, RidePoint
 from sprung.road import RoadEvent, RoadSurvey, Stretch, TrackRoughness
-from sprung.signals.cepstrum import ShortPass
+from sprung.signals.spectrum import ShortPass
 
 #: Digits of what searches over many parameters find.
 _DIGITS = 4

@@ -13,7 +13,7 @@ from sprung.identification import (
     cov_ssi,
 )
 from sprung.modal import mac
-from sprung.signals.cepstrum import Exponential, ShortPass
+from sprung.signals.spectrum import Exponential, ShortPass
 
 IN_BAND = (0.5, 50.0)
 #: Sets of records; the fast tests take the first.

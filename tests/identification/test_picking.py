@@ -11,7 +11,7 @@ from sprung.identification import METHODS, IdentificationSettings, coss_ssi, cov
 from sprung.identification.stabilisation import StabilityCriteria
 from sprung.modal import PoleStatus
 from sprung.results.documents import identification_document
-from sprung.signals.cepstrum import Exponential
+from sprung.signals.spectrum import Exponential
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -12,7 +12,7 @@ from sprung.identification.refinement import refined_by_spectra
 from sprung.likelihood.modal_spectra import LineSums, line_edges
 from sprung.modal import unit_shapes
 from sprung.recording import Channel
-from sprung.signals.cepstrum import Exponential, ShortPass
+from sprung.signals.spectrum import Exponential, ShortPass
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain
 

@@ -11,7 +11,7 @@ import pytest
 
 from sprung.excitation import QUARTER_CASES
 from sprung.identification import IdentificationSettings, coss_ssi, cov_ssi
-from sprung.signals.cepstrum import Exponential, ShortPass
+from sprung.signals.spectrum import Exponential, ShortPass
 from sprung.simulation import simulate
 from sprung.vehicles import read_description, structure
 

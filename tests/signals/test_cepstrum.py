@@ -5,15 +5,15 @@ from scipy import signal
 from sprung.errors import DataError, ParameterError
 from sprung.excitation import QUARTER_CASES
 from sprung.recording import Channel, Gap, Recording
-from sprung.signals.cepstrum import (
+from sprung.signals.harmonics import find_harmonics
+from sprung.signals.spectrum import (
     Comb,
     Exponential,
     ShortPass,
     edit,
+    spectral_matrix,
     subtract_lifter_damping,
 )
-from sprung.signals.harmonics import find_harmonics
-from sprung.signals.spectrum import spectral_matrix
 from sprung.simulation import simulate
 from sprung.vehicles import read_description, structure
 

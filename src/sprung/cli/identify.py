@@ -260,7 +260,7 @@ class Identifying(Group):
         """Settings of the identification."""
         from sprung.identification import IdentificationSettings, as_in_thesis
         from sprung.identification.settings import THESIS_ROWS
-        from sprung.signals.cepstrum import ShortPass
+        from sprung.signals.spectrum import ShortPass
 
         if self.subsets is not None and self.method != "coss":
             raise ParameterError(f"--subsets {self.subsets} needs --method coss: {self.method} does not sort segments")

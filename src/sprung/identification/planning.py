@@ -15,10 +15,9 @@ from sprung.identification.ladders import Ladder, OrderLadder, suitable_ladder
 from sprung.identification.settings import IdentificationSettings, Method, Plan, PreparationPlan
 from sprung.modal import Modes, unit_shapes
 from sprung.recording import Recording
-from sprung.signals.cepstrum import Exponential, Lifter, edit, subtract_lifter_damping
 from sprung.signals.conditioning import PASS_BAND, band_pass, decimate, detrend, scale
 from sprung.signals.harmonics import Harmonic, find_harmonics, subtract_lines
-from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
+from sprung.signals.spectrum import Exponential, Lifter, SpectralMatrix, edit, spectral_matrix, subtract_lifter_damping
 from sprung.vehicles import structure
 from sprung.vehicles.labels import body_range
 from sprung.vehicles.sensor_layout import AnyVehicle, speed_channel

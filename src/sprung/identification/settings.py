@@ -10,8 +10,8 @@ from sprung._checks import check_number, check_one_of, settings_of
 from sprung.errors import ParameterError
 from sprung.identification.ladders import BlockRowLadder, Ladder
 from sprung.identification.stabilisation import THESIS_CRITERIA, StabilityCriteria
-from sprung.signals.cepstrum import Lifter
 from sprung.signals.harmonics import Harmonic
+from sprung.signals.spectrum import Lifter
 
 
 @dataclass(frozen=True, slots=True)

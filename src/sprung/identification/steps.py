@@ -22,8 +22,8 @@ from sprung.identification.settings import KINDS, IdentificationSettings, Method
 from sprung.identification.stabilisation import complete_shapes, significant
 from sprung.modal import Modes, PoleStatus, join_modes, mpc, unit_shapes
 from sprung.recording import Channel, Recording, each_recording
-from sprung.signals.cepstrum import Lifter, ShortPass
 from sprung.signals.harmonics import Harmonic, near_harmonic
+from sprung.signals.spectrum import Lifter, ShortPass
 from sprung.vehicles.labels import labelled
 from sprung.vehicles.sensor_layout import AnyVehicle
 

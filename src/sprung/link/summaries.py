@@ -20,8 +20,8 @@ from sprung.identification.correlation import Correlations
 from sprung.identification.ladders import PolynomialLadder
 from sprung.identification.stabilisation import StabilityCriteria
 from sprung.link.frame import plain_channels, restored_channels
-from sprung.signals.cepstrum import Exponential, ShortPass
 from sprung.signals.harmonics import harmonic_from_dict
+from sprung.signals.spectrum import Exponential, ShortPass
 
 #: Largest size of all blocks of all averages [bytes].
 _ROOM = 800_000

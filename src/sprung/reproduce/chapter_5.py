@@ -15,8 +15,8 @@ from sprung.reproduce.chapter import Chapter, set_up
 from sprung.results import figures
 from sprung.results.page.page import Block, Section, picture, pictures
 from sprung.results.tables import Table
-from sprung.signals.cepstrum import ShortPass, edit
 from sprung.signals.harmonics import Harmonic
+from sprung.signals.spectrum import ShortPass, edit
 from sprung.vehicles import frequency_response, read_description, structure
 
 SETUP = set_up("chapter_5")

@@ -3,8 +3,8 @@ from dataclasses import replace
 import pytest
 
 from sprung.identification import BlockRowLadder, IdentificationSettings, acs_ssi, coss_ssi, cov_ssi
-from sprung.signals.cepstrum import ShortPass
 from sprung.signals.harmonics import Harmonic
+from sprung.signals.spectrum import ShortPass
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import read_description, read_vehicle, structure
 
