@@ -11,8 +11,8 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs signals of POS
 
 HANGING = """
 import multiprocessing, threading, time
-from sprung.cli.services import log_to
-from sprung.cli.services import stop_on_signals
+from sprung.cli.output import log_to
+from sprung.cli.output import stop_on_signals
 
 if __name__ == "__main__":
     log_to("text")

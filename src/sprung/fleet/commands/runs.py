@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from sprung.cli.options import INPUT, AllowMissing, Json, Since, Until, check_file, names, option
-from sprung.cli.output import progress_bar, show, write_result, written
-from sprung.cli.services import LogFormat, log_to, stop_on_signals
+from sprung.cli.output import LogFormat, log_to, progress_bar, show, stop_on_signals, write_result, written
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ import typer
 
 from sprung._display import counted
 from sprung.cli.options import AllowMissing, Files, Reading, SamplingRate, VehicleFile, names, option, shares_options
-from sprung.cli.output import progress_bar, show
-from sprung.cli.services import LogFormat, log_to, stop_on_signals
+from sprung.cli.output import LogFormat, log_to, progress_bar, show, stop_on_signals
 
 LOG = logging.getLogger("sprung.box")
 

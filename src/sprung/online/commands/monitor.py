@@ -13,8 +13,7 @@ import typer
 
 from sprung._display import counted
 from sprung.cli.options import option
-from sprung.cli.output import console, show
-from sprung.cli.services import LogFormat, log_to, stop_on_signals
+from sprung.cli.output import LogFormat, console, log_to, show, stop_on_signals
 
 if TYPE_CHECKING:
     from threading import Event
