@@ -1,11 +1,11 @@
+from sprung.fleet.lake.lake import AddedFile as AddedFile
 from sprung.fleet.lake.lake import Lake as Lake
 from sprung.fleet.lake.lake import LakeFacts as LakeFacts
 from sprung.fleet.lake.lake import Outbox as Outbox
+from sprung.fleet.lake.lake import Table as Table
 from sprung.fleet.lake.lake import VehicleFacts as VehicleFacts
-from sprung.fleet.lake.table import AddedFile as AddedFile
-from sprung.fleet.lake.table import Table as Table
-from sprung.fleet.lake.table import absolute_location as absolute_location
-from sprung.fleet.lake.table import file_name as file_name
+from sprung.fleet.lake.lake import absolute_location as absolute_location
+from sprung.fleet.lake.lake import file_name as file_name
 from sprung.fleet.lake.windows import SCHEMA as SCHEMA
 from sprung.fleet.lake.windows import LakeWindow as LakeWindow
 from sprung.fleet.lake.windows import recording_of as recording_of
