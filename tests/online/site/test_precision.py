@@ -7,7 +7,7 @@ from tests.online.site.conftest import HOUR, NOW, raise_alert
 from sprung.diagnosis import Observation
 from sprung.online.monitor import operations
 from sprung.online.site.accounts import Person, Role
-from sprung.online.site.outcomes import outcomes, precision, share
+from sprung.online.site.alerts import outcomes, precision, share
 from sprung.online.store import Progress, StoredFrame, VerdictRow
 from sprung.results.documents import observation_document
 

@@ -21,7 +21,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from sprung import __version__
 from sprung.errors import ParameterError, SprungError
-from sprung.online.site import alert, alerts, fleet, job_card, live, outcomes, people, runs, site
+from sprung.online.site import alert, alerts, fleet, job_card, live, people, runs, site
 from sprung.online.site.accounts import Viewer
 from sprung.online.site.guard import Attempts, Guard, RateLimit
 from sprung.online.site.live import Feed
@@ -33,7 +33,7 @@ from sprung.online.site.vehicles.diagrams import DiagramDesk
 from sprung.online.store import RefusedError, StoreError
 
 _pages = APIRouter(include_in_schema=False)
-_SUBJECTS = (fleet, overview, windows, baselines, diagrams, files, alerts, alert, outcomes, runs, people, site)
+_SUBJECTS = (fleet, overview, windows, baselines, diagrams, files, alerts, alert, runs, people, site)
 #: All routes, by what their paths begin with.
 ROUTERS = (
     *(("/api/v1", subject.api) for subject in (*_SUBJECTS, trends, live)),

@@ -21,7 +21,7 @@ from sprung.online.monitor.notifier import try_senders
 from sprung.online.monitor.site import Keep, Mail, Service, Site, Webhook
 from sprung.online.monitor.station import loops_of
 from sprung.online.site.accounts import Engineer, EngineerForm, Role, Viewer
-from sprung.online.site.outcomes import TAIL
+from sprung.online.site.alerts import TAIL
 from sprung.online.site.rendering import page
 from sprung.online.site.shared import LIMITS, Answer, Context, Done, Name, Shared
 from sprung.online.store import MAX_COUNTED, Contents, Counted
