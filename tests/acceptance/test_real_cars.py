@@ -185,7 +185,9 @@ def test_the_band_of_a_drive_is_that_of_its_body(real_file, log, frequency) -> N
     low, high = found.plan.preparation.band
     assert low <= 0.5
     assert 20.0 <= high < 25.0
-    assert found.notes[0].startswith("modes sought from 0.307 to 40.5 Hz, band 0.")  # one at 30.6 Hz is above the band
+    assert found.notes[0].startswith(
+        "modes sought from 0.307 to 40.5 Hz, settings for 0."
+    )  # one at 30.6 Hz is above these
     body = found.modes.take(np.flatnonzero(found.modes.natural_frequency < 5))
     assert body.natural_frequency == pytest.approx([frequency], abs=0.2)
     assert np.all(body.natural_frequency_std < 0.15)

@@ -323,7 +323,8 @@ def plan_preparation(
     least = max(rate_over_band * band[1], _RULES.min_samples * fastest / _longest(recording))
     rate = settings.decimate_to or _lowest_rate(fastest, least)
     check_number("decimate_to", rate, at_most=fastest * (1 + 1e-9), advice="decimation only lowers the sampling rate")
-    notes = [f"band {band[0]:.3g} to {min(band[1], rate / 2):.3g} Hz ({source}), sampled at {rate:.5g} Hz"]
+    chosen = "settings for" if settings.band is None else "band"  # which modes may leave, or not
+    notes = [f"{chosen} {band[0]:.3g} to {min(band[1], rate / 2):.3g} Hz ({source}), sampled at {rate:.5g} Hz"]
     if len(outputs) == 1:
         notes.append("one channel: sensor noise cannot be separated from motion, so modes are less certain")
     return PreparationPlan(
