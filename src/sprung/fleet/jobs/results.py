@@ -186,19 +186,12 @@ class Results:
     ----------
     location
         Folder, or URL of an object store.
-    options
-        Settings of the object store.
     """
 
-    def __init__(self, location: str | Path, *, options: Mapping[str, str] | None = None) -> None:
+    def __init__(self, location: str | Path) -> None:
         self.location = absolute_location(location)
         self._tables = {
-            name: Table(
-                f"{self.location}/{name}",
-                schema,
-                partition_by=["date"] if name in OF_STEP.values() else [],
-                options=options,
-            )
+            name: Table(f"{self.location}/{name}", schema, partition_by=["date"] if name in OF_STEP.values() else [])
             for name, schema in SCHEMAS.items()
         }
 

@@ -61,21 +61,11 @@ class Table:
         Columns of the table.
     partition_by
         Columns whose values are in the names of folders instead of in the files.
-    options
-        Settings of the object store, such as its region.
     """
 
-    def __init__(
-        self,
-        location: str | Path,
-        schema: pa.Schema,
-        *,
-        partition_by: Sequence[str] = (),
-        options: Mapping[str, str] | None = None,
-    ) -> None:
+    def __init__(self, location: str | Path, schema: pa.Schema, *, partition_by: Sequence[str] = ()) -> None:
         self.location = absolute_location(location)
         self.schema, self.partition_by = schema, tuple(partition_by)
-        self._options = dict(options or {})
 
     def __repr__(self) -> str:
         """Return the place of the table."""
@@ -85,7 +75,7 @@ class Table:
     def exists(self) -> bool:
         """Whether anything was committed."""
         with self._reported():
-            return bool(_deltalake().DeltaTable.is_deltatable(self.location, self._options or None))
+            return bool(_deltalake().DeltaTable.is_deltatable(self.location))
 
     @property
     def version(self) -> int:
@@ -103,7 +93,7 @@ class Table:
         if not self.exists:
             raise DataError(f"{self.location} holds no table: give the folder of a lake, or import files into it first")
         with self._reported():
-            return _deltalake().DeltaTable(self.location, storage_options=self._options or None)
+            return _deltalake().DeltaTable(self.location)
 
     def create(self) -> None:
         """Create the table without rows, if there is none.
@@ -121,7 +111,6 @@ class Table:
                 self.schema,
                 mode="ignore",
                 partition_by=list(self.partition_by),
-                storage_options=self._options or None,
             )
         except OSError as error:
             raise ParameterError(f"{self.location} cannot be written: {error}: give another location") from None
@@ -143,7 +132,6 @@ class Table:
                 self.location,
                 rows,
                 mode="append",
-                storage_options=self._options or None,
                 writer_properties=library.WriterProperties(compression="ZSTD", max_row_group_size=largest_group),
             )
 
@@ -434,13 +422,11 @@ class Lake:
     Parameters
     ----------
     location
-        Folder, or URL of an object store.
-    options
-        Settings of the object store.
+        Folder, or URL of an object store, whose settings are variables of the environment.
     """
 
-    def __init__(self, location: str | Path, *, options: Mapping[str, str] | None = None) -> None:
-        self.table = Table(location, SCHEMA, partition_by=["date"], options=options)
+    def __init__(self, location: str | Path) -> None:
+        self.table = Table(location, SCHEMA, partition_by=["date"])
 
     @property
     def location(self) -> str:
