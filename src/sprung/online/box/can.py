@@ -21,7 +21,6 @@ def from_can(
     *,
     names: Sequence[str],
     sampling_rate: float,
-    longest: float = 0.5,
     start: Callable[[], int] = time.time_ns,
     on_problem: Callable[[str], None] = lambda _sentence: None,
 ) -> Iterator[Recording]:
@@ -35,7 +34,7 @@ def from_can(
         Database of cantools, which locates signals in messages.
     names
         Names of the signals; MESSAGE.SIGNAL where several messages have one of that name.
-    sampling_rate, longest
+    sampling_rate
         As for `Regular`.
     start
         Returns the time of the first message, UTC ns, where stamps do not count from 1970.
@@ -64,12 +63,12 @@ def from_can(
     """
     wanted = _wanted(database, names)
     channels = [signal.channel for name in names for signals in wanted.values() for signal in signals.by_name(name)]
-    regular = Regular(channels, sampling_rate, longest=longest)
+    regular = Regular(channels, sampling_rate)
     return _blocks(messages, wanted, regular, start, on_problem)
 
 
-def can_bus(interface: str, channel: str, *, bitrate: int | None = None) -> Any:
-    """Return a bus of python-can, such as of socketcan and can0; a bit rate [1/s] where the adapter needs one.
+def can_bus(interface: str, channel: str) -> Any:
+    """Return a bus of python-can, such as of socketcan and can0.
 
     Raises
     ------
@@ -86,9 +85,8 @@ def can_bus(interface: str, channel: str, *, bitrate: int | None = None) -> Any:
     (256, '0102')
     """
     can = required("can", purpose="a CAN bus", extra="can")
-    settings = {} if bitrate is None else {"bitrate": bitrate}
     try:
-        return can.Bus(interface=interface, channel=channel, **settings)
+        return can.Bus(interface=interface, channel=channel)
     except (OSError, can.CanError, ValueError, ImportError) as error:
         raise ParameterError(
             f"the CAN bus {interface} {channel} cannot be opened ({_detail(error)}): check that it is connected and up"

@@ -34,7 +34,6 @@ def from_mqtt(
     *,
     names: Sequence[str],
     sampling_rate: float,
-    longest: float = 0.5,
     is_done: Callable[[], bool] = lambda: False,
     on_problem: Callable[[str], None] = lambda _sentence: None,
     clock: Callable[[], int] = time.time_ns,
@@ -50,7 +49,7 @@ def from_mqtt(
     names
         Names of the channels. An object has values under these names, in SI units, and "time" in s since 1970; a
         message that is one number is that of the channel which the last level of its topic names.
-    sampling_rate, longest
+    sampling_rate
         As for `Regular`.
     is_done
         Function that returns whether to stop, called about five times a second.
@@ -82,7 +81,7 @@ def from_mqtt(
         raise ParameterError(f"topics={topics!r} must be a list of one or more topics: name those of the sensors")
     for topic in topics:
         _check_filter(topic)
-    regular = Regular(names, sampling_rate, longest=longest)
+    regular = Regular(names, sampling_rate)
     reader = _Reader(names, on_problem)
     return _blocks(broker, topics, regular=regular, reader=reader, is_done=is_done, clock=clock)
 

@@ -64,8 +64,6 @@ class OnBoard:
         Spool that keeps the samples and drops the oldest first.
     window
         Length of a window [s].
-    method
-        "cov", "acs" or "coss".
     answers
         Answers to requests for samples; None: remembered until the box stops.
     """
@@ -76,14 +74,12 @@ class OnBoard:
         ring: Spool,
         *,
         window: float = 600.0,
-        method: str = "cov",
         answers: Answers | None = None,
     ) -> None:
         check_number("window", window, at_least=60)
         self._vehicle = vehicle
         self._ring = ring
         self._window = window
-        self._method = method
         self._answers = Answers() if answers is None else answers
         self._blocks: list[Recording] = []
         self._number = 0
@@ -117,7 +113,7 @@ class OnBoard:
         self._number += 1
         try:
             settings = IdentificationSettings(allow_missing=True)  # the box that takes the blocks has decided
-            summary = summarise(self._method, whole, settings=settings, vehicle=self._vehicle)
+            summary = summarise("cov", whole, settings=settings, vehicle=self._vehicle)
             modes = modes_of_summary(summary, vehicle=self._vehicle)
         except SprungError as error:
             return [("modes", {**place, "modes": [], "reason": str(error)})]
