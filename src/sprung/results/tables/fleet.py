@@ -233,17 +233,17 @@ def describe_next_inspection(ranking: Mapping[str, Any]) -> str:
 
     Examples
     --------
-    >>> best = {"vehicle": "bus-088", "probability": 0.36, "part": "rear_left.damper", "change": -0.15}
+    >>> best = {"vehicle": "bus-088", "probability": 0.36, "part": "rear_left.damper", "change": None}
     >>> describe_next_inspection({"name": "bus", "inspect_next": best})
-    'inspect bus-088 next, because least is certain of it: 36 % that it deviates, most likely rear left damper -15 %'
+    'to learn most about the type bus, inspect bus-088 next: with 36 % probability it deviates'
     """
     best = ranking.get("inspect_next")
     if best is None:
         return ""
     part = "" if best["change"] is None else f", most likely {format_name(best['part'])} {100 * best['change']:+z.0f} %"
     return (
-        f"inspect {best['vehicle']} next, because least is certain of it: {100 * best['probability']:.0f} % that it"
-        f" deviates{part}"
+        f"to learn most about the type {ranking['name']}, inspect {best['vehicle']} next: with "
+        f"{100 * best['probability']:.0f} % probability it deviates{part}"
     )
 
 

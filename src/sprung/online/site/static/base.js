@@ -84,7 +84,17 @@ function follow() {
   }, 5000);
 }
 
+/** Show the sentences of an answer that takes long, where there are any. */
+async function showSentences(part) {
+  const answer = await fetch(part.dataset.sentences);
+  if (!answer.ok) return;
+  const { sentences } = await answer.json();
+  part.textContent = sentences.map((text) => `${text[0].toUpperCase()}${text.slice(1)}.`).join(" ");
+  part.hidden = !sentences.length;
+}
+
 document.getElementById("zone").textContent = zone;
+document.querySelectorAll("[data-sentences]").forEach(showSentences);
 showTimes();
 setInterval(showTimes, 30000);
 if (document.querySelector("[data-live]")) follow();
