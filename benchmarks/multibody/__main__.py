@@ -16,7 +16,7 @@ import pickle
 from collections import Counter
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -278,14 +278,18 @@ def main() -> None:
     parser.add_argument("vehicles", nargs="+", choices=sorted(SHEETS))
     parser.add_argument("--healthy", type=int, default=12, help="healthy windows")
     parser.add_argument("--faulty", type=int, default=2, help="half hours of each fault")
+    parser.add_argument(
+        "--without", nargs="+", default=[], metavar="EFFECT", choices=sorted(asdict(Effects())), help="effects left out"
+    )
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--folder", type=Path, default=Path.home() / ".cache" / "sprung-multibody")
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
+    effects = replace(Effects(), **{name: type(getattr(Effects(), name))(0) for name in arguments.without})
     lines = []
     with ProcessPoolExecutor(arguments.jobs) as work:
         for name in arguments.vehicles:
-            for line in rows(Study(DESIGNS[name], arguments.folder), arguments, work):
+            for line in rows(Study(DESIGNS[name], arguments.folder, effects), arguments, work):
                 print(line, flush=True)
                 lines.append(line)
     if arguments.out:
