@@ -22,7 +22,7 @@ from sprung.identification.settings import KINDS, IdentificationSettings, Method
 from sprung.identification.stabilisation import complete_shapes, significant
 from sprung.modal import Modes, PoleStatus, join_modes, mpc, unit_shapes
 from sprung.recording import Channel, Recording, each_recording
-from sprung.signals.harmonics import Harmonic, near_harmonic
+from sprung.signals.harmonics import Harmonic, at_part_of_line, near_harmonic
 from sprung.signals.spectrum import Lifter, ShortPass
 from sprung.vehicles.labels import labelled
 from sprung.vehicles.sensor_layout import AnyVehicle
@@ -432,7 +432,7 @@ def combine(draft: Draft) -> Draft:
     if draft.level_trends is not None:
         draft = draft.noted(*levels.trends_in_words(modes, draft.level_trends))
     if vehicle is None:
-        draft = draft.noted(*_notes_on_shapes(modes))
+        draft = draft.noted(*_notes_on_orders(modes, records.harmonics), *_notes_on_shapes(modes))
     if vehicle is None and settings.band is None:
         draft = draft.noted(*_note_on_body(modes, draft.summary.plan, records.channels))
     refinement = draft.refinement
@@ -465,6 +465,16 @@ def _note_on_body(modes: Modes, plan: Plan, channels: Sequence[Channel]) -> list
         f"no mode of the body at {low:g} to {high:g} Hz, where vehicles bounce, pitch and roll: its damping is too"
         " heavy or the drive too short; describe the vehicle (sprung describe) and pass --vehicle"
     ]
+
+
+def _notes_on_orders(modes: Modes, harmonics: Sequence[Harmonic]) -> list[str]:
+    """Return a note on modes as narrow as lines, at a half or third of one."""
+    is_order = (modes.damping_ratio < _NARROW_ON_DRIVES) & at_part_of_line(
+        modes.natural_frequency, 2 * modes.natural_frequency_std, harmonics
+    )
+    where = ", ".join(f"{frequency:.4g}" for frequency in modes.natural_frequency[is_order])
+    text = f"narrow and at a half or third of a line, so maybe orders of the same engine, not modes: {where} Hz"
+    return [text] * bool(where)
 
 
 def _notes_on_shapes(modes: Modes) -> list[str]:

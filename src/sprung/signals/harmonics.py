@@ -289,6 +289,16 @@ def near_harmonic(
     return is_near & (xi <= _HARMONICS.max_damping)
 
 
+def at_part_of_line(natural_frequency: Real, reach: Real, harmonics: Sequence[Harmonic]) -> Booleans:
+    """Return which frequencies are within reach (both in Hz) of a half or third of a line.
+
+    The fundamental of an engine may be weaker than its multiples, of which alone the search then finds a family.
+    """
+    lines = [line.fundamental or line.frequency for line in harmonics if line.kind != "speed"]
+    parts = np.array([line / part for line in lines for part in (2, 3)])
+    return np.any(np.abs(parts[:, None] - natural_frequency) < reach, axis=0)
+
+
 def missing_multiples(harmonics: Sequence[Harmonic]) -> tuple[Harmonic, ...]:
     """Return the multiples of families that the search did not find, up to the highest that it found.
 
