@@ -31,11 +31,12 @@ from sprung.results.figures.frequency_axis import (
 )
 from sprung.signals.spectrum import SpectralMatrix, singular_values
 
-#: Colour of the second and further singular values, and mark of the peaks of the first.
+#: Colour of the second and further singular values, mark of peaks, and lines beside a peak that are below it.
 _LOWER_CURVE = "#D5DEE8"
 _PEAK: MappingProxyType[str, Any] = MappingProxyType(
     {"linestyle": "none", "marker": 7, "markersize": 6, "color": "#5A738A", "markeredgecolor": "white"}
 )
+_NEAR = 2
 
 #: Status of a pole in few words, and its marker; filled, large and dark markers are closer to a mode.
 _WORDS_AND_MARKERS: MappingProxyType[PoleStatus, tuple[str, dict[str, Any]]] = MappingProxyType(
@@ -197,7 +198,7 @@ def _draw_spectra(axes: Axes, identification: Identification, shown: FrequencyRa
         if spectra is used:
             for lower in levels[1:]:
                 behind.plot(spectra.frequencies[1:], lower[1:], color=_LOWER_CURVE, linewidth=0.7, gid="singular value")
-            _mark_peaks(behind, identification, used, level)
+            _mark_peaks(behind, identification, used, levels)
     behind.set_ylim(curve_limits(np.concatenate(seen), dynamic_range=STYLE.diagram_span, room=room))
     behind.set_ylabel("Singular values of the spectra,\nchannels of variance 1 [dB re 1/Hz]", fontsize=STYLE.small)
     behind.yaxis.label.set_color("#5A738A")
@@ -205,10 +206,13 @@ def _draw_spectra(axes: Axes, identification: Identification, shown: FrequencyRa
     behind.spines["top"].set_visible(False)
 
 
-def _mark_peaks(axes: Axes, identification: Identification, spectra: SpectralMatrix, level: Real) -> None:
-    """Mark the peaks of the first singular value; for FDD, draw its half-power bells in the modes' colours."""
-    peaks = find_bells(spectra, band=identification.plan.mode_band).peaks
-    axes.plot(spectra.frequencies[peaks], level[peaks], gid="peak", **_PEAK)
+def _mark_peaks(axes: Axes, identification: Identification, spectra: SpectralMatrix, levels: Real) -> None:
+    """Mark the peaks on the curve that peaks; for FDD, draw half-power bells of the first in the modes' colours."""
+    peaks, level = find_bells(spectra, band=identification.plan.mode_band).peaks, levels[0]
+    beyond = [np.clip(peaks + side * _NEAR, 0, level.size - 1) for side in (-1, 1)]
+    is_of_first = level[peaks] >= np.max(level[beyond], axis=0)
+    heights = np.where(is_of_first, level[peaks], levels[min(1, len(levels) - 1)][peaks])
+    axes.plot(spectra.frequencies[peaks], heights, gid="peak", **_PEAK)
     if identification.method != "fdd":
         return
     step = spectra.frequencies[1]
