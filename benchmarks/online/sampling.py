@@ -23,7 +23,6 @@ OF_ANALYSIS: tuple[Place, ...] = (
         (
             "identification/subspace.py",
             "identification/stabilisation.py",
-            "identification/contribution.py",
             "identification/correlation.py",
             "identification/ladders.py",
         ),
@@ -39,7 +38,7 @@ OF_ANALYSIS: tuple[Place, ...] = (
             "identification/planning.py",
             "identification/ladders.py",
             "vehicles/window.py",
-            "link/blocks.py:joined",
+            "link/frame.py:joined",
         ),
     ),
     (

@@ -72,7 +72,7 @@ def test_identifications_as_files(sprung, chain, bogie, tmp_path) -> None:
 def test_windows_without_modes_are_noted(sprung, chain, tmp_path) -> None:
     from sprung import read
 
-    run = read(chain)
+    run = read(chain).changed("without a start time", start=None)
     dead = run.changed("dead", samples=np.zeros_like(run.samples))
     paths = [tmp_path / f"{k}.parquet" for k in range(3)]
     for path, recording in zip(paths, (run, dead, run), strict=True):

@@ -27,6 +27,7 @@ from sprung.formats.settings import TIME_UNITS, ReadSettings
 from sprung.formats.stated import column_group, described, distinct, mapped, plain, utc
 from sprung.formats.table import Block, Column, Group, reported, seconds_of, stated_column
 from sprung.recording import Channel, Recording
+from sprung.units import UNITS
 
 NAME, EXTRA = "a universal file", None
 ENDINGS = (".unv", ".uff")
@@ -289,7 +290,7 @@ def write(recording: Recording, path: Path) -> None:
         file.write(_heading(recording).encode())
         for index in range(len(recording.channels)):
             file.write(_header(recording, index))
-            values = np.asarray(recording.samples[index], dtype="<f8")
+            values = np.asarray(recording.samples[index] / _unit(recording.channels[index])[1], dtype="<f8")
             file.write((values if stamps is None else np.column_stack([stamps, values]).astype("<f8")).tobytes())
             file.write(f"{-1:6d}\n".encode())
 
@@ -317,8 +318,15 @@ def _header(recording: Recording, index: int) -> bytes:
         place=(index + 1, _direction(channel)),
         n_values=recording.n_samples,
         step=None if recording.gaps else 1 / recording.sampling_rate,
-        ordinate=(CODES.ordinate_of(channel.quantity), "strain" if channel.quantity == "strain" else channel.unit),
+        ordinate=(CODES.ordinate_of(channel.quantity), _unit(channel)[0]),
     )
+
+
+def _unit(channel: Channel) -> tuple[str, float]:
+    """Return the label of a channel's unit, and the unit in SI units; metres are read as displacement."""
+    if channel.quantity == "distance":
+        return "km", UNITS["km"][1]
+    return "strain" if channel.quantity == "strain" else channel.unit, 1.0
 
 
 def _direction(channel: Channel) -> int:

@@ -71,7 +71,7 @@ def client(opened):
 
 def test_settings_have_values_defaults_and_where_they_come_from(context) -> None:
     entries = {each.key: each for each in settings_of(context.site)}
-    assert len(entries) == 50
+    assert len(entries) == 51
     assert all(each.description for each in entries.values())
     rate = entries["watch.false_alarms_per_day"]
     assert (rate.value, rate.default, rate.source) == ("0.01", "0.001", "site file")
