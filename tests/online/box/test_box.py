@@ -39,7 +39,7 @@ class Monitor:
         self.link.publish(topic("car-1", "ack"), message({0: 1, 2: boot, 3: seq}))
 
 
-def until(condition, box, *, seconds=10.0):
+def until(condition, box, *, seconds=60.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it takes too long"
