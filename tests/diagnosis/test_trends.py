@@ -113,6 +113,16 @@ def test_a_falling_phase_shift_reaches_the_limit_when_its_line_does(window) -> N
     assert due.hours_to_limit == (0.0, 0.0)
 
 
+def test_a_phase_shift_that_falls_from_far_above_the_limit_is_forecast(window) -> None:
+    """The first windows after the onset state none, as the corner was far above the limit."""
+    above = [window(np.random.default_rng(1), 600.0 * k) for k in range(4)]
+    near = [replace(one, time=one.time + 2400.0) for one in phases(window, 50.0, 49.0, 48.0, 47.0, 46.0, std=1e-9)]
+    found = phase_shift(["rear_left"], [*above, *near], since=0.0)
+    assert found is not None
+    assert found.degrees == pytest.approx(46.0)
+    assert found.hours_to_limit == pytest.approx((11 / 6, 11 / 6))  # 11 degrees at 6 an hour
+
+
 def test_a_corner_far_above_the_limit_has_no_phase_shift(window) -> None:
     windows = [*phases(window, 54.0, 54.0), window(np.random.default_rng(1), 1200.0)]
     assert phase_shift(["rear_left"], windows, since=0.0) is None

@@ -189,8 +189,8 @@ def phase_shift(corners: Collection[str], observations: Iterable[Observation], *
     Returns
     -------
     PhaseShift or None
-        Mean of the windows since the onset, or the end of the line through them where it falls by 2.6 standard
-        deviations of its slope; None unless all of them state the phase shift of a corner.
+        Mean of the last windows since the onset that state it without a break, or the end of the line through them
+        where it falls by 2.6 standard deviations of its slope; None if the last window does not state it.
 
     Notes
     -----
@@ -198,17 +198,18 @@ def phase_shift(corners: Collection[str], observations: Iterable[Observation], *
     of their own mean is not divided by their number.
     """
     later = [window for window in observations if window.time >= since and window.is_valid]
-    courses = {
-        corner: np.array([window.phase_shifts[corner] for window in later])
-        for corner in corners
-        if later and all(corner in window.phase_shifts for window in later)
-    }
+    courses = []
+    for corner in corners:
+        first = max((k + 1 for k, window in enumerate(later) if corner not in window.phase_shifts), default=0)
+        known = later[first:]
+        if known:
+            courses.append(np.array([(window.time, *window.phase_shifts[corner]) for window in known]))
     if not courses:
         return None
-    values, stds = min(courses.values(), key=lambda course: float(course[:, 0].mean())).T
+    seconds, values, stds = min(courses, key=lambda course: float(course[:, 1].mean())).T
     level, std, hours = float(values.mean()), float(stds.mean()), None
-    if len(later) >= RULES.min_windows:
-        times = np.array([window.time - later[-1].time for window in later]) / 3600
+    if len(values) >= RULES.min_windows:
+        times = (seconds - seconds[-1]) / 3600
         (slope, last), scatter = np.polyfit(times, values, 1, cov=True)
         slope_std = float(np.sqrt(scatter[0, 0]))
         if slope < -RULES.clearly * slope_std:
