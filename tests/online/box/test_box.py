@@ -35,6 +35,14 @@ class Monitor:
     def of(self, what):
         return [payload for name, payload in list(self.heard) if name.endswith("/" + what)]
 
+    def forget(self):
+        """Wait until the box has left, and clear what it sent: its last state must not pass for one of the next."""
+        end = time.monotonic() + 60.0
+        while not any(checked_map(payload)["is_leaving"] for payload in self.of("state")):
+            assert time.monotonic() < end, "the box does not leave"
+            time.sleep(0.01)
+        self.heard.clear()
+
     def acknowledge(self, boot, seq):
         self.link.publish(topic("car-1", "ack"), message({0: 1, 2: boot, 3: seq}))
 
@@ -143,7 +151,7 @@ def test_a_request_that_comes_again_is_answered_again_and_sends_nothing_twice(br
     assert box.n_waiting == 5
     box.close()
     ring.close()
-    monitor.heard.clear()
+    monitor.forget()
     box, ring = begun()
     assert asked(monitor, box) == first
     assert box.n_waiting == 5
