@@ -23,15 +23,16 @@ def python(code):
 
 #: Packages that cost time, and what each command may import of them.
 ROOMS = ("calibration", "diagnosis", "identification", "kits", "likelihood", "road", "simulation", "vehicles")
-OTHERS = ("h5py", "jinja2", "matplotlib", "numpy", "pandas", "pyarrow", "pydantic", "scipy", "sqlalchemy")
+OTHERS = ("h5py", "jinja2", "matplotlib", "numpy", "pandas", "pyarrow", "pydantic", "rich", "scipy", "sqlalchemy")
 HEAVY = {"scipy.signal", "scipy.stats", *OTHERS, *(f"sprung.{room}" for room in ROOMS)}
-ARROW = {"numpy", "pyarrow", "pydantic"}
+ARROW = {"numpy", "pyarrow", "pydantic", "rich"}
 OF_MODES = {"scipy", "sprung.identification", "sprung.likelihood", "sprung.vehicles"}
 MAY_IMPORT = {
     "--help": set(),
     "--version": set(),
-    "info --help": {"pydantic"},
-    "identify --help": {"pydantic"},
+    "vehicles --help": {"pydantic"},
+    "info --help": {"pydantic", "rich"},
+    "identify --help": {"pydantic", "rich"},
     "info {run}": ARROW,
     "info {parquet}": ARROW,
     "convert {run} {out}.csv": ARROW | {"pandas"},  # Arrow's writing imports pandas where it is installed
@@ -59,6 +60,13 @@ def test_import_of_the_command_line_is_light():
     assert heavy.stdout.strip() == "set()"
 
 
+@pytest.mark.parametrize("group", ["", "accounts", "alerts", "fleet", "simulate", "tokens", "vehicles"])
+def test_lists_of_commands_say_in_a_line_what_each_does(sprung, group):
+    lines = sprung(*group.split(), "--help").out.partition("Commands:\n")[2].splitlines()
+    assert len(lines) >= 3
+    assert not [line for line in lines if line.endswith("...") or not line.endswith((".", ")")) or len(line) > 80]
+
+
 def test_flags_are_shown_without_a_type(sprung):
     for words in (["--help"], ["identify", "--help"], ["corners", "--help"]):
         assert "<bool>" not in sprung(*words).out
@@ -66,7 +74,7 @@ def test_flags_are_shown_without_a_type(sprung):
 
 @pytest.mark.parametrize("words", [("--help",), ("vehicles", "rank", "--help"), ("info", "--help")])
 def test_options_are_made_for_the_called_command_alone(sprung, monkeypatch, words):
-    """Those of all commands take a seventh of the processor time of `sprung --help`; what it shows is the same."""
+    """Those of all commands take a while to make; what is shown is the same."""
     made: set[str] = set()
 
     def noted(function):

@@ -124,13 +124,18 @@ def _name_others(application: typer.Typer, word: str) -> None:
 
 
 def _hide_types(command: Any) -> None:
-    """Show neither <bool> after flags nor <list[Path]> after arguments in the help of all commands."""
+    """Show neither <bool> after flags nor <list[Path]> after arguments in the help of all commands.
+
+    Lists of commands are plain text: what draws boxes takes half of the time of `sprung --help` to import.
+    """
+    if subcommands := getattr(command, "commands", {}):
+        command.rich_markup_mode = None
     for parameter in (*command.params, command.get_help_option(typer.Context(command, **_HELP))):
         if getattr(parameter, "is_flag", False):
             parameter.metavar = ""
         if parameter.param_type_name == "argument":
             parameter.display_type_rich = lambda ctx: None
-    for subcommand in getattr(command, "commands", {}).values():
+    for subcommand in subcommands.values():
         _hide_types(subcommand)
 
 

@@ -57,7 +57,7 @@ def baseline(
     json: Json = None,
     reading: Reading,
 ) -> None:
-    """Learn the baseline of a vehicle from drives while it is healthy."""
+    """Learn the baseline of a healthy vehicle from drives."""
     from sprung.baseline_progress import learning_progress
     from sprung.diagnosis import learn
     from sprung.results import tables
@@ -121,7 +121,7 @@ def diagnose(
     output: Output,
     reading: Reading,
 ) -> None:
-    """Find which spring, damper, tyre or sensor changed, by how much, since when and with what certainty."""
+    """Find which part or sensor changed, since when, and by how much. Each change has an interval."""
     from sprung import diagnosis
     from sprung._checks import check_number
     from sprung.results import tables
@@ -182,7 +182,7 @@ def compare(
     json: Json = None,
     reading: Reading,
 ) -> None:
-    """Compare two sets of drives of one vehicle: what differs, by how much, and what would have been found."""
+    """Compare two sets of drives of one vehicle. What differs, by how much, and what would have been found."""
     from sprung import diagnosis
     from sprung.results import tables
     from sprung.results.documents import comparison_document

@@ -74,7 +74,7 @@ def track(
     output: Output,
     reading: Reading,
 ) -> None:
-    """Follow modes over files or windows by frequency, shape and standard deviations, with births and deaths."""
+    """Track modes over files or windows. They are matched by frequency, shape and standard deviations."""
     from sprung.identification import IdentificationSettings
     from sprung.identification.tracking import TrackingSettings, track_modes
     from sprung.results import tables
@@ -318,7 +318,7 @@ def identify(
     ] = None,
     reading: Reading,
 ) -> None:
-    """Identify natural frequencies, damping ratios and mode shapes from recordings of one condition."""
+    """Identify frequencies, damping ratios and shapes of modes. All recordings are of one condition."""
     from sprung._checks import check_one_of
     from sprung.identification import METHODS, identify_setups, pick_modes
     from sprung.results import tables

@@ -64,7 +64,7 @@ def corners(
     output: Output,
     reading: Reading,
 ) -> None:
-    """Estimate the springs, dampers and tyres of every corner from the spectra of a drive or a rig run."""
+    """Estimate spring, damper and tyre of each corner. From the spectra of a drive or a rig run."""
     from sprung.diagnosis.observation import fit_drive
     from sprung.likelihood import CornerSettings
     from sprung.likelihood.plate_test import plate_tests
@@ -115,7 +115,7 @@ def bounce(
     output: Output,
     reading: Reading,
 ) -> None:
-    """Find pushes, drops and releases, and state frequency, damping and friction of the free motion after them."""
+    """Identify the free motion after pushes, drops and releases. States frequency, damping and friction."""
     from sprung.bounce_tests import bounce as bounced
     from sprung.results import tables
     from sprung.results.documents import bounce_document
@@ -168,7 +168,7 @@ def plan(
     best: Annotated[int | None, option("N", "Also find the best places of N accelerometers.", panel=INPUT)] = None,
     output: Output,
 ) -> None:
-    """Predict what a kit of sensors will see on a vehicle, and how soon, before it is bought."""
+    """Predict what a sensor kit will detect, and how soon."""
     from sprung import kits
     from sprung.excitation import road_mix
     from sprung.likelihood.expected import ExpectedDrive
@@ -208,7 +208,7 @@ def road(
     output: Output,
     reading: Reading,
 ) -> None:
-    """Measure the road under a vehicle: roughness index, classes, potholes, along the way.
+    """Measure the road under a vehicle: roughness, classes, potholes.
 
     Several files are passes over one road, which are averaged: by latitude and longitude where all have them, else by
     the distance from where each begins. A file that begins when the one before it ends continues its drive.
@@ -263,7 +263,7 @@ def ride(
     output: Output,
     reading: Reading,
 ) -> None:
-    """Assess ride comfort and running stability by standards, and the use of the suspensions' travel."""
+    """Assess ride comfort, running stability and suspension travel."""
     from sprung.results import tables
     from sprung.results.documents import ride_document
     from sprung.ride import assess_ride

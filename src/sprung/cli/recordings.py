@@ -38,7 +38,7 @@ def info(
     json: Json = None,
     reading: Reading,
 ) -> None:
-    """Summarise recordings: groups, channels, units, rate, length, gaps, levels and faults."""
+    """Summarise recordings: channels, units, rate, gaps, faults."""
     from sprung.formats import groups, read
     from sprung.results import tables
     from sprung.results.documents import inspection_document
@@ -173,7 +173,7 @@ def convert(
     ending: Annotated[str, option(".END", "Ending of the files in a folder, which sets their format.")] = ".parquet",
     reading: Reading,
 ) -> None:
-    """Convert recordings to another format, with units, names, start, calibration and comments."""
+    """Convert recordings to another format. Units, names, start, calibration and comments are kept."""
     from sprung.formats import read, write
 
     *files, out = paths

@@ -41,7 +41,7 @@ SamplingRate = Annotated[float, option("HZ", "Sampling rate in Hz.")]
 Speed = Annotated[tuple[float, float], option("LO HI", "Range of the steady speeds in m/s.")]
 
 simulate = typer.Typer(
-    help="Simulate recordings with known truth: FILE, and next to it FILE.truth.json and FILE.vehicle.toml."
+    help="Simulate recordings with known truth. Writes FILE, and next to it FILE.truth.json and FILE.vehicle.toml."
 )
 
 
@@ -281,7 +281,7 @@ class _Chain(Shaken):
 @simulate.command()
 @shares_options
 def chain(*, options: _Chain) -> None:
-    """Simulate a chain of masses, springs and dampers under random forces."""
+    """Simulate a chain of masses and springs under random forces."""
     options.simulate("chain")
 
 
@@ -325,7 +325,7 @@ def reproduce(
     ] = None,
     json: Json = None,
 ) -> None:
-    """Recompute the tables and figures of F. Liu's thesis: a page for each chapter, published values next to ours."""
+    """Recompute tables and figures of Liu's thesis (2020). A page for each chapter, published values next to ours."""
     from sprung.reproduce import reproduce
 
     check_file("--json", json)

@@ -69,7 +69,7 @@ def describe(
         ),
     ] = "corners",
 ) -> None:
-    """Write a vehicle file from a data sheet, with guesses for what it does not state; complete it with calibrate."""
+    """Write a vehicle file from a data sheet. The rest is estimated: complete it with calibrate."""
     from sprung.calibration import DataSheet, described
     from sprung.vehicles import structure, write_vehicle
     from sprung.vehicles.labels import plausibility_notes
@@ -117,7 +117,7 @@ def fmu(
         option("CORNER.COMPONENT=-0.2", "Relative change of a spring, damper or tyre. May be repeated."),
     ] = None,
 ) -> None:
-    """Write a vehicle as a Functional Mock-up Unit (FMI 3.0, co-simulation) for other programs; it runs in Python."""
+    """Write a vehicle as a Functional Mock-up Unit. FMI 3.0, co-simulation, for other programs; it runs in Python."""
     from sprung.simulation import driven_structure, write_fmu
     from sprung.vehicles import Vehicle, parse_fault, read_description, structure, with_faults
 
@@ -155,7 +155,7 @@ def calibrate(
     json: Json = None,
     reading: Reading,
 ) -> None:
-    """Complete a vehicle file from healthy drives: sensors, wheels, masses on mounts, modes of the body."""
+    """Complete a vehicle file from healthy drives. Sensors, wheels, masses on mounts, modes of the body."""
     from sprung.calibration import CalibrationSettings
     from sprung.calibration import calibrate as calibrated
     from sprung.diagnosis import windows

@@ -9,7 +9,7 @@ def register(application: typer.Typer) -> None:
     """Add the command to the application."""
     fleet = typer.Typer(
         no_args_is_help=True,
-        help="Keep and analyse the archive of a fleet, analyse its streams, and compare its vehicles.",
+        help="Keep and analyse a fleet's archive and streams. Compares its vehicles.",
     )
     fleet.command("import")(lake.import_files)
     for command in (lake.archive, runs.run, runs.explain, runs.stream, runs.road, lake.rank):

@@ -59,7 +59,7 @@ def import_files(
     json: Json = None,
     reading: Reading,
 ) -> None:
-    """Add recordings to a lake, cut into the windows that sprung diagnose uses.
+    """Add recordings to a lake. They are cut into the windows that sprung diagnose uses.
 
     Windows already in the lake are not added again. A file that cannot be read is listed, and the others are
     imported; the exit code is 2 if no file could be imported.
@@ -164,7 +164,7 @@ def rank(
     ] = 0.05,
     json: Json = None,
 ) -> None:
-    """Compare the vehicles of a type with each other, and learn what is normal for the type."""
+    """Compare the vehicles of a type, and learn what is normal for it."""
     from sprung.diagnosis import learn_type, rank_fleet
     from sprung.results import tables
     from sprung.results.documents import fleet_document, write_type_baseline

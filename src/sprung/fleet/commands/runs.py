@@ -149,7 +149,7 @@ def run(
     master: Master = "local[*]",
     json: Json = None,
 ) -> None:
-    """Analyse the windows of a fleet that have no results yet, and test the vehicles for changes."""
+    """Analyse the windows of a fleet that have no results yet. Tests the vehicles for changes."""
     from sprung.fleet import jobs
     from sprung.fleet.lake import Lake
     from sprung.results import tables
@@ -236,7 +236,7 @@ def road(
     master: Master = "local[*]",
     json: Json = None,
 ) -> None:
-    """Measure the roads under a fleet: passes of all vehicles over each stretch, averaged, with their scatter."""
+    """Measure the roads under a fleet. Passes of all vehicles over each stretch, averaged, with their scatter."""
     from sprung.fleet import jobs
     from sprung.fleet.lake import Lake
     from sprung.results import tables
@@ -289,7 +289,7 @@ def stream(
     master: Master = "local[*]",
     log_format: LogFormat = "text",
 ) -> None:
-    """Analyse windows of a fleet as they arrive in a lake, or frames as they arrive from Kafka, each window once.
+    """Analyse windows as they arrive in a lake, or frames from Kafka. Each window is analysed once.
 
     Runs until it is stopped, then finishes the current batch. After a restart it continues where it stopped.
     """

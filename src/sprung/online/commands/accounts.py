@@ -27,7 +27,7 @@ def list_accounts(store: "Store") -> Found:
     return _accounts(store)
 
 
-accounts_application = group(list_accounts, "List the people who may log in; sub-commands add and remove them.")
+accounts_application = group(list_accounts, "List the people who may log in. Sub-commands add and remove them.")
 
 
 @accounts_application.command("add")
@@ -42,7 +42,7 @@ def add_account(
     who: Who,
     json: Json = None,
 ) -> None:
-    """Add an account, or change the role and password of one; the store is created if needed."""
+    """Add an account, or change its role and password. The store is created if needed."""
     from sprung.online import site
     from sprung.online.store import open_store
 
@@ -68,9 +68,7 @@ def list_tokens(store: "Store") -> Found:
     return _tokens(store)
 
 
-tokens_application = group(
-    list_tokens, "List the programs that may use the interface; sub-commands add and remove them."
-)
+tokens_application = group(list_tokens, "List the programs that may use the API. Sub-commands add and remove them.")
 
 
 @tokens_application.command("add")
@@ -83,7 +81,7 @@ def add_token(
     days: Annotated[float | None, option("D", "Days until the token expires; omit for no expiry.")] = None,
     who: str,
 ) -> Found:
-    """Create a token for a program, and print its secret, which is not stored."""
+    """Create a token for a program, and print its secret. The secret is not stored."""
     from sprung.online import site
 
     number, secret = site.add_token(store, name, role, days=days, who=who, now=time.time_ns())

@@ -57,7 +57,7 @@ def box(
     ring_megabytes: Annotated[float, option("MB", "Maximum size of the samples kept with --on-board.")] = 1024.0,
     log_format: LogFormat = "text",
 ) -> None:
-    """Send a vehicle's samples to a monitor, from a source through a spool on disk.
+    """Send a vehicle's samples to a monitor. From a source, through a spool on disk.
 
     Runs until the source ends and everything is acknowledged, or until it is stopped.
 
@@ -133,7 +133,7 @@ def replay(
     patience: Annotated[float, option("SECONDS", "Longest wait for the last acknowledgement.", min=0)] = 60.0,
     reading: Reading,
 ) -> None:
-    """Send recordings to a monitor as a vehicle would, and wait until they are acknowledged.
+    """Send recordings to a monitor as a vehicle would. Waits until they are acknowledged.
 
     Samples keep the times of the recording. The monitor skips what it has already analysed.
     """

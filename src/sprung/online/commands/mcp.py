@@ -33,7 +33,7 @@ def mcp(
         Path | None, option("FOLDER", "Folder whose recordings may be read and identified; omit for none.")
     ] = None,
 ) -> None:
-    """Serve a monitor's interface and a folder of recordings as read-only tools (Model Context Protocol, stdio)."""
+    """Serve a monitor and recordings as read-only tools (MCP). Model Context Protocol on standard input and output."""
     secret = token_file.read_text(encoding="utf-8").strip() if token_file else ""
     server(lambda path: fetched(url, path, secret), files=files).run("stdio")
 

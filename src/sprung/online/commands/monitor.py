@@ -60,7 +60,7 @@ def monitor(
     ] = False,
     log_format: LogFormat = "text",
 ) -> None:
-    """Monitor vehicles until stopped: receive frames by MQTT, and keep modes, diagnoses and alerts in a store.
+    """Monitor vehicles until stopped. Receives frames by MQTT, and keeps modes, diagnoses and alerts in a store.
 
     Without options it runs a broker for this machine on port 1883, and keeps results in ./sprung-data. SIGTERM stops it
     within 10 s, cleanly unless its store does not answer.
@@ -198,7 +198,7 @@ def demo(
         bool, typer.Option("--once", help="End after the findings, as without a terminal; default: serve until Ctrl-C.")
     ] = False,
 ) -> None:
-    """Monitor a small simulated fleet on web pages: a spring softens, a sensor dies, and both raise alerts.
+    """Monitor a small simulated fleet on web pages. A spring softens, a sensor dies, and both raise alerts.
 
     Three cars send frames by MQTT to a monitor in this terminal, which learns baselines from their first 40 minutes.
 

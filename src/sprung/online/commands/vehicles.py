@@ -141,7 +141,7 @@ def list_vehicles(store: "Store") -> Found:
 
 application = group(
     list_vehicles,
-    "List the monitored vehicles; sub-commands rank them, show the quarantine, or request baselines or samples.",
+    "List the monitored vehicles. Sub-commands rank them, show the quarantine, or request baselines or samples.",
 )
 
 
@@ -152,7 +152,7 @@ def rank(
     *,
     rate: Annotated[float, option("SHARE", "Expected share of healthy vehicles among those that deviate.")] = 0.05,
 ) -> Found:
-    """Rank the vehicles of each type (same vehicle file) by how much they deviate from the others."""
+    """Rank the vehicles of each type by deviation from the others. A type is a vehicle file."""
     from sprung.online.monitor.operations import NO_VEHICLES, ranking_document
     from sprung.results import tables
 
@@ -172,7 +172,7 @@ def quarantine(
         bool, typer.Option("--again", help="Analyse the frames again with this version; nothing is stored.")
     ] = False,
 ) -> Found:
-    """List frames and states that could not be analysed and were quarantined, such as after an upgrade."""
+    """List frames and states that could not be analysed. They were quarantined, such as after an upgrade."""
     from sprung.online.monitor.operations import quarantine_document
     from sprung.results import tables
 
@@ -207,7 +207,7 @@ def inspected(
     found: Annotated[str, option("nothing|PART", "What was found: nothing, or a part such as front_left.spring.")],
     who: str,
 ) -> Found:
-    """Store what an inspection without an alert found: the vehicle as a member of its type, or out of it."""
+    """Store what an inspection without an alert found. The vehicle becomes a member of its type, or leaves it."""
     from sprung.online.monitor.operations import inspected
 
     part = "" if found == "nothing" else found
@@ -227,7 +227,7 @@ def roll_back(
     ] = "",
     who: str,
 ) -> Found:
-    """Return to an earlier baseline of a vehicle; it becomes the newest version."""
+    """Return to an earlier baseline of a vehicle. It becomes the newest version."""
     from sprung.online.monitor.operations import describe_rollback, roll_back
 
     if version is None:
@@ -246,7 +246,7 @@ def raw(
     wait: Annotated[float, option("SECONDS", "Longest wait for the samples; the request stays open.", min=0)] = 60.0,
     who: str,
 ) -> Found:
-    """Request the latest samples of a vehicle whose box identifies on board."""
+    """Request the latest samples of a vehicle. Its box identifies on board."""
     from sprung.online.monitor.operations import request_samples, wait_for_samples
 
     number = request_samples(store, vehicle, minutes=minutes, who=who, now=time.time_ns())
@@ -265,7 +265,7 @@ def export(
     store: StoreUrl = DEFAULT_STORE,
     json: Json = None,
 ) -> None:
-    """Export windows, modes, findings or alerts of a vehicle as a table."""
+    """Export windows, modes, findings or alerts as a table."""
     from sprung.online.monitor.exports import FORMATS, export
     from sprung.results.tables.wording import parse_period
 
@@ -297,7 +297,7 @@ def report(
     store: StoreUrl = DEFAULT_STORE,
     json: Json = None,
 ) -> None:
-    """Write a page about a monitored vehicle and a period: changes, trends, alerts, modes, conditions, data."""
+    """Write a page about a monitored vehicle and a period. Changes, trends, alerts, modes, conditions, data."""
     from sprung.online.monitor.vehicle_report import vehicle_report
     from sprung.results.page import pdf_of, render
     from sprung.results.tables.wording import parse_period
