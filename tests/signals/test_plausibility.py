@@ -64,11 +64,12 @@ def test_sound_recordings_raise_no_doubt() -> None:
         assert doubts_of(recording) == ()
 
 
-def test_raw_outputs_of_sensors_stay_as_they_are(tmp_path) -> None:
+@pytest.mark.parametrize(("heading", "name"), [("pot [V]", "pot"), ("pot (V)", "pot (V)")])
+def test_raw_outputs_of_sensors_stay_as_they_are(heading, name, tmp_path) -> None:
     path = tmp_path / "run.csv"
     rows = (f"{number / 100:.3f},{value:.5f},{2048 + round(50 * value)}" for number, value in enumerate(NOISE[0]))
-    path.write_text("\n".join(["Time (s),pot [V],adc [counts]", *rows]))
+    path.write_text("\n".join([f"Time (s),{heading},adc [counts]", *rows]))
     run = sprung.read(path)
     assert [channel.quantity for channel in run.channels] == ["unknown", "unknown"]
     assert run.samples[0] == pytest.approx(NOISE[0], abs=1e-5)
-    assert "pot: unit 'V' is unknown, values as in the file" in run.history
+    assert f"{name}: unit 'V' is unknown, values as in the file" in run.history

@@ -232,8 +232,8 @@ def stated_column(heading: str, name: str, unit: str, *, comment: str = "", cali
 def column(heading: str, *, unit: str | None = None, path: Path) -> Column:
     """Return the channel that `heading` describes; `unit` where the file states it elsewhere.
 
-    Square brackets always hold a unit; round ones only if the unit is known, otherwise they belong to the name. Values
-    in volts or counts stay as they are.
+    Square brackets always hold a unit; round ones belong to the name if the unit is not known. Values in volts or
+    counts stay as they are.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def column(heading: str, *, unit: str | None = None, path: Path) -> Column:
     """
     name, bracketed, is_square = split_heading(heading)
     if not is_square and not known_unit(bracketed or ""):
-        name, bracketed = heading.strip(), None
+        name, bracketed = heading.strip(), bracketed if bracketed in _RAW_UNITS else None
     if not name:
         raise FormatError(f"{path}: column {heading!r} has no name: give every column a name")
     stated = (bracketed or "") if unit is None else unit
