@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from tests.diagnosis.conftest import drawn_window
 
-from sprung.diagnosis import Observation, SensorFault, diagnose, learn
+from sprung.diagnosis import Baseline, Observation, SensorFault, diagnose, learn
 from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import operations
 from sprung.online.monitor.alert_book import AlertBook
@@ -76,6 +76,8 @@ def fill(store: Store, *, now: int) -> None:
     """
     silent = {SILENT, "bus-142", "bus-213"}
     learning = {LEARNING, "bus-049", "bus-089", "bus-129", "bus-169", "bus-209"}
+    healthy = _windows(np.random.default_rng(0), Story({}, days=0.9), now)
+    learnt = _first_baseline(_learnt_from(healthy))
     book = AlertBook(store, AlertSettings())
     for number in range(1, N_VEHICLES + 1):
         name = f"bus-{number:03d}"
@@ -85,8 +87,12 @@ def fill(store: Store, *, now: int) -> None:
         store.inbox.add_frames([StoredFrame(name, 1, 0, seen, b"x")], now=seen)
         story = STORIES.get(name, Story({}, days=0.4) if name in learning | {"bus-001"} else None)
         if story is None:
-            status = _status(seen, note="")
-            store.results.commit(Progress(name, 1, done_seq=0, baselines=_baseline(seen), status=status, now=seen))
+            windows = _windows(np.random.default_rng(number), Story({}, days=0.5), seen)
+            rows = tuple((k, _ns(each.time), observation_document(each)) for k, each in enumerate(windows))
+            status = _status(seen)
+            store.results.commit(
+                Progress(name, 1, done_seq=0, observations=rows, baselines=(learnt,), status=status, now=seen)
+            )
         else:
             _tell(store, book, name, story, number, now=now, is_learning=name in learning)
         if name in silent:
@@ -106,13 +112,8 @@ def _tell(store: Store, book: AlertBook, name: str, story: Story, number: int, *
     baselines: tuple[Any, ...] = ()
     findings = []
     if not is_learning:
-        taught = usable[:_TAUGHT]
-        baseline = learn(taught)
-        baseline = replace(
-            baseline, version=1, reason="first learning", learning_times=tuple(each.time for each in taught)
-        )
-        learnt = _ns(taught[-1].time) + 600 * _S
-        baselines = ((1, learnt, "first learning", baseline_document(baseline).as_json()),)
+        taught, baseline = _learnt_from(windows)
+        baselines = (_first_baseline((taught, baseline)),)
         late = [window for window in windows if window.time > taught[-1].time]
         if story.changes or story.dead_channel:
             diagnosis = diagnose([window for window in late if window.is_conclusive], baseline)
@@ -231,12 +232,20 @@ def _remember(store: Store, book: AlertBook, *, now: int) -> None:
             operations.close(store, number, who="Bert", comment="road works", now=raised + (21 + 5 * k) * _HOUR)
 
 
-def _baseline(now: int) -> tuple[Any, ...]:
-    """Return a baseline of which nothing but its number counts."""
-    return ((1, now - 60 * _DAY, "first learning", {"n_windows": _TAUGHT}),)
+def _learnt_from(windows: list[Observation]) -> tuple[list[Observation], Baseline]:
+    """Return the windows that a baseline is learnt from, and the baseline."""
+    taught = [window for window in windows if window.is_conclusive][:_TAUGHT]
+    times = tuple(each.time for each in taught)
+    return taught, replace(learn(taught), version=1, reason="first learning", learning_times=times)
 
 
-def _status(until: int, *, n_learnt: int = _TAUGHT, is_learning: bool = False, note: str = "") -> dict[str, Any]:
+def _first_baseline(learnt: tuple[list[Observation], Baseline]) -> tuple[int, int, str, dict[str, Any]]:
+    """Return a baseline as it is stored."""
+    taught, baseline = learnt
+    return 1, _ns(taught[-1].time) + 600 * _S, "first learning", baseline_document(baseline).as_json()
+
+
+def _status(until: int, *, n_learnt: int = _TAUGHT, is_learning: bool = False) -> dict[str, Any]:
     """Return how far the monitoring of a vehicle is."""
     return {
         "share": 0.3,
@@ -245,7 +254,7 @@ def _status(until: int, *, n_learnt: int = _TAUGHT, is_learning: bool = False, n
         "is_learning": is_learning,
         "window": 600.0,
         "until": until,
-        "note": note,
+        "note": "",
     }
 
 
