@@ -1,5 +1,8 @@
-"""BLAS uses one thread in fits and identifications, and as many as before after them."""
+"""BLAS uses one thread in fits and identifications, and as many as before after them; freed memory is kept."""
 
+import ctypes
+import subprocess
+import sys
 from threading import Thread
 
 import numpy as np
@@ -70,3 +73,19 @@ def test_identification_uses_one_thread(several, monkeypatch):
     masses = chain()
     cov_ssi(simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=500.0, seed=1))
     assert (seen, n_threads()) == ([{1}], {2})
+
+
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallopt"), reason="the allocator is not that of glibc")
+def test_memory_of_arrays_is_not_mapped_anew():
+    """Two hundred times 8 MB are 400,000 pages, and were as many faults."""
+    code = """
+import resource, numpy as np
+from sprung._threads import one_thread
+with one_thread:
+    total = 0.0
+    for _ in range(200):
+        total += sum(np.ones(500_000) for _ in range(2))[0]
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt)
+"""
+    outcome = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert int(outcome.stdout) < 40_000
