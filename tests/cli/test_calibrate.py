@@ -1,6 +1,7 @@
 """The commands describe and calibrate, and baselines of a calibrated vehicle."""
 
 import json
+import re
 
 import pytest
 
@@ -37,3 +38,16 @@ def test_a_baseline_learns_an_engine_that_the_file_lacks_and_diagnose_uses_it(tm
     assert main(["diagnose", *words, "--json", str(said)]) in {0, 3}
     diagnosis = json.loads(said.read_text())
     assert [finding["component"] for finding in diagnosis["findings"]] == ["spring"]
+
+
+def test_a_calibration_says_which_drive_a_baseline_needs(sprung, tmp_path) -> None:
+    drive, out = tmp_path / "slow.npz", tmp_path / "v.toml"
+    slow = ("--minutes", "5", "--sampling-rate", "60", "--speed", "3.5", "6.5", "--snr", "50")
+    assert sprung("simulate", "road", *slow, "--out", drive).code == 0
+    outcome = sprung("calibrate", drive, "--vehicle", "zafira", "--mounts", "0", "--no-modes", "--out", out)
+    assert outcome.code == 0
+    said = " ".join(outcome.out.split())
+    shares = [float(share) for share in re.findall(r"s: (\d+) %", said.partition("for a baseline: ")[2])]
+    assert len(shares) == 6
+    assert 0 <= max(shares) < 100 / 12  # of twelve windows that are twice as long and faster
+    assert "of what 12 ordinary windows give; drive faster, about" in said

@@ -1,4 +1,5 @@
 import json
+import re
 
 import pytest
 
@@ -58,6 +59,7 @@ def test_mistakes_are_one_sentence(sprung, drives, tmp_path):
     outcome = sprung("baseline", run, "--vehicle", "zafira", "--out", tmp_path / "out.json")
     assert outcome.code == 3
     assert "1 of 1 windows can be learnt from, and 6 are needed" in outcome.err
+    assert re.search(r"; .* % of what 12 ordinary windows give; drive ", outcome.err)
 
 
 def test_an_inconclusive_drive_is_not_called_healthy(sprung, drives, baseline, tmp_path):

@@ -82,14 +82,18 @@ def baseline(
         calibration = _calibration(drives, description, observations, is_wanted=is_wanted)
         if calibration is not None:
             observations = drives.observed(calibration.vehicle)
-    learnt = learn(
-        observations,
-        reason=reason.strip() or "first learning",
-        previous=before,
-        type_baseline=type_baseline,
-        min_windows=min_windows,
-    )
     complete = description if calibration is None else calibration.vehicle
+    progress = str(learning_progress(observations, complete))
+    try:
+        learnt = learn(
+            observations,
+            reason=reason.strip() or "first learning",
+            previous=before,
+            type_baseline=type_baseline,
+            min_windows=min_windows,
+        )
+    except DataError as error:
+        raise DataError(f"{error}; {progress}" if any(one.is_valid for one in observations) else str(error)) from error
     if calibration is not None or (before is not None and before.vehicle_file):
         learnt = replace(learnt, vehicle_file=vehicle_text(complete))
     write_baseline(learnt, out)
@@ -97,7 +101,6 @@ def baseline(
         layout = list(dict.fromkeys(note for observation in observations for note in observation.notes))
         sentences = [*tables.describe_baseline(learnt, n_windows=len(observations)), *layout]
         completed = [] if calibration is None else tables.describe_calibration(calibration)
-        progress = str(learning_progress(observations, complete))
         show(tables.baseline_table(learnt), [*sentences, progress, *completed, *written([out], json)])
 
 

@@ -156,9 +156,10 @@ def calibrate(
     reading: Reading,
 ) -> None:
     """Complete a vehicle file from healthy drives. Sensors, wheels, masses on mounts, modes of the body."""
+    from sprung.baseline_progress import learning_progress
     from sprung.calibration import CalibrationSettings
     from sprung.calibration import calibrate as calibrated
-    from sprung.diagnosis import windows
+    from sprung.diagnosis import observe_window, windows
     from sprung.results import tables
     from sprung.results.documents import calibration_document
     from sprung.vehicles import read_vehicle, write_vehicle
@@ -175,6 +176,9 @@ def calibrate(
         result = calibrated(parts, description, settings=settings, allow_missing=may_lack)
         write_vehicle(result.vehicle, out)
         output.paths.append(out)
+        report("observing the windows", 0.9)
+        observations = [observe_window(part, result.vehicle, allow_missing=may_lack) for part in parts]
+        progress = f"for a baseline: {learning_progress(observations, result.vehicle)}"
         source = ", ".join(path.name for path in files)
         output.draw(
             lambda drawn: {
@@ -182,6 +186,5 @@ def calibrate(
                 "learnt": drawn.learnt_figure(result, source=source),
             }
         )
-    output.show(
-        calibration_document(result), tables.calibration_table(result), notes=tables.describe_calibration(result)
-    )
+    notes = [*tables.describe_calibration(result), progress]
+    output.show(calibration_document(result), tables.calibration_table(result), notes=notes)
