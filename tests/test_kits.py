@@ -62,6 +62,15 @@ def test_an_unknown_kit_is_refused() -> None:
         kit_of(CAR, "five")
 
 
+def test_a_part_that_one_sensor_hardly_sees_is_not_found_at_once() -> None:
+    """Chance explains more of the first window than any change of the tyre of the far wheel."""
+    one = CAR.model_copy(update={"sensor": kit_of(CAR, "four").sensor[:1]})
+    conditions = ExpectedDrive(speed=(6.0, 20.0), roughness=256e-6, sampling_rate=100.0, driving=1e-5)
+    parts = {str(part.component): part for part in plan(one, drive=conditions).components}
+    assert not parts["front_right.tyre"].is_identifiable
+    assert set(parts["front_right.tyre"].minutes.values()) == {None}
+
+
 def test_one_sensor_is_planned_and_none_is_refused() -> None:
     one = plan(CAR.model_copy(update={"sensor": CAR.sensor[:1]}), drive=SHORT)
     assert [sensor.gain for sensor in one.sensors] == [1.0]

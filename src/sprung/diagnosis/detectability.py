@@ -84,7 +84,9 @@ def detectable_changes(
     terms = terms.largest(squares)
     for _ in range(SEARCH.steps):
         evidence, slopes = terms.evidence(squares)
-        squares = np.maximum(squares + (threshold - evidence) / slopes, squares / 4)
+        rising = slopes > 0  # it does not rise where chance explains more than the change
+        steps = np.where(rising, (threshold - evidence) / np.where(rising, slopes, 1.0), 3 * squares)
+        squares = np.maximum(squares + steps, squares / 4)
     limit = np.sqrt(squares * known / variance)[:, 0]
     doubt = (1 - scores.of_baseline / scores.degrees) / scores.of_baseline
     mean = limit + ndtri(power) * np.sqrt(1 + doubt * limit**2 / 2)
