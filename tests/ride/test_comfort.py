@@ -1,5 +1,8 @@
 """Ride by standards against closed forms."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -35,6 +38,40 @@ def test_a_sine_is_weighted_by_the_response(name, conforms) -> None:
     is_sperling = name.startswith("Sperling")
     source, clause = ("Sperling", "frequency weighting") if is_sperling else ("ISO 8041-1:2017", "5.6, table 3")
     conforms(source, clause, what, np.sqrt(2 * np.mean(found**2)), gain, rel=5e-3)
+
+
+PEER = json.loads((Path(__file__).parents[2] / "benchmarks" / "data" / "phonometry.json").read_text("utf-8"))
+
+
+def sweep_with_shocks(time):
+    """Return what `benchmarks/ride.py` gave to phonometry."""
+    sweep = np.sin(np.pi * time / time[-1]) * np.sin(2 * np.pi * (0.5 * time + 0.2 * time**2))
+    return sweep + sum(
+        6 * np.sin(np.pi * (time - at) / 0.05) * ((time >= at) & (time < at + 0.05)) for at in (12, 30, 41)
+    )
+
+
+@pytest.mark.parametrize("name", WEIGHTINGS)
+def test_weightings_are_those_of_phonometry(name, conforms) -> None:
+    """Another implementation, at third octaves from 0.02 to 400 Hz, and over time: a minute of sweeps and shocks."""
+    expected, rate = PEER["weightings"][name], PEER["sampling_rate"]
+    factors = abs(response_of(name, np.array(PEER["thirds"])))
+    conforms(
+        PEER["source"], "third octaves", f"factors of the weighting {name}", factors, expected["factors"], rel=1e-9
+    )
+    found = weighted(sweep_with_shocks(np.arange(round(60 * rate)) / rate), sampling_rate=rate, weighting=name)
+    rms, vdv = np.sqrt(np.mean(found**2)), (np.sum(found**4) / rate) ** 0.25
+    conforms(PEER["source"], "a minute of sweeps and shocks", f"RMS by {name}", rms, expected["rms"], rel=1e-3)
+    conforms(PEER["source"], "a minute of sweeps and shocks", f"VDV by {name}", vdv, expected["vdv"], rel=1e-3)
+
+
+def test_running_values_are_those_of_phonometry(conforms) -> None:
+    rate = PEER["sampling_rate"]
+    samples = sweep_with_shocks(np.arange(round(60 * rate)) / rate)
+    point = assess_ride(Recording(samples[None], rate, (Channel("seat_z", "acceleration"),))).points[0]
+    for name in ("rms", "mtvv", "vdv"):
+        what, expected = f"{name.upper()} of a ride by Wk", PEER["weightings"]["Wk"][name]
+        conforms(PEER["source"], "a minute of sweeps and shocks", what, getattr(point, name), expected, rel=1e-3)
 
 
 def test_an_unknown_weighting_is_refused() -> None:
