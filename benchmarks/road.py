@@ -1,23 +1,31 @@
-"""Roughness index of simulated roads from the motion of a car, beside that of the true profile.
+"""Roughness index of simulated roads from the motion of cars, beside that of the true profile.
 
-    python -m benchmarks.road [--minutes M]
+    python -m benchmarks.road [--minutes M] [--multibody]
 
-For each class: index of 100 m of both tracks over that of the profile that was driven, bias and RMS of the error, and
-share of 95 % intervals that hold.
+First a row for each class and vehicle file: the true one, or one from a data sheet alone (`described`). Then one road
+under three cars at five speeds. Values are the index of 100 m of a track over that of the profile that was driven: bias
+and RMS of the error, and share of 95 % intervals that hold; for the one road also the RMS over the mean of all drives.
+With `--multibody` (needs mujoco) the car of `benchmarks.multibody` drives, which no file describes exactly, with the
+file from its data sheet and with that file calibrated on five drives.
 """
 
 import argparse
 import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from benchmarks.measuring import print_table
 
-from sprung.excitation import surface
-from sprung.road import RoadSurvey, roughness_index, survey_road
+from sprung.calibration import DataSheet, described
+from sprung.excitation import road_class, surface
+from sprung.recording import Recording
+from sprung.road import RoadSurvey, survey_road, suspension_slope
 from sprung.simulation import RoadConditions, RoadDrive, simulate_drive
-from sprung.vehicles import read_vehicle
+from sprung.vehicles import Vehicle, read_vehicle
 
 CASES = (
     ("A", (20.0, 30.0)),
@@ -28,53 +36,172 @@ CASES = (
     ("E", (10.0, 14.0)),
 )
 SPACING = 0.05
+#: Speeds on the one road [km/h], each within 10 %, its class, and its length [m].
+SPEEDS, CLASS, LENGTH = (30, 50, 70, 90, 110), "C", 4000.0
+VEHICLES = Path(__file__).parent / "vehicles"
+#: What the data sheet of the car states.
+SHEET = DataSheet(mass=1642.0, wheelbase=2.8, track=1.404, tyre="195/65R15", name="zafira")
+
+Height = Callable[[bool, np.ndarray], np.ndarray]
 
 
-def true_index(profile: surface.Profile, recording, survey: RoadSurvey, *, is_left: bool) -> np.ndarray:
-    """Return the index of the stretches of a survey from the profile."""
+@contextmanager
+def one_profile(profile: surface.Profile | None = None) -> Iterator[list[surface.Profile]]:
+    """Keep the profiles on which drives are simulated, or let all be on one."""
+    kept: list[surface.Profile] = []
+    make = surface.random_profile
+
+    def random_profile(*arguments, **options) -> surface.Profile:
+        kept.append(make(*arguments, **options) if profile is None else profile)
+        return kept[-1]
+
+    surface.random_profile = random_profile
+    try:
+        yield kept
+    finally:
+        surface.random_profile = make
+
+
+def judged(survey: RoadSurvey, height: Height, distance: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the index over the true one, and whether the interval holds, shape (stretches, 2); `distance` over time.
+
+    The first stretch, on which the golden car of the survey begins, is left out.
+    """
+    begin = distance[0]
+    x = np.arange(begin, distance[-1], SPACING)
+    times = np.arange(distance.size) / rate
+    ratios, holds = [], []
+    for row, side in enumerate(("left", "right")):
+        slopes = 1000 * np.abs(suspension_slope(height(row == 0, x), spacing=SPACING))
+        tracks, true = [], []
+        for stretch in survey.stretches[1:]:
+            ends = np.interp([stretch.begin_time, stretch.end_time], times, distance)
+            true.append(slopes[slice(*np.round((ends - begin) / SPACING).astype(int))].mean())
+            tracks.append(getattr(stretch, side))
+        index, std = (np.array([getattr(track, name) for track in tracks]) for name in ("iri", "iri_std"))
+        ratios.append(index / true)
+        holds.append(np.abs(index - true) < 1.96 * std)
+    return np.array(ratios).T, np.array(holds).T
+
+
+def travelled(recording: Recording) -> np.ndarray:
+    """Return the distance at each sample by the speed [m]."""
     speed = recording.samples[recording.index("speed")]
-    travelled = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) / recording.sampling_rate
-    first = np.interp(survey.stretches[0].begin_time, np.arange(speed.size) / recording.sampling_rate, travelled)
-    return roughness_index(profile.height(is_left, np.arange(first, travelled[-1], SPACING)), spacing=SPACING)
+    return np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) / recording.sampling_rate
+
+
+def figures(ratios: np.ndarray, holds: np.ndarray) -> list[str]:
+    """Return number, bias, RMS and share of intervals that hold."""
+    error = ratios - 1
+    rms = np.sqrt(np.mean(error**2))
+    return [str(error.size), f"{100 * error.mean():+.1f}", f"{100 * rms:.1f}", f"{100 * np.mean(holds):.0f}"]
+
+
+def print_classes(minutes: float, car: Vehicle) -> None:
+    """Print a row for each class and file."""
+    rows = []
+    files = {"true": car, "data sheet": described(SHEET)}
+    for name, speed in CASES:
+        drive = RoadDrive(duration=60 * minutes, sampling_rate=100.0, speed=speed, road=RoadConditions(name), snr=50.0)
+        with one_profile() as profiles:
+            recording = simulate_drive(car, drive, seed=7).recording
+        for file, vehicle in files.items():
+            survey = survey_road(recording, vehicle)
+            found = judged(survey, profiles[-1].height, travelled(recording), recording.sampling_rate)
+            rows.append([name, f"{3.6 * speed[0]:.0f} to {3.6 * speed[1]:.0f}", file, *figures(*found)])
+            print(*rows[-1], flush=True)
+    print_table(f"`python -m benchmarks.road --minutes {minutes:.3g}`", ["class", "speed [km/h]", "file", *HEADS], rows)
+
+
+HEADS = ["values", "bias [%]", "RMS error [%]", "intervals that hold [%]"]
+
+
+def print_one_road(cars: dict[str, Vehicle]) -> None:
+    """Print a row for each car and speed on one road."""
+    generator = np.random.default_rng(11)
+    profile = surface.random_profile(road_class(CLASS), first=-800.0, last=1.2 * LENGTH, generator=generator)
+    found = {}
+    for name, car in cars.items():
+        for kmh in SPEEDS:
+            speed = (0.9 * kmh / 3.6, 1.1 * kmh / 3.6)
+            drive = RoadDrive(duration=3.6 * LENGTH / kmh, sampling_rate=100.0, speed=speed, snr=50.0)
+            with one_profile(profile):
+                recording = simulate_drive(car, drive, seed=kmh).recording
+            survey = survey_road(recording, car)
+            ratios, holds = judged(survey, profile.height, travelled(recording), recording.sampling_rate)
+            where = [round(stretch.begin / 100) for stretch in survey.stretches[1:]]
+            found[name, kmh] = (dict(zip(where, ratios, strict=True)), figures(ratios, holds))
+    everywhere = set.intersection(*(set(ratios) for ratios, _ in found.values()))
+    table = {key: np.array([ratios[k] for k in sorted(everywhere)]) for key, (ratios, _) in found.items()}
+    mean = np.mean(list(table.values()), axis=0)
+    rows = [
+        [*map(str, key), *found[key][1], f"{100 * np.sqrt(np.mean((ratios / mean - 1) ** 2)):.1f}"]
+        for key, ratios in table.items()
+    ]
+    print_table(
+        f"One road of class {CLASS}, {LENGTH / 1000:g} km",
+        ["car", "speed [km/h]", *HEADS, "RMS over the mean [%]"],
+        rows,
+    )
+
+
+def print_multibody() -> None:
+    """Print a row for the file from a data sheet and the calibrated one, on two roads."""
+    from benchmarks.multibody import __main__ as study
+    from benchmarks.multibody import drive as engine
+    from benchmarks.multibody.design import DESIGNS
+
+    ways: list[tuple[np.ndarray, engine.Prepared]] = []
+    make_tracks, make_way = engine.tracks, engine.prepared
+    heights: list[np.ndarray] = []
+
+    def tracks(*arguments) -> np.ndarray:
+        heights.append(make_tracks(*arguments))
+        return heights[-1]
+
+    def prepared(*arguments) -> engine.Prepared:
+        way = make_way(*arguments)
+        ways.append((heights[-1], way))
+        return way
+
+    engine.tracks, engine.prepared = tracks, prepared
+    of = study.Study(DESIGNS["car"], Path("build/road"))
+    files = {"data sheet": study.sheet_file(of.design), "calibrated": study.calibrated_file(of)}
+    rows = []
+    for road, speed in (("B", (12.0, 20.0)), ("C", (10.0, 16.0))):
+        riders = study.people(of.design, 0, np.random.default_rng(1))
+        asked = engine.Drive(duration=300.0, road=road, speed=speed, riders=riders)
+        samples, measured = engine.driven(of.design, of.effects, asked, individual=0, seed=3)
+        profile, way = ways[-1]
+        channels = study.recording(of, study.ordinary(of.design, 100), 100).channels
+        recording = Recording(np.vstack([samples.T, measured]), engine.RATE, channels)
+        steps = round(1 / engine.STEP / engine.RATE)
+        distance = (np.cumsum(way.speed) * engine.STEP + 20.0)[round(engine.SETTLE / engine.STEP) :: steps]
+        along = np.arange(profile.shape[1]) * engine.SPACING
+        of_front = distance + of.design.axles[0].x
+
+        def height(is_left: bool, x: np.ndarray, along=along, profile=profile) -> np.ndarray:
+            return np.interp(x, along, profile[0 if is_left else 1])
+
+        for file, vehicle in files.items():
+            survey = survey_road(recording, vehicle)
+            found = judged(survey, height, of_front, engine.RATE)
+            rows.append([road, f"{3.6 * speed[0]:.0f} to {3.6 * speed[1]:.0f}", file, *figures(*found)])
+    print_table("A car of a multibody engine", ["class", "speed [km/h]", "file", *HEADS], rows)
 
 
 def main() -> None:
-    """Print a row for each case."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=400 / 60)
+    parser.add_argument("--multibody", action="store_true")
     given = parser.parse_args()
-    profiles: list[surface.Profile] = []
-    make = surface.random_profile
-
-    def kept(*arguments, **options) -> surface.Profile:
-        profiles.append(make(*arguments, **options))
-        return profiles[-1]
-
-    surface.random_profile = kept
-    car, rows = read_vehicle("zafira"), []
-    for name, speed in CASES:
-        road = RoadConditions(name)
-        drive = RoadDrive(duration=60 * given.minutes, sampling_rate=100.0, speed=speed, road=road, snr=50.0)
-        recording = simulate_drive(car, drive, seed=7).recording
-        survey = survey_road(recording, car)
-        errors, holds = [], []
-        for side in ("left", "right"):
-            true = true_index(profiles[-1], recording, survey, is_left=side == "left")[1:]
-            tracks = [getattr(stretch, side) for stretch in survey.stretches[1:]][: true.size]
-            index, std = (np.array([getattr(track, field) for track in tracks]) for field in ("iri", "iri_std"))
-            errors += list(index / true[: index.size] - 1)
-            holds += list(np.abs(index - true[: index.size]) < 1.96 * std)
-        error = np.array(errors)
-        figures = (
-            f"{100 * error.mean():+.1f}",
-            f"{100 * np.sqrt(np.mean(error**2)):.1f}",
-            f"{100 * np.mean(holds):.0f}",
-        )
-        rows.append([name, f"{3.6 * speed[0]:.0f} to {3.6 * speed[1]:.0f}", str(error.size), *figures])
-    title = f"`python -m benchmarks.road --minutes {given.minutes:.3g}`"
-    print_table(
-        title, ["class", "speed [km/h]", "values", "bias [%]", "RMS error [%]", "intervals that hold [%]"], rows
-    )
+    if given.multibody:
+        print_multibody()
+        return
+    car = read_vehicle("zafira")
+    print_classes(given.minutes, car)
+    print_one_road({"zafira": car} | {name: read_vehicle(VEHICLES / f"{name}.toml") for name in ("hatchback", "van")})
 
 
 if __name__ == "__main__":
