@@ -46,7 +46,7 @@ def test_figures_are_reachable_from_the_package() -> None:
 OF_MODELS = {
     "likelihood": {"Expected", "Model"},
     "diagnosis": {"Scatter"},
-    "excitation": {"Lines", "Route"},
+    "excitation": {"Lines", "MeasuredSurface", "Route"},
     "simulation": {"ForceLaw"},
     "vehicles": {
         *("BodyShape", "ChainMass", "Element", "LearntNumber", "MechanicalSystem", "Outputs", "QuarterBody"),

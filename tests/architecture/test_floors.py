@@ -46,6 +46,7 @@ ONLY_IN = {
     "pyspark": {"fleet.jobs", "fleet.streams", "fleet.commands"},
     **{key: {"online.site"} for key in ("fastapi", "starlette", "uvicorn", "prometheus_client", "pwdlib")},
     "can": {"online.box"},
+    "pyopencrg": {"excitation"},
     **{key: {"simulation"} for key in ("fmpy", "pythonfmu3")},
     **{key: {"formats"} for key in ("cantools", "asammdf", "nptdms", "idelib", "dwdatareader", "pymseed")},
 }

@@ -1,10 +1,12 @@
 import itertools
+import json
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import csd
 
+from sprung.errors import FormatError
 from sprung.excitation import (
     Joints,
     Potholes,
@@ -12,9 +14,11 @@ from sprung.excitation import (
     SurfaceMotion,
     rail_quality,
     random_speed,
+    read_surface,
     road_class,
 )
 from sprung.excitation.surface import SPACING, random_profile
+from sprung.formats import read
 
 
 def heights(surface, *, length=200e3, seed=1, **options):
@@ -159,3 +163,49 @@ def test_potholes_keep_to_their_side() -> None:
         obstacles = heights(road_class("A"), length=20e3, obstacles=broken(side)) - smooth
         assert np.abs(obstacles[row]).max() > 0.01
         assert np.abs(obstacles[1 - row]).max() <= 1e-12
+
+
+@pytest.fixture
+def waves(tmp_path):
+    """A file of waves of 4 m, twice as high at the left edge as in the middle and flat at the right one."""
+    opencrg = pytest.importorskip("pyopencrg")
+    path = tmp_path / "waves.crg"
+    wave = {"length": 200.0, "width": 3.0, "u_inc": 0.05, "v_inc": 0.1}
+    opencrg.generate.from_function(lambda u, v: 50 + 0.01 * np.sin(np.pi * u / 2) * (1 + v / 1.5), **wave).save(path)
+    return path
+
+
+def test_an_opencrg_file_gives_the_heights_under_the_wheels(waves) -> None:
+    surface = read_surface(waves, half_track=0.75)
+    x = np.arange(0.0, 200.0, 0.31)
+    expected = 0.01 * np.sin(np.pi * x / 2) * np.array([[1.5], [0.5]])
+    assert surface.at(x) == pytest.approx(expected, abs=3e-4)  # linear between points of 5 cm
+    assert surface.at(400.0 - x) == pytest.approx(surface.at(x), abs=1e-9)  # back
+    assert surface.at(-x) == pytest.approx(surface.at(x), abs=1e-9)
+    profile = random_profile(surface, first=-50.0, last=450.0, generator=np.random.default_rng(1))
+    assert profile.height(True, x) == pytest.approx(expected[0], abs=3e-4)
+
+
+def test_unfit_opencrg_files_are_refused(waves, tmp_path) -> None:
+    with pytest.raises(FormatError, match=r"known to 1.5 m beside its middle, and the wheels run at 1.6 m"):
+        read_surface(waves, half_track=1.6)
+    with pytest.raises(FormatError, match=r"cannot be read as OpenCRG: file not found"):
+        read_surface(tmp_path / "none.crg", half_track=0.7)
+    other = tmp_path / "other.crg"
+    other.write_text("time,acc\n0,1\n")
+    with pytest.raises(FormatError, match="cannot be read as OpenCRG"):
+        read_surface(other, half_track=0.7)
+
+
+def test_a_drive_on_an_opencrg_file_is_shaken_by_its_waves(waves, sprung, tmp_path) -> None:
+    """At 10 m/s waves of 4 m are 2.5 Hz, and turn their sign every 20 s, at the ends of the surface."""
+    words = ("--surface", waves, "--minutes", "1", "--speed", "9.99", "10.01", "--out", tmp_path / "drive.npz")
+    assert sprung("simulate", "road", *words).code == 0
+    run = read(tmp_path / "drive.npz")
+    power = np.abs(np.fft.rfft(run.samples[:4] * np.hanning(run.n_samples), axis=1)) ** 2
+    frequencies = np.fft.rfftfreq(run.n_samples, 1 / run.sampling_rate)
+    assert frequencies[power.sum(axis=0).argmax()] == pytest.approx(2.5, abs=0.06)
+    conditions = json.loads((tmp_path / "drive.npz.truth.json").read_text())["conditions"]
+    assert conditions["road"] == {"surface": "waves.crg"}
+    both = sprung("simulate", "road", *words, "--road", "A")
+    assert (both.code, "give --surface or --road, not both" in both.err) == (2, True)

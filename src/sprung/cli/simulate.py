@@ -148,10 +148,12 @@ class Drive(Run):
         settings: "type[DriveSettings]",
         *,
         road_class: str | None = None,
+        surface: Path | None = None,
         fmu: "Fmu | None" = None,
     ) -> None:
         """Simulate and write drives, with the wear of each carried over to the next."""
         from sprung.cli.conditions import read_conditions
+        from sprung.excitation import read_surface
         from sprung.simulation import simulate_drive
         from sprung.simulation.runs import drive_document, drives_of_one_vehicle
         from sprung.vehicles import Vehicle, read_description
@@ -165,6 +167,8 @@ class Drive(Run):
         stated = read_conditions(model, self.conditions).settings(vehicle.speed_channel)
         if road_class is not None:
             stated["road"] = replace(stated["road"], road_class=road_class)
+        if surface is not None:
+            stated["surface"] = read_surface(surface, half_track=vehicle.axle[0].half_track)
         self._check_length(least_rate=_DRIVE_RATE)
         drive = settings(
             duration=60 * self.minutes,
@@ -215,6 +219,9 @@ class _Road(Drive):
     road_class: str | None = declared(
         "A..H", "Roughness class of ISO 8608. Default: that of --conditions, or C.", "--road"
     )
+    surface: Path | None = declared(
+        "F.crg", "Measured road surface (ASAM OpenCRG) in place of a random one; longer drives go back and forth on it."
+    )
     fmu: Path | None = declared(
         "F.fmu", "Functional Mock-up Unit that is driven in place of the vehicle file, and is the truth."
     )
@@ -234,8 +241,11 @@ def road(*, options: _Road) -> None:
 
     if options.fmu_inputs is not None and options.fmu is None:
         raise ParameterError("--fmu-inputs needs --fmu: name the FMU")
+    if options.surface is not None and options.road_class is not None:
+        raise ParameterError("--surface takes the place of a road class: give --surface or --road, not both")
     fmu = None if options.fmu is None else Fmu(options.fmu, inputs=names(options.fmu_inputs))
-    options.simulate("road", RoadDriveConditions, RoadDrive, road_class=options.road_class, fmu=fmu)
+    road_class, surface = options.road_class, options.surface
+    options.simulate("road", RoadDriveConditions, RoadDrive, road_class=road_class, surface=surface, fmu=fmu)
 
 
 @dataclass(frozen=True, kw_only=True)

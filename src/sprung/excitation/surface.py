@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, Protocol
 
@@ -11,8 +12,8 @@ from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len, rfft
 
 from sprung._arrays import Real
-from sprung._checks import check_number, check_one_of
-from sprung.errors import ParameterError
+from sprung._checks import check_number, check_one_of, required
+from sprung.errors import FormatError, ParameterError
 from sprung.excitation.noise import FunctionOfTime
 from sprung.excitation.route import SpeedProfile
 
@@ -27,6 +28,8 @@ REFERENCE, LOWEST, HIGHEST = 0.1, 0.01, 10.0
 SPACING, _SHORTEST = 0.02, 1000.0
 #: Largest number of points of a profile.
 _MAX_POINTS = 2e8
+#: Smallest number of points of a measured surface.
+_SHORTEST_MEASURED = 51
 #: Tracks in the order of their rows.
 _SIDES = ("left", "right")
 
@@ -223,6 +226,69 @@ def rail_quality(name: str) -> Rail:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class MeasuredSurface:
+    """Measured heights of a left and a right track; a drive that is longer goes back and forth over them.
+
+    Parameters
+    ----------
+    name
+        Name of the file.
+    heights
+        Heights of the left and the right track [m], shape (2, points), `SPACING` apart.
+    """
+
+    name: str
+    heights: Real
+
+    def at(self, positions: Real) -> Real:
+        """Return the heights of left and right at positions [m], shape (2, points); the first one is at 0."""
+        last = self.heights.shape[1] - 1
+        places = np.abs((positions / SPACING + last) % (2 * last) - last)
+        return np.array([np.interp(places, np.arange(last + 1), row) for row in self.heights])
+
+
+def read_surface(path: str | Path, *, half_track: float) -> MeasuredSurface:
+    """Return the surface of an OpenCRG file under the wheels of a vehicle that follows its reference line.
+
+    Parameters
+    ----------
+    path
+        File of ASAM OpenCRG (.crg), binary or text.
+    half_track
+        Distance of the wheels from the reference line [m], above 0.
+
+    Raises
+    ------
+    FormatError
+        If the file is no OpenCRG file, or its surface has no heights under the wheels.
+    MissingPackageError
+        If pyopencrg is not installed.
+
+    Notes
+    -----
+    Heights are those of the grid: slope and banking of the road, which the body follows, are left out.
+
+    References
+    ----------
+    ASAM OpenCRG 1.2 (curved regular grid).
+    """
+    check_number("half_track", half_track, above=0)
+    opencrg = required("pyopencrg", purpose="reading OpenCRG files", extra="crg")
+    try:
+        road = opencrg.read(path)
+    except (OSError, ValueError) as error:
+        raise FormatError(f"{path} cannot be read as OpenCRG: {error}") from None
+    along = road.u[0] + SPACING * np.arange(int(road.length / SPACING) + 1)
+    widest = min(-road.v[0], road.v[-1])
+    if widest < half_track:
+        raise FormatError(f"{path} is known to {widest:g} m beside its middle, and the wheels run at {half_track:g} m")
+    heights = np.array([road.uv_to_z(along, np.full(along.size, v), grid_only=True) for v in (half_track, -half_track)])
+    if along.size < _SHORTEST_MEASURED or not np.isfinite(heights).all():
+        raise FormatError(f"{path} is shorter than 1 m, or has no heights in the tracks of the wheels: crop it")
+    return MeasuredSurface(Path(path).name, heights - heights[:, :1].mean())
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Profile:
     """Heights of a left and a right track along the road.
 
@@ -352,7 +418,7 @@ class Joints:
 
 
 def random_profile(
-    surface: Surface,
+    surface: Surface | MeasuredSurface,
     *,
     first: float,
     last: float,
@@ -361,12 +427,12 @@ def random_profile(
     obstacles: Sequence[Obstacle] = (),
     right_over_left: float = 1.0,
 ) -> Profile:
-    """Return a random profile of a road or track.
+    """Return a random profile of a road or track, or that of a measured surface.
 
     Parameters
     ----------
     surface
-        Spectra of the unevenness.
+        Spectra of the unevenness, or measured heights.
     first, last
         Positions where the profile begins and ends [m].
     generator
@@ -393,14 +459,16 @@ def random_profile(
     n_points = next_fast_len(math.ceil(max(last - first, _SHORTEST) / SPACING) + 2, real=True)
     check_number("points of the profile", n_points, at_most=_MAX_POINTS, advice="simulate a shorter drive")
     n = np.arange(n_points // 2 + 1) / (n_points * SPACING)
-    draws = generator.standard_normal((2, 2, n.size))
-    densities = np.stack([surface.common(n), surface.differing(n)])
-    densities[:, n < LOWEST] = densities[:, n > HIGHEST] = 0.0
-    # one-sided density G: each coefficient of the real transform has E|X|^2 = G n_points / (2 spacing)
-    common, differing = (draws[:, 0] + 1j * draws[:, 1]) * np.sqrt(densities * n_points / (4 * SPACING))
-    tracks = np.stack([common + differing, right_over_left * (common - differing)])
-    heights = irfft(tracks, n=n_points, axis=1)
     positions = np.asarray(first + SPACING * np.arange(n_points), dtype=np.float64)
+    if isinstance(surface, MeasuredSurface):
+        heights = surface.at(positions)
+    else:
+        draws = generator.standard_normal((2, 2, n.size))
+        densities = np.stack([surface.common(n), surface.differing(n)])
+        densities[:, n < LOWEST] = densities[:, n > HIGHEST] = 0.0
+        # one-sided density G: each coefficient of the real transform has E|X|^2 = G n_points / (2 spacing)
+        common, differing = (draws[:, 0] + 1j * draws[:, 1]) * np.sqrt(densities * n_points / (4 * SPACING))
+        heights = irfft(np.stack([common + differing, right_over_left * (common - differing)]), n=n_points, axis=1)
     for obstacle in obstacles:
         heights = heights + obstacle.heights(positions, generator)
     return Profile(first, irfft(rfft(heights, axis=1) * np.sinc(n * contact_length), n=n_points, axis=1))
@@ -413,7 +481,7 @@ class SurfaceMotion(FunctionOfTime):
     Parameters
     ----------
     surface
-        `Road` or `Rail`.
+        `Road`, `Rail` or `MeasuredSurface`.
     axle_positions
         Distance of each axle ahead of the centre of gravity, front to rear [m].
     speed
@@ -436,7 +504,7 @@ class SurfaceMotion(FunctionOfTime):
     the travel time of the wheelbase. Inputs are the corners front to rear, left before right.
     """
 
-    surface: Surface
+    surface: Surface | MeasuredSurface
     axle_positions: tuple[float, ...]
     speed: SpeedProfile
     contact_length: float = 0.1

@@ -19,6 +19,7 @@ from sprung.excitation import (
     Excitation,
     Joints,
     Lines,
+    MeasuredSurface,
     RollerRig,
     Route,
     SpeedProfile,
@@ -213,6 +214,8 @@ class RoadDrive(DriveSettings):
         Braking, curves and cross slope.
     wheel_orders
         Unbalance and run-out of the wheels; None: round and balanced wheels.
+    surface
+        Measured surface that takes the place of the random one, such as `read_surface` gives; None: a random one.
     """
 
     sampling_rate: float = 200.0
@@ -220,11 +223,12 @@ class RoadDrive(DriveSettings):
     road: RoadConditions = field(default_factory=RoadConditions)
     driving: Driving = field(default_factory=Driving)
     wheel_orders: WheelOrders | None = None
+    surface: MeasuredSurface | None = None
 
     def excitation(self, vehicle: Vehicle, route: Route) -> Excitation:
         """Return the height of the road under the wheels, and what equals their unbalance and run-out."""
         surface = SurfaceMotion(
-            road_class(self.road.road_class),
+            self.surface or road_class(self.road.road_class),
             _axle_positions(vehicle),
             route.speed,
             obstacles=() if self.road.potholes is None else (self.road.potholes,),
@@ -239,7 +243,7 @@ class RoadDrive(DriveSettings):
     def own_conditions(self, vehicle: Vehicle, route: Route) -> dict[str, Any]:
         """Return road, driving and wheel orders."""
         return {
-            "road": plain(self.road),
+            "road": plain(self.road) if self.surface is None else {"surface": self.surface.name},
             "driving": plain(self.driving) | {"height": _height(vehicle, self.driving)},
             "wheel_orders": wheel_order_facts(self._lines(vehicle, route), vehicle),
         }
