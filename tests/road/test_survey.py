@@ -70,7 +70,37 @@ def test_a_pothole_is_found_where_it_is(profiles) -> None:
     assert survey.events
     smooth = profiles[-1].heights[:, :-1].max() - profiles[-1].heights[:, :-1].min()
     assert all(0.008 < event.depth < smooth for event in survey.events)
-    assert {event.kind for event in survey.events} <= {"pothole", "bump"}
+    assert {event.kind for event in survey.events} <= {"pothole", "bump", "joint"}
+
+
+@pytest.mark.slow
+def test_events_have_their_kind_place_and_size() -> None:
+    """Steps, dips across the lane as of a bridge's joint, and potholes on the left, in a road of class A."""
+    spacing = surface.SPACING
+    smooth = surface.random_profile(surface.road_class("A"), first=0, last=2000, generator=np.random.default_rng(1))
+    x, heights = spacing * np.arange(smooth.heights.shape[1]), smooth.heights.copy()
+    truth: list[tuple[str, float]] = []
+    for at in np.arange(300.0, 1800.0, 100.0):
+        kind = ("step", "dip", "hole")[len(truth) % 3]
+        if kind == "step":
+            heights += 0.025 * (x > at)
+        elif kind == "dip":
+            heights -= 0.035 * np.exp(-10 * np.abs(x - at))
+        else:
+            heights[0] -= 0.03 * np.where(np.abs(x - at) < 0.5, 1 + np.cos(2 * np.pi * (x - at)), 0.0) / 2
+        truth.append((kind, at))
+    way = sprung.excitation.MeasuredSurface("made", heights)
+    settings = RoadDrive(duration=130.0, sampling_rate=200.0, speed=(12.0, 18.0), surface=way, snr=50.0)
+    survey = survey_road(simulate_drive(CAR, settings, seed=3).recording, CAR)
+    last = survey.stretches[-1].end
+    expected = [(kind, at) for kind, at in truth if at < last]
+    assert len(expected) >= 12
+    assert [event.at for event in survey.events] == pytest.approx([at for _, at in expected], abs=0.2)
+    for event, (kind, _) in zip(survey.events, expected, strict=True):
+        assert (event.kind, event.side) == (("pothole", "left") if kind == "hole" else ("joint", "both"))
+        assert (event.length == 0) == (kind == "step")
+        size = {"step": 0.025, "dip": 0.018, "hole": 0.03}[kind]  # a dip is seen at its area, 0.7 m long
+        assert event.depth == pytest.approx(size, rel=0.25)
 
 
 @pytest.mark.slow

@@ -185,6 +185,9 @@ class SurveySettings:
     depth: float = 0.008
     over_scatter: float = 5.0
     nearby: float = 50.0
+    #: Lengths of dips and bumps that are told apart [m], and the largest one of a joint, a dip across both tracks.
+    lengths: tuple[float, ...] = (0.3, 0.4, 0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.0, 2.5, 3.0)
+    joint: float = 0.8
 
 
 SETTINGS = SurveySettings()
@@ -245,7 +248,7 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class RoadEvent:
-    """A pothole or a bump.
+    """A pothole, a bump or a joint.
 
     Parameters
     ----------
@@ -254,9 +257,9 @@ class RoadEvent:
     side
         "left", "right" or "both".
     kind
-        "pothole" or "bump".
+        "pothole", "bump", or "joint": a step, or a dip of at most 0.8 m across both tracks.
     depth, length
-        Depth or height, and length [m].
+        Depth or height, and length [m]; 0 for a step.
     place
         Latitude and longitude [degrees]; None where the recordings do not have them.
     n_passes
@@ -266,7 +269,7 @@ class RoadEvent:
     at: float
     time: float
     side: Literal["left", "right", "both"]
-    kind: Literal["pothole", "bump"]
+    kind: Literal["pothole", "bump", "joint"]
     depth: float
     length: float
     place: tuple[float, float] | None = None
@@ -282,7 +285,7 @@ class RoadSurvey:
     stretches
         Stretches on which the vehicle was fast enough, in the order of the way.
     events
-        Potholes and bumps.
+        Potholes, bumps and joints.
     notes
         Limits, one sentence each.
     """
@@ -334,7 +337,7 @@ def survey_road(
     the density of the error takes away. Its standard deviation has two parts: that error, and the uncertain parameters
     of the fitted vehicle, which all stretches of a drive have in common. Roughness and class are the mean of G(n) (n /
     n0)^2 between wavelengths of 20 and 1 m. An event is a height of 8 mm and five times the scatter around it, in
-    wavelengths of 0.3 to 3 m.
+    wavelengths of 0.3 to 3 m; its kind, place and size are those of the dip, bump or step that fits it best.
 
     References
     ----------
@@ -459,7 +462,7 @@ _SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 
 
 def _events(profile: RoadProfile) -> tuple[RoadEvent, ...]:
-    """Return the potholes and bumps of a profile."""
+    """Return the potholes, bumps and joints of a profile."""
     from scipy import signal
 
     longest, shortest = 1 / SETTINGS.event[1], 1 / SETTINGS.event[0]
@@ -476,23 +479,50 @@ def _events(profile: RoadProfile) -> tuple[RoadEvent, ...]:
             scatter = np.pad(scatter, (0, row.size - scatter.size), "edge")
             limits = np.maximum(SETTINGS.depth, SETTINGS.over_scatter * scatter)
             peaks, _ = signal.find_peaks(np.abs(row), height=limits, distance=apart)
-            widths = signal.peak_widths(np.abs(row), peaks, rel_height=0.5)[0] * profile.spacing
-            for peak, width in zip(peaks.tolist(), widths.tolist(), strict=True):
-                at, time = (float(each[block.start + peak]) for each in (profile.distances, profile.times))
-                kind: Literal["pothole", "bump"] = "bump" if row[peak] > 0 else "pothole"
-                found.append(RoadEvent(at, time, _SIDES[side], kind, float(abs(row[peak])), 2 * width))
+            for peak in peaks.tolist():
+                speed = profile.speeds[block.start + peak]
+                length, size, offset = _shape(row, peak, profile.frequencies[-1] / speed, sos, profile.spacing)
+                place = block.start + min(max(peak + offset, 0), row.size - 1)
+                at, time = (float(each[place]) for each in (profile.distances, profile.times))
+                kind: Literal["pothole", "bump", "joint"] = "joint" if not length else "bump" if size > 0 else "pothole"
+                found.append(RoadEvent(at, time, _SIDES[side], kind, abs(size), length))
     return tuple(_on_both_sides(sorted(found, key=lambda event: event.at)))
 
 
+def _shape(row: Real, peak: int, highest: float, sos: Real, spacing: float) -> tuple[float, float, int]:
+    """Return length [m] (0: a step), signed size [m] and offset [points] of the dip or step that fits a peak best.
+
+    Dips d (1 + cos(2 pi x / l)) / 2 and steps are seen as the profile is: up to a spatial frequency [1/m], and through
+    the band of events.
+    """
+    from scipy import signal
+
+    reach, n = round(SETTINGS.event[1] / spacing), 1 << 10
+    x = (np.arange(n) - n // 2) * spacing
+    lengths = np.array([0.0, *SETTINGS.lengths])
+    dips = [np.where(np.abs(x) < each / 2, 1 + np.cos(2 * np.pi * x / each), 0.0) / 2 for each in SETTINGS.lengths]
+    spectra = np.fft.rfft([(x > 0) - x / x[0] * 0.5 - 0.5, *dips])
+    spatial = np.fft.rfftfreq(n, spacing)
+    _, band = signal.sosfreqz(sos, spatial, fs=1 / spacing)
+    seen = np.fft.irfft(spectra * np.abs(band) ** 2 * (spatial <= highest), n)
+    found = np.pad(row, reach)[peak : peak + 2 * reach + 1]
+    offsets = np.arange(-reach // 3, reach // 3 + 1)
+    shapes = np.array([seen[:, n // 2 - reach - each : n // 2 + reach + 1 - each] for each in offsets])
+    along, energy = shapes @ found, np.sum(shapes**2, axis=2)
+    best = np.unravel_index(np.argmax(along**2 / energy), along.shape)
+    return float(lengths[best[1]]), float(along[best] / energy[best]), int(offsets[best[0]])
+
+
 def _on_both_sides(events: Sequence[RoadEvent]) -> list[RoadEvent]:
-    """Return events, with those that both tracks have at one place as one."""
+    """Return events, with those that both tracks have at one place as one; a short dip of both is a joint."""
     merged: list[RoadEvent] = []
     for event in events:
         last = merged[-1] if merged else None
         is_same = last is not None and event.kind == last.kind and event.at - last.at < SETTINGS.event[0]
         if last is not None and is_same and last.side not in {event.side, "both"}:
             depth, length = max(last.depth, event.depth), max(last.length, event.length)
-            merged[-1] = replace(last, side="both", depth=depth, length=length)
+            is_joint = last.kind == "joint" or (last.kind == "pothole" and length <= SETTINGS.joint)
+            merged[-1] = replace(last, side="both", kind="joint" if is_joint else last.kind, depth=depth, length=length)
         else:
             merged.append(event)
     return merged

@@ -170,7 +170,7 @@ class StretchDocument(Document):
 
 
 class EventDocument(Document):
-    """A pothole or bump: distance, depth and length [m]."""
+    """A pothole, bump or joint: distance, depth and length [m]; a step has the length 0."""
 
     at: float
     side: Literal["left", "right", "both"]

@@ -72,7 +72,7 @@ def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
     'IRI [m/km]'
     """
     has_map = all(stretch.begin_place for stretch in survey.stretches)
-    figure = draw.new_figure("Road", "Bands: 95 % intervals; marks: potholes and bumps", height=4.0, source=source)
+    figure = draw.new_figure("Road", "Bands: 95 % intervals; marks: potholes, bumps, joints", height=4.0, source=source)
     axes, *maps = draw.panels(figure, 1, 1 + has_map, width_ratios=(2, 1)[: 1 + has_map])[0]
     ends = np.array([(stretch.begin, stretch.end) for stretch in survey.stretches])
     gaps = 1 + np.flatnonzero(ends[1:, 0] - ends[:-1, 1] > 1e-6 * ends[:-1, 1])
@@ -87,7 +87,7 @@ def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
         axes.fill_between(edges, [*low, low[-1]], [*high, high[-1]], step="post", color=colour, alpha=0.2, linewidth=0)
     top = axes.get_ylim()[1]
     for event in survey.events:
-        marker = "v" if event.kind == "pothole" else "^"
+        marker = {"pothole": "v", "bump": "^", "joint": "|"}[event.kind]
         axes.plot(event.at, top, marker, color=STYLE.ink, markersize=4, clip_on=False)
     axes.set(ylim=(0, top), xlabel="Distance [m]", ylabel="IRI [m/km]")
     draw.legend(axes)

@@ -101,7 +101,7 @@ def _index(track: "TrackRoughness") -> str:
 
 
 def events_table(survey: "RoadSurvey") -> Table:
-    """Return the table of potholes and bumps, the deepest first."""
+    """Return the table of potholes, bumps and joints, the deepest first."""
     is_of_one = all(event.n_passes == 1 for event in survey.events)
     deepest = sorted(survey.events, key=lambda event: -event.depth)[:_MOST_STRETCHES]
     rows = [
@@ -110,13 +110,13 @@ def events_table(survey: "RoadSurvey") -> Table:
             event.side,
             f"{event.at:.0f}",
             f"{1000 * event.depth:.0f}",
-            f"{event.length:.1f}",
+            f"{event.length:.1f}" if event.length else "step",
             "" if is_of_one else f"{event.n_passes}",
         )
         for event in deepest
     ]
     columns = ("event", "side", "at [m]", "depth [mm]", "length [m]", "passes")
-    return Table("Potholes and bumps", columns, tuple(rows), n_words=2, ends_in_words=False)
+    return Table("Potholes, bumps and joints", columns, tuple(rows), n_words=2, ends_in_words=False)
 
 
 def ride_tables(ride: "Ride") -> list[Table]:
