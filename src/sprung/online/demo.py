@@ -315,7 +315,7 @@ def _open_server(site: Site, store: Store, station: Station) -> Server:
 
 def _serving(site: Site, store: Store, station: Station) -> Server:
     """Return a server of the pages that answers."""
-    server = Server(Context(store, site, figures=station.figures, problems=station.problems))
+    server = Server(Context(store, site, figures=station.figures, problems=station.problems, advice=station.advice))
     server.open()
     return server
 

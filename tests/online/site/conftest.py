@@ -86,9 +86,16 @@ def serve(store):
     """Function of site settings that returns the context and a client; the clock stands still."""
     opened = []
 
-    def served(*, figures=FIGURES, problems=(), diagrams=None, **fields):
+    def served(*, figures=FIGURES, problems=(), advice=(), diagrams=None, **fields):
         site = Site.model_validate(fields)
-        context = Context(store, site, figures=lambda: figures, problems=lambda: list(problems), clock=lambda: NOW)
+        context = Context(
+            store,
+            site,
+            figures=lambda: figures,
+            problems=lambda: list(problems),
+            advice=lambda: advice,
+            clock=lambda: NOW,
+        )
         app = application(context, diagrams=diagrams)
         client = TestClient(app, base_url="http://127.0.0.1:8737", raise_server_exceptions=False)
         opened.append(client)

@@ -1,7 +1,5 @@
 """The interface: every act, every list, pages of lists, and what is refused."""
 
-from types import SimpleNamespace
-
 import pytest
 from tests.online.site.conftest import HOUR, NOW, raise_alert
 
@@ -39,32 +37,12 @@ def test_the_fleet_in_order_of_urgency(client) -> None:
     assert "<h1>No alert needs attention. " in client.get("/alerts", headers={"Accept": "text/html"}).text
 
 
-def test_advice_on_inspections_is_that_of_the_ranking_and_kept_for_an_hour(serve, store, monkeypatch) -> None:
-    context, client = serve()
-    assert client.get("/api/v1/advice").json() == {"sentences": []}  # no vehicle has windows to rank
-    asked = []
-
-    def ranking(opened):
-        asked.append(opened)
-        best = {"vehicle": "bus-3", "probability": 0.4, "part": "rear_left.damper", "change": -0.1}
-        return {"types": [{"name": "bus", "inspect_next": best}, {"name": "van", "inspect_next": None}]}
-
-    monkeypatch.setattr("sprung.online.site.fleet.ranking_document", ranking)
-    assert client.get("/api/v1/advice").json() == {"sentences": []}
-    object.__setattr__(context, "timer", lambda: 1e9)
-    expected = (
-        "to learn most about the type bus, inspect bus-3 next: with 40 % probability it deviates, "
-        "most likely rear left damper -10 %"
-    )
-    assert [client.get("/api/v1/advice").json() for _ in range(2)] == [{"sentences": [expected]}] * 2
-    assert asked == [store]
+def test_a_page_of_the_fleet_shows_the_advice_of_the_monitor(serve) -> None:
+    sentence = "to learn most about the type bus, inspect bus-3 next"
+    _, client = serve(advice=(sentence,))
+    assert client.get("/api/v1/advice").json() == {"sentences": [sentence]}
     assert 'data-sentences="/api/v1/advice" hidden' in client.get("/", headers={"Accept": "text/html"}).text
-
-
-def test_a_large_fleet_is_not_ranked_while_people_wait(serve, monkeypatch) -> None:
-    monkeypatch.setattr("sprung.online.site.fleet.LIMITS", SimpleNamespace(advice_age=1.0, max_advised=2))
-    (sentence,) = serve()[1].get("/api/v1/advice").json()["sentences"]
-    assert "sprung vehicles rank" in sentence
+    assert serve()[1].get("/api/v1/advice").json() == {"sentences": []}  # no ranking yet
 
 
 def test_an_alert_does_not_hide_that_its_vehicle_is_silent(client, store) -> None:

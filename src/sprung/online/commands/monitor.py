@@ -105,7 +105,7 @@ def _monitor(settings: "Site", store: "Store", address: "Address", stopping: "Ev
     )
     connect = partial(Link, address, f"sprung-monitor-{socket.gethostname()}-{os.getpid()}")
     station = Station(settings, store, connect=connect, workers=workers)
-    server = Server(Context(store, settings, figures=station.figures, problems=station.problems))
+    server = Server(Context(store, settings, figures=station.figures, problems=station.problems, advice=station.advice))
     try:
         server.open()
         station.open()

@@ -1,10 +1,12 @@
 """Periodic housekeeping: silent vehicles, shelves and certificates that expire, operator commands, retention, disks."""
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from threading import Thread
 
-from sprung.errors import ParameterError
+from sprung.errors import ParameterError, SprungError
 from sprung.link import VERSION, Address, Every, Key, Link, message, topic, valid_until
 from sprung.online.monitor.alert_book import Context
 from sprung.online.monitor.dispatch import Dispatch
@@ -13,8 +15,10 @@ from sprung.online.monitor.histories import LEARN, ROLL_BACK
 from sprung.online.monitor.intake import MONITOR, Intake
 from sprung.online.monitor.ledger import LakeWriter
 from sprung.online.monitor.notifier import NotificationService
+from sprung.online.monitor.operations import ranking_document
 from sprung.online.monitor.site import Site, embedded_port
-from sprung.online.store import CommandRow, Retention
+from sprung.online.store import CommandRow, Retention, Store
+from sprung.results.tables import describe_next_inspection
 from sprung.results.tables.wording import format_time
 
 LOG = logging.getLogger("sprung.monitor")
@@ -25,6 +29,11 @@ _LOOK = 1.0
 _SWEEP = 60.0
 #: Time between deletions of old rows [s].
 _TIDY = 3600.0
+#: Time between rankings of the fleet for advice on inspections [s], and largest fleet that is ranked.
+_RANK = 3600.0
+_MAX_RANKED = 200
+#: Longest wait for a ranking when the monitor stops [s].
+_PATIENCE = 10.0
 #: Largest number of old rows that a sweep deletes, as intake pauses meanwhile.
 _MAX_ROWS = 10_000
 #: Cause of the alert about certificates that expire.
@@ -89,6 +98,8 @@ class Housekeeping:
         self._sweeping = Every(_SWEEP, context.timer)
         self._tidying = Every(_TIDY, context.timer)
         self._reminding = Every(_REMIND, context.timer)
+        #: Advice on inspections.
+        self.advice = Advice(context.store, context.timer)
 
     def open(self) -> None:
         """Record the start; raise alerts about a damaged store and a monitor that did not stop cleanly."""
@@ -105,6 +116,7 @@ class Housekeeping:
 
     def close(self) -> None:
         """Record the stop."""
+        self.advice.close()
         self._breaker.call(lambda: self._store.requests.audit(MONITOR, "stopped", MONITOR, now=self._clock()))
 
     def step(self) -> None:
@@ -113,6 +125,7 @@ class Housekeeping:
             self._looking.start()
             self._look_at_link()
             self._breaker.call(self._look)
+            self.advice.step()
         if self._sweeping.is_due:
             self._sweeping.start()
             self._breaker.call(self._sweep)
@@ -229,6 +242,48 @@ class Housekeeping:
         elif self._link.problem and self._reminding.is_due:
             LOG.warning(self._link.problem)
             self._reminding.start()
+
+
+class Advice:
+    """Which vehicle of each type to inspect next, worked out once an hour in a thread of its own.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    timer
+        Present time [s] of a monotonic clock.
+    """
+
+    def __init__(self, store: Store, timer: Callable[[], float]) -> None:
+        self._store = store
+        self._ranking = Every(_RANK, timer)
+        self._thread: Thread | None = None
+        #: A sentence on each type of which some vehicle is to be inspected; none before the first ranking has ended.
+        self.sentences: tuple[str, ...] = ()
+
+    def step(self) -> None:
+        """Begin to rank the fleet where that is due."""
+        if self._ranking.is_due and (self._thread is None or not self._thread.is_alive()):
+            self._ranking.start()
+            self._thread = Thread(target=self._rank, name="advice", daemon=True)
+            self._thread.start()
+
+    def close(self) -> None:
+        """Wait for a ranking that has begun."""
+        if self._thread is not None:
+            self._thread.join(_PATIENCE)
+
+    def _rank(self) -> None:
+        """Rank the fleet; what fails keeps the advice of before."""
+        try:
+            if self._store.inbox.n_vehicles() > _MAX_RANKED:
+                self.sentences = ("the command sprung vehicles rank states which vehicle to inspect next",)
+                return
+            types = ranking_document(self._store)["types"]
+            self.sentences = tuple(filter(None, map(describe_next_inspection, types)))
+        except SprungError as error:
+            LOG.warning("the fleet cannot be ranked: %s", error)
 
 
 #: Time before the expiry of a certificate from which on it is reported [ns].

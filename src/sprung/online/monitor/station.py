@@ -172,6 +172,10 @@ class Station:
         """Status of each vehicle after its last job."""
         return self._dispatch.statuses
 
+    def advice(self) -> tuple[str, ...]:
+        """Return the advice on inspections, at most an hour old."""
+        return self._housekeeping.advice.sentences
+
     @property
     def n_vehicles(self) -> int:
         """Number of vehicles that have sent."""

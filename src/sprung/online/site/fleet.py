@@ -8,12 +8,11 @@ from pydantic import Field
 
 from sprung.online.monitor import embedded_port
 from sprung.online.monitor.histories import vehicle_state
-from sprung.online.monitor.operations import ranking_document
 from sprung.online.site.accounts import Viewer
 from sprung.online.site.rendering import filter_link, page, with_others
-from sprung.online.site.shared import LIMITS, Answer, Context, Shared, Wanted, column_number, parse_cursor
-from sprung.online.store import FleetCounts, FleetFilter, FleetRow, Place, Store, VehicleRow
-from sprung.results.tables import counted, describe_next_inspection
+from sprung.online.site.shared import Answer, Context, Shared, Wanted, column_number, parse_cursor
+from sprung.online.store import FleetCounts, FleetFilter, FleetRow, Place, VehicleRow
+from sprung.results.tables import counted
 from sprung.state import STEPS, AlertState, StepName, VehicleState, Verdict
 
 api = APIRouter(tags=["vehicles"])
@@ -128,14 +127,7 @@ class Advice(Answer):
 @api.get("/advice")
 def advice(context: Shared, _: Viewer) -> Advice:
     """Vehicles whose inspection would teach most about their type; at most an hour old."""
-    return Advice(sentences=context.kept("advice", lambda: _advice(context.store), age=LIMITS.advice_age))
-
-
-def _advice(store: Store) -> tuple[str, ...]:
-    """Return a sentence on the vehicle to inspect next of each type; none for fleets that take long to rank."""
-    if store.inbox.n_vehicles() > LIMITS.max_advised:
-        return ("the command sprung vehicles rank states which vehicle to inspect next",)
-    return tuple(filter(None, map(describe_next_inspection, ranking_document(store)["types"])))
+    return Advice(sentences=context.advice())
 
 
 @pages.get("/")

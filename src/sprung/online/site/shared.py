@@ -2,10 +2,9 @@
 
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from ipaddress import ip_address
 from math import isfinite
-from threading import Lock
 from typing import Annotated, Any, TypeVar
 
 from fastapi import Depends, Path, Query, Request
@@ -78,9 +77,6 @@ class Limits:
     max_digits: int = 10
     #: Period of the false alarms that are counted [days].
     false_alarm_days: int = 90
-    #: Time for which advice on inspections is kept [s], and largest fleet for which it is computed while people wait.
-    advice_age: float = 3600.0
-    max_advised: int = 200
 
 
 LIMITS = Limits()
@@ -115,6 +111,8 @@ class Context:
         Function that returns those figures of the running monitor that need no store.
     problems
         Function that returns a sentence about each problem of the monitor; it needs no store.
+    advice
+        Function that returns a sentence on each type of which a vehicle is to be inspected.
     clock
         Present time, UTC ns.
     timer
@@ -125,19 +123,9 @@ class Context:
     site: Site
     figures: Callable[[], Mapping[str, float]]
     problems: Callable[[], list[str]]
+    advice: Callable[[], tuple[str, ...]] = tuple
     clock: Callable[[], int] = time.time_ns
     timer: Callable[[], float] = time.monotonic
-    _kept: dict[str, tuple[float, Any]] = field(default_factory=dict)
-    _lock: Lock = field(default_factory=Lock)
-
-    def kept(self, name: str, make: Callable[[], Value], *, age: float) -> Value:
-        """Return a result by its name, computed by one request at a time, and again when older than an age [s]."""
-        with self._lock:
-            known = self._kept.get(name)
-            if known is None or self.timer() - known[0] > age:
-                known = self._kept[name] = self.timer(), make()
-            value: Value = known[1]
-            return value
 
     @property
     def is_secure(self) -> bool:
