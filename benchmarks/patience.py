@@ -1,4 +1,4 @@
-"""False names among those of a fleet, and faults found: fleets of 100 vehicles from the state model of the change test.
+"""False names among those of a fleet, and faults found: vehicles from the state model of the change test.
 
 Baselines of 6 and 12 windows; parts of unequal scatter, serial correlation, conditions beyond those of the baseline.
 Somebody looks after 6, 12, 24 and 48 windows and stops at the first look that names a healthy vehicle: the worst for
@@ -16,34 +16,36 @@ LOOKS = (6, 12, 24, 48)
 ONSET = 3
 CHANGE = -0.05
 N_VEHICLES = 100
-N_FAULTY = 5
 RATE = 0.05
 #: Serial correlation, logarithmic standard deviation of the scatter of parts, whether conditions leave those met.
 WORLDS = {
     "as the model says": (0.0, 0.0, False),
-    "unequal scatter of parts": (0.0, 0.4, False),
     "serial correlation of 0.3": (0.3, 0.0, False),
+    "serial correlation of 0.6": (0.6, 0.0, False),
+    "unequal scatter of parts": (0.0, 0.4, False),
     "conditions beyond the baseline's": (0.0, 0.0, True),
-    "all three": (0.3, 0.4, True),
+    "all three, 0.3": (0.3, 0.4, True),
+    "all three, 0.6": (0.6, 0.4, True),
 }
 
 
 def main():
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--vehicles", type=int, default=1000, help="healthy vehicles simulated per row")
-    arguments.add_argument("--fleets", type=int, default=10000, help="fleets of 100 drawn from them")
     arguments.add_argument("--jobs", type=int, default=1)
+    arguments.add_argument("--worlds", nargs="*", default=list(WORLDS))
     given = arguments.parse_args()
-    print(f"{given.vehicles} healthy and {given.vehicles // 5} faulty vehicles per row, {given.fleets} fleets of them")
-    print("| vehicles | baseline | rule | false share x patience / time [%] | 95 % | faults named at the looks [%] |")
+    print(f"{given.vehicles} healthy and {given.vehicles // 5} faulty vehicles per row")
+    print("| vehicles | baseline | fleets of 1 [%] | fleets of 10 [%] | fleets of 100 [%] | faults named [%] |")
     print("|---|---|---|---|---|---|")
     with ProcessPoolExecutor(given.jobs) as pool:
-        for name, world in WORLDS.items():
+        for name in given.worlds:
             for n_learning in (6, 12):
-                healthy = list(pool.map(partial(evidence, world, n_learning, 0.0), range(given.vehicles), chunksize=20))
+                simulate = partial(evidence, WORLDS[name], n_learning)
+                healthy = list(pool.map(simulate, [0.0] * given.vehicles, range(given.vehicles), chunksize=20))
                 seeds = range(10**6, 10**6 + given.vehicles // 5)
-                faulty = list(pool.map(partial(evidence, world, n_learning, CHANGE), seeds, chunksize=20))
-                rows(name, n_learning, healthy, faulty, given.fleets)
+                faulty = list(pool.map(simulate, [CHANGE] * len(seeds), seeds, chunksize=20))
+                row(name, n_learning, healthy, faulty)
 
 
 def evidence(world, n_learning, change, seed):
@@ -53,7 +55,7 @@ def evidence(world, n_learning, change, seed):
     import sprung
     from sprung.diagnosis.baseline import CONDITIONS, slope_covariances
     from sprung.diagnosis.changes import ChangeDetector
-    from sprung.diagnosis.ratios import evidence_of
+    from sprung.diagnosis.ratios import lasting_evidence
 
     correlation, unequal, is_beyond = world
     generator = np.random.default_rng([seed, n_learning])
@@ -77,43 +79,31 @@ def evidence(world, n_learning, change, seed):
     detector = ChangeDetector(sprung.learn(windows[:n_learning]))
     for window in windows[n_learning:]:
         detector._take(window)
-    return [evidence_of(detector._table_of(look), detector._hypotheses) for look in LOOKS]
+    windows, hypotheses = detector._compared, detector._hypotheses
+    return [lasting_evidence(windows[:look], detector.baseline, hypotheses) for look in LOOKS]
 
 
-def rows(name, n_learning, healthy, faulty, n_fleets):
-    """Print the promise and the power of the former rule, e-values at one look, and of e-d-BH over a patience."""
+def row(name, n_learning, healthy, faulty):
+    """Print the expected share of healthy vehicles on the list of fleets, with its interval, and the power.
+
+    Of n vehicles the one on a list of one has at least n windows / rate; longer lists divide by their length what they
+    need and what a name counts.
+    """
     import numpy as np
+    from scipy.stats import binomtest
 
-    from sprung.diagnosis.changes import PATIENCE_DAYS, false_discoveries
+    from sprung.diagnosis.changes import PATIENCE_DAYS
 
-    looks = np.array(LOOKS)
-    generator = np.random.default_rng(1)
-    of_healthy, of_faulty = np.array(healthy), np.array(faulty)
-    n_healthy = N_VEHICLES - N_FAULTY
-    rules = {"e-BH at one look": (looks, looks), "e-d-BH": (looks[-1], 48 * PATIENCE_DAYS)}
-    shares, times, found = ({rule: [] for rule in rules} for _ in range(3))
-    for _ in range(n_fleets):
-        some = of_healthy[generator.integers(len(of_healthy), size=n_healthy)]
-        fleet = np.vstack([of_faulty[generator.integers(len(of_faulty), size=N_FAULTY)], some])
-        for rule, (simulated, real) in rules.items():
-            named = [np.array(false_discoveries(at, rate=RATE)) for at in (fleet - np.log(simulated)).T]
-            false = [np.sum(at >= N_FAULTY) / max(len(at), 1) for at in named]
-            stop = next((k for k, share in enumerate(false) if share), len(LOOKS) - 1)
-            shares[rule].append(false[stop])
-            times[rule].append(LOOKS[stop])
-            over = [np.array(false_discoveries(at, rate=RATE)) for at in (fleet - np.log(real)).T]
-            found[rule].append([np.sum(at < N_FAULTY) / N_FAULTY for at in over])
-    for rule in rules:
-        scale = LOOKS[-1] / np.mean(times[rule])
-        # Vehicles are drawn again and again: the interval is that of their number, by fleets of disjoint vehicles.
-        half = 1.96 * np.std(shares[rule]) / np.sqrt(len(of_healthy) / n_healthy)
-        mean = np.mean(shares[rule])
-        low, high = (100 * scale * max(mean + side * half, 0) for side in (-1, 1))
-        power = ", ".join(f"{100 * value:.0f}" for value in np.mean(found[rule], axis=0))
-        print(
-            f"| {name} | {n_learning} | {rule} | {100 * scale * mean:.2f} | {low:.2f} to {high:.2f} | {power} |",
-            flush=True,
-        )
+    largest = np.max(healthy, axis=1)
+    shares = []
+    for size in (1, 10, N_VEHICLES):
+        found = binomtest(int(np.sum(largest >= np.log(size * LOOKS[-1] / RATE))), len(largest))
+        interval = found.proportion_ci()
+        share, low, high = (100 * size * each for each in (found.statistic, interval.low, interval.high))
+        shares.append(f"{share:.1f} ({low:.1f} to {high:.1f})")
+    named = np.array(faulty) >= np.log(N_VEHICLES * 48 * PATIENCE_DAYS / RATE)
+    power = ", ".join(f"{100 * value:.0f}" for value in np.mean(named, axis=0))
+    print(f"| {name} | {n_learning} | {' | '.join(shares)} | {power} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Normal state of one vehicle: means of its components, their scatter, and their dependence on conditions."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -11,7 +11,7 @@ from sprung._checks import freeze, frozen_array
 from sprung._display import Savable, Tabular, counted, in_short, listed
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import ResidualReference
-from sprung.diagnosis.scatter import FRONT_REAR_STD, directions, shared_covariance
+from sprung.diagnosis.scatter import FRONT_REAR_STD, SERIAL, directions, shared_covariance
 from sprung.errors import ParameterError
 from sprung.likelihood import Expected
 from sprung.vehicles import Component
@@ -100,6 +100,10 @@ class Baseline(Tabular, Savable):
         file as given.
     missing
         Sensors of motion of the vehicle file that its windows lack.
+    correlations
+        Probability of each of the correlations of consecutive windows 0, 0.1 ... 0.7, shape (8,).
+    squares
+        Sum of squares of its windows, whitened by each of these correlations, over that without any, shape (8,).
 
     Raises
     ------
@@ -127,10 +131,13 @@ class Baseline(Tabular, Savable):
     learning_times: tuple[float, ...] = ()
     vehicle_file: str = ""
     missing: tuple[str, ...] = ()
+    correlations: Real = field(default_factory=lambda: SERIAL.prior)
+    squares: Real = field(default_factory=lambda: np.ones(len(SERIAL.correlations)))
 
     def __post_init__(self) -> None:
         size, more = len(self.components), 1 + len(CONDITIONS)
         square, every = (size, size), (size * more, size * more)
+        freeze_shapes(self, "a baseline", **dict.fromkeys(("correlations", "squares"), (len(SERIAL.correlations),)))
         shapes = {"mean": (size,), "covariance": square, "reported": square, "nuisance": square}
         freeze_shapes(self, "a baseline", **shapes, slopes=(size, more - 1), information=every)
 
@@ -221,16 +228,22 @@ class Baseline(Tabular, Savable):
         the baseline's windows had, all components of a kind may have changed as much as is usual without one. Beyond
         the conditions that these met, the effect of a condition need not be linear: each window has its own.
         """
+        covariance = self.scatter_of(observation) + self.nuisance
         if self.n_windows == 0:
-            return observation.covariance + self.nuisance
-        own = np.sqrt(np.maximum(np.diag(observation.covariance) / np.diag(self.reported), 1.0))
-        covariance = self.covariance * np.outer(own, own) + self.nuisance
+            return covariance
         if "temperature" in self.centre and "temperature" not in observation.conditions:
             covariance = covariance + shared_covariance(self.components, FRONT_REAR_STD)
         slopes = slope_covariances(self.components, self.model_error)
         for distance, slope in zip(self.beyond(self.units(observation)), slopes, strict=True):
             covariance = covariance + distance**2 * slope
         return np.asarray(covariance, dtype=np.float64)
+
+    def scatter_of(self, observation: Observation) -> Real:
+        """Return the covariance of a window's scatter alone, which may be correlated with that of the one before."""
+        if self.n_windows == 0:
+            return observation.covariance
+        own = np.sqrt(np.maximum(np.diag(observation.covariance) / np.diag(self.reported), 1.0))
+        return np.asarray(self.covariance * np.outer(own, own), dtype=np.float64)
 
     def units(self, observation: Observation) -> Real:
         """Return the conditions of a window in units away from the middle, at most 5, shape (conditions,).
@@ -246,11 +259,23 @@ class Baseline(Tabular, Savable):
         )
         return np.asarray(units - np.clip(units, lowest, highest), dtype=np.float64)
 
-    @property
-    def information_beyond(self) -> Real:
-        """Information about the mean, the slopes, and their changes beyond the conditions of its windows."""
-        slopes = (np.linalg.inv(covariance) for covariance in slope_covariances(self.components, self.model_error))
-        return np.asarray(block_diag(self.information, *slopes), dtype=np.float64)
+    def doubt_beyond(self, correlation: float = 0.0) -> Real:
+        """Return the covariance of the mean, the slopes, and their changes beyond the conditions of its windows.
+
+        Parameters
+        ----------
+        correlation
+            Correlation of consecutive windows, from 0 and below 1.
+
+        Notes
+        -----
+        The mean of n windows of correlation rho has the information (n - (n - 2) rho) / (1 + rho) / n of that of
+        independent ones (1^T R^-1 1), and so have the slopes, whose conditions may change as slowly.
+        """
+        is_own = self.n_windows > 0 and self.version > 0
+        share = (1 - correlation * (1 - 2 / self.n_windows)) / (1 + correlation) if is_own else 1.0
+        beyond = slope_covariances(self.components, self.model_error)
+        return np.asarray(block_diag(np.linalg.inv(self.information) / share, *beyond), dtype=np.float64)
 
 
 def freeze_shapes(value: object, what: str, **shapes: tuple[int, ...]) -> None:

@@ -13,7 +13,16 @@ from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.detectability import detectable_changes, losses
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.observation import Observation
-from sprung.diagnosis.ratios import Compared, Hypotheses, Ratios, compare, evidence_of, ratios_of, scores_of
+from sprung.diagnosis.ratios import (
+    Compared,
+    Hypotheses,
+    Innovations,
+    Ratios,
+    compare,
+    evidence_of,
+    lasting_evidence,
+    ratios_of,
+)
 from sprung.modal import INTERVAL_95
 from sprung.vehicles import Component
 
@@ -110,8 +119,9 @@ class Detection:
     evidence
         ln of the e-detector after each of them.
     e_value
-        ln of the e-detector after all of them over the windows in a year: its mean without a change is at most 1 at
-        whatever moment within a year one stops to look, see `false_discoveries`.
+        ln of the e-detector after all of them, with an unknown serial correlation of windows, over the windows in a
+        year: its mean without a change is at most 1 at whatever moment within a year one stops to look, see
+        `false_discoveries`.
     threshold
         ln of the value of the e-detector at which it raises an alert.
     candidates
@@ -202,7 +212,7 @@ class ChangeDetector:
         #: Evidence at which an alert is raised.
         self.threshold: Final = float(np.log(windows_per_day / false_alarms))
         self._patience = float(np.log(windows_per_day * PATIENCE_DAYS))
-        self._information = baseline.information_beyond
+        self._doubt = baseline.doubt_beyond()
         self._n_windows = n_windows
         self._hypotheses = Hypotheses.of(baseline.components)
         self._observations: list[Observation] = []
@@ -269,7 +279,7 @@ class ChangeDetector:
         return Detection(
             times=times,
             evidence=self.evidence,
-            e_value=float(self._evidence[-1] - self._patience),
+            e_value=lasting_evidence(self._compared, self.baseline, self._hypotheses) - self._patience,
             threshold=self.threshold,
             candidates=candidates,
             detectable=dict(zip(self.baseline.components, losses(found), strict=True)),
@@ -339,7 +349,8 @@ class ChangeDetector:
 
     def _table_of(self, end: int) -> Ratios:
         """Return the likelihood ratios of the first `end` windows compared."""
-        scores = scores_of(self._compared[:end], self._information, self.baseline.degrees_of_freedom)
+        windows = self._compared[:end]
+        scores = Innovations.of(windows, self._doubt, self.baseline.degrees_of_freedom).scores
         return ratios_of(scores, self._hypotheses)
 
 

@@ -19,7 +19,7 @@ from sprung.diagnosis.baseline import (
 )
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.residuals import RESIDUALS, ResidualReference, learn_reference
-from sprung.diagnosis.scatter import ROUNDS, Deviations, Scatter, regression
+from sprung.diagnosis.scatter import ROUNDS, Deviations, Scatter, regression, serial_correlation
 from sprung.diagnosis.type_baselines import TypeBaseline
 from sprung.errors import DataError, ParameterError
 
@@ -165,6 +165,7 @@ def _estimated(windows: Sequence[Observation], of_type: TypeBaseline | None) -> 
     """Return the baseline from windows with the same components, and what is known of the vehicle's type."""
     components, error = windows[0].components, model_error_of(windows)
     centre = medians(windows) if of_type is None else dict(of_type.centre)
+    windows = sorted(windows, key=lambda window: window.time)
     values = np.array([window.log_ratios for window in windows])
     reported = np.mean([window.covariance for window in windows], axis=0)
     rows = np.array([np.concatenate([[1.0], units_of(window.conditions, centre)]) for window in windows])
@@ -184,6 +185,7 @@ def _estimated(windows: Sequence[Observation], of_type: TypeBaseline | None) -> 
     scatter = typical.learnt(deviations, is_widened=True)
     # Means and slopes are as uncertain as the windows that they are from: by the widened scatter.
     _, information = regression(rows, values, scatter.whole, prior, prior_mean)
+    correlations, squares = serial_correlation(deviations, scatter)
     return Baseline(
         vehicle=windows[0].vehicle,
         components=components,
@@ -203,6 +205,8 @@ def _estimated(windows: Sequence[Observation], of_type: TypeBaseline | None) -> 
         model_error=error,
         learning_times=tuple(sorted(window.time for window in windows)),
         missing=windows[0].missing,
+        correlations=correlations,
+        squares=squares,
     )
 
 

@@ -115,6 +115,27 @@ class ScatterWeights:
 WEIGHTS = ScatterWeights()
 
 
+@dataclass(frozen=True, slots=True)
+class SerialSettings:
+    """What is known of the correlation of consecutive windows before any window."""
+
+    #: Correlations that are weighed against each other.
+    correlations: tuple[float, ...] = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
+    #: Probability that there is none; the others are equally probable.
+    independent: float = 0.7
+    #: Correlation from which on each counts as if it were certain, when weighed against a change.
+    strong: float = 0.4
+
+    @property
+    def prior(self) -> Real:
+        """Probability of each of `correlations` before any window."""
+        others = len(self.correlations) - 1
+        return np.array([self.independent, *[(1 - self.independent) / others] * others])
+
+
+SERIAL = SerialSettings()
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Deviations:
     """Deviations of windows from a regression on conditions, and the degrees of freedom that it leaves to them.
@@ -251,6 +272,47 @@ class Scatter:
             widening = float(_widening(len(of_kind) * (left + weight), self.degrees_of_freedom)) if is_widened else 1.0
             stds[kind] = float(np.sqrt(variance * widening))
         return stds
+
+
+def serial_correlation(deviations: Deviations, scatter: Scatter) -> tuple[Real, Real]:
+    """Return the probabilities of `SERIAL.correlations`, and the sums of squares by each over that of none.
+
+    Parameters
+    ----------
+    deviations
+        Deviations of windows in the order of time.
+    scatter
+        Scatter of these windows.
+
+    Notes
+    -----
+    The marginal likelihood of left against right: common changes are not learnt without a temperature. With windows
+    whitened by rho, x_w - rho x_(w - 1), over (1 - rho^2)^(1/2) after the first, d of k pairs have the variances v_d
+    up to a common scale, and n - 1 degrees of freedom each: with the rest S of the regression, the likelihood is
+    (1 - rho^2)^(-k (n - 1) / 2) prod_d |J_d|^(-1/2) (f0 + S)^(-(f0 + k (n - 1)) / 2).
+    """
+    pairs, _, _ = directions(scatter.components)
+    variances = np.diag(pairs @ scatter.covariance @ pairs.T)
+    ridges = np.array([variances / np.diag(pairs @ slope @ pairs.T) for slope in deviations.slope_covariances])
+    known = np.concatenate([np.zeros((1, len(pairs))), ridges]).T[:, :, None] * np.eye(1 + len(ridges))
+    degrees = len(pairs) * (len(deviations.rows) - 1)
+    logs, squares = [], []
+    for correlation in SERIAL.correlations:
+        rows, values = (_whitened(each, correlation) for each in (deviations.rows, deviations.values))
+        values, J = values @ pairs.T / np.sqrt(variances), rows.T @ rows + known
+        pulled = (rows.T @ values).T
+        rest = np.sum(values**2) - np.sum(pulled * np.linalg.solve(J, pulled[..., None])[..., 0])
+        squares.append(WEIGHTS.reported + float(rest))
+        volume = np.sum(np.linalg.slogdet(J)[1]) + degrees * np.log1p(-(correlation**2))
+        logs.append(-volume / 2 - (WEIGHTS.reported + degrees) / 2 * np.log(squares[-1]))
+    weights = SERIAL.prior * np.exp(np.array(logs) - max(logs))
+    return weights / np.sum(weights), np.array(squares) / squares[0]
+
+
+def _whitened(rows: Real, correlation: float) -> Real:
+    """Return the innovations of rows of which consecutive ones are correlated, over their standard deviation."""
+    steps = (rows[1:] - correlation * rows[:-1]) / np.sqrt(1 - correlation**2)
+    return np.concatenate([rows[:1], steps])
 
 
 def _widening(own: Real | float, common: float) -> Real:

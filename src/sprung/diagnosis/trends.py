@@ -242,7 +242,7 @@ def _lines(candidate: Candidate, windows: Sequence[Compared], baseline: Baseline
     columns = [np.hstack([line, np.kron(w.units, identity)]) for line, w in zip(lines, windows, strict=True)]
     n_line = lines[0].shape[1]
     information = sum(x.T @ w.information @ x for x, w in zip(columns, windows, strict=True))
-    information[n_line:, n_line:] += baseline.information_beyond
+    information[n_line:, n_line:] += np.linalg.inv(baseline.doubt_beyond())
     pull = sum(x.T @ w.information @ w.residual for x, w in zip(columns, windows, strict=True))
     covariance = np.linalg.inv(information)
     estimate = covariance @ pull

@@ -30,6 +30,7 @@ from sprung.diagnosis import (
     detectable,
 )
 from sprung.diagnosis.baseline import CONDITIONS
+from sprung.diagnosis.scatter import SERIAL
 from sprung.errors import FormatError, ParameterError
 from sprung.results.documents.document import (
     Document,
@@ -73,6 +74,8 @@ class BaselineDocument(Document):
     learning_times: tuple[float, ...] = ()
     vehicle_file: str = ""
     missing: tuple[str, ...] = ()
+    correlations: Real = Field(default_factory=lambda: SERIAL.prior)
+    squares: Real = Field(default_factory=lambda: np.ones(len(SERIAL.correlations)))
     conditions: dict[str, ConditionDocument]
     residuals: ResidualReference | None = None
     detectable: dict[str, dict[str, float]] = Field(default_factory=dict)
