@@ -107,6 +107,21 @@ def ask(serve):
     return asked
 
 
+def test_the_page_of_a_window_shows_phase_shifts_near_the_limit(observed, serve) -> None:
+    shifts = {"rear_left": (24.0, 4.0), "rear_right": (38.8, 9.6), "front_left": (50.0, 3.0)}
+    worn = drawn(np.random.default_rng(1), NOW, phase_shifts=shifts)
+    progress = Progress(NAME, 1, done_seq=0, observations=((30, NOW, observation_document(worn)),), now=NOW)
+    observed.results.commit(progress)
+    _, client = serve()
+    found = client.get(f"/api/v1/vehicles/{NAME}/windows/1/30").json()["inspection"]
+    assert [each["verdict"] for each in found] == ["fails", "near the limit", "passes"]
+    assert found[1]["low"] == pytest.approx(38.8 - 1.96 * 9.6, abs=0.01)
+    page = client.get(f"/vehicles/{NAME}/windows/1/30", headers=HEADERS).text
+    assert "Suspension test" in page
+    assert "39° (20 to 58)" in page
+    assert "Suspension test" not in client.get(f"/vehicles/{NAME}/windows/1/3", headers=HEADERS).text
+
+
 def state_in(store, vehicle):
     return vehicle_state(store, vehicle, now=NOW, last_seen=NOW)
 

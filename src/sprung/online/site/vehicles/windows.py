@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from math import isfinite
-from typing import Any
+from typing import Any, Literal
 
 from fastapi import APIRouter, Request, Response
 from pydantic import Field
@@ -11,6 +11,8 @@ from pydantic import Field
 from sprung.diagnosis import Observation
 from sprung.diagnosis.observation import CONDITION_UNITS
 from sprung.errors import FormatError
+from sprung.likelihood.plate_test import PLATE
+from sprung.modal import INTERVAL_95
 from sprung.online.monitor.histories import observations_of, reference_of
 from sprung.online.site.accounts import Viewer
 from sprung.online.site.rendering import axis_of, vehicle_page
@@ -60,6 +62,16 @@ class Condition(Answer):
     unit: str
 
 
+class InspectedCorner(Answer):
+    """Phase shift of a corner on the plate of a suspension tester [degrees], with its 95 % interval."""
+
+    corner: str
+    phase_shift: float
+    low: float
+    high: float
+    verdict: Literal["fails", "near the limit", "passes"]
+
+
 class WindowDetail(Answer):
     """A window: conditions, parts, modes, findings and sensor faults."""
 
@@ -67,6 +79,7 @@ class WindowDetail(Answer):
     window: WindowEntry
     reason: str | None = Field(description="why it is inconclusive; null if it is conclusive")
     conditions: tuple[Condition, ...] = ()
+    inspection: tuple[InspectedCorner, ...] = Field((), description="corners near the limit of 35 degrees or below")
     reference: str
     parts: tuple[PartState, ...] = ()
     modes: tuple[ModeValue, ...] = ()
@@ -169,12 +182,24 @@ def window(context: Shared, _: Viewer, entry: KnownWindow) -> WindowDetail:
             for name, value in observation.conditions.items()
             if isfinite(value)
         ),
+        inspection=tuple(_inspected(*each) for each in observation.phase_shifts.items()),
         parts=reference.parts([observation], limits={}) if reference.accepts(observation) else (),
         modes=_modes(store, entry, observation),
         sensor_faults=tuple(faults),
         notes=(*reference.notes, *observation.notes),
         **common,
     )
+
+
+def _inspected(corner: str, estimate: tuple[float, float]) -> InspectedCorner:
+    """Return a phase shift and its standard deviation with interval and verdict."""
+    degrees, half = estimate[0], INTERVAL_95 * estimate[1]
+    low, high = max(0.0, degrees - half), degrees + half
+    limit = PLATE.phase_limit
+    verdict: Literal["fails", "near the limit", "passes"] = "fails" if high < limit else "near the limit"
+    if low >= limit:
+        verdict = "passes"
+    return InspectedCorner(corner=corner, phase_shift=degrees, low=low, high=high, verdict=verdict)
 
 
 @pages.get("/vehicles/{vehicle}/windows")
