@@ -9,6 +9,7 @@ from sprung.likelihood.free_poles import FreePoles
 from sprung.likelihood.free_response import FreeResponse, free_lines, poles_of, realised_poles
 from sprung.likelihood.modal import ModalParameters
 from sprung.likelihood.search import scored
+from sprung.modal import unit_shapes
 from sprung.recording import Channel, Recording
 
 FREQUENCY, DAMPING = np.array([1.2, 1.7, 4.0]), np.array([0.18, 0.05, 0.3])
@@ -63,6 +64,16 @@ def test_exact_motion_is_found_from_a_start_nearby() -> None:
         model = model.with_noise(found)
         found, _ = scored(model, model.start)
     np.testing.assert_allclose(poles_of(model.modal.unpacked(found)), POLES, rtol=1e-9)
+
+
+def test_a_search_begins_again_where_it_ended_if_a_shape_became_larger_elsewhere() -> None:
+    """The largest channel is 1: another one that a search made larger is 1 next, and the first one smaller."""
+    model = FreeResponse(free_lines(RUNS, band=(0.3, 20.0)), begin())
+    shapes = SHAPES.copy()
+    shapes[1, 2] = -1.5 - 0.2j
+    ended = replace(model.begin, mode_shapes=shapes)
+    again = model.with_noise(model.modal.packed(ended))
+    np.testing.assert_allclose(again.modal.unpacked(again.start).mode_shapes, unit_shapes(shapes), atol=1e-12)
 
 
 @pytest.mark.parametrize("has_forces", [False, True])

@@ -19,8 +19,9 @@ class _BeginRules:
     min_windows: float = 1.2
     #: Samples that are predicted together, in windows of the level.
     block: float = 0.0625
-    #: Probability of a worse prediction, for the block or for all so far, below which the motion was not free.
-    least_probability: float = 0.001
+    #: Normal quantile of the errors of a prediction, for the block or for all so far, beyond which the motion was not
+    #: free: that of 0.001.
+    beyond: float = 3.09
     #: Blocks after a wrong prediction that are left out: what is too small to see there still pulls the modes.
     margin: int = 1
 
@@ -51,10 +52,14 @@ def free_from(fit: FreeFit, record: int, run: Recording, span: tuple[int, int], 
     Notes
     -----
     Amplitudes, offsets and the errors of the modes are estimated from the later samples by least squares, and predict
-    the block of samples before with their covariance (recursive residuals). A block within chance joins the estimate.
-    """
-    from scipy.special import gammaincc
+    the block of samples before with their covariance (recursive residuals). A block within chance joins the estimate:
+    (x / n)^(1/3) of a chi-squared x of n degrees is normal, of mean 1 - 2 / 9n and variance 2 / 9n.
 
+    References
+    ----------
+    E. B. Wilson and M. M. Hilferty, The distribution of chi-square, Proceedings of the National Academy of Sciences 17
+    (1931), 684-688.
+    """
     begin, end = span
     motion = _Linearised(fit, record, run, begin)
     left = motion.left(begin, end)
@@ -72,12 +77,18 @@ def free_from(fit: FreeFit, record: int, run: Recording, span: tuple[int, int], 
         gain = np.linalg.solve(np.eye(len(rows)) + rows @ covariance @ rows.T, np.column_stack([rows, errors]))
         power = float(errors @ gain[:, -1])
         worse, size = worse + power, size + errors.size
-        if min(gammaincc(errors.size / 2, power / 2), gammaincc(size / 2, worse / 2)) < _RULES.least_probability:
+        if max(_quantile(power, errors.size), _quantile(worse, size)) > _RULES.beyond:
             return min(first + _RULES.margin * block, begin)
         state = state + covariance @ rows.T @ gain[:, -1]
         covariance = covariance - covariance @ rows.T @ gain[:, :-1] @ covariance
         first -= block
     return first
+
+
+def _quantile(power: float, size: int) -> float:
+    """Return the normal quantile of a chi-squared power of a number of errors."""
+    variance = 2 / (9 * size)
+    return float(((power / size) ** (1 / 3) - 1 + variance) / np.sqrt(variance))
 
 
 class _Linearised:

@@ -1,6 +1,6 @@
 """Free responses: pushes, drops and releases in a recording, from where on their motion is free, and its modes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,8 +27,10 @@ class _FreeRules:
     lines_of_block_rows: float = 0.25
     #: Largest damping ratio of a pole that swings.
     max_damping: float = 0.9
-    #: Numbers of modes that are refined: those whose realisations come nearest to the data.
+    #: Numbers of modes that are refined: those whose least squares come nearest to the data; one where modes are known.
     n_refined: int = 2
+    #: Decrease of the log likelihood by the prior below which the search does not begin again from where it ended.
+    settled: float = 0.05
     #: Largest standard deviation of a mode's frequency over its half-width, and of its damping ratio over itself.
     max_deviation: float = 0.5
     #: Lines around each mode that judge the model, in half-widths from its frequency.
@@ -149,16 +151,14 @@ def fit_free_response(
     runs = list(each_recording(recordings))
     lines = free_lines(runs, band=band or (0.0, 0.4 * runs[0].sampling_rate))
     most = max_modes or _FIT.max_modes
-    realised = _starts(lines, most=most)
-    starts = _grown(lines, realised, most=most)
-    known = [_started(lines, modes.poles, modes.mode_shapes) for modes in begins if len(modes)]
-    starts += [start for start in known if start is not None]
-    nearest = sorted(starts, key=lambda start: start.criterion)[: _FIT.n_refined]
+    realised = list(_realised(lines, most=most))
+    starts = _grown(lines, [poles for poles, _ in realised], most=most, begins=begins)
+    nearest = sorted(starts, key=lambda start: start.criterion)[: 1 if begins else _FIT.n_refined]
     best = min(map(_refined, nearest), key=lambda fitted: fitted.criterion, default=None)
     if best is None:
         raise DataError("no motion swings freely in these records: give the part after the push, or a wider band")
     if _misfits(best).max() > _FIT.forced_misfit:
-        best = min([best, *_forced(realised)], key=lambda fitted: fitted.criterion)
+        best = min([best, *_forced(lines, realised)], key=lambda fitted: fitted.criterion)
     return _result(best, _doubts(best), channels=runs[0].names)
 
 
@@ -173,17 +173,18 @@ def unexplained(recording: Recording, *, band: tuple[float, float], max_modes: i
         As for `fit_free_response`.
     """
     lines = free_lines([recording], band=band)
+    n_data, n_channels = 2 * lines.values.size, lines.values.shape[1]
+    best = np.inf, np.inf
     try:
-        starts = _starts(lines, most=max_modes, step=2)
+        for poles, _ in _realised(lines, most=max_modes, step=2):
+            n_mean = 2 * poles.size * (n_channels + 1)
+            if n_mean + 2 * n_channels <= n_data / 2:
+                fit = FreePoles(lines, poles)
+                density = float(np.mean(fit.noise)) * n_data / (n_data - n_mean)
+                best = min(best, (fit.criterion + n_mean / 2 * np.log(n_data), density))
     except DataError:
         return np.inf
-    best = min(starts, key=lambda start: start.criterion, default=None)
-    if best is None:
-        return np.inf
-    n_mean = 2 * best.model.modal.n_modes * (best.model.modal.n_channels + 1)
-    n_data = 2 * lines.values.size
-    density = np.mean(best.model.begin.noise) * n_data / max(n_data - n_mean, 1)
-    return float(np.sqrt(density * lines.frequencies.max()))
+    return float(np.sqrt(best[1] * lines.frequencies.max()))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -201,8 +202,8 @@ class _Fitted:
         return model.objective(self.parameters)[0] + n_free / 2 * np.log(2 * model.data.values.size)
 
 
-def _starts(lines: FreeLines, *, most: int, step: int = 1) -> list[_Fitted]:
-    """Return the realisations nearest to the data with each number of modes, up to the most; `step` between states."""
+def _realised(lines: FreeLines, *, most: int, step: int = 1) -> Iterator[tuple[Complex, Complex]]:
+    """Yield the poles and shapes that swing of realisations with up to the most modes; `step` between their states."""
     shortest = min((int(np.sum(lines.records == number)) for number in range(lines.n_records)), default=0)
     rows, n_channels = int(min(_FIT.max_block_rows, 2 * _FIT.lines_of_block_rows * shortest)), lines.values.shape[1]
     n_states = min(2 * most + 2, (rows - 1) * min(n_channels, 2))
@@ -211,34 +212,38 @@ def _starts(lines: FreeLines, *, most: int, step: int = 1) -> list[_Fitted]:
     rms = np.sqrt(np.mean(np.abs(lines.values) ** 2, axis=0))
     if not np.all(rms > 0) or not np.all(np.isfinite(rms)):
         raise DataError("a free response needs channels that move, without missing values: leave out dead channels")
-    best: dict[int, _Fitted] = {}
     sizes = range(step, n_states + 1, step)
     for poles, shapes in realised_poles(lines.scaled(1 / rms), n_states=sizes, block_rows=rows):
         xi = -poles.real / np.abs(poles)
         swings = np.flatnonzero((xi < _FIT.max_damping) & (np.abs(poles) < 2 * np.pi * lines.frequencies.max()))
-        if not 0 < swings.size <= most:
-            continue
-        start = _started(lines, poles[swings], unit_shapes(shapes[swings] * rms))
-        if start is not None and (swings.size not in best or start.criterion < best[swings.size].criterion):
-            best[swings.size] = start
-    return list(best.values())
+        if 0 < swings.size <= most:
+            yield poles[swings], unit_shapes(shapes[swings] * rms)
 
 
-def _grown(lines: FreeLines, realised: Sequence[_Fitted], *, most: int) -> list[_Fitted]:
-    """Return the fits of least squares with rising numbers of modes, each from a realisation or from the fit before."""
+def _grown(lines: FreeLines, realised: Sequence[Complex], *, most: int, begins: Sequence[Modes]) -> list[_Fitted]:
+    """Return the fits of least squares with rising numbers of modes.
+
+    Notes
+    -----
+    Each from the nearest known poles or realisation, and from the fit before and a further pole. Where modes are known,
+    from the fewest of them on.
+    """
     found: list[_Fitted] = []
+    known = [*realised] + [modes.poles for modes in begins if len(modes)]
+    first = min((len(modes) for modes in begins if len(modes)), default=1)
     poles = FreePoles(lines, np.zeros(0, dtype=np.complex128))
-    known = {start.model.modal.n_modes: poles_of(start.model.begin) for start in realised}
-    for n in range(1, most + 1):
-        candidates = [poles.with_another().refined()]
-        if n in known:
-            candidates.append(FreePoles(lines, known[n]).refined())
-        poles = min(candidates, key=lambda each: each.criterion)
+    for n in range(first, most + 1):
+        near = (FreePoles(lines, each) for each in known if each.size == n)
+        candidates = sorted(near, key=lambda each: each.criterion)[:1]
+        candidates += [poles.with_another()] if poles.poles.size == n - 1 else []
+        if not candidates:
+            break
+        poles = min((each.refined() for each in candidates), key=lambda each: each.criterion)
         start = _started(lines, poles.poles, unit_shapes(poles.mode_shapes))
         if start is None:
             break
         found.append(start)
-        if n - 2 > np.argmin([each.criterion for each in found]):
+        if len(found) - 2 > np.argmin([each.criterion for each in found]):
             break
     return found
 
@@ -267,20 +272,31 @@ def _started(data: FreeLines, poles: Complex, shapes: Complex) -> _Fitted | None
 
 
 def _refined(fitted: _Fitted) -> _Fitted:
-    """Return the parameters of largest likelihood; those given where the search fails."""
+    """Return the parameters of largest likelihood; those given where the search fails.
+
+    Notes
+    -----
+    The search begins again from where it ended if the prior around the start pulled it, or if a shape is larger
+    elsewhere than where it was 1.
+    """
     try:
         parameters, _ = scored(fitted.model, fitted.parameters)
         again = fitted.model if fitted.model.has_forces else fitted.model.with_noise(parameters)
+        pull = ((parameters - fitted.model.start) / fitted.model.prior_std)[_rows_of_modes(fitted.model)]
+        if pull @ pull / 2 < _FIT.settled and np.array_equal(again.modal.is_free, fitted.model.modal.is_free):
+            return _Fitted(fitted.model, parameters)
         return _Fitted(again, scored(again, again.start)[0])
     except np.linalg.LinAlgError:
         return fitted
 
 
-def _forced(realised: Sequence[_Fitted]) -> list[_Fitted]:
+def _forced(lines: FreeLines, realised: Sequence[tuple[Complex, Complex]]) -> list[_Fitted]:
     """Return fits with random forces of rising numbers of modes, as long as the criterion falls."""
+    started = [start for each in realised if (start := _started(lines, *each)) is not None]
+    starts = {each.model.modal.n_modes: each for each in sorted(started, key=lambda each: -each.criterion)}
     found: list[_Fitted] = []
-    for start in sorted(realised, key=lambda start: start.model.modal.n_modes):
-        found.append(_refined(_with_forces(_refined(start))))
+    for n in sorted(starts):
+        found.append(_refined(_with_forces(_refined(starts[n]))))
         if found[-1].criterion > min(each.criterion for each in found):
             break
     return found
@@ -361,9 +377,14 @@ def _covariance(fitted: _Fitted) -> Real:
     """Return the covariance of ln frequencies, ln damping ratios and free parts of the shapes, misfits included."""
     model, parameters = fitted.model, fitted.parameters
     covariance = np.linalg.inv(model.information(parameters) + np.diag(1 / model.prior_std**2))
-    chosen = np.concatenate([model.modal.rows[name] for name in ("natural_frequency", "damping_ratio", "mode_shapes")])
+    chosen = _rows_of_modes(model)
     factors = np.sqrt(_misfits(fitted))[_mode_of_each(model)]
     return np.asarray(covariance[np.ix_(chosen, chosen)] * np.outer(factors, factors))
+
+
+def _rows_of_modes(model: FreeResponse) -> Indices:
+    """Return the numbers of the parameters that are ln frequencies, ln damping ratios and free parts of the shapes."""
+    return np.concatenate([model.modal.rows[name] for name in ("natural_frequency", "damping_ratio", "mode_shapes")])
 
 
 def _mode_of_each(model: FreeResponse) -> Indices:
@@ -508,8 +529,6 @@ def motion_level(recording: Recording) -> tuple[Real, float]:
     The period is that of the mean frequency of the slopes, in which steps of travel count little, by the lines whose
     power stands above the noise: the slopes of the noise alone would halve it.
     """
-    from scipy.ndimage import uniform_filter1d
-
     samples, rate = np.nan_to_num(recording.samples), recording.sampling_rate
     begin, end = (part.mean(axis=1) for part in (samples[:, : _EVENTS.ends], samples[:, -_EVENTS.ends :]))
     powers = np.abs(np.fft.rfft(samples - np.linspace(begin, end, samples.shape[1], axis=1), axis=1)) ** 2
@@ -522,12 +541,19 @@ def motion_level(recording: Recording) -> tuple[Real, float]:
     centre = float(np.sum(spectrum * frequencies) / max(spectrum.sum(), 1e-300)) or _EVENTS.swings[0]
     n = int(np.clip(rate / centre, 8, max(8, samples.shape[1] // 4)))
     centred = samples - np.median(samples, axis=1, keepdims=True)
-    means, squares = (uniform_filter1d(values, n, axis=1, mode="nearest") for values in (centred, centred**2))
+    means, squares = (_running_mean(values, n) for values in (centred, centred**2))
     deviations = np.sqrt(np.maximum(squares - means**2, 0.0))
     largest = np.maximum(deviations.max(axis=1, keepdims=True), 1e-300)
     moves = largest[:, 0] > _EVENTS.min_fall * np.quantile(deviations, 0.1, axis=1)
     level = np.sqrt(np.mean((deviations / largest)[moves if moves.any() else slice(None)] ** 2, axis=0))
     return np.asarray(level / max(level.max(), 1e-300)), n / rate
+
+
+def _running_mean(values: Real, n: int) -> Real:
+    """Return the mean of n values around each one; the first and the last are continued, shape of the values."""
+    around = np.pad(values, ((0, 0), (n // 2 + 1, n - 1 - n // 2)), mode="edge")
+    sums = np.cumsum(around, axis=1)
+    return np.asarray((sums[:, n:] - sums[:, :-n]) / n)
 
 
 def find_transients(recording: Recording) -> tuple[Transient, ...]:
@@ -574,8 +600,7 @@ def find_transients(recording: Recording) -> tuple[Transient, ...]:
             continue
         motion = float(np.sqrt(np.mean((np.std(recording.samples[:, starts[0] : end], axis=1) / scale[:, 0]) ** 2)))
         allowed = _EVENTS.beyond_least * min(left) + _EVENTS.beyond_motion * motion
-        number = int(np.flatnonzero(np.array(left) <= allowed)[0])
-        begin = int(starts[number])
+        begin = int(starts[np.flatnonzero(np.array(left) <= allowed)[0]])
         judged = int(fitted[np.clip(np.sum(starts[fitted] < peak + width // 4), 0, fitted.size - 1)])
         own = np.sqrt(np.mean((np.std(recording.samples[:, starts[judged] : end], axis=1) / scale[:, 0]) ** 2))
         relative, quiet = (float(each / max(own, 1e-300)) for each in (left[judged], at_rest))

@@ -12,6 +12,7 @@ from sprung._checks import freeze
 from sprung.likelihood.modal import ModalModel, ModalParameters
 from sprung.likelihood.modal_spectra import LineSpectra
 from sprung.likelihood.whittle import TOO_FAR
+from sprung.modal import unit_shapes
 from sprung.recording import Recording
 
 #: Least noise over the motion, in power: below it, rounding decides.
@@ -203,16 +204,15 @@ class FreeResponse:
             for own in zip(self.modal.rows["noise"], self.modal.rows["noise_exponents"], strict=True):
                 total[np.ix_(own, own)] = np.sum(powers[:, 0, :, None] * powers[:, 0, None, :], axis=0)
         rows, slopes = self._slopes(fit)
-        columns = self._columns(fit.values, fit.whitening)
         for lines in self.data.of_records:
-            slope = _projected(_stacked(columns[lines]), _stacked(slopes[lines]))[1]
+            slope = _projected(_stacked(fit.columns[lines]), _stacked(slopes[lines]))[1]
             total[np.ix_(rows, rows)] += 2 * slope.T @ slope
         return total
 
     def leverages(self, parameters: Real) -> Real:
         """Return the share of each line that the fitted mean takes from its noise, shape (lines, channels)."""
         fit, (n_lines, n_channels) = self.fitted(parameters), self.data.values.shape
-        slopes, columns = self._slopes(fit)[1], self._columns(fit.values, fit.whitening)
+        slopes, columns = self._slopes(fit)[1], fit.columns
         shares, left = np.zeros((n_lines, n_channels)), np.empty((2, n_lines, n_channels, slopes.shape[2]))
         for own in self.data.of_records:
             basis, slope = _projected(_stacked(columns[own]), _stacked(slopes[own]))
@@ -222,12 +222,19 @@ class FreeResponse:
         return np.asarray(shares + np.sum(of_modes**2, axis=1).reshape(2, n_lines, n_channels).mean(axis=0))
 
     def with_noise(self, parameters: Real) -> "FreeResponse":
-        """Return the model that starts at parameters, with the noise that they leave, white in each channel."""
+        """Return the model that starts at parameters, with the noise that they leave, white in each channel.
+
+        Notes
+        -----
+        Shapes are 1 at their largest channel again, which a search may have moved: the model starts where it ended.
+        """
         fit = self.fitted(parameters)
         noise = np.mean(np.abs(fit.residuals) ** 2, axis=0)
         least = _LEAST_NOISE * np.mean(np.abs(self.data.values) ** 2, axis=0)
         white = np.zeros(noise.size)
-        return replace(self, begin=replace(fit.values, noise=np.maximum(noise, least), noise_exponents=white))
+        shapes = unit_shapes(fit.values.mode_shapes)
+        begin = replace(fit.values, mode_shapes=shapes, noise=np.maximum(noise, least), noise_exponents=white)
+        return replace(self, begin=begin)
 
     def fitted(self, parameters: Real) -> "Fit":
         """Return the amplitudes by generalised least squares, and what they leave.
@@ -237,6 +244,18 @@ class FreeResponse:
         LinAlgError
             If a mode does not swing or decay, or the spectral matrix is not positive definite.
         """
+        key = parameters.tobytes()
+        if key not in self._last:  # objective and information of a point are asked for one after the other
+            self._last.clear()
+            self._last[key] = self._fit(parameters)
+        return self._last[key]
+
+    @cached_property
+    def _last(self) -> "dict[bytes, Fit]":
+        """The fit at the parameters that were asked for last."""
+        return {}
+
+    def _fit(self, parameters: Real) -> "Fit":
         values = self.modal.unpacked(parameters)
         if not np.all(values.damping_ratio < 1):
             raise np.linalg.LinAlgError("the modes do not swing")
@@ -245,7 +264,9 @@ class FreeResponse:
             whitening = np.asarray(np.linalg.inv(np.linalg.cholesky(self.modal.matrix(parameters))))
         else:
             whitening = (values.noise * np.exp(self._logarithms * values.noise_exponents)) ** -0.5
-        columns = self._columns(values, whitening)
+        kernels = self._kernels(values)
+        forward, backward = kernels
+        columns = self._columns(values, whitening, kernels)
         wanted = _whitened(whitening, self.data.values[:, :, None])
         if not np.all(np.isfinite(columns)):
             raise np.linalg.LinAlgError("the modes do not decay")
@@ -254,12 +275,11 @@ class FreeResponse:
         for number, own in enumerate(self.data.of_records):
             solved = np.linalg.lstsq(_stacked(columns[own]), _stacked(wanted[own])[:, 0], rcond=None)[0]
             amplitudes[number] = solved[:n] + 1j * solved[n:]
-        forward, backward = self._kernels(values)
         each = amplitudes[self.data.records]
         mean = (forward * each) @ values.mode_shapes + (backward * each.conj()) @ values.mode_shapes.conj()
         residuals = self.data.values - mean
         whitened = _whitened(whitening, residuals[:, :, None])[:, :, 0]
-        return Fit(values, whitening, residuals, whitened, amplitudes)
+        return Fit(values, whitening, residuals, whitened, amplitudes, kernels, columns)
 
     @cached_property
     def _logarithms(self) -> Real:
@@ -272,9 +292,10 @@ class FreeResponse:
         gains = self.data.gains[:, None]
         return gains / (1 - z * self.data.turn), gains / (1 - z.conj() * self.data.turn)
 
-    def _columns(self, values: ModalParameters, whitening: Complex | Real) -> Complex:
+    @staticmethod
+    def _columns(values: ModalParameters, whitening: Complex | Real, kernels: tuple[Complex, Complex]) -> Complex:
         """Return the whitened lines of unit real and imaginary amplitudes, shape (lines, channels, 2 modes)."""
-        forward, backward = self._kernels(values)
+        forward, backward = kernels
         ahead = values.mode_shapes.T * forward[:, None, :]
         behind = values.mode_shapes.T.conj() * backward[:, None, :]
         return _whitened(whitening, np.concatenate([ahead + behind, 1j * (ahead - behind)], axis=2))
@@ -288,7 +309,7 @@ class FreeResponse:
         by 2 pi f (-xi - i xi^2 / sqrt(1 - xi^2)).
         """
         values, rate, each = fit.values, self.data.sampling_rate, fit.amplitudes[self.data.records]
-        forward, backward = self._kernels(values)
+        forward, backward = fit.kernels
         poles = poles_of(values)
         z, gains = np.exp(poles / rate), self.data.gains[:, None]
         xi = values.damping_ratio
@@ -324,6 +345,10 @@ class Fit:
         channels).
     amplitudes
         Amplitudes a of every record and mode, shape (records, modes).
+    kernels
+        B_k(w) and B_k(-w)^* of every line, shape (lines, modes).
+    columns
+        Whitened lines of unit real and imaginary amplitudes, shape (lines, channels, 2 modes).
     """
 
     values: ModalParameters
@@ -331,6 +356,8 @@ class Fit:
     residuals: Complex
     whitened: Complex
     amplitudes: Complex
+    kernels: tuple[Complex, Complex]
+    columns: Complex
 
 
 def _whitened(whitening: Complex | Real, columns: Complex) -> Complex:

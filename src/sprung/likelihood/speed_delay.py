@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp
 
 from sprung._arrays import Complex, Real
 from sprung.errors import DataError
@@ -173,6 +172,8 @@ def log_likelihoods(values: Complex, matrices: Complex) -> Real:
 
 def _smoothed(evidence: Real, places: Real) -> Real:
     """Return the posterior of each segment over the places, (segments, places)."""
+    from scipy.special import logsumexp
+
     step = -0.5 * (np.subtract.outer(places, places) / LIMITS.change) ** 2
     step -= logsumexp(step, axis=1, keepdims=True)
     forward, backward = evidence.copy(), np.zeros_like(evidence)

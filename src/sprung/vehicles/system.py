@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import expm
 
 from sprung._arrays import Complex, Real
 from sprung._checks import check_number, freeze, frozen_array
@@ -201,6 +200,8 @@ def discretised(continuous: StateSpace, *, sampling_rate: float) -> StateSpace:
     >>> np.allclose(np.sort(np.abs(poles)), np.sort(np.abs(exact)))
     True
     """
+    from scipy.linalg import expm
+
     check_number("sampling_rate", sampling_rate, above=0)
     states, inputs = continuous.input_matrix.shape
     augmented = np.zeros((states + inputs, states + inputs))

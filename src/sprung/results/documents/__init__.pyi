@@ -1,3 +1,5 @@
+from sprung.results.documents.bounce import BounceDocument as BounceDocument
+from sprung.results.documents.bounce import bounce_document as bounce_document
 from sprung.results.documents.corners import CalibrationDocument as CalibrationDocument
 from sprung.results.documents.corners import CornersDocument as CornersDocument
 from sprung.results.documents.corners import calibration_document as calibration_document
@@ -41,20 +43,18 @@ from sprung.results.documents.fleet import fleet_document as fleet_document
 from sprung.results.documents.identification import IdentificationDocument as IdentificationDocument
 from sprung.results.documents.identification import TrackingDocument as TrackingDocument
 from sprung.results.documents.identification import identification_document as identification_document
-from sprung.results.documents.identification import mode_documents as mode_documents
 from sprung.results.documents.identification import read_identification as read_identification
 from sprung.results.documents.identification import read_tracking as read_tracking
 from sprung.results.documents.identification import tracking_document as tracking_document
 from sprung.results.documents.identification import write_identification as write_identification
 from sprung.results.documents.identification import write_tracking as write_tracking
-from sprung.results.documents.measured import BounceDocument as BounceDocument
 from sprung.results.documents.measured import PlanDocument as PlanDocument
 from sprung.results.documents.measured import RideDocument as RideDocument
 from sprung.results.documents.measured import RoadDocument as RoadDocument
-from sprung.results.documents.measured import bounce_document as bounce_document
 from sprung.results.documents.measured import plan_document as plan_document
 from sprung.results.documents.measured import ride_document as ride_document
 from sprung.results.documents.measured import road_document as road_document
+from sprung.results.documents.modes import mode_documents as mode_documents
 from sprung.results.documents.monitoring import AlertHistoryDocument as AlertHistoryDocument
 from sprung.results.documents.monitoring import AlertsDocument as AlertsDocument
 from sprung.results.documents.monitoring import ExportDocument as ExportDocument

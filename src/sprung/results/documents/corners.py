@@ -22,7 +22,7 @@ from sprung.results.documents.document import (
     read_fields,
     write_document,
 )
-from sprung.results.documents.identification import FittedMode, fitted_modes
+from sprung.results.documents.modes import FittedMode, fitted_modes
 
 #: Decimals of the correlation of estimates.
 _DECIMALS = 4

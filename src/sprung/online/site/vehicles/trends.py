@@ -19,7 +19,7 @@ from sprung.online.site.shared import LIMITS, Answer, KnownVehicle, Shared, Time
 from sprung.online.store import Entry, Store, VehicleRow
 from sprung.recording import Channel
 from sprung.results.documents.document import Pair
-from sprung.results.documents.identification import IdentifiedMode, modes_from_documents
+from sprung.results.documents.modes import IdentifiedMode, modes_from_documents
 from sprung.state import Reference, interval_95
 from sprung.vehicles import vehicle_from_text
 from sprung.vehicles.labels import MOTIONS
