@@ -11,8 +11,9 @@ from sprung.bounce_tests import bounce
 from sprung.bounce_tests.begins import delayed, free_from
 from sprung.errors import DataError
 from sprung.formats import read
-from sprung.identification.free_response import find_transients, fit_free_response
+from sprung.identification.free_response import fit_free_response
 from sprung.identification.friction import swing_with_friction
+from sprung.identification.transients import find_transients
 from sprung.recording import Channel, Recording
 from sprung.vehicles import Structure, parse_fault, read_vehicle, structure, with_faults
 

@@ -69,8 +69,6 @@ from sprung.identification import pick_modes as pick_modes
 from sprung.identification import poly_lscf as poly_lscf
 from sprung.identification.band_fits import BandFit as BandFit
 from sprung.identification.free_response import FreeFit as FreeFit
-from sprung.identification.free_response import Transient as Transient
-from sprung.identification.free_response import find_transients as find_transients
 from sprung.identification.free_response import fit_free_response as fit_free_response
 from sprung.identification.friction import FrictionFit as FrictionFit
 from sprung.identification.ladders import PolynomialLadder as PolynomialLadder
@@ -87,6 +85,8 @@ from sprung.identification.tracking import TrackedValue as TrackedValue
 from sprung.identification.tracking import TrackingSettings as TrackingSettings
 from sprung.identification.tracking import TrackTrend as TrackTrend
 from sprung.identification.tracking import track_modes as track_modes
+from sprung.identification.transients import Transient as Transient
+from sprung.identification.transients import find_transients as find_transients
 from sprung.kits import KitPlan as KitPlan
 from sprung.kits import PlannedComponent as PlannedComponent
 from sprung.kits import PlannedSensor as PlannedSensor

@@ -7,7 +7,8 @@ import pytest
 
 from sprung.errors import DataError
 from sprung.identification import cov_ssi
-from sprung.identification.free_response import find_transients, fit_free_response, motion_level
+from sprung.identification.free_response import fit_free_response
+from sprung.identification.transients import find_transients, motion_level
 from sprung.modal import INTERVAL_95
 from sprung.recording import Channel, Recording
 from sprung.simulation import RoadConditions, RoadDrive, simulate, simulate_drive, usual_excitation

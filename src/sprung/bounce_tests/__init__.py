@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from sprung.bounce_tests.results import RULES, Bounce, BounceChange, BounceTest, CornerValue, bounce_changes
 from sprung.bounce_tests.swings import corners_of, fitted_together, pooled, size_of, tested
 from sprung.errors import DataError
-from sprung.identification.free_response import find_transients
+from sprung.identification.transients import find_transients
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Vehicle
 from sprung.vehicles.labels import labelled

@@ -7,8 +7,9 @@ import numpy as np
 from sprung._arrays import Real
 from sprung._checks import freeze
 from sprung._display import Drawable, Savable, Tabular, counted, in_short
-from sprung.identification.free_response import FreeFit, Transient
+from sprung.identification.free_response import FreeFit
 from sprung.identification.friction import FrictionFit
+from sprung.identification.transients import Transient
 from sprung.modal import INTERVAL_95, Modes, mac
 from sprung.recording import Recording
 from sprung.vehicles import Component

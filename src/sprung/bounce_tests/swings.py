@@ -9,8 +9,9 @@ from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung.bounce_tests.begins import delayed, free_from
 from sprung.bounce_tests.results import RULES, BounceTest, CornerValue
 from sprung.errors import DataError, ParameterError
-from sprung.identification.free_response import FreeFit, Transient, fit_free_response
+from sprung.identification.free_response import FreeFit, fit_free_response
 from sprung.identification.friction import FrictionFit, beyond_one_swing, correlated_samples, fit_friction
+from sprung.identification.transients import Transient
 from sprung.likelihood import corners_from_modes, rigid_layout
 from sprung.modal import Modes, mac, unit_shapes
 from sprung.recording import Recording

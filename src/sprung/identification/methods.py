@@ -8,13 +8,14 @@ from sprung._checks import check_one_of, check_type, settings_of
 from sprung._threads import one_thread
 from sprung.errors import DataError, IdentificationError, ParameterError
 from sprung.identification import steps
-from sprung.identification.free_response import FreeFit, fit_free_response, free_parts
+from sprung.identification.free_response import FreeFit, fit_free_response
 from sprung.identification.records import Progress, RunningRecords
 from sprung.identification.results import CorrelationSummary, Identification
 from sprung.identification.roving import group_by_setup
 from sprung.identification.settings import ACS, COSS, COV, FDD, KINDS, PLSCF, IdentificationSettings, Method
 from sprung.identification.setups import identify_setups
 from sprung.identification.stabilisation import StabilityCriteria
+from sprung.identification.transients import free_parts
 from sprung.modal import Modes
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Chain, Quarter, Vehicle

@@ -1,0 +1,253 @@
+"""Pushes, drops and releases in a recording, and from where on their motion is free."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sprung._arrays import Real
+from sprung._checks import check_type
+from sprung.identification.free_response import unexplained
+from sprung.recording import Recording
+
+
+@dataclass(frozen=True, slots=True)
+class _TransientRules:
+    """What counts as motion that dies away."""
+
+    #: Bounds of the frequency of the swings [Hz] that sets the windows of the level.
+    swings: tuple[float, float] = (0.4, 30.0)
+    #: Samples at either end through whose means a line is subtracted: a step between the ends is no swing.
+    ends: int = 8
+    #: Power over its median from which a line is motion: one line of noise in a million is.
+    beyond_median: float = 20.0
+    #: Level at which a motion begins and ends, over the largest level, and over that of the quiet parts.
+    edge: float = 0.06
+    edge_over_quiet: float = 3.0
+    #: Smallest peak of a motion over the largest.
+    min_peak: float = 0.4
+    #: Smallest fall of the level from the peak to the end.
+    min_fall: float = 3.0
+    #: The same where the end is at the edge.
+    min_fall_to_edge: float = 2.0
+    #: Shortest free motion, in windows of the level.
+    min_windows: float = 1.2
+    #: Rise of the level over its minimum since the peak before from which another motion begins.
+    rise: float = 3.0
+    #: Level below which a record is quiet, over its peak, and least share of such samples of a record of free motion.
+    quiet: float = 0.08
+    min_quiet: float = 0.4
+    #: Least share of a record of free motion that is free: one pothole of a drive is no push.
+    min_share: float = 0.02
+    #: Fall of the level, from the first sixth to the last, of a record that is one decay.
+    fall_of_record: float = 5.0
+    #: Most motions in a record of free motion, and most windows of each that are fitted.
+    max_motions: int = 20
+    max_windows: float = 60.0
+    #: Windows of rest that are fitted after the end of a motion.
+    rest: int = 1
+    #: Starts of free motion that are tried, from a window before the peak of the level to two after it.
+    n_starts: int = 10
+    #: Windows on either side of the quietest sample, from which the noise is taken: one alone is quiet by chance.
+    around_quietest: int = 1
+    #: Frequencies that are fitted, over that of the windows, and most modes.
+    reach: float = 8.0
+    max_modes: int = 4
+    #: RMS of the residuals of the first free motion over the smallest of later starts.
+    beyond_least: float = 1.2
+    #: The same, in shares of the motion's own RMS, for motion with friction or progressive springs.
+    beyond_motion: float = 0.004
+
+
+_EVENTS = _TransientRules()
+
+
+@dataclass(frozen=True, slots=True)
+class Transient:
+    """Motion after a push, drop or release that dies away.
+
+    Parameters
+    ----------
+    onset
+        Time at which the motion begins [s] after the first sample of the recording.
+    begin, end
+        Times between which it is free [s].
+    window
+        Length of the windows of the level [s], about one period.
+    unexplained
+        RMS of what free modes leave of it from a quarter of a window after its peak, over that of the motion.
+    noise
+        RMS in the band that is fitted, where the recording is quietest, over that of the motion.
+    """
+
+    onset: float
+    begin: float
+    end: float
+    window: float
+    unexplained: float
+    noise: float
+
+
+def motion_level(recording: Recording) -> tuple[Real, float]:
+    """Return the level of the motion over time, 1 at its largest, and the length of its windows [s].
+
+    Returns
+    -------
+    ndarray, float
+        Standard deviation within a window of about one period around each sample, root mean square over the channels
+        that move beyond their noise, each over its own largest; shape (samples,).
+
+    Notes
+    -----
+    The period is that of the mean frequency of the slopes, in which steps of travel count little, by the lines whose
+    power stands above the noise: the slopes of the noise alone would halve it.
+    """
+    samples, rate = np.nan_to_num(recording.samples), recording.sampling_rate
+    begin, end = (part.mean(axis=1) for part in (samples[:, : _EVENTS.ends], samples[:, -_EVENTS.ends :]))
+    powers = np.abs(np.fft.rfft(samples - np.linspace(begin, end, samples.shape[1], axis=1), axis=1)) ** 2
+    frequencies = np.fft.rfftfreq(samples.shape[1], 1 / rate)
+    used = (frequencies >= _EVENTS.swings[0]) & (frequencies <= min(_EVENTS.swings[1], 0.4 * rate))
+    powers, frequencies = powers[:, used], frequencies[used]
+    slopes = powers * np.sin(np.pi * frequencies / rate) ** 2
+    slopes = slopes * (powers > _EVENTS.beyond_median * np.median(powers, axis=1, keepdims=True))
+    spectrum = np.mean(slopes / np.maximum(slopes.sum(axis=1, keepdims=True), 1e-300), axis=0)
+    centre = float(np.sum(spectrum * frequencies) / max(spectrum.sum(), 1e-300)) or _EVENTS.swings[0]
+    n = int(np.clip(rate / centre, 8, max(8, samples.shape[1] // 4)))
+    centred = samples - np.median(samples, axis=1, keepdims=True)
+    means, squares = (_running_mean(values, n) for values in (centred, centred**2))
+    deviations = np.sqrt(np.maximum(squares - means**2, 0.0))
+    largest = np.maximum(deviations.max(axis=1, keepdims=True), 1e-300)
+    moves = largest[:, 0] > _EVENTS.min_fall * np.quantile(deviations, 0.1, axis=1)
+    level = np.sqrt(np.mean((deviations / largest)[moves if moves.any() else slice(None)] ** 2, axis=0))
+    return np.asarray(level / max(level.max(), 1e-300)), n / rate
+
+
+def _running_mean(values: Real, n: int) -> Real:
+    """Return the mean of n values around each one; the first and the last are continued, shape of the values."""
+    around = np.pad(values, ((0, 0), (n // 2 + 1, n - 1 - n // 2)), mode="edge")
+    sums = np.cumsum(around, axis=1)
+    return np.asarray((sums[:, n:] - sums[:, :-n]) / n)
+
+
+def find_transients(recording: Recording) -> tuple[Transient, ...]:
+    """Return the motions of a recording that begin suddenly and die away, with the parts in which they are free.
+
+    Parameters
+    ----------
+    recording
+        Channels of motion, without missing values or gaps.
+
+    Returns
+    -------
+    tuple of Transient
+        By time; none where the motion never falls to a fraction of its peak.
+
+    Notes
+    -----
+    A motion is a part above the edge of the level whose peak is not far below the largest one. It is free from the
+    first start on from which modes leave hardly more than they leave of a later one (`unexplained`).
+    """
+    check_type("recording", recording, Recording)
+    level, window = motion_level(recording)
+    rate, width = recording.sampling_rate, round(window * recording.sampling_rate)
+    edge = max(_EVENTS.edge, min(_EVENTS.edge_over_quiet * float(np.quantile(level, 0.1)), 1 / _EVENTS.min_fall))
+    scale = np.maximum(np.std(recording.samples, axis=1, keepdims=True), 1e-300)
+    quietest = int(np.argmin(level))
+    reach = _EVENTS.around_quietest * width
+    resting = recording.samples[:, max(quietest - reach, 0) : quietest + reach + 1] / scale
+    at_rest = _rms_up_to(resting, _top(recording, window) / rate)
+    events = _events(level, edge, width)
+    found = []
+    for first, last in events:
+        part = level[first : last + 1]
+        fallen = max(part.max() / _EVENTS.min_fall, min(edge, part.max() / _EVENTS.min_fall_to_edge))
+        if part.max() < _EVENTS.min_peak or part[-1] > fallen:
+            continue
+        peak = first + int(np.flatnonzero(part > 0.7 * part.max())[-1])
+        end = min([last + _EVENTS.rest * width, level.size, *(each[0] for each in events if each[0] > last)])
+        starts = np.linspace(peak - width, peak + 2 * width, _EVENTS.n_starts).astype(int)
+        starts = np.unique(np.clip(starts, 0, max(end - int(_EVENTS.min_windows * width), 0)))
+        left = [_left_over(recording, begin, end, scale, window) for begin in starts]
+        fitted = np.flatnonzero(np.isfinite(left))
+        if not fitted.size:
+            continue
+        motion = float(np.sqrt(np.mean((np.std(recording.samples[:, starts[0] : end], axis=1) / scale[:, 0]) ** 2)))
+        allowed = _EVENTS.beyond_least * min(left) + _EVENTS.beyond_motion * motion
+        begin = int(starts[np.flatnonzero(np.array(left) <= allowed)[0]])
+        judged = int(fitted[np.clip(np.sum(starts[fitted] < peak + width // 4), 0, fitted.size - 1)])
+        own = np.sqrt(np.mean((np.std(recording.samples[:, starts[judged] : end], axis=1) / scale[:, 0]) ** 2))
+        relative, quiet = (float(each / max(own, 1e-300)) for each in (left[judged], at_rest))
+        found.append(Transient(float(first / rate), begin / rate, float(end / rate), window, relative, quiet))
+    return tuple(found)
+
+
+def _events(level: Real, edge: float, width: int) -> list[tuple[int, int]]:
+    """Return first and last sample of each motion above the edge; one that rises again is another one."""
+    events: list[tuple[int, int]] = []
+    first, lowest, highest = -1, 0, 0.0
+    for k in range(0, level.size, max(1, width // 8)):
+        value = level[k]
+        if first < 0:
+            first, lowest, highest = (k, k, value) if value > edge else (first, lowest, highest)
+            continue
+        highest = max(highest, value)
+        lowest = k if value < level[lowest] or value == highest else lowest
+        is_again = (
+            value > _EVENTS.rise * level[lowest] and value > _EVENTS.min_peak and highest > _EVENTS.rise * level[lowest]
+        )
+        is_over = level[k : k + width].max() <= edge
+        if is_over or is_again:
+            events.append((first, int(lowest if is_again else k)))
+            first, lowest, highest = (lowest, k, value) if is_again else (-1, 0, 0.0)
+    return [*events, (first, level.size - 1)] if first >= 0 else events
+
+
+def free_parts(recordings: Sequence[Recording], *, is_certain: bool = False) -> list[Recording]:
+    """Return the parts of records in which motion is free; none where they are records of random motion.
+
+    Parameters
+    ----------
+    recordings
+        Channels of motion, without missing values or gaps.
+    is_certain
+        Whether the records are known to be of free motion; otherwise most of each must be quiet, or its level must fall
+        from the beginning to the end.
+    """
+    parts = []
+    for recording in recordings:
+        level, window = motion_level(recording)
+        blocks = np.array([np.mean(block) for block in np.array_split(level, 6)])
+        falls = bool(np.all(np.diff(blocks) < 0)) and blocks[0] > _EVENTS.fall_of_record * blocks[-1]
+        if not is_certain and np.mean(level < _EVENTS.quiet) < _EVENTS.min_quiet and not falls:
+            return []
+        found = find_transients(recording)
+        if not 0 < len(found) <= _EVENTS.max_motions:
+            return []
+        rate = recording.sampling_rate
+        longest = _EVENTS.max_windows * window
+        free = sum(each.end - each.begin for each in found)
+        if not is_certain and not falls and free < _EVENTS.min_share * recording.duration:
+            return []
+        for each in found:
+            until = min(each.end, each.begin + longest) if not falls else recording.duration
+            begin = 0.0 if each.onset == 0 else each.begin  # the record begins with free motion
+            parts.append(recording.part(round(begin * rate), round(until * rate)))
+    return parts
+
+
+def _left_over(recording: Recording, begin: int, end: int, scale: Real, window: float) -> float:
+    """Return what free modes leave of a part, over the scale of each channel."""
+    part = Recording(recording.samples[:, begin:end] / scale, recording.sampling_rate, recording.channels)
+    return unexplained(part, band=(0.0, _top(recording, window)), max_modes=_EVENTS.max_modes)
+
+
+def _top(recording: Recording, window: float) -> float:
+    """Return the highest frequency that is fitted [Hz]."""
+    return float(min(_EVENTS.reach / window, 0.45 * recording.sampling_rate))
+
+
+def _rms_up_to(samples: Real, top: float) -> float:
+    """Return the RMS, root mean square over the channels, up to a frequency over the sampling rate."""
+    n = samples.shape[1]
+    lines = np.fft.rfft(samples, axis=1)[:, 1 : int(top * n) + 1] / n
+    return float(np.sqrt(2 * np.mean(np.sum(np.abs(lines) ** 2, axis=1))))
