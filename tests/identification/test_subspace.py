@@ -20,6 +20,9 @@ from sprung.identification.subspace import (
     with_deviations,
 )
 from sprung.modal import mac
+from sprung.recording import Channel
+from sprung.vehicles import MechanicalSystem, Outputs, discretised, modes, state_space
+from sprung.vehicles import exact_correlations as correlations_of
 
 BLOCK_ROWS = 20
 
@@ -71,6 +74,50 @@ def test_exact_correlations_give_exact_poles_and_shapes(known, name, rate, form)
     assert_holds(found, poles, shapes)
     assert np.isnan(found.natural_frequency_std).all()
     assert np.isnan(found.damping_ratio_std).all()
+
+
+#: Along y, along x and in torsion: masses [kg; kg m^2] from the ground up, stiffness of every storey [N/m; N m], and
+#: natural frequencies [Hz].
+IASC_MASSES = [3452.4, 2652.4, 2652.4, 1809.9], [3452.4, 2652.4, 2652.4, 1809.9], [3819.4, 2986.1, 2986.1, 2056.9]
+IASC_STIFFNESS = 67.90e6, 106.60e6, 232.02e6
+IASC_FREQUENCIES = [9.41, 25.54, 38.66, 48.01], [11.79, 32.01, 48.44, 60.15], [16.38, 44.64, 67.48, 83.62]
+
+
+def test_the_benchmark_structure_of_iasc_and_asce(conforms) -> None:
+    """Of phase I: published frequencies, and exact correlations of three accelerometers a floor give back the poles.
+
+    E. A. Johnson, H. F. Lam, L. S. Katafygiotis, J. L. Beck, Phase I IASC-ASCE structural health monitoring benchmark
+    problem using simulated data, Journal of Engineering Mechanics 130 (2004) 3-15. Damping ratios are 1 %.
+    """
+    storeys = np.eye(4) - np.eye(4, k=-1)
+    mass = np.diag(np.concatenate(IASC_MASSES))
+    stiffness = linalg.block_diag(*(k * storeys.T @ storeys for k in IASC_STIFFNESS))
+    squares, shapes = linalg.eigh(stiffness, mass)
+    damping = mass @ (shapes * (2 * 0.01 * np.sqrt(squares))) @ shapes.T @ mass
+    coordinates = tuple(f"{direction}_{floor}" for direction in ("y", "x", "twist") for floor in range(1, 5))
+    system = MechanicalSystem(mass, damping, stiffness, np.eye(12), coordinates, coordinates)
+    along_x = np.hstack([np.zeros((4, 4)), np.eye(4), np.zeros((4, 4))])
+    sides = [np.hstack([np.eye(4), np.zeros((4, 4)), side * np.eye(4)]) for side in (1.25, -1.25)]
+    sensors = np.vstack([along_x, *sides])
+    channels = tuple(Channel(f"acc_{k}", "acceleration") for k in range(12))
+    outputs = Outputs(channels, sensors, np.zeros_like(sensors), np.zeros_like(sensors))
+    exact = modes(system, outputs)
+    conforms(
+        "IASC-ASCE benchmark, phase I (Johnson and others 2004)",
+        "12-DOF model",
+        "natural frequencies of the published masses and stiffness",
+        exact.natural_frequency,
+        np.sort(np.concatenate(IASC_FREQUENCIES)),
+        absolute=0.005,
+        unit="Hz",
+    )
+    sampled = discretised(state_space(system, outputs), sampling_rate=250.0)
+    values = correlations_of(sampled, n_lags=4 * BLOCK_ROWS)
+    found = poles_of_orders(
+        realise(exact_correlations(values, sampling_rate=250.0), block_rows=BLOCK_ROWS, max_order=24), [24]
+    )
+    assert len(found.poles) == 12
+    assert_holds(found, exact.poles, exact.mode_shapes)
 
 
 @pytest.mark.parametrize("form", FORMS)
