@@ -22,6 +22,7 @@ from sprung.errors import IdentificationError, ParameterError
 from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import fit_corners
 from sprung.recording import Channel, Recording
+from sprung.ride import assess_ride
 from sprung.simulation import RailDrive, RoadConditions, RoadDrive, dead, simulate_drive
 from sprung.vehicles import read_vehicle
 
@@ -59,6 +60,12 @@ def test_conditions_of_a_conclusive_window(observations) -> None:
     conditions = observations[0].conditions
     assert {"roughness", "payload", "speed", "standing", "model_error", "segments"} <= conditions.keys()
     assert conditions["roughness"] == pytest.approx(256e-6, rel=0.2)  # G(n0) of class C, ISO 8608, geometric mean
+
+
+def test_the_ride_of_a_window_is_that_of_its_accelerometers(run, observations) -> None:
+    first = run.part(0, run.n_samples // 5).select(["acc_fl", "acc_fr", "acc_rl", "acc_rr"])
+    expected = np.sqrt(np.mean([point.rms**2 for point in assess_ride(first).points]))
+    assert observations[0].conditions["ride"] == pytest.approx(expected, rel=0.01)
 
 
 def test_a_window_that_lacks_a_sensor_is_refused_or_says_so(car, run) -> None:

@@ -17,6 +17,7 @@ from sprung.likelihood import CornerFit, CornerSettings, fit_corners
 from sprung.likelihood.fitting import fit_windows
 from sprung.likelihood.plate_test import low_phase_shifts
 from sprung.recording import Recording, each_recording
+from sprung.ride import response_of
 from sprung.vehicles import Component, Vehicle
 from sprung.vehicles.channel_faults import MISSING, SensorFault
 from sprung.vehicles.labels import MOTIONS
@@ -44,6 +45,7 @@ CONDITION_UNITS = {
     "payload_y_moment": "kg m",
     "payload_product": "kg m^2",
     "mileage": "km",
+    "ride": "m/s^2",
 }
 
 
@@ -341,7 +343,7 @@ def observe_window(
         components=tuple(parts),
         log_ratios=fit.parameters[list(parts.values())],
         covariance=fit.covariance[np.ix_(*2 * (list(parts.values()),))],
-        conditions=window.conditions | _fitted_conditions(fit),
+        conditions=window.conditions | _fitted_conditions(fit) | _ride(window),
         modes={label: (frequency, damping) for label, frequency, damping in body if label in MOTIONS},
         residuals=None if check.faults else _residuals(window),
         phase_shifts=low_phase_shifts(fit),
@@ -385,6 +387,26 @@ def _fitted_conditions(fit: CornerFit) -> dict[str, float]:
     if "payload_mass" in layout:
         fitted["payload"] = layout["payload_mass"]
     return fitted | {name: layout[name] for name in LAYOUT_CONDITIONS if name in layout}
+
+
+def _ride(window: Window) -> dict[str, float]:
+    """Return the RMS weighted by Wk (ISO 2631-1) at the vertical accelerometers on the body, by Parseval's theorem."""
+    on_body = {sensor.channel for sensor in window.vehicle.sensor if sensor.on == "body"}
+    motion = window.motion
+    rows = [
+        row
+        for row, channel in enumerate(motion.channels)
+        if channel.name in on_body
+        and channel.quantity == "acceleration"
+        and (channel.direction is None or np.argmax(np.abs(channel.direction)) == 2)
+    ]
+    power = 0.0
+    for stretch in motion.stretches():
+        values = motion.samples[rows, stretch]
+        spectra = np.fft.rfft(values - values.mean(axis=1, keepdims=True), axis=1)
+        frequencies = np.arange(spectra.shape[1]) * motion.sampling_rate / values.shape[1]
+        power += 2 * float(np.sum(np.abs(spectra * response_of("Wk", frequencies)) ** 2)) / values.shape[1]
+    return {"ride": float(np.sqrt(power / (len(rows) * motion.n_samples)))} if rows else {}
 
 
 def _residuals(window: Window) -> ResidualStatistics | None:

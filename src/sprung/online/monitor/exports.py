@@ -39,6 +39,7 @@ _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 _UNITS = {
     "": "",
     "m/s": "_m_per_s",
+    "m/s^2": "_m_per_s2",
     "rad/s": "_rad_per_s",
     "°C": "_deg_c",
     "m^3": "_m3",
