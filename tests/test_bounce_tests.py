@@ -100,6 +100,29 @@ def test_friction_is_stated_apart() -> None:
     assert result.modes.damping_ratio[0] > 0.08
 
 
+@pytest.mark.parametrize(
+    ("quantity", "order", "shapes"), [("displacement", 0, [[1, 0.6], [0.5, -1]]), ("acceleration", 2, [[1, 1]])]
+)
+def test_friction_beside_a_faster_swing_makes_no_false_modes(quantity, order, shapes) -> None:
+    """The first mode was two, around 1.45 and 1.8 Hz, or 1.25 and 1.8: linear modes imitate its friction."""
+    time = np.arange(1000) / 200
+    slow = swing_with_friction(time, natural_frequency=1.6, damping_ratio=0.06, friction=0.06, order=order)
+    pole = 2 * np.pi * 8.0 * (1j * np.sqrt(1 - 0.04**2) - 0.04)
+    fast = (pole**order * np.exp(pole * time)).real
+    motion = np.array(shapes, dtype=float) @ np.stack([slow, 0.4 * fast * np.abs(slow).max() / np.abs(fast).max()])
+    push = np.linspace(0, 1, 60) * motion[:, :1] * (order == 0)
+    rest = np.zeros((len(motion), 400)), np.repeat(motion[:, -1:], 200, axis=1)
+    samples = np.concatenate([rest[0], push, motion, rest[1]], axis=1)
+    samples += 2e-3 * np.abs(samples).max() * np.random.default_rng(1).standard_normal(samples.shape)
+    result = bounce(Recording(samples, 200.0, tuple(Channel(f"c{k}", quantity) for k in range(len(motion)))))
+    assert len(result.modes) == 2
+    assert result.modes.natural_frequency == pytest.approx([1.6, 8.0], rel=0.08)
+    assert result.modes.damping_ratio[1] == pytest.approx(0.04, abs=0.005)
+    friction, linear = result.tests[0].frictions
+    assert linear is None
+    assert friction.damping_ratio == pytest.approx(0.06, abs=0.01)
+
+
 def test_without_a_push_there_is_no_answer() -> None:
     noise = np.random.default_rng(6).standard_normal((2, 3000))
     with pytest.raises(DataError, match="push and let go"):

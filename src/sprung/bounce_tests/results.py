@@ -46,6 +46,10 @@ class BounceRules:
     max_swing_damping: float = 0.6
     #: Largest standard deviation of its damping ratio over itself.
     max_deviation: float = 0.5
+    #: Least frequency of a linear mode beside a swing with friction over that of the swing: three times of it is a part
+    #: of the swing. Largest standard deviation of its damping ratio over itself.
+    faster: float = 3.5
+    max_fast_deviation: float = 0.2
     #: Turns at which a swing with friction may begin.
     max_turns: int = 5
     #: Smallest motion of a test over the largest.

@@ -11,9 +11,9 @@ from sprung.bounce_tests.results import RULES, BounceTest, CornerValue
 from sprung.errors import DataError, ParameterError
 from sprung.identification.free_response import FreeFit, fit_free_response
 from sprung.identification.friction import FrictionFit, beyond_one_swing, correlated_samples, fit_friction
-from sprung.identification.transients import Transient
+from sprung.identification.transients import Transient, motion_level
 from sprung.likelihood import corners_from_modes, rigid_layout
-from sprung.modal import Modes, mac, unit_shapes
+from sprung.modal import Modes, join_modes, mac, unit_shapes
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle, structure
 
@@ -116,6 +116,10 @@ def tested(run: Recording, number: int, transient: Transient) -> BounceTest:
     of_noise = max(RULES.nonlinear, RULES.tried_beyond_noise * transient.noise)
     is_linear = transient.unexplained < of_noise
     with_friction = None if is_linear else _with_friction(run, number, transient)
+    if not is_linear and (with_friction is None or with_friction.residual > of_noise):
+        beside = _beside_faster(run, number, transient)
+        is_better = with_friction is None or (beside is not None and beside.residual < with_friction.residual)
+        with_friction = beside if is_better else with_friction
     if with_friction is not None and with_friction.is_significant:
         return with_friction
     if with_friction is None and transient.unexplained > max(RULES.hopeless, RULES.beyond_noise * transient.noise):
@@ -140,10 +144,7 @@ def tested(run: Recording, number: int, transient: Transient) -> BounceTest:
 
 def _linear(run: Recording, number: int, transient: Transient) -> BounceTest:
     """Return a test by linear modes."""
-    part = run.part(*(round(each * run.sampling_rate) for each in (transient.begin, transient.end)))
-    fit = fit_free_response(part, band=_band(run, transient), max_modes=RULES.max_modes)
-    if not len(fit.modes):  # several that a short motion does not tell apart: one, whose deviations hold the others
-        fit = fit_free_response(part, band=_band(run, transient), max_modes=1)
+    part, fit = _free(run, transient)
     residual = float(np.sqrt(max(1 - fit.explained, 0.0)))
     if not len(fit.modes) or residual > _by_noise(RULES.max_linear_residual, transient):
         raise DataError("it does not swing freely")
@@ -152,6 +153,55 @@ def _linear(run: Recording, number: int, transient: Transient) -> BounceTest:
     motion = fit.motion(0, np.arange(part.n_samples) / part.sampling_rate)
     motion = motion + np.mean(part.samples - motion, axis=1, keepdims=True)
     return BounceTest(number, transient, part, motion, fit.modes, (None,) * len(fit.modes), residual)
+
+
+def _free(run: Recording, transient: Transient) -> tuple[Recording, FreeFit]:
+    """Return the free part of a motion, and its linear modes."""
+    part = run.part(*(round(each * run.sampling_rate) for each in (transient.begin, transient.end)))
+    fit = fit_free_response(part, band=_band(run, transient), max_modes=RULES.max_modes)
+    if not len(fit.modes):  # several that a short motion does not tell apart: one, whose deviations hold the others
+        fit = fit_free_response(part, band=_band(run, transient), max_modes=1)
+    return part, fit
+
+
+def _beside_faster(run: Recording, number: int, transient: Transient) -> BounceTest | None:
+    """Return a test by swings with friction beside faster linear modes; None without any of both.
+
+    Notes
+    -----
+    Linear modes imitate friction at the frequency of the swing and three times of it. What is faster and well
+    determined is another mode: without its motion, a swing with friction describes the rest.
+    """
+    try:
+        part, fit = _free(run, transient)
+    except DataError:
+        return None
+    modes = fit.modes
+    is_fast = modes.natural_frequency > RULES.faster * modes.natural_frequency.min(initial=np.inf)
+    is_fast &= modes.damping_ratio_std < RULES.max_fast_deviation * modes.damping_ratio
+    if not is_fast.any():
+        return None
+    fast = modes.take(np.flatnonzero(is_fast))
+    time = np.arange(part.n_samples) / run.sampling_rate
+    first, last = round(transient.begin * run.sampling_rate), round(transient.end * run.sampling_rate)
+    motion = np.zeros(run.samples.shape)
+    waves = fit.amplitudes[0][is_fast, None] * np.exp(np.outer(fast.poles, time))
+    motion[:, first:last] = (fast.mode_shapes.T @ waves).real
+    slower = Recording(run.samples - motion, run.sampling_rate, run.channels)
+    window = motion_level(slower.part(first, last))[1]
+    test = _with_friction(slower, number, replace(transient, onset=transient.begin, window=window))
+    if test is None or not test.is_significant:
+        return None
+    begin = round(test.transient.begin * run.sampling_rate)
+    part = run.part(begin, begin + test.part.n_samples)
+    return replace(
+        test,
+        transient=replace(test.transient, onset=transient.onset, window=transient.window),
+        part=part,
+        fitted=test.fitted + motion[:, begin : begin + part.n_samples],
+        modes=join_modes([test.modes, fast]),
+        frictions=(*test.frictions, *(None,) * len(fast)),
+    )
 
 
 def _is_likelier(linear: BounceTest, with_friction: BounceTest) -> bool:
@@ -294,7 +344,12 @@ def pooled(tests: Sequence[BounceTest]) -> Modes:
     modes = [test.modes.take(np.array([k])) for test in tests for k in range(len(test.modes))]
     groups: list[list[Modes]] = []
     for mode in modes:
-        own = [group for group in groups if mac(group[0].mode_shapes, mode.mode_shapes)[0, 0] > 0.8]
+        own = [
+            group
+            for group in groups
+            if mac(group[0].mode_shapes, mode.mode_shapes)[0, 0] > 0.8
+            and abs(np.log(mode.natural_frequency[0] / group[0].natural_frequency[0])) < np.log(RULES.faster)
+        ]
         if not own:
             groups.append([])
         (own or groups)[-1].append(mode)
