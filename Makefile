@@ -20,7 +20,8 @@ $(RUNS): requirements-demo.lock pyproject.toml scripts/system-packages
 	@echo "setting up what sprung runs with, in $(VENV)"
 	scripts/system-packages python
 	@$$(command -v $(PYTHON) || command -v python3) -m venv $(VENV)
-	$(PIP) --require-hashes -r requirements-demo.lock
+	$(PIP) --no-compile --require-hashes -r requirements-demo.lock
+	@$(BIN)/python -m compileall -qq -j 0 $(VENV)/lib || true  # on all cores; a few files are templates
 	$(PIP) --no-deps --no-build-isolation -e .
 	@touch $@
 
