@@ -120,6 +120,7 @@ def test_friction_beside_a_faster_swing_makes_no_false_modes(quantity, order, sh
     assert result.modes.damping_ratio[1] == pytest.approx(0.04, abs=0.005)
     friction, linear = result.tests[0].frictions
     assert linear is None
+    assert friction is not None
     assert friction.damping_ratio == pytest.approx(0.06, abs=0.01)
 
 

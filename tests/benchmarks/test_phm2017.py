@@ -1,10 +1,15 @@
 """Band powers of a car on bogies: the layout, and the changed part from exact powers."""
 
+from importlib import import_module
+from typing import Any
+
 import numpy as np
 import pytest
-from benchmarks.challenge.phm2017 import BANDS, FEATURES, SENSORS, Learnt, Powers, instrumented, judged, read_rows
 
 from sprung.vehicles import read_vehicle
+
+phm: Any = import_module("benchmarks.challenge.phm2017")
+FEATURES, SENSORS = phm.FEATURES, phm.SENSORS
 
 
 def test_there_are_five_features_of_each_sensor():
@@ -15,7 +20,7 @@ def test_there_are_five_features_of_each_sensor():
 
 def test_the_sensors_are_where_the_layout_has_them():
     metro = read_vehicle("metro")
-    places = {sensor.channel: (sensor.on, sensor.position) for sensor in instrumented(metro).sensor}
+    places = {sensor.channel: (sensor.on, sensor.position) for sensor in phm.instrumented(metro).sensor}
     assert tuple(places) == SENSORS
     assert places["azs_2"] == ("body", (-7.2, 0.0, 0.0))
     assert places["azp_4l"] == ("bogie2", (-1.1, 1.0, 0.0))
@@ -24,17 +29,17 @@ def test_the_sensors_are_where_the_layout_has_them():
 
 @pytest.mark.slow
 def test_a_weaker_spring_is_found_in_exact_powers():
-    powers = Powers(instrumented(read_vehicle("metro")), BANDS, 180.0)
+    powers = phm.Powers(phm.instrumented(read_vehicle("metro")), phm.BANDS, 180.0)
     model = powers.model(22.0)
     parameters = model.start.copy()
     parameters[model.names.index("bogie2_rear_left.primary_spring")] = np.log(0.7)
-    learnt = Learnt(np.zeros(90), np.full(90, 0.01**2))
-    said = judged(powers, 22.0, powers.logarithms(model, parameters), learnt)
+    learnt = phm.Learnt(np.zeros(90), np.full(90, 0.01**2))
+    said = phm.judged(powers, 22.0, powers.logarithms(model, parameters), learnt)
     probabilities, (low, high) = said["probabilities"], said["change"]
     assert sum(probabilities.values()) == pytest.approx(1)
     assert probabilities["bogie2_rear_left.primary_spring"] > 0.9
     assert low < -0.3 < high < -0.2
-    healthy = judged(powers, 22.0, powers.logarithms(model, model.start), learnt)["probabilities"]
+    healthy = phm.judged(powers, 22.0, powers.logarithms(model, model.start), learnt)["probabilities"]
     assert max(healthy, key=healthy.__getitem__) == "healthy"
 
 
@@ -42,4 +47,4 @@ def test_a_file_without_features_is_refused(tmp_path):
     path = tmp_path / "short.csv"
     path.write_text("speed,f101\n20,1\n", encoding="utf-8")
     with pytest.raises(SystemExit, match=r"lacks the columns f102, f103, f104, f105, f106: give speed \[m/s\]"):
-        read_rows(path)
+        phm.read_rows(path)
