@@ -16,7 +16,7 @@ from network import Broker, SimulatedLink
 from vehicle import BEGUN
 
 from sprung.online.alerts import Message, SendError
-from sprung.online.monitor import Site, Station, station
+from sprung.online.monitor import Site, Station, housekeeping, station
 from sprung.online.monitor.notifier import NotificationService
 from sprung.online.store import Store, StoreError, database, open_store
 
@@ -50,6 +50,15 @@ class Unhurried(NotificationService):
 
     def open(self) -> None:
         self.resume()
+
+
+class Prompt(housekeeping.Advice):
+    """Advice on inspections without a thread."""
+
+    def step(self) -> None:
+        if self._ranking.is_due:
+            self._ranking.start()
+            self._rank()
 
 
 class People:
@@ -170,6 +179,7 @@ def new_station(
     """Return a station without threads."""
     with (
         patch.object(station, "NotificationService", Unhurried),
+        patch.object(housekeeping, "Advice", Prompt),
         patch.object(station, "senders_of", lambda *_: senders),
     ):
         return Station(
