@@ -66,7 +66,7 @@ RENDERINGS: Mapping[str, Renderings] = MappingProxyType(
         "Baseline": _of(
             "diagnosis:baseline_document", "baseline", "diagnosis:baseline_table diagnosis:describe_baseline"
         ),
-        "Bounce": _of("measured:bounce_document", "bounce", f"{_BOUNCE} .notes", "measured:bounce_figure"),
+        "Bounce": _of("bounce:bounce_document", "bounce", f"{_BOUNCE} .notes", "measured:bounce_figure"),
         "Calibration": _of("corners:calibration_document", "calibration", _CALIBRATION, "diagnosis:misfit_figure"),
         "CornerFit": _of("corners:corners_document", "corners", f"{_CORNERS} .notes", "diagnosis:corners_figure"),
         "Diagnosis": _of(_DIAGNOSED, "findings", f"{_DIAGNOSIS} .notes", "diagnosis:corner_changes_figure"),
