@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sprung.errors import DataError
-from sprung.kits import kit_of
 from sprung.likelihood import class_spectra, rigid_layout, segment_spectra
 from sprung.likelihood.spectra import between_updates, onto_grid, segment_speeds, speed_classes, through_window
 from sprung.recording import Channel, Gap, Recording
@@ -47,22 +46,6 @@ def test_white_noise_has_its_one_sided_density_in_the_coordinates(layout) -> Non
     expected = layout.reduction @ layout.reduction.T / 25.0
     assert spectra.matrices.mean(axis=(0, 1)) == pytest.approx(expected, abs=0.03 * np.abs(expected).max())
     assert spectra.n_segments == segments.values.shape[0]
-
-
-def test_gyroscopes_give_the_spectra_of_accelerometers(car, layout) -> None:
-    """A pitching car, whose readings are sums of sines in closed form: the window acts on the acceleration of either.
-
-    A window on the rate would blur a spectrum that falls by f^-2: 3 % off at 0.8 Hz.
-    """
-    frequency, phase = np.array([[0.61, 0.83, 1.37, 2.9, 7.7]]), np.array([[0.3, 1.1, 2.0, 4.0, 5.5]])
-    angles = 2 * np.pi * frequency * np.arange(4096)[:, None] / RATE + phase
-    pitch = {1: np.cos(angles).sum(axis=1), 2: -(2 * np.pi * frequency * np.sin(angles)).sum(axis=1)}
-    found = []
-    for each in (layout, rigid_layout(structure(kit_of(car, "imu")))):
-        readings = np.array([row[1] * pitch[order] for row, order in zip(each.motion, each.orders, strict=True)])
-        segments = segment_spectra([recorded(each, readings, 12.0)], each, speed=None, band=BAND)
-        found.append(segments.values[..., each.coordinates.index("pitch")])
-    assert found[1] == pytest.approx(found[0], abs=1e-4 * np.abs(found[0]).max())
 
 
 def test_slow_and_unsteady_segments_are_left_out(layout) -> None:

@@ -205,11 +205,11 @@ def segment_spectra(
     n_per_segment = round(segment_length * parts[0][0])
     frequencies = np.asarray(np.arange(n_per_segment // 2 + 1) * parts[0][0] / n_per_segment, dtype=np.float64)
     in_band = (frequencies >= band[0]) & (frequencies <= band[1])
-    values: Complex = np.concatenate([spectra for _, spectra in parts])[:, in_band]
+    values = np.concatenate([spectra for _, spectra in parts])[:, in_band]
     frequencies = frequencies[in_band]
     segments = SegmentSpectra(
         frequencies=frequencies,
-        values=values @ layout.reduction.T,
+        values=(values * layout.differentiator(frequencies)) @ layout.reduction.T,
         speeds=np.full(len(values), np.nan),
         spreads=np.zeros(len(values)),
         segment_length=segment_length,
@@ -509,16 +509,10 @@ def _hann(n_samples: int) -> Real:
 
 
 def _stretch_spectra(recording: Recording, stretch: slice, layout: RigidLayout, segment_length: float) -> Complex:
-    """Return the spectra of the accelerations in each segment of a stretch, shape (segments, frequencies, channels).
-
-    Each channel is differentiated before the Hann window (weights -1/4, 1/2, -1/4 of neighbouring lines) acts on it:
-    the window blurs the spectrum of an acceleration, as `through_window` expects, not the steeper one of a rate.
-    """
+    """Return the spectra of the channels in each segment of a stretch, shape (segments, frequencies, channels)."""
     rows = [recording.index(name) for name in layout.names]
     windows = _windows(recording.samples[rows, stretch], round(segment_length * recording.sampling_rate))
-    rate, n_samples = recording.sampling_rate, windows.shape[-1]
-    lines = np.fft.rfft(windows - windows.mean(axis=-1, keepdims=True), axis=-1).transpose(1, 2, 0)
-    lines *= layout.differentiator(np.arange(lines.shape[1]) * rate / n_samples)
-    padded = np.concatenate([lines[:, 1:2].conj(), lines, lines[:, [(n_samples - 1) // 2]].conj()], axis=1)
-    spectra = padded[:, 1:-1] / 2 - (padded[:, :-2] + padded[:, 2:]) / 4
-    return np.asarray(spectra * np.sqrt(2 / (rate * np.sum(_hann(n_samples) ** 2))), dtype=np.complex128)
+    window = _hann(windows.shape[-1])
+    scale = np.sqrt(2 / (recording.sampling_rate * np.sum(window**2)))
+    spectra = np.fft.rfft((windows - windows.mean(axis=-1, keepdims=True)) * window, axis=-1) * scale
+    return np.asarray(spectra.transpose(1, 2, 0), dtype=np.complex128)
