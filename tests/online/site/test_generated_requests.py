@@ -40,7 +40,7 @@ KNOWN: dict[str, list[Any]] = {
 #: Left to tests of their own: the stream does not end, and a report draws figures for seconds.
 OTHERS = {"/api/v1/events", "/api/v1/vehicles/{vehicle}/report"}
 #: Answered without those parts of the store that have vehicles and alerts.
-FREE = {"/health", "/metrics", "/api/v1/session", "/api/v1/accounts", "/api/v1/tokens"}
+FREE = {"/health", "/metrics", "/api/v1/advice", "/api/v1/session", "/api/v1/accounts", "/api/v1/tokens"}
 
 
 @pytest.fixture
