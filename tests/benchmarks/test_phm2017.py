@@ -43,6 +43,29 @@ def test_a_weaker_spring_is_found_in_exact_powers():
     assert max(healthy, key=healthy.__getitem__) == "healthy"
 
 
+@pytest.mark.slow
+def test_powers_scatter_by_chance_as_those_of_drawn_lines_do():
+    """Lines of a random signal are independent complex normal numbers; 8 s have two in each step of 0.25 Hz."""
+    powers = phm.Powers(phm.instrumented(read_vehicle("metro")), phm.BANDS, 8.0)
+    model = powers.model(22.0)
+    spectra = powers.spectra(model, model.start)
+    roots = np.linalg.cholesky(spectra + 1e-12 * np.trace(spectra, axis1=1, axis2=2)[:, None, None] * np.eye(18))
+    generator, drawn = np.random.default_rng(1), []
+    for _ in range(600):
+        normal = generator.standard_normal((2, 2, *roots.shape[:2])) * np.sqrt(0.5)
+        lines = np.einsum("fcd,lfd->lfc", roots, normal[0] + 1j * normal[1])
+        density = np.mean(np.abs(lines) ** 2, axis=0).T
+        drawn.append([power for each in density for power in phm.in_bands(powers.frequencies, each, phm.BANDS)])
+    relative = np.array(drawn) / np.exp(powers.logarithms(model, model.start))
+    seen, chance = np.cov(relative.T), powers.chance(model, model.start)
+    assert np.mean(relative) == pytest.approx(1, abs=0.01)
+    assert np.diag(seen) / np.diag(chance) == pytest.approx(np.ones(90), abs=0.3)
+    assert np.mean(np.diag(seen) / np.diag(chance)) == pytest.approx(1, abs=0.05)
+    std = np.sqrt(np.diag(chance))
+    assert seen / np.outer(std, std) == pytest.approx(chance / np.outer(std, std), abs=0.3)
+    assert chance[1, 6] / (std[1] * std[6]) > 0.1  # the body and the frame share the track
+
+
 def test_a_file_without_features_is_refused(tmp_path):
     path = tmp_path / "short.csv"
     path.write_text("speed,f101\n20,1\n", encoding="utf-8")
