@@ -159,7 +159,7 @@ def _free(run: Recording, transient: Transient) -> tuple[Recording, FreeFit]:
     """Return the free part of a motion, and its linear modes."""
     part = run.part(*(round(each * run.sampling_rate) for each in (transient.begin, transient.end)))
     fit = fit_free_response(part, band=_band(run, transient), max_modes=RULES.max_modes)
-    if not len(fit.modes):  # several that a short motion does not tell apart: one, whose deviations hold the others
+    if not len(fit.modes):  # several that a short motion does not resolve: one, whose deviations hold the others
         fit = fit_free_response(part, band=_band(run, transient), max_modes=1)
     return part, fit
 

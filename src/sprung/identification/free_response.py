@@ -40,8 +40,8 @@ class _FreeRules:
     #: Largest distance of a further mode, in ln of the frequency, that may be hidden beside another.
     nearby: float = 0.5
     #: Loss of the log likelihood below which two modes a damping ratio above and below one, in ln of the frequency, are
-    #: about as likely as two close by: a single record does not tell them apart. Deviation of ln of the damping then.
-    told_apart: float = 2.0
+    #: about as likely as two close by: a single record does not resolve them. Deviation of ln of the damping then.
+    resolved_by: float = 2.0
     unresolved_damping: float = 0.5
     #: Factor of a deviation by which a mode that may be hidden is noted.
     doubled: float = 2.0
@@ -74,7 +74,7 @@ class FreeFit:
     hidden
         Frequencies of the modes beside which another one may hide, so that their deviations are more than doubled [Hz].
     unresolved
-        Frequencies of the modes that may be two, and the distance below which these cannot be told apart [Hz].
+        Frequencies of the modes that may be two, and the distance below which these are not resolved [Hz].
     """
 
     modes: Modes
@@ -97,7 +97,7 @@ class FreeFit:
         notes = []
         if self.unresolved:
             places = " and ".join(f"{distance:.2g} Hz apart at {f:.4g} Hz" for f, distance in self.unresolved)
-            notes.append(f"modes less than {places} cannot be told apart, {allowed}: push other corners too")
+            notes.append(f"modes less than {places} cannot be distinguished, {allowed}: push other corners too")
         if self.hidden:
             beside = " and ".join(f"{frequency:.4g}" for frequency in self.hidden)
             notes.append(f"another mode may hide beside {beside} Hz, {allowed}: add sensors elsewhere")
@@ -392,7 +392,7 @@ def _unresolved(fitted: _Fitted) -> Booleans:
             pairs = (np.append(np.delete(poles, k), poles[k] * np.exp(d * np.array([-xi, xi]))) for d in (1.0, 0.1))
             far, near = (FreePoles(data, pair).criterion for pair in pairs)
             losses[k] = far - near
-    return np.asarray(losses < _FIT.told_apart)
+    return np.asarray(losses < _FIT.resolved_by)
 
 
 def _covariance(fitted: _Fitted) -> Real:

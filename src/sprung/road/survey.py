@@ -185,7 +185,7 @@ class SurveySettings:
     depth: float = 0.008
     over_scatter: float = 5.0
     nearby: float = 50.0
-    #: Lengths of dips and bumps that are told apart [m], and the largest one of a joint, a dip across both tracks.
+    #: Lengths of dips and bumps that are fitted [m], and the largest one of a joint, a dip across both tracks.
     lengths: tuple[float, ...] = (0.3, 0.4, 0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.0, 2.5, 3.0)
     joint: float = 0.8
 

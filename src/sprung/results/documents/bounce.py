@@ -20,7 +20,7 @@ class CoulombDocument(ModeValues):
 
 
 class BounceMode(IdentifiedMode):
-    """A mode of one test, with its friction where that is told apart."""
+    """A mode of one test, with its friction where that is identified separately."""
 
     coulomb: CoulombDocument | None = None
 
