@@ -1,9 +1,11 @@
 """The search for the largest likelihood: where it ends, and what it costs."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
-from sprung.likelihood.search import descent, minimised, preconditioner
+from sprung.likelihood.search import descent, least_squares, minimised, preconditioner
 
 
 @pytest.fixture
@@ -31,3 +33,32 @@ def test_the_preconditioner_makes_the_information_the_unit_matrix(drawn) -> None
     factor = preconditioner(drawn, drawn.start)
     information = drawn.information(drawn.start) + np.diag(1 / drawn.prior_std**2)
     assert factor.T @ information @ factor == pytest.approx(np.eye(drawn.start.size), abs=1e-6)
+
+
+@dataclass(frozen=True, eq=False)
+class Valley:
+    """Rosenbrock's function: 1 - x and 10 (y - x^2), with both at least -2 and at most a bound."""
+
+    at: np.ndarray
+    bound: float = 9.0
+
+    @property
+    def errors(self):
+        return np.array([1 - self.at[0], 10 * (self.at[1] - self.at[0] ** 2)])
+
+    @property
+    def criterion(self):
+        return np.log(self.errors @ self.errors + 1e-20)
+
+    def slopes(self):
+        slopes = np.array([[-1.0, 0.0], [-20 * self.at[0], 10.0]])
+        return np.where((self.at >= self.bound) & (self.errors @ slopes < 0), 0.0, slopes)
+
+    def moved(self, step):
+        return Valley(np.clip(self.at + step, -2, self.bound), self.bound)
+
+
+def test_least_squares_of_a_curved_valley() -> None:
+    """Rosenbrock (1960): the least is at (1, 1); with both at most 0.5, at (0.5, 0.25)."""
+    np.testing.assert_allclose(least_squares(Valley(np.array([-1.2, 1.0]))).at, [1, 1], atol=1e-6)
+    np.testing.assert_allclose(least_squares(Valley(np.array([-1.2, 0.3]), 0.5)).at, [0.5, 0.25], atol=1e-4)

@@ -116,16 +116,21 @@ def tested(run: Recording, number: int, transient: Transient) -> BounceTest:
     of_noise = max(RULES.nonlinear, RULES.tried_beyond_noise * transient.noise)
     is_linear = transient.unexplained < of_noise
     with_friction = None if is_linear else _with_friction(run, number, transient)
+    if with_friction is None and transient.unexplained > max(RULES.hopeless, RULES.beyond_noise * transient.noise):
+        raise DataError("it does not swing freely")
+    free: tuple[Recording, FreeFit] | None = None
     if not is_linear and (with_friction is None or with_friction.residual > of_noise):
-        beside = _beside_faster(run, number, transient)
+        try:
+            free = _free(run, transient)
+        except DataError:
+            free = None
+        beside = _beside_faster(run, number, transient, *free) if free is not None else None
         is_better = with_friction is None or (beside is not None and beside.residual < with_friction.residual)
         with_friction = beside if is_better else with_friction
     if with_friction is not None and with_friction.is_significant:
         return with_friction
-    if with_friction is None and transient.unexplained > max(RULES.hopeless, RULES.beyond_noise * transient.noise):
-        raise DataError("it does not swing freely")
     try:
-        linear = _linear(run, number, transient)
+        linear = _linear(number, transient, *(free or _free(run, transient)))
     except DataError:
         if with_friction is None:
             raise
@@ -142,9 +147,8 @@ def tested(run: Recording, number: int, transient: Transient) -> BounceTest:
     return linear if is_simpler else with_friction
 
 
-def _linear(run: Recording, number: int, transient: Transient) -> BounceTest:
-    """Return a test by linear modes."""
-    part, fit = _free(run, transient)
+def _linear(number: int, transient: Transient, part: Recording, fit: FreeFit) -> BounceTest:
+    """Return a test by the linear modes of its free part."""
     residual = float(np.sqrt(max(1 - fit.explained, 0.0)))
     if not len(fit.modes) or residual > _by_noise(RULES.max_linear_residual, transient):
         raise DataError("it does not swing freely")
@@ -164,7 +168,9 @@ def _free(run: Recording, transient: Transient) -> tuple[Recording, FreeFit]:
     return part, fit
 
 
-def _beside_faster(run: Recording, number: int, transient: Transient) -> BounceTest | None:
+def _beside_faster(
+    run: Recording, number: int, transient: Transient, part: Recording, fit: FreeFit
+) -> BounceTest | None:
     """Return a test by swings with friction beside faster linear modes; None without any of both.
 
     Notes
@@ -172,10 +178,6 @@ def _beside_faster(run: Recording, number: int, transient: Transient) -> BounceT
     Linear modes imitate friction at the frequency of the swing and three times of it. What is faster and well
     determined is another mode: without its motion, a swing with friction describes the rest.
     """
-    try:
-        part, fit = _free(run, transient)
-    except DataError:
-        return None
     modes = fit.modes
     is_fast = modes.natural_frequency > RULES.faster * modes.natural_frequency.min(initial=np.inf)
     is_fast &= modes.damping_ratio_std < RULES.max_fast_deviation * modes.damping_ratio

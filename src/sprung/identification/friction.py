@@ -1,13 +1,14 @@
 """Swings with viscous damping and dry friction: both from one free response, and where it sticks."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
-from typing import Any
 
 import numpy as np
 
 from sprung._arrays import Real
 from sprung._checks import freeze
+from sprung.likelihood.search import least_squares
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,67 +206,138 @@ def fit_friction(samples: Real, sampling_rate: float, *, frequency: float, order
     >>> round(fit.damping_ratio, 6), fit.sticking.round(6)
     (0.1, array([0.001]))
     """
-    from scipy.optimize import OptimizeResult, least_squares
-
     values, step = _scaled(samples)
-    time = np.arange(len(values)) * step / sampling_rate
+    offsets = values.mean(axis=0)
+    start = _Swing(values - offsets, np.arange(len(values)) * step / sampling_rate, frequency, order)
 
-    def linear(parameters: Real) -> tuple[Real, Real]:
-        f = float(np.exp(parameters[0]))
-        swing = swing_with_friction(
-            time - parameters[3] / f,
-            natural_frequency=f,
-            damping_ratio=float(np.exp(parameters[1])),
-            friction=float(parameters[2]),
-            order=order,
-        )
-        columns = np.stack([swing, np.ones_like(swing)], axis=1)
-        return columns, np.asarray(np.linalg.lstsq(columns, values, rcond=None)[0], dtype=np.float64)
-
-    def errors(parameters: Real) -> Real:
-        columns, factors = linear(parameters)
-        return np.asarray((values - columns @ factors).T.ravel())
-
-    def searched(starts: list[Real], most_friction: float) -> OptimizeResult:
-        bounds = np.array([np.log(frequency / 3), np.log(1e-5), 0.0, -0.5])
-        upper = np.array([np.log(2 * frequency), np.log(0.95), most_friction, 0.1])
-        nearest = sorted(starts, key=lambda start: float(np.sum(errors(start) ** 2)))[: RULES.n_searches]
-        inside = [np.clip(start, bounds + 1e-12, upper - 1e-12) for start in nearest]
-        scale = [0.1, 0.3, 0.1, 0.1]
-        fits = [
-            least_squares(errors, start, bounds=(bounds, upper), x_scale=scale, xtol=1e-10, ftol=1e-10, gtol=1e-10)
-            for start in inside
-        ]
-        return min(fits, key=lambda fit: float(fit.cost))
+    def searched(starts: list[Real], most_friction: float) -> _Swing:
+        tried = [replace(start, parameters=each, most_friction=most_friction) for each in starts]
+        return min(map(least_squares, sorted(tried, key=_cost)[: RULES.n_searches]), key=_cost)
 
     coarse = product(np.log(frequency * np.array(RULES.frequencies)), RULES.dampings, RULES.turns)
-    viscous = searched([np.array([f, np.log(xi), 0.0, turn]) for f, xi, turn in coarse], 1e-9)
-    near, turn = viscous.x[0] + np.array(RULES.near), viscous.x[3]
+    viscous = searched([np.array([f, np.log(xi), 0.0, turn]) for f, xi, turn in coarse], 0.0)
+    near, turn = viscous.parameters[0] + np.array(RULES.near), viscous.parameters[3]
     fine = product(near, np.log(RULES.fine_dampings), RULES.frictions)
-    if np.sqrt(2 * viscous.cost / values.size) > RULES.max_viscous:
+    if np.sqrt(viscous.cost / values.size) > RULES.max_viscous:
         fine = product(near[:0], [], [])
-    best = searched([*(np.array([f, xi, part, turn]) for f, xi, part in fine), viscous.x], 0.95)
-    factors = linear(best.x)[1]
-    of_best, of_viscous = _deviations(best), _deviations(viscous)
-    n_free = values.size / correlated_samples(best.fun.reshape(values.shape[::-1]))
+    starts = [np.array([f, xi, part, turn]) for f, xi, part in fine]
+    best = searched([*starts, viscous.parameters], start.most_friction)
+    of_best, of_viscous = best.deviations(), viscous.deviations()
+    n_free = values.size / correlated_samples(best.left.T)
     scales = np.maximum(np.std(samples, axis=1), 1e-300)
-    f, xi = np.exp(best.x[:2])
-    equivalent = np.exp(viscous.x[:2])
+    f, xi, friction, turn = best.parameters
+    f, xi = np.exp(f), np.exp(xi)
+    equivalent = np.exp(viscous.parameters[:2])
     return FrictionFit(
         natural_frequency=float(f),
         damping_ratio=float(xi),
-        friction=float(best.x[2]),
+        friction=float(friction),
         natural_frequency_std=float(f * of_best[0]),
         damping_ratio_std=float(xi * of_best[1]),
         friction_std=float(of_best[2]),
         equivalent=np.stack([equivalent, equivalent * of_viscous[:2]]),
         gain=float(max(n_free - 6, 1) / 2 * np.log(max(viscous.cost, 1e-30) / max(best.cost, 1e-30))),
-        residual=float(np.sqrt(2 * best.cost / values.size)),
-        turn=float(best.x[3] / f),
-        amplitudes=factors[0] * scales,
-        offsets=factors[1] * scales,
+        residual=float(np.sqrt(best.cost / values.size)),
+        turn=float(turn / f),
+        amplitudes=best.amplitudes * scales,
+        offsets=(offsets - best.amplitudes * best.motion(best.parameters).mean()) * scales,
         order=order,
     )
+
+
+#: Step of ln frequency, ln damping ratio, friction and turn for their derivatives.
+_STEP = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class _Swing:
+    """Samples without their means, shape (samples, channels), and a swing with friction: a point of `least_squares`.
+
+    Notes
+    -----
+    Parameters are ln frequency, ln damping ratio, friction, and the first turn in periods after the first sample.
+    Amplitudes and offsets are linear and follow from them.
+    """
+
+    values: Real
+    time: Real
+    frequency: float
+    order: int
+    most_friction: float = 0.95
+    parameters: Real = field(default_factory=lambda: np.zeros(4))
+
+    def motion(self, parameters: Real) -> Real:
+        """Return the swing of unit amplitude, shape (samples,)."""
+        f = float(np.exp(parameters[0]))
+        return swing_with_friction(
+            self.time - parameters[3] / f,
+            natural_frequency=f,
+            damping_ratio=float(np.exp(parameters[1])),
+            friction=float(parameters[2]),
+            order=self.order,
+        )
+
+    @cached_property
+    def left(self) -> Real:
+        """What the swing leaves, shape (samples, channels)."""
+        return self._fitted(self.parameters)[0]
+
+    @property
+    def amplitudes(self) -> Real:
+        """Amplitude of each channel, shape (channels,)."""
+        return self._fitted(self.parameters)[1]
+
+    @property
+    def errors(self) -> Real:
+        """What the swing leaves, channel by channel, shape (errors,)."""
+        return self.left.T.ravel()
+
+    @property
+    def cost(self) -> float:
+        """Sum of the squared errors."""
+        return float(np.sum(self.left**2))
+
+    @property
+    def criterion(self) -> float:
+        """Minus the log likelihood, but for a constant."""
+        return self.values.size / 2 * float(np.log(max(self.cost, 1e-300)))
+
+    def slopes(self) -> Real:
+        """Return the derivatives of the errors; 0 for a parameter that a step would move beyond its bound."""
+        slopes, (low, high) = self._derivatives(), self._bounds
+        rise = slopes.T @ self.errors
+        is_held = (self.parameters <= low) & (rise > 0) | (self.parameters >= high) & (rise < 0)
+        return np.where(is_held, 0.0, slopes)
+
+    def moved(self, step: Real) -> "_Swing":
+        """Return the swing after a step of the parameters, within their bounds."""
+        return replace(self, parameters=np.clip(self.parameters + step, *self._bounds))
+
+    def deviations(self) -> Real:
+        """Return the standard deviations of the parameters, from what is left."""
+        n_free = max(self.values.size / correlated_samples(self.errors[None]) - 6, 1.0)
+        slopes = self._derivatives()
+        return np.asarray(np.sqrt(np.diag(self.cost / n_free * np.linalg.pinv(slopes.T @ slopes))))
+
+    @property
+    def _bounds(self) -> Real:
+        """Lowest and highest parameters, shape (2, 4)."""
+        low = [np.log(self.frequency / 3), np.log(1e-5), 0.0, -0.5]
+        return np.array([low, [np.log(2 * self.frequency), np.log(0.95), self.most_friction, 0.1]])
+
+    def _fitted(self, parameters: Real) -> tuple[Real, Real]:
+        swing = self.motion(parameters)
+        swing = swing - swing.mean()
+        amplitudes = swing @ self.values / max(float(swing @ swing), 1e-300)
+        return self.values - np.outer(swing, amplitudes), amplitudes
+
+    def _derivatives(self) -> Real:
+        moved = [self._fitted(self.parameters + _STEP * row)[0].T.ravel() for row in np.eye(4)]
+        return np.stack([(each - self.errors) / _STEP for each in moved], axis=-1)
+
+
+def _cost(swing: _Swing) -> float:
+    return swing.cost
 
 
 def _scaled(samples: Real) -> tuple[Real, int]:
@@ -279,12 +351,6 @@ def beyond_one_swing(samples: Real) -> float:
     values = _scaled(samples)[0]
     own = np.linalg.svd(values - values.mean(axis=0), compute_uv=False)
     return float(np.sqrt(np.sum(own[1:] ** 2) / values.size))
-
-
-def _deviations(fit: Any) -> Real:
-    """Return the standard deviations of the parameters of a least-squares fit, from its residuals."""
-    n_free = max(fit.fun.size / correlated_samples(fit.fun[None]) - 6, 1.0)
-    return np.asarray(np.sqrt(np.diag(2 * fit.cost / n_free * np.linalg.pinv(fit.jac.T @ fit.jac))))
 
 
 def correlated_samples(residuals: Real) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 
 from sprung._arrays import Complex, Real
 from sprung.likelihood.free_response import FreeLines
+from sprung.likelihood.search import least_squares
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,15 +19,8 @@ class _PoleRules:
     #: Frequencies in each octave, and damping ratios, among which a further pole is sought.
     per_octave: int = 8
     further: tuple[float, ...] = (0.03, 0.1, 0.2, 0.4)
-    #: Most steps of a search, longest step of a logarithm, and gain of the log likelihood at which it ends.
-    max_steps: int = 40
+    #: Longest step of a logarithm.
     longest: float = 0.5
-    gain: float = 1e-4
-    #: Damping of the first step by Levenberg and Marquardt, its factors after a good and a bad step, and its end.
-    begin: float = 1e-3
-    less: float = 0.1
-    more: float = 10.0
-    vain: float = 1e6
 
 
 _RULES = _PoleRules()
@@ -76,23 +70,7 @@ class FreePoles:
 
     def refined(self) -> "FreePoles":
         """Return the poles of largest likelihood near these."""
-        found, damping = self, _RULES.begin
-        for _ in range(_RULES.max_steps):
-            slopes, errors = found._slopes(), found._errors()
-            normal, slope = slopes.T @ slopes, slopes.T @ errors
-            stretch = np.diag(np.diag(normal) + _LEAST_PART * np.trace(normal))
-            while damping < _RULES.vain:
-                step = np.linalg.solve(normal + damping * stretch, -slope).reshape(2, -1)
-                better = found._moved(np.clip(step, -_RULES.longest, _RULES.longest))
-                if better.criterion < found.criterion:
-                    break
-                damping *= _RULES.more
-            else:
-                return found
-            gain, found, damping = found.criterion - better.criterion, better, damping * _RULES.less
-            if gain < _RULES.gain:
-                return found
-        return found
+        return least_squares(self)
 
     @cached_property
     def criterion(self) -> float:
@@ -128,17 +106,20 @@ class FreePoles:
             ) / (powers[0] * powers[1] * (1 + _LEAST_PART) - crossed**2)
         return FreePoles(self.data, np.append(self.poles, grid[np.argmax(gains)]))
 
-    def _moved(self, step: Real) -> "FreePoles":
-        """Return poles after a step of the logarithms of frequencies and damping ratios, shape (2, poles)."""
+    def moved(self, step: Real) -> "FreePoles":
+        """Return poles after a step of the logarithms of frequencies, then damping ratios, shape (2 poles,)."""
+        step = np.clip(step, -_RULES.longest, _RULES.longest).reshape(2, -1)
         f, xi = np.abs(self.poles) * np.exp(step[0]), -self.poles.real / np.abs(self.poles) * np.exp(step[1])
         f = np.clip(f, np.pi * self.data.frequencies.min(), 2 * np.pi * self.data.frequencies.max())
         xi = np.clip(xi, *_RULES.damping)
         return FreePoles(self.data, f * (1j * np.sqrt(1 - xi**2) - xi))
 
-    def _errors(self) -> Real:
+    @property
+    def errors(self) -> Real:
+        """What is left of all lines, real and imaginary parts over the noise, shape (errors,)."""
         return np.concatenate([(part.left / np.sqrt(self.noise)).ravel() for part in self._parts])
 
-    def _slopes(self) -> Real:
+    def slopes(self) -> Real:
         """Return the derivatives of the errors by logarithms of frequencies and damping ratios."""
         n, xi = len(self.poles), -self.poles.real / np.abs(self.poles)
         steps = np.stack([self.poles, np.abs(self.poles) * (-xi - 1j * xi**2 / np.sqrt(1 - xi**2))])

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
-from typing import Protocol
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -53,8 +53,26 @@ class ScoringSettings:
     converged: float = 1e-2
 
 
+@dataclass(frozen=True, slots=True)
+class LeastSquaresSettings:
+    """Settings of the search by Levenberg and Marquardt."""
+
+    #: Most steps, and gain of the log likelihood at which the search ends.
+    max_steps: int = 40
+    gain: float = 1e-4
+    #: Damping of the first step, its factors after a good and a bad step, and its end: first steps that are bolder end
+    #: in false minima of swings with friction.
+    begin: float = 0.1
+    less: float = 0.3
+    more: float = 3.0
+    vain: float = 1e4
+    #: Least damping, and least of a parameter without effect over the sum of all.
+    least: float = 1e-9
+
+
 DESCENT = DescentSettings()
 SCORING = ScoringSettings()
+LEAST_SQUARES = LeastSquaresSettings()
 
 
 class Likelihood(Protocol):
@@ -69,6 +87,63 @@ class Likelihood(Protocol):
 
     def information(self, parameters: Real) -> Real:
         """Return the Fisher information without the prior, shape (parameters, parameters)."""
+
+
+class LeastSquares(Protocol):
+    """Parameters at which errors are taken, and which may move."""
+
+    @property
+    def criterion(self) -> float:
+        """Minus the log likelihood, but for a constant."""
+
+    @property
+    def errors(self) -> Real:
+        """Errors over their deviations, shape (errors,)."""
+
+    def slopes(self) -> Real:
+        """Return the derivatives of the errors by the parameters, shape (errors, parameters)."""
+
+    def moved(self, step: Real) -> Self:
+        """Return the parameters after a step, shape (parameters,), kept within their bounds."""
+
+
+_Point = TypeVar("_Point", bound=LeastSquares)
+
+
+def least_squares(start: _Point) -> _Point:
+    """Return the parameters of least squares near a start.
+
+    Notes
+    -----
+    Steps (J^T J + d diag(J^T J))^-1 J^T errors, whose damping d falls after each that decreases the criterion.
+
+    References
+    ----------
+    D. W. Marquardt, An algorithm for least-squares estimation of nonlinear parameters, SIAM Journal on Applied
+    Mathematics 11 (1963), 431-441.
+    """
+    found, damping = start, LEAST_SQUARES.begin
+    for _ in range(LEAST_SQUARES.max_steps):
+        slopes = found.slopes()
+        normal, slope = slopes.T @ slopes, slopes.T @ found.errors
+        if not np.trace(normal) > 0:
+            return found
+        stretch = np.diag(np.diag(normal) + LEAST_SQUARES.least * np.trace(normal))
+        while damping < LEAST_SQUARES.vain:
+            better = found.moved(np.asarray(np.linalg.solve(normal + damping * stretch, -slope), dtype=np.float64))
+            if better.criterion < found.criterion:
+                break
+            damping *= LEAST_SQUARES.more
+        else:
+            return found
+        gain, found, damping = (
+            found.criterion - better.criterion,
+            better,
+            max(damping * LEAST_SQUARES.less, LEAST_SQUARES.least),
+        )
+        if gain < LEAST_SQUARES.gain:
+            return found
+    return found
 
 
 def minimised(model: Likelihood, start: Real) -> Real:
