@@ -1,4 +1,7 @@
-"""From the demonstration to a report in hand: a person sees the soft spring being found, and acts."""
+"""From the demonstration to a report in hand: a person sees the soft spring being found, and acts.
+
+A soft spring and a dead sensor raise alerts, and nothing else does.
+"""
 
 import os
 import pty
@@ -113,6 +116,8 @@ def test_from_the_demonstration_to_a_report(demo, visit, tmp_path) -> None:
     demo.wait_for("Ctrl-C (ends) it", seconds=300)
     code, text = demo.interrupt()
     assert code == 0
+    assert "car-1: no alert (simulated: healthy)" in text
+    assert "car-2: front-left spring 2" in text
     assert "car-3: sensor acc_rr is dead" in text
     assert "Traceback" not in text
 

@@ -1,7 +1,10 @@
 """The pages of the demonstration, and that its drives end in the present."""
 
 import socket
+import threading
 import urllib.request
+from contextlib import nullcontext
+from types import SimpleNamespace
 
 import pytest
 
@@ -22,12 +25,23 @@ def test_pages_move_to_a_free_port_where_the_usual_one_is_taken() -> None:
             text = answer.read().decode()
         assert "Demonstration" in text
         assert "No vehicle is known yet." in text
-
-
-@pytest.mark.slow
-def test_a_run_that_is_stopped_finds_nothing() -> None:
-    with open_demo(pace=60.0) as demonstration:
         assert demonstration.find_faults(60.0, is_stopped=lambda: True) == []
+
+
+@pytest.mark.parametrize(
+    ("sentences", "code", "said"),
+    [(["both alerts raised"], 0, "both alerts raised"), ([], 130, "stopped before both faults were found")],
+)
+def test_without_a_terminal_the_program_ends_with_what_was_found(sprung, monkeypatch, sentences, code, said) -> None:
+    """A whole run of it is in `tests/journeys/test_demo_journey.py`."""
+    stopping = threading.Event()
+    found = SimpleNamespace(page="http://127.0.0.1:8737", find_faults=lambda *_, **__: sentences)
+    monkeypatch.setattr("sprung.online.demo.open_demo", lambda *, pace: nullcontext(found))
+    monkeypatch.setattr("sprung.online.commands.monitor.stop_on_signals", lambda **_: stopping)
+    outcome = sprung("demo", "--minutes", "1")
+    assert outcome.code == code
+    assert f"pages of this monitor: {found.page}" in outcome.out
+    assert said in outcome.out
 
 
 def test_drives_end_in_the_present() -> None:
