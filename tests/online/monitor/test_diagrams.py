@@ -8,16 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.diagnosis import observe_window
 from sprung.identification import METHODS
+from sprung.likelihood.fitting import fit_windows
 from sprung.link.archive import ArchiveError, write_archive
 from sprung.modal import PoleStatus
-from sprung.online.monitor.diagrams import answer, archived_recording, diagram_values, window_diagrams
+from sprung.online.monitor.diagrams import answer, archived_recording
 from sprung.online.monitor.engine import IDENTIFICATION
 from sprung.recording import Gap
 from sprung.results.documents import mode_documents
+from sprung.results.figures.diagnosis import mean_spectra
 from sprung.vehicles import vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
+from sprung.vehicles.window import window_of
 
 
 def archived(folder, recording):
@@ -32,6 +34,16 @@ def archived(folder, recording):
         sampling_rate=recording.sampling_rate,
         gaps=[(gap.index, gap.duration) for gap in recording.gaps],
     )
+
+
+def request(samples, run, car):
+    return {
+        "samples": str(samples),
+        "quantities": quantities_of(run, car.sensor),
+        "description": vehicle_text(car),
+        "method": "cov",
+        "source": "car-1",
+    }
 
 
 def test_archived_samples_are_those_of_the_window(tmp_path, car, drive) -> None:
@@ -56,18 +68,25 @@ def test_samples_that_are_gone_or_damaged(tmp_path) -> None:
 
 
 @pytest.mark.slow
-def test_diagrams_are_those_of_the_same_samples(tmp_path, car, drive) -> None:
-    """With the functions of the monitor and the command line on the samples before they were archived."""
+def test_a_process_of_its_own_answers_with_what_the_same_samples_give(tmp_path, car, drive) -> None:
+    """As the functions of the monitor and the command line give it on the samples before they were archived."""
     run = drive(0)
-    recording = archived_recording(archived(tmp_path, run), quantities_of(run, car.sensor))
-    diagrams = window_diagrams(recording, car)
-    assert diagrams.notes == ()
-    values = json.loads(json.dumps(diagram_values(diagrams, vehicle=car)))
+    command = [sys.executable, "-P", "-m", "sprung.online.monitor.diagrams"]
+    asked = json.dumps(request(archived(tmp_path, run), run, car))
+    done = subprocess.run(command, input=asked, capture_output=True, text=True, check=True)
+    answered = json.loads(done.stdout)
+    assert answered["pictures"].keys() == {"spectra", "stabilisation", "fit", "levels"}
+    for picture in answered["pictures"].values():
+        assert picture.startswith("<?xml")
+        assert "<script" not in picture
+    values = answered["values"]
+    assert values["notes"] == []
     direct = METHODS["cov"](run, settings=IDENTIFICATION, vehicle=car)
     for own, other in zip(values["identification"]["modes"], mode_documents(direct.modes), strict=True):
         assert own["label"] == other["label"]
         assert own["natural_frequency"] == pytest.approx(other["natural_frequency"], rel=1e-5)
         assert own["damping_ratio"] == pytest.approx(other["damping_ratio"], rel=1e-4)
+    assert values["stabilisation"]["rung"] == "model order"
     (poles,) = values["stabilisation"]["poles"]
     (diagram,) = direct.subsets[0].diagrams
     assert len(poles["rung"]) == len(poles["status"]) == len(diagram.status)
@@ -77,38 +96,13 @@ def test_diagrams_are_those_of_the_same_samples(tmp_path, car, drive) -> None:
         diagram.poles.natural_frequency[diagram.status == PoleStatus.SELECTED],
         rtol=1e-4,
     )
-    assert diagrams.fit is not None
-    np.testing.assert_allclose(diagrams.fit.log_ratios, observe_window(run, car).log_ratios, atol=1e-4)
-
-
-@pytest.mark.slow
-def test_a_process_of_its_own_answers_with_values_and_figures(tmp_path, car, drive) -> None:
-    run = drive(0)
-    request = {
-        "samples": str(archived(tmp_path, run)),
-        "quantities": quantities_of(run, car.sensor),
-        "description": vehicle_text(car),
-        "method": "cov",
-        "source": "car-1",
-    }
-    command = [sys.executable, "-P", "-m", "sprung.online.monitor.diagrams"]
-    done = subprocess.run(command, input=json.dumps(request), capture_output=True, text=True, check=True)
-    answered = json.loads(done.stdout)
-    assert answered["pictures"].keys() == {"spectra", "stabilisation", "fit", "levels"}
-    for picture in answered["pictures"].values():
-        assert picture.startswith("<?xml")
-        assert "<script" not in picture
-    assert answered["values"]["stabilisation"]["rung"] == "model order"
+    fit = fit_windows([window_of(run, car)])
+    assert values["fit"]["model_error"] == pytest.approx(fit.model_error, rel=1e-3)
+    for own, expected in zip(values["fit"]["coordinates"], mean_spectra(fit)[1], strict=True):
+        np.testing.assert_allclose(own["fitted"], expected, rtol=1e-3)
 
 
 def test_why_there_are_no_diagrams_is_said(tmp_path, car, drive) -> None:
     run = replace(drive(0), samples=np.zeros_like(drive(0).samples))
-    request = {
-        "samples": str(archived(tmp_path, run)),
-        "quantities": quantities_of(run, car.sensor),
-        "description": vehicle_text(car),
-        "method": "cov",
-        "source": "car-1",
-    }
-    assert set(answer(request)) == {"error"}
-    assert "cannot be read" in answer(request | {"samples": "/nowhere/1-0.parquet"})["error"]
+    assert set(answer(request(archived(tmp_path, run), run, car))) == {"error"}
+    assert "cannot be read" in answer(request("/nowhere/1-0.parquet", run, car))["error"]
