@@ -133,6 +133,7 @@ def test_without_a_push_there_is_no_answer() -> None:
         bounce(Recording(noise, 100.0, (Channel("a", "acceleration"), Channel("b", "acceleration"))))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not CLICKS.exists(), reason="real recordings are not here")
 def test_rebound_clicks_of_a_bicycle() -> None:
     """Viscous damping rises with 0, 4, 8, 12, 17 clicks; frequencies, with spring and rider unchanged, are alike.
