@@ -59,7 +59,8 @@ def test_a_file_of_another_recording_is_refused() -> None:
     with pytest.raises(ParameterError) as refusal:
         with_layout(recorded(Channel("x"), Channel("y")), [sensor("a"), sensor("b")])
     assert str(refusal.value) == (
-        "none of the vehicle file's sensors a, b is among the channels x, y: make the names agree"
+        "none of the vehicle file's sensors a, b is among the channels x, y: rename the channels, or state under"
+        " [[sensor]] in the vehicle file what they measure and where they are"
     )
 
 

@@ -102,8 +102,8 @@ def check_present(
     if sensors and not {sensor.channel for sensor in sensors} & set(names):
         stated = _with_nearest([sensor.channel for sensor in sensors], names)
         raise ParameterError(
-            f"none of the vehicle file's sensors {stated} is among the channels {', '.join(names)}: make the names"
-            " agree"
+            f"none of the vehicle file's sensors {stated} is among the channels {', '.join(names)}: rename the"
+            " channels, or state under [[sensor]] in the vehicle file what they measure and where they are"
         )
     others = _left_over(names, sensors)
     # Speed, temperature and pressure may be absent: results state which are.
