@@ -14,6 +14,8 @@ from sprung.errors import DataError, ParameterError
 from sprung.formats import read
 from sprung.identification.free_response import fit_free_response
 from sprung.identification.friction import swing_with_friction
+from sprung.identification.methods import cov_ssi
+from sprung.identification.settings import IdentificationSettings
 from sprung.identification.transients import find_transients
 from sprung.recording import Channel, Recording
 from sprung.vehicles import Sensor, Structure, parse_fault, read_vehicle, structure, with_faults
@@ -155,6 +157,39 @@ def test_friction_beside_a_faster_swing_makes_no_false_modes(quantity, order, sh
     assert linear is None
     assert friction is not None
     assert friction.damping_ratio == pytest.approx(0.06, abs=0.01)
+
+
+def drop(seed=0, *, hum=0.0) -> np.ndarray:
+    """Return two seconds of rest and a decay of 1.5 Hz with 15 % and 8 Hz with 10 % damping, shape (2, samples)."""
+    time = np.arange(9 * 400) / 400
+    after, motion = time[800:] - time[800], np.zeros(time.size)
+    for f, xi, size in ((1.5, 0.15, 1.0), (8.0, 0.1, 0.5)):
+        turning = 2 * np.pi * f * np.sqrt(1 - xi**2)
+        motion[800:] += size * np.exp(-2 * np.pi * f * xi * after) * np.sin(turning * after)
+    line = hum * np.sin(2 * np.pi * 50 * time)
+    both = np.stack([motion + line, 0.7 * motion + 1.1 * line])
+    return both + 0.02 * np.random.default_rng(seed).standard_normal(both.shape)
+
+
+ACCELERATIONS = (Channel("acc_f", "acceleration"), Channel("acc_r", "acceleration"))
+
+
+def test_a_drop_beside_hum() -> None:
+    """With mains hum, a record is nowhere quiet: no drop was found, and `identify --kind free` found none either."""
+    result = bounce(Recording(drop(hum=0.3), 400.0, ACCELERATIONS))
+    assert any("hum" in note for note in result.notes)
+    settings = IdentificationSettings(kind="free")
+    for modes in (result.modes, cov_ssi(Recording(drop(hum=0.3), 400.0, ACCELERATIONS), settings=settings).modes):
+        assert modes.natural_frequency == pytest.approx([1.5, 8.0], rel=0.01)
+        assert modes.damping_ratio == pytest.approx([0.15, 0.1], rel=0.05)
+    assert not bounce(Recording(drop(), 400.0, ACCELERATIONS)).notes
+
+
+def test_a_time_in_seconds_under_a_heading_of_milliseconds_is_doubted() -> None:
+    """Modes of 1500 Hz were stated without a word."""
+    history = ("time: column 'time [ms]', by its name",)
+    result = bounce(Recording(drop(), 400e3, ACCELERATIONS, history=history))
+    assert "is the time in s, not in ms" in result.notes[0]
 
 
 def test_without_a_push_there_is_no_answer() -> None:

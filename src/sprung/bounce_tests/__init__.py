@@ -5,8 +5,9 @@ from collections.abc import Iterable
 from sprung.bounce_tests.results import RULES, Bounce, BounceChange, BounceTest, CornerValue, bounce_changes
 from sprung.bounce_tests.swings import corners_of, fitted_together, pooled, size_of, tested
 from sprung.errors import DataError
-from sprung.identification.transients import find_transients
+from sprung.identification.transients import find_beside_hum
 from sprung.recording import Recording, each_recording
+from sprung.signals.inspection import doubts_of
 from sprung.vehicles import Vehicle
 from sprung.vehicles.labels import labelled
 from sprung.vehicles.sensor_layout import AnyVehicle, output_channels, usable
@@ -64,11 +65,16 @@ def bounce(
     (1, array([0.2]))
     """
     given = [recordings] if isinstance(recordings, Recording) else list(each_recording(recordings))
-    runs = [_motion(run, vehicle, allow_missing) for run in given]
+    moving = [_motion(run, vehicle, allow_missing) for run in given]
+    found = [find_beside_hum(run) for run in moving]
+    runs = [run for run, _ in found]
     tests: list[BounceTest] = []
     notes: list[str] = []
     for number, run in enumerate(runs):
-        transients = find_transients(run)
+        notes += doubts_of(run)
+        transients = found[number][1]
+        if run is not moving[number]:
+            notes.append("lines of constant frequency, such as hum, were subtracted")
         sizes = [size_of(run, transient) for transient in transients]
         for transient, size in zip(transients, sizes, strict=True):
             if size < RULES.min_size * max(sizes):

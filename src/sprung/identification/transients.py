@@ -107,6 +107,7 @@ def motion_level(recording: Recording) -> tuple[Real, float]:
     powers = np.abs(np.fft.rfft(samples - np.linspace(begin, end, samples.shape[1], axis=1), axis=1)) ** 2
     frequencies = np.fft.rfftfreq(samples.shape[1], 1 / rate)
     used = (frequencies >= _EVENTS.swings[0]) & (frequencies <= min(_EVENTS.swings[1], 0.4 * rate))
+    used = used if used.any() else frequencies > 0  # a clock that is wrong
     powers, frequencies = powers[:, used], frequencies[used]
     slopes = powers * np.sin(np.pi * frequencies / rate) ** 2
     slopes = slopes * (powers > _EVENTS.beyond_median * np.median(powers, axis=1, keepdims=True))
@@ -181,6 +182,18 @@ def find_transients(recording: Recording) -> tuple[Transient, ...]:
     return tuple(found)
 
 
+def find_beside_hum(recording: Recording) -> tuple[Recording, tuple[Transient, ...]]:
+    """Return the motions of a recording, and the recording; without lines of constant frequency if these hid them."""
+    found = find_transients(recording)
+    if found:
+        return recording, found
+    from sprung.signals.harmonics import find_harmonics, subtract_lines
+
+    lines = find_harmonics(recording)
+    cleaned = subtract_lines(recording, lines) if lines else recording
+    return cleaned, find_transients(cleaned) if lines else ()
+
+
 def _events(level: Real, edge: float, width: int) -> list[tuple[int, int]]:
     """Return first and last sample of each motion above the edge; one that rises again is another one."""
     events: list[tuple[int, int]] = []
@@ -214,13 +227,13 @@ def free_parts(recordings: Sequence[Recording], *, is_certain: bool = False) -> 
         from the beginning to the end.
     """
     parts = []
-    for recording in recordings:
-        level, window = motion_level(recording)
+    for given in recordings:
+        level, window = motion_level(given)
         blocks = np.array([np.mean(block) for block in np.array_split(level, 6)])
         falls = bool(np.all(np.diff(blocks) < 0)) and blocks[0] > _EVENTS.fall_of_record * blocks[-1]
         if not is_certain and np.mean(level < _EVENTS.quiet) < _EVENTS.min_quiet and not falls:
             return []
-        found = find_transients(recording)
+        recording, found = find_beside_hum(given) if is_certain else (given, find_transients(given))
         if not 0 < len(found) <= _EVENTS.max_motions:
             return []
         rate = recording.sampling_rate
