@@ -23,6 +23,9 @@ from typing import Any, Protocol, TypeVar
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: matrices are small, more threads only wait
 
+# Java for minutes: its thorough compiler would take longer than what it saves.
+os.environ.setdefault("JDK_JAVA_OPTIONS", "-XX:TieredStopAtLevel=1 -XX:+UseSerialGC")
+
 import numpy as np
 import pytest
 from hypothesis import settings
