@@ -31,7 +31,11 @@ def test_the_page_prints_what_the_command_prints(folder, capsys, monkeypatch) ->
     monkeypatch.chdir(folder)
     (command, head) = re.findall(r"\$ sprung (.*)\n(.*)\n", PAGE.read_text())[0]
     assert main([*command.split(), "--json", "b.json", "--report", "b.html", "--figures", "."]) == 0
-    assert head in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert head in shown
+    intervals = re.findall(r"(\S+) \.\. (\S+) +changed", shown)
+    assert len(intervals) == 7  # all three modes, and the damper
+    assert all(float(low) * float(high) > 0 for low, high in intervals)
     document = json.loads((folder / "b.json").read_text())
     assert document["schema"] == "sprung.bounce/1"
     assert [len(document[key]) for key in ("tests", "modes")] == [4, 3]

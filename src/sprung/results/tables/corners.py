@@ -206,7 +206,7 @@ def bounce_tables(bounce: "Bounce") -> list[Table]:
                 format_name(change.part),
                 _QUANTITIES[change.quantity],
                 f"{100 * change.change:+z.1f}",
-                f"{100 * change.interval[0]:+z.0f} .. {100 * change.interval[1]:+z.0f}",
+                f"{100 * change.interval[0]:+z.1f} .. {100 * change.interval[1]:+z.1f}",
                 "changed" if change.is_significant else "no change detected",
             )
             for change in bounce.changes
