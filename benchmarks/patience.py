@@ -1,22 +1,31 @@
-"""False names among those of a fleet, and faults found: vehicles from the state model of the change test.
+"""False names on the lists of simulated fleets, and faults found: vehicles from the state model of the change test.
 
 Baselines of 6 and 12 windows; parts of unequal scatter, serial correlation, conditions beyond those of the baseline.
-Somebody looks after 6, 12, 24 and 48 windows and stops at the first look that names a healthy vehicle: the worst for
-the promise, which is proportional to the patience; here this is the simulated time. Power is that over a year.
+Somebody looks at a fleet after 6, 12, 24 and 48 windows and stops at the first look that names a healthy vehicle: the
+worst for the promise, which is proportional to the patience; here that is the simulated time. Power is over a year.
+Estimates of windows are drawn, not recordings: `patience_vectors.py` computes their evidence as `sprung` does.
 """
 
 import argparse
 import os
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
+from itertools import pairwise
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from benchmarks.patience_vectors import COMMON, CONDITIONS, KINDS, OWN, PARTS, REPORTED, baselines, evidence
+from scipy.stats import binomtest
+
+from sprung.diagnosis import false_discoveries
+from sprung.diagnosis.changes import PATIENCE_DAYS
 
 LOOKS = (6, 12, 24, 48)
 ONSET = 3
 CHANGE = -0.05
 N_VEHICLES = 100
 RATE = 0.05
+#: Vehicles that are simulated together.
+AT_ONCE = 100
 #: Serial correlation, logarithmic standard deviation of the scatter of parts, whether conditions leave those met.
 WORLDS = {
     "as the model says": (0.0, 0.0, False),
@@ -24,86 +33,89 @@ WORLDS = {
     "serial correlation of 0.6": (0.6, 0.0, False),
     "unequal scatter of parts": (0.0, 0.4, False),
     "conditions beyond the baseline's": (0.0, 0.0, True),
-    "all three, 0.3": (0.3, 0.4, True),
-    "all three, 0.6": (0.6, 0.4, True),
+    "all three, correlation of 0.3": (0.3, 0.4, True),
+    "all three, correlation of 0.6": (0.6, 0.4, True),
 }
 
 
 def main():
     arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("--vehicles", type=int, default=1000, help="healthy vehicles simulated per row")
-    arguments.add_argument("--jobs", type=int, default=1)
-    arguments.add_argument("--worlds", nargs="*", default=list(WORLDS))
+    arguments.add_argument("--fleets", type=int, default=100, help=f"healthy fleets of {N_VEHICLES} simulated per row")
+    arguments.add_argument("--faulty", type=int, default=1000, help="vehicles with a fault simulated per row")
+    arguments.add_argument("--worlds", nargs="*", default=list(WORLDS), choices=list(WORLDS))
+    arguments.add_argument("--windows", type=int, nargs="*", default=[6, 12], help="windows of a baseline")
+    arguments.add_argument("--seed", type=int, default=1)
     given = arguments.parse_args()
-    print(f"{given.vehicles} healthy and {given.vehicles // 5} faulty vehicles per row")
-    print("| vehicles | baseline | fleets of 1 [%] | fleets of 10 [%] | fleets of 100 [%] | faults named [%] |")
-    print("|---|---|---|---|---|---|")
-    with ProcessPoolExecutor(given.jobs) as pool:
-        for name in given.worlds:
-            for n_learning in (6, 12):
-                simulate = partial(evidence, WORLDS[name], n_learning)
-                healthy = list(pool.map(simulate, [0.0] * given.vehicles, range(given.vehicles), chunksize=20))
-                seeds = range(10**6, 10**6 + given.vehicles // 5)
-                faulty = list(pool.map(simulate, [CHANGE] * len(seeds), seeds, chunksize=20))
-                row(name, n_learning, healthy, faulty)
+    heads = (
+        "vehicles",
+        "baseline",
+        "windows taken as",
+        *(f"fleets of {n} [%]" for n in (1, 10, 100)),
+        "faults named [%]",
+    )
+    print(f"| {' | '.join(heads)} |\n{'|---' * len(heads)}|")
+    for name in given.worlds:
+        for n_learning in given.windows:
+            seed = [given.seed, list(WORLDS).index(name), n_learning]
+            healthy = simulated(WORLDS[name], n_learning, 0.0, N_VEHICLES * given.fleets, [*seed, 0])
+            faulty = simulated(WORLDS[name], n_learning, CHANGE, given.faulty, [*seed, 1])
+            for taken, rows, changed in zip(("possibly correlated", "independent"), healthy, faulty, strict=True):
+                print(row(f"{name} | {n_learning} | {taken}", rows, changed), flush=True)
 
 
-def evidence(world, n_learning, change, seed):
-    """Return ln of the e-detector of a simulated vehicle at each look."""
-    import numpy as np
+def simulated(world, n_learning, change, count, seed):
+    """Return ln of the e-detector of vehicles at each look, shape (2, vehicles, looks).
 
-    import sprung
-    from sprung.diagnosis.baseline import CONDITIONS, slope_covariances
-    from sprung.diagnosis.changes import ChangeDetector
-    from sprung.diagnosis.ratios import lasting_evidence
-
-    correlation, unequal, is_beyond = world
-    generator = np.random.default_rng([seed, n_learning])
-    parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
-    names = ("payload", "roughness", "speed", "temperature")
-    middle = dict(zip(names, (100.0, 1e-5, 20.0, 290.0), strict=True))
-    slopes = [generator.multivariate_normal(np.zeros(len(parts)), c) for c in slope_covariances(parts)[: len(names)]]
-    scatter = 0.02 * np.exp(unequal * generator.standard_normal(len(parts)))
-    mean, noise = 0.05 * generator.standard_normal(len(parts)), np.zeros(len(parts))
-    windows = []
-    for k in range(-n_learning, LOOKS[-1]):
-        fresh = generator.standard_normal(len(parts))
-        noise = fresh if not windows else correlation * noise + np.sqrt(1 - correlation**2) * fresh
-        units = generator.uniform(-1, 1, len(names)) + (1.5 if is_beyond and k >= 0 else 0.0)
-        values = mean + units @ np.array(slopes) + scatter * noise
-        values[0] += np.log1p(change) * (k >= ONSET)
-        met = {n: middle[n] * np.exp(u * CONDITIONS[n]) if n == "roughness" else middle[n] + u * CONDITIONS[n]
-               for n, u in zip(names, units, strict=True)}  # fmt: skip
-        covariance = 0.02**2 * np.eye(len(parts))
-        windows.append(sprung.Observation(600.0 * (k + n_learning), parts, values, covariance, met, {}, ()))
-    detector = ChangeDetector(sprung.learn(windows[:n_learning]))
-    for window in windows[n_learning:]:
-        detector._take(window)
-    windows, hypotheses = detector._compared, detector._hypotheses
-    return [lasting_evidence(windows[:look], detector.baseline, hypotheses) for look in LOOKS]
-
-
-def row(name, n_learning, healthy, faulty):
-    """Print the expected share of healthy vehicles on the list of fleets, with its interval, and the power.
-
-    Of n vehicles the one on a list of one has at least n windows / rate; longer lists divide by their length what they
-    need and what a name counts.
+    Of a vehicle of which too few windows are alike no baseline is learnt; there is another one in its place.
     """
-    import numpy as np
-    from scipy.stats import binomtest
+    generator, found, n_found = np.random.default_rng(seed), [], 0
+    while n_found < count:
+        units, values = drawn(world, n_learning, change, generator)
+        for which, learnt in baselines(units[:, :n_learning], values[:, :n_learning]):
+            if len(which):
+                found.append(evidence(learnt, units[which, n_learning:], values[which, n_learning:], LOOKS))
+                n_found += len(which)
+    return np.concatenate(found, axis=1)[:, :count]
 
-    from sprung.diagnosis.changes import PATIENCE_DAYS
 
-    largest = np.max(healthy, axis=1)
+def drawn(world, n_learning, change, generator):
+    """Return conditions in units, shape (vehicles, windows, conditions), and ln values, (vehicles, windows, parts)."""
+    correlation, unequal, is_beyond = world
+    count, n_windows = AT_ONCE, n_learning + LOOKS[-1]
+    alike = np.array([[part.kind == kind for part in PARTS] for kind in KINDS], dtype=float)
+    slopes = np.sqrt(OWN) * generator.standard_normal((count, len(CONDITIONS), len(PARTS)))
+    slopes += np.sqrt(COMMON)[:, None] * generator.standard_normal((count, len(CONDITIONS), len(KINDS))) @ alike
+    scatter = REPORTED * np.exp(unequal * generator.standard_normal((count, 1, len(PARTS))))
+    mean = 0.05 * generator.standard_normal((count, 1, len(PARTS)))
+    noise = generator.standard_normal((n_windows, count, len(PARTS)))
+    for before, now in pairwise(noise):
+        now[:] = correlation * before + np.sqrt(1 - correlation**2) * now
+    units = generator.uniform(-1, 1, (count, n_windows, len(CONDITIONS)))
+    units[:, n_learning:] += 1.5 * is_beyond
+    values = mean + units @ slopes + scatter * noise.swapaxes(0, 1)
+    values[:, n_learning + ONSET :, 0] += np.log1p(change)
+    return units, values
+
+
+def row(heading, healthy, faulty):
+    """Return the share of fleets with a healthy vehicle on the list, with its exact interval, and the power.
+
+    All vehicles of these fleets are healthy, so that this is the expected share of healthy ones on the list.
+    """
     shares = []
     for size in (1, 10, N_VEHICLES):
-        found = binomtest(int(np.sum(largest >= np.log(size * LOOKS[-1] / RATE))), len(largest))
-        interval = found.proportion_ci()
-        share, low, high = (100 * size * each for each in (found.statistic, interval.low, interval.high))
-        shares.append(f"{share:.1f} ({low:.1f} to {high:.1f})")
-    named = np.array(faulty) >= np.log(N_VEHICLES * 48 * PATIENCE_DAYS / RATE)
+        fleets = healthy[: len(healthy) // size * size].reshape(-1, size, len(LOOKS)) - np.log(LOOKS[-1])
+        # A list may have every vehicle of the fleet: only fleets in which one is above 1 / rate need be looked at.
+        named = sum(
+            any(false_discoveries(fleet[:, look], rate=RATE) for look in range(len(LOOKS)))
+            for fleet in fleets[np.any(fleets >= -np.log(RATE), axis=(1, 2))]
+        )
+        interval = binomtest(int(named), len(fleets)).proportion_ci()
+        low, high = 100 * interval.low, 100 * interval.high
+        shares.append(f"{named} of {len(fleets)}: {100 * named / len(fleets):.2f} ({low:.2f} to {high:.2f})")
+    named = faulty >= np.log(N_VEHICLES * 48 * PATIENCE_DAYS / RATE)
     power = ", ".join(f"{100 * value:.0f}" for value in np.mean(named, axis=0))
-    print(f"| {name} | {n_learning} | {' | '.join(shares)} | {power} |", flush=True)
+    return f"| {heading} | {' | '.join(shares)} | {power} |"
 
 
 if __name__ == "__main__":

@@ -1,0 +1,44 @@
+"""Simulated fleets of the promise: their evidence is that of the package."""
+
+import numpy as np
+import pytest
+
+import sprung
+from sprung.diagnosis.baseline import CONDITIONS
+from sprung.diagnosis.changes import PATIENCE_DAYS
+
+pytest.importorskip("numba")
+patience = pytest.importorskip("benchmarks.patience", reason="the benchmarks are not in this tree")
+vectors = pytest.importorskip("benchmarks.patience_vectors")
+
+MIDDLE = {"payload": 100.0, "roughness": 1e-5, "speed": 20.0, "temperature": 290.0}
+
+
+def windows_of(units, values):
+    """Return windows with these conditions, in units away from a middle, and ln values."""
+    found = []
+    for k, (unit, row) in enumerate(zip(units, values, strict=True)):
+        met = {name: MIDDLE[name] + x * CONDITIONS[name] for name, x in zip(vectors.CONDITIONS, unit, strict=True)}
+        met["roughness"] = MIDDLE["roughness"] * np.exp(unit[1] * CONDITIONS["roughness"])
+        covariance = vectors.REPORTED**2 * np.eye(len(row))
+        found.append(sprung.Observation(600.0 * k, vectors.PARTS, row, covariance, met, {}, ()))
+    return found
+
+
+@pytest.mark.parametrize("n_learning", [6, 12])
+@pytest.mark.parametrize("world", ["as the model says", "all three, correlation of 0.6"])
+def test_evidence_of_vectors_is_that_of_windows(world, n_learning) -> None:
+    """By `learn` and `detect`, at two looks, of three vehicles."""
+    units, values = patience.drawn(patience.WORLDS[world], n_learning, -0.05, np.random.default_rng(1))
+    units, values = units[:3], values[:3]
+    for which, learnt in vectors.baselines(units[:, :n_learning], values[:, :n_learning]):
+        if not len(which):
+            continue
+        found = vectors.evidence(learnt, units[which, n_learning:], values[which, n_learning:], (6, 24))
+        for vehicle, row in zip(which, found[0], strict=True):
+            every = windows_of(units[vehicle], values[vehicle])
+            baseline = sprung.learn(every[:n_learning])
+            for look, value in zip((6, 24), row, strict=True):
+                detection = sprung.diagnosis.detect(baseline, every[n_learning : n_learning + look])
+                assert detection is not None
+                assert value == pytest.approx(detection.e_value + np.log(48 * PATIENCE_DAYS), abs=1e-6)
