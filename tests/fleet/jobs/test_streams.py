@@ -14,7 +14,7 @@ from sprung.fleet.jobs.analysis import WindowSettings, Work, analyse
 from sprung.fleet.jobs.assessment import AssessmentSettings
 from sprung.fleet.jobs.plan import described
 from sprung.fleet.lake import Lake, recording_of, window_of_recording
-from sprung.fleet.streams import batches, messages_in_folder, messages_in_kafka, windows_of_lake, windows_of_messages
+from sprung.fleet.streams import messages_in_folder, messages_in_kafka, windows_of_lake, windows_of_messages
 from sprung.fleet.streams.batches import StreamBatch, StreamSettings, stream
 from sprung.link import Frame, decode, encode, frame_block, joined
 
@@ -93,7 +93,7 @@ def test_an_interrupted_stream_continues_and_each_window_counts_once(
     (first,) = take()
     put(folder, "2.parquet", [b"damaged", *shuffled[20:], *shuffled[:5]])
     with monkeypatch.context() as patch:
-        patch.setattr(batches, "assess_vehicles", lambda *_, **__: 1 / 0)
+        patch.setattr("sprung.fleet.jobs.assessing.assess_vehicles", lambda *_, **__: 1 / 0)
         with pytest.raises(DataError, match="division by zero"):
             take()
     assert results["windows"].rows().num_rows == 3

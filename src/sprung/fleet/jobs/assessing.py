@@ -4,11 +4,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from hashlib import blake2b
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from uuid import uuid4
 
 import numpy as np
 import pyarrow as pa
+from pyspark.sql import Column, DataFrame, SparkSession, Window
+from pyspark.sql import functions as f
 
 from sprung.diagnosis.type_baselines import MIN_VEHICLES
 from sprung.fleet.jobs.assessment import (
@@ -30,9 +32,6 @@ from sprung.fleet.jobs.assessment import (
 from sprung.fleet.jobs.results import KEY, SCHEMAS, Results
 from sprung.fleet.jobs.spark import filesystem, read, read_files, spark_schema, write, write_files
 
-if TYPE_CHECKING:
-    from pyspark.sql import Column, DataFrame, SparkSession
-
 #: Largest number of vehicles that the baseline of a type is learnt from.
 _MOST_OF_TYPE = 50
 _TEXT = pa.string()
@@ -40,12 +39,12 @@ _TEXT = pa.string()
 _BOUNDS = pa.schema([("vehicle", _TEXT), ("vehicle_file", _TEXT), ("type", _TEXT), ("bound", pa.int64())])
 _FOUND = pa.schema([("vehicle", _TEXT)])
 #: Computes rows of a schema, once, and returns them.
-Keep = Callable[["DataFrame", pa.Schema], "DataFrame"]
+Keep = Callable[[DataFrame, pa.Schema], DataFrame]
 
 
 def assess_vehicles(
-    session: "SparkSession",
-    fleet: "DataFrame",
+    session: SparkSession,
+    fleet: DataFrame,
     results: Results,
     *,
     settings: AssessmentSettings,
@@ -113,20 +112,18 @@ class _Assessor:
         Computes a data frame once.
     """
 
-    session: "SparkSession"
-    fleet: "DataFrame"
+    session: SparkSession
+    fleet: DataFrame
     results: Results
     settings: AssessmentSettings
     keep: Keep
 
-    def known(self, table: str, *columns: "str | Column") -> "DataFrame":
+    def known(self, table: str, *columns: str | Column) -> DataFrame:
         """Return columns of a table of results."""
         return read(self.session, self.results[table]).select(*columns)
 
-    def keys(self) -> "DataFrame":
+    def keys(self) -> DataFrame:
         """Return what is known of each window of the present vehicle files without its results, once each."""
-        from pyspark.sql import functions as f
-
         # A window without a result has no conditions; the documents, which are large, are left unread.
         has_result = f.col("conditions").isNotNull().alias("has_result")
         rows = self.known("windows", *KEY, "duration", "reason", "is_valid", has_result)
@@ -136,27 +133,21 @@ class _Assessor:
         joined = once.join(present, "vehicle", "left").where(f.coalesce("present", f.lit("")) == f.col("vehicle_file"))
         return joined.drop("present")
 
-    def states(self) -> "DataFrame":
+    def states(self) -> DataFrame:
         """Return a digest of all that the assessment of each vehicle depends on but its type."""
-        from pyspark.sql import functions as f
-
         of_settings = blake2b(repr(sorted(asdict(self.settings).items())).encode(), digest_size=6).hexdigest()
         of_windows = f.bit_xor(f.xxhash64("start", "digest", "vehicle_file"))
         state = f.concat_ws("-", f.lit(of_settings), f.count(f.lit(1)).cast("string"), f.hex(of_windows))
         return self.keys().groupBy("vehicle").agg(state.alias("state"))
 
-    def touched(self, states: "DataFrame") -> "DataFrame":
+    def touched(self, states: DataFrame) -> DataFrame:
         """Return the vehicles whose windows, or whose settings, are others than before."""
-        from pyspark.sql import functions as f
-
         before = self.known("diagnoses", "vehicle", f.col("state").alias("before"))
         changed = states.join(before, "vehicle", "left").where(f.coalesce("before", f.lit("")) != f.col("state"))
         return changed.select("vehicle")
 
-    def outlines(self, states: "DataFrame", touched: "DataFrame") -> "DataFrame":
+    def outlines(self, states: DataFrame, touched: DataFrame) -> DataFrame:
         """Return outlines of the touched vehicles, and of those without a baseline, whose type may change."""
-        from pyspark.sql import functions as f
-
         settled = self.known("baselines", "vehicle").join(touched, "vehicle", "left_anti")
         open_ones = states.select("vehicle", "state").join(settled, "vehicle", "left_anti")
         texts = ("type", "type_name", "vehicle_file", "vehicle_text")
@@ -164,19 +155,15 @@ class _Assessor:
         vehicles = named.select("vehicle", "state", *(f.coalesce(name, f.lit("")).alias(name) for name in texts))
         return self._per("vehicle", vehicles, self.keys().drop("vehicle_file"), OUTLINE, of=dict, function=outline)
 
-    def learnt(self, outlines: "DataFrame") -> "DataFrame":
+    def learnt(self, outlines: DataFrame) -> DataFrame:
         """Return the baselines of vehicles whose first valid windows are new, or others than before."""
-        from pyspark.sql import functions as f
-
         before = self.known("baselines", "vehicle", f.col("state").alias("learning"))
         fresh = outlines.where("learning != ''").join(before, ["vehicle", "learning"], "left_anti")
         rows = self._rows(fresh, until="learn_until")
         return self._per("vehicle", fresh, rows, LEARNT, of=Outline, function=learnt)
 
-    def baselines(self, states: "DataFrame", outlines: "DataFrame", learnt: "DataFrame") -> "DataFrame":
+    def baselines(self, states: DataFrame, outlines: DataFrame, learnt: DataFrame) -> DataFrame:
         """Return the baselines of all vehicles: those just learnt, and those whose windows are as before."""
-        from pyspark.sql import functions as f
-
         names = SCHEMAS["baselines"].names
         before = self.known("baselines", *names)
         others = states.join(outlines, "vehicle", "left_anti").select("vehicle")
@@ -186,11 +173,8 @@ class _Assessor:
         )
         return kept.unionByName(learnt.where("document != ''").select(*names))
 
-    def types(self, baselines: "DataFrame") -> "DataFrame":
+    def types(self, baselines: DataFrame) -> DataFrame:
         """Return the baselines of types, each learnt from a limited number of its vehicles where these have changed."""
-        from pyspark.sql import Window
-        from pyspark.sql import functions as f
-
         schema = SCHEMAS["types"]
         order = Window.partitionBy("type").orderBy(f.xxhash64("vehicle"), "vehicle")
         ranked = baselines.withColumn("rank", f.row_number().over(order)).where(f.col("rank") <= _MOST_OF_TYPE)
@@ -209,16 +193,15 @@ class _Assessor:
 
     def compared(
         self,
-        outlines: "DataFrame",
-        learnt: "DataFrame",
-        baselines: "DataFrame",
-        types: "DataFrame",
-        touched: "DataFrame",
-    ) -> "DataFrame":
+        outlines: DataFrame,
+        learnt: DataFrame,
+        baselines: DataFrame,
+        types: DataFrame,
+        touched: DataFrame,
+    ) -> DataFrame:
         """Return the vehicles whose windows, or whose type where they have no baseline, are others than before."""
-        from pyspark.sql import functions as f
 
-        def or_empty(name: str) -> "Column":
+        def or_empty(name: str) -> Column:
             return f.coalesce(name, f.lit(""))
 
         own = baselines.select("vehicle", f.col("document").alias("baseline"))
@@ -246,19 +229,17 @@ class _Assessor:
         is_of_other_type = or_empty("type_before") != f.col("type_state")
         return whole.where(f.col("is_touched").isNotNull() | is_of_other_type).select(*COMPARED.names)
 
-    def assessed(self, compared: "DataFrame") -> "DataFrame":
+    def assessed(self, compared: DataFrame) -> DataFrame:
         """Return the assessments of vehicles."""
         return self._per("vehicle", compared, self._rows(compared, since="since"), SCHEMA, of=Compared, function=assess)
 
-    def kept(self, states: "DataFrame", compared: "DataFrame") -> "DataFrame":
+    def kept(self, states: DataFrame, compared: DataFrame) -> DataFrame:
         """Return the assessments of all other vehicles."""
         others = states.select("vehicle").join(compared, "vehicle", "left_anti")
         return self.known("diagnoses", *SCHEMA.names).join(others, "vehicle", "left_semi")
 
-    def _rows(self, vehicles: "DataFrame", *, since: str = "", until: str = "") -> "DataFrame":
+    def _rows(self, vehicles: DataFrame, *, since: str = "", until: str = "") -> DataFrame:
         """Return the windows of vehicles from or up to a time of each; the others are left out before these move."""
-        from pyspark.sql import functions as f
-
         bound = f.col(since or until).alias("bound")
         # Files of known size: a table of bounds that is small enough goes to the windows, and not these to it.
         bounds = self.keep(vehicles.select(*_BOUNDS.names[:-1], bound).where("bound IS NOT NULL"), _BOUNDS)
@@ -270,13 +251,13 @@ class _Assessor:
     def _per(
         self,
         key: str,
-        vehicles: "DataFrame",
-        rows: "DataFrame",
+        vehicles: DataFrame,
+        rows: DataFrame,
         schema: pa.Schema,
         *,
         of: Callable[..., Any],
         function: Callable[..., Any],
-    ) -> "DataFrame":
+    ) -> DataFrame:
         """Return what a function makes of each vehicle, or type, and its windows; `of` makes its first argument."""
         settings = self.settings
 
@@ -289,10 +270,8 @@ class _Assessor:
         return vehicles.groupBy(key).cogroup(rows.groupBy(key)).applyInArrow(of_groups, spark_schema(schema))
 
 
-def _discoveries(every: "DataFrame", rate: float) -> "DataFrame":
+def _discoveries(every: DataFrame, rate: float) -> DataFrame:
     """Return the vehicles that have changed at a rate of false discoveries."""
-    from pyspark.sql import functions as f
-
     n_vehicles = every.where("e_value IS NOT NULL").count()
     candidates = every.where(f.col("e_value") >= -float(np.log(rate))).select("vehicle", "e_value")
 
@@ -303,12 +282,8 @@ def _discoveries(every: "DataFrame", rate: float) -> "DataFrame":
     return candidates.withColumn("all", f.lit("")).groupBy("all").applyInArrow(find, "vehicle string")
 
 
-def _replace(
-    results: Results, every: "DataFrame", baselines: "DataFrame", types: "DataFrame", found: "DataFrame"
-) -> None:
+def _replace(results: Results, every: DataFrame, baselines: DataFrame, types: DataFrame, found: DataFrame) -> None:
     """Replace the tables of vehicles; that which says what is done comes last."""
-    from pyspark.sql import functions as f
-
     is_found = found.withColumn("is_discovery", f.lit(True))
     whole = every.join(is_found, "vehicle", "left")
     diagnoses = whole.withColumn("is_discovery", f.coalesce("is_discovery", f.lit(False)))
@@ -321,11 +296,11 @@ def _replace(
 
 
 @contextmanager
-def _kept_files(session: "SparkSession", results: Results) -> Iterator[Keep]:
+def _kept_files(session: SparkSession, results: Results) -> Iterator[Keep]:
     """Yield what computes a data frame once and keeps its rows in files, which no lost machine takes with it."""
     place = f"{results.location}/passing-{uuid4().hex}"
 
-    def keep(frame: "DataFrame", schema: pa.Schema) -> "DataFrame":
+    def keep(frame: DataFrame, schema: pa.Schema) -> DataFrame:
         folder = f"{place}/{uuid4().hex}"
         return read_files(session, schema, [f"{folder}/{file.path}" for file in write_files(frame, folder, schema)])
 

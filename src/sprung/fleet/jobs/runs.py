@@ -12,7 +12,6 @@ from uuid import uuid4
 import pyarrow as pa
 
 from sprung.fleet.jobs.analysis import REPORT_COLUMNS, Task
-from sprung.fleet.jobs.assessing import assess_vehicles
 from sprung.fleet.jobs.plan import Cost, FleetSettings, Plan, Planner, vehicles_of
 from sprung.fleet.jobs.results import OF_STEP, SCHEMAS, Results
 from sprung.fleet.jobs.spark import read, spark_schema
@@ -128,6 +127,8 @@ def run(
                 seconds[table] = seconds.get(table, 0.0) + spent
         assessed = 0
         if "observe" in chosen.of_windows:
+            from sprung.fleet.jobs.assessing import assess_vehicles  # asks for PySpark
+
             assessed = assess_vehicles(
                 session, fleet, results, settings=chosen.assessment, rate=chosen.false_discoveries, report=report
             )

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from sprung._checks import check_number
 from sprung.errors import DataError, ParameterError, SprungError
-from sprung.fleet.jobs.assessing import assess_vehicles
 from sprung.fleet.jobs.plan import CANDIDATES, FleetSettings, lacking, vehicles_of
 from sprung.fleet.jobs.results import Results
 from sprung.fleet.jobs.runs import analyse_windows
@@ -387,6 +386,8 @@ class _Batches:
         if "observe" not in self._settings.of_windows or not self._results["windows"].exists:
             return 0
         settings = self._settings
+        from sprung.fleet.jobs.assessing import assess_vehicles  # asks for PySpark
+
         return assess_vehicles(
             self._session, fleet, self._results, settings=settings.assessment, rate=settings.false_discoveries
         )
