@@ -44,12 +44,12 @@ def test_figures_are_reachable_from_the_package() -> None:
 
 #: Types of parts of models, which are named in packages of their own.
 OF_MODELS = {
-    "likelihood": {"Expected", "Model"},
+    "likelihood": {"Expected", "LateralModel", "Model"},
     "diagnosis": {"Scatter"},
     "excitation": {"Lines", "MeasuredSurface", "Route"},
     "simulation": {"ForceLaw"},
     "vehicles": {
-        *("BodyShape", "ChainMass", "Element", "LearntNumber", "MechanicalSystem", "Outputs", "QuarterBody"),
+        *("BodyShape", "ChainMass", "Element", "Lateral", "LearntNumber", "MechanicalSystem", "Outputs", "QuarterBody"),
         *("QuarterCorner", "StateSpace", "Wheel"),
     },
 }

@@ -95,7 +95,9 @@ from sprung.kits import kit_of as kit_of
 from sprung.kits import plan as plan
 from sprung.likelihood import CornerFit as CornerFit
 from sprung.likelihood import CornerSettings as CornerSettings
+from sprung.likelihood import LateralFit as LateralFit
 from sprung.likelihood import fit_corners as fit_corners
+from sprung.likelihood import fit_lateral as fit_lateral
 from sprung.likelihood.dry_friction import DampingAndFriction as DampingAndFriction
 from sprung.likelihood.dry_friction import Friction as Friction
 from sprung.likelihood.dry_friction import common_friction as common_friction
@@ -103,6 +105,8 @@ from sprung.likelihood.dry_friction import separate_friction as separate_frictio
 from sprung.likelihood.expected import ExpectedDrive as ExpectedDrive
 from sprung.likelihood.expected import ExpectedFit as ExpectedFit
 from sprung.likelihood.expected import expected_fit as expected_fit
+from sprung.likelihood.lateral import LateralEstimate as LateralEstimate
+from sprung.likelihood.lateral import LeastDamping as LeastDamping
 from sprung.likelihood.plate_test import PlateTest as PlateTest
 from sprung.likelihood.plate_test import plate_tests as plate_tests
 from sprung.likelihood.speed_delay import SpeedDelay as SpeedDelay
@@ -196,6 +200,8 @@ from sprung.vehicles import Quarter as Quarter
 from sprung.vehicles import Sensor as Sensor
 from sprung.vehicles import Structure as Structure
 from sprung.vehicles import Vehicle as Vehicle
+from sprung.vehicles import critical_speed as critical_speed
+from sprung.vehicles import lateral_modes as lateral_modes
 from sprung.vehicles import parse_fault as parse_fault
 from sprung.vehicles import read_description as read_description
 from sprung.vehicles import read_vehicle as read_vehicle

@@ -101,6 +101,7 @@ def _application() -> typer.Typer:
         diagnosis.diagnose,
         measured.plan,
         measured.road,
+        measured.stability,
         measured.ride,
         diagnosis.compare,
         simulate.reproduce,

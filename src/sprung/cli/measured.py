@@ -1,4 +1,4 @@
-"""The commands `sprung corners`, `sprung bounce`, `sprung plan`, `sprung road` and `sprung ride`."""
+"""The commands `sprung corners`, `bounce`, `plan`, `road`, `stability` and `ride`."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -239,6 +239,30 @@ def road(
         vehicle=vehicle,
     )
     output.show(road_document(survey), *shown, notes=survey.notes)
+
+
+@shares_options
+def stability(files: Files, *, vehicle: VehicleFile, output: Output, reading: Reading) -> None:
+    """Estimate running stability and lateral suspension of a rail vehicle. From drives on straight track."""
+    from sprung.likelihood.lateral import fit_lateral
+    from sprung.results import tables
+    from sprung.results.documents import stability_document
+    from sprung.vehicles import read_vehicle
+
+    output.check(*files, vehicle)
+    description = read_vehicle(vehicle)
+    with progress_bar() as report:
+        recordings = list(reading.records(files, report))
+        report("fitting", 0.5)
+        fit = fit_lateral(recordings, description)
+    source = ", ".join(path.name for path in files)
+    output.draw(lambda drawn: {"stability": drawn.stability_figure(fit, source=source)})
+    sentences, shown = tables.describe_stability(fit), tables.stability_tables(fit)
+    title = f"Running stability of {description.name}"
+    output.report(
+        lambda pages, inputs: pages.plain_report(title, sentences, shown, fit, inputs), files, reading, vehicle=vehicle
+    )
+    output.show(stability_document(fit), *shown, notes=sentences)
 
 
 @shares_options

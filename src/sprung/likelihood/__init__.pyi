@@ -11,6 +11,8 @@ from sprung.likelihood.elements import ElementScales as ElementScales
 from sprung.likelihood.elements import stiffness_scales as stiffness_scales
 from sprung.likelihood.fitting import fit_corners as fit_corners
 from sprung.likelihood.fitting import fit_segments as fit_segments
+from sprung.likelihood.lateral import LateralFit as LateralFit
+from sprung.likelihood.lateral import fit_lateral as fit_lateral
 from sprung.likelihood.masked_lines import SpectralLine as SpectralLine
 from sprung.likelihood.masked_lines import residual_lines as residual_lines
 from sprung.likelihood.noise import SensorNoise as SensorNoise

@@ -14,9 +14,7 @@ from sprung.likelihood.surface import RoadInputs
 from sprung.likelihood.transfer import Transfer
 from sprung.likelihood.uncertainty import Optimum, expected_covariance
 from sprung.vehicles import Structure
-
-#: Acceleration of gravity [m/s^2].
-GRAVITY = 9.80665
+from sprung.vehicles.lateral import GRAVITY
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,9 @@ import numpy as np
 from sprung._arrays import Complex, Real
 from sprung._checks import check_type
 from sprung.likelihood.corners import CornerFit, fitted_structure, is_structural
-from sprung.likelihood.dry_friction import GRAVITY, Friction, has_loads, separate_friction, static_loads
+from sprung.likelihood.dry_friction import Friction, has_loads, separate_friction, static_loads
 from sprung.vehicles import Component, Structure
+from sprung.vehicles.lateral import GRAVITY
 from sprung.vehicles.structure import Element
 
 #: Step of the numerical derivatives of the figures, over the standard deviation of a parameter before any data.

@@ -7,7 +7,8 @@ from typing import Protocol, Self, TypeVar
 
 import numpy as np
 
-from sprung._arrays import Real
+from sprung._arrays import Complex, Real
+from sprung.likelihood.spectra import ClassSpectra
 from sprung.likelihood.whittle import TOO_FAR
 
 
@@ -144,6 +145,20 @@ def least_squares(start: _Point) -> _Point:
         if gain < LEAST_SQUARES.gain:
             return found
     return found
+
+
+class SpectralLikelihood(Likelihood, Protocol):
+    """A likelihood of spectra by speed class, whose fit can be judged: see `sprung.likelihood.uncertainty`."""
+
+    @property
+    def spectra(self) -> ClassSpectra:
+        """Mean spectral matrices of the data, and their weights."""
+
+    def matrix(self, parameters: Real) -> Complex:
+        """Return the spectral matrices of the model, shape of the data's."""
+
+    def whitened_derivatives(self, parameters: Real) -> Real:
+        """Return sqrt(n) L^-1 (dS/dp) L^-H for each parameter p, in real coordinates; S = L L^H."""
 
 
 def minimised(model: Likelihood, start: Real) -> Real:

@@ -6,6 +6,7 @@ import numpy as np
 
 from sprung._arrays import Complex, Real
 from sprung.likelihood.hermitian import congruence, real_coordinates
+from sprung.likelihood.search import SpectralLikelihood
 from sprung.likelihood.spectra import (
     CLASS_WIDTH,
     OVERCOUNT,
@@ -33,7 +34,9 @@ class MisfitSettings:
 SETTINGS = MisfitSettings()
 
 
-def segment_weights(model: Model, parameters: Real, segments: SegmentSpectra, *, width: float = CLASS_WIDTH) -> Real:
+def segment_weights(
+    model: SpectralLikelihood, parameters: Real, segments: SegmentSpectra, *, width: float = CLASS_WIDTH
+) -> Real:
     """Return the weight of each segment: 1, or less for one far more powerful than the others, as on a pothole.
 
     Parameters
@@ -71,7 +74,7 @@ def segment_weights(model: Model, parameters: Real, segments: SegmentSpectra, *,
     return np.minimum(1.0, SETTINGS.max_power * np.median(power) / power)
 
 
-def parameter_covariance(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
+def parameter_covariance(model: SpectralLikelihood, parameters: Real, segments: SegmentSpectra) -> Real:
     """Return the covariance of the fitted parameters, larger where the scores of the segments scatter more.
 
     Parameters
@@ -180,7 +183,7 @@ class Optimum:
         return np.asarray((self._whitening @ through_window(change[..., None])).ravel(), dtype=np.float64)
 
 
-def power_misfit(model: Model, parameters: Real) -> tuple[Real, float]:
+def power_misfit(model: SpectralLikelihood, parameters: Real) -> tuple[Real, float]:
     """Return measured over fitted power less 1, and its mean square beyond chance.
 
     Parameters
@@ -230,7 +233,7 @@ def excess_power(matrices: Complex, spectra: ClassSpectra) -> tuple[Real, float]
     return misfit, float(np.mean(misfit[:, total[0] > 0] ** 2) - np.mean(SETTINGS.chance / total[total > 0]))
 
 
-def tempering(model: Model, parameters: Real) -> float:
+def tempering(model: SpectralLikelihood, parameters: Real) -> float:
     """Return the weight of the likelihood: 1, or less where the model fits worse than chance allows.
 
     Parameters
@@ -278,14 +281,16 @@ def _correlated_frequencies(misfit: Real) -> float:
     return reach
 
 
-def whitened_segments(model: Model, parameters: Real, segments: SegmentSpectra, width: float = CLASS_WIDTH) -> Complex:
+def whitened_segments(
+    model: SpectralLikelihood, parameters: Real, segments: SegmentSpectra, width: float = CLASS_WIDTH
+) -> Complex:
     """Return L^-1 y of each segment, S = L L^H the model's spectral matrix of its class."""
     factor = np.linalg.inv(np.linalg.cholesky(model.matrix(parameters)))
     numbers = speed_classes(segments.speeds, width=width)
     return np.einsum("sfij,sfj->sfi", factor[numbers], segments.values)
 
 
-def _scores(model: Model, parameters: Real, segments: SegmentSpectra, whitened: Real) -> Real:
+def _scores(model: SpectralLikelihood, parameters: Real, segments: SegmentSpectra, whitened: Real) -> Real:
     """Gradient of each segment's minus log likelihood, tr(S^-1 dS) - y^H S^-1 dS S^-1 y, (segments, parameters).
 
     `whitened` are the whitened derivatives of the model at the parameters.

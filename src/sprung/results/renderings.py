@@ -76,6 +76,11 @@ RENDERINGS: Mapping[str, Renderings] = MappingProxyType(
         "Identification": _of(_IDENTIFIED, "identification", f"{_MODES} .notes", "stabilisation:stabilisation_figure"),
         "Inspection": _of("recordings:one_inspection_document", "inspection", _INSPECTION),
         "KitPlan": _of("measured:plan_document", picture="measured:kit_figure"),
+        "LateralFit": _of(
+            "measured:stability_document",
+            parts="measured:stability_tables measured:describe_stability",
+            picture="measured:stability_figure",
+        ),
         "Modes": _of("", "modes", "identification:modes_table", "shapes:plain_shapes_figure"),
         "Observation": _OBSERVATIONS,
         "Observations": _OBSERVATIONS,

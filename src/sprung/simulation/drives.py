@@ -46,11 +46,13 @@ from sprung.simulation.conditions import (
 )
 from sprung.simulation.deviations import WHEELS, Deviations, true_vehicle
 from sprung.simulation.fmu import Fmu, simulate_fmu
+from sprung.simulation.lateral import lateral_signals
 from sprung.simulation.linear import settling_time, simulate
 from sprung.simulation.nonlinear import TimeHistory, simulate_nonlinear
 from sprung.simulation.sensors import Imperfection, with_imperfections, with_noise
 from sprung.simulation.truth import plain, true_conditions, truth
 from sprung.vehicles import Component, Fault, Sensor, Structure, Vehicle, check_on_axles, structure, with_faults
+from sprung.vehicles.lateral import has_lateral_sensors, lateral_components
 from sprung.vehicles.sections import SENSOR_QUANTITIES
 from sprung.vehicles.structure import DAMPERS, motions_of
 
@@ -119,7 +121,7 @@ def _wheel_speed(sensor: Sensor, vehicle: Vehicle, speed: Real, yaw_rate: Real) 
 #: Height of a body's centre of gravity above the ground where nothing states it [m].
 _HEIGHT = 0.55
 #: Streams of random numbers of the conditions of a drive.
-_ROUTE, _SENSORS = 1001, 1002
+_ROUTE, _SENSORS, _LATERAL = 1001, 1002, 1003
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -395,8 +397,16 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
     true = true_vehicle(vehicle, settings.deviations)
     healthy = _healthy(true, settings)
     route = _route(settings, seed, generator)
-    faults = (*settings.faults, *settings.deviations.worn)
+    sideways = lateral_components(vehicle) if has_lateral_sensors(vehicle) else {}
+    faults = tuple(f for f in (*settings.faults, *settings.deviations.worn) if str(f.component) not in sideways)
     ideal = _signals(true, healthy, settings, route, faults=faults, generator=generator)
+    lateral_faults = tuple(fault for fault in settings.faults if str(fault.component) in sideways)
+    if sideways and isinstance(settings, RailDrive):
+        track = _stream(seed, _LATERAL)
+        changes = {str(fault.component): float(np.log(fault.factor(math.inf))) for fault in lateral_faults}
+        ideal = lateral_signals(
+            ideal, true, log_ratios=changes, quality=settings.quality, speed=route.speed, generator=track
+        )
     if settings.snr is not None:
         ideal = with_noise(ideal, snr=settings.snr, generator=generator)
     recording = with_conditions(
@@ -410,6 +420,7 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
     recording = with_imperfections(recording, imperfections, seed=_stream(seed, _SENSORS))
     number = seed if isinstance(seed, int) else seed[0]
     document = truth(healthy, seed=number, speed=route.speed, duration=settings.duration, faults=faults)
+    document["faults"] |= {str(fault.component): fault.factor(math.inf) - 1 for fault in lateral_faults}
     document["conditions"] = true_conditions(
         true,
         healthy,

@@ -5,6 +5,9 @@ from sprung.vehicles.description import Vehicle as Vehicle
 from sprung.vehicles.description import Wheel as Wheel
 from sprung.vehicles.description import check_on_axles as check_on_axles
 from sprung.vehicles.description import corner_names as corner_names
+from sprung.vehicles.lateral import critical_speed as critical_speed
+from sprung.vehicles.lateral import lateral_modes as lateral_modes
+from sprung.vehicles.lateral import lateral_system as lateral_system
 from sprung.vehicles.models import VEHICLES as VEHICLES
 from sprung.vehicles.models import chain as chain
 from sprung.vehicles.models import modal_mass as modal_mass
@@ -21,6 +24,7 @@ from sprung.vehicles.sections import Body as Body
 from sprung.vehicles.sections import Bogie as Bogie
 from sprung.vehicles.sections import ChainMass as ChainMass
 from sprung.vehicles.sections import FlexibleMode as FlexibleMode
+from sprung.vehicles.sections import Lateral as Lateral
 from sprung.vehicles.sections import LearntNumber as LearntNumber
 from sprung.vehicles.sections import MountedMass as MountedMass
 from sprung.vehicles.sections import QuarterBody as QuarterBody

@@ -212,9 +212,9 @@ def _toml(fields: Mapping[str, Any], prefix: str = "") -> str:
     lines = [f"{key} = {_toml_value(value)}" for key, value in fields.items() if not _is_table(value)]
     for key, value in fields.items():
         if isinstance(value, Mapping):
-            lines.append(f"\n[{prefix}{key}]\n{_toml(value)}".rstrip("\n"))
+            lines.append(f"\n[{prefix}{key}]\n{_toml(value, f'{prefix}{key}.')}".rstrip("\n"))
         elif _is_table(value):
-            lines += [f"\n[[{prefix}{key}]]\n{_toml(entry)}".rstrip("\n") for entry in value]
+            lines += [f"\n[[{prefix}{key}]]\n{_toml(entry, f'{prefix}{key}.')}".rstrip("\n") for entry in value]
     return "\n".join(lines) + "\n"
 
 

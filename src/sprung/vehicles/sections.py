@@ -213,6 +213,43 @@ class Axle(Section):
         return self
 
 
+Pair = Annotated[tuple[NotNegative, NotNegative], Field(strict=False)]
+
+
+class Lateral(Section):
+    """Lateral suspension, places and wheel-rail contact of a bogie; pairs are longitudinal and lateral.
+
+    Parameters
+    ----------
+    frame_height, secondary_height
+        Height of the frame's centre of gravity and of the middle of the secondary springs above the rails [m].
+    yaw_inertia, wheelset_yaw_inertia
+        Moments of inertia of the frame and of a wheelset [kg m^2].
+    primary_stiffness, primary_damping
+        Horizontal stiffness [N/m] and damping [N s/m] at an axle box, at the height of the axle.
+    secondary_stiffness, secondary_damping
+        The same on one side, between frame and body; longitudinal damping is that of the yaw damper.
+    wheel_radius
+        Radius of a wheel [m].
+    conicity
+        Equivalent conicity of wheels and rails.
+    creep
+        Creep coefficients of a wheel [N], Kalker's f11 and f22.
+    """
+
+    frame_height: Positive
+    secondary_height: Positive
+    yaw_inertia: Positive
+    wheelset_yaw_inertia: Positive
+    primary_stiffness: Pair
+    primary_damping: Pair = (0.0, 0.0)
+    secondary_stiffness: Pair
+    secondary_damping: Pair = (0.0, 0.0)
+    wheel_radius: Positive
+    conicity: Annotated[float, Field(gt=0, le=1)]
+    creep: Annotated[tuple[Positive, Positive], Field(strict=False)]
+
+
 class Bogie(Section):
     """Bogie with two wheelsets below a car body: springs per axle box (primary) and per side (secondary).
 
@@ -242,6 +279,8 @@ class Bogie(Section):
         Stiffness of the contact of a wheel with the rail [N/m], that of Hertz linearised at the static load.
     contact_half_spacing
         Distance of the contacts with the rails from the middle [m]; default: that of standard gauge.
+    lateral
+        Lateral suspension and contact, for the lateral motion (`lateral_system`); default: vertical motion only.
     """
 
     x: Length
@@ -259,6 +298,7 @@ class Bogie(Section):
     anti_roll_stiffness: NotNegative = 0.0
     contact_stiffness: Positive = 1.0e9
     contact_half_spacing: Positive = 0.75
+    lateral: Lateral | None = None
 
 
 class MountedMass(Section):

@@ -54,6 +54,7 @@ from sprung.results.documents.measured import RoadDocument as RoadDocument
 from sprung.results.documents.measured import plan_document as plan_document
 from sprung.results.documents.measured import ride_document as ride_document
 from sprung.results.documents.measured import road_document as road_document
+from sprung.results.documents.measured import stability_document as stability_document
 from sprung.results.documents.modes import mode_documents as mode_documents
 from sprung.results.documents.monitoring import AlertHistoryDocument as AlertHistoryDocument
 from sprung.results.documents.monitoring import AlertsDocument as AlertsDocument

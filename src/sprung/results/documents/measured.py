@@ -1,10 +1,11 @@
-"""Documents of plans, roads and rides."""
+"""Documents of plans, roads, rides and running stability."""
 
 from typing import Any, Literal
 
 from pydantic import AliasChoices, Field
 
 from sprung.kits import KitPlan, PlannedSensor
+from sprung.likelihood.lateral import LateralFit, LeastDamping
 from sprung.results.documents.document import Document, Number, Pair
 from sprung.ride import Histogram, Ride, RidePoint
 from sprung.road import RoadSurvey
@@ -101,6 +102,40 @@ class RideDocument(Document):
     travel: tuple[TravelDocument, ...]
     mean_comfort: float | None
     notes: tuple[str, ...]
+
+
+class LateralComponent(Document):
+    """Value of a lateral component, its 95 % interval, and the value of the vehicle file [N/m, N s/m, N]."""
+
+    value: float
+    interval: Pair
+    nominal: float
+
+
+class StabilityDocument(Document):
+    """Lateral suspension and running stability of a rail vehicle."""
+
+    schema_name: Literal["sprung.stability/1"] = Field(alias="schema")
+    components: dict[str, LateralComponent]
+    least_damping: tuple[LeastDamping, ...]
+    speeds: Pair
+    critical_speed: float | None
+    critical_speed_interval: Pair | None
+    margin: float | None
+    model_error: float
+    n_segments: int
+    notes: tuple[str, ...]
+
+
+def stability_document(fit: LateralFit) -> StabilityDocument:
+    """Return the running stability of a rail vehicle as `sprung.stability/1`."""
+    speed, *interval = fit.critical_speed or (None, None, None)
+    return StabilityDocument.of(
+        fit,
+        components={name: LateralComponent.of(part) for name, part in fit.estimates.items()},
+        critical_speed=speed,
+        critical_speed_interval=None if speed is None else interval,
+    )
 
 
 def plan_document(plan: KitPlan) -> PlanDocument:

@@ -19,6 +19,7 @@ from sprung.results.figures.measured import bounce_figure as bounce_figure
 from sprung.results.figures.measured import kit_figure as kit_figure
 from sprung.results.figures.measured import ride_figure as ride_figure
 from sprung.results.figures.measured import road_figure as road_figure
+from sprung.results.figures.measured import stability_figure as stability_figure
 from sprung.results.figures.saving import figures as figures
 from sprung.results.figures.saving import save_figures as save_figures
 from sprung.results.figures.shapes import complexity_figure as complexity_figure

@@ -1,4 +1,4 @@
-"""Figures of plans, roads, rides and bounce tests."""
+"""Figures of plans, roads, rides, running stability and bounce tests."""
 
 from collections.abc import Sequence
 
@@ -9,6 +9,7 @@ from matplotlib.patches import Rectangle
 
 from sprung.bounce_tests import Bounce, BounceTest
 from sprung.kits import KitPlan
+from sprung.likelihood.lateral import LateralFit
 from sprung.modal import INTERVAL_95
 from sprung.results.figures import draw
 from sprung.results.figures.draw import STYLE, with_unit
@@ -132,6 +133,25 @@ def ride_figure(ride: Ride, *, source: str = "") -> Figure:
         if limit < reach:
             axes.axvline(limit, color=STYLE.faint, linewidth=0.8, linestyle=":")
     axes.set_xlabel("Weighted RMS [m/s²]")
+    return figure
+
+
+def stability_figure(fit: LateralFit, *, source: str = "") -> Figure:
+    """Draw the damping ratio of the least damped lateral mode over speed, with the critical speed."""
+    figure = draw.new_figure("Running stability", height=3.6, source=source)
+    axes = draw.panels(figure)[0, 0]
+    speed, damping, std = np.array(fit.least_damping).T
+    half = INTERVAL_95 * std
+    axes.fill_between(speed, 100 * (damping - half), 100 * (damping + half), color="#CFE0EC", label="95 % interval")
+    axes.plot(speed, 100 * damping, color=STYLE.colours[0], label="least damped lateral mode")
+    axes.axvspan(*fit.speeds, color=STYLE.faint, alpha=0.2, linewidth=0, label="speeds driven")
+    axes.axhline(0, color=STYLE.faint, linewidth=0.8)
+    if fit.critical_speed is not None:
+        critical, low, high = fit.critical_speed
+        axes.errorbar(critical, 0, xerr=[[critical - low], [high - critical]], fmt="o", color=STYLE.colours[1])
+        draw.note(axes, f"critical speed {critical:.3g} m/s", (critical, 0), ha="right", va="top")
+    axes.set(xlabel="Speed [m/s]", ylabel="Damping ratio [%]")
+    draw.legend(axes, n_columns=3, loc="lower left")
     return figure
 
 

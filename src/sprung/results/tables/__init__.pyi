@@ -46,11 +46,13 @@ from sprung.results.tables.identification import tracks_table as tracks_table
 from sprung.results.tables.identification import why_none as why_none
 from sprung.results.tables.measured import describe_plan as describe_plan
 from sprung.results.tables.measured import describe_ride as describe_ride
+from sprung.results.tables.measured import describe_stability as describe_stability
 from sprung.results.tables.measured import events_table as events_table
 from sprung.results.tables.measured import plan_tables as plan_tables
 from sprung.results.tables.measured import plate_tests_table as plate_tests_table
 from sprung.results.tables.measured import ride_tables as ride_tables
 from sprung.results.tables.measured import road_table as road_table
+from sprung.results.tables.measured import stability_tables as stability_tables
 from sprung.results.tables.recordings import describe_inspection as describe_inspection
 from sprung.results.tables.recordings import inspection_table as inspection_table
 from sprung.results.tables.recordings import true_modes_table as true_modes_table

@@ -1,4 +1,4 @@
-"""Plans, roads, rides and plate tests as tables and sentences."""
+"""Plans, roads, rides, running stability and plate tests as tables and sentences."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -8,6 +8,7 @@ from sprung.results.tables.wording import Table, format_estimate, format_name
 
 if TYPE_CHECKING:
     from sprung.kits import KitPlan
+    from sprung.likelihood.lateral import LateralFit
     from sprung.likelihood.plate_test import PlateTest
     from sprung.ride import Ride
     from sprung.road import RoadSurvey, TrackRoughness
@@ -164,6 +165,42 @@ def describe_ride(ride: "Ride") -> list[str]:
         return list(ride.notes)
     words = mean_comfort_in_words(ride.mean_comfort)
     return [f"mean comfort N_MV {ride.mean_comfort:.2f} (EN 12299): {words}", *ride.notes]
+
+
+def stability_tables(fit: "LateralFit") -> list[Table]:
+    """Return the tables of the lateral components and of the least damped lateral mode over speed."""
+    units = {"spring": "N/m", "damper": "N s/m", "creep": "N"}
+    rows = []
+    for name, part in fit.estimates.items():
+        unit = units.get(name.rsplit("_", 1)[-1], "")
+        std = (part.interval[1] - part.interval[0]) / (2 * INTERVAL_95)
+        change = f"{100 * (part.value / part.nominal - 1):+.1f}"
+        rows.append((format_name(name) + f" [{unit}]" * bool(unit), format_estimate(part.value, std), change))
+    damping = [
+        (
+            f"{each.speed:.1f}",
+            f"{3.6 * each.speed:.0f}",
+            f"{100 * each.damping_ratio:.1f} ± {100 * each.damping_ratio_std:.1f}",
+        )
+        for each in fit.least_damping
+    ]
+    return [
+        Table("Lateral suspension", ("component", "value", "from the file [%]"), tuple(rows)),
+        Table("Least damped lateral mode", ("speed [m/s]", "[km/h]", "damping ratio [%]"), tuple(damping), n_words=0),
+    ]
+
+
+def describe_stability(fit: "LateralFit") -> list[str]:
+    """Return the critical speed with its interval and margin, and the notes of a fit of lateral motion."""
+    if fit.critical_speed is None:
+        return ["every lateral mode is damped up to 200 m/s", *fit.notes]
+    (speed, low, high), driven = fit.critical_speed, fit.speeds[1]
+    margin = f"{100 * abs(fit.margin or 0.0):.0f} % {'above' if speed > driven else 'below'} the highest speed driven"
+    return [
+        f"critical speed {speed:.3g} m/s ({low:.3g} to {high:.3g}), or {3.6 * speed:.0f} km/h, {margin} "
+        f"({driven:.3g} m/s): the linear one, for small motions on straight track",
+        *fit.notes,
+    ]
 
 
 def plate_tests_table(tests: "Mapping[str, PlateTest]") -> Table:

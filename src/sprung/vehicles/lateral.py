@@ -1,0 +1,303 @@
+"""Lateral motion of a rail vehicle on bogies: sway, roll and yaw of its parts, with linear creep of its wheels."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+
+from sprung._arrays import Real
+from sprung._checks import check_number, check_type
+from sprung.errors import ParameterError
+from sprung.recording import Channel
+from sprung.vehicles.description import Vehicle
+from sprung.vehicles.sections import Bogie, Lateral
+from sprung.vehicles.structure import MOTIONS
+from sprung.vehicles.system import ExactModes, MechanicalSystem, Outputs, modes
+
+#: Acceleration of gravity [m/s^2].
+GRAVITY = 9.80665
+#: Field of `Lateral` that holds each part, in pairs of which the lateral one is the second.
+LATERAL_PARTS = MappingProxyType(
+    {
+        "primary_longitudinal_spring": "primary_stiffness",
+        "primary_lateral_spring": "primary_stiffness",
+        "lateral_spring": "secondary_stiffness",
+        "lateral_damper": "secondary_damping",
+        "yaw_damper": "secondary_damping",
+    }
+)
+
+
+def lateral_system(vehicle: Vehicle, *, speed: float) -> MechanicalSystem:
+    """Return the lateral motion of a rail vehicle on straight track at a speed.
+
+    Parameters
+    ----------
+    vehicle
+        Vehicle with a table `[bogie.lateral]` for each bogie, and the height of its body.
+    speed
+        Speed [m/s], above 0.
+
+    Returns
+    -------
+    MechanicalSystem
+        Coordinates sway, roll and yaw of the body ("sway", "roll", "yaw") and of the frames ("bogie1_sway" ...), sway
+        and yaw of the wheelsets. Inputs for each wheelset: "alignment_wheelset1" ..., the lateral displacement of the
+        track's centre line [m], then "cross_level_wheelset1" ..., the roll of the track [rad]. Its stiffness matrix is
+        not symmetric.
+
+    Raises
+    ------
+    ParameterError
+        If the vehicle has no bogies, or its file lacks their lateral tables or the height of the body.
+
+    Notes
+    -----
+    Axes of ISO 8855, as in `sensor_outputs`: the point (x, y, h) of a part moves by s + x w - h r to the left, by -y w
+    forward and by y r upward. Every spring acts between such points of two parts. A wheelset that has moved by s to the
+    left of the track's centre line and yawed by w is held by
+
+    - creep: lateral force -2 f22 (s' / V - w), yaw moment -2 f11 b (c s / r + b w' / V),
+    - gravity: -W c s / b and W b c w,
+
+    with the creep coefficients f11 (longitudinal) and f22 (lateral) of a wheel, half the distance b of the contacts,
+    the equivalent conicity c, the radius r and the axle load W; an irregular alignment moves the centre line.
+    Wheelsets roll with the track. The weight of the body above its secondary springs softens its roll. Spin creep, the
+    forces between vehicles and what dampers of the primary suspension add to the roll of the track are left out.
+
+    References
+    ----------
+    A. H. Wickens, Fundamentals of Rail Vehicle Dynamics, Swets and Zeitlinger, 2003, chapters 2, 3 and 5.
+    J. J. Kalker, Survey of wheel-rail rolling contact theory, Vehicle System Dynamics 8 (1979) 317-358.
+    """
+    check_number("speed", speed, above=0)
+    coordinates = _coordinates(vehicle)
+    size = len(coordinates)
+    mass, damping, stiffness = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
+    n_wheelsets = 2 * len(vehicle.bogie)
+    forces = np.zeros((size, 2 * n_wheelsets))
+    for rows, k, c in _springs(vehicle):
+        row = np.array([rows.get(name, 0.0) for name in coordinates])
+        stiffness += k * np.outer(row, row)
+        damping += c * np.outer(row, row)
+    body = vehicle.body
+    mass[:3] = body.mass, vehicle.inertias[1], body.yaw_inertia or vehicle.inertias[0]
+    for number, (bogie, lateral) in enumerate(_tables(vehicle), start=1):
+        frame = coordinates.index(f"bogie{number}_sway")
+        mass[frame : frame + 3] = bogie.mass, bogie.roll_inertia, lateral.yaw_inertia
+        longitudinal, sideways = (2 * coefficient for coefficient in lateral.creep)
+        half, cone = bogie.contact_half_spacing, lateral.conicity
+        load = GRAVITY * (bogie.wheelset_mass + bogie.mass / 2 + body.mass / (2 * len(vehicle.bogie)))
+        for wheelset in (2 * number - 2, 2 * number - 1):
+            sway = coordinates.index(f"wheelset{wheelset + 1}_sway")
+            yaw = sway + 1
+            mass[sway], mass[yaw] = bogie.wheelset_mass, lateral.wheelset_yaw_inertia
+            damping[sway, sway] += sideways / speed
+            damping[yaw, yaw] += longitudinal * half**2 / speed
+            guiding = np.array([load * cone / half, longitudinal * half * cone / lateral.wheel_radius])
+            stiffness[sway, sway] += guiding[0]
+            stiffness[sway, yaw] -= sideways
+            stiffness[yaw, sway] += guiding[1]
+            stiffness[yaw, yaw] -= load * half * cone
+            forces[[sway, yaw], wheelset] = guiding
+            forces[frame + 1, n_wheelsets + wheelset] = 2 * bogie.half_spacing[0] ** 2 * bogie.primary_stiffness
+    wheelsets = range(1, n_wheelsets + 1)
+    inputs = tuple(f"{kind}_wheelset{number}" for kind in ("alignment", "cross_level") for number in wheelsets)
+    return MechanicalSystem(np.diag(mass), damping, stiffness, forces, coordinates, inputs)
+
+
+def has_lateral_sensors(vehicle: Vehicle) -> bool:
+    """Return whether a vehicle has lateral tables and sensors that sway or yaw moves."""
+    is_described = bool(vehicle.bogie) and all(bogie.lateral is not None for bogie in vehicle.bogie)
+    return is_described and bool(_lateral_channels(vehicle, _coordinates(vehicle)))
+
+
+def lateral_outputs(vehicle: Vehicle) -> Outputs:
+    """Return the output matrices of the vehicle's sensors of lateral motion: those that sway or yaw moves.
+
+    Raises
+    ------
+    ParameterError
+        As raised by `lateral_system`, or if no sensor measures lateral motion.
+
+    Notes
+    -----
+    An accelerometer that points to the left reads gravity times the roll of its part.
+    """
+    measured = _lateral_channels(vehicle, _coordinates(vehicle))
+    if not measured:
+        raise ParameterError(
+            f"vehicle {vehicle.name!r} has no lateral sensor: add [[sensor]] tables with direction = [0, 1, 0]"
+        )
+    displacement, velocity, acceleration = np.moveaxis(np.array([rows for _, rows in measured]), 1, 0)
+    return Outputs(tuple(channel for channel, _ in measured), acceleration, velocity, displacement)
+
+
+def lateral_modes(vehicle: Vehicle, *, speed: float) -> ExactModes:
+    """Return the exact lateral modes of a rail vehicle at a speed, without those that decay faster than they oscillate.
+
+    Raises
+    ------
+    ParameterError
+        As raised by `lateral_system`.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle
+    >>> coach = read_vehicle("coach")
+    >>> [round(float(min(lateral_modes(coach, speed=speed).damping_ratio)), 2) for speed in (20.0, 60.0)]
+    [0.14, 0.07]
+    """
+    none = np.zeros((0, len(_coordinates(vehicle))))
+    exact = modes(lateral_system(vehicle, speed=speed), Outputs((), none, none, none))
+    return replace(exact, labels=tuple(None if label == "wheel_hop" else label for label in exact.labels))
+
+
+def critical_speed(vehicle: Vehicle, *, highest: float = 200.0) -> float | None:
+    """Return the lowest speed at which a lateral mode is not damped [m/s]; None: all are up to the highest.
+
+    Parameters
+    ----------
+    vehicle
+        Rail vehicle with lateral tables.
+    highest
+        Highest speed that is considered [m/s], above 1.
+
+    Raises
+    ------
+    ParameterError
+        As raised by `lateral_system`.
+
+    Notes
+    -----
+    The linear critical speed: the first of the speeds, in steps of 1 m/s from 1 m/s, at which an eigenvalue has a real
+    part above 0, refined by bisection. With worn profiles a vehicle may hunt with large amplitudes below it.
+    """
+
+    def growth(speed: float) -> float:
+        return float(np.linalg.eigvals(lateral_system(vehicle, speed=speed).state_matrix()).real.max())
+
+    unstable = next((speed for speed in np.arange(1.0, highest + 1.0) if growth(speed) > 0), None)
+    if unstable is None:
+        return None
+    low, high = float(unstable) - 1.0, float(unstable)
+    while high - low > 1e-6:
+        middle = (low + high) / 2
+        low, high = (middle, high) if middle > 0 and growth(middle) <= 0 else (low, middle)
+    return high
+
+
+def lateral_components(vehicle: Vehicle) -> dict[str, float]:
+    """Return the values of lateral components, such as "conicity" and "bogie1.lateral_damper", that are not 0.
+
+    Raises
+    ------
+    ParameterError
+        If the vehicle has no lateral tables.
+    """
+    tables = _tables(vehicle)
+    values = {"conicity": tables[0][1].conicity, "creep": tables[0][1].creep[1]}
+    for number, (_, lateral) in enumerate(tables, start=1):
+        for part, name in LATERAL_PARTS.items():
+            value = getattr(lateral, name)["lateral" in part]
+            if value > 0:
+                values[f"bogie{number}.{part}"] = value
+    return values
+
+
+def with_lateral(vehicle: Vehicle, log_ratios: Mapping[str, float]) -> Vehicle:
+    """Return the vehicle with lateral components, named as by `lateral_components`, times exp(log ratio)."""
+    factors = {name: float(np.exp(value)) for name, value in log_ratios.items()}
+    bogies = []
+    for number, (bogie, lateral) in enumerate(_tables(vehicle), start=1):
+        fields = {name: list(getattr(lateral, name)) for name in LATERAL_PARTS.values()}
+        for part, name in LATERAL_PARTS.items():
+            fields[name]["lateral" in part] *= factors.get(f"bogie{number}.{part}", 1.0)
+        changed: dict[str, object] = {name: tuple(values) for name, values in fields.items()}
+        changed["conicity"] = lateral.conicity * factors.get("conicity", 1.0)
+        changed["creep"] = tuple(value * factors.get("creep", 1.0) for value in lateral.creep)
+        bogies.append(bogie.model_copy(update={"lateral": lateral.model_copy(update=changed)}))
+    return vehicle.model_copy(update={"bogie": tuple(bogies)})
+
+
+def _tables(vehicle: Vehicle) -> list[tuple[Bogie, Lateral]]:
+    """Return the bogies with their lateral tables."""
+    check_type("vehicle", vehicle, Vehicle)
+    tables = [(bogie, bogie.lateral) for bogie in vehicle.bogie if bogie.lateral is not None]
+    if not vehicle.bogie or len(tables) < len(vehicle.bogie):
+        raise ParameterError(
+            f"vehicle {vehicle.name!r} has no [bogie.lateral] table for each [[bogie]]: add them for its lateral motion"
+        )
+    if vehicle.body.height is None:
+        raise ParameterError(
+            f"the body of vehicle {vehicle.name!r} has no height, which its lateral motion needs: add it"
+        )
+    return tables
+
+
+def _motions(part: str) -> tuple[str, str, str]:
+    """Return the names of sway, roll and yaw of a part."""
+    prefix = "" if part == "body" else f"{part}_"
+    return f"{prefix}sway", f"{prefix}roll", f"{prefix}yaw"
+
+
+def _coordinates(vehicle: Vehicle) -> tuple[str, ...]:
+    names = list(_motions("body"))
+    for number in range(1, len(_tables(vehicle)) + 1):
+        names += _motions(f"bogie{number}")
+        for wheelset in (2 * number - 1, 2 * number):
+            names += [f"wheelset{wheelset}_sway", f"wheelset{wheelset}_yaw"]
+    return tuple(names)
+
+
+def _lateral_channels(vehicle: Vehicle, coordinates: tuple[str, ...]) -> list[tuple[Channel, Real]]:
+    """Return the channels of lateral motion with their readings by order of derivative, shape (3, coordinates)."""
+    channels = []
+    for sensor in vehicle.sensor:
+        if not sensor.is_motion or sensor.between is not None:
+            continue
+        (x, y, h), (dx, dy, dz) = sensor.position or (0.0,) * 3, sensor.direction or (0.0, 0.0, 1.0)
+        order, is_rotation = MOTIONS[sensor.quantity]
+        motion = (0.0, dx, dz) if is_rotation else (dy, dz * y - dy * h, dy * x - dx * y)
+        rows = np.zeros((3, len(coordinates)))
+        for name, value in zip(names := _motions(sensor.on), motion, strict=True):
+            if name in coordinates:
+                rows[order, coordinates.index(name)] = value
+        if order == 2 and names[1] in coordinates:
+            rows[0, coordinates.index(names[1])] = GRAVITY * dy
+        if abs(dz) > abs(dy) if is_rotation else abs(dy) > abs(dz):
+            channels.append((sensor.as_channel(), rows))
+    return channels
+
+
+def _point(part: str, x: float, y: float, h: float, sign: float = 1.0) -> list[dict[str, float]]:
+    """Return the forward, lateral and vertical displacement of a point of a part for one unit of its coordinates."""
+    sway, roll, yaw = _motions(part)
+    return [{yaw: -sign * y}, {sway: sign, roll: -sign * h, yaw: sign * x}, {roll: sign * y}]
+
+
+def _springs(vehicle: Vehicle) -> Iterator[tuple[dict[str, float], float, float]]:
+    """Yield elongation by coordinate, stiffness and damping of every spring with its damper."""
+    height = vehicle.body.height or 0.0
+    for number, (bogie, lateral) in enumerate(_tables(vehicle), start=1):
+        name, (primary, secondary) = f"bogie{number}", bogie.half_spacing
+        above, below = height - lateral.secondary_height, lateral.frame_height - lateral.secondary_height
+        upright = (
+            (bogie.secondary_stiffness, bogie.secondary_damping),
+            (bogie.primary_stiffness, bogie.primary_damping),
+        )
+        second = (*zip(lateral.secondary_stiffness, lateral.secondary_damping, strict=True), upright[0])
+        first = (*zip(lateral.primary_stiffness, lateral.primary_damping, strict=True), upright[1])
+        for y in (secondary, -secondary):
+            ends = zip(_point("body", bogie.x, y, -above), _point(name, 0.0, y, -below, -1.0), second, strict=True)
+            yield from ((upper | lower, *values) for upper, lower, values in ends)
+        yield {"roll": 1.0, f"{name}_roll": -1.0}, bogie.anti_roll_stiffness, 0.0
+        for wheelset, along in ((2 * number - 1, bogie.half_wheelbase), (2 * number, -bogie.half_wheelbase)):
+            for y in (primary, -primary):
+                box = _point(f"wheelset{wheelset}", 0.0, y, 0.0, -1.0)
+                drop = lateral.wheel_radius - lateral.frame_height
+                ends = zip(_point(name, along, y, drop), box, first, strict=True)
+                yield from ((upper | lower, *values) for upper, lower, values in ends)
+        weight = GRAVITY * vehicle.body.mass / len(vehicle.bogie)
+        yield {"roll": 1.0}, -weight * above, 0.0

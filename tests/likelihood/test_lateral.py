@@ -1,0 +1,130 @@
+"""Fits of lateral motion: derivatives, exact spectra, drives with a weak damper, refusals."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.errors import DataError
+from sprung.formats import write
+from sprung.likelihood.lateral import LateralModel, fit_lateral
+from sprung.likelihood.search import minimised
+from sprung.likelihood.spectra import ClassSpectra
+from sprung.recording import Recording
+from sprung.simulation import RailDrive, simulate_drive
+from sprung.vehicles import Sensor, Vehicle, critical_speed, lateral_modes, parse_fault, read_vehicle, write_vehicle
+from sprung.vehicles.lateral import lateral_components, lateral_outputs, with_lateral
+
+
+@pytest.fixture(scope="module")
+def coach() -> Vehicle:
+    """Return the coach with four lateral accelerometers on its frames."""
+    vehicle = read_vehicle("coach")
+    sensors = [
+        Sensor(
+            channel=f"bogie{number}_{end}y",
+            quantity="acceleration",
+            unit="m/s^2",
+            position=(x, 0.0, 0.0),
+            direction=(0.0, 1.0, 0.0),
+            on=f"bogie{number}",
+        )
+        for number in (1, 2)
+        for end, x in (("f", 1.28), ("r", -1.28))
+    ]
+    return vehicle.model_copy(update={"sensor": (*vehicle.sensor, *sensors)})
+
+
+@pytest.fixture(scope="module")
+def model(coach) -> LateralModel:
+    """Return a model with the exact spectra of a vehicle with other values."""
+    outputs, frequencies = lateral_outputs(coach), np.arange(0.5, 8.0, 0.1)
+    speeds, size = np.array([25.0, 40.0]), len(lateral_outputs(coach).channels)
+    spectra = ClassSpectra(
+        frequencies=frequencies,
+        counts=np.array([60.0, 60.0]),
+        speeds=speeds,
+        spreads=np.array([0.01, 0.0]),
+        matrices=np.broadcast_to(np.eye(size, dtype=np.complex128), (2, frequencies.size, size, size)),
+        segment_length=10.0,
+        weights=np.full((2, frequencies.size), 60.0),
+    )
+    empty = LateralModel(coach, outputs, spectra)
+    exact = empty.matrix(exact_parameters(empty))
+    return LateralModel(coach, outputs, replace(spectra, matrices=exact))
+
+
+def exact_parameters(model: LateralModel) -> np.ndarray:
+    """Return other values than those of the file, a track of ERRI B176 low, and sensors of little noise."""
+    track, noise = np.log([9.05, 30.6]), np.full(len(model.outputs.channels), -3.0)
+    return np.concatenate([np.linspace(-0.3, 0.3, len(model.components)), track, noise])
+
+
+def test_gradient_is_that_of_finite_differences(model) -> None:
+    parameters = 0.1 * np.cos(np.arange(model.prior_std.size))
+    _, gradient = model.objective(parameters)
+    for row, step in enumerate(1e-5 * np.eye(parameters.size)):
+        ends = [model.objective(parameters + sign * step)[0] for sign in (1, -1)]
+        assert (ends[0] - ends[1]) / 2e-5 == pytest.approx(gradient[row], rel=1e-4, abs=1e-2)
+
+
+def test_exact_spectra_give_the_vehicle_that_made_them(model) -> None:
+    loose = replace(model)  # without a prior
+    object.__setattr__(loose, "prior_std", np.full(model.prior_std.size, 1e6))
+    parameters = minimised(loose, model.start())
+    for _ in range(8):
+        parameters = parameters - np.linalg.solve(loose.information(parameters), loose.objective(parameters)[1])
+    n = len(model.components)
+    assert np.abs(parameters[:n] - exact_parameters(model)[:n]).max() < 1e-9
+    exact, found = (lateral_modes(model.changed(each), speed=40.0) for each in (exact_parameters(model), parameters))
+    assert np.abs(found.poles / exact.poles - 1).max() < 1e-9
+
+
+def drive(vehicle: Vehicle, *, seed: int, speed: tuple[float, float], fault: str | None = None) -> Recording:
+    faults = () if fault is None else (parse_fault(fault),)
+    settings = RailDrive(speed=speed, duration=300.0, sampling_rate=100.0, snr=20.0, welded=True, faults=faults)
+    simulated = simulate_drive(vehicle, settings, seed=seed)
+    assert simulated.truth["faults"] == ({} if fault is None else {fault.partition("=")[0]: pytest.approx(-0.4)})
+    return simulated.recording
+
+
+@pytest.mark.slow
+def test_a_weak_lateral_damper_and_the_critical_speed_are_found(coach, tmp_path, sprung) -> None:
+    fault = "bogie1.lateral_damper=-0.4"
+    drives = [drive(coach, seed=k, speed=(30.0 + 6 * k, 33.0 + 7 * k), fault=fault) for k in range(2)]
+    fit = fit_lateral(drives, coach)
+    true = dict.fromkeys(lateral_components(coach), 0.0) | {"bogie1.lateral_damper": np.log(0.6)}
+    score = (fit.log_ratios - [true[name] for name in fit.components]) / fit.log_ratios_std
+    assert fit.model_error < 0.1
+    assert np.abs(score).max() < 4
+    assert fit.log_ratios_std[fit.components.index("bogie1.lateral_damper")] < 0.05
+    exact = critical_speed(with_lateral(coach, {"bogie1.lateral_damper": np.log(0.6)}))
+    assert fit.critical_speed is not None
+    assert exact is not None
+    speed, low, high = fit.critical_speed
+    assert abs(speed / exact - 1) < 0.03
+    assert high - low < 0.1 * speed
+
+    write_vehicle(coach, tmp_path / "coach.toml")
+    paths = []
+    for number, recording in enumerate(drives):
+        path = tmp_path / f"drive-{number}.npz"
+        write(recording, path)
+        paths.append(path)
+    outcome = sprung("stability", *paths, "--vehicle", tmp_path / "coach.toml", "--json", "-")
+    assert outcome.code == 0, outcome.err
+    document = json.loads(outcome.out)
+    assert document["schema"] == "sprung.stability/1"
+    assert document["critical_speed"] == pytest.approx(speed, rel=1e-3)
+    assert document["components"]["bogie1.lateral_damper"]["nominal"] == 32000.0
+
+
+def test_what_a_recording_lacks_is_said(coach) -> None:
+    recording = drive(coach, seed=1, speed=(30.0, 30.0)).part(0, 6000)
+    without = [name for name in recording.names if name != "speed"]
+    with pytest.raises(DataError, match="record the speed"):
+        fit_lateral(recording.select(without), coach)
+    lateral = recording.select([name for name in recording.names if name != "bogie1_fy"])
+    with pytest.raises(DataError, match="lacks the lateral channels bogie1_fy"):
+        fit_lateral(lateral, coach)

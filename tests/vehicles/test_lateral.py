@@ -1,0 +1,134 @@
+"""Lateral motion of rail vehicles: energies of moved bodies, wavelength of Klingel, critical speed, refusals."""
+
+import numpy as np
+import pytest
+
+from sprung.errors import ParameterError
+from sprung.vehicles import Sensor, Vehicle, read_vehicle, vehicle_from_text, vehicle_text
+from sprung.vehicles.lateral import (
+    GRAVITY,
+    critical_speed,
+    lateral_components,
+    lateral_modes,
+    lateral_outputs,
+    lateral_system,
+    with_lateral,
+)
+
+
+@pytest.fixture(scope="module")
+def coach() -> Vehicle:
+    return read_vehicle("coach")
+
+
+def moved(place: np.ndarray, point: np.ndarray, sway: float, roll: float, yaw: float) -> np.ndarray:
+    """Return where a point of a rigid body at `place` is after its finite motion."""
+    c, s = np.cos(roll), np.sin(roll)
+    rolled = np.array([[1, 0, 0], [0, c, -s], [0, s, c]]) @ point
+    c, s = np.cos(yaw), np.sin(yaw)
+    return place + np.array([0.0, sway, 0.0]) + np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ rolled
+
+
+def spring_energy(vehicle: Vehicle, motion: dict[str, float]) -> float:
+    """Return the energy of all springs of a vehicle whose rigid bodies have moved."""
+
+    def end(part: str, home: np.ndarray, spring: np.ndarray) -> np.ndarray:
+        prefix = "" if part == "body" else f"{part}_"
+        sway, roll, yaw = (motion.get(f"{prefix}{name}", 0.0) for name in ("sway", "roll", "yaw"))
+        return moved(home, spring - home, sway, roll, yaw)
+
+    def of(ends: tuple[str, str], homes: tuple[np.ndarray, np.ndarray], place: np.ndarray, k: tuple) -> float:
+        stretch = end(ends[0], homes[0], place) - end(ends[1], homes[1], place)
+        return 0.5 * float(np.sum(np.array(k) * stretch**2))
+
+    energy, body = 0.0, np.array([0.0, 0.0, vehicle.body.height])
+    for number, bogie in enumerate(vehicle.bogie, start=1):
+        lateral, name = bogie.lateral, f"bogie{number}"
+        assert lateral is not None
+        frame = np.array([bogie.x, 0.0, lateral.frame_height])
+        for side in (1, -1):
+            place = np.array([bogie.x, side * bogie.half_spacing[1], lateral.secondary_height])
+            k = (*lateral.secondary_stiffness, bogie.secondary_stiffness)
+            energy += of(("body", name), (body, frame), place, k)
+            for wheelset, along in ((2 * number - 1, 1), (2 * number, -1)):
+                axle = np.array([bogie.x + along * bogie.half_wheelbase, 0.0, lateral.wheel_radius])
+                place = axle + np.array([0.0, side * bogie.half_spacing[0], 0.0])
+                k = (*lateral.primary_stiffness, bogie.primary_stiffness)
+                energy += of((name, f"wheelset{wheelset}"), (frame, axle), place, k)
+        turn = motion.get("roll", 0.0) - motion.get(f"{name}_roll", 0.0)
+        energy += 0.5 * bogie.anti_roll_stiffness * turn**2
+    return energy
+
+
+def without_contact(vehicle: Vehicle) -> Vehicle:
+    """Return the vehicle with wheels that neither creep nor guide."""
+    return with_lateral(vehicle, {"creep": -60.0, "conicity": -60.0})
+
+
+def test_stiffness_is_the_curvature_of_the_energy_of_moved_bodies(coach) -> None:
+    system = lateral_system(without_contact(coach), speed=20.0)
+    names, step = system.coordinates, 1e-4
+    curvature = np.zeros((len(names), len(names)))
+    for i, first in enumerate(names):
+        for j, second in enumerate(names):
+            for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+                motion = dict.fromkeys(names, 0.0)
+                motion[first] += a * step
+                motion[second] += b * step
+                curvature[i, j] += a * b * spring_energy(coach, motion) / (4 * step**2)
+    lateral = coach.bogie[0].lateral
+    weight = GRAVITY * coach.body.mass * (coach.body.height - lateral.secondary_height)
+    curvature[names.index("roll"), names.index("roll")] -= weight
+    assert np.allclose(system.stiffness, curvature, rtol=1e-5, atol=1e-6 * curvature.max())
+
+
+def test_a_free_wheelset_rolls_with_the_wavelength_of_klingel(coach) -> None:
+    names = [name for name in lateral_components(coach) if "spring" in name or "damper" in name]
+    loose = with_lateral(coach, dict.fromkeys(names, -14.0))
+    lateral, speed = coach.bogie[0].lateral, 1.0
+    length = 2 * np.pi * np.sqrt(lateral.wheel_radius * coach.bogie[0].contact_half_spacing / lateral.conicity)
+    frequencies = lateral_modes(loose, speed=speed).natural_frequency
+    assert np.min(np.abs(frequencies / (speed / length) - 1)) < 0.01
+
+
+def test_the_least_damped_mode_grows_beyond_the_critical_speed_alone(coach) -> None:
+    speed = critical_speed(coach)
+    assert speed is not None
+    assert lateral_modes(coach, speed=0.999 * speed).damping_ratio.min() > 0
+    assert lateral_modes(coach, speed=1.001 * speed).damping_ratio.min() < 0
+    worn, new = with_lateral(coach, {"conicity": 0.5}), with_lateral(coach, {"conicity": -1.0})
+    hunting = critical_speed(worn)
+    assert hunting is not None
+    assert hunting < speed  # worn wheels hunt earlier
+    assert critical_speed(new, highest=speed) is None
+
+
+def test_an_accelerometer_to_the_left_reads_sway_yaw_roll_and_gravity(coach) -> None:
+    sensor = Sensor(
+        channel="y",
+        quantity="acceleration",
+        unit="m/s^2",
+        position=(2.0, 0.0, 0.5),
+        direction=(0.0, 1.0, 0.0),
+        on="bogie1",
+    )
+    outputs = lateral_outputs(coach.model_copy(update={"sensor": (sensor, *coach.sensor)}))
+    names = lateral_system(coach, speed=1.0).coordinates
+    assert outputs.names == ("y",)  # vertical ones are no lateral sensors
+    row = dict(zip(names, outputs.acceleration[0], strict=True))
+    assert (row["bogie1_sway"], row["bogie1_roll"], row["bogie1_yaw"]) == (1.0, -0.5, 2.0)
+    assert outputs.displacement[0][names.index("bogie1_roll")] == pytest.approx(GRAVITY)
+
+
+def test_a_file_keeps_its_lateral_tables(coach) -> None:
+    assert vehicle_from_text(vehicle_text(coach), source="text") == coach
+
+
+def test_what_a_file_lacks_is_said(coach) -> None:
+    with pytest.raises(ParameterError, match=r"'metro' has no \[bogie.lateral\] table for each"):
+        lateral_system(read_vehicle("metro"), speed=10.0)
+    flat = coach.model_copy(update={"body": coach.body.model_copy(update={"height": None})})
+    with pytest.raises(ParameterError, match="has no height"):
+        lateral_system(flat, speed=10.0)
+    with pytest.raises(ParameterError, match="no lateral sensor: add"):
+        lateral_outputs(coach)
