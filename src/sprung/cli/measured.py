@@ -243,7 +243,7 @@ def road(
 
 @shares_options
 def stability(files: Files, *, vehicle: VehicleFile, output: Output, reading: Reading) -> None:
-    """Estimate running stability and lateral suspension of a rail vehicle. From drives on straight track."""
+    """Estimate running stability and the lateral suspension on rails. From drives on straight track."""
     from sprung.likelihood.lateral import fit_lateral
     from sprung.results import tables
     from sprung.results.documents import stability_document
