@@ -147,7 +147,7 @@ def lateral_modes(vehicle: Vehicle, *, speed: float) -> ExactModes:
     >>> from sprung.vehicles import read_vehicle
     >>> coach = read_vehicle("coach")
     >>> [round(float(min(lateral_modes(coach, speed=speed).damping_ratio)), 2) for speed in (20.0, 60.0)]
-    [0.14, 0.07]
+    [0.19, 0.07]
     """
     none = np.zeros((0, len(_coordinates(vehicle))))
     exact = modes(lateral_system(vehicle, speed=speed), Outputs((), none, none, none))
