@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.errors import DataError
+from sprung.errors import DataError, ParameterError
 from sprung.formats import write
 from sprung.likelihood.lateral import LateralModel, fit_lateral
 from sprung.likelihood.search import minimised
@@ -128,3 +128,9 @@ def test_what_a_recording_lacks_is_said(coach) -> None:
     lateral = recording.select([name for name in recording.names if name != "bogie1_fy"])
     with pytest.raises(DataError, match="lacks the lateral channels bogie1_fy"):
         fit_lateral(lateral, coach)
+
+
+def test_a_lateral_fault_that_grows_is_refused(coach) -> None:
+    growing = parse_fault("bogie1.lateral_damper=-0.4@60")
+    with pytest.raises(ParameterError, match=r"bogie1\.lateral_damper begins later or grows"):
+        simulate_drive(coach, RailDrive(duration=5.0, faults=(growing,)))

@@ -82,6 +82,20 @@ def test_stiffness_is_the_curvature_of_the_energy_of_moved_bodies(coach) -> None
     assert np.allclose(system.stiffness, curvature, rtol=1e-5, atol=1e-6 * curvature.max())
 
 
+def test_a_vehicle_stands_where_the_track_lies(coach) -> None:
+    """A track that is moved to the left by 1 cm moves all parts by as much; one that rolls rolls them the same way."""
+    system = lateral_system(coach, speed=20.0)
+    n_wheelsets = 2 * len(coach.bogie)
+    aside, rolled = (
+        dict(zip(system.coordinates, np.linalg.solve(system.stiffness, system.input_matrix @ track), strict=True))
+        for track in 0.01 * np.repeat(np.eye(2), n_wheelsets, axis=1)
+    )
+    sways = [value for name, value in aside.items() if name.endswith("sway")]
+    assert np.allclose(sways, 0.01, rtol=1e-6)
+    assert np.allclose([value for name, value in aside.items() if not name.endswith("sway")], 0.0, atol=1e-8)
+    assert 0.01 < rolled["bogie1_roll"] < rolled["roll"] < 0.013  # the weight above the springs leans further
+
+
 def test_a_free_wheelset_rolls_with_the_wavelength_of_klingel(coach) -> None:
     names = [name for name in lateral_components(coach) if "spring" in name or "damper" in name]
     loose = with_lateral(coach, dict.fromkeys(names, -14.0))
@@ -125,6 +139,8 @@ def test_a_file_keeps_its_lateral_tables(coach) -> None:
 
 
 def test_what_a_file_lacks_is_said(coach) -> None:
+    with pytest.raises(ParameterError, match=r"'zafira' has no \[\[bogie\]\] tables"):
+        lateral_system(read_vehicle("zafira"), speed=10.0)
     with pytest.raises(ParameterError, match=r"'metro' has no \[bogie.lateral\] table for each"):
         lateral_system(read_vehicle("metro"), speed=10.0)
     flat = coach.model_copy(update={"body": coach.body.model_copy(update={"height": None})})

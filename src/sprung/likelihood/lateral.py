@@ -402,8 +402,8 @@ def fit_lateral(recordings: Recording | Iterable[Recording], vehicle: Vehicle) -
     outputs = lateral_outputs(vehicle)
     windows = [window_of(record, vehicle, allow_missing=True) for record in records]
     speed = windows[0].speed
-    if speed is None:
-        raise DataError("the recording has no speed, without which creep is not known: record the speed")
+    if speed is None or any(window.speed is None for window in windows):
+        raise DataError("a recording has no speed, without which creep is not known: record the speed")
     segments = _segments([window.recording for window in windows], outputs, speed)
     model = LateralModel(vehicle, outputs, class_spectra(segments, width=CLASS_WIDTH))
     parameters, power, limited = model.start(), 0.0, segments

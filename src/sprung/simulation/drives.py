@@ -403,6 +403,12 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
     lateral_faults = tuple(fault for fault in settings.faults if str(fault.component) in sideways)
     if sideways and isinstance(settings, RailDrive):
         track = _stream(seed, _LATERAL)
+        for fault in lateral_faults:
+            if not fault.is_constant:
+                raise ParameterError(
+                    f"fault {fault.component} begins later or grows, but lateral motion is simulated with constant "
+                    "faults: give its size alone"
+                )
         changes = {str(fault.component): float(np.log(fault.factor(math.inf))) for fault in lateral_faults}
         ideal = lateral_signals(
             ideal, true, log_ratios=changes, quality=settings.quality, speed=route.speed, generator=track

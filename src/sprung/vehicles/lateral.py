@@ -225,7 +225,9 @@ def _tables(vehicle: Vehicle) -> list[tuple[Bogie, Lateral]]:
     """Return the bogies with their lateral tables."""
     check_type("vehicle", vehicle, Vehicle)
     tables = [(bogie, bogie.lateral) for bogie in vehicle.bogie if bogie.lateral is not None]
-    if not vehicle.bogie or len(tables) < len(vehicle.bogie):
+    if not vehicle.bogie:
+        raise ParameterError(f"vehicle {vehicle.name!r} has no [[bogie]] tables, of which lateral motion is modelled")
+    if len(tables) < len(vehicle.bogie):
         raise ParameterError(
             f"vehicle {vehicle.name!r} has no [bogie.lateral] table for each [[bogie]]: add them for its lateral motion"
         )
