@@ -56,6 +56,14 @@ def test_a_record_that_no_free_motion_explains_counts() -> None:
     assert fit_free_response([decay(level=0.01), forced], max_modes=2).explained < 0.95
 
 
+def test_records_that_free_modes_cannot_explain_are_refused_before_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A minute of a front axle on 24 channels took 2:20 of searches before its fit was discarded."""
+    noise = Recording(np.random.default_rng(3).standard_normal((2, 300)), 100.0, CHANNELS)
+    monkeypatch.delattr("sprung.identification.free_response._refined")
+    with pytest.raises(DataError, match="free modes explain less than 95 % of the motion"):
+        fit_free_response(noise, least_explained=0.95)
+
+
 def test_repeats_reduce_the_deviations() -> None:
     one = fit_free_response(decay(level=0.02)).modes
     four = fit_free_response([decay(level=0.02, seed=seed) for seed in range(4)]).modes

@@ -115,6 +115,7 @@ def fit_free_response(
     band: tuple[float, float] | None = None,
     max_modes: int | None = None,
     begins: Sequence[Modes] = (),
+    least_explained: float = 0.0,
 ) -> FreeFit:
     """Return the modes of one or several free responses of one system, each from a state of its own.
 
@@ -129,6 +130,8 @@ def fit_free_response(
         Largest number of modes; default: 6.
     begins
         Modes of all channels from which the search begins, too, such as those of single records.
+    least_explained
+        Share of the power that free modes have to explain by least squares, as `FreeFit.explained`, 0 to 1.
 
     Returns
     -------
@@ -138,7 +141,7 @@ def fit_free_response(
     Raises
     ------
     DataError
-        If the records are too short, or no channel moves.
+        If the records are too short, no channel moves, or free modes explain less than demanded.
 
     Notes
     -----
@@ -163,6 +166,8 @@ def fit_free_response(
     most = max_modes or _FIT.max_modes
     realised = list(_realised(lines, most=most))
     starts = _grown(lines, [poles for poles, _ in realised], most=most, begins=begins)
+    if max((_explained(start) for start in starts), default=1.0) < least_explained:
+        raise DataError(f"free modes explain less than {100 * least_explained:.0f} % of the motion in these records")
     nearest = sorted(starts, key=lambda start: start.criterion)[: 1 if begins else _FIT.n_refined]
     best = min(map(_refined, nearest), key=lambda fitted: fitted.criterion, default=None)
     if best is None:
@@ -404,6 +409,15 @@ def _covariance(fitted: _Fitted) -> Real:
     return np.asarray(covariance[np.ix_(chosen, chosen)] * np.outer(factors, factors))
 
 
+def _explained(fitted: _Fitted) -> float:
+    """Return the share of the power that the modes explain, as in `FreeFit`."""
+    data = fitted.model.data
+    every = np.arange(data.n_records)[:, None] == data.records
+    residuals = fitted.model.fitted(fitted.parameters).residuals
+    left, whole = (every @ np.abs(each) ** 2 for each in (residuals, data.values))
+    return float(1 - np.max(np.min(left / whole, axis=1)))
+
+
 def _rows_of_modes(model: FreeResponse) -> Indices:
     """Return the numbers of the parameters that are ln frequencies, ln damping ratios and free parts of the shapes."""
     return np.concatenate([model.modal.rows[name] for name in ("natural_frequency", "damping_ratio", "mode_shapes")])
@@ -451,13 +465,11 @@ def _result(fitted: _Fitted, doubts: Real, unresolved: Booleans, *, channels: tu
     is_clear = (certain[0] < _FIT.max_deviation * xi) & (certain[1] < _FIT.max_deviation) & (xi < _FIT.max_damping)
     kept = order[is_clear[order]]
     rows = np.concatenate([kept, n + kept, *(np.flatnonzero(of_mode[2 * n :] == k) + 2 * n for k in kept)])
-    every = np.arange(model.data.n_records)[:, None] == model.data.records
-    left, whole = (every @ np.abs(each) ** 2 for each in (fit.residuals, model.data.values))
     return FreeFit(
         modes=modes.take(kept),
         amplitudes=amplitudes[:, kept],
         covariance=covariance[np.ix_(rows, rows)],
-        explained=float(1 - np.max(np.min(left / whole, axis=1))),
+        explained=_explained(fitted),
         information_criterion=fitted.criterion,
         has_forces=model.has_forces,
         hidden=tuple(float(f[k]) for k in kept if hidden[k]),

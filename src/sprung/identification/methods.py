@@ -421,7 +421,8 @@ def _free_fit(
         whole = [usable(each, vehicle=vehicle, allow_missing=settings.allow_missing) for each in given]
         runs = [run.select(output_channels(run, vehicle)) for run in whole]
         parts = [] if any(run.gaps for run in runs) else free_parts(runs, is_certain=is_certain)
-        fit = fit_free_response(parts, band=settings.band) if parts else None
+        least = 0.0 if is_certain else _FREE
+        fit = fit_free_response(parts, band=settings.band, least_explained=least) if parts else None
     except DataError:
         if is_certain:
             raise
