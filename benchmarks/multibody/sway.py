@@ -1,0 +1,144 @@
+"""What rigid axles and side forces of tyres are worth in the model of a vehicle: its modes and its misfit to a drive.
+
+    python -m benchmarks.multibody.sway bus
+
+A drive of five minutes, fitted with the true masses and rates of the vehicle in place of a file, three times: wheels
+that move each by itself, rigid axles where the vehicle has them, and these with side forces. The side force of a tyre
+is C / v times the lateral velocity of its contact patch, behind the relaxation of the tyre: a damper in series with a
+spring. The patch moves with sway, yaw and roll of the body and, below the roll centre, with the axle. The modes are
+those of the model before the fit, beside those of the engine.
+"""
+
+import argparse
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from benchmarks.multibody.__main__ import Study, ordinary, recording, sheet_file
+from benchmarks.multibody.design import DESIGNS, Axle, Design
+from benchmarks.multibody.truth import modes, rates
+
+from sprung.likelihood.fitting import fit_windows
+from sprung.vehicles import Vehicle
+from sprung.vehicles.models import structure
+from sprung.vehicles.structure import Element, Structure
+from sprung.vehicles.window import window_of
+
+RELAXATION = 0.02  # of the engine's side forces [s]
+SEAT = 0.66  # distance of the springs of a rigid axle from the middle, over half the track
+GYRATION = 0.75  # radius of gyration of a rigid axle in roll, over half the track
+LOAD = 100.0  # of driver and luggage, about [kg]
+ROLL_CENTRES = {"macpherson": 0.1, "trailing": 0.0, "wishbone": 0.15}  # above the road, about [m]
+HIGHEST = 3.0  # of the modes shown [Hz]
+SEED = 100
+
+
+def true_file(study: Study, *, has_rigid_axles: bool) -> Vehicle:
+    """Return the vehicle file with true masses, inertias, and rates at the wheels."""
+    design, sheet = study.design, sheet_file(study.design)
+    true = rates(design, study.effects)
+    axles = []
+    for axle, part in zip(sheet.axle, design.axles, strict=True):
+        at_wheel = true[f"{part.name}_left"]
+        fields = {
+            "half_track": part.half_track,
+            "unsprung_mass": part.wheel_mass,
+            "spring_stiffness": at_wheel.spring,
+            "damping": at_wheel.damper,
+            "tyre_stiffness": part.tyre,
+            "anti_roll_stiffness": part.bar,
+        }
+        if part.linkage == "rigid":  # both wheels together; one alone meets a softer spring
+            fields |= {"spring_stiffness": part.spring, "damping": part.damper}
+            fields |= _rigid(part) if has_rigid_axles else {}
+        axles.append(axle.model_copy(update=fields))
+    roll, pitch, yaw = design.inertia
+    inertias = {"pitch_inertia": pitch, "roll_inertia": roll, "yaw_inertia": yaw}
+    body = sheet.body.model_copy(update={"mass": design.mass + LOAD, **inertias})
+    return sheet.model_copy(update={"axle": tuple(axles), "body": body, "learnt": ()})
+
+
+def _rigid(part: Axle) -> dict[str, float | None]:
+    """Return the fields of a rigid axle with springs and dampers between its wheels."""
+    mass = 2 * part.wheel_mass
+    return {
+        "half_track": SEAT * part.half_track,
+        "contact_half_track": part.half_track,
+        "unsprung_mass": None,
+        "wheelset_mass": mass,
+        "wheelset_roll_inertia": mass * (GYRATION * part.half_track) ** 2,
+        "anti_roll_stiffness": part.bar / SEAT**2,
+    }
+
+
+def with_side_forces(vehicle: Vehicle, design: Design, speed: float) -> Structure:
+    """Return the structure of a vehicle whose tyres have side forces at a speed [m/s]."""
+    axles = [axle.model_copy(update={"lateral_stiffness": 1.0}) for axle in vehicle.axle]
+    swaying = structure(vehicle.model_copy(update={"axle": tuple(axles)}))
+    return replace(swaying, elements=tuple(_elements(swaying, design, speed)))
+
+
+def _elements(swaying: Structure, design: Design, speed: float) -> Iterator[Element]:
+    names, coordinates = [element.owner for element in swaying.elements if element.part == "tyre"], swaying.coordinates
+    tyres = dict(zip(names, [part for part in design.axles for _ in range(2)], strict=True))
+    contacts = {element.owner: element.elongation for element in swaying.elements if element.part == "tyre"}
+    for element in swaying.elements:
+        if element.part != "lateral":
+            yield element
+            continue
+        part = tyres[element.owner]
+        end = element.owner.rpartition("_")[0]
+        centre = ROLL_CENTRES.get(part.linkage, part.radius + 0.02)
+        turn = (contacts[f"{end}_left"] - contacts[f"{end}_right"]) / (2 * part.half_track)
+        moved = {"sway": 1.0, "yaw": part.x, "roll": design.height - centre}
+        elongation = centre * turn + np.array([moved.get(name, 0.0) for name in coordinates])
+        damping = part.cornering / speed
+        yield replace(element, elongation=elongation, damping=damping, series_stiffness=damping / RELAXATION)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("vehicle", choices=sorted(DESIGNS))
+    parser.add_argument("--folder", type=Path, default=Path.home() / ".cache" / "sprung-multibody")
+    given = parser.parse_args()
+    study = Study(DESIGNS[given.vehicle], given.folder)
+    run = recording(study, replace(ordinary(study.design, SEED), duration=300.0), SEED)
+    speed = float(run.samples[-1].mean())
+    wheels, axles = (true_file(study, has_rigid_axles=is_rigid) for is_rigid in (False, True))
+    cases = {
+        "wheels by themselves": (wheels, structure(wheels)),
+        "rigid axles": (axles, structure(axles)),
+        "rigid axles, side forces": (axles, with_side_forces(axles, study.design, speed)),
+    }
+    print(
+        "| model | body modes [Hz], damping ratio [%] | model error [%] | springs, dampers, tyres, fitted over true |"
+    )
+    print("|---|---|---|---|")
+    for name, (vehicle, built) in cases.items():
+        fit = fit_windows([replace(window_of(run, vehicle), structure=built)])
+        exact = built.modes()
+        rolls = np.real(exact.mode_shapes[:, 0] * exact.mode_shapes[:, 1].conj()) < 0  # left against right, in front
+        ratios = [
+            np.exp([ratio for part, ratio in zip(fit.components, fit.log_ratios, strict=True) if part.kind == kind])
+            for kind in ("spring", "damper", "tyre")
+        ]
+        spread = ", ".join(f"{each.min():.2f} to {each.max():.2f}" for each in ratios)
+        shown = _modes(exact.natural_frequency, exact.damping_ratio, rolls)
+        print(f"| {name} | {shown} | {100 * fit.model_error:.1f} | {spread} |", flush=True)
+    true = modes(study.design, study.effects, speed=speed)
+    rows = [(mode.frequency, mode.damping_ratio, mode.shares["roll"] > 0.5) for mode in true]
+    print(f"| the engine | {_modes(*zip(*rows, strict=True))} | | |")
+
+
+def _modes(frequencies: Iterable[float], ratios: Iterable[float], rolls: Iterable[bool]) -> str:
+    shown = zip(frequencies, ratios, rolls, strict=True)
+    return ", ".join(f"{'roll ' if is_roll else ''}{f:.2f} {100 * xi:.0f}" for f, xi, is_roll in shown if f < HIGHEST)
+
+
+if __name__ == "__main__":
+    main()
