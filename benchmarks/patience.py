@@ -2,7 +2,7 @@
 
 Baselines of 6 and 12 windows; parts of unequal scatter, serial correlation, conditions beyond those of the baseline.
 Somebody looks at a fleet after 6, 12, 24 and 48 windows and stops at the first look that names a healthy vehicle: the
-worst for the promise, which is proportional to the patience; that is the simulated time. Power is over a year.
+worst for the promise, which is proportional to the patience; here that is the simulated time. Power is over a year.
 Estimates of windows are drawn, not recordings: `patience_vectors.py` computes their evidence as `sprung` does.
 """
 
@@ -46,18 +46,25 @@ def main():
     arguments.add_argument("--windows", type=int, nargs="*", default=[6, 12], help="windows of a baseline")
     arguments.add_argument("--seed", type=int, default=1)
     given = arguments.parse_args()
-    print("| vehicles | baseline | fleets of 1 [%] | fleets of 10 [%] | fleets of 100 [%] | faults named [%] |")
-    print("|---|---|---|---|---|---|")
+    heads = (
+        "vehicles",
+        "baseline",
+        "windows taken as",
+        *(f"fleets of {n} [%]" for n in (1, 10, 100)),
+        "faults named [%]",
+    )
+    print(f"| {' | '.join(heads)} |\n{'|---' * len(heads)}|")
     for name in given.worlds:
         for n_learning in given.windows:
             seed = [given.seed, list(WORLDS).index(name), n_learning]
             healthy = simulated(WORLDS[name], n_learning, 0.0, N_VEHICLES * given.fleets, [*seed, 0])
             faulty = simulated(WORLDS[name], n_learning, CHANGE, given.faulty, [*seed, 1])
-            print(row(name, n_learning, healthy, faulty), flush=True)
+            for taken, rows, changed in zip(("possibly correlated", "independent"), healthy, faulty, strict=True):
+                print(row(f"{name} | {n_learning} | {taken}", rows, changed), flush=True)
 
 
 def simulated(world, n_learning, change, count, seed):
-    """Return ln of the e-detector of vehicles at each look, shape (vehicles, looks).
+    """Return ln of the e-detector of vehicles at each look, shape (2, vehicles, looks).
 
     Of a vehicle of which too few windows are alike no baseline is learnt; there is another one in its place.
     """
@@ -68,7 +75,7 @@ def simulated(world, n_learning, change, count, seed):
             if len(which):
                 found.append(evidence(learnt, units[which, n_learning:], values[which, n_learning:], LOOKS))
                 n_found += len(which)
-    return np.concatenate(found)[:count]
+    return np.concatenate(found, axis=1)[:, :count]
 
 
 def drawn(world, n_learning, change, generator):
@@ -90,7 +97,7 @@ def drawn(world, n_learning, change, generator):
     return units, values
 
 
-def row(name, n_learning, healthy, faulty):
+def row(heading, healthy, faulty):
     """Return the share of fleets with a healthy vehicle on the list, with its exact interval, and the power.
 
     All vehicles of these fleets are healthy, so that this is the expected share of healthy ones on the list.
@@ -108,7 +115,7 @@ def row(name, n_learning, healthy, faulty):
         shares.append(f"{named} of {len(fleets)}: {100 * named / len(fleets):.2f} ({low:.2f} to {high:.2f})")
     named = faulty >= np.log(N_VEHICLES * 48 * PATIENCE_DAYS / RATE)
     power = ", ".join(f"{100 * value:.0f}" for value in np.mean(named, axis=0))
-    return f"| {name} | {n_learning} | {' | '.join(shares)} | {power} |"
+    return f"| {heading} | {' | '.join(shares)} | {power} |"
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Evidence of many simulated vehicles at once: `sprung.learn` and `Series.evidence` for cars of equal windows.
+"""Evidence of many simulated vehicles at once: `sprung.learn` and `lasting_evidence` for cars of equal windows.
 
 Where all windows report the same variance for each part, the model of the change test falls apart into blocks: left
 against right of each kind and axle is one number, and the sums of both axles of a kind are two. `test_patience.py`
@@ -14,10 +14,8 @@ from scipy.special import betaincinv
 
 from sprung import read_vehicle, structure
 from sprung.diagnosis import learning
-from sprung.diagnosis.baseline import SETTINGS, slope_covariances
-from sprung.diagnosis.hypotheses import PRIORS
-from sprung.diagnosis.lasting import OWN_SCATTER, Series, witnesses_of
-from sprung.diagnosis.ratios import Hypotheses
+from sprung.diagnosis.baseline import SETTINGS
+from sprung.diagnosis.hypotheses import PRIORS, hypotheses_of, log_prior
 from sprung.diagnosis.scatter import (
     COMMON_AT_A_TEMPERATURE,
     FRONT_REAR_STD,
@@ -241,120 +239,67 @@ def _chosen(found, which):
     return Baselines(**both, **one, n_windows=found.n_windows)
 
 
-HYPOTHESES = Hypotheses.of(PARTS)
+SCOPES = [each.scope for each in hypotheses_of(PARTS)]
+PRIOR = np.exp(log_prior(hypotheses_of(PARTS)))
+SINGLE, AXLE, ALL, ELSE, PAIR = (float(PRIOR[SCOPES.index(s)]) for s in ("single", "axle", "all", "else", "pair"))
+BETWEEN, UNMODELLED = 1 / PRIORS.size**2, 1 / PRIORS.unmodelled_size**2
+STRONG, N_UNITS, N_PARTS = SERIAL.strong, 1 + 2 * len(CONDITIONS), len(PARTS)
 
 
 def evidence(baseline, units, values, looks):
-    """Return ln of the e-detector of vehicles at each look, shape (vehicles, looks), as `Series.evidence` does."""
-    whole = series(baseline, units, values)
-    known, later = np.linalg.inv(whole.own), np.linalg.inv(whole.beyond)
-    return np.array(
-        [
-            _evidence(
-                whole.values[k], whole.variances[k], whole.scatter[k], whole.units[k], known[k], later[k],
-                whole.n_learning, whole.correlations[k], whole.squares[k], whole.witnesses[k], whole.log_prior,
-                np.array(looks),
-            )
-            for k in range(len(units))
-        ]
-    )  # fmt: skip
+    """Return ln of the e-detector of vehicles at each look, shape (2, vehicles, looks).
 
-
-(SCALES, WEIGHTS_OF), UNEQUAL, FEWEST = OWN_SCATTER.scales, OWN_SCATTER.unequal, WEIGHTS.pairs
-RHO, BETWEEN, STRONG = np.array(SERIAL.correlations), 1 / PRIORS.size**2, SERIAL.strong
+    First with consecutive windows as possibly correlated, as `lasting_evidence`, then as independent.
+    """
+    at = baseline.units(units)
+    beyond = baseline.beyond(at)
+    rows = np.concatenate([np.ones((*at.shape[:2], 1)), at, beyond], axis=-1)
+    parts = []
+    for away, own, nuisance, information, slopes in zip(
+        baseline.residuals(at, values), baseline.scatter, baseline.nuisance, baseline.information, SLOPES, strict=True
+    ):
+        whole = (own + nuisance)[:, None] + np.einsum("vnc,bcij->vnbij", beyond**2, slopes)
+        later = chained(*np.moveaxis(inverse(slopes), 1, 0))
+        later = np.broadcast_to(later, (len(units), *later.shape))
+        parts += [away, own, whole, information, later]
+    found = np.empty((2, len(units), len(looks)))
+    for k in range(len(units)):
+        found[:, k] = _evidence(
+            rows[k], *(np.ascontiguousarray(each[k]) for each in parts), baseline.degrees[k], baseline.squares[k],
+            baseline.correlations[k], baseline.n_windows, np.array(looks),
+        )  # fmt: skip
+    return found
 
 
 @numba.njit(fastmath=True)
 def _evidence(
-    y, variances, scatter, units, known, later, n_learning, correlations, squares, witnesses, log_prior, looks
-):
-    n_series, n = y.shape
-    old = 1.0
-    n_looks, n_rho, n_own, width = len(looks), len(RHO), known.shape[-1], units.shape[-1]
-    rest, volume = np.empty((n_looks, n_series)), np.empty((n_looks, n_series))
-    explained, volumes = np.empty((n_looks, n_series, n)), np.empty((n_looks, n_series, n))
-    J, root = np.zeros((width, width)), np.zeros((width, width))
-    g, pulled, half, each = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
-    first, summed = np.empty((n, width + 2)), np.zeros((n + 1, width + 2))
-    top, bottom = np.full((n_looks, n_series), -np.inf), np.full((n_looks, n_series), -np.inf)
-    for r in range(n_rho):
-        rho, factor = RHO[r], squares[r]
+    rows, d, d_own, d_whole, d_known, d_later, m, m_own, m_whole, m_known, m_later,
+    degrees, squares, probabilities, n_learning, looks,
+):  # fmt: skip
+    n, n_rho, n_looks = len(rows), len(CORRELATIONS), len(looks)
+    top, bottom, found = np.empty((n_looks, n_rho)), np.empty((n_looks, n_rho)), np.empty((2, n_looks))
+    D, KD = np.empty((n_looks, 6, 1, n)), np.empty((n_looks, 6, 1, 1, n))
+    M, KM = np.empty((n_looks, 3, 2, n)), np.empty((n_looks, 3, 2, 2, n))
+    for j in range(n_rho):
+        rho, factor, at = CORRELATIONS[j], squares[j], np.zeros((n_looks, 2))
         share = (1 - rho * (1 - 2 / n_learning)) / (1 + rho)
-        for k in range(n_series):
-            J[:], pulled[:], squared = 0.0, 0.0, 0.0
-            J[:n_own, :n_own] = known[k] * share / factor
-            J[n_own:, n_own:] = later[k] / factor
-            logs, look = _root(J, root), 0
-            for w in range(n):
-                v, a, z = variances[k, w] + (factor - 1) * scatter[k, w], 0.0, y[k, w]
-                left = v
-                if w > 0:
-                    a = rho * factor * sqrt(scatter[k, w] * scatter[k, w - 1]) / old
-                    left -= a * a * old
-                    z -= a * y[k, w - 1]
-                old = v
-                logs -= log(left)
-                squared += z * z / left
-                for u in range(width):
-                    g[u] = units[w, u] - (a * units[w - 1, u] if w > 0 else 0.0)
-                for u in range(width):
-                    heavy = g[u] / left
-                    first[w, u] = heavy
-                    summed[w + 1, u] = summed[w, u] + heavy * (1 - a)
-                    pulled[u] += heavy * z
-                    for i in range(u + 1):
-                        J[u, i] += heavy * g[i]
-                first[w, width], first[w, width + 1] = z / left, 1 / left
-                summed[w + 1, width] = summed[w, width] + z * (1 - a) / left
-                summed[w + 1, width + 1] = summed[w, width + 1] + (1 - a) ** 2 / left
-                if look == n_looks or w + 1 != looks[look]:
-                    continue
-                volume[look, k] = logs - _root(J, root)
-                half[:] = pulled
-                _solve(root, half)
-                rest[look, k] = squared - np.sum(half**2)
-                for o in range(w + 1):
-                    for u in range(width):
-                        each[u] = first[o, u] + summed[w + 1, u] - summed[o + 1, u]
-                    _solve(root, each)
-                    score = first[o, width] + summed[w + 1, width] - summed[o + 1, width]
-                    information = first[o, width + 1] + summed[w + 1, width + 1] - summed[o + 1, width + 1]
-                    for u in range(width):
-                        score -= each[u] * half[u]
-                        information -= each[u] ** 2
-                    explained[look, k, o] = score**2 / (information + BETWEEN)
-                    volumes[look, k, o] = sqrt(1 + information / BETWEEN)
-                look += 1
-        probable = log(max(correlations[r], 1e-300))
-        counted = probable if rho < STRONG else 0.0
-        for look in range(n_looks):
-            m = looks[look]
-            for k in range(n_series):
-                common, count = FEWEST, FEWEST
-                for i in range(n_series):
-                    if witnesses[k, i] and i != k:
-                        common += rest[look, i]
-                        count += m
-                common, free, alike, unequal = common / count, count + m, 0.0, 0.0
-                for i in range(n_series):
-                    if witnesses[k, i] and i != k:
-                        alike += (volume[look, i] - m * log(common) - rest[look, i] / common) / 2
-                        logs_of = WEIGHTS_OF - (m * np.log(SCALES) + rest[look, i] / (common * SCALES)) / 2
-                        unequal += (volume[look, i] - m * log(common)) / 2 + _log_sum(logs_of)
-                for s in range(1 + len(SCALES)):
-                    x = common * (SCALES[s - 1] if s else 1.0)
-                    own = unequal + log(UNEQUAL) + WEIGHTS_OF[s - 1] if s else alike + log(1 - UNEQUAL)
-                    own += (volume[look, k] - m * log(x)) / 2 - free / 2 * log(1 + rest[look, k] / (count * x))
-                    whole, total = rest[look, k] + count * x, 0.0
-                    for o in range(m):
-                        total += (
-                            exp(min(-free / 2 * log(1 - explained[look, k, o] / whole), 700.0)) / volumes[look, k, o]
-                        )
-                    top[look, k] = np.logaddexp(top[look, k], probable + own + log(total))
-                    bottom[look, k] = np.logaddexp(bottom[look, k], counted + own)
-    found = np.empty(n_looks)
-    for look in range(n_looks):
-        found[look] = log(np.sum(np.exp(top[look] - bottom[look] + log_prior)))
+        for b in range(6):
+            _block(rows, d[:, b], d_own[b], d_whole[:, b], d_known[b] * share, d_later[b], rho, factor, looks, at,
+                   D[:, b], KD[:, b])  # fmt: skip
+        for b in range(3):
+            _block(rows, m[:, b], m_own[b], m_whole[:, b], m_known[b] * share, m_later[b], rho, factor, looks, at,
+                   M[:, b], KM[:, b])  # fmt: skip
+        known = log(max(probabilities[j], 1e-300))
+        for k in range(n_looks):
+            rest, free = degrees + at[k, 0], degrees + N_PARTS * looks[k]
+            likelihood = (at[k, 1] + degrees * log(degrees) - free * log(rest)) / 2
+            value = log(_mean_over_hypotheses(D[k, :, 0], KD[k, :, 0, 0], M[k], KM[k], rest, free, looks[k]))
+            top[k, j] = known + likelihood + value
+            bottom[k, j] = (known if rho < STRONG else 0.0) + likelihood
+            if j == 0:
+                found[1, k] = value
+    for k in range(n_looks):
+        found[0, k] = _log_sum(top[k]) - _log_sum(bottom[k])
     return found
 
 
@@ -365,14 +310,119 @@ def _log_sum(logs):
 
 
 @numba.njit(fastmath=True)
+def _block(rows, r, own, whole, known, later, rho, factor, looks, at, scores, informations):
+    """Add rest and volume of a block at each look to `at`, and fill in score and information of each onset."""
+    n, size = r.shape
+    width = N_UNITS * size
+    J, root = np.zeros((width, width)), np.zeros((width, width))
+    J[: len(known), : len(known)] = known / factor
+    J[len(known) :, len(known) :] = later / factor
+    volume, squared, k = _root(J, root), 0.0, 0
+    # Rows: B^T W D, D^T W D and D^T W z of the windows before; the same of each window as the first changed one.
+    height = width + size + 1
+    summed, first = np.zeros((n + 1, height, size)), np.empty((n, height, size))
+    seen, pulled = np.zeros((width, size)), np.zeros((width, 1))
+    V, V_old, left, W, A = np.zeros((5, size, size))
+    WD, z, half, each = np.zeros((size, size)), np.zeros((size, 1)), np.empty((width, 1)), np.empty((width, size))
+    for w in range(n):
+        V_old[:] = V
+        V[:] = whole[w] + (factor - 1) * own
+        left[:] = V
+        if w > 0 and rho > 0:
+            _inverted(V_old, W)
+            for i in range(size):
+                for j in range(size):
+                    A[i, j] = rho * factor * own[i, i] * W[i, j]
+            for i in range(size):
+                for j in range(size):
+                    left[i, j] -= rho * factor * own[i, i] * A[j, i]  # A V_old A^T
+        volume -= log(_inverted(left, W))
+        for i in range(size):
+            z[i, 0] = r[w, i]
+            for j in range(size):
+                z[i, 0] -= A[i, j] * r[w - 1, j] if w > 0 else 0.0
+            for u in range(N_UNITS):
+                for j in range(size):
+                    value = rows[w, u] if i == j else 0.0
+                    seen[u * size + j, i] = value - (rows[w - 1, u] * A[i, j] if w > 0 else 0.0)
+        _product(W, A, WD)
+        WD[:] = W - WD
+        _product(seen, W, first[w, :width])
+        _product(seen, WD, each)
+        summed[w + 1] = summed[w]
+        summed[w + 1, :width] += each
+        for u in range(width):
+            for i in range(size):
+                pulled[u, 0] += first[w, u, i] * z[i, 0]
+                for v in range(u + 1):
+                    J[u, v] += first[w, u, i] * seen[v, i]
+        for i in range(size):
+            total, turned = 0.0, 0.0
+            for j in range(size):
+                total += W[i, j] * z[j, 0]
+                turned += WD[j, i] * z[j, 0]
+                value = WD[i, j]
+                for c in range(size):
+                    value -= A[c, i] * WD[c, j]
+                first[w, width + i, j] = W[i, j]
+                summed[w + 1, width + i, j] += value
+            squared += z[i, 0] * total
+            first[w, width + size, i] = total
+            summed[w + 1, width + size, i] += turned
+        if k == len(looks) or w + 1 != looks[k]:
+            continue
+        at[k, 1] += volume - _root(J, root)
+        half[:] = pulled
+        _solve(root, half)
+        at[k, 0] += squared - np.sum(half**2)
+        for o in range(w + 1):
+            every = first[o] + summed[w + 1] - summed[o + 1]
+            _solve(root, every[:width])
+            for i in range(size):
+                total = every[width + size, i]
+                for u in range(width):
+                    total -= every[u, i] * half[u, 0]
+                scores[k, i, o] = total
+                for j in range(size):
+                    total = every[width + i, j]
+                    for u in range(width):
+                        total -= every[u, i] * every[u, j]
+                    informations[k, i, j, o] = total
+        k += 1
+
+
+@numba.njit(fastmath=True)
+def _product(one, two, result):
+    """Write the product of small matrices to `result`."""
+    for i in range(one.shape[0]):
+        for j in range(two.shape[1]):
+            total = 0.0
+            for c in range(two.shape[0]):
+                total += one[i, c] * two[c, j]
+            result[i, j] = total
+
+
+@numba.njit(fastmath=True)
+def _inverted(matrix, result):
+    """Write the inverse of a matrix of 1 or 2 rows to `result`, and return the determinant."""
+    if len(matrix) == 1:
+        result[0, 0] = 1 / matrix[0, 0]
+        return matrix[0, 0]
+    determinant = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
+    result[0, 0], result[1, 1] = matrix[1, 1] / determinant, matrix[0, 0] / determinant
+    result[0, 1], result[1, 0] = -matrix[0, 1] / determinant, -matrix[1, 0] / determinant
+    return determinant
+
+
+@numba.njit(fastmath=True)
 def _root(matrix, root):
     """Write the Cholesky factor L to `root`, from the lower triangle, and return ln of the determinant."""
     total = 0.0
     for i in range(len(matrix)):
         for j in range(i + 1):
             value = matrix[i, j]
-            for k in range(j):
-                value -= root[i, k] * root[j, k]
+            for c in range(j):
+                value -= root[i, c] * root[j, c]
             if i == j:
                 root[i, i] = sqrt(value)
                 total += log(value)
@@ -382,53 +432,56 @@ def _root(matrix, root):
 
 
 @numba.njit(fastmath=True)
-def _solve(root, column):
-    """Replace a column by L^-1 of it, with a lower triangular L."""
-    for i in range(len(column)):
-        value = column[i]
-        for j in range(i):
-            value -= root[i, j] * column[j]
-        column[i] = value / root[i, i]
+def _solve(root, columns):
+    """Replace columns by L^-1 of them, with a lower triangular L."""
+    for i in range(columns.shape[0]):
+        for c in range(columns.shape[1]):
+            value = columns[i, c]
+            for j in range(i):
+                value -= root[i, j] * columns[j, c]
+            columns[i, c] = value / root[i, i]
 
 
-def series(baseline, units, values):
-    """Return what the e-detector sees of vehicles: `Series` with vehicles as its first axis."""
-    at = baseline.units(units)
-    beyond = baseline.beyond(at)
-    rows = np.concatenate([np.ones((*at.shape[:2], 1)), at, beyond], axis=-1)
-    unknown = sum(slope_covariances(PARTS)[len(CONDITIONS) :])[0, 0]
-    directions = [np.moveaxis(each, 0, -1) for each in blocks(HYPOTHESES.directions)]
-    contrasts = [
-        np.linalg.solve(own + nuisance + slopes.sum(axis=1) + unknown * np.eye(slopes.shape[-1]), d[None])
-        for own, nuisance, slopes, d in zip(baseline.scatter, baseline.nuisance, SLOPES, directions, strict=True)
-    ]
-    scale = sum(np.sum(d * each, axis=(1, 2)) for d, each in zip(directions, contrasts, strict=True))
-    total = dict.fromkeys(("values", "scatter", "chance", "own", "beyond"), 0.0)
-    plain = 0.0
-    for contrast, away, own, nuisance, J, slopes in zip(
-        contrasts, baseline.residuals(at, values), baseline.scatter, baseline.nuisance, baseline.information, SLOPES,
-        strict=True,
-    ):  # fmt: skip
-        c, size = contrast / scale[:, None, None], contrast.shape[2]
-        doubt = np.linalg.inv(J).reshape(*J.shape[:2], 5, size, 5, size)
-        total["values"] += np.einsum("vbik,vnbi->vkn", c, away)
-        total["scatter"] += np.einsum("vbik,vbij,vbjk->vk", c, own, c)
-        plain = plain + np.einsum("vbik,vbij,vbjk->vk", c, REPORTED**2 * np.eye(size) + nuisance, c)
-        total["chance"] += np.einsum("vbik,vbij,vbjk->vk", c, own + nuisance, c)
-        total["own"] += np.einsum("vbkghj,vbjk->vkgh", np.einsum("vbik,vbgihj->vbkghj", c, doubt), c)
-        total["beyond"] += np.einsum("vbkgj,vbjk->vkg", np.einsum("vbik,bgij->vbkgj", c, slopes), c)
-    spread = np.einsum("vkg,vng->vkn", total["beyond"], beyond**2)
-    count, witnesses = len(HYPOTHESES.directions), []
-    for k in range(len(units)):
-        (d, m), rows_of = [each[k] / scale[k] for each in contrasts], np.zeros((count, len(PARTS)))
-        d, m = d[:, 0].T / np.sqrt(2), m.reshape(6, count).T / np.sqrt(2)
-        rows_of[:, LEFT], rows_of[:, RIGHT] = m + d, m - d
-        witnesses.append(witnesses_of(rows_of, HYPOTHESES))
-    prior = HYPOTHESES.log_prior[:count]
-    scale = (plain / total["chance"])[..., None]
-    return Series(
-        total["values"], scale * (total["chance"][..., None] + spread),
-        np.broadcast_to(scale * total["scatter"][..., None], spread.shape), rows, scale[..., None] * total["own"],
-        scale[..., None] * total["beyond"][..., None] * np.eye(len(CONDITIONS)), baseline.n_windows,
-        baseline.correlations, baseline.squares, np.array(witnesses), prior - np.logaddexp.reduce(prior),
-    )  # fmt: skip
+@numba.njit(fastmath=True)
+def _mean_over_hypotheses(d, of_d, m, of_m, rest, free, n):
+    """Return the e-detector: the sum over onsets of the mean over hypotheses."""
+    total, power = 0.0, -free / 2
+    score, known = np.empty(12), np.empty(12)
+    for o in range(n):
+        for i in range(12):
+            p, sign = i % 6, 1.0 if i < 6 else -1.0
+            score[i] = (m[p // 2, p % 2, o] + sign * d[p, o]) / sqrt(2.0)
+            known[i] = (of_m[p // 2, p % 2, p % 2, o] + of_d[p, o]) / 2
+            total += SINGLE * _ratio(score[i] ** 2 / (known[i] + BETWEEN), 1 + known[i] / BETWEEN, rest, power)
+        explained, volume = 0.0, 1.0
+        for p in range(6):
+            K = 2 * of_m[p // 2, p % 2, p % 2, o]
+            total += AXLE * _ratio(2 * m[p // 2, p % 2, o] ** 2 / (K + BETWEEN), 1 + K / BETWEEN, rest, power)
+            explained += d[p, o] ** 2 / (of_d[p, o] + UNMODELLED)
+            volume *= 1 + of_d[p, o] / UNMODELLED
+        for k in range(3):
+            one, two = m[k, 0, o], m[k, 1, o]
+            x, c, y = of_m[k, 0, 0, o], of_m[k, 0, 1, o], of_m[k, 1, 1, o]
+            K = 2 * (x + 2 * c + y)
+            total += ALL * _ratio(2 * (one + two) ** 2 / (K + BETWEEN), 1 + K / BETWEEN, rest, power)
+            x, y = x + UNMODELLED, y + UNMODELLED
+            explained += (one**2 * y - 2 * one * two * c + two**2 * x) / (x * y - c**2)
+            volume *= (x * y - c**2) / UNMODELLED**2
+        total += ELSE * _ratio(explained, volume, rest, power)
+        for i in range(12):
+            for j in range(i + 1, 12):
+                p, q, c = i % 6, j % 6, 0.0
+                if p == q:
+                    c = (of_m[p // 2, p % 2, p % 2, o] - of_d[p, o]) / 2
+                elif p // 2 == q // 2:
+                    c = of_m[p // 2, 0, 1, o] / 2
+                x, y = known[i] + BETWEEN, known[j] + BETWEEN
+                both = x * y - c * c
+                gain = (score[i] ** 2 * y - 2 * score[i] * score[j] * c + score[j] ** 2 * x) / both
+                total += PAIR * _ratio(gain, both / BETWEEN**2, rest, power)
+    return total
+
+
+@numba.njit(fastmath=True)
+def _ratio(explained, determinant, rest, power):
+    return exp(power * log(1 - explained / rest)) / sqrt(determinant)

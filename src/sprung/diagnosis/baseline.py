@@ -259,10 +259,23 @@ class Baseline(Tabular, Savable):
         )
         return np.asarray(units - np.clip(units, lowest, highest), dtype=np.float64)
 
-    def doubt_beyond(self) -> Real:
-        """Return the covariance of the mean, the slopes, and their changes beyond the conditions of its windows."""
+    def doubt_beyond(self, correlation: float = 0.0) -> Real:
+        """Return the covariance of the mean, the slopes, and their changes beyond the conditions of its windows.
+
+        Parameters
+        ----------
+        correlation
+            Correlation of consecutive windows, from 0 and below 1.
+
+        Notes
+        -----
+        The mean of n windows of correlation rho has the information (n - (n - 2) rho) / (1 + rho) / n of that of
+        independent ones (1^T R^-1 1), and so have the slopes, whose conditions may change as slowly.
+        """
+        is_own = self.n_windows > 0 and self.version > 0
+        share = (1 - correlation * (1 - 2 / self.n_windows)) / (1 + correlation) if is_own else 1.0
         beyond = slope_covariances(self.components, self.model_error)
-        return np.asarray(block_diag(np.linalg.inv(self.information), *beyond), dtype=np.float64)
+        return np.asarray(block_diag(np.linalg.inv(self.information) / share, *beyond), dtype=np.float64)
 
 
 def freeze_shapes(value: object, what: str, **shapes: tuple[int, ...]) -> None:
