@@ -83,9 +83,8 @@ def with_side_forces(vehicle: Vehicle, design: Design, speed: float) -> Structur
 
 
 def _elements(swaying: Structure, design: Design, speed: float) -> Iterator[Element]:
-    names, coordinates = [element.owner for element in swaying.elements if element.part == "tyre"], swaying.coordinates
-    tyres = dict(zip(names, [part for part in design.axles for _ in range(2)], strict=True))
     contacts = {element.owner: element.elongation for element in swaying.elements if element.part == "tyre"}
+    tyres = dict(zip(contacts, [part for part in design.axles for _ in range(2)], strict=True))
     for element in swaying.elements:
         if element.part != "lateral":
             yield element
@@ -95,7 +94,7 @@ def _elements(swaying: Structure, design: Design, speed: float) -> Iterator[Elem
         centre = ROLL_CENTRES.get(part.linkage, part.radius + 0.02)
         turn = (contacts[f"{end}_left"] - contacts[f"{end}_right"]) / (2 * part.half_track)
         moved = {"sway": 1.0, "yaw": part.x, "roll": design.height - centre}
-        elongation = centre * turn + np.array([moved.get(name, 0.0) for name in coordinates])
+        elongation = centre * turn + np.array([moved.get(name, 0.0) for name in swaying.coordinates])
         damping = part.cornering / speed
         yield replace(element, elongation=elongation, damping=damping, series_stiffness=damping / RELAXATION)
 

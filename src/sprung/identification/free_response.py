@@ -131,7 +131,7 @@ def fit_free_response(
     begins
         Modes of all channels from which the search begins, too, such as those of single records.
     least_explained
-        Share of the power that free modes have to explain by least squares, as `FreeFit.explained`, 0 to 1.
+        Share of the power that free modes have to explain by least squares, 0 to 1; default: any.
 
     Returns
     -------
@@ -166,7 +166,7 @@ def fit_free_response(
     most = max_modes or _FIT.max_modes
     realised = list(_realised(lines, most=most))
     starts = _grown(lines, [poles for poles, _ in realised], most=most, begins=begins)
-    if max((_explained(start) for start in starts), default=1.0) < least_explained:
+    if starts and all(_explained(start) < least_explained for start in starts):
         raise DataError(f"free modes explain less than {100 * least_explained:.0f} % of the motion in these records")
     nearest = sorted(starts, key=lambda start: start.criterion)[: 1 if begins else _FIT.n_refined]
     best = min(map(_refined, nearest), key=lambda fitted: fitted.criterion, default=None)
