@@ -237,8 +237,9 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
     times = [600.0 * number for number in range(12)]
     drives = [ordinary(design, number) for number in range(12)]
     learning = list(work.map(partial(observed, study, vehicle), drives, range(12), times))
-    errors = [each.conditions["model_error"] for each in learning]
-    yield f"| {design.name}: model error while learning | {np.median(errors):.3f} |"
+    errors = [each.conditions["model_error"] for each in learning if each.is_valid]
+    spread = f"{np.median(errors):.3f} ({min(errors):.3f} to {max(errors):.3f})" if errors else "none"
+    yield f"| {design.name}: model error while learning | {spread}, {len(errors)} of {len(learning)} windows fitted |"
     for words, drive_of, offset, start in (
         ("conditions never met", unmet, 0, 20_000),
         ("conditions as the baseline's", ordinary, 50_000, 50_000),
