@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from sprung.identification.transients import find_transients
 from sprung.recording import Channel, Recording
 from sprung.vehicles import Sensor, Structure, parse_fault, read_vehicle, structure, with_faults
 
-CLICKS = Path(__file__).parents[2] / "shared" / "data" / "mtb_sst_rebound_clicks"
 CAR = read_vehicle("zafira")
 
 
@@ -199,13 +197,12 @@ def test_without_a_push_there_is_no_answer() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not CLICKS.exists(), reason="real recordings are not here")
-def test_rebound_clicks_of_a_bicycle() -> None:
+def test_rebound_clicks_of_a_bicycle(real_file) -> None:
     """Viscous damping rises with 0, 4, 8, 12, 17 clicks; frequencies, with spring and rider unchanged, are alike.
 
     With friction, the damping of 0 and 4 clicks, and of 12 and 17, does not differ beyond its deviations.
     """
-    results = [bounce(read(CLICKS / f"0008{number}.SST")) for number in (3, 4, 5, 6, 7)]
+    results = [bounce(read(real_file(f"mtb_sst_rebound_clicks/0008{number}.SST"))) for number in (3, 4, 5, 6, 7)]
     fits = [fit for result in results if (fit := result.tests[-1].frictions[0]) is not None]
     viscous = [fit.damping_ratio for fit in fits]
     assert len(viscous) == 5
