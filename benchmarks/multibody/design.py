@@ -16,7 +16,7 @@ SIDES = {"left": 1.0, "right": -1.0}
 
 @dataclass(frozen=True)
 class Axle:
-    """An axle; rates of spring and damper act along the part itself, not at the wheel."""
+    """An axle, named as in vehicle files; rates of spring and damper act along the part itself, not at the wheel."""
 
     name: str
     linkage: str  # "macpherson", "trailing", "wishbone" or "rigid"
@@ -212,7 +212,7 @@ BUS = Design(
             steers=True,
         ),
         Axle(
-            "drive",
+            "axle2",
             "rigid",
             -1.9,
             0.93,
@@ -225,7 +225,7 @@ BUS = Design(
             radius=0.48,
         ),
         Axle(
-            "tag",
+            "rear",
             "rigid",
             -3.3,
             1.03,
