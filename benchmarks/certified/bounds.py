@@ -9,6 +9,7 @@ unknown frequency, amplitude and phase occupies single lines and costs nothing i
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from benchmarks.certified.records import Decay, Friction, Record
@@ -19,6 +20,8 @@ from scipy.linalg import block_diag, expm, solve_discrete_lyapunov
 Complex = NDArray[np.complex128]
 #: Panels of the quadrature around each mode, in half-widths from its frequency.
 _DISTANCES = 2.0 ** np.arange(-1, 14)
+#: Nodes whose derivatives are held in memory together.
+_N_AT_ONCE = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,14 +75,18 @@ def modal_bound(record: Record, *, n_nodes: int = 16) -> Bound:
     nu, weights = quadrature(frequency / record.rate, frequency * damping / record.rate, n_nodes=n_nodes)
     z = np.exp(2j * np.pi * nu)
 
-    def spectra(vector: Array) -> Complex:
+    def spectra(some: slice, vector: Array) -> Complex:
         natural, xi, shapes, P, powers, colours = unknown.unpacked(vector)
-        S = shapes @ modal_spectra(natural, xi, P, z, record) @ shapes.T
+        S = shapes @ modal_spectra(natural, xi, P, z[some], record) @ shapes.T
         rows = np.arange(len(powers))
-        S[:, rows, rows] += powers * (1 - colours**2) / np.abs(1 - colours / z[:, None]) ** 2
+        S[:, rows, rows] += powers * (1 - colours**2) / np.abs(1 - colours / z[some, None]) ** 2
         return S
 
-    known = information(spectra, unknown.start, unknown.typical, record.n_samples * weights)
+    stretches = [slice(k, k + _N_AT_ONCE) for k in range(0, len(z), _N_AT_ONCE)]
+    known = sum(
+        information(partial(spectra, some), unknown.start, unknown.typical, record.n_samples * weights[some])
+        for some in stretches
+    )
     return unknown.bound(np.linalg.inv(known))
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from benchmarks.certified.systems import Array, Sampled, System, accelerations, chain, velocities, with_modes
+from scipy.linalg import block_diag, eigh
 
 #: Counts of the files per RMS of the strongest channel: rounding adds noise 1/3,500 of it.
 COUNTS = 1000
@@ -189,6 +190,27 @@ def beam(n_sensors: int = 12) -> System:
     return with_modes([1.31, 2.07, 2.9, 3.7, 4.4], [0.012, 0.010, 0.011, 0.009, 0.012], np.eye(5), sensors)
 
 
+def building() -> System:
+    """Return the 12-DOF structure of phase I of the IASC-ASCE benchmark, with its 16 accelerometers at mid-sides.
+
+    Its four floors move along y, along x and in torsion; masses [kg; kg m^2] are from the ground up, the stiffness
+    [N/m; N m] is that of every storey (E. A. Johnson, H. F. Lam, L. S. Katafygiotis, J. L. Beck, Phase I IASC-ASCE
+    structural health monitoring benchmark problem using simulated data, Journal of Engineering Mechanics 130 (2004)
+    3-15). Damping ratios are 1 %. Forces act at the accelerometers, so that all modes move.
+    """
+    sway, twist = [3452.4, 2652.4, 2652.4, 1809.9], [3819.4, 2986.1, 2986.1, 2056.9]
+    parts = [
+        chain(np.array(masses), np.full(4, stiffness), np.zeros(4))
+        for masses, stiffness in ((sway, 67.90e6), (sway, 106.60e6), (twist, 232.02e6))
+    ]
+    mass, stiffness = block_diag(*(part.mass for part in parts)), block_diag(*(part.stiffness for part in parts))
+    squares, shapes = eigh(stiffness, mass)
+    damping = mass @ (shapes * (2 * 0.01 * np.sqrt(squares))) @ shapes.T @ mass
+    places = np.array([[0.0, 1.0, -1.25], [0.0, 1.0, 1.25], [1.0, 0.0, -1.25], [1.0, 0.0, 1.25]])
+    sensors = np.kron(places, np.eye(4))
+    return System(mass, damping, stiffness, sensors.T, sensors)
+
+
 CHAIN = chain(np.ones(3), np.full(3, 9800.0), np.full(3, 5.0))
 FRAME = chain(np.full(3, 1000.0), np.array([2.4e6, 2.0e6, 1.6e6]), np.array([2.4e3, 2.0e3, 1.6e3]) * 0.9)
 TOWER = with_modes([3.00, 3.06, 4.50], [0.010, 0.012, 0.015], rotation(0.6, 0.3), floor_sensors())
@@ -225,6 +247,15 @@ RECORDS: Mapping[str, Record | Decay | Friction] = {
         (Tone(8.87, np.array([1.0, 0.6, 0.8])),),
     ),
     "bogie": Record("Bogie frame: bounce, pitch, roll", bogie(), accelerations, 100.0, 12_000, white(0.05, 4), 10),
+    "iasc-asce": Record(
+        "Building of four storeys, 12 modes in 16 channels (IASC-ASCE, phase I)",
+        building(),
+        accelerations,
+        250.0,
+        10_000,
+        white(0.1, 16),
+        13,
+    ),
     "free-decay": Decay(
         "Free decay of three modes",
         FRAME,

@@ -162,6 +162,11 @@ def truth(source: Source, sizes: Sizes) -> dict[str, Any]:
     }
 
 
+def answers() -> list[Path]:
+    """Return the answers of the certified records of every set; later records would change the sets that are sealed."""
+    return sorted(path for path in ANSWERS.glob("*.json") if path.stem != "iasc-asce")
+
+
 def _certified_modes(path: Path) -> dict[str, Any]:
     """Return the certified numbers of the modes of a record, and those of modes that may be reported or not."""
     answer, shapes = json.loads(path.read_text(encoding="utf-8")), "mode_shape"
@@ -311,7 +316,7 @@ def make_set(
     manifest: dict[str, Any] = {"schema": "sprung.challenge-set/1", "modes": {}, "corners": {}, "lives": {}}
     if path.exists():
         manifest = json.loads(path.read_text(encoding="utf-8"))
-    for name in sorted(each.stem for each in ANSWERS.glob("*.json")):
+    for name in (each.stem for each in answers()):
         if fnmatch(name, only):
             manifest["modes"][name] = _record(folder, source, name)
             report(name)
@@ -388,4 +393,4 @@ def read_truth(path: Path) -> dict[str, Any]:
     """Return the truth in an archive, with the certified answers."""
     with zipfile.ZipFile(path) as packed:
         document: dict[str, Any] = json.loads(packed.read("truth.json"))
-    return document | {"modes": {each.stem: _certified_modes(each) for each in sorted(ANSWERS.glob("*.json"))}}
+    return document | {"modes": {each.stem: _certified_modes(each) for each in answers()}}
