@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 RUNS := $(VENV)/.runs
 READY := $(VENV)/.ready
+CHECKERS := $(VENV)/checkers
 export OPENBLAS_NUM_THREADS ?= 1
 # Processes of the tests: one more than cores, as some tests wait for most of their time.
 JOBS ?= $(shell expr $$(nproc) + 1)
@@ -13,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup demo test fast check docs release screenshots bench chaos world clean
 
-setup: $(READY)
+setup: $(READY) $(CHECKERS)/.ready
 
 # What the demonstration runs: a third of the packages.
 $(RUNS): requirements-demo.lock pyproject.toml scripts/system-packages
@@ -32,6 +33,13 @@ $(READY): $(RUNS) requirements.lock
 	$(PIP) --require-hashes -r requirements.lock
 	@touch $@
 
+# Programs of others that read our files in tests; their requirements contradict ours.
+$(CHECKERS)/.ready: requirements-checkers.lock $(READY)
+	@echo "adding programs of others that check files for them"
+	@$(BIN)/python -m venv $(CHECKERS)
+	$(CHECKERS)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-checkers.lock
+	@touch $@
+
 demo: $(RUNS)
 	$(BIN)/sprung demo
 
@@ -41,7 +49,7 @@ test: check
 fast: check
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not slow" --durations=10 --durations-min=1
 
-check: $(READY)
+check: $(READY) $(CHECKERS)/.ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
