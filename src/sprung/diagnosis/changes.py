@@ -441,7 +441,8 @@ def false_discoveries(evidence: Sequence[float] | Real, *, rate: float = 0.05) -
 
     With e-detectors over the windows of a patience T, which is `Detection.e_value`, this is e-d-BH: whatever rule says
     when to stop and look, the expected share of healthy vehicles among those named is at most `rate` times the
-    expected time until then over T ("error over patience"). No rate holds over unlimited time.
+    expected time until then over T ("error over patience"), as long as the scatter of the parts is that of the model.
+    No rate holds over unlimited time.
 
     References
     ----------
