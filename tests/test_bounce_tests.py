@@ -15,7 +15,7 @@ from sprung.identification.free_response import fit_free_response
 from sprung.identification.friction import swing_with_friction
 from sprung.identification.methods import cov_ssi
 from sprung.identification.settings import IdentificationSettings
-from sprung.identification.transients import find_transients
+from sprung.identification.transients import find_transients, without_hum
 from sprung.recording import Channel, Recording
 from sprung.vehicles import Sensor, Structure, parse_fault, read_vehicle, structure, with_faults
 
@@ -181,6 +181,45 @@ def test_a_drop_beside_hum() -> None:
         assert modes.natural_frequency == pytest.approx([1.5, 8.0], rel=0.01)
         assert modes.damping_ratio == pytest.approx([0.15, 0.1], rel=0.05)
     assert not bounce(Recording(drop(), 400.0, ACCELERATIONS)).notes
+
+
+@pytest.mark.parametrize("hum", [0.03, 0.1, 0.3, 1.0])
+@pytest.mark.parametrize("line", [50.0, 60.0, 100.0])
+def test_a_drop_of_a_half_car_beside_hum_is_free_motion(line, hum) -> None:
+    """`identify` took it for random motion: no mode, or false ones at 17 Hz; or the hum for a mode."""
+    exact = np.array([[1.2, 1.5, 11.0, 13.7], [0.22, 0.18, 0.14, 0.12]])
+    poles = 2 * np.pi * exact[0] * (1j * np.sqrt(1 - exact[1] ** 2) - exact[1])
+    shapes = np.array([[1.0, 0.6, 0.9, 0.1], [0.7, -0.9, 0.1, 0.9]])
+    time = np.arange(8 * 400) / 400
+    motion = (shapes @ (np.array([1.0, 0.7, 0.8, 0.6])[:, None] * np.exp(poles[:, None] * time))).real
+    hums = hum * np.array([[1.0], [1.1]]) * np.sin(2 * np.pi * line * time + np.array([[0.4], [0.9]]))
+    noise = 0.005 * np.random.default_rng(round(line)).standard_normal(motion.shape)
+    result = cov_ssi(Recording(motion + hums + noise, 400.0, ACCELERATIONS))
+    assert set(result.sources) == {"free_response"}
+    assert f"hum: lines at {line:.4g} Hz subtracted" in result.notes
+    for frequency, std in zip(result.modes.natural_frequency, result.modes.natural_frequency_std, strict=True):
+        assert np.abs(exact[0] - frequency).min() < 4 * np.hypot(std, 0.01 * frequency)
+
+
+def test_a_swing_that_rings_long_is_no_hum() -> None:
+    """A light mode that dies away within the record is a line to the search for harmonics, and must stay."""
+    time = np.arange(4000) / 200
+    ringing = np.exp(-2 * np.pi * 11 * 0.002 * time) * np.sin(2 * np.pi * 11 * time)
+    motion = np.stack([ringing, 0.7 * ringing]) + 0.01 * np.random.default_rng(3).standard_normal((2, 4000))
+    modes = cov_ssi(Recording(motion, 200.0, ACCELERATIONS)).modes
+    assert modes.natural_frequency == pytest.approx([11.0], rel=1e-3)
+    assert modes.damping_ratio == pytest.approx([0.002], rel=0.05)
+
+
+def test_pushes_at_even_intervals_are_no_hum() -> None:
+    """They have lines at the multiples of their rate."""
+    rng = np.random.default_rng(0)
+    time, motion = np.arange(8000) / 100, np.zeros((1, 8000))
+    for onset in 0.5 + 4 * np.arange(20) + 0.05 * rng.standard_normal(20):
+        since = np.maximum(time - onset, 0)
+        motion += np.exp(-2 * np.pi * 1.5 * 0.2 * since) * np.sin(2 * np.pi * 1.5 * since)
+    pushed = Recording(motion + 0.01 * rng.standard_normal(motion.shape), 100.0, ACCELERATIONS[:1])
+    assert without_hum(pushed) is pushed
 
 
 def test_a_time_in_seconds_under_a_heading_of_milliseconds_is_doubted() -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from sprung.bounce_tests.results import RULES, Bounce, BounceChange, BounceTest, CornerValue, bounce_changes
 from sprung.bounce_tests.swings import corners_of, fitted_together, pooled, size_of, tested
 from sprung.errors import DataError
-from sprung.identification.transients import find_beside_hum
+from sprung.identification.transients import find_transients, without_hum
 from sprung.recording import Recording, each_recording
 from sprung.signals.inspection import doubts_of
 from sprung.vehicles import Vehicle
@@ -66,15 +66,14 @@ def bounce(
     """
     given = [recordings] if isinstance(recordings, Recording) else list(each_recording(recordings))
     moving = [_motion(run, vehicle, allow_missing) for run in given]
-    found = [find_beside_hum(run) for run in moving]
-    runs = [run for run, _ in found]
+    runs = [without_hum(run) for run in moving]
     tests: list[BounceTest] = []
     notes: list[str] = []
     for number, run in enumerate(runs):
         notes += doubts_of(run)
-        transients = found[number][1]
         if run is not moving[number]:
-            notes.append("lines of constant frequency, such as hum, were subtracted")
+            notes.append(f"hum: {run.history[-1]}")
+        transients = find_transients(run)
         sizes = [size_of(run, transient) for transient in transients]
         for transient, size in zip(transients, sizes, strict=True):
             if size < RULES.min_size * max(sizes):

@@ -15,7 +15,7 @@ from sprung.identification.roving import group_by_setup
 from sprung.identification.settings import ACS, COSS, COV, FDD, KINDS, PLSCF, IdentificationSettings, Method
 from sprung.identification.setups import identify_setups
 from sprung.identification.stabilisation import StabilityCriteria
-from sprung.identification.transients import free_parts
+from sprung.identification.transients import free_parts, without_hum
 from sprung.modal import Modes
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Chain, Quarter, Vehicle
@@ -401,17 +401,17 @@ def _identified(
         return identify_setups(
             METHODS[method.name], setups, references=references, settings=own, vehicle=vehicle, on_progress=on_progress
         )
-    free = _free_fit(given, wanted, vehicle)
+    free = free_fit(given, wanted, vehicle)
     draft = steps.correlate(method, given, settings=wanted, vehicle=vehicle, report=report)
     for step in _STEPS if free is None else ():
         draft = step(draft)
-    return steps.finished(draft if free is None else steps.fit_free_motion(draft, free))
+    return steps.finished(draft if free is None else steps.fit_free_motion(draft, *free))
 
 
-def _free_fit(
+def free_fit(
     given: Iterable[Recording], settings: IdentificationSettings, vehicle: AnyVehicle | None
-) -> FreeFit | None:
-    """Return the fit of records of free motion; None for random motion, or an iterator, which is read only once."""
+) -> tuple[FreeFit, tuple[str, ...]] | None:
+    """Return the fit of records of free motion, and notes; None for random motion, or an iterator (read only once)."""
     if settings.kind == "random" or not isinstance(given, Sequence):
         return None
     is_certain = settings.kind == "free"
@@ -420,7 +420,8 @@ def _free_fit(
     try:
         whole = [usable(each, vehicle=vehicle, allow_missing=settings.allow_missing) for each in given]
         runs = [run.select(output_channels(run, vehicle)) for run in whole]
-        parts = [] if any(run.gaps for run in runs) else free_parts(runs, is_certain=is_certain)
+        clean = [] if any(run.gaps for run in runs) else [without_hum(run) for run in runs]
+        parts = free_parts(clean, is_certain=is_certain)
         least = 0.0 if is_certain else _FREE
         fit = fit_free_response(parts, band=settings.band, least_explained=least) if parts else None
     except DataError:
@@ -428,7 +429,8 @@ def _free_fit(
             raise
         return None
     if fit is not None and (is_certain or fit.explained >= _FREE):
-        return fit
+        changed = [after for before, after in zip(runs, clean, strict=True) if after is not before]
+        return fit, (*dict.fromkeys(f"hum: {run.history[-1]}" for run in changed), *fit.notes)
     if is_certain:
         raise DataError("no motion that dies away was found: --kind random, or see sprung bounce")
     return None

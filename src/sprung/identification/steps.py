@@ -376,12 +376,12 @@ def refine(draft: Draft) -> Draft:
     )
 
 
-def fit_free_motion(draft: Draft, fit: FreeFit) -> Draft:
+def fit_free_motion(draft: Draft, fit: FreeFit, notes: Sequence[str]) -> Draft:
     """Take the modes of free motion in place of those of random motion."""
     draft = draft.noted(
         "the records are free motion after pushes, drops or releases: modes are those of the free response"
         " (--kind random for modes of random motion)",
-        *fit.notes,
+        *notes,
     )
     draft = _with_modes_alone(draft, fit.modes)
     return replace(draft, sources=("free_response",) * len(fit.modes)).noted(*_notes_on_modes(draft.modes, None))

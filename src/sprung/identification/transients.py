@@ -41,6 +41,12 @@ class _TransientRules:
     min_share: float = 0.02
     #: Fall of the level, from the first sixth to the last, of a record that is one decay.
     fall_of_record: float = 5.0
+    #: Lower quartile of the amplitudes of a line in parts of a record, over their median, from which it is hum.
+    steady: float = 0.8
+    parts: int = 24
+    #: Least power of hum over the mean on either side of it, and number of values of the spectrum in each mean.
+    over_sides: float = 30.0
+    beside: int = 8
     #: Most motions in a record of free motion, and most windows of each that are fitted.
     max_motions: int = 20
     max_windows: float = 60.0
@@ -182,16 +188,50 @@ def find_transients(recording: Recording) -> tuple[Transient, ...]:
     return tuple(found)
 
 
-def find_beside_hum(recording: Recording) -> tuple[Recording, tuple[Transient, ...]]:
-    """Return the motions of a recording, and the recording; without lines of constant frequency if these hid them."""
-    found = find_transients(recording)
-    if found:
-        return recording, found
-    from sprung.signals.harmonics import find_harmonics, subtract_lines
+def without_hum(recording: Recording) -> Recording:
+    """Return a recording without its lines of constant frequency and amplitude, such as hum; itself if it has none.
 
-    lines = find_harmonics(recording)
-    cleaned = subtract_lines(recording, lines) if lines else recording
-    return cleaned, find_transients(cleaned) if lines else ()
+    Parameters
+    ----------
+    recording
+        Channels of motion, without missing values or gaps.
+
+    Notes
+    -----
+    The power of a line is far above that on either side of it in the spectrum of the whole recording. So is that of a
+    swing that rings long, or of pushes at even intervals, whose amplitude falls: that of hum is the same in most parts.
+    """
+    steady = [frequency for frequency in _narrow_lines(recording) if _is_steady(recording, frequency)]
+    if not steady:
+        return recording
+    from sprung.signals.harmonics import Harmonic, subtract_lines
+
+    width = 1 / recording.duration
+    lines = [Harmonic(f, "constant", (f - width, f + width), width, 0.0, recording.names) for f in steady]
+    return subtract_lines(recording, lines, is_steady=True)
+
+
+def _narrow_lines(recording: Recording) -> list[float]:
+    """Return the frequencies at which the power is far above that on either side, the strongest first [Hz]."""
+    reach = _EVENTS.beside
+    powers = np.abs(np.fft.rfft(recording.samples - recording.samples.mean(axis=1, keepdims=True), axis=1)) ** 2
+    around = _running_mean(powers, reach)
+    sides = np.maximum(around[:, : -2 * reach], around[:, 2 * reach :])
+    over = np.max(powers[:, reach:-reach] / np.maximum(sides, 1e-300), axis=0)
+    peaks = 1 + np.flatnonzero((over[1:-1] > _EVENTS.over_sides) & (over[1:-1] >= over[:-2]) & (over[1:-1] > over[2:]))
+    strongest = peaks[np.argsort(-over[peaks])]
+    return list(((reach + strongest) / recording.duration).tolist())
+
+
+def _is_steady(recording: Recording, frequency: float) -> bool:
+    """Return whether the amplitude at a frequency [Hz] lasts, in the channel where it is largest."""
+    times = np.arange(recording.n_samples) / recording.sampling_rate
+    turned = recording.samples * np.exp(-2j * np.pi * frequency * times)
+    parts = np.array_split(turned, min(_EVENTS.parts, turned.shape[1]), axis=1)
+    amplitudes = np.abs([part @ np.hanning(part.shape[1]) for part in parts])
+    medians = np.median(amplitudes, axis=0)
+    channel = int(np.argmax(medians))
+    return bool(np.quantile(amplitudes[:, channel], 0.25) > _EVENTS.steady * medians[channel])
 
 
 def _events(level: Real, edge: float, width: int) -> list[tuple[int, int]]:
@@ -221,19 +261,19 @@ def free_parts(recordings: Sequence[Recording], *, is_certain: bool = False) -> 
     Parameters
     ----------
     recordings
-        Channels of motion, without missing values or gaps.
+        Channels of motion, without missing values, gaps or hum.
     is_certain
         Whether the records are known to be of free motion; otherwise most of each must be quiet, or its level must fall
         from the beginning to the end.
     """
     parts = []
-    for given in recordings:
-        level, window = motion_level(given)
+    for recording in recordings:
+        level, window = motion_level(recording)
         blocks = np.array([np.mean(block) for block in np.array_split(level, 6)])
         falls = bool(np.all(np.diff(blocks) < 0)) and blocks[0] > _EVENTS.fall_of_record * blocks[-1]
         if not is_certain and np.mean(level < _EVENTS.quiet) < _EVENTS.min_quiet and not falls:
             return []
-        recording, found = find_beside_hum(given) if is_certain else (given, find_transients(given))
+        found = find_transients(recording)
         if not 0 < len(found) <= _EVENTS.max_motions:
             return []
         rate = recording.sampling_rate

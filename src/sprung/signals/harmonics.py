@@ -568,7 +568,7 @@ def _family_of_each(lines: Sequence[Line]) -> dict[int, tuple[float, int]]:
     return families
 
 
-def subtract_lines(recording: Recording, harmonics: Sequence[Harmonic]) -> Recording:
+def subtract_lines(recording: Recording, harmonics: Sequence[Harmonic], *, is_steady: bool = False) -> Recording:
     """Subtract lines of constant frequency: a sine of slowly varying amplitude and phase in each channel.
 
     Parameters
@@ -578,6 +578,8 @@ def subtract_lines(recording: Recording, harmonics: Sequence[Harmonic]) -> Recor
     harmonics
         Lines; those that drift or are proportional to speed, and those above half the sampling rate, are left in. Of
         large families all multiples are subtracted (`harmonics.missing_multiples`).
+    is_steady
+        Whether the amplitudes are constant: each is the median over 8 s, which motion that dies away hardly changes.
 
     Returns
     -------
@@ -618,12 +620,12 @@ def subtract_lines(recording: Recording, harmonics: Sequence[Harmonic]) -> Recor
         motion = samples[:, stretch]
         # The strongest line first: its side lobes reach furthest.
         for line in sorted(lines, key=lambda line: -line.prominence):
-            motion -= _sine(motion, line.frequency / rate, line.resolution / rate, _SHORTEST * rate)
+            motion -= _sine(motion, line.frequency / rate, line.resolution / rate, _SHORTEST * rate, is_steady)
     listed = ", ".join(f"{line.frequency:.4g}" for line in lines[:10]) + (", ..." if len(lines) > 10 else "")
     return recording.changed(f"lines at {listed} Hz subtracted", samples=samples)
 
 
-def _sine(motion: Real, frequency: float, resolution: float, shortest: float) -> Real:
+def _sine(motion: Real, frequency: float, resolution: float, shortest: float, is_steady: bool) -> Real:
     """Return the line of a frequency [1/sample] in samples, shape (channels, samples)."""
     n_samples = motion.shape[1]
     step = max(1, int(min(shortest, n_samples) / _PER_LENGTH))
@@ -631,15 +633,22 @@ def _sine(motion: Real, frequency: float, resolution: float, shortest: float) ->
     if n_blocks < 2:
         return np.zeros_like(motion)
     times = np.arange(n_samples)
-    envelope = _block_means(motion * np.exp(-2j * np.pi * frequency * times), step, n_blocks)
+    envelope = _block_means(motion * _phasor(-frequency, n_samples), step, n_blocks)
     offset = _offset(envelope, resolution * step)
     envelope *= np.exp(-2j * np.pi * offset * np.arange(n_blocks))
     frequency += offset / step
-    amplitudes = _smooth(envelope, shortest / step)
+    amplitudes = _medians(envelope) if is_steady else _smooth(envelope, shortest / step)
     centres = (np.arange(n_blocks) + 0.5) * step - 0.5
-    carrier = 2 * np.exp(2j * np.pi * (frequency * times - offset / step * centres[0]))
+    carrier = 2 * np.exp(-2j * np.pi * offset / step * centres[0]) * _phasor(frequency, n_samples)
     following = np.array([np.interp(times, centres, row) for row in amplitudes])
     return np.real(following * carrier)
+
+
+def _phasor(frequency: float, n_samples: int) -> Complex:
+    """Return exp(2 pi i f k) of a frequency [1/sample] at samples 0, 1 ..., from that of far fewer angles."""
+    side = math.ceil(math.sqrt(n_samples))
+    turns = 2j * np.pi * frequency * np.arange(side)
+    return np.asarray(np.outer(np.exp(side * turns), np.exp(turns)).ravel()[:n_samples])
 
 
 def _block_means(samples: Complex, step: int, n_blocks: int) -> Complex:
@@ -661,6 +670,16 @@ def _offset(envelope: Complex, reach: float) -> float:
     curvature = below - 2 * at + above
     vertex = (below - above) / (2 * curvature) if curvature < 0 else 0.0
     return float(frequencies[k] + np.clip(vertex, -0.5, 0.5) / n_fft)
+
+
+def _medians(envelope: Complex) -> Complex:
+    """Return medians over four of the shortest lengths, one for each of these lengths."""
+    n_blocks = envelope.shape[1]
+    length = min(4 * _PER_LENGTH, n_blocks)
+    first = np.clip(np.arange(0, n_blocks, _PER_LENGTH) + (_PER_LENGTH - length) // 2, 0, n_blocks - length)
+    around = envelope[:, first[:, None] + np.arange(length)]
+    medians = np.median(around.real, axis=2) + 1j * np.median(around.imag, axis=2)
+    return np.repeat(medians, _PER_LENGTH, axis=1)[:, :n_blocks]
 
 
 def _smooth(envelope: Complex, shortest: float) -> Complex:
