@@ -1,7 +1,9 @@
 """The command `sprung compare`: two sets of drives, with and without a change between them."""
 
 import json
+import shlex
 
+import numpy as np
 import pytest
 
 import sprung
@@ -35,3 +37,37 @@ def test_two_sets_of_drives(drives, second, verdict) -> None:
         (finding,) = document["findings"]
         assert (finding["corner"], finding["component"]) == ("front_left", "spring")
         assert finding["interval"][0] < -0.3 < finding["interval"][1]
+
+
+@pytest.fixture(scope="module")
+def pushes(tmp_path_factory):
+    """Two recordings of a drop: two seconds of rest, and bounce and pitch that die away."""
+    folder = tmp_path_factory.mktemp("pushes")
+    time = np.arange(800) / 100
+    shapes = {"acc_fl": (1.0, 0.7), "acc_fr": (1.0, 0.6), "acc_rl": (0.9, -0.8), "acc_rr": (0.9, -0.7)}
+    for seed, name in enumerate(("before run", "after")):
+        swings = [
+            np.exp(-2 * np.pi * f * xi * time) * np.sin(2 * np.pi * f * time) for f, xi in ((1.3, 0.2), (1.6, 0.25))
+        ]
+        moved = np.array(list(shapes.values())) @ np.array(swings)
+        samples = np.hstack([np.zeros((4, 200)), moved]) + 0.01 * np.random.default_rng(seed).standard_normal((4, 1000))
+        channels = tuple(sprung.Channel(name, "acceleration") for name in shapes)
+        sprung.write(sprung.Recording(samples, 100.0, channels), folder / f"{name}.csv")
+    return folder
+
+
+def test_pushes_are_compared_by_another_command(pushes, drives, capsys, monkeypatch) -> None:
+    """It asked for the speed of a standing car."""
+    monkeypatch.chdir(pushes)
+    assert main(["compare", "before run.csv", "--with", "after.csv", "--vehicle", "zafira"]) == 3
+    shown = capsys.readouterr().err
+    command = shlex.split(shown[shown.index("sprung bounce") :])
+    assert command == ["sprung", "bounce", "after.csv", "--before", "before run.csv", "--vehicle", "zafira"]
+    assert main(command[1:]) == 0
+    # What is no free motion, or cannot be judged, keeps the reason of the comparison.
+    run = sprung.read("after.csv")
+    sprung.write(sprung.read(drives / "first.parquet").part(0, 3000), "drive.csv")
+    sprung.write(sprung.Recording(0 * run.samples, 100.0, run.channels), "dead.csv")
+    for name in ("drive.csv", "dead.csv"):
+        assert main(["compare", name, "--with", "after.csv", "--vehicle", "zafira"]) == 3
+        assert "windows can be learnt from" in capsys.readouterr().err

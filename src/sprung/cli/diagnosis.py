@@ -1,6 +1,7 @@
 """The commands `sprung baseline` and `sprung diagnose`."""
 
 import math
+import shlex
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -196,12 +197,28 @@ def compare(
     with progress_bar() as report:
         sets = (_Drives(each, reading, window, allow_missing, report) for each in (files, others))
         first, second = (each.observed(description) for each in sets)
-        result = diagnosis.compare(first, second, false_alarms=false_alarms)
+        try:
+            result = diagnosis.compare(first, second, false_alarms=false_alarms)
+        except DataError as error:
+            if not all(_is_free_motion(each, description, reading) for each in (files, others)):
+                raise
+            earlier = [part for path in files for part in ("--before", str(path))]
+            command = shlex.join(["sprung", "bounce", *map(str, others), *earlier, "--vehicle", str(vehicle)])
+            raise DataError(f"these are no drives but pushes, drops or releases: compare them by {command}") from error
     if write_result(comparison_document(result), json):
         parts = tables.diagnosis_tables(result, ())
         show(tables.describe_diagnosis(result), *parts, [*result.notes, *written([], json)])
     if result.detection is None and not result.sensor_faults:
         raise DataError(f"no window was usable: {tables.why_unusable(result, result.baseline)}")
+
+
+def _is_free_motion(files: list[Path], vehicle: "Vehicle", reading: Reading) -> bool:
+    """Return whether the first recording is of free motion, as `sprung bounce` takes it."""
+    from sprung.identification.methods import free_fit
+    from sprung.identification.settings import IdentificationSettings
+
+    run = next(iter(reading.records(files[:1], lambda doing, share: None)))
+    return free_fit([run], IdentificationSettings(allow_missing=True), vehicle) is not None
 
 
 @dataclass(frozen=True)
