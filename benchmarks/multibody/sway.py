@@ -3,15 +3,13 @@
     python -m benchmarks.multibody.sway bus
 
 A drive of five minutes, fitted with the true masses and rates of the vehicle in place of a file, three times: wheels
-that move each by itself, rigid axles where the vehicle has them, and these with side forces. The side force of a tyre
-is C / v times the lateral velocity of its contact patch, behind the relaxation of the tyre: a damper in series with a
-spring. The patch moves with sway, yaw and roll of the body and, below the roll centre, with the axle. The modes are
-those of the model before the fit, beside those of the engine.
+that move each by itself, rigid axles where the vehicle has them, and these with side forces at the mean speed. The
+modes are those of the model before the fit, beside those of the engine.
 """
 
 import argparse
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,16 +17,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from benchmarks.multibody.__main__ import Study, ordinary, recording, sheet_file
-from benchmarks.multibody.design import DESIGNS, Axle, Design
+from benchmarks.multibody.design import DESIGNS, Axle
 from benchmarks.multibody.truth import modes, rates
 
 from sprung.likelihood.fitting import fit_windows
 from sprung.vehicles import Vehicle
 from sprung.vehicles.models import structure
-from sprung.vehicles.structure import Element, Structure
 from sprung.vehicles.window import window_of
 
-RELAXATION = 0.02  # of the engine's side forces [s]
 SEAT = 0.66  # distance of the springs of a rigid axle from the middle, over half the track
 GYRATION = 0.75  # radius of gyration of a rigid axle in roll, over half the track
 LOAD = 100.0  # of driver and luggage, about [kg]
@@ -37,14 +33,15 @@ HIGHEST = 3.0  # of the modes shown [Hz]
 SEED = 100
 
 
-def true_file(study: Study, *, has_rigid_axles: bool) -> Vehicle:
+def true_file(study: Study, *, has_rigid_axles: bool, has_side_forces: bool = False) -> Vehicle:
     """Return the vehicle file with true masses, inertias, and rates at the wheels."""
     design, sheet = study.design, sheet_file(study.design)
     true = rates(design, study.effects)
     axles = []
     for axle, part in zip(sheet.axle, design.axles, strict=True):
         at_wheel = true[f"{part.name}_left"]
-        fields = {
+        fields: dict[str, float | None] = {
+            **dict.fromkeys(("contact_half_track", "wheelset_mass", "wheelset_roll_inertia")),
             "half_track": part.half_track,
             "unsprung_mass": part.wheel_mass,
             "spring_stiffness": at_wheel.spring,
@@ -55,9 +52,11 @@ def true_file(study: Study, *, has_rigid_axles: bool) -> Vehicle:
         if part.linkage == "rigid":  # both wheels together; one alone meets a softer spring
             fields |= {"spring_stiffness": part.spring, "damping": part.damper}
             fields |= _rigid(part) if has_rigid_axles else {}
+        fields["cornering_stiffness"] = part.cornering if has_side_forces else None
+        fields["roll_centre_height"] = ROLL_CENTRES.get(part.linkage, part.radius + 0.02)
         axles.append(axle.model_copy(update=fields))
     roll, pitch, yaw = design.inertia
-    inertias = {"pitch_inertia": pitch, "roll_inertia": roll, "yaw_inertia": yaw}
+    inertias = {"pitch_inertia": pitch, "roll_inertia": roll, "yaw_inertia": yaw, "height": design.height}
     body = sheet.body.model_copy(update={"mass": design.mass + LOAD, **inertias})
     return sheet.model_copy(update={"axle": tuple(axles), "body": body, "learnt": ()})
 
@@ -75,30 +74,6 @@ def _rigid(part: Axle) -> dict[str, float | None]:
     }
 
 
-def with_side_forces(vehicle: Vehicle, design: Design, speed: float) -> Structure:
-    """Return the structure of a vehicle whose tyres have side forces at a speed [m/s]."""
-    axles = [axle.model_copy(update={"lateral_stiffness": 1.0}) for axle in vehicle.axle]
-    swaying = structure(vehicle.model_copy(update={"axle": tuple(axles)}))
-    return replace(swaying, elements=tuple(_elements(swaying, design, speed)))
-
-
-def _elements(swaying: Structure, design: Design, speed: float) -> Iterator[Element]:
-    contacts = {element.owner: element.elongation for element in swaying.elements if element.part == "tyre"}
-    tyres = dict(zip(contacts, [part for part in design.axles for _ in range(2)], strict=True))
-    for element in swaying.elements:
-        if element.part != "lateral":
-            yield element
-            continue
-        part = tyres[element.owner]
-        end = element.owner.rpartition("_")[0]
-        centre = ROLL_CENTRES.get(part.linkage, part.radius + 0.02)
-        turn = (contacts[f"{end}_left"] - contacts[f"{end}_right"]) / (2 * part.half_track)
-        moved = {"sway": 1.0, "yaw": part.x, "roll": design.height - centre}
-        elongation = centre * turn + np.array([moved.get(name, 0.0) for name in swaying.coordinates])
-        damping = part.cornering / speed
-        yield replace(element, elongation=elongation, damping=damping, series_stiffness=damping / RELAXATION)
-
-
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -108,19 +83,18 @@ def main() -> None:
     study = Study(DESIGNS[given.vehicle], given.folder)
     run = recording(study, replace(ordinary(study.design, SEED), duration=300.0), SEED)
     speed = float(run.samples[-1].mean())
-    wheels, axles = (true_file(study, has_rigid_axles=is_rigid) for is_rigid in (False, True))
     cases = {
-        "wheels by themselves": (wheels, structure(wheels)),
-        "rigid axles": (axles, structure(axles)),
-        "rigid axles, side forces": (axles, with_side_forces(axles, study.design, speed)),
+        "wheels by themselves": true_file(study, has_rigid_axles=False),
+        "rigid axles": true_file(study, has_rigid_axles=True),
+        "rigid axles, side forces": true_file(study, has_rigid_axles=True, has_side_forces=True),
     }
     print(
         "| model | body modes [Hz], damping ratio [%] | model error [%] | springs, dampers, tyres, fitted over true |"
     )
     print("|---|---|---|---|")
-    for name, (vehicle, built) in cases.items():
-        fit = fit_windows([replace(window_of(run, vehicle), structure=built)])
-        exact = built.modes()
+    for name, vehicle in cases.items():
+        fit = fit_windows([window_of(run, vehicle)])
+        exact = structure(vehicle, speed=speed).modes()
         rolls = np.real(exact.mode_shapes[:, 0] * exact.mode_shapes[:, 1].conj()) < 0  # left against right, in front
         ratios = [
             np.exp([ratio for part, ratio in zip(fit.components, fit.log_ratios, strict=True) if part.kind == kind])

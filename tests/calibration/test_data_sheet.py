@@ -53,7 +53,7 @@ def test_a_bus_of_three_axles_stands_on_its_axles_as_stated() -> None:
     assert [round(vehicle.axle[0].x - axle.x, 3) for axle in vehicle.axle] == [0, 6.8, 8.2]
     moment = 0.0
     for axle, load, frequency in zip(vehicle.axle, BUS["axle_loads"], (1.2, 1.4, 1.4), strict=True):
-        above = load - 2 * stated(axle.unsprung_mass)
+        above = load - stated(axle.wheelset_mass)
         ride = 1 / (1 / stated(axle.spring_stiffness) + 1 / stated(axle.tyre_stiffness))
         assert np.sqrt(ride / (above / 2)) / (2 * np.pi) == pytest.approx(frequency, rel=1e-3)
         moment += above * axle.x
@@ -65,11 +65,25 @@ def test_a_bus_of_three_axles_stands_on_its_axles_as_stated() -> None:
     assert {"bounce", "pitch", "roll"} <= set(structure(vehicle).modes().labels)
 
 
-def test_inertias_of_a_bus_are_within_their_width_of_those_of_another_engine() -> None:
+def test_inertias_height_and_tyres_of_a_bus_are_within_their_width_of_those_of_another_engine() -> None:
     """The single-deck bus of the multibody benchmark."""
     guess = {entry.name: entry for entry in described(DataSheet(**BUS)).learnt}
-    for name, value in (("body.roll_inertia", 14_500.0), ("body.pitch_inertia", 165_000.0)):
-        assert abs(guess[name].value - value) < 2 * guess[name].std
+    true = {"body.roll_inertia": 14_500.0, "body.pitch_inertia": 165_000.0, "body.height": 1.25}
+    true |= {"front.cornering_stiffness": 260e3, "axle2.cornering_stiffness": 480e3}
+    for name, value in true.items():
+        assert abs(guess[name].value - value) < 2 * guess[name].std, name
+
+
+def test_axles_are_rigid_where_the_sheet_says_so_and_by_default_under_heavy_vehicles() -> None:
+    def rigid(**changes: Any) -> list[bool]:
+        return [axle.wheelset_mass is not None for axle in described(DataSheet(**{**SHEET, **changes})).axle]
+
+    van = {"mass": 2600.0, "wheelbase": 3.3, "height": 2.5, "pressure": 3.5e5}
+    assert (rigid(), rigid(**van), rigid(**BUS)) == ([False, False], [False, True], [True, True, True])
+    assert rigid(rigid_axles=("front", "rear")) == [True, True]
+    assert rigid(**BUS, rigid_axles=()) == [False, False, False]
+    rear = described(DataSheet(**{**SHEET, "rigid_axles": ("rear",)})).axle[1]
+    assert rear.half_track < stated(rear.contact_half_track) == 0.75
 
 
 def test_guesses_are_within_their_width_of_a_measured_car(hatchback) -> None:
@@ -102,6 +116,7 @@ def test_a_description_is_a_vehicle_file() -> None:
         ({"axle_loads": (800.0,)}, "axle_loads has 1 value for 2 axles"),
         ({"axle_loads": (800.0, 800.0)}, "axle_loads add up to 1600 kg, but the mass is 1350 kg"),
         ({"wheelbase": (6.8, 6.9)}, "wheelbase"),
+        ({"rigid_axles": ("axle2",)}, "rigid_axles"),
     ],
 )
 def test_impossible_sheets_are_refused(change, message) -> None:

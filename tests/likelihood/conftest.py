@@ -100,10 +100,11 @@ def _somewhere(model: Model, seed: int = 0, size: float = 0.1) -> Real:
 
 
 def _with_engine(car: Vehicle) -> Vehicle:
-    """The car with an anti-roll bar, bushings, an engine on mounts with a sensor, a gyroscope and raised sensors."""
+    """The car with a bar, bushings, tyres that corner, an engine with a sensor, a gyroscope and raised sensors."""
     engine = MountedMass(mass=180.0, x=1.1, y=0.1, frequency=11.0, damping_ratio=0.08)
     front = {"anti_roll_stiffness": 10e3, "damper_bushing_stiffness": 60e3}
-    axles = (car.axle[0].model_copy(update=front), *car.axle[1:])
+    tyres = {"cornering_stiffness": 60e3, "roll_centre_height": 0.1}
+    axles = (car.axle[0].model_copy(update=front | tyres), *(axle.model_copy(update=tyres) for axle in car.axle[1:]))
     sensors = [
         sensor.model_copy(update={"position": (sensor.position[0], sensor.position[1], 0.3)})
         for sensor in car.sensor
@@ -111,7 +112,9 @@ def _with_engine(car: Vehicle) -> Vehicle:
     ]
     on_engine = Sensor(channel="acc_engine", quantity="acceleration", unit="m/s^2", on="mounted_mass_1")
     roll = Sensor(channel="wx", quantity="angular_velocity", unit="deg/s", direction=(1.0, 0.0, 0.0))
-    return car.model_copy(update={"mounted_mass": (engine,), "axle": axles, "sensor": (*sensors, on_engine, roll)})
+    body = car.body.model_copy(update={"height": 0.55})
+    whole = {"body": body, "mounted_mass": (engine,), "axle": axles, "sensor": (*sensors, on_engine, roll)}
+    return car.model_copy(update=whole)
 
 
 @pytest.fixture(scope="session")

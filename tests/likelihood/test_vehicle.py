@@ -77,6 +77,23 @@ def _lively_driver(_):
 LOADS = [f"payload_{name}" for name in ("mass", "x_moment", "y_moment", "pitch_inertia", "roll_inertia", "product")]
 
 
+def test_cornering_stiffness_and_the_height_of_a_load_come_out_of_exact_spectra(car, classes, recovered) -> None:
+    """Side forces move the roll mode; corners and loads are not to take their error up."""
+    tyres = tuple(axle.model_copy(update={"cornering_stiffness": 60e3}) for axle in car.axle)
+    body = car.body.model_copy(update={"height": 0.55})
+    on_tyres = car.model_copy(update={"axle": tyres, "body": body})
+    nominal = structure(on_tyres, speed=12.0)
+    layout = rigid_layout(nominal)
+    model = vehicle_model(classes(len(layout.rows)), layout, on_tyres, nominal, settings=CornerSettings(), kind="road")
+    model = replace(model, blocks=tuple(block for block in model.blocks if block.group != "unsprung"))  # the scale
+    truth = model.start.copy()
+    changes = {"front_tyres.cornering_stiffness": 0.3, "rear_tyres.cornering_stiffness": -0.2, "payload_z_moment": 0.1}
+    for name, value in changes.items():
+        truth[model.names.index(name)] = value
+    rows = model.rows("components", "payload", "elements")
+    assert recovered(model, truth)[rows] == pytest.approx(truth[rows], abs=1e-6)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("changes", [_load_behind_on_the_right, _lively_driver])
 def test_corners_come_out_of_exact_spectra_with_loads_tracks_and_driving(car, classes, recovered, changes) -> None:

@@ -29,7 +29,7 @@ def corners_of(fit: FreeFit, vehicle: Vehicle) -> tuple[tuple[CornerValue, ...],
     """
     from scipy.optimize import least_squares
 
-    nominal = structure(vehicle)
+    nominal = structure(vehicle, speed=0.0)
     known = nominal.components()
     names = tuple(component for component in known if component.kind in ("spring", "damper", "tyre"))
     hops = nominal.modes()

@@ -8,6 +8,7 @@ from typing import Literal, TypeVar
 from sprung._checks import check_number, check_one_of, check_type
 from sprung._display import counted
 from sprung.errors import ParameterError
+from sprung.units import STANDARD_GRAVITY
 from sprung.vehicles import Axle, Body, Sensor, Vehicle, corner_names
 from sprung.vehicles.sections import LearntNumber
 
@@ -32,6 +33,18 @@ class SheetRules:
     roll_of_box: float = 0.7
     #: Stiffness of the anti-roll bars of the front axle and of the others over that of one spring.
     bars: tuple[float, float] = (0.3, 0.15)
+    #: Side force over slip angle and load of a tyre at a car's usual load [1/rad], that load [N], and how it falls.
+    cornering: float = 15.0
+    usual_load: float = 4e3
+    falling: float = -0.3
+    #: Height of the centre of gravity over the wheelbase, and over the height of a vehicle of which it is known.
+    height: float = 0.2
+    height_of_box: float = 0.36
+    #: Load above which an axle of a vehicle of known height is taken to be rigid, also in front [kg].
+    heavy: float = 3500.0
+    #: Distance of the springs of a rigid axle from the middle, and its radius of gyration, over half the track.
+    spring_base: float = 0.66
+    gyration: float = 0.75
     #: Largest relative difference between the mass and the sum of the loads on axles.
     loads_within: float = 0.02
 
@@ -47,7 +60,12 @@ class GuessWidths:
     damping: float = 0.3
     tyre_stiffness: float = 0.15
     unsprung_mass: float = 0.15
+    wheelset_mass: float = 0.15
+    wheelset_roll_inertia: float = 0.3
+    half_track: float = 0.15
     anti_roll_stiffness: float = 0.5
+    cornering_stiffness: float = 0.3
+    height: float = 0.15
     pitch_inertia: float = 0.1
     roll_inertia: float = 0.15
     #: Standard deviation of the share of the front axle.
@@ -88,6 +106,9 @@ class DataSheet:
         mass each, or 5.6 % of the mass on their axle where `axle_loads` are stated.
     height
         Height of the vehicle [m], for the roll inertia of vans, trucks and buses; None: that of a car.
+    rigid_axles
+        Axles whose wheels are joined, such as "rear"; None: of a vehicle of stated height all but a front axle under
+        3.5 t, of a car none.
     pressure
         Pressure of the tyres [Pa].
     sensors
@@ -112,6 +133,7 @@ class DataSheet:
     damping_ratio: float = 0.28
     unsprung_masses: tuple[float, ...] | None = None
     height: float | None = None
+    rigid_axles: tuple[str, ...] | None = None
     pressure: float = RULES.pressure
     sensors: Sensors = "corners"
     name: str = "car"
@@ -132,6 +154,8 @@ class DataSheet:
             check_number("height", self.height, at_least=1, at_most=4.5)
         for tyre in self.tyres:
             tyre_size(tyre)
+        for name in self.rigid_axles or ():
+            check_one_of("rigid_axles", name, self.names)
         self._check_loads()
 
     def _check_loads(self) -> None:
@@ -157,6 +181,20 @@ class DataSheet:
     def distances(self) -> tuple[float, ...]:
         """Distance of each axle from the front axle [m], shape (axles,)."""
         return (0.0, *(self.wheelbase if isinstance(self.wheelbase, tuple) else (self.wheelbase,)))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each axle."""
+        return tuple(left.removesuffix("_left") for left in corner_names(len(self.distances))[::2])
+
+    @property
+    def are_rigid(self) -> tuple[bool, ...]:
+        """Whether the wheels of each axle are joined."""
+        if self.rigid_axles is not None:
+            return tuple(name in self.rigid_axles for name in self.names)
+        return tuple(
+            self.height is not None and (index > 0 or load > RULES.heavy) for index, load in enumerate(self.loads)
+        )
 
     @property
     def tyres(self) -> tuple[str, ...]:
@@ -237,8 +275,7 @@ def tyre_stiffness(tyre: str, *, pressure: float = RULES.pressure) -> float:
     [224, 272]
     """
     width, diameter = tyre_size(tyre)
-    count = 2 if tyre.strip().lower().startswith("2x") else 1
-    return count * RULES.per_pressure * pressure * math.sqrt(width * diameter)
+    return _count(tyre) * RULES.per_pressure * pressure * math.sqrt(width * diameter)
 
 
 def described(sheet: DataSheet) -> Vehicle:
@@ -289,10 +326,12 @@ def described(sheet: DataSheet) -> Vehicle:
     axles = tuple(
         _axle(sheet, index, place, load / 2) for index, (place, load) in enumerate(zip(places, above, strict=True))
     )
+    height = RULES.height * sheet.distances[-1] if sheet.height is None else RULES.height_of_box * sheet.height
     body = Body(
         mass=round(sprung, 1),
         pitch_inertia=round(RULES.pitch * sum(load * x**2 for load, x in zip(above, places, strict=True)), 1),
         roll_inertia=round(_roll_radius(sheet) ** 2 * sprung, 1),
+        height=round(height, 3),
     )
     return Vehicle(
         name=sheet.name,
@@ -322,32 +361,58 @@ def _axle(sheet: DataSheet, index: int, x: float, load: float) -> Axle:
             f"{ride:.3g} N/m, but the tyre has {tyre:.3g} N/m: correct mass, tyre or frequencies"
         )
     spring = ride * tyre / (tyre - ride)
+    half, wheel = sheet.track / 2, round(sheet.wheels[index], 2)
+    unsprung: dict[str, float] = {"half_track": half, "unsprung_mass": wheel}
+    if sheet.are_rigid[index]:
+        unsprung = {
+            "half_track": round(RULES.spring_base * half, 4),
+            "contact_half_track": half,
+            "wheelset_mass": 2 * wheel,
+            "wheelset_roll_inertia": round(2 * wheel * (RULES.gyration * half) ** 2, 2),
+            "roll_centre_height": round(tyre_size(sheet.tyres[index])[1] / 2, 3),
+        }
     return Axle(
         x=round(x, 4),
-        half_track=sheet.track / 2,
-        unsprung_mass=round(sheet.wheels[index], 2),
+        **unsprung,
         spring_stiffness=round(spring),
         damping=round(2 * sheet.damping_ratio * math.sqrt(spring * load)),
         tyre_stiffness=round(tyre),
         anti_roll_stiffness=round(RULES.bars[min(index, 1)] * spring),
+        cornering_stiffness=round(_cornering(sheet.tyres[index], load + sheet.wheels[index])),
     )
+
+
+def _cornering(tyre: str, load: float) -> float:
+    """Return the usual cornering stiffness of the tyre or twin tyres [N/rad] of a corner that carries a mass [kg]."""
+    force, count = STANDARD_GRAVITY * load, _count(tyre)
+    return RULES.cornering * force * (force / count / RULES.usual_load) ** RULES.falling
+
+
+def _count(tyre: str) -> int:
+    """Return 2 for twin tyres, otherwise 1."""
+    return 2 if tyre.strip().lower().startswith("2x") else 1
 
 
 def _guesses(body: Body, axles: tuple[Axle, ...], sheet: DataSheet) -> tuple[LearntNumber, ...]:
     """Return the guesses with their standard deviations and sources."""
     guesses = []
-    names = [left.removesuffix("_left") for left in corner_names(len(axles))[::2]]
-    for where, axle, tyre, frequency in zip(names, axles, sheet.tyres, sheet.frequencies, strict=True):
+    for where, axle, tyre, frequency in zip(sheet.names, axles, sheet.tyres, sheet.frequencies, strict=True):
+        mass = "usual share of the mass" if sheet.unsprung_masses is None else "data sheet"
+        of_wheels = {"unsprung_mass": mass}
+        if axle.wheelset_mass is not None:
+            of_wheels = {"wheelset_mass": mass, "wheelset_roll_inertia": "rigid axle", "half_track": "rigid axle"}
         sources = {
             "spring_stiffness": f"ride frequency {frequency:g} Hz",
             "damping": f"damping ratio {sheet.damping_ratio:g}",
             "tyre_stiffness": f"size {tyre} at {sheet.pressure / 1e5:.2g} bar",
-            "unsprung_mass": "usual share of the mass" if sheet.unsprung_masses is None else "data sheet",
+            **of_wheels,
             "anti_roll_stiffness": "usual share of the spring",
+            "cornering_stiffness": "load on the tyre",
         }
         guesses += [(where, field, getattr(axle, field), source) for field, source in sources.items()]
     for field in ("pitch_inertia", "roll_inertia"):
         guesses.append(("body", field, getattr(body, field), "radius of gyration"))
+    guesses.append(("body", "height", body.height or 0.0, "size of the vehicle"))
     widths = [float(f"{getattr(WIDTHS, field) * value:.3g}") for _, field, value, _ in guesses]
     guesses.append(
         ("body", "centre_x", 0.0, "share of the front axle" if sheet.axle_loads is None else "loads of the axles")

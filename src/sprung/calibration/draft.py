@@ -29,14 +29,17 @@ class Draft:
         Vehicle with all its masses and inertias stated.
     factors
         Value of a corner's component over that of its axle; 1 for those that are absent.
+    speed
+        Speed at which the vehicle is driven [m/s]; None: not known.
     """
 
     vehicle: Vehicle
     factors: Mapping[Component, float] = field(default_factory=dict)
+    speed: float | None = None
 
     def structure(self) -> Structure:
         """Return the vehicle as a structure, its sides unlike."""
-        nominal = structure(self.vehicle)
+        nominal = structure(self.vehicle, speed=self.speed)
         return nominal.changed(self.factors) if self.factors else nominal
 
     def value_at(self, place: Place) -> float:
@@ -204,12 +207,18 @@ class Widths:
     side: float = 0.05
     #: Unsprung mass.
     wheel: float = 0.07
+    #: Roll inertia of a rigid axle, and the distance of its springs.
+    axle: float = 0.15
     #: Inertias of the body.
     inertia: float = 0.1
     #: Stiffness of anti-roll bars.
     bar: float = 0.3
+    #: Cornering stiffness of tyres.
+    cornering: float = 0.3
     #: Gains of sensors.
     gain: float = 0.03
+    #: Height of the centre of gravity.
+    height: float = 0.1
     #: Centre of gravity [m].
     centre: float = 0.05
     #: Places of sensors [m].
@@ -241,7 +250,13 @@ COMPONENT_FIELDS = {
     "tyre_stiffness": ("tyre", "N/m"),
 }
 #: Fields of tables that can be learnt where the file states them, with their widths and units.
-_WHEELS = {"unsprung_mass": (WIDTHS.wheel, "kg"), "anti_roll_stiffness": (WIDTHS.bar, "N/m")}
+_WHEELS = {
+    "unsprung_mass": (WIDTHS.wheel, "kg"),
+    "anti_roll_stiffness": (WIDTHS.bar, "N/m"),
+    "cornering_stiffness": (WIDTHS.cornering, "N/rad"),
+    "wheelset_mass": (WIDTHS.wheel, "kg"),
+    "wheelset_roll_inertia": (WIDTHS.axle, "kg m2"),
+}
 _MOUNTED = {
     "mass": (WIDTHS.mount_mass, "kg"),
     "frequency": (WIDTHS.mount_frequency, "Hz"),
@@ -317,11 +332,21 @@ def file_numbers(draft: Draft, channels: Sequence[str]) -> tuple[VehicleNumber, 
     wheels = (
         number
         for index, (axle, _) in enumerate(_axles(draft))
-        if draft.vehicle.axle[index].wheelset_mass is None
-        for number in _entries(draft, ("axle", index), axle, "wheels", _WHEELS)
+        if draft.vehicle.kind == "road" or draft.vehicle.axle[index].wheelset_mass is None
+        for number in _wheel_numbers(draft, index, axle)
     )
-    centre = VehicleNumber("body.centre_x", "body", WIDTHS.centre, False, (), "m")
-    return (*inertias, centre, *wheels, *sensor_numbers(draft, channels))
+    centre = [VehicleNumber("body.centre_x", "body", WIDTHS.centre, False, (), "m")]
+    if draft.vehicle.axle[0].cornering_stiffness is not None:
+        centre.append(VehicleNumber("body.height", "body", WIDTHS.height, True, ("body", "height"), "m"))
+    return (*inertias, *centre, *wheels, *sensor_numbers(draft, channels))
+
+
+def _wheel_numbers(draft: Draft, index: int, axle: str) -> Iterator[VehicleNumber]:
+    """Yield what is below the springs of an axle, and the distance of the springs of a rigid one."""
+    place: tuple[str, int] = ("axle", index)
+    yield from _entries(draft, place, axle, "wheels", _WHEELS)
+    if draft.vehicle.axle[index].wheelset_mass is not None:
+        yield VehicleNumber(f"{axle}.half_track", "wheels", WIDTHS.axle, True, (*place, "half_track"), "m")
 
 
 def added_numbers(draft: Draft, *, given: Vehicle) -> Iterator[VehicleNumber]:

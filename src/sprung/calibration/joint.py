@@ -151,7 +151,7 @@ class FileNumbers(ParameterBlock):
         return _changes(self.draft, self.numbers, self.layout.names, parameters.tobytes(), frequencies)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def _changes(
     draft: Draft, numbers: tuple[VehicleNumber, ...], channels: tuple[str, ...], point: bytes, grid: bytes
 ) -> list[_Change]:
@@ -549,6 +549,8 @@ def window_model(
     settings
         Further choices.
     """
+    if window.kind != "rig" and draft.vehicle.axle[0].cornering_stiffness is not None:
+        draft = replace(draft, speed=float(np.average(spectra.speeds, weights=spectra.counts)))
     usual = vehicle_model(spectra, window.layout, draft.vehicle, draft.structure(), settings=settings, kind=window.kind)
     rest = tuple(block for block in usual.blocks if block.group not in _REPLACED)
     return Model(usual.structure, window.layout, spectra, (FileNumbers(draft, numbers, window.layout), *rest))

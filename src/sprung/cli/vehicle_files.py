@@ -58,6 +58,15 @@ def describe(
     height: Annotated[
         float | None, option("M", "Height of a van, truck or bus, for its roll inertia.", panel=INPUT)
     ] = None,
+    rigid_axle: Annotated[
+        list[str] | None,
+        option(
+            "NAME",
+            "Axle whose wheels are joined (front, axle2 .., rear), once for each. Default: with a height, all but a"
+            " front axle under 3.5 t; otherwise none.",
+            panel=INPUT,
+        ),
+    ] = None,
     pressure: Annotated[float, option("BAR", "Pressure of the tyres.", panel=INPUT)] = 2.3,
     sensors: Annotated[
         Literal["corners", "imu", "travel"],
@@ -86,6 +95,7 @@ def describe(
         damping_ratio=damping_ratio,
         unsprung_masses=unsprung,
         height=height,
+        rigid_axles=None if rigid_axle is None else tuple(rigid_axle),
         pressure=1e5 * pressure,
         sensors=sensors,
         name=name,

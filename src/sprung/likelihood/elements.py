@@ -148,7 +148,9 @@ def _names(element: Element) -> tuple[str, str]:
     return element.owner, f"{element.owner}.{element.part}"
 
 
-def stiffness_scales(structure: Structure, owners: Sequence[str], *, std: float = 0.3) -> ElementScales:
+def stiffness_scales(
+    structure: Structure, owners: Sequence[str], *, std: float = 0.3, has_damping: bool = False
+) -> ElementScales:
     """Return the stiffness of elements as parameters, around the file's values.
 
     Parameters
@@ -159,6 +161,8 @@ def stiffness_scales(structure: Structure, owners: Sequence[str], *, std: float 
         Owners of the springs, such as "front_axle" for its anti-roll bar.
     std
         Standard deviation of ln of a stiffness.
+    has_damping
+        Whether the damping changes with it.
 
     Examples
     --------
@@ -175,5 +179,6 @@ def stiffness_scales(structure: Structure, owners: Sequence[str], *, std: float 
     [12000, 10000]
     """
     return ElementScales(
-        structure, tuple(ElementParameter(f"{owner}_stiffness", owner, 1.0, 0.0, std) for owner in owners)
+        structure,
+        tuple(ElementParameter(f"{owner}_stiffness", owner, 1.0, float(has_damping), std) for owner in owners),
     )

@@ -219,7 +219,7 @@ def _model(
     vehicle: Vehicle, drive: ExpectedDrive, settings: CornerSettings, noise: Mapping[str, float]
 ) -> tuple[Model, list[tuple[float, Real]]]:
     """Return the model of a vehicle with classes of planned speeds and no data, and its parameters on each road."""
-    nominal = structure(vehicle)
+    nominal = structure(vehicle, speed=sum(drive.speed) / 2)
     if not any(sensor.quantity in QUANTITIES for sensor in vehicle.sensor):
         raise ParameterError(f"vehicle {vehicle.name!r} has no sensor of its motion: state one, or give a kit")
     layout = rigid_layout(nominal)

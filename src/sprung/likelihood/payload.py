@@ -137,6 +137,8 @@ def payload(nominal: Structure, *, std: float = 0.2, moment_std: float = 0.1) ->
     n = len(nominal.coordinates)
     rows = [nominal.coordinates.index(name) for name in MOTIONS]
     sizes = np.sqrt(np.diag(nominal.mass)[rows])
+    plane = [nominal.coordinates.index(name) for name in ("sway", "yaw") if name in nominal.coordinates]
+    has_plane = len(plane) == 2
     parts = []
     for first, second, name in (
         (0, 0, "payload_mass"),
@@ -148,7 +150,14 @@ def payload(nominal: Structure, *, std: float = 0.2, moment_std: float = 0.1) ->
     ):
         matrix, size = np.zeros((n, n)), float(sizes[first] * sizes[second])
         matrix[rows[first], rows[second]] = matrix[rows[second], rows[first]] = size
+        if has_plane and max(first, second) < 2:  # a mass sways as it bounces, and its moments of x yaw as they pitch
+            sign = 1.0 if first == second else -1.0
+            matrix[plane[first], plane[second]] = matrix[plane[second], plane[first]] = sign * size
         parts.append(MassParameter(name, matrix, std if first == second else moment_std, unit=size))
+    if has_plane:
+        matrix, size = np.zeros((n, n)), float(sizes[0] * sizes[2])
+        matrix[plane[0], rows[2]] = matrix[rows[2], plane[0]] = -size
+        parts.append(MassParameter("payload_z_moment", matrix, moment_std, unit=size))
     return AddedMass(tuple(parts))
 
 

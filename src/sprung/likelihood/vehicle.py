@@ -48,6 +48,8 @@ class DefaultChoices:
     #: Standard deviation of ln of an anti-roll bar's stiffness over that of the vehicle file: wide enough for a broken
     #: link. Known exactly, it alone would fix the scale that all masses and stiffnesses have in common.
     anti_roll: float = 0.5
+    #: The same of cornering stiffness, which falls with the speed of a drive beyond its mean.
+    cornering: float = 0.3
     #: Length over which a wheel averages a rail [m].
     rail_contact: float = 0.01
 
@@ -187,6 +189,8 @@ def vehicle_model(
         bars = [element.owner for element in nominal.elements if element.part == "anti_roll"]
         blocks += [wheels] if kind == "road" and wheels.parts else []
         blocks += [stiffness_scales(nominal, bars, std=DEFAULTS.anti_roll)] if kind == "road" and bars else []
+        tyres = [f"{element.owner}.cornering" for element in nominal.elements if element.part == "cornering"]
+        blocks += [stiffness_scales(nominal, tyres, std=DEFAULTS.cornering, has_damping=True)] if tyres else []
     if settings.has_free_sensors:
         blocks += [sensor_positions(nominal, layout), SensorDelays(layout, layout.names)]
     blocks += _inputs(spectra, vehicle, nominal, kind, joint_pitch)

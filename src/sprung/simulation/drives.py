@@ -463,7 +463,7 @@ def _stream(seed: int | list[int], stream: int) -> np.random.Generator:
 
 def _healthy(vehicle: Vehicle, settings: DriveSettings) -> Structure:
     """Return the healthy vehicle with its payload, its production scatter, and its parts at their temperatures."""
-    loaded = structure(vehicle)
+    loaded = structure(vehicle, speed=sum(settings.speed) / 2)
     for payload in settings.payloads:
         loaded = loaded.with_payload(payload.mass, x=payload.x, y=payload.y)
     by_kind = {

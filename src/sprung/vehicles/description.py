@@ -53,7 +53,7 @@ class _Limits:
 
 _LIMITS = _Limits()
 
-#: Coordinates of the body; sway and yaw only where lateral stiffness is given.
+#: Coordinates of the body; sway and yaw only where what holds it sideways is given.
 BODY_MOTIONS = ("bounce", "pitch", "roll", "sway", "yaw")
 #: Default of missing inertias: radius of gyration squared over front times rear axle distance (pitch), or over half
 #: the track width squared (roll). The shipped vehicles have 0.77 to 0.90 and 0.49 to 0.57.
@@ -206,7 +206,7 @@ class Vehicle(Description):
     @property
     def wheels(self) -> tuple[Wheel, ...]:
         """Wheels from front to rear, left before right; places of axles without wheels too."""
-        axles = [(axle.x, axle.half_track, axle.rolling_radius) for axle in self.axle] + [
+        axles = [(axle.x, axle.contact_half_track or axle.half_track, axle.rolling_radius) for axle in self.axle] + [
             (bogie.x + sign * bogie.half_wheelbase, bogie.contact_half_spacing, None)
             for bogie in self.bogie
             for sign in (1, -1)
@@ -231,7 +231,8 @@ class Vehicle(Description):
     @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of the motions of body, frames, wheels or wheelsets and mounted masses, and of the flexible modes."""
-        body = BODY_MOTIONS[: 5 if self.axle and self.axle[0].lateral_stiffness is not None else 3]
+        sways = self.axle and (self.axle[0].lateral_stiffness or self.axle[0].cornering_stiffness) is not None
+        body = BODY_MOTIONS[: 5 if sways else 3]
         bogies: list[str] = []
         for number in range(1, len(self.bogie) + 1):
             bogies += [f"bogie{number}", f"bogie{number}_pitch", f"bogie{number}_roll"]
@@ -271,8 +272,11 @@ class Vehicle(Description):
                 self._check_layout(sensor)
             if sensor.quantity == "wheel_speed":
                 self._check_wheel(sensor)
-        if len({axle.lateral_stiffness is None for axle in self.axle}) > 1:
-            raise ValueError("lateral_stiffness is given for some axles only: give it for all, or for none")
+        for name in ("lateral_stiffness", "cornering_stiffness"):
+            if len({getattr(axle, name) is None for axle in self.axle}) > 1:
+                raise ValueError(f"{name} is given for some axles only: give it for all, or for none")
+        if self.axle and self.axle[0].cornering_stiffness is not None and self.body.height is None:
+            raise ValueError("cornering_stiffness needs the height of the centre of gravity: add height to [body]")
         _check(_magnitudes(self))
         return self
 

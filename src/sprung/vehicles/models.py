@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -256,7 +257,24 @@ WHEELSET_GYRATION = 0.786
 UNSPRUNG_SHARE = 1 / 9
 
 
-def structure(description: Description) -> Structure:
+@dataclass(frozen=True, slots=True)
+class Rolling:
+    """How tyres roll that hold the body sideways."""
+
+    #: Speed where none is stated [m/s].
+    speed: float = 15.0
+    #: Speed of a standing vehicle, on which tyres are springs [m/s].
+    creeping: float = 1e-3
+    #: Distance rolled until a side force has grown to all but 1/e [m].
+    relaxation_length: float = 0.35
+    #: Time in which a driver returns to the lane at the usual speed [s]: without it the body could rest anywhere.
+    lane_keeping: float = 10.0
+
+
+ROLLING = Rolling()
+
+
+def structure(description: Description, *, speed: float | None = None) -> Structure:
     """Return the masses, elements, inputs and sensors of the vehicle that a file describes.
 
     Parameters
@@ -264,6 +282,8 @@ def structure(description: Description) -> Structure:
     description
         Vehicle description: a `Chain`, driven by a force on each mass; a `Quarter` or a `Vehicle`, on axles or bogies,
         driven by the displacement of the road or rail under each wheel.
+    speed
+        Speed of a vehicle whose tyres have a cornering stiffness [m/s], at least 0; None: 15 m/s.
 
     Returns
     -------
@@ -290,7 +310,7 @@ def structure(description: Description) -> Structure:
         case Quarter():
             return _quarter(description)
         case Vehicle():
-            return _vehicle(description)
+            return _vehicle(description, ROLLING.speed if speed is None else max(speed, ROLLING.creeping))
     raise wrong_type("description", description, "Vehicle")
 
 
@@ -379,7 +399,7 @@ def _quarter(description: Quarter) -> Structure:
     )
 
 
-def _vehicle(description: Vehicle) -> Structure:
+def _vehicle(description: Vehicle, speed: float) -> Structure:
     """Return a body on wheels; on axles without wheels, forces on the body replace the road."""
     corners, coordinates = _corners(description), description.coordinates
     body = _Body(coordinates, tuple(_body_shape(description, mode.shape) for mode in description.flexible_mode))
@@ -387,7 +407,7 @@ def _vehicle(description: Vehicle) -> Structure:
     elements += [
         element
         for left, right in zip(corners[::2], corners[1::2], strict=True)
-        for element in _anti_roll_bar(body, left, right)
+        for element in (*_anti_roll_bar(body, left, right), *_side_force(body, description, left, right, speed))
     ]
     elements += [
         _mount(body, f"mounted_mass_{number}", mass) for number, mass in enumerate(description.mounted_mass, start=1)
@@ -580,6 +600,29 @@ def _anti_roll_bar(body: _Body, left: _Corner, right: _Corner) -> Iterator[Eleme
         difference = _deflection(body, left) - _deflection(body, right)
         owner = left.name.removesuffix("_left") + "_axle"
         yield Element(owner, "anti_roll", difference, left.axle.anti_roll_stiffness)
+
+
+def _side_force(body: _Body, description: Vehicle, left: _Corner, right: _Corner, speed: float) -> Iterator[Element]:
+    """Yield the side forces of the tyres of one axle, if the file has their cornering stiffness.
+
+    A slip angle is the lateral velocity of the contact patch over the speed v, so that a tyre of cornering stiffness C
+    and relaxation length l is a damper C / v in series with a spring C / l; it stands on that spring alone. The patch
+    moves with sway, yaw and roll of the body about the roll centre of the axle, and with the tilt of the line between
+    the wheels.
+    """
+    axle = left.axle
+    if axle.cornering_stiffness is None:
+        return
+    half = axle.contact_half_track or axle.half_track
+    tilt = _wheel_row(body.coordinates, left, half) - _wheel_row(body.coordinates, right, -half)
+    arm = (description.body.height or 0.0) - axle.roll_centre_height
+    moved = {"sway": 1.0, "yaw": axle.x, "roll": arm}
+    elongation = axle.roll_centre_height * tilt / (2 * half)
+    elongation += np.array([moved.get(name, 0.0) for name in body.coordinates])
+    both, owner = 2 * axle.cornering_stiffness, left.name.removesuffix("_left") + "_tyres"
+    centring = both / (ROLLING.speed * ROLLING.lane_keeping)
+    bushing = both / ROLLING.relaxation_length
+    yield Element(owner, "cornering", elongation, centring, both / speed, series_stiffness=bushing)
 
 
 def _mount(body: _Body, name: str, part: MountedMass) -> Element:

@@ -130,7 +130,7 @@ class Body(Section):
     pitch_inertia, roll_inertia
         Moments of inertia [kg m^2]; default: estimates from mass, wheelbase and track width.
     yaw_inertia
-        Moment of inertia [kg m^2], used only with lateral stiffness; default: that of pitch.
+        Moment of inertia [kg m^2], used only with lateral or cornering stiffness; default: that of pitch.
     product_of_inertia
         Entry of the mass matrix between pitch and roll [kg m^2]: a mass m at (x, y) adds -m x y.
     height
@@ -177,6 +177,11 @@ class Axle(Section):
         with longitudinal and roll with lateral stiffness.
     rolling_radius
         Speed of the vehicle over the angular velocity of a wheel [m/rad], for sensors of the wheels' rotation.
+    cornering_stiffness
+        Side force of a tyre over its slip angle [N/rad]; adds sway and yaw to the motions of the body. Default: tyres
+        leave the body free to move sideways, and it rolls about its centre of gravity.
+    roll_centre_height
+        Height above the ground of the point about which the body rolls on this axle [m], with cornering stiffness.
     """
 
     x: Length
@@ -195,10 +200,12 @@ class Axle(Section):
     lateral_damping: NotNegative = 0.0
     height: Length = 0.0
     rolling_radius: Positive | None = None
+    cornering_stiffness: Positive | None = None
+    roll_centre_height: Length = 0.0
 
     @model_validator(mode="after")
     def _wheels_stand_on_tyres(self) -> "Axle":
-        for name in ("unsprung_mass", "wheelset_mass"):
+        for name in ("unsprung_mass", "wheelset_mass", "cornering_stiffness"):
             if getattr(self, name) is not None and self.tyre_stiffness is None:
                 raise ValueError(f"{name} needs tyre_stiffness: add it, or leave both out")
         for name, needed in (
@@ -210,6 +217,8 @@ class Axle(Section):
                 raise ValueError(f"{name} needs {needed}: add it, or leave {name} out")
         if self.lateral_damping > 0 and self.lateral_stiffness is None:
             raise ValueError("lateral_damping needs lateral_stiffness: add it, or leave both out")
+        if self.cornering_stiffness is not None and self.lateral_stiffness is not None:
+            raise ValueError("lateral_stiffness is for wheels on rails, cornering_stiffness for tyres: leave one out")
         return self
 
 

@@ -180,6 +180,7 @@ PARTS = MappingProxyType(
         "anti_roll": ("anti_roll", None),
         "mount": ("spring", "damper"),
         "lateral": ("lateral_spring", "lateral_damper"),
+        "cornering": ("cornering_spring", "cornering"),
         "longitudinal": ("longitudinal_spring", None),
         "torsion": ("torsion", "torsion_damping"),
         "bending": ("bending", "bending_damping"),
@@ -473,8 +474,9 @@ class Structure:
             If the mass is negative, or the structure has no body on axles.
         """
         check_number("mass of the payload", mass, at_least=0)
-        row = body_row(self.coordinates, x=x, y=y, shapes=self.shapes)
-        return replace(self, mass=self.mass + mass * np.outer(row, row))
+        upwards = body_row(self.coordinates, x=x, y=y, shapes=self.shapes)
+        sideways = np.array([{"sway": 1.0, "yaw": x}.get(name, 0.0) for name in self.coordinates])
+        return replace(self, mass=self.mass + mass * (np.outer(upwards, upwards) + np.outer(sideways, sideways)))
 
     def modes(self) -> ExactModes:
         """Return the exact modes as observed by the sensors."""

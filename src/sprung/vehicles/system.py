@@ -441,9 +441,21 @@ def participation(mass: Real, shapes: Complex) -> Real:
     return energy / energy.sum(axis=1, keepdims=True)
 
 
+def _shares(system: MechanicalSystem, shapes: Complex) -> Real:
+    """Return the participation of the coordinates; on tyres that hold the body sideways, sway is that of the tyres."""
+    sways = [index for index, name in enumerate(system.coordinates) if name == "sway"]
+    held = [arm for arm in system.arm_elongations if np.any(arm[sways])]
+    if not held:
+        return participation(system.mass, shapes)
+    change = np.eye(len(system.coordinates))
+    change[sways] = np.mean(held, axis=0)
+    inverse = np.linalg.inv(change)
+    return participation(inverse.T @ system.mass @ inverse, shapes @ change.T)
+
+
 def _labels(system: MechanicalSystem, shapes: Complex) -> tuple[str | None, ...]:
     """Return the label of each mode, the motion of largest energy; a body motion labels only its strongest mode."""
-    shares = participation(system.mass, shapes)
+    shares = _shares(system, shapes)
     labels: list[str | None] = [None] * len(shapes)
     wheels = [name.startswith("wheel") for name in system.coordinates]
     body = [index for index, name in enumerate(system.coordinates) if name in _OF_BODY]

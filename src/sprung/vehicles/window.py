@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from sprung._arrays import Real
 from sprung.channel_names import corner_of, rule_of
 from sprung.recording import Channel, Recording
 from sprung.signals.conditioning import advanced_linearly
@@ -123,13 +124,19 @@ def window_of(recording: Recording, vehicle: Vehicle, *, allow_missing: bool = F
     return Window(
         recording=replace(placed, history=(*placed.history, *notes)),
         vehicle=vehicle,
-        structure=structure(vehicle),
+        structure=structure(vehicle, speed=None if speed is None else _mean_speed(placed.samples[placed.index(speed)])),
         outputs=outputs,
         speed=speed,
         conditions=_conditions(placed, vehicle, speed),
         missing=tuple(name for name in motion if name not in outputs),
         notes=notes,
     )
+
+
+def _mean_speed(speeds: Real) -> float | None:
+    """Return the mean speed while the vehicle moves; None if it does not."""
+    moving = speeds[speeds > _STANDING]
+    return float(moving.mean()) if moving.size else None
 
 
 def _with_speed_of_wheels(recording: Recording, vehicle: Vehicle) -> tuple[Recording, str | None]:

@@ -1,0 +1,120 @@
+"""Tyres that hold the body sideways: its motion against equations of motion written down on their own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.errors import ParameterError
+from sprung.vehicles import Vehicle, parse_vehicle, read_vehicle, structure
+from sprung.vehicles.models import ROLLING
+
+HEIGHT, SPEED = 0.55, 20.0
+CENTRES = (0.06, 0.12)
+CORNERING = (70e3, 60e3)
+
+
+def on_tyres(*, factor: float = 1.0, height: float = HEIGHT, centres: tuple[float, float] = CENTRES) -> Vehicle:
+    """Return a car whose tyres have a cornering stiffness."""
+    car = read_vehicle("zafira")
+    axles = tuple(
+        axle.model_copy(update={"cornering_stiffness": factor * stiffness, "roll_centre_height": centre})
+        for axle, stiffness, centre in zip(car.axle, CORNERING, centres, strict=True)
+    )
+    body = car.body.model_copy(update={"height": height, "yaw_inertia": 2500.0})
+    return car.model_copy(update={"axle": axles, "body": body})
+
+
+def test_poles_are_those_of_the_equations_of_motion() -> None:
+    """The side force F of an axle lags behind its slip: l F' / v + F = 2 C / v times the velocity of the patch."""
+    car, plain = on_tyres(), structure(read_vehicle("zafira")).system
+    n = 9  # of the plain car, then sway and yaw
+    mass, damping, stiffness = (np.zeros((n, n)) for _ in range(3))
+    for whole, part in ((mass, plain.mass), (damping, plain.damping), (stiffness, plain.stiffness)):
+        whole[:7, :7] = part
+    mass[7, 7], mass[8, 8] = car.body.mass, 2500.0
+    patches = np.zeros((2, n))
+    for row, (axle, centre) in enumerate(zip(car.axle, CENTRES, strict=True)):
+        patches[row, 2], patches[row, 7:] = HEIGHT - centre, (1.0, axle.x)
+        patches[row, 3 + 2 * row : 5 + 2 * row] = np.array([1.0, -1.0]) * centre / (2 * axle.half_track)
+    slip = 2 * np.array(CORNERING) / SPEED
+    stiffness += patches.T @ np.diag(slip * SPEED / (ROLLING.speed * ROLLING.lane_keeping)) @ patches
+    inverse, rate = np.linalg.inv(mass), SPEED / ROLLING.relaxation_length
+    state = np.block(
+        [
+            [np.zeros((n, n)), np.eye(n), np.zeros((n, 2))],
+            [-inverse @ stiffness, -inverse @ damping, -inverse @ patches.T],
+            [np.zeros((2, n)), rate * slip[:, None] * patches, -rate * np.eye(2)],
+        ]
+    )
+    expected = np.linalg.eigvals(state)
+    expected = np.sort_complex(expected[expected.imag > 1e-6])
+    found = np.sort_complex(structure(car, speed=SPEED).modes().poles)
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(("factor", "arm"), [(1e5, HEIGHT - 0.1), (1e-5, 0.0)])
+def test_the_body_rolls_about_its_roll_centre_on_stiff_tyres_and_about_its_centre_of_gravity_on_weak_ones(
+    factor, arm
+) -> None:
+    """By the parallel axis theorem the body has the roll inertia I + m arm^2."""
+    car = on_tyres(factor=factor, centres=(0.1, 0.1))
+    heavy = read_vehicle("zafira")
+    inertia = heavy.inertias[1] + arm**2 * heavy.body.mass
+    body = heavy.body.model_copy(update={"roll_inertia": inertia})
+    axles = tuple(axle.model_copy(update={"tyre_stiffness": 1e9}) for axle in heavy.axle)  # whose axles do not tilt
+    stiff = car.model_copy(update={"axle": tuple(axle.model_copy(update={"tyre_stiffness": 1e9}) for axle in car.axle)})
+    found, expected = (
+        dict(zip(modes.labels, modes.poles, strict=True))["roll"]
+        for modes in (
+            structure(stiff, speed=SPEED).modes(),
+            structure(heavy.model_copy(update={"body": body, "axle": axles})).modes(),
+        )
+    )
+    assert found == pytest.approx(expected, rel=1e-3)
+
+
+def test_roll_is_named_roll_where_it_moves_the_centre_of_gravity_more_than_it_turns() -> None:
+    """A body with a high centre of gravity sways with more energy than it rolls with."""
+    modes = structure(on_tyres(height=1.1), speed=SPEED).modes()
+    named = dict(zip(modes.labels, modes.natural_frequency, strict=True))
+    plain = structure(read_vehicle("zafira")).modes()
+    assert named["roll"] < dict(zip(plain.labels, plain.natural_frequency, strict=True))["roll"] < named["sway"]
+
+
+def test_slow_tyres_hold_the_body_more_firmly() -> None:
+    slow, fast = (structure(on_tyres(), speed=speed).components() for speed in (5.0, 25.0))
+    part = next(part for part in slow if str(part) == "front_tyres.cornering")
+    assert slow[part] == pytest.approx(5 * fast[part])
+
+
+def test_a_standing_tyre_is_a_spring() -> None:
+    """Its lateral stiffness is the cornering stiffness over the relaxation length."""
+    still = structure(on_tyres(), speed=0.0)
+    springs = [
+        replace(one, stiffness=one.stiffness + one.series_stiffness, damping=0.0, series_stiffness=None)
+        if one.part == "cornering" and one.series_stiffness
+        else one
+        for one in still.elements
+    ]
+    expected = replace(still, elements=tuple(springs)).modes()
+    roll = dict(zip(still.modes().labels, still.modes().poles, strict=True))["roll"]
+    assert np.abs(expected.poles / roll - 1).min() < 1e-4
+
+
+def fields(**changes) -> dict:
+    car = on_tyres().model_dump(mode="json", exclude_defaults=True)
+    return {**car, "kind": "road", "name": "car", **changes}
+
+
+def test_files_with_half_of_it_are_refused() -> None:
+    plain = fields()
+    assert parse_vehicle(plain).coordinates == on_tyres().coordinates
+    without_height = {key: value for key, value in plain["body"].items() if key != "height"}
+    with pytest.raises(ParameterError, match=r"needs the height of the centre of gravity: add height to \[body\]"):
+        parse_vehicle(fields(body=without_height))
+    front, rear = plain["axle"]
+    with pytest.raises(ParameterError, match="cornering_stiffness is given for some axles only"):
+        parse_vehicle(fields(axle=[front, {key: rear[key] for key in rear if key != "cornering_stiffness"}]))
+    with pytest.raises(ParameterError, match="leave one out"):
+        parse_vehicle(fields(axle=[{**front, "lateral_stiffness": 1e5}, {**rear, "lateral_stiffness": 1e5}]))
