@@ -363,6 +363,24 @@ def test_a_broken_link_of_an_anti_roll_bar_is_the_bar_alone() -> None:
     assert healthy.detectable[Component("front_axle", "anti_roll")] < 0.7
 
 
+def test_what_a_fit_withholds_from_a_lost_bar_is_no_stiffer_bar_at_the_other_axle() -> None:
+    """As three half hours of a multibody car without its front link read."""
+    bars = (Component("front_axle", "anti_roll"), Component("rear_axle", "anti_roll"))
+    parts, generator = (*structure(read_vehicle("zafira")).components(), *bars), np.random.default_rng(5)
+    std = np.array([0.02] * 12 + [0.1, 0.1])
+
+    def windows(number, *, front, rear):
+        change = np.array([0.0] * 12 + [front, rear])
+        values = change + std * generator.standard_normal((number, 14))
+        return [Observation(600.0 * k, parts, x, np.diag(std**2), {}, {}, ()) for k, x in enumerate(values)]
+
+    baseline = learn(windows(12, front=0.0, rear=0.0))
+    (finding,) = diagnose(windows(3, front=-0.95, rear=0.55), baseline).findings
+    assert (finding.corner, finding.component) == ("front_axle", "anti_roll")
+    both = diagnose(windows(3, front=-0.95, rear=-0.9), baseline).findings
+    assert {one.corner for one in both} == {"front_axle", "rear_axle"}
+
+
 def test_a_much_stiffer_tyre_may_be_another_wheel(faulty, baseline) -> None:
     """A tyre +30 % with 18 % less mass reads as ln(1.3 / 0.82): its interval has the tyre's own change."""
     (finding,) = diagnose(faulty(3, {"rear_right.tyre": 1.3 / 0.82 - 1}), baseline).findings

@@ -413,7 +413,15 @@ def _best_two(detection: Detection) -> tuple[Candidate, Candidate | None]:
 
 
 def _is_distinct(pair: Candidate) -> bool:
-    """Return whether the smaller change of a pair exceeds what chance and the larger one may mimic."""
+    """Return whether the smaller change of a pair exceeds what chance and the larger one may mimic.
+
+    Of two anti-roll bars none becomes stiffer as the other is lost: the prior of a fit, which keeps a bar from losing
+    all, gives the rest to the other one.
+    """
+    if all(change.component == "anti_roll" for change in pair.hypothesis.changes):
+        changes = [size.change for size in pair.sizes]
+        if min(changes) < 0 < max(changes):
+            return False
     (small, score), (large, _) = sorted((abs(np.log1p(size.change)), size.score) for size in pair.sizes)
     return bool(small > RULES.clearly * np.hypot(small / score, RULES.leak * large))
 
