@@ -23,6 +23,24 @@ def test_a_point_mass_is_mass_moments_inertias_and_product(car, place) -> None:
     assert block.values(parameters) == pytest.approx(dict(zip(block.names, wanted, strict=True)))
 
 
+def test_a_point_mass_ahead_and_above_moves_a_body_that_sways(car) -> None:
+    """It moves up by [1, -x] with bounce and pitch, and to the left by [1, x, -z] with sway, yaw and roll."""
+    tyres = tuple(axle.model_copy(update={"cornering_stiffness": 60e3}) for axle in car.axle)
+    body = car.body.model_copy(update={"height": 0.55})
+    nominal = structure(car.model_copy(update={"axle": tyres, "body": body}))
+    m, x, z = 90.0, 0.8, 0.4
+    added = payload(nominal)
+    sizes = dict(zip(added.names, [part.unit for part in added.parts], strict=True))
+    known = {"payload_mass": m, "payload_x_moment": -m * x, "payload_pitch_inertia": m * x**2}
+    known |= {"payload_roll_inertia": m * z**2, "payload_z_moment": m * z}
+    parameters = np.array([known.get(name, 0.0) / size for name, size in sizes.items()])
+    upwards, sideways = np.array([1, -x, 0, 0, 0]), np.array([0, 0, -z, 1, x])
+    expected = m * (np.outer(upwards, upwards) + np.outer(sideways, sideways))
+    expected[2, 4] = expected[4, 2] = 0.0  # roll with yaw is left out
+    assert nominal.coordinates[:5] == ("bounce", "pitch", "roll", "sway", "yaw")
+    assert (added.fitted(parameters, nominal).mass - nominal.mass)[:5, :5] == pytest.approx(expected, abs=1e-9)
+
+
 def test_the_prior_is_a_fifth_of_the_body(car) -> None:
     block = payload(structure(car))
     sizes = block.values(block.prior_std)

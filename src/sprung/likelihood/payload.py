@@ -114,7 +114,8 @@ def payload(nominal: Structure, *, std: float = 0.2, moment_std: float = 0.1) ->
     -----
     Each is relative to the body's own. A mass m at (x, y) adds m r r^T with r = [1, -x, y] for bounce, pitch and
     roll. A load off both axes of the body couples pitch with roll: without the product it would appear as springs
-    that differ from corner to corner.
+    that differ from corner to corner. Where the body sways and yaws, too, a mass at the height z above its centre of
+    gravity adds m q q^T with q = [1, x, -z] for sway, yaw and roll; its moment m z has the deviation of m y.
 
     References
     ----------
