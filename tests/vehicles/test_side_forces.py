@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.vehicles import Vehicle, parse_vehicle, read_vehicle, structure
+from sprung.recording import Channel
+from sprung.vehicles import Vehicle, parse_vehicle, read_vehicle, sensor_outputs, structure
 from sprung.vehicles.models import ROLLING
 
 HEIGHT, SPEED = 0.55, 20.0
@@ -51,6 +52,24 @@ def test_poles_are_those_of_the_equations_of_motion() -> None:
     expected = np.sort_complex(expected[expected.imag > 1e-6])
     found = np.sort_complex(structure(car, speed=SPEED).modes().poles)
     assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_patch_moves_with_a_vehicle_that_turns_as_one_body_wherever_the_roll_centre_is() -> None:
+    """As a sensor of lateral displacement does that is fixed to the body at the height of the road."""
+    places = [(axle.x, 0.0, -HEIGHT) for axle in on_tyres().axle]
+    sensors = [Channel(f"d{x}", "displacement", (x, y, h), (0.0, 1.0, 0.0)) for x, y, h in places]
+    for centres in (CENTRES, (0.0, 0.0), (0.3, -0.1)):
+        car = structure(on_tyres(centres=centres))
+        half = read_vehicle("zafira").axle[0].half_track
+        at_sensors = sensor_outputs(car.coordinates, sensors=sensors, carriers=["body"] * 2).displacement
+        patches = np.array([one.elongation for one in car.elements if one.part == "cornering"])
+        roll = np.array([{"roll": 1.0}.get(name, 0.0) for name in car.coordinates])
+        for column, name in enumerate(car.coordinates):
+            if name.startswith("wheel_"):
+                roll[column] = half if name.endswith("left") else -half
+        for name, motion in (("roll", roll), ("sway", None), ("yaw", None)):
+            unit = np.array([float(each == name) for each in car.coordinates]) if motion is None else motion
+            assert patches @ unit == pytest.approx(at_sensors @ unit, abs=1e-12), name
 
 
 @pytest.mark.parametrize(("factor", "arm"), [(1e5, HEIGHT - 0.1), (1e-5, 0.0)])

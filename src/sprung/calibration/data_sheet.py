@@ -105,7 +105,7 @@ class DataSheet:
         Unsprung mass of a wheel of the front axle and of each other one [kg], as `ride_frequencies`; None: 2.8 % of the
         mass each, or 5.6 % of the mass on their axle where `axle_loads` are stated.
     height
-        Height of the vehicle [m], for the roll inertia of vans, trucks and buses; None: that of a car.
+        Height of a van, truck or bus [m], for its roll inertia and its centre of gravity; None: those of a car.
     rigid_axles
         Axles whose wheels are joined, such as "rear"; None: of a vehicle of stated height all but a front axle under
         3.5 t, of a car none.

@@ -56,7 +56,7 @@ def describe(
         ),
     ] = None,
     height: Annotated[
-        float | None, option("M", "Height of a van, truck or bus, for its roll inertia.", panel=INPUT)
+        float | None, option("M", "Height of a van, truck or bus, for roll inertia and centre of gravity.", panel=INPUT)
     ] = None,
     rigid_axle: Annotated[
         list[str] | None,

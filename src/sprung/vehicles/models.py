@@ -608,7 +608,12 @@ def _side_force(body: _Body, description: Vehicle, left: _Corner, right: _Corner
     A slip angle is the lateral velocity of the contact patch over the speed v, so that a tyre of cornering stiffness C
     and relaxation length l is a damper C / v in series with a spring C / l; it stands on that spring alone. The patch
     moves with sway, yaw and roll of the body about the roll centre of the axle, and with the tilt of the line between
-    the wheels.
+    the wheels. The heading of a body in yaw, and the steering that follows it, are left out.
+
+    References
+    ----------
+    H. B. Pacejka, Tire and Vehicle Dynamics, 3rd edition, Butterworth-Heinemann, 2012, chapters 1 and 7 (slip angle,
+    relaxation length).
     """
     axle = left.axle
     if axle.cornering_stiffness is None:
