@@ -166,7 +166,7 @@ def test_the_truth_is_sealed(challenge: Any, tmp_path: Path) -> None:
     assert known[0]["lives"] != known[1]["lives"]
     assert [life["kind"] for life in known[0]["lives"].values()].count("rail") == 10
     assert len(known[0]["lives"]) == 40
-    assert len(known[0]["modes"]) == 13, "a certified record that is younger than the sealed sets is no part of them"
+    assert len(known[0]["modes"]) == 13, "certified records added after the sets were sealed are not in them"
 
 
 def test_a_part_changes_from_its_first_recording_on(challenge: Any) -> None:
