@@ -1,10 +1,12 @@
 """What rigid axles and side forces of tyres are worth in the model of a vehicle: its modes and its misfit to a drive.
 
     python -m benchmarks.multibody.sway bus
+    python -m benchmarks.multibody.sway car --effects
 
 A drive of five minutes, fitted with the true masses and rates of the vehicle in place of a file, three times: wheels
 that move each by itself, rigid axles where the vehicle has them, and these with side forces at the mean speed. The
-modes are those of the model before the fit, beside those of the engine.
+modes are those of the model before the fit, beside those of the engine. With `--effects` the last of these meets what
+no file states, one effect at a time.
 """
 
 import argparse
@@ -17,7 +19,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from benchmarks.multibody.__main__ import Study, ordinary, recording, sheet_file
-from benchmarks.multibody.design import DESIGNS, Axle
+from benchmarks.multibody.design import DESIGNS, QUIET, Axle, Effects
 from benchmarks.multibody.truth import modes, rates
 
 from sprung.likelihood.fitting import fit_windows
@@ -74,13 +76,33 @@ def _rigid(part: Axle) -> dict[str, float | None]:
     }
 
 
+def print_effects(study: Study) -> None:
+    """Print the model error of drives with side forces and one effect each, their loads fixed to the body."""
+    drive, quiet = replace(ordinary(study.design, SEED), duration=300.0), replace(QUIET, side_forces=True, noise=0.02)
+    fixed = replace(drive, riders=tuple(replace(rider, frequency=None) for rider in drive.riders))
+    usual = Effects()
+    one_effect = {"valves": usual.valves, "friction": usual.friction, "top_mounts": True, "bump_stops": True}
+    cases = {"none": (quiet, fixed), "people on seats": (quiet, drive)}
+    cases |= {name: (replace(quiet, **{name: value}), fixed) for name, value in one_effect.items()}
+    cases |= {"braking, curves": (replace(quiet, braking=usual.braking, cornering=usual.cornering), fixed)}
+    print("| effect | model error [%] |\n|---|---|")
+    for name, (effects, driven) in {**cases, "all": (usual, drive)}.items():
+        own = replace(study, effects=effects)
+        window = window_of(recording(own, driven, SEED), true_file(own, has_rigid_axles=True, has_side_forces=True))
+        print(f"| {name} | {100 * fit_windows([window]).model_error:.1f} |", flush=True)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("vehicle", choices=sorted(DESIGNS))
     parser.add_argument("--folder", type=Path, default=Path.home() / ".cache" / "sprung-multibody")
+    parser.add_argument("--effects", action="store_true", help="one effect at a time")
     given = parser.parse_args()
     study = Study(DESIGNS[given.vehicle], given.folder)
+    if given.effects:
+        print_effects(study)
+        return
     run = recording(study, replace(ordinary(study.design, SEED), duration=300.0), SEED)
     speed = float(run.samples[-1].mean())
     cases = {
