@@ -327,12 +327,12 @@ class RunningRecords:
 
 def lines_of(
     recording: Recording,
-    known: Sequence[Harmonic],
+    known: Sequence[Harmonic] | None,
     *,
     settings: IdentificationSettings,
     vehicle: AnyVehicle,
 ) -> tuple[Harmonic, ...]:
-    """Return the harmonics of a record, of which those proportional to speed are known from an earlier one.
+    """Return the harmonics of a record, of which those proportional to speed may be known from an earlier one.
 
     Parameters
     ----------

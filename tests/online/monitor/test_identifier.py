@@ -79,23 +79,29 @@ def test_lines_are_sought_anew_where_an_unknown_tone_appears(car, windows, searc
 
 
 def test_lines_are_sought_anew_where_a_mode_may_be_one(car, windows, searches, monkeypatch) -> None:
-    """In the same window after an identification with known lines, and in the next, as the mode is still there."""
+    """In the same window after an identification with known lines, and again where the mode is still there."""
     monitored = ModeIdentifier(SETTINGS)
     modes_of(monitored, windows[0], car)
-    expected, before = of_batch(windows[1], car), len(searches)
+    expected, before = [of_batch(window, car) for window in windows], len(searches)
     monkeypatch.setattr(engine, "_NARROW", 1.0)
-    assert modes_of(monitored, windows[1], car) == expected
+    assert modes_of(monitored, windows[1], car) == expected[1]
     assert len(searches) == before + 1
-    assert monitored.state()["lines_known"] == 0.0
-    modes_of(monitored, windows[0], car)
+    assert modes_of(monitored, windows[0], car) == expected[0]
     assert len(searches) == before + 2
 
 
-def test_a_narrow_mode_of_a_minute_calls_for_a_search(car, windows, monkeypatch) -> None:
-    monitored = ModeIdentifier(SETTINGS)
-    modes_of(monitored, windows[0], car)
-    assert monitored.identify([windows[1]], None, car).modes
-    assert monitored.state()["lines_known"] == 2600.0
+def test_modes_are_identified_once_where_the_lines_sought_anew_are_those_known(car, windows, monkeypatch) -> None:
+    identified = []
+
+    def counted(*given, **settings):
+        identified.append(cov_ssi(*given, **settings))
+        return identified[-1]
+
+    monkeypatch.setattr(engine, "METHODS", {**METHODS, SETTINGS.method: counted})
     monkeypatch.setattr(engine, "_NARROW", 1.0)
-    monitored.identify([windows[1]], None, car)
-    assert monitored.state()["lines_known"] == 0.0
+    monitored = ModeIdentifier(SETTINGS)
+    first = modes_of(monitored, windows[0], car)
+    assert modes_of(monitored, windows[0], car) == first
+    assert len(identified) == 2
+    modes_of(monitored, windows[1], car)
+    assert len(identified) == 4

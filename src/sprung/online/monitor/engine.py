@@ -50,8 +50,9 @@ class ModeIdentifier:
     between one identification and the next are one record (`RunningSummary`), prepared and correlated once, at a rate
     for the modes of the body alone (`rate_for_body`). Lines are sought once per window, when it is complete; until then
     those of the previous window are used. Lines proportional to speed, whose search takes half the time of an
-    identification, are taken over for an hour, unless a line over time appears that was not known, or a mode is damped
-    by at most 5 %, as a line would be: then they are sought, and modes of the complete window are identified with them.
+    identification, are taken over for an hour, unless a line over time appears that was not known, or a mode of the
+    complete window is damped by at most 5 %, as a line would be: then they are sought, and where they are others than
+    those known, the modes are identified with them.
     """
 
     def __init__(self, settings: MonitorSettings) -> None:
@@ -108,18 +109,23 @@ class ModeIdentifier:
 
     def _of_window(self, recording: Recording, vehicle: Vehicle) -> Modes:
         """Return the modes of the complete window, and keep the lines that it shows."""
-        method = METHODS[self._settings.method]
-        if self._harmonics is not None and self._lines_known > 0:
-            lines = lines_of(recording, self._harmonics, settings=IDENTIFICATION, vehicle=vehicle)
-            known = method(recording, settings=replace(IDENTIFICATION, harmonics=lines), vehicle=vehicle)
-            if not _has_narrow(known.modes):
-                self._harmonics = lines
-                self._lines_known -= self._settings.window
-                return known.modes
-        sought = method(recording, settings=IDENTIFICATION, vehicle=vehicle)
-        self._harmonics = sought.harmonics
-        self._lines_known = 0.0 if _has_narrow(sought.modes) else _LINES_KNOWN - self._settings.window
-        return sought.modes
+
+        def lines(known: tuple[Harmonic, ...] | None) -> tuple[Harmonic, ...]:
+            return lines_of(recording, known, settings=IDENTIFICATION, vehicle=vehicle)
+
+        def modes() -> Modes:
+            settings = replace(IDENTIFICATION, harmonics=self._harmonics)
+            return METHODS[self._settings.method](recording, settings=settings, vehicle=vehicle).modes
+
+        is_known = self._lines_known > 0
+        self._harmonics = taken = lines(self._harmonics if is_known else None)
+        found = modes()
+        if is_known and _has_narrow(found):
+            is_known = False
+            self._harmonics = lines(None)
+            found = found if self._harmonics == taken else modes()
+        self._lines_known = (self._lines_known if is_known else _LINES_KNOWN) - self._settings.window
+        return found
 
     def _so_far(self, blocks: Sequence[Block], vehicle: Vehicle) -> Modes:
         """Return the modes of the body from the samples between one identification and the next, as records."""
@@ -135,10 +141,7 @@ class ModeIdentifier:
             )
         for record in self._records(blocks)[self._running.n_records :]:
             self._running.update(joined(record))
-        modes = modes_of_summary(self._running.summary, vehicle=vehicle)
-        if _has_narrow(modes):
-            self._lines_known = 0.0
-        return modes
+        return modes_of_summary(self._running.summary, vehicle=vehicle)
 
     def _records(self, blocks: Sequence[Block]) -> list[list[Block]]:
         """Return the blocks between one identification of the window and the next; a state holds no more of them."""
