@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 import pytest
+from tests.test_bounce_tests import pushes
 from typer.utils import get_params_from_function
 
 from sprung.formats import read, write
@@ -24,7 +25,7 @@ def python(code):
 #: Packages that cost time, and what each command may import of them.
 ROOMS = ("calibration", "diagnosis", "identification", "kits", "likelihood", "road", "simulation", "vehicles")
 OTHERS = ("h5py", "jinja2", "matplotlib", "numpy", "pandas", "pyarrow", "pydantic", "rich", "scipy", "sqlalchemy")
-HEAVY = {"scipy.signal", "scipy.stats", *OTHERS, *(f"sprung.{room}" for room in ROOMS)}
+HEAVY = {"pyarrow.compute", "scipy.signal", "scipy.stats", *OTHERS, *(f"sprung.{room}" for room in ROOMS)}
 ARROW = {"numpy", "pyarrow", "pydantic", "rich"}
 OF_MODES = {"scipy", "sprung.identification", "sprung.likelihood", "sprung.vehicles"}
 MAY_IMPORT = {
@@ -34,9 +35,11 @@ MAY_IMPORT = {
     "info --help": {"pydantic", "rich"},
     "identify --help": {"pydantic", "rich"},
     "info {run}": ARROW,
-    "info {parquet}": ARROW,
-    "convert {run} {out}.csv": ARROW | {"pandas"},  # Arrow's writing imports pandas where it is installed
+    "info {parquet}": ARROW | {"pyarrow.compute"},
+    "convert {run} {out}.csv": ARROW
+    | {"pandas", "pyarrow.compute"},  # Arrow's writing imports pandas where it is installed
     "identify {run} --json -": ARROW | OF_MODES,
+    "bounce {pushes} --vehicle zafira": ARROW | OF_MODES - {"scipy"},
 }
 
 
@@ -44,7 +47,10 @@ MAY_IMPORT = {
 def test_commands_import_what_they_use(words, chain, tmp_path):
     parquet = tmp_path / "run.parquet"
     write(read(chain), parquet)
-    given = words.format(run=chain, parquet=parquet, out=tmp_path / "out").split()
+    if "{pushes}" in words:
+        write(pushes(), tmp_path / "pushes.csv")
+    paths = {"run": chain, "parquet": parquet, "pushes": tmp_path / "pushes.csv", "out": tmp_path / "out"}
+    given = words.format(**paths).split()
     code = (
         f"import sys; from sprung.cli import main; code = main({given!r}); print(sorted(sys.modules)); sys.exit(code)"
     )

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares as scipy_least_squares
 
-from sprung.likelihood.search import descent, least_squares, minimised, preconditioner
+from sprung.likelihood.search import Differenced, descent, least_squares, minimised, preconditioner
 
 
 @pytest.fixture
@@ -62,3 +63,16 @@ def test_least_squares_of_a_curved_valley() -> None:
     """Rosenbrock (1960): the least is at (1, 1); with both at most 0.5, at (0.5, 0.25)."""
     np.testing.assert_allclose(least_squares(Valley(np.array([-1.2, 1.0]))).at, [1, 1], atol=1e-6)
     np.testing.assert_allclose(least_squares(Valley(np.array([-1.2, 0.3]), 0.5)).at, [0.5, 0.25], atol=1e-4)
+
+
+def test_derivatives_by_differences_end_where_those_of_scipy_do() -> None:
+    time, rng = np.linspace(0, 4, 60), np.random.default_rng(2)
+    decay = np.exp(0.3 - np.exp(-0.2) * time) + 0.02 * rng.standard_normal(time.size)
+
+    def errors(parameters):
+        return np.append((np.exp(parameters[0] - np.exp(parameters[1]) * time) - decay) / 0.02, parameters / 3)
+
+    found, wanted = least_squares(Differenced(errors, np.zeros(2)), gain=1e-9), scipy_least_squares(errors, np.zeros(2))
+    assert found.parameters == pytest.approx(wanted.x, abs=1e-6)
+    assert found.criterion == pytest.approx(wanted.cost, abs=1e-9)
+    assert found.slopes() == pytest.approx(wanted.jac, abs=1e-4)

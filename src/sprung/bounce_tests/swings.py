@@ -13,6 +13,7 @@ from sprung.identification.free_response import FreeFit, fit_free_response
 from sprung.identification.friction import FrictionFit, beyond_one_swing, correlated_samples, fit_friction
 from sprung.identification.transients import Transient, motion_level
 from sprung.likelihood import corners_from_modes, rigid_layout
+from sprung.likelihood.search import Differenced, least_squares
 from sprung.modal import Modes, join_modes, mac, unit_shapes
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle, structure
@@ -27,8 +28,6 @@ def corners_of(fit: FreeFit, vehicle: Vehicle) -> tuple[tuple[CornerValue, ...],
     Gauss-Newton from `corners_from_modes`, with the prior. Masses are those of the file: an error of the mass is one of
     all springs and dampers.
     """
-    from scipy.optimize import least_squares
-
     nominal = structure(vehicle, speed=0.0)
     known = nominal.components()
     names = tuple(component for component in known if component.kind in ("spring", "damper", "tyre"))
@@ -58,11 +57,11 @@ def corners_of(fit: FreeFit, vehicle: Vehicle) -> tuple[tuple[CornerValue, ...],
         vector = _vector(changed.poles[near], shapes[near], fit.modes.mode_shapes[body], free)
         return np.concatenate([whitening @ (vector - measured), logarithms / priors])
 
-    found = least_squares(errors, np.clip(start, -2, 2), x_scale=0.1)
-    dispersion = max(1.0, 2 * found.cost / max(measured.size, 1))
-    slopes = np.asarray(found.jac)
+    found = least_squares(Differenced(errors, np.clip(start, -2, 2)), gain=1e-9)
+    dispersion = max(1.0, 2 * found.criterion / max(measured.size, 1))
+    slopes = found.slopes()
     stds = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)) * dispersion)
-    values = zip(names, found.x, np.minimum(stds, priors), strict=True)
+    values = zip(names, found.parameters, np.minimum(stds, priors), strict=True)
     notes = (
         []
         if dispersion < RULES.poor_fit

@@ -37,6 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit code: 0 done, 2 bad usage or input, 3 not enough good data to answer, 130 interrupted.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: more threads are slower
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search for them reads every installed package
     sys.stdout, sys.stderr = _tolerant(sys.stdout), _tolerant(sys.stderr)
     words = sys.argv[1:] if arguments is None else arguments
     application = _application()

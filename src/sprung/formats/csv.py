@@ -284,12 +284,14 @@ def tables(path: Path, layout: Layout, types: dict[int, Any], end: int | None) -
 
 def _stamps(table: Any, time: _TextTime) -> Any:
     """Return the time stamps of some rows."""
-    import pyarrow.compute as pc
-
     columns = [table.column(str(index)).combine_chunks() for index in time.indices]
     if not time.order:
         return arrow_values(columns[0])
-    return dialects.moments(columns[0] if len(columns) == 1 else pc.binary_join_element_wise(*columns, " "), time.order)
+    if len(columns) == 1:
+        return dialects.moments(columns[0], time.order)
+    import pyarrow.compute as pc
+
+    return dialects.moments(pc.binary_join_element_wise(*columns, " "), time.order)
 
 
 def _pieces(file: IO[bytes], offset: int, end: int | None) -> Iterator[bytes]:

@@ -179,7 +179,7 @@ def arrow_values(array: Any) -> NDArray[Any]:
     kind = f"{letter}8[{array.type.unit}]" if letter else "f8"
     if pa.types.is_integer(array.type) and not array.null_count:
         kind = array.type.to_pandas_dtype()
-    elif not letter:
+    elif not letter and not pa.types.is_float64(array.type):  # a cast imports `pyarrow.compute`
         array = array.cast(pa.float64(), safe=False)
     validity, data = array.buffers()
     part = slice(array.offset, array.offset + len(array))

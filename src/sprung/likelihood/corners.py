@@ -9,6 +9,7 @@ from sprung._checks import freeze
 from sprung._display import Drawable, Savable, Tabular, counted, in_short, listed
 from sprung.errors import ParameterError
 from sprung.likelihood.coordinates import RigidLayout
+from sprung.likelihood.search import Differenced, least_squares
 from sprung.likelihood.speed_delay import SpeedDelay
 from sprung.likelihood.whittle import Model
 from sprung.modal import Modes
@@ -362,9 +363,7 @@ def corners_from_modes(
             residuals += [force.real, force.imag]
         return np.concatenate(residuals)
 
-    from scipy.optimize import least_squares
-
-    return least_squares(errors, np.zeros(len(components)), method="trf").x
+    return least_squares(Differenced(errors, np.zeros(len(components))), gain=1e-9).parameters
 
 
 def _dynamic_stiffness(structure: Structure, pole: complex) -> Complex:

@@ -140,8 +140,7 @@ class FreePoles:
             wanted = _stacked(self.data.values[self.data.of_records[number]])
             basis, triangle = np.linalg.qr(_stacked(self._columns(number, self.poles)[0]))
             inside = basis.T @ wanted
-            residues = np.linalg.lstsq(triangle, inside, rcond=1e-12)[0]
-            parts.append(_Part(basis, residues, wanted - basis @ inside))
+            parts.append(_Part(basis, triangle, inside, wanted - basis @ inside))
         return parts
 
     def _columns(self, number: int, poles: Complex, steps: Complex | None = None) -> list[Complex]:
@@ -157,13 +156,19 @@ class FreePoles:
         return [np.hstack([forward + backward, 1j * (forward - backward)]) for forward, backward in moved]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class _Part:
-    """One record: orthonormal basis of its lines at the poles, residues, and what is left; real and imaginary parts."""
+    """One record: basis and triangle (QR) of its lines at the poles, its lines in the basis, and what is left."""
 
     basis: Real
-    residues: Real
+    triangle: Real
+    inside: Real
     left: Real
+
+    @cached_property
+    def residues(self) -> Real:
+        """Real parts of the residues above the imaginary ones, shape (2 poles, channels)."""
+        return np.asarray(np.linalg.lstsq(self.triangle, self.inside, rcond=1e-12)[0], dtype=np.float64)
 
 
 def _stacked(lines: Complex) -> Real:

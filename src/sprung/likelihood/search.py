@@ -1,7 +1,8 @@
 """Search for the parameters at which the likelihood is largest."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import islice
 from typing import Protocol, Self, TypeVar
 
@@ -69,6 +70,8 @@ class LeastSquaresSettings:
     vain: float = 1e4
     #: Least damping, and least of a parameter without effect over the sum of all.
     least: float = 1e-9
+    #: Step of derivatives by differences.
+    difference: float = 1e-7
 
 
 DESCENT = DescentSettings()
@@ -111,8 +114,51 @@ class LeastSquares(Protocol):
 _Point = TypeVar("_Point", bound=LeastSquares)
 
 
-def least_squares(start: _Point) -> _Point:
+@dataclass(frozen=True, eq=False)
+class Differenced:
+    """Parameters of a function of errors whose derivatives are differences: a point of `least_squares`.
+
+    Parameters
+    ----------
+    function
+        Function of the parameters, which are of the order of 1, that returns errors over their deviations.
+    parameters
+        Parameters, shape (parameters,).
+    """
+
+    function: Callable[[Real], Real]
+    parameters: Real
+
+    @cached_property
+    def errors(self) -> Real:
+        """Errors over their deviations, shape (errors,)."""
+        return self.function(self.parameters)
+
+    @property
+    def criterion(self) -> float:
+        """Minus the log likelihood, but for a constant."""
+        return float(self.errors @ self.errors) / 2
+
+    def slopes(self) -> Real:
+        """Return the derivatives of the errors by the parameters, shape (errors, parameters)."""
+        step = LEAST_SQUARES.difference
+        moved = [self.function(self.parameters + step * row) for row in np.eye(self.parameters.size)]
+        return np.stack([(errors - self.errors) / step for errors in moved], axis=-1)
+
+    def moved(self, step: Real) -> "Differenced":
+        """Return the parameters after a step, shape (parameters,)."""
+        return replace(self, parameters=self.parameters + step)
+
+
+def least_squares(start: _Point, *, gain: float | None = None) -> _Point:
     """Return the parameters of least squares near a start.
+
+    Parameters
+    ----------
+    start
+        Parameters at which the search starts.
+    gain
+        Gain of the log likelihood at which the search ends; default: 1e-4.
 
     Notes
     -----
@@ -124,6 +170,7 @@ def least_squares(start: _Point) -> _Point:
     Mathematics 11 (1963), 431-441.
     """
     found, damping = start, LEAST_SQUARES.begin
+    least = LEAST_SQUARES.gain if gain is None else gain
     for _ in range(LEAST_SQUARES.max_steps):
         slopes = found.slopes()
         normal, slope = slopes.T @ slopes, slopes.T @ found.errors
@@ -137,12 +184,9 @@ def least_squares(start: _Point) -> _Point:
             damping *= LEAST_SQUARES.more
         else:
             return found
-        gain, found, damping = (
-            found.criterion - better.criterion,
-            better,
-            max(damping * LEAST_SQUARES.less, LEAST_SQUARES.least),
-        )
-        if gain < LEAST_SQUARES.gain:
+        gained, found = found.criterion - better.criterion, better
+        damping = max(damping * LEAST_SQUARES.less, LEAST_SQUARES.least)
+        if gained < least:
             return found
     return found
 

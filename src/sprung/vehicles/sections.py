@@ -30,7 +30,7 @@ SENSOR_QUANTITIES = MappingProxyType(
 class Section(BaseModel):
     """Table of a vehicle file: strictly typed, without unknown keys, immutable."""
 
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, populate_by_name=True, defer_build=True)
 
 
 class Sensor(Section):
