@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import DataError
-from sprung.identification import cov_ssi
+from sprung.identification import IdentificationSettings, cov_ssi, methods
 from sprung.identification.free_response import fit_free_response
 from sprung.identification.transients import find_transients, motion_level
 from sprung.modal import INTERVAL_95
@@ -62,6 +62,14 @@ def test_records_that_free_modes_cannot_explain_are_refused_before_the_search(mo
     monkeypatch.delattr("sprung.identification.free_response._refined")
     with pytest.raises(DataError, match="free modes explain less than 95 % of the motion"):
         fit_free_response(noise, least_explained=0.95)
+
+
+def test_the_first_record_of_random_motion_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    cleaned = iter(range(2))
+    monkeypatch.setattr(methods, "without_hum", lambda run: (next(cleaned), run)[1])
+    random = Recording(np.random.default_rng(3).standard_normal((2, 300)), 100.0, CHANNELS)
+    assert methods.free_fit([decay(level=0.01), random, random], IdentificationSettings(), None) is None
+    assert not list(cleaned)
 
 
 def test_repeats_reduce_the_deviations() -> None:

@@ -420,7 +420,7 @@ def free_fit(
     try:
         whole = [usable(each, vehicle=vehicle, allow_missing=settings.allow_missing) for each in given]
         runs = [run.select(output_channels(run, vehicle)) for run in whole]
-        clean = [] if any(run.gaps for run in runs) else [without_hum(run) for run in runs]
+        clean = () if any(run.gaps for run in runs) else map(without_hum, runs)
         parts = free_parts(clean, is_certain=is_certain)
         least = 0.0 if is_certain else _FREE
         fit = fit_free_response(parts, band=settings.band, least_explained=least) if parts else None
@@ -429,7 +429,7 @@ def free_fit(
             raise
         return None
     if fit is not None and (is_certain or fit.explained >= _FREE):
-        changed = [after for before, after in zip(runs, clean, strict=True) if after is not before]
+        changed = [after for before, after in zip(runs, map(without_hum, runs), strict=True) if after is not before]
         return fit, (*dict.fromkeys(f"hum: {run.history[-1]}" for run in changed), *fit.notes)
     if is_certain:
         raise DataError("no motion that dies away was found: --kind random, or see sprung bounce")

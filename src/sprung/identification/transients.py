@@ -1,6 +1,6 @@
 """Pushes, drops and releases in a recording, and from where on their motion is free."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -255,13 +255,13 @@ def _events(level: Real, edge: float, width: int) -> list[tuple[int, int]]:
     return [*events, (first, level.size - 1)] if first >= 0 else events
 
 
-def free_parts(recordings: Sequence[Recording], *, is_certain: bool = False) -> list[Recording]:
+def free_parts(recordings: Iterable[Recording], *, is_certain: bool = False) -> list[Recording]:
     """Return the parts of records in which motion is free; none where they are records of random motion.
 
     Parameters
     ----------
     recordings
-        Channels of motion, without missing values, gaps or hum.
+        Channels of motion, without missing values, gaps or hum; taken up to the first that is of random motion.
     is_certain
         Whether the records are known to be of free motion; otherwise most of each must be quiet, or its level must fall
         from the beginning to the end.
