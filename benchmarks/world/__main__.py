@@ -8,7 +8,7 @@ from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from mutants import MUTANTS, broken
+from mutants import MUTANTS, RARE, broken
 
 from world import Report, run
 
@@ -26,6 +26,7 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=float("inf"), help="minutes after which to stop")
     parser.add_argument("--mutant", default="", help="break the protocol on purpose: see --mutants")
     parser.add_argument("--mutants", type=int, metavar="N", help="break it in every way, with up to N seeds each")
+    parser.add_argument("--known", action="store_true", help="with --mutants: begin at seeds that found the rare ones")
     given = parser.parse_args()
     with TemporaryDirectory(dir=_MEMORY) as folder:
         if given.seed is not None:
@@ -45,15 +46,16 @@ def try_mutants(given: argparse.Namespace, folder: Path) -> int:
     print("| broken: the protocol ... | seeds | faults | found as |")
     print("|---|---:|---:|---|")
     for name in MUTANTS if not given.mutant else [given.mutant]:
-        n_faults, failure, seed = 0, "", given.first - 1
-        while not failure and seed < given.first + given.mutants - 1:
+        first = RARE.get(name, given.first) if given.known else given.first
+        n_faults, failure, seed = 0, "", first - 1
+        while not failure and seed < first + given.mutants - 1:
             seed += 1
             with broken(name):
                 report = run(seed, given.steps, folder)
             n_faults += sum(report.faults.values())
             failure = report.failure
         n_missed += not failure
-        seeds = str(seed - given.first + 1) if failure else "none"
+        seeds = str(seed - first + 1) if failure else "none"
         print(f"| {name} | {seeds} | {n_faults:,d} | {failure[:110] or 'not found'} |", flush=True)
     return int(n_missed > 0)
 

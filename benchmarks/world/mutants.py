@@ -313,6 +313,19 @@ MUTANTS: dict[str, Callable[[], Patches]] = {
     )
 }
 
+#: Seeds of 400 steps that find what few seeds find: where a trial may begin that is to be short.
+RARE = {
+    "stores the state before the window": 5,
+    "removes frames before it stores the state": 4,
+    "stores alerts after the window": 4,
+    "goes on with a worker ahead of the store": 5,
+    "does not wait for the boot before": 71,
+    "takes an acknowledgement for all boots": 3,
+    "forgets losses at a restart": 4,
+    "quarantines frames at the first failure": 5,
+    "forgets quarantined frames": 26,
+}
+
 
 @contextmanager
 def broken(name: str) -> Iterator[None]:

@@ -40,7 +40,8 @@ def test_a_seed_says_all_that_happens() -> None:
 
 @pytest.mark.slow
 def test_every_broken_protocol_is_found() -> None:
-    done = run("--mutants", "200", "--steps", "400")
+    """By the first of the seeds, or by one that is known to find it; where the trace has changed, by a later one."""
+    done = run("--mutants", "100", "--steps", "400", "--known")
     assert done.returncode == 0, done.stdout + done.stderr
     rows = re.findall(r"^\| (?!broken)([a-z ]+) \| (\d+) \|", done.stdout, re.MULTILINE)
     assert len(rows) >= 10
