@@ -12,8 +12,10 @@ from sprung.excitation import Lines, Sum, SurfaceMotion, random_speed, road_clas
 from sprung.identification import cov_ssi
 from sprung.likelihood import CornerSettings, Expected, fit_corners, fitting
 from sprung.likelihood.search import minimised
+from sprung.likelihood.whittle import Model
 from sprung.recording import Channel
 from sprung.simulation import (
+    REALISTIC_SUSPENSION,
     Payload,
     RailDrive,
     RigRun,
@@ -340,3 +342,42 @@ def test_what_other_windows_showed_saves_a_search_and_hides_no_broken_spring(car
         assert numbers == [3, 2]
         assert np.abs((started.log_ratios - alone.log_ratios) / alone.log_ratios_std).max() < 0.1
         assert (started.log_ratios[0] - healthy.log_ratios[0] < np.log(0.5)) == bool(faults)
+
+
+SOFT = (parse_fault("front_left.spring=-0.2"),)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "conditions",
+    [
+        {},
+        {"faults": SOFT},
+        {"payload": Payload(250.0, -0.8, 0.1)},
+        {"suspension": REALISTIC_SUSPENSION},
+        {"suspension": REALISTIC_SUSPENSION, "faults": SOFT, "payload": Payload(150.0, -0.5, 0.0)},
+    ],
+    ids=["linear", "soft spring", "payload", "friction", "all three"],
+)
+def test_a_window_of_a_known_vehicle_is_searched_faster_to_the_same_parts(car, monkeypatch, conditions) -> None:
+    """Parts within a twentieth of their deviations, with fewer likelihoods computed."""
+    computed = [0]
+    objective = Model.objective
+
+    def counted(model, parameters):
+        computed[-1] += 1
+        return objective(model, parameters)
+
+    monkeypatch.setattr(Model, "objective", counted)
+    healthy = {name: value for name, value in conditions.items() if name == "suspension"}
+    before = fit_corners(drive(car, 1, **healthy).recording, car)
+    known = Expected(dict(zip(before.components, before.log_ratios, strict=True)), before.model_error)
+    recording = drive(car, 2, **conditions).recording
+    fits = []
+    for expected in (None, known):
+        computed.append(0)
+        fits.append(fit_corners(recording, car, settings=CornerSettings(expected=expected)))
+    alone, started = fits
+    assert np.abs((started.log_ratios - alone.log_ratios) / alone.log_ratios_std).max() < 0.05
+    assert np.allclose(started.log_ratios_std, alone.log_ratios_std, rtol=0.05)
+    assert computed[2] < 0.95 * computed[1]

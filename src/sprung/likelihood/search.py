@@ -205,7 +205,7 @@ class SpectralLikelihood(Likelihood, Protocol):
         """Return sqrt(n) L^-1 (dS/dp) L^-H for each parameter p, in real coordinates; S = L L^H."""
 
 
-def minimised(model: Likelihood, start: Real) -> Real:
+def minimised(model: Likelihood, start: Real, settings: DescentSettings = DESCENT) -> Real:
     """Return the parameters at which the likelihood is largest.
 
     Parameters
@@ -214,6 +214,8 @@ def minimised(model: Likelihood, start: Real) -> Real:
         Model with its data.
     start
         Parameters at which the search starts, shape (parameters,).
+    settings
+        Ends of the search.
 
     Raises
     ------
@@ -228,7 +230,7 @@ def minimised(model: Likelihood, start: Real) -> Real:
     ----------
     J. Nocedal and S. J. Wright, Numerical Optimization, 2nd edition, Springer, 2006, chapter 6.
     """
-    return [start, *descent(model, start)][-1]
+    return [start, *descent(model, start, settings)][-1]
 
 
 def scored(model: Likelihood, start: Real, *, is_vain: Callable[[Real], bool] | None = None) -> tuple[Real, bool]:
@@ -286,7 +288,7 @@ def _score_step(model: Likelihood, parameters: Real, slope: Real) -> tuple[Real,
     return step, float(-slope @ step)
 
 
-def descent(model: Likelihood, start: Real) -> Iterator[Real]:
+def descent(model: Likelihood, start: Real, settings: DescentSettings = DESCENT) -> Iterator[Real]:
     """Yield the parameters after each step of a search for the largest likelihood.
 
     Parameters
@@ -295,6 +297,8 @@ def descent(model: Likelihood, start: Real) -> Iterator[Real]:
         Model with its data.
     start
         Parameters at which the search starts, shape (parameters,).
+    settings
+        Ends of the search.
 
     Raises
     ------
@@ -319,7 +323,7 @@ def descent(model: Likelihood, start: Real) -> Iterator[Real]:
     for _ in range(DESCENT.max_steps):
         direction = -inverse @ (factor.T @ slope)
         descent_rate = -float((factor.T @ slope) @ direction)
-        if descent_rate < DESCENT.slope**2:
+        if descent_rate < settings.slope**2:
             return
         length, new_value, new_slope = _shortened(model, parameters, factor @ direction, value, descent_rate)
         if length == 0.0:
@@ -328,7 +332,7 @@ def descent(model: Likelihood, start: Real) -> Iterator[Real]:
         parameters = parameters + factor @ step
         gain, value, slope, age = value - new_value, new_value, new_slope, age + 1
         yield parameters
-        if gain < DESCENT.gain * (first - value):
+        if gain < settings.gain * (first - value):
             return
         is_far = bool(np.linalg.norm(step) > DESCENT.far) and n_renewed < DESCENT.max_far
         if is_far or age == DESCENT.stale:
