@@ -204,6 +204,6 @@ def usable_windows(windows: Mapping[str, Iterable[Observation]]) -> dict[str, li
     every = {vehicle: check_each(f"windows[{vehicle!r}]", own, Observation) for vehicle, own in windows.items()}
     valid = {vehicle: [window for window in own if window.is_valid] for vehicle, own in every.items()}
     kinds = [window.components for own in valid.values() for window in own]
-    common = max(kinds, key=kinds.count, default=())
+    common = max(dict.fromkeys(kinds), key=kinds.count, default=())
     alike = {vehicle: [window for window in own if window.components == common] for vehicle, own in valid.items()}
     return {vehicle: own for vehicle, own in alike.items() if own}
