@@ -19,9 +19,10 @@ def run(*options: str, hash_seed: str = "0") -> subprocess.CompletedProcess[str]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(1, 601, 100))
+@pytest.mark.parametrize("first", [1, 26, 71])
 def test_no_promise_is_broken_by_thousands_of_faults(first) -> None:
-    done = run("--first", str(first), "--faults", "1000", "--steps", "300")
+    """Among them are all seeds that find a broken protocol below."""
+    done = run("--first", str(first), "--faults", "1000", "--steps", "400")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "0 seeds broke a promise" in done.stdout
     (n_faults,) = re.findall(r"^ *([\d,]+)  faults in", done.stdout, re.MULTILINE)
