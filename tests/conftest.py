@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import wraps
+from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -40,14 +41,25 @@ DATA = Path(os.environ.get("SPRUNG_DATA", Path(__file__).parents[2] / "shared" /
 CLAIMS = Path(__file__).parents[1] / "benchmarks" / "data" / "conformance.jsonl"
 NEW_CLAIMS = os.environ.get("SPRUNG_CONFORMANCE")
 
-#: Folders of whole journeys and chapters, whose tests take the longest.
-LONGEST = ("acceptance", "world", "reproduce")
+#: Folders whose tests take the longest, dealt to the processes in this order; those of one share Spark or a browser.
+LONGEST = ("acceptance", "jobs", "reproduce", "journeys", "golden", "world", "tutorials")
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the longest tests, so that no process is left alone with one at the end; the rest stays in order."""
-    items.sort(key=lambda item: item.path.parent.name not in LONGEST)
+    """Begin every process with some of the longest tests, so that none is left alone with one; the rest is in order."""
+    # Each process begins with an equal number of consecutive tests, and takes from the end of those of others.
+    n_processes = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    folders = [item.path.parent.name for item in items]
+    pairs = list(zip(folders, items, strict=True))
+    rest = iter([item for folder, item in pairs if folder not in LONGEST])
+    ordered: list[pytest.Item] = []
+    for number in range(n_processes):
+        begun = len(ordered)
+        for chosen in LONGEST[number::n_processes]:
+            ordered += [item for folder, item in pairs if folder == chosen]
+        ordered += islice(rest, max(0, len(items) // n_processes - (len(ordered) - begun)))
+    items[:] = [*ordered, *rest]
     if NEW_CLAIMS:
         items[:] = [item for item in items if "conforms" in getattr(item, "fixturenames", ())]
 
