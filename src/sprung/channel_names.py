@@ -209,10 +209,9 @@ def is_imu(channels: Sequence[Channel]) -> bool:
     >>> is_imu([Channel(f"{quantity}_{axis}") for quantity in ("acc", "gyro") for axis in "xyz"])
     True
     """
-    rules = [rule_of(channel.name) for channel in channels]
+    rules = [rule_of(channel.name) if channel.quantity == "unknown" else None for channel in channels]
     quantities = [
-        rule.quantity if rule is not None and channel.quantity == "unknown" else channel.quantity
-        for channel, rule in zip(channels, rules, strict=True)
+        channel.quantity if rule is None else rule.quantity for channel, rule in zip(channels, rules, strict=True)
     ]
     return all(quantities.count(quantity) == 3 for quantity in ("acceleration", "angular_velocity"))
 
