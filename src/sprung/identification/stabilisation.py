@@ -30,6 +30,9 @@ class _Rules:
     merged_mac: float = 0.1
     #: Fewest blocks whose spread gives standard deviations.
     min_blocks: int = 10
+    #: Largest deviation of a frequency over the least that the duration of the records allows, where that is more than
+    #: the criterion.
+    over_least: float = 3.0
 
 
 _RULES = _Rules()
@@ -173,6 +176,7 @@ def stabilise(
     criteria: StabilityCriteria | None = None,
     band: tuple[float, float] = (0.0, np.inf),
     is_harmonic: Booleans | None = None,
+    duration: float = np.inf,
 ) -> StabilisationDiagram:
     """Compare every pole with the rung below, align the stable ones and keep the alignments that are modes.
 
@@ -187,14 +191,23 @@ def stabilise(
         Lowest and highest natural frequency [Hz].
     is_harmonic
         Which poles are harmonics of the excitation, shape (poles,); None: none.
+    duration
+        Duration of the records [s], above 0.
 
     Returns
     -------
     StabilisationDiagram
 
+    Notes
+    -----
+    The least deviation that records of the duration T allow a frequency f is sqrt(damping ratio x f / (4 pi T)), which
+    in a short record exceeds the bound `uncertainty`: then three times as much is the bound.
+
     References
     ----------
     F. Liu (2020), eq. 3-53 to 3-57.
+    W. Gersch, On the achievable accuracy of structural system parameter estimates, Journal of Sound and Vibration 34
+    (1974), 63-79.
     """
     criteria = criteria or StabilityCriteria()
     status = _status_alone(poles, criteria, band)
@@ -207,7 +220,7 @@ def stabilise(
     poles = with_deviations(poles, alignments >= 0)
     for alignment in range(alignments.max(initial=-1) + 1):
         members = np.flatnonzero(alignments == alignment)
-        status[members] = _verdict(poles, members, criteria)
+        status[members] = _verdict(poles, members, criteria, duration)
     return StabilisationDiagram(poles, status, alignments, criteria)
 
 
@@ -296,13 +309,14 @@ def align(poles: Complex, mode_shapes: Complex, *, has_free_damping: bool = Fals
     return np.argsort(np.argsort(mean))[groups]
 
 
-def _verdict(poles: Poles, members: Indices, criteria: StabilityCriteria) -> PoleStatus:
+def _verdict(poles: Poles, members: Indices, criteria: StabilityCriteria, duration: float) -> PoleStatus:
     """Return the status of one alignment of stable poles."""
     rungs = np.unique(poles.rungs[members])
     if len(rungs) < criteria.stable_rate * len(poles.ladder):
         return PoleStatus.RARE
-    relative = poles.natural_frequency_std[members] / (poles.natural_frequency * poles.damping_ratio)[members]
-    if np.min(relative) > criteria.uncertainty:
+    bandwidth = (poles.natural_frequency * poles.damping_ratio)[members]
+    allowed = _RULES.over_least / np.sqrt(4 * np.pi * bandwidth * duration)
+    if np.min(poles.natural_frequency_std[members] / (bandwidth * np.maximum(criteria.uncertainty, allowed))) > 1:
         return PoleStatus.UNCERTAIN
     return PoleStatus.SELECTED
 
@@ -698,8 +712,9 @@ def significant(modes: Modes, correlations: Correlations, *, least: float) -> Bo
     distribution for the complex participation of each reference, in the average over that in each block but one; this
     matters where there are few channels or few blocks. The excess, too, must reach the bound, and with fewer than 24
     blocks the bound times 24 over their number: in a short record chance offers a mode many places, of which the
-    stabilisation diagram shows the best. There half of the bound of the contribution suffices where the excess is six
-    times its bound: few blocks differ by the mode's own random level, too.
+    stabilisation diagram shows the best. There half of the bound of the contribution suffices, however uncertain the
+    frequency, where the excess is six times its bound: few blocks differ by the mode's own random level, too, and a
+    short record gives no frequency to a share of its bandwidth.
     """
     is_kept = np.ones(len(modes), dtype=np.bool_)
     if least <= 0:
@@ -712,9 +727,9 @@ def significant(modes: Modes, correlations: Correlations, *, least: float) -> Bo
     while is_kept.any():
         kept = np.flatnonzero(is_kept)
         contribution, excess = contributions(modes.poles[kept], modes.mode_shapes[kept], correlations)
-        certainty = contribution / np.fmax(spread[kept] / _WELL_KNOWN, 1.0)
         is_clear = (excess > _CLEAR * least_excess) & (len(correlations.blocks) < _MANY_BLOCKS)
-        certainty = np.minimum(certainty / np.where(is_clear, least / 2, least), excess / least_excess)
+        bound = np.where(is_clear, least / 2, least * np.fmax(spread[kept] / _WELL_KNOWN, 1.0))
+        certainty = np.minimum(contribution / bound, excess / least_excess)
         weakest = int(np.argmin(certainty))
         if certainty[weakest] >= 1:
             break

@@ -241,17 +241,14 @@ def _diagrams(
 
 
 def _diagram(correlations: Correlations, summary: CorrelationSummary) -> stabilisation.StabilisationDiagram:
-    plan = summary.plan
+    plan, criteria, is_subtracted = summary.plan, summary.settings.criteria, summary.settings.ladder is None
     poles = stabilisation.with_known_deviations(plan.ladder.poles(correlations), summary.average)
-    is_harmonic = near_harmonic(
-        poles.natural_frequency,
-        poles.damping_ratio,
-        summary.harmonics,
-        resolution=correlations.sampling_rate / (2 * plan.ladder.n_lags),
-        is_subtracted=summary.settings.ladder is None,
-    )
+    resolution = correlations.sampling_rate / (2 * plan.ladder.n_lags)
+    values = poles.natural_frequency, poles.damping_ratio
+    is_line = near_harmonic(*values, summary.harmonics, resolution=resolution, is_subtracted=is_subtracted)
+    duration = correlations.n_segments * plan.segment
     return stabilisation.stabilise(
-        poles, criteria=summary.settings.criteria, band=plan.mode_band, is_harmonic=is_harmonic
+        poles, criteria=criteria, band=plan.mode_band, is_harmonic=is_line, duration=duration
     )
 
 
