@@ -37,11 +37,11 @@ from sprung.vehicles import Sensor, Vehicle
 from sprung.vehicles.models import vehicle_from_text, vehicle_text
 
 HERE = Path(__file__).resolve().parent
-#: Tyres of each axle, their pressure [Pa] and the height of the vehicle [m] in its data sheet.
+#: Tyres of each axle, their pressure [Pa], the height of the vehicle [m] and its seats in its data sheet.
 SHEETS = {
-    "car": (("205/55R16",), 230e3, None),
-    "van": (("225/65R16",), 350e3, 2.5),
-    "bus": (("275/70R22.5", "2x275/70R22.5", "275/70R22.5"), 800e3, 3.1),
+    "car": (("205/55R16",), 230e3, None, 5),
+    "van": (("225/65R16",), 350e3, 2.5, 5),
+    "bus": (("275/70R22.5", "2x275/70R22.5", "275/70R22.5"), 800e3, 3.1, 40),
 }
 #: Windows that are diagnosed together: half an hour.
 TOGETHER = 3
@@ -174,7 +174,7 @@ def has_tipped(run: Recording) -> bool:
 def sheet_file(design: Design) -> Vehicle:
     """Return the vehicle file from the data sheet, with the sensors where they are."""
     first = design.axles[0]
-    tyres, pressure, height = SHEETS[design.name]
+    tyres, pressure, height, seats = SHEETS[design.name]
     total = design.mass + 2 * sum(axle.wheel_mass for axle in design.axles)
     loads = wheel_loads(design).reshape(len(design.axles), 2).sum(axis=1)
     sheet = DataSheet(
@@ -185,6 +185,7 @@ def sheet_file(design: Design) -> Vehicle:
         axle_loads=tuple(float(load) for load in loads / loads.sum() * (total + 75.0)) if len(loads) > 2 else None,
         front_share=round(float(loads[0] / loads.sum()), 3),
         height=height,
+        seats=seats,
         pressure=pressure,
         name=design.name,
     )

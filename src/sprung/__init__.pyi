@@ -197,6 +197,7 @@ from sprung.vehicles import Fault as Fault
 from sprung.vehicles import FlexibleMode as FlexibleMode
 from sprung.vehicles import MountedMass as MountedMass
 from sprung.vehicles import Quarter as Quarter
+from sprung.vehicles import Seat as Seat
 from sprung.vehicles import Sensor as Sensor
 from sprung.vehicles import Structure as Structure
 from sprung.vehicles import Vehicle as Vehicle

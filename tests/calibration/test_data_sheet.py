@@ -86,6 +86,19 @@ def test_axles_are_rigid_where_the_sheet_says_so_and_by_default_under_heavy_vehi
     assert rear.half_track < stated(rear.contact_half_track) == 0.75
 
 
+def test_seats_are_between_the_axles_for_as_many_people_as_stated() -> None:
+    def seats(**changes: Any) -> list[tuple[float, float, float]]:
+        vehicle = described(DataSheet(**{**SHEET, **changes}))
+        return [(round(vehicle.axle[0].x - seat.x, 2), seat.y, seat.load) for seat in vehicle.seat]
+
+    van = {"mass": 2600.0, "wheelbase": 3.3, "height": 2.5, "pressure": 3.5e5}
+    assert seats() == [(1.27, 0.36, 75.0), (1.27, -0.36, 75.0), (2.17, 0.0, 130.0)]
+    assert seats(seats=1) == [(1.27, 0.36, 75.0)]
+    assert [place[0] for place in seats(**van)] == [0.99, 0.99]
+    assert seats(**BUS) == seats(seats=0) == []
+    assert seats(**BUS, seats=40) == [(x, y, 750.0) for x in (1.64, 6.56) for y in (0.48, -0.48)]
+
+
 def test_guesses_are_within_their_width_of_a_measured_car(hatchback) -> None:
     """The hatchback of the tests, and the tyres of the shipped car."""
     sheet = DataSheet(mass=1194.0, wheelbase=2.55, track=1.47, tyre="185/60R15", front_share=0.597)
@@ -117,6 +130,7 @@ def test_a_description_is_a_vehicle_file() -> None:
         ({"axle_loads": (800.0, 800.0)}, "axle_loads add up to 1600 kg, but the mass is 1350 kg"),
         ({"wheelbase": (6.8, 6.9)}, "wheelbase"),
         ({"rigid_axles": ("axle2",)}, "rigid_axles"),
+        ({"seats": -1}, "seats"),
     ],
 )
 def test_impossible_sheets_are_refused(change, message) -> None:

@@ -30,7 +30,7 @@ from sprung.likelihood.spectra import onto_grid, through_window
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, term_gradients, transfer
 from sprung.likelihood.whittle import minus_log_likelihood
-from sprung.vehicles import MountedMass, Sensor, Vehicle, read_vehicle, structure
+from sprung.vehicles import MountedMass, Seat, Sensor, Vehicle, read_vehicle, structure
 
 SEGMENT = 5.12
 
@@ -100,7 +100,7 @@ def _somewhere(model: Model, seed: int = 0, size: float = 0.1) -> Real:
 
 
 def _with_engine(car: Vehicle) -> Vehicle:
-    """The car with a bar, bushings, tyres that corner, an engine with a sensor, a gyroscope and raised sensors."""
+    """The car with a bar, bushings, tyres that corner, an engine with a sensor, seats, a gyroscope, raised sensors."""
     engine = MountedMass(mass=180.0, x=1.1, y=0.1, frequency=11.0, damping_ratio=0.08)
     front = {"anti_roll_stiffness": 10e3, "damper_bushing_stiffness": 60e3}
     tyres = {"cornering_stiffness": 60e3, "roll_centre_height": 0.1}
@@ -113,7 +113,14 @@ def _with_engine(car: Vehicle) -> Vehicle:
     on_engine = Sensor(channel="acc_engine", quantity="acceleration", unit="m/s^2", on="mounted_mass_1")
     roll = Sensor(channel="wx", quantity="angular_velocity", unit="deg/s", direction=(1.0, 0.0, 0.0))
     body = car.body.model_copy(update={"height": 0.55})
-    whole = {"body": body, "mounted_mass": (engine,), "axle": axles, "sensor": (*sensors, on_engine, roll)}
+    seats = Seat(x=0.2, y=0.4, load=75.0), Seat(x=-0.7, load=100.0)
+    whole = {
+        "body": body,
+        "mounted_mass": (engine,),
+        "seat": seats,
+        "axle": axles,
+        "sensor": (*sensors, on_engine, roll),
+    }
     return car.model_copy(update=whole)
 
 

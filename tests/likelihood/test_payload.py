@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from sprung.likelihood import CornerSettings, rigid_layout, vehicle_model
-from sprung.likelihood.payload import payload, unsprung_masses
+from sprung.likelihood.corners import CornerFit
+from sprung.likelihood.payload import SeatLoads, payload, unsprung_masses
 from sprung.likelihood.search import minimised
 from sprung.likelihood.spectra import OVERCOUNT
-from sprung.vehicles import read_vehicle, structure
+from sprung.vehicles import MountedMass, Seat, read_vehicle, structure
 
 
 @pytest.mark.parametrize("place", [{"x": -1.0}, {"y": 0.4}, {}, {"x": -1.3, "y": -0.35}])
@@ -63,6 +64,58 @@ def test_unsprung_masses_are_those_of_wheels_or_wheelsets(car) -> None:
     grown = parts.fitted(np.ones(len(parts.names)), wagon).mass
     rows = [row for row, name in enumerate(wagon.coordinates) if name.startswith("wheelset")]
     assert np.diag(grown)[rows] == pytest.approx(2 * np.diag(wagon.mass)[rows])
+
+
+def test_people_on_seats_are_masses_on_mounts_without_coordinates(car, classes) -> None:
+    """The spectra of a car whose seats carry 150 and 60 kg are those of one with these masses on mounts."""
+    places = ({"x": 0.3, "y": 0.4}, {"x": -0.8, "y": -0.3})
+    seats = tuple(Seat(load=75.0, frequency=4.2, damping_ratio=0.25, **place) for place in places)
+    people = tuple(
+        MountedMass(mass=mass, frequency=4.2, damping_ratio=0.25, **place)
+        for mass, place in zip((150.0, 60.0), places, strict=True)
+    )
+    matrices = []
+    for carried, loads in (({"seat": seats}, [2.0, 0.8]), ({"mounted_mass": people}, [])):
+        vehicle = car.model_copy(update=carried)
+        nominal = structure(vehicle)
+        layout = rigid_layout(nominal)
+        spectra = classes(len(layout.rows))
+        model = vehicle_model(spectra, layout, vehicle, nominal, settings=CornerSettings(), kind="road")
+        parameters = model.start.copy()
+        parameters[[row for row, name in enumerate(model.names) if name.startswith("seat_")]] = loads
+        matrices.append(model.matrix(parameters))
+    on_seats, on_mounts = matrices
+    np.testing.assert_allclose(on_seats, on_mounts, rtol=1e-9, atol=1e-12 * np.abs(on_mounts).max())
+
+
+def test_people_on_a_seat_move_sideways_with_the_body(car) -> None:
+    """In sway and yaw they are a mass m at x, as in the fitted structure they are upwards."""
+    tyres = tuple(axle.model_copy(update={"cornering_stiffness": 60e3}) for axle in car.axle)
+    nominal = structure(car.model_copy(update={"axle": tyres, "body": car.body.model_copy(update={"height": 0.55})}))
+    x, y = 0.8, -0.4
+    seats = SeatLoads(nominal, (Seat(x=x, y=y, load=50.0),))
+    upwards, sideways = np.array([1, -x, y, 0, 0]), np.array([0, 0, 0, 1, x])
+    expected = 90.0 * (np.outer(upwards, upwards) + np.outer(sideways, sideways))
+    found = (seats.fitted(np.array([1.8]), nominal).mass - nominal.mass)[:5, :5]
+    assert found == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_payload_is_stated_with_the_people_on_seats(car, classes, with_data) -> None:
+    """The fitted payload is the sum, with the deviation of the sum; each seat is stated by itself."""
+    vehicle = car.model_copy(update={"seat": (Seat(x=0.3, y=0.4, load=75.0),)})
+    nominal = structure(vehicle)
+    layout = rigid_layout(nominal)
+    model = vehicle_model(classes(len(layout.rows)), layout, vehicle, nominal, settings=CornerSettings(), kind="road")
+    rows = [model.names.index(name) for name in ("payload_mass", "seat_1")]
+    parameters, covariance = model.start.copy(), 0.01 * np.eye(model.start.size)
+    parameters[rows] = 0.05, 1.2
+    covariance[rows[0], rows[1]] = covariance[rows[1], rows[0]] = -0.004
+    fit = CornerFit(model, parameters, covariance, np.zeros((3, 1)), 0.0, 1, 0, notes=())
+    body = car.body.mass
+    expected = np.sqrt(0.01 * body**2 + 0.01 * 75.0**2 - 2 * 0.004 * body * 75.0)
+    assert fit.payload["payload_mass"] == pytest.approx({"value": 0.05 * body + 90.0, "std": expected})
+    assert fit.payload["seat_1"] == pytest.approx({"value": 90.0, "std": 7.5})
+    assert fit.payload["payload_y_moment"]["value"] == pytest.approx(36.0)
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from sprung._checks import check_number, check_one_of, check_type
 from sprung._display import counted
 from sprung.errors import ParameterError
 from sprung.units import STANDARD_GRAVITY
-from sprung.vehicles import Axle, Body, Sensor, Vehicle, corner_names
+from sprung.vehicles import Axle, Body, Seat, Sensor, Vehicle, corner_names
 from sprung.vehicles.sections import LearntNumber
 
 
@@ -45,6 +45,18 @@ class SheetRules:
     #: Distance of the springs of a rigid axle from the middle, and its radius of gyration, over half the track.
     spring_base: float = 0.66
     gyration: float = 0.75
+    #: Mass of a person [kg].
+    person: float = 75.0
+    #: Front seats and further ones behind the front axle, over the wheelbase; of a van or truck, too.
+    rows: tuple[float, float] = (0.48, 0.82)
+    front_of_van: float = 0.3
+    #: Distance of seats from the middle over the track.
+    aside: float = 0.24
+    #: Largest number of seats in rows; more are four groups at these distances from the front axle over the wheelbase.
+    most_in_rows: int = 9
+    quarters: tuple[float, float] = (0.2, 0.8)
+    #: Mass up to which a vehicle has seats as a car or a van [kg].
+    light: float = 3500.0
     #: Largest relative difference between the mass and the sum of the loads on axles.
     loads_within: float = 0.02
 
@@ -109,6 +121,8 @@ class DataSheet:
     rigid_axles
         Axles whose wheels are joined, such as "rear"; None: of a vehicle of stated height all but a front axle under
         3.5 t, of a car none.
+    seats
+        Number of seats; None: 5 of a car, 2 of a van or truck up to 3.5 t, none of a heavier vehicle.
     pressure
         Pressure of the tyres [Pa].
     sensors
@@ -134,6 +148,7 @@ class DataSheet:
     unsprung_masses: tuple[float, ...] | None = None
     height: float | None = None
     rigid_axles: tuple[str, ...] | None = None
+    seats: int | None = None
     pressure: float = RULES.pressure
     sensors: Sensors = "corners"
     name: str = "car"
@@ -147,6 +162,7 @@ class DataSheet:
         check_number("front_share", self.front_share, at_least=0.2, at_most=0.8)
         check_number("damping_ratio", self.damping_ratio, above=0, at_most=1)
         check_number("pressure", self.pressure, at_least=50e3, at_most=1.2e6)
+        check_number("seats", self.seats or 0, at_least=0, at_most=150)
         for frequency in self.ride_frequencies:
             check_number("ride_frequencies", frequency, at_least=0.5, at_most=4)
         check_one_of("sensors", self.sensors, ("corners", "imu", "travel"))
@@ -338,6 +354,7 @@ def described(sheet: DataSheet) -> Vehicle:
         kind="road",
         body=body,
         axle=axles,
+        seat=_seats(sheet, centre),
         sensor=_sensors(sheet, places),
         learnt=_guesses(body, axles, sheet),
     )
@@ -380,6 +397,29 @@ def _axle(sheet: DataSheet, index: int, x: float, load: float) -> Axle:
         anti_roll_stiffness=round(RULES.bars[min(index, 1)] * spring),
         cornering_stiffness=round(_cornering(sheet.tyres[index], load + sheet.wheels[index])),
     )
+
+
+def _seats(sheet: DataSheet, centre: float) -> tuple[Seat, ...]:
+    """Return seats by the place of the centre of gravity behind the front axle [m]: rows, or quarters of many seats."""
+    first, second = RULES.rows
+    count = sheet.seats
+    if count is None:
+        count = 0 if sheet.mass > RULES.light else 5 if sheet.height is None else 2
+    if sheet.height is not None:
+        first = RULES.front_of_van
+    aside, length, person = round(RULES.aside * sheet.track, 3), sheet.distances[-1], RULES.person
+    if count > RULES.most_in_rows:
+        group = round(person * count / 4)
+        return tuple(
+            Seat(x=round(centre - share * length, 3), y=side * aside, load=group)
+            for share in RULES.quarters
+            for side in (1.0, -1.0)
+        )
+    front = round(centre - first * length, 3)
+    seats = [Seat(x=front, y=side * aside, load=person) for side in (1.0, -1.0)[:count]]
+    if count > 2:
+        seats.append(Seat(x=round(centre - second * length, 3), load=round(person * math.sqrt(count - 2))))
+    return tuple(seats)
 
 
 def _cornering(tyre: str, load: float) -> float:

@@ -67,7 +67,7 @@ class Draft:
         )
         tables = {
             name: tuple(entry.model_copy(update={"x": entry.x - distance}) for entry in getattr(self.vehicle, name))
-            for name in ("axle", "mounted_mass")
+            for name in ("axle", "mounted_mass", "seat")
         }
         return self.with_fields(sensor=sensors, **tables)
 

@@ -67,6 +67,15 @@ def describe(
             panel=INPUT,
         ),
     ] = None,
+    seats: Annotated[
+        int | None,
+        option(
+            "N",
+            "Number of seats, on which every drive has its own load. Default: 5 in a car; with a height 2 up to 3.5 t,"
+            " 0 above.",
+            panel=INPUT,
+        ),
+    ] = None,
     pressure: Annotated[float, option("BAR", "Pressure of the tyres.", panel=INPUT)] = 2.3,
     sensors: Annotated[
         Literal["corners", "imu", "travel"],
@@ -96,6 +105,7 @@ def describe(
         unsprung_masses=unsprung,
         height=height,
         rigid_axles=None if rigid_axle is None else tuple(rigid_axle),
+        seats=seats,
         pressure=1e5 * pressure,
         sensors=sensors,
         name=name,

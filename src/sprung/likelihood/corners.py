@@ -193,13 +193,20 @@ class CornerFit(Tabular, Savable, Drawable):
         """Physical values of the blocks of a group."""
         values: dict[str, float] = {}
         for block, own in self.model.by_block(parameters):
-            values |= block.values(own) if block.group == group else {}
+            if block.group == group:
+                values |= {name: values.get(name, 0.0) + value for name, value in block.values(own).items()}
         return values
 
     def _estimates(self, group: str) -> dict[str, dict[str, float]]:
         """Physical values and standard deviations of the blocks of a group, whose values are linear in parameters."""
-        values, std = self._values(group, self.parameters), self._values(group, self._std)
-        return {name: {"value": value, "std": std[name]} for name, value in values.items()}
+        rows = self.model.rows(group)
+        units = [self._values(group, unit) for unit in np.eye(self.parameters.size)[rows]]
+        covariance = self.covariance[np.ix_(rows, rows)]
+        estimates = {}
+        for name, value in self._values(group, self.parameters).items():
+            slopes = np.array([unit[name] for unit in units])
+            estimates[name] = {"value": value, "std": float(np.sqrt(slopes @ covariance @ slopes))}
+        return estimates
 
     def structure(self) -> Structure:
         """Return the fitted vehicle."""

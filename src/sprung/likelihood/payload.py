@@ -5,12 +5,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from sprung._arrays import Real
+from sprung._arrays import Complex, Real
 from sprung._checks import freeze
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
-from sprung.vehicles import Structure
+from sprung.vehicles import Seat, Structure, body_row
 from sprung.vehicles.labels import MOTIONS
 
 
@@ -95,6 +95,132 @@ class UnsprungMass(AddedMass):
     __slots__ = ()
 
     group: ClassVar[str] = "unsprung"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SeatLoads(ParameterBlock):
+    """People on seats: dynamic masses at places of the body, in units of the usual load of each seat.
+
+    Parameters
+    ----------
+    structure
+        Vehicle with bounce, pitch and roll of a body.
+    seats
+        Seats of the vehicle file.
+
+    Notes
+    -----
+    A mass m on a seat of natural frequency w0 and damping ratio z loads the body vertically as m T(s), with
+    T = (2 z w0 s + w0^2) / (s^2 + 2 z w0 s + w0^2), and moves with it sideways. It has no coordinate of its own: the
+    dynamic stiffness m s^2 T of an element at the seat is linear in m, which may be 0. In the fitted structure the mass
+    is fixed to the body, as it is far below w0.
+
+    References
+    ----------
+    J. P. Den Hartog, Mechanical Vibrations, 4th edition, McGraw-Hill, 1956, section 3.3 (vibration absorber).
+    ISO 5982:2019, Mechanical vibration and shock - Range of idealized values to characterize human biodynamic response
+    (apparent mass of seated people).
+
+    Examples
+    --------
+    75 kg on a seat half a metre ahead and to the left of the centre of gravity:
+
+    >>> import numpy as np
+    >>> from sprung.vehicles import Seat, read_vehicle, structure
+    >>> seats = SeatLoads(structure(read_vehicle("zafira")), (Seat(x=0.5, y=0.5, load=75.0),))
+    >>> values = seats.values(np.array([1.0]))
+    >>> values["seat_1"], values["payload_mass"], values["payload_x_moment"], values["payload_y_moment"]
+    (75.0, 75.0, -37.5, 37.5)
+    """
+
+    structure: Structure
+    seats: tuple[Seat, ...]
+
+    group: ClassVar[str] = "payload"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Seats by number."""
+        return tuple(f"seat_{number}" for number in range(1, len(self.seats) + 1))
+
+    @property
+    def prior_std(self) -> Real:
+        """The usual loads."""
+        return np.ones(len(self.seats))
+
+    def contribute(self, parameters: Real, terms: Terms) -> Terms:
+        """Return the terms with an element at each seat, after those of the vehicle."""
+        own = parameters[:, None] * self._units(terms)
+        return replace(
+            terms,
+            elongations=np.vstack([terms.elongations, self._rows()]),
+            feet=np.vstack([terms.feet, np.zeros((len(own), terms.feet.shape[1]))]),
+            stiffness=np.vstack([terms.stiffness, own]),
+            mass=terms.mass + self._sideways(parameters),
+        )
+
+    def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
+        """Return the gradient of the objective."""
+        upward = gradients.stiffness[-len(self.seats) :] * self._units(gradients.transfer.terms)
+        sideways = [np.sum(gradients.mass.real * self._sideways(unit)) for unit in np.eye(len(self.seats))]
+        return np.asarray(upward.real.sum(axis=1) + sideways, dtype=np.float64)
+
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
+        """Return the derivatives of the spectral matrix."""
+        first = len(response.terms.elongations) - len(self.seats)
+        units = self._units(response.terms)
+        return [
+            response.change_by_element(first + number, units[number]) + response.change_by_mass(self._sideways(unit))
+            for number, unit in enumerate(np.eye(len(self.seats)))
+        ]
+
+    def values(self, parameters: Real) -> dict[str, float]:
+        """Return the load of each seat [kg], and what they add to the entries of a payload."""
+        loads = parameters * [seat.load for seat in self.seats]
+        x, y = (np.array([getattr(seat, axis) for seat in self.seats]) for axis in ("x", "y"))
+        entries = {
+            "mass": np.ones(loads.size),
+            "x_moment": -x,
+            "y_moment": y,
+            "pitch_inertia": x**2,
+            "roll_inertia": y**2,
+            "product": -x * y,
+        }
+        totals = {f"payload_{name}": float(loads @ entry) for name, entry in entries.items()}
+        return totals | dict(zip(self.names, loads.tolist(), strict=True))
+
+    def fitted(self, parameters: Real, structure: Structure) -> Structure:
+        """Return the structure with the loads fixed to the body."""
+        loads, rows = parameters * [seat.load for seat in self.seats], self._rows()
+        return replace(structure, mass=structure.mass + (rows.T * loads) @ rows + self._sideways(parameters))
+
+    def _rows(self) -> Real:
+        """Vertical motion of the body at each seat for one unit of each coordinate, shape (seats, n)."""
+        vehicle = self.structure
+        return np.array([body_row(vehicle.coordinates, x=at.x, y=at.y, shapes=vehicle.shapes) for at in self.seats])
+
+    def _units(self, terms: Terms) -> Complex:
+        """Dynamic stiffness of the usual load of each seat [N/m], shape (seats, grid)."""
+        s, units = terms.s, []
+        for seat in self.seats:
+            w = 2 * np.pi * seat.frequency
+            held = 2 * seat.damping_ratio * w * s + w**2
+            units.append(seat.load * s**2 * held / (s**2 + held))
+        return np.array(units)
+
+    def _sideways(self, parameters: Real) -> Real:
+        """Mass matrix of the loads for sway and yaw; 0 where the body has none."""
+        n, places = len(self.structure.coordinates), [self.structure.coordinates.index(name) for name in self._plane]
+        mass = np.zeros((n, n))
+        for parameter, seat in zip(parameters.tolist(), self.seats, strict=True):
+            row = np.array([1.0, seat.x])[: len(places)]
+            mass[np.ix_(places, places)] += parameter * seat.load * np.outer(row, row)
+        return mass
+
+    @property
+    def _plane(self) -> tuple[str, ...]:
+        """Sway and yaw, where the body has them."""
+        return tuple(name for name in ("sway", "yaw") if name in self.structure.coordinates)
 
 
 def payload(nominal: Structure, *, std: float = 0.2, moment_std: float = 0.1) -> AddedMass:

@@ -14,7 +14,7 @@ from sprung.likelihood.coordinates import RigidLayout
 from sprung.likelihood.driving import driving
 from sprung.likelihood.elements import stiffness_scales
 from sprung.likelihood.noise import SensorNoise
-from sprung.likelihood.payload import payload, unsprung_masses
+from sprung.likelihood.payload import SeatLoads, payload, unsprung_masses
 from sprung.likelihood.rig import RigInputs
 from sprung.likelihood.sensor_errors import SensorDelays, sensor_positions
 from sprung.likelihood.spectra import ClassSpectra
@@ -185,6 +185,7 @@ def vehicle_model(
     blocks: list[ParameterBlock] = [FreeComponents(nominal, components, log_std=settings.prior_std)]
     if kind != "rig" if settings.has_payload is None else settings.has_payload:
         blocks.append(payload(nominal))
+        blocks += [SeatLoads(nominal, vehicle.seat)] if vehicle.seat else []
         wheels = unsprung_masses(nominal)
         bars = [element.owner for element in nominal.elements if element.part == "anti_roll"]
         blocks += [wheels] if kind == "road" and wheels.parts else []

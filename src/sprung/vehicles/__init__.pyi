@@ -29,6 +29,7 @@ from sprung.vehicles.sections import LearntNumber as LearntNumber
 from sprung.vehicles.sections import MountedMass as MountedMass
 from sprung.vehicles.sections import QuarterBody as QuarterBody
 from sprung.vehicles.sections import QuarterCorner as QuarterCorner
+from sprung.vehicles.sections import Seat as Seat
 from sprung.vehicles.sections import Sensor as Sensor
 from sprung.vehicles.structure import BodyShape as BodyShape
 from sprung.vehicles.structure import Component as Component

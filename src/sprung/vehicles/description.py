@@ -26,6 +26,7 @@ from sprung.vehicles.sections import (
     Positive,
     QuarterBody,
     QuarterCorner,
+    Seat,
     Section,
     Sensor,
 )
@@ -182,6 +183,8 @@ class Vehicle(Description):
         Bogies from front to rear, in place of axles: a rail vehicle with two stages of suspension.
     mounted_mass
         Masses on mounts on the body.
+    seat
+        Seats on the body, whose load is each window's own.
     flexible_mode
         Torsion and bending of the body.
     learnt
@@ -193,6 +196,7 @@ class Vehicle(Description):
     axle: Annotated[tuple[Axle, ...], Field(strict=False, max_length=50), AfterValidator(_none_or_several)] = ()
     bogie: Annotated[tuple[Bogie, ...], Field(strict=False, max_length=20), AfterValidator(_none_or_several)] = ()
     mounted_mass: Annotated[tuple[MountedMass, ...], Field(strict=False, max_length=50)] = ()
+    seat: Annotated[tuple[Seat, ...], Field(strict=False, max_length=20)] = ()
     flexible_mode: Annotated[tuple[FlexibleMode, ...], Field(strict=False, max_length=2)] = ()
     learnt: Annotated[tuple[LearntNumber, ...], Field(strict=False, max_length=1000)] = ()
 
@@ -457,10 +461,12 @@ def _magnitudes(vehicle: Vehicle) -> Iterator[_Magnitude]:
     for number, sensor in enumerate(vehicle.sensor, start=1):
         what = f"[[sensor]] {number}, position={list(sensor.position or ())} {beyond}"
         yield _Magnitude(what, max(map(abs, sensor.position or (0.0,))), high=farthest, above=_MILLIMETRES)
-    for number, part in enumerate(vehicle.mounted_mass, start=1):
-        where = f"[[mounted_mass]] {number}"
+    parts = {f"[[mounted_mass]] {number}": part for number, part in enumerate(vehicle.mounted_mass, start=1)}
+    seats = {f"[[seat]] {number}": part for number, part in enumerate(vehicle.seat, start=1)}
+    for where, part in (parts | seats).items():
         what = f"{where}, x={part.x:g}, y={part.y:g} {beyond}"
         yield _Magnitude(what, max(abs(part.x), abs(part.y)), high=farthest, above=_MILLIMETRES)
+    for where, part in parts.items():
         what = f"{where}, mass={part.mass:g} kg on a body of {body.mass:g} kg"
         advice = "is that g, or is the mass of the body missing? Give kilograms"
         yield _Magnitude(what, part.mass / body.mass, high=_LIMITS.heaviest_mounted, above=advice)

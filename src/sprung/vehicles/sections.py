@@ -330,6 +330,28 @@ class MountedMass(Section):
     damping_ratio: NotNegative
 
 
+class Seat(Section):
+    """Seat or group of seats on the body: people on it move on it, not with the body.
+
+    Parameters
+    ----------
+    x, y
+        Position ahead and to the left of the body's centre of gravity [m].
+    load
+        Usual mass of the people on it [kg]: standard deviation of the mass that a fit finds there in each window. The
+        vehicle itself is without it.
+    frequency, damping_ratio
+        Natural frequency [Hz] and damping ratio of people on the seat. Seated people have the largest apparent mass
+        between 4 and 6 Hz (ISO 5982:2019).
+    """
+
+    x: Length
+    y: Length = 0.0
+    load: Positive
+    frequency: Positive = 4.5
+    damping_ratio: NotNegative = 0.3
+
+
 class FlexibleMode(Section):
     """Flexible mode of the free body: its sensors and the upper ends of its suspensions move in its shape.
 
