@@ -61,6 +61,17 @@ def test_an_anti_roll_bar_off_the_file_does_not_scale_the_whole_vehicle(with_bar
     assert free.mean() < held.mean() / 2
 
 
+def test_a_broken_link_comes_out_of_exact_spectra(with_bars, classes, recovered) -> None:
+    """All of the front bar is lost, and nothing of the rear one: a logarithm would reach neither."""
+    nominal = structure(with_bars)
+    layout = rigid_layout(nominal)
+    model = vehicle_model(classes(len(layout.rows)), layout, with_bars, nominal, settings=CornerSettings(), kind="road")
+    model = replace(model, blocks=tuple(block for block in model.blocks if block.group != "unsprung"))  # the scale
+    truth = model.start.copy()
+    truth[model.names.index("front_axle_stiffness")] = -1.0
+    assert recovered(model, truth)[model.rows("elements")] == pytest.approx([-1.0, 0.0], abs=1e-6)
+
+
 def _load_behind_on_the_right(model):
     """100 kg off both axes, and a track 2.5 dB rougher on that side."""
     x, y = -1.3, -0.4

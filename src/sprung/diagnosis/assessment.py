@@ -13,7 +13,15 @@ from sprung._display import counted
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.baseline import SETTINGS as BASELINE
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, detect, false_discoveries
-from sprung.diagnosis.findings import LIGHTEST_WHEEL, SEVERITIES, STIFFER_TYRE, Diagnosis, Finding, format_time
+from sprung.diagnosis.findings import (
+    LIGHTEST_WHEEL,
+    LOST_BAR,
+    SEVERITIES,
+    STIFFER_TYRE,
+    Diagnosis,
+    Finding,
+    format_time,
+)
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.learning import learn
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
@@ -59,11 +67,8 @@ class NamingRules:
 
 RULES = NamingRules()
 
-#: Change of a part that must be detectable for "no change detected" to be said.
+#: Change of a spring, damper or tyre that must be detectable for "no change detected" to be said.
 MAX_UNDETECTED = 0.2
-#: The same of an anti-roll bar, which fails by a link that breaks: all of it is lost, which reads as a loss of 70 % in
-#: a multibody engine and of 87 to 93 % in the model itself.
-MAX_UNDETECTED_OF_BARS = 0.7
 
 
 def diagnose(
@@ -283,33 +288,34 @@ def _diagnosis(
     return Diagnosis(findings, first_faults, detection, every, notes, baseline, false_alarms, tests, tuple(doubts))
 
 
-def _is_bar(part: Component) -> bool:
-    return part.kind == "anti_roll"
-
-
 def max_undetected(part: Component) -> float:
-    """Return the change of a part that must be detectable for "no change detected" to be said."""
-    return MAX_UNDETECTED_OF_BARS if _is_bar(part) else MAX_UNDETECTED
+    """Return the change of a part that must be detectable for "no change detected" to be said of it."""
+    return LOST_BAR if part.kind == "anti_roll" else MAX_UNDETECTED
 
 
 def doubt_about(detectable: Mapping[Component, float]) -> str:
-    """Return why a change of some part may have gone undetected; empty if one of a fifth of any would have been found.
+    """Return why a change of some part may have gone undetected; empty if a fifth of any would have been found.
+
+    Notes
+    -----
+    Anti-roll bars raise no doubt about the others: sensors on the body hardly see a weak one. What is said of a vehicle
+    without changes names those whose loss is hidden (`detectable_in_words`).
 
     Examples
     --------
     >>> from sprung.vehicles import Component
-    >>> doubt_about({Component("front_left", "spring"): 0.2})
+    >>> doubt_about({Component("front_left", "spring"): 0.2, Component("rear_axle", "anti_roll"): 0.9})
     ''
     """
-    hidden = {part: least for part, least in detectable.items() if least > max_undetected(part)}
+    parts = {part: least for part, least in detectable.items() if part.kind != "anti_roll"}
+    hidden = {part: least for part, least in parts.items() if least > MAX_UNDETECTED}
     if not hidden:
         return ""
-    of_bars = f" (of an anti-roll bar {100 * MAX_UNDETECTED_OF_BARS:.0f} %)" if any(map(_is_bar, detectable)) else ""
     names = ", ".join(
         f"{str(part).replace('_', '-').replace('.', ' ')} {100 * least:.0f} %" for part, least in hidden.items()
     )
     return (
-        f"a change of {100 * MAX_UNDETECTED:.0f} %{of_bars} would not have been found in every part, as the smallest "
+        f"a change of {100 * MAX_UNDETECTED:.0f} % would not have been found in every part, as the smallest "
         f"detectable changes show ({names}): give more windows, or learn the baseline from more"
     )
 

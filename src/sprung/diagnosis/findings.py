@@ -36,6 +36,8 @@ SEVERITIES = (
 LIGHTEST_WHEEL = 0.7
 #: Change of one tyre from which another wheel may be the reason: the motion shows its stiffness over that mass.
 STIFFER_TYRE = 0.3
+#: Change of an anti-roll bar that must be detectable for its loss to be found: all of it reads as 82 % (`log_of_bars`).
+LOST_BAR = 0.8
 #: What else at a corner reads as a large change of a part: kind, least change and name, in words for cars, rails and
 #: rigs. The motion of the body does not separate them.
 LOOK_ALIKES = (
@@ -232,12 +234,23 @@ def detectable_in_words(detectable: Mapping[Component, float]) -> str:
     >>> from sprung.vehicles import Component
     >>> detectable_in_words({Component("front_left", "spring"): 0.07, Component("rear_left", "damper"): 0.12})
     'a change of 7 to 12 % of any part would have been found'
+    >>> detectable_in_words({Component("front_left", "spring"): 0.07, Component("rear_axle", "anti_roll"): 0.9})
+    'a change of 7 % of any other part would have been found, the loss of the rear-axle anti-roll bar would not'
     """
-    if not detectable:
+    parts = [least for part, least in detectable.items() if part.kind != "anti_roll" or least <= LOST_BAR]
+    if not parts:
         return ""
-    low, high = (100 * limit(detectable.values()) for limit in (min, max))
+    bars = [
+        part.corner.replace("_", "-")
+        for part, least in detectable.items()
+        if part.kind == "anti_roll" and least > LOST_BAR
+    ]
+    low, high = (100 * limit(parts) for limit in (min, max))
     span = f"{high:.0f}" if round(low) == round(high) else f"{low:.0f} to {high:.0f}"
-    return f"a change of {span} % of any part would have been found"
+    if not bars:
+        return f"a change of {span} % of any part would have been found"
+    hidden = f"the loss of the {' or '.join(bars)} anti-roll bar would not"
+    return f"a change of {span} % of any other part would have been found, {hidden}"
 
 
 def format_time(time: float) -> str:

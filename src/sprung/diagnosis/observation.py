@@ -14,6 +14,7 @@ from sprung.diagnosis.sensors import exchanged_opposites, valid_part
 from sprung.errors import DataError, IdentificationError, ParameterError
 from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import CornerFit, CornerSettings, fit_corners
+from sprung.likelihood.elements import log_of_bars
 from sprung.likelihood.fitting import fit_windows
 from sprung.likelihood.plate_test import low_phase_shifts
 from sprung.recording import Recording, each_recording
@@ -77,7 +78,8 @@ class Observation(Tabular):
     components
         Fitted springs, dampers and tyres, and anti-roll bars of the vehicle file where the sensors see the body roll.
     log_ratios
-        ln(value / nominal value) of each component, shape (components,); empty if the window is inconclusive.
+        ln(value / nominal value) of each component, shape (components,); empty if the window is inconclusive. Of an
+        anti-roll bar that has lost more than half, ln(1/2) and twice what it has lost beyond.
     covariance
         Covariance of `log_ratios`, shape (components, components).
     conditions
@@ -338,11 +340,15 @@ def observe_window(
     modes = fit.modes()
     body = zip(modes.labels, modes.natural_frequency.tolist(), modes.damping_ratio.tolist(), strict=True)
     parts = _parts(fit)
+    rows = list(parts.values())
+    ratios, slopes = fit.parameters[rows], np.ones(len(rows))
+    bars = np.array([part.kind == "anti_roll" for part in parts])
+    ratios[bars], slopes[bars] = log_of_bars(ratios[bars])
     return replace(
         _observation(time, window, check.faults),
         components=tuple(parts),
-        log_ratios=fit.parameters[list(parts.values())],
-        covariance=fit.covariance[np.ix_(*2 * (list(parts.values()),))],
+        log_ratios=ratios,
+        covariance=fit.covariance[np.ix_(rows, rows)] * np.outer(slopes, slopes),
         conditions=window.conditions | _fitted_conditions(fit) | _ride(window),
         modes={label: (frequency, damping) for label, frequency, damping in body if label in MOTIONS},
         residuals=None if check.faults else _residuals(window),

@@ -6,9 +6,6 @@ from sprung.likelihood.corners import CornerFit as CornerFit
 from sprung.likelihood.corners import corners_from_modes as corners_from_modes
 from sprung.likelihood.driving import Driving as Driving
 from sprung.likelihood.driving import driving as driving
-from sprung.likelihood.elements import ElementParameter as ElementParameter
-from sprung.likelihood.elements import ElementScales as ElementScales
-from sprung.likelihood.elements import stiffness_scales as stiffness_scales
 from sprung.likelihood.fitting import fit_corners as fit_corners
 from sprung.likelihood.fitting import fit_segments as fit_segments
 from sprung.likelihood.lateral import LateralFit as LateralFit

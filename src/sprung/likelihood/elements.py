@@ -1,168 +1,122 @@
-"""Stiffness and damping of elements beyond the corners as parameters: anti-roll bars, mounts, flexible modes."""
+"""Stiffness and damping of elements beyond the corners as parameters: anti-roll bars, side forces of tyres."""
 
-from collections.abc import Iterator, Sequence
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from sprung._arrays import Complex, Real
-from sprung.errors import ParameterError
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 from sprung.vehicles import Element, Structure
 
 
-@dataclass(frozen=True, slots=True)
-class ElementParameter:
-    """Logarithm of a factor of elements: stiffness and damping are multiplied by powers of it.
-
-    Parameters
-    ----------
-    name
-        Name of the parameter.
-    owner
-        Owner of the elements, such as "mounted_mass_1" or "front_axle", or owner and part, such as "body.torsion".
-    stiffness_power, damping_power
-        Powers of the factor in the stiffness and in the damping.
-    std
-        Standard deviation of the logarithm about 0 before any data.
-    """
-
-    name: str
-    owner: str
-    stiffness_power: float
-    damping_power: float
-    std: float
-
-
 @dataclass(frozen=True, eq=False, slots=True)
-class ElementScales(ParameterBlock):
-    """Factors of stiffness and damping of elements whose components are not otherwise fitted.
+class ElementFactors(ParameterBlock):
+    """A factor of stiffness and damping of each element of a part, whose components are not otherwise fitted.
 
     Parameters
     ----------
     structure
         Nominal vehicle.
-    parts
-        Parameters; several may act on one element.
-
-    Raises
-    ------
-    ParameterError
-        If the structure has no element of an owner.
+    std
+        Standard deviation of a parameter before any data.
 
     Notes
     -----
-    ln k = ln k_nominal + sum a p and ln c = ln c_nominal + sum b p over the parameters p of an element's owner, with
-    the powers a and b. Put after `FreeComponents`, whose dynamic stiffness of these elements it replaces.
+    Put after `FreeComponents`, whose nominal dynamic stiffness of these elements it replaces.
     """
 
     structure: Structure
-    parts: tuple[ElementParameter, ...]
+    std: float
 
     group: ClassVar[str] = "elements"
+    #: Part of the elements.
+    part: ClassVar[str]
+    #: End of the names of the parameters.
+    suffix: ClassVar[str]
 
-    def __post_init__(self) -> None:
-        owners = {name for element in self.structure.elements for name in _names(element)}
-        for part in self.parts:
-            if part.owner not in owners:
-                known = ", ".join(sorted(owners))
-                raise ParameterError(f"owner {part.owner!r} of parameter {part.name!r} is none of {known}: correct it")
+    @staticmethod
+    @abstractmethod
+    def factors(parameters: Real) -> tuple[Real, Real]:
+        """Return the factor of each element, and its derivative."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return tuple(part.name for part in self.parts)
+        """Owner of each element, such as "front_axle", with the suffix."""
+        return tuple(f"{element.owner}{self.suffix}" for _, element in self._elements())
 
     @property
     def prior_std(self) -> Real:
-        """Standard deviations of the parameters."""
-        return np.array([part.std for part in self.parts])
+        """The same for all elements."""
+        return np.full(len(self.names), self.std)
 
     def contribute(self, parameters: Real, terms: Terms) -> Terms:
         """Return the terms with the dynamic stiffness of the elements."""
         stiffness = terms.stiffness.copy()
-        for number, own, _ in self._elements(parameters, terms):
-            stiffness[number] = own
+        for factor, (number, element) in zip(self.factors(parameters)[0].tolist(), self._elements(), strict=True):
+            stiffness[number] = element.dynamic_stiffness(terms.s, spring=factor, damper=factor)
         return replace(terms, stiffness=stiffness)
 
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
         """Return the gradient of the objective."""
-        by_element, terms, gradient = gradients.stiffness, gradients.transfer.terms, np.zeros(len(self.parts))
-        for number, own, changes in self._elements(parameters, terms):
-            scaled = by_element[number] * terms.stiffness[number] / own
-            for row, change in changes:
-                gradient[row] += np.sum((scaled * change).real)
-        return gradient
+        changes = self._changes(parameters, gradients.transfer.terms)
+        return np.array([np.sum((gradients.stiffness[number] * change).real) for number, change in changes])
 
     def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
-        derivatives: list[Real] = [np.zeros(())] * len(self.parts)
-        for number, own, changes in self._elements(parameters, response.terms):
-            scale = response.terms.stiffness[number] / own
-            for row, change in changes:
-                derivatives[row] = derivatives[row] + response.change_by_element(number, scale * change)
-        return derivatives
+        changes = self._changes(parameters, response.terms)
+        return [response.change_by_element(number, change) for number, change in changes]
 
     def values(self, parameters: Real) -> dict[str, float]:
         """Return the factors."""
-        return dict(zip(self.names, np.exp(parameters).tolist(), strict=True))
+        return dict(zip(self.names, self.factors(parameters)[0].tolist(), strict=True))
 
     def fitted(self, parameters: Real, structure: Structure) -> Structure:
-        """Return the structure with the factors applied to the elements."""
+        """Return the structure with the factors applied to the elements, at least 0."""
         elements = list(structure.elements)
-        for number, element in enumerate(elements):
-            spring, damper = self._factors(parameters, element)
-            elements[number] = replace(element, stiffness=spring * element.stiffness, damping=damper * element.damping)
+        for factor, (number, _) in zip(self.factors(parameters)[0].tolist(), self._elements(), strict=True):
+            old, scale = elements[number], max(0.0, factor)
+            elements[number] = replace(old, stiffness=scale * old.stiffness, damping=scale * old.damping)
         return replace(structure, elements=tuple(elements))
 
-    def _factors(self, parameters: Real, element: Element) -> tuple[float, float]:
-        """Factors of the stiffness and of the damping of an element."""
-        powers = [
-            (p * part.stiffness_power, p * part.damping_power)
-            for p, part in zip(parameters.tolist(), self.parts, strict=True)
-            if part.owner in _names(element)
-        ]
-        logarithms = np.sum(powers, axis=0) if powers else np.zeros(2)
-        return float(np.exp(logarithms[0])), float(np.exp(logarithms[1]))
+    def _elements(self) -> list[tuple[int, Element]]:
+        """Return the number and each element of the part."""
+        return [pair for pair in enumerate(self.structure.elements) if pair[1].part == self.part]
 
-    def _elements(self, parameters: Real, terms: Terms) -> Iterator[tuple[int, Complex, list[tuple[int, Complex]]]]:
-        """Yield each element's number, its dynamic stiffness, and rows of its parameters with the derivatives."""
-        s = terms.s
-        for number, element in enumerate(self.structure.elements):
-            rows = [(row, part) for row, part in enumerate(self.parts) if part.owner in _names(element)]
-            if rows:
-                spring, damper = self._factors(parameters, element)
-                by_stiffness = np.full_like(s, spring * element.stiffness)
-                by_damping = element.damping_derivative(s, damper=damper)
-                changes = [
-                    (row, part.stiffness_power * by_stiffness + part.damping_power * by_damping) for row, part in rows
-                ]
-                yield number, element.dynamic_stiffness(s, spring=spring, damper=damper), changes
+    def _changes(self, parameters: Real, terms: Terms) -> list[tuple[int, Complex]]:
+        """Return the number of each element, and the derivative of its dynamic stiffness."""
+        changes = []
+        for factor, slope, (number, element) in zip(*self.factors(parameters), self._elements(), strict=True):
+            by_damping = element.damping_derivative(terms.s, damper=factor) / factor if element.damping else 0.0
+            changes.append((number, slope * (element.stiffness + by_damping + np.zeros_like(terms.s))))
+        return changes
 
 
-def _names(element: Element) -> tuple[str, str]:
-    """Names by which a parameter finds an element: its owner, and owner and part."""
-    return element.owner, f"{element.owner}.{element.part}"
+class CorneringStiffness(ElementFactors):
+    """Side forces of the tyres of each axle; the parameters are ln(value / nominal value)."""
+
+    __slots__ = ()
+
+    part: ClassVar[str] = "cornering"
+    suffix: ClassVar[str] = ".cornering_stiffness"
+
+    @staticmethod
+    def factors(parameters: Real) -> tuple[Real, Real]:
+        """Return the exponential, and its derivative."""
+        return np.exp(parameters), np.exp(parameters)
 
 
-def stiffness_scales(
-    structure: Structure, owners: Sequence[str], *, std: float = 0.3, has_damping: bool = False
-) -> ElementScales:
-    """Return the stiffness of elements as parameters, around the file's values.
+class BarStiffness(ElementFactors):
+    """Anti-roll bars; the parameters are the change of the stiffness over its nominal value, -1 where a link is broken.
 
-    Parameters
-    ----------
-    structure
-        Nominal vehicle.
-    owners
-        Owners of the springs, such as "front_axle" for its anti-roll bar.
-    std
-        Standard deviation of ln of a stiffness.
-    has_damping
-        Whether the damping changes with it.
+    Notes
+    -----
+    Linear, unlike the other components: sensors on the body see the sum of the bars far better than each of them. With
+    the logarithm a bar that is lost would be infinitely far from the prior, and another one would be made stiffer, or
+    weaker, in its place.
 
     Examples
     --------
@@ -173,12 +127,41 @@ def stiffness_scales(
     >>> car = read_vehicle("zafira")
     >>> axles = tuple(axle.model_copy(update={"anti_roll_stiffness": 10e3}) for axle in car.axle)
     >>> nominal = structure(car.model_copy(update={"axle": axles}))
-    >>> bars = stiffness_scales(nominal, ["front_axle"])
-    >>> fitted = bars.fitted(np.log([1.2]), nominal)
+    >>> fitted = BarStiffness(nominal, std=0.5).fitted(np.array([0.2, 0.0]), nominal)
     >>> [round(element.stiffness) for element in fitted.elements if element.part == "anti_roll"]
     [12000, 10000]
     """
-    return ElementScales(
-        structure,
-        tuple(ElementParameter(f"{owner}_stiffness", owner, 1.0, float(has_damping), std) for owner in owners),
-    )
+
+    __slots__ = ()
+
+    part: ClassVar[str] = "anti_roll"
+    suffix: ClassVar[str] = "_stiffness"
+
+    @staticmethod
+    def factors(parameters: Real) -> tuple[Real, Real]:
+        """Return 1 and the change, and its derivative."""
+        return 1 + parameters, np.ones_like(parameters)
+
+
+def log_of_bars(changes: Real) -> tuple[Real, Real]:
+    """Return ln of the stiffness of anti-roll bars over nominal, and its slope.
+
+    Parameters
+    ----------
+    changes
+        Parameters of `BarStiffness`, shape (bars,).
+
+    Notes
+    -----
+    ln(1 + p), and below a half its tangent, ln(1/2) + 2 (p + 1/2): a bar that is lost has -1.69, a loss of 82 %, in
+    place of minus infinity, and its standard deviation stays finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> ratios, slopes = log_of_bars(np.array([0.2, -0.5, -1.0]))
+    >>> np.expm1(ratios).round(2).tolist(), slopes.round(2).tolist()
+    ([0.2, -0.5, -0.82], [0.83, 2.0, 2.0])
+    """
+    upper = np.maximum(changes, -0.5)
+    return np.log1p(upper) + 2 * (changes - upper), 1 / (1 + upper)

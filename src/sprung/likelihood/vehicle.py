@@ -12,7 +12,7 @@ from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.components import FreeComponents, free_components
 from sprung.likelihood.coordinates import RigidLayout
 from sprung.likelihood.driving import driving
-from sprung.likelihood.elements import stiffness_scales
+from sprung.likelihood.elements import BarStiffness, CorneringStiffness
 from sprung.likelihood.noise import SensorNoise
 from sprung.likelihood.payload import SeatLoads, payload, unsprung_masses
 from sprung.likelihood.rig import RigInputs
@@ -45,8 +45,8 @@ class DefaultChoices:
     periods: float = 7.5
     #: Lowest frequency of lines over that of the highest mode of the body.
     lines_over_body: float = 1.5
-    #: Standard deviation of ln of an anti-roll bar's stiffness over that of the vehicle file: wide enough for a broken
-    #: link. Known exactly, it alone would fix the scale that all masses and stiffnesses have in common.
+    #: Standard deviation of an anti-roll bar's stiffness over that of the vehicle file: wide enough for a broken link.
+    #: Known exactly, it alone would fix the scale that all masses and stiffnesses have in common.
     anti_roll: float = 0.5
     #: The same of cornering stiffness, which falls with the speed of a drive beyond its mean.
     cornering: float = 0.3
@@ -187,11 +187,10 @@ def vehicle_model(
         blocks.append(payload(nominal))
         blocks += [SeatLoads(nominal, vehicle.seat)] if vehicle.seat else []
         wheels = unsprung_masses(nominal)
-        bars = [element.owner for element in nominal.elements if element.part == "anti_roll"]
+        bars, tyres = BarStiffness(nominal, DEFAULTS.anti_roll), CorneringStiffness(nominal, DEFAULTS.cornering)
         blocks += [wheels] if kind == "road" and wheels.parts else []
-        blocks += [stiffness_scales(nominal, bars, std=DEFAULTS.anti_roll)] if kind == "road" and bars else []
-        tyres = [f"{element.owner}.cornering" for element in nominal.elements if element.part == "cornering"]
-        blocks += [stiffness_scales(nominal, tyres, std=DEFAULTS.cornering, has_damping=True)] if tyres else []
+        blocks += [bars] if kind == "road" and bars.names else []
+        blocks += [tyres] if tyres.names else []
     if settings.has_free_sensors:
         blocks += [sensor_positions(nominal, layout), SensorDelays(layout, layout.names)]
     blocks += _inputs(spectra, vehicle, nominal, kind, joint_pitch)
