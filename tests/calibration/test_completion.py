@@ -59,6 +59,7 @@ def test_a_complete_file_stays_what_it_was(hatchback, drive) -> None:
     calibration = calibrate([drive.recording], hatchback)
     assert not calibration.vehicle.mounted_mass
     assert not calibration.vehicle.flexible_mode
+    assert not any(axle.damper_bushing_stiffness for axle in calibration.vehicle.axle)
     scores = [
         (number.value - number.nominal_value) / number.std
         for number in calibration.learnt
@@ -68,6 +69,25 @@ def test_a_complete_file_stays_what_it_was(hatchback, drive) -> None:
     ]
     assert np.sqrt(np.mean(np.square(scores))) < 2
     assert max(calibration.model_errors_after) < 0.1
+
+
+@pytest.mark.slow
+def test_rubber_that_carries_the_dampers_is_found_at_the_axle_that_has_it(hatchback) -> None:
+    """A top mount of 120 kN/m in front, and a damper without rubber behind."""
+    front, rear = hatchback.axle
+    on_rubber = (front.model_copy(update={"damper_bushing_stiffness": 120e3}), rear)
+    vehicle = hatchback.model_copy(update={"axle": on_rubber})
+    settings = RoadDrive(duration=300.0, sampling_rate=120.0, snr=50.0)
+    drives = [simulate_drive(vehicle, settings, seed=seed).recording for seed in (3, 4)]
+    calibration = calibrate(drives, hatchback, settings=CalibrationSettings(most_mounts=0, has_modes=False))
+    found = calibration.number("front.damper_bushing_stiffness")
+    assert found.nominal_value is None
+    assert found.is_identifiable
+    assert abs(np.log(found.value / 120e3)) < 0.1
+    stiff = calibration.vehicle.axle[1].damper_bushing_stiffness
+    assert stiff is not None
+    assert stiff > 5 * found.value
+    assert any("rubber that carries the dampers" in note for note in calibration.notes)
 
 
 @pytest.mark.slow

@@ -74,6 +74,8 @@ class CompletionRules:
     mounts: tuple[float, float] = (4.0, 30.0)
     #: Frequencies of the flexible modes that are tried [Hz].
     mode_frequencies: tuple[float, ...] = (14.0, 17.0, 20.0, 24.0, 29.0, 35.0)
+    #: Stiffness of the rubber that carries a damper over that of a spring, with which its search starts.
+    rubber: float = 20.0
     #: Damping ratio of these modes.
     mode_damping: float = 0.06
 
@@ -539,6 +541,7 @@ def _with_additions(fit: JointFit, given: Vehicle, settings: CalibrationSettings
     notes: list[str] = []
     if settings.has_modes:
         fit = _with_mode(fit, "torsion", given, notes)
+    fit = _with_rubber(fit, given, notes)
     for _ in range(settings.most_mounts):
         mount, promise = likely_mount(fit)
         richer, gain = _richer(fit, None if mount is None else with_mount(fit.free.draft, mount), promise, given)
@@ -553,6 +556,23 @@ def _with_additions(fit: JointFit, given: Vehicle, settings: CalibrationSettings
             f"the vehicle file does not (ln evidence {gain:.0f})"
         )
     return (_with_mode(fit, "bending", given, notes) if settings.has_modes else fit), notes
+
+
+def _with_rubber(fit: JointFit, given: Vehicle, notes: list[str]) -> JointFit:
+    """Return the fit with dampers on rubber, such as top mounts, if an imperfect model becomes clearly better by it."""
+    draft = fit.free.draft
+    for index, axle in enumerate(given.axle):
+        if axle.damper_bushing_stiffness is None and axle.damping:
+            place = ("axle", index, "damper_bushing_stiffness")
+            draft = draft.with_value(place, RULES.rubber * draft.value_at(("axle", index, "spring_stiffness")))
+    errors = [misfit_in(fit, k, window.rigid)[1] for k, window in enumerate(fit.free.windows)]
+    if draft is fit.free.draft or not is_imperfect(errors):
+        return fit
+    richer, gain = _richer(fit, draft, np.inf, given)
+    if not _is_shown(richer, fit):
+        return fit
+    notes.append(f"rubber that carries the dampers explains what the vehicle file does not (ln evidence {gain:.0f})")
+    return richer
 
 
 def _with_mode(fit: JointFit, shape: Literal["torsion", "bending"], given: Vehicle, notes: list[str]) -> JointFit:

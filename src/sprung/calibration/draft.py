@@ -215,6 +215,8 @@ class Widths:
     bar: float = 0.3
     #: Cornering stiffness of tyres.
     cornering: float = 0.3
+    #: Stiffness of the rubber that carries a damper.
+    bushing: float = 0.6
     #: Gains of sensors.
     gain: float = 0.03
     #: Height of the centre of gravity.
@@ -264,6 +266,7 @@ _MOUNTED = {
     "x": (WIDTHS.mount_place, "m"),
     "y": (WIDTHS.mount_place, "m"),
 }
+_RUBBER = {"damper_bushing_stiffness": (WIDTHS.bushing, "N/m")}
 _FLEXIBLE = {
     "frequency": (WIDTHS.mode_frequency, "Hz"),
     "damping_ratio": (WIDTHS.mode_damping, ""),
@@ -350,7 +353,10 @@ def _wheel_numbers(draft: Draft, index: int, axle: str) -> Iterator[VehicleNumbe
 
 
 def added_numbers(draft: Draft, *, given: Vehicle) -> Iterator[VehicleNumber]:
-    """Yield numbers of masses on mounts and of flexible modes; those that `given` lacks are less known."""
+    """Yield numbers of masses on mounts, rubber and flexible modes; those that `given` lacks are less known."""
+    for index, (axle, _) in enumerate(_axles(draft)):
+        is_new = given.axle[index].damper_bushing_stiffness is None
+        yield from _entries(draft, ("axle", index), axle, "wheels", _RUBBER, is_new=is_new)
     for index in range(len(draft.vehicle.mounted_mass)):
         place, name, is_new = ("mounted_mass", index), f"mounted_mass_{index + 1}", index >= len(given.mounted_mass)
         yield from _entries(draft, place, name, "mounted_masses", _MOUNTED, is_new=is_new)
