@@ -56,7 +56,7 @@ class NamingRules:
     #: Number of standard deviations, of this and of chance, by which the second part of a pair must change.
     clearly: float = 3.0
     #: Share of what the better part of a pair explains alone that the other one must add to it.
-    more: float = 0.1
+    more: float = 0.2
     #: Margin around the range of a condition in the baseline within which a window is comparable, over that range.
     room: float = 0.5
     #: Smallest margin, in units of the condition.
