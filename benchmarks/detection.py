@@ -29,6 +29,9 @@ def main():
     arguments.add_argument("--vehicles", type=int, default=400)
     arguments.add_argument("--seeds", type=int, nargs="+", help="these vehicles and no others")
     arguments.add_argument("--healthy", type=int, default=30, help="healthy windows of ten minutes of each vehicle")
+    arguments.add_argument(
+        "--faulty", type=int, default=MINUTES[-1] // 10, help="windows with the fault of each vehicle"
+    )
     arguments.add_argument("--jobs", type=int, default=2)
     arguments.add_argument("--lives", type=Path, help="file of vehicles done, to go on from; a line is added for each")
     arguments.add_argument("--windows", type=Path, help="folder to keep what windows say, and to judge them again from")
@@ -40,7 +43,9 @@ def main():
     seeds = [seed for seed in given.seeds or range(given.vehicles) if seed not in done]
     with ProcessPoolExecutor(given.jobs) as pool, Progress() as progress:
         task = progress.add_task("vehicles", total=len(seeds))
-        waiting = [pool.submit(partial(vehicle_life, given.healthy, given.windows), seed) for seed in seeds]
+        waiting = [
+            pool.submit(partial(vehicle_life, given.healthy, given.faulty, given.windows), seed) for seed in seeds
+        ]
         for one in as_completed(waiting):
             progress.advance(task)
             error = one.exception()
@@ -181,7 +186,7 @@ def with_wheel_lines(run, generator):
     return replace(run, samples=samples)
 
 
-def vehicle_life(n_healthy, folder, seed):
+def vehicle_life(n_healthy, n_faulty, folder, seed):
     """Return a vehicle's fault, the findings a number of minutes after it, and false alarms before."""
     import numpy as np
 
@@ -190,7 +195,7 @@ def vehicle_life(n_healthy, folder, seed):
 
     name = str(np.random.default_rng([seed, 6]).choice(PARTS))
     life = {"seed": seed, "name": name, "size": SIZES[seed // 2 % len(SIZES)]}
-    taught, healthy, faulty, modes = windows(n_healthy, folder, life)
+    taught, healthy, faulty, modes = windows(n_healthy, n_faulty, folder, life)
     try:
         baseline = learn(taught)
     except DataError as error:
@@ -215,7 +220,7 @@ def vehicle_life(n_healthy, folder, seed):
     return life | ({"thesis": by_modes(*modes)} if modes else {})
 
 
-def windows(n_healthy, folder, life):
+def windows(n_healthy, n_faulty, folder, life):
     """Return the observations of learning, healthy and faulty windows, and their modes where the thesis' way runs."""
     from sprung.results.documents import observation_document, observation_from_document
     from sprung.vehicles import Component, Fault
@@ -227,7 +232,7 @@ def windows(n_healthy, folder, life):
         return [*([observation_from_document(one) for one in part] for part in document), None]
     file, real = described(seed)
     fault = (Fault(Component.parse(life["name"]), -life["size"]),)
-    numbers = (range(LEARNING), range(LEARNING, LEARNING + n_healthy), range(1000, 1000 + MINUTES[-1] // 10))
+    numbers = (range(LEARNING), range(LEARNING, LEARNING + n_healthy), range(1000, 1000 + n_faulty))
     parts = [
         [window(file, real, seed, k, faults) for k in some]
         for some, faults in zip(numbers, ((), (), fault), strict=True)

@@ -21,7 +21,7 @@ pytest.importorskip("numba")
 @pytest.mark.slow
 def test_a_tenth_is_found_on_a_car_whose_file_has_a_geometry_that_is_wrong(tmp_path: Path) -> None:
     lives = tmp_path / "lives.jsonl"
-    command = [sys.executable, str(BENCHMARK), "--seeds", "45", "--healthy", "3", "--jobs", "1"]
+    command = [sys.executable, str(BENCHMARK), "--seeds", "45", "--healthy", "3", "--faulty", "4", "--jobs", "1"]
     command += ["--lives", str(lives)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=HANGS, check=False)
     assert done.returncode == 0, done.stderr
