@@ -112,7 +112,7 @@ def send_generated(context, role, *, n_examples):
         (None, 2, {401}),
         ("viewer", 2, {200, 403, 404, 422}),
         ("engineer", 2, {200, 403, 404, 409, 422}),
-        ("admin", 20, {200, 202, 400, 401, 404, 409, 422}),
+        ("admin", 60, {200, 202, 400, 401, 404, 409, 422}),
     ],
 )
 def test_answers_are_as_described(shared, role, n_examples, answered) -> None:
