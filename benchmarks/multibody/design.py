@@ -96,7 +96,10 @@ QUIET = Effects(
 
 @dataclass(frozen=True)
 class Faults:
-    """Factors on parts, by `corner.part`: spring, damper, tyre, wheel, friction, mount; and `axle.bar`."""
+    """Factors on parts, by `corner.part`: spring, rate, damper, tyre, wheel, friction, mount; and `axle.bar`.
+
+    A corner sinks on a weak spring; with another rate it stands as high as before.
+    """
 
     factors: dict[str, float] = field(default_factory=dict)
 
@@ -113,7 +116,7 @@ def with_faults(design: Design, faults: Faults) -> Iterator[tuple[str, Axle]]:
                 corner,
                 replace(
                     axle,
-                    spring=axle.spring * faults(f"{corner}.spring"),
+                    spring=axle.spring * faults(f"{corner}.spring") * faults(f"{corner}.rate"),
                     damper=axle.damper * faults(f"{corner}.damper"),
                     tyre=axle.tyre * faults(f"{corner}.tyre"),
                     wheel_mass=axle.wheel_mass * faults(f"{corner}.wheel"),

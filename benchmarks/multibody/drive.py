@@ -70,7 +70,7 @@ class Car:
         healthy = mujoco.MjModel.from_xml_string(model_text(design, effects))
         self.model = mujoco.MjModel.from_xml_string(model_text(design, effects, riders, faults, tilts))
         self.data = mujoco.MjData(self.model)
-        self._preload(healthy)
+        self._preload(healthy, faults)
         ids = {self.model.actuator(k).name: k for k in range(self.model.nu)}
         self.tyres, self.sides, self.along, self.valves = (
             np.array([ids[f"{corner}.{kind}"] for corner in self.corners])
@@ -94,7 +94,7 @@ class Car:
         else:
             self.model.tendon_damping[self.model.tendon(f"{corner}.damper").id] = value
 
-    def _preload(self, healthy: mujoco.MjModel) -> None:
+    def _preload(self, healthy: mujoco.MjModel, faults: Faults) -> None:
         """Make the springs as long and the tyres as loaded as the vehicle without load and faults needs them."""
         ratios, travel, data = ratios_at_wheels(healthy, tuple(self.corners))
         loads = wheel_loads(self.design)
@@ -103,7 +103,7 @@ class Car:
         for k, corner in enumerate(self.corners):
             spring = healthy.tendon(f"{corner}.spring").id
             length = data.ten_length[spring]
-            free = length - tension[k] / healthy.tendon_stiffness[spring]
+            free = length - tension[k] / (healthy.tendon_stiffness[spring] * faults(f"{corner}.rate"))
             self.model.tendon_lengthspring[self.model.tendon(f"{corner}.spring").id] = free
             if self.effects.bump_stops:
                 stop = length - 0.06 * abs(ratios[k, k])
