@@ -118,6 +118,11 @@ def test_a_weak_damper_is_the_change(healthy) -> None:
     assert worst.part == "front_left.damper"
     assert worst.is_significant
     assert worst.interval[0] < -0.5 < worst.interval[1]
+    sides = {each.part: each for each in after.sides}
+    assert set(sides) >= {"front.damper", "rear.damper", "front.spring", "rear.spring"}
+    assert [part for part, each in sides.items() if each.is_significant] == ["front.damper"]
+    assert sides["front.damper"].interval[0] < -0.5 < sides["front.damper"].interval[1]
+    assert not any(each.is_significant for each in healthy.sides)
     again = bounce(pushes(2), vehicle=CAR, before=pushes())
     assert sum(each.is_significant for each in again.changes) <= 1
 

@@ -97,14 +97,15 @@ def bounce(
     modes = labelled(modes, runs[0].channels, vehicle=vehicle)
     notes += () if fit is None else fit.notes
     corners: tuple[CornerValue, ...] = ()
+    sides: tuple[BounceChange, ...] = ()
     if isinstance(vehicle, Vehicle) and vehicle.bogie:
         notes.append("springs and dampers are not estimated: the vehicle stands on bogies")
     elif isinstance(vehicle, Vehicle) and fit is not None:
-        corners, more = corners_of(fit, vehicle)
+        corners, sides, more = corners_of(fit, vehicle)
         notes += more
     if with_friction:
         notes.append("friction: modes are described without it, with the damping that dissipates the same energy")
-    result = Bounce(tuple(tests), modes, fit, corners, notes=tuple(notes))
+    result = Bounce(tuple(tests), modes, fit, corners, sides, notes=tuple(notes))
     if before is None:
         return result
     return result.changed_since(bounce(before, vehicle=vehicle, allow_missing=allow_missing))

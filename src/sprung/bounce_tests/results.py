@@ -142,14 +142,14 @@ class CornerValue:
 
 @dataclass(frozen=True, slots=True)
 class BounceChange:
-    """Difference of one number between two series of tests.
+    """Difference of one number between two series of tests, or between the sides of an axle.
 
     Parameters
     ----------
     part
-        Mode, such as "bounce" or "1.52 Hz", or component, such as "front_left.damper".
+        Mode, such as "bounce" or "1.52 Hz", or component, such as "front_left.damper" or "front.damper".
     quantity
-        "natural_frequency" or "damping_ratio" of a mode, "value" of a component.
+        "natural_frequency" or "damping_ratio" of a mode, "value" of a component; "left_over_right" of an axle.
     change, interval
         Relative change and its 95 % interval.
     score
@@ -182,6 +182,8 @@ class Bounce(Tabular, Savable, Drawable):
         Free responses of all linear tests fitted together; None if the largest motion has friction.
     corners
         Springs and dampers, where vehicle file and sensors allow; those that are not identifiable too.
+    sides
+        Left over right of each axle's springs and dampers, where the tests determine it.
     changes
         Differences from an earlier test.
     notes
@@ -192,6 +194,7 @@ class Bounce(Tabular, Savable, Drawable):
     modes: Modes
     fit: FreeFit | None = None
     corners: tuple[CornerValue, ...] = ()
+    sides: tuple[BounceChange, ...] = ()
     changes: tuple[BounceChange, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -232,17 +235,17 @@ def bounce_changes(before: Bounce, after: Bounce) -> tuple[BounceChange, ...]:
         for name in ("natural_frequency", "damping_ratio"):
             was, now = float(getattr(old, name)[j]), float(getattr(new, name)[k])
             stds = float(getattr(old, f"{name}_std")[j]) / was, float(getattr(new, f"{name}_std")[k]) / now
-            changes.append(_change(part, name, float(np.log(now / was)), float(np.hypot(*stds))))
+            changes.append(relative_change(part, name, float(np.log(now / was)), float(np.hypot(*stds))))
     earlier = {str(value.component): value for value in before.corners}
     for value in after.corners:
         other = earlier.get(str(value.component))
         if other is not None and value.is_identifiable and other.is_identifiable:
             std = float(np.hypot(value.std, other.std))
-            changes.append(_change(str(value.component), "value", value.log_ratio - other.log_ratio, std))
+            changes.append(relative_change(str(value.component), "value", value.log_ratio - other.log_ratio, std))
     return tuple(changes)
 
 
-def _change(part: str, quantity: str, logarithm: float, std: float) -> BounceChange:
+def relative_change(part: str, quantity: str, logarithm: float, std: float) -> BounceChange:
     """Return a relative change with its interval."""
     low, high = (float(np.expm1(logarithm + side * INTERVAL_95 * std)) for side in (-1, 1))
     return BounceChange(part, quantity, float(np.expm1(logarithm)), (low, high), abs(logarithm) / std)

@@ -7,7 +7,7 @@ import numpy as np
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung.bounce_tests.begins import delayed, free_from
-from sprung.bounce_tests.results import RULES, BounceTest, CornerValue
+from sprung.bounce_tests.results import RULES, BounceChange, BounceTest, CornerValue, relative_change
 from sprung.errors import DataError, ParameterError
 from sprung.identification.free_response import FreeFit, fit_free_response
 from sprung.identification.friction import FrictionFit, beyond_one_swing, correlated_samples, fit_friction
@@ -16,11 +16,11 @@ from sprung.likelihood import corners_from_modes, rigid_layout
 from sprung.likelihood.search import Differenced, least_squares
 from sprung.modal import Modes, join_modes, mac, unit_shapes
 from sprung.recording import Recording
-from sprung.vehicles import Vehicle, structure
+from sprung.vehicles import Component, Vehicle, structure
 
 
-def corners_of(fit: FreeFit, vehicle: Vehicle) -> tuple[tuple[CornerValue, ...], list[str]]:
-    """Return springs and dampers by generalised least squares to the modes of the body, and notes.
+def corners_of(fit: FreeFit, vehicle: Vehicle) -> tuple[tuple[CornerValue, ...], tuple[BounceChange, ...], list[str]]:
+    """Return springs and dampers by generalised least squares to the modes of the body, left over right, and notes.
 
     Notes
     -----
@@ -40,9 +40,9 @@ def corners_of(fit: FreeFit, vehicle: Vehicle) -> tuple[tuple[CornerValue, ...],
         layout = rigid_layout(nominal)
         start = corners_from_modes(fit.modes.take(body), nominal, layout, names) if body.size else None
     except ParameterError as error:
-        return (), [f"springs and dampers are not estimated: {error}"]
+        return (), (), [f"springs and dampers are not estimated: {error}"]
     if start is None:
-        return (), ["springs and dampers are not estimated: no mode of the body was found"]
+        return (), (), ["springs and dampers are not estimated: no mode of the body was found"]
     priors = np.array([RULES.prior_std[component.kind == "tyre"] for component in names])
     measured, covariance, free = _modal_vector(fit, body)
     whitening = np.linalg.inv(np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance))))
@@ -60,14 +60,33 @@ def corners_of(fit: FreeFit, vehicle: Vehicle) -> tuple[tuple[CornerValue, ...],
     found = least_squares(Differenced(errors, np.clip(start, -2, 2)), gain=1e-9)
     dispersion = max(1.0, 2 * found.criterion / max(measured.size, 1))
     slopes = found.slopes()
-    stds = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)) * dispersion)
+    covariance = np.linalg.inv(slopes.T @ slopes) * dispersion
+    stds = np.sqrt(np.diag(covariance))
     values = zip(names, found.parameters, np.minimum(stds, priors), strict=True)
     notes = (
         []
         if dispersion < RULES.poor_fit
         else ["the modes do not fit the vehicle file well: springs and dampers are rough"]
     )
-    return tuple(CornerValue(name, known[name], float(x), float(std)) for name, x, std in values), notes
+    corners = tuple(CornerValue(name, known[name], float(x), float(std)) for name, x, std in values)
+    return corners, _left_over_right(names, found.parameters, covariance), notes
+
+
+def _left_over_right(names: tuple[Component, ...], logarithms: Real, covariance: Real) -> tuple[BounceChange, ...]:
+    """Return how much each left spring and damper exceeds the right one, where the tests determine it.
+
+    An error of the file's mass is common to both sides, so that their ratio is known better than either of them.
+    """
+    ratios = []
+    for left, name in enumerate(names):
+        right = names.index(Component(f"{name.axle}_right", name.kind)) if name.side == "left" else left
+        if right == left or name.kind == "tyre":
+            continue
+        std = float(np.sqrt(covariance[left, left] + covariance[right, right] - 2 * covariance[left, right]))
+        if std < RULES.max_std:
+            size = float(logarithms[left] - logarithms[right])
+            ratios.append(relative_change(f"{name.axle}.{name.kind}", "left_over_right", size, std))
+    return tuple(ratios)
 
 
 def _matches(fit: FreeFit, body: Indices, shapes: Complex) -> list[tuple[complex, Real]]:

@@ -46,10 +46,10 @@ class CornerEstimate(Document):
 
 
 class BounceChangeDocument(Document):
-    """Difference of one number between two series of tests."""
+    """Difference of one number between two series of tests, or between the sides of an axle."""
 
     part: str
-    quantity: Literal["natural_frequency", "damping_ratio", "value"]
+    quantity: Literal["natural_frequency", "damping_ratio", "value", "left_over_right"]
     change: float
     interval: Pair
     score: float
@@ -64,6 +64,7 @@ class BounceDocument(Document):
     tests: tuple[BounceTestDocument, ...]
     modes: tuple[IdentifiedMode, ...]
     corners: dict[str, dict[str, CornerEstimate]]
+    sides: tuple[BounceChangeDocument, ...]
     changes: tuple[BounceChangeDocument, ...]
     notes: tuple[str, ...]
 

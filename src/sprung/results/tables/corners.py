@@ -168,7 +168,12 @@ def _number_cells(number: "CalibratedNumber") -> tuple[str, ...]:
     return f"{number.name}{unit}", given, format_estimate(number.value, number.std), change, determined
 
 
-_QUANTITIES = {"natural_frequency": "frequency", "damping_ratio": "damping", "value": "value"}
+_QUANTITIES = {
+    "natural_frequency": "frequency",
+    "damping_ratio": "damping",
+    "value": "value",
+    "left_over_right": "left over right",
+}
 
 
 def describe_bounce(bounce: "Bounce") -> str:
@@ -200,19 +205,22 @@ def bounce_tables(bounce: "Bounce") -> list[Table]:
         )
         columns = ("corner", "component", "value", "from nominal [%]")
         tables.append(Table("Corners", columns, rows, n_words=2, caption="± standard deviation"))
-    if bounce.changes:
-        changes = tuple(
+    for title, differences, verdicts in (
+        ("Left against right", bounce.sides, ("no difference detected", "different")),
+        ("Changes since the test before", bounce.changes, ("no change detected", "changed")),
+    ):
+        rows = tuple(
             (
                 format_name(change.part),
                 _QUANTITIES[change.quantity],
                 f"{100 * change.change:+z.1f}",
                 f"{100 * change.interval[0]:+z.1f} .. {100 * change.interval[1]:+z.1f}",
-                "changed" if change.is_significant else "no change detected",
+                verdicts[change.is_significant],
             )
-            for change in bounce.changes
+            for change in differences
         )
-        headings = ("part", "quantity", "change [%]", "95 % [%]", "verdict")
-        tables.append(Table("Changes since the test before", headings, changes, n_words=2))
+        headings = ("part", "quantity", "difference [%]", "95 % [%]", "verdict")
+        tables += [Table(title, headings, rows, n_words=2)] if rows else []
     return tables
 
 
