@@ -60,8 +60,8 @@ def corners_of(fit: FreeFit, vehicle: Vehicle) -> tuple[tuple[CornerValue, ...],
     found = least_squares(Differenced(errors, np.clip(start, -2, 2)), gain=1e-9)
     dispersion = max(1.0, 2 * found.criterion / max(measured.size, 1))
     slopes = found.slopes()
-    covariance = np.linalg.inv(slopes.T @ slopes) * dispersion
-    stds = np.sqrt(np.diag(covariance))
+    of_parts: Real = np.asarray(np.linalg.inv(slopes.T @ slopes) * dispersion, dtype=np.float64)
+    stds = np.sqrt(np.diag(of_parts))
     values = zip(names, found.parameters, np.minimum(stds, priors), strict=True)
     notes = (
         []
@@ -69,7 +69,7 @@ def corners_of(fit: FreeFit, vehicle: Vehicle) -> tuple[tuple[CornerValue, ...],
         else ["the modes do not fit the vehicle file well: springs and dampers are rough"]
     )
     corners = tuple(CornerValue(name, known[name], float(x), float(std)) for name, x, std in values)
-    return corners, _left_over_right(names, found.parameters, covariance), notes
+    return corners, _left_over_right(names, found.parameters, of_parts), notes
 
 
 def _left_over_right(names: tuple[Component, ...], logarithms: Real, covariance: Real) -> tuple[BounceChange, ...]:

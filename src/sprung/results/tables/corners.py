@@ -209,7 +209,7 @@ def bounce_tables(bounce: "Bounce") -> list[Table]:
         ("Left against right", bounce.sides, ("no difference detected", "different")),
         ("Changes since the test before", bounce.changes, ("no change detected", "changed")),
     ):
-        rows = tuple(
+        differing = tuple(
             (
                 format_name(change.part),
                 _QUANTITIES[change.quantity],
@@ -220,7 +220,7 @@ def bounce_tables(bounce: "Bounce") -> list[Table]:
             for change in differences
         )
         headings = ("part", "quantity", "difference [%]", "95 % [%]", "verdict")
-        tables += [Table(title, headings, rows, n_words=2)] if rows else []
+        tables += [Table(title, headings, differing, n_words=2)] if differing else []
     return tables
 
 
