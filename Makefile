@@ -7,8 +7,8 @@ RUNS := $(VENV)/.runs
 READY := $(VENV)/.ready
 CHECKERS := $(VENV)/checkers
 export OPENBLAS_NUM_THREADS ?= 1
-# Processes of the tests: two more than cores, as some tests wait for most of their time.
-JOBS ?= $(shell expr $$(nproc) + 2)
+# Processes of the tests: one more than cores, as some tests wait for most of their time.
+JOBS ?= $(shell expr $$(nproc) + 1)
 # The processes share compiled bytecode.
 unexport PYTHONDONTWRITEBYTECODE
 
