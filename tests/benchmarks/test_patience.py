@@ -25,6 +25,7 @@ def windows_of(units, values):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_learning", [6, 12])
 @pytest.mark.parametrize("world", ["as the model says", "all three, correlation of 0.6"])
 def test_evidence_of_vectors_is_that_of_windows(world, n_learning) -> None:

@@ -345,6 +345,7 @@ def test_a_lost_bar_is_found_where_the_sentence_does_not_except_it(bar_std, is_f
     assert (sum(bool(found) for found in broken) >= 18) == is_found
 
 
+@pytest.mark.slow
 def test_a_broken_link_of_an_anti_roll_bar_is_the_bar_alone() -> None:
     """Simulated by a vehicle without the bar that its file states, after eight healthy windows of four minutes."""
     file = read_vehicle("zafira")

@@ -86,6 +86,7 @@ def test_figures_show_every_part(baseline) -> None:
     assert {f"{stage}-{kind} [%]" for stage in ("primary", "secondary") for kind in ("spring", "damper")} <= names
 
 
+@pytest.mark.slow
 def test_exchanged_sensors_of_one_frame_are_named_and_no_others() -> None:
     """Opposite corners of a frame exchanged: four sensors of that frame are swapped, none of the other or the body."""
     metro = read_vehicle("metro")

@@ -38,6 +38,7 @@ def with_tones(record, frequencies, amplitude, generator):
     return record.changed("tones", samples=samples)
 
 
+@pytest.mark.slow
 def test_twenty_periods_of_eight_masses_show_their_first_mode() -> None:
     """Ten blocks gave its frequency a deviation, which so short a record leaves near its bandwidth: 6 of 10 had it."""
     frame, shown = chain(8, stiffness=1160.0, damping=1.2), 0

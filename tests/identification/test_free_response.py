@@ -36,6 +36,7 @@ def test_exact_motion_gives_exact_modes() -> None:
     assert fit.explained == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_deviations_are_those_of_the_errors() -> None:
     """Three seconds with 2 % noise, 60 draws: no bias beyond chance, and errors as large as stated, within 15 %."""
     errors = []
@@ -161,6 +162,7 @@ def test_close_modes_of_one_imu_are_told_apart() -> None:
         assert modes.damping_ratio == pytest.approx([0.162, 0.204], rel=0.12)
 
 
+@pytest.mark.slow
 def test_intervals_hold_a_mode_that_may_be_hidden() -> None:
     """One sensor in which pitch is a fifth of bounce: where one mode is found, its deviation knows of the other."""
     held, noted, frequencies = [], 0, np.array([1.518, 1.759])

@@ -40,6 +40,7 @@ def test_what_a_monitor_writes_after_it_lost_the_connection_is_refused(postgresq
         assert second.inbox.cursor("car-1", 1).contiguous == 0
 
 
+@pytest.mark.slow
 def test_who_takes_over_waits_for_transactions_under_way(postgresql_url) -> None:
     """Otherwise it would read a store to which the one before still adds."""
     with open_store(postgresql_url) as first, open_store(postgresql_url) as second:
