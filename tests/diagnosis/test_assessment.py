@@ -370,7 +370,7 @@ def test_a_broken_link_of_an_anti_roll_bar_is_the_bar_alone() -> None:
 
 
 def test_what_a_fit_withholds_from_a_lost_bar_is_no_stiffer_bar_at_the_other_axle() -> None:
-    """As three half hours of a multibody car without its front link read."""
+    """As three windows of a multibody car without its front link read, when bars were fitted by their logarithms."""
     bars = (Component("front_axle", "anti_roll"), Component("rear_axle", "anti_roll"))
     parts, generator = (*structure(read_vehicle("zafira")).components(), *bars), np.random.default_rng(5)
     std = np.array([0.02] * 12 + [0.1, 0.1])

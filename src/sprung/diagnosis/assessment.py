@@ -421,8 +421,8 @@ def _best_two(detection: Detection) -> tuple[Candidate, Candidate | None]:
 def _is_distinct(pair: Candidate) -> bool:
     """Return whether the smaller change of a pair exceeds what chance and the larger one may mimic.
 
-    Of two anti-roll bars none becomes stiffer as the other is lost: the prior of a fit, which keeps a bar from losing
-    all, gives the rest to the other one.
+    Of two anti-roll bars none becomes stiffer as the other is lost: sensors on the body see their sum far better than
+    each of them, and an error of their shares reads so.
     """
     if all(change.component == "anti_roll" for change in pair.hypothesis.changes):
         changes = [size.change for size in pair.sizes]
