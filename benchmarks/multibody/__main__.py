@@ -263,6 +263,17 @@ def rolls(study: Study, learning: list[Observation], drives: list[Drive]) -> str
     return f"{ours}; {off}"
 
 
+def sides(learning: list[Observation]) -> str:
+    """Return ln of left over right of each axle's springs, dampers and tyres: mean and scatter of the windows [%]."""
+    valid = [each for each in learning if each.is_valid]
+    values = [dict(zip(map(str, each.components), each.log_ratios, strict=True)) for each in valid]
+    lines = []
+    for name in (name for name in values[0] if "_left." in name):
+        ratios = [100 * (each[name] - each[name.replace("_left.", "_right.")]) for each in values]
+        lines.append(f"{name.replace('_left', '')} {np.mean(ratios):+.0f} and {np.std(ratios, ddof=1):.1f}")
+    return ", ".join(lines)
+
+
 def numbers(vehicle: Vehicle) -> str:
     """Return what holds the body in roll, by a calibrated file."""
     axles = [
@@ -294,6 +305,7 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
     lying = sum(has_tipped(recording(study, drive, number)) for number, drive in enumerate(drives))
     yield f"| drives in which the vehicle tipped over, while learning | {lying} of {len(drives)} |"
     yield f"| roll while learning, and its error | {rolls(study, learning, drives)} |"
+    yield f"| left over right while learning, mean and scatter [%] | {sides(learning)} |"
     yield f"| calibrated file | {numbers(vehicle)} |"
     for words, drive_of, offset, start in (
         ("conditions never met", unmet, 0, 20_000),
