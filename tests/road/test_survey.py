@@ -62,6 +62,19 @@ def test_the_index_is_that_of_the_profile(profiles, road_class, speed) -> None:
 
 
 @pytest.mark.slow
+def test_intervals_hold_where_a_drive_contradicts_its_file(profiles) -> None:
+    """The car's tyres do not hold its body sideways, but those of the data sheet's file do."""
+    sheet = sprung.DataSheet(mass=1642.0, wheelbase=2.8, track=1.404, tyre="195/65R15")
+    recording = drive(7, "B", (10.0, 14.0)).recording
+    survey = survey_road(recording, sprung.described(sheet))
+    index = np.array([[each.left.iri, each.right.iri] for each in survey.stretches[1:]])
+    std = np.array([[each.left.iri_std, each.right.iri_std] for each in survey.stretches[1:]])
+    true = [truth(profiles[-1], recording, survey, side)[1 : len(survey.stretches)] for side in ("left", "right")]
+    assert np.mean(np.abs(index / np.transpose(true) - 1)) < 0.1
+    assert np.mean(np.abs(index - np.transpose(true)) < 1.96 * std) > 0.9
+
+
+@pytest.mark.slow
 def test_a_pothole_is_found_where_it_is(profiles) -> None:
     recording = drive(
         3, "A", potholes=sprung.Potholes(per_kilometre=4.0, depth=(0.02, 0.04), length=(0.8, 1.2))

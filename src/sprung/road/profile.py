@@ -232,7 +232,7 @@ class Inverse:
         """Return the derivatives of the logarithm of the heights' density with independent unit errors of the fit.
 
         The measured motion stays, and the weights follow the vehicle: d ln(W S W^H), by differences of one standard
-        deviation along the principal axes of the covariance of the vehicle's parameters.
+        deviation along the principal axes of the covariance of the vehicle's parameters, times `_birge_ratio`.
         """
         fit = self._fit
         rows = np.array([row for row, name in enumerate(fit.model.names) if not name.startswith("class_")])
@@ -247,7 +247,7 @@ class Inverse:
             weights = response.driven[:, :, :2] @ np.linalg.inv(self._spectra(response))
             return np.einsum("cfki,cfij,cfkj->kf", weights, S, weights.conj()).real[:, 1:-1]
 
-        steps = axes * np.sqrt(np.maximum(variances, 0.0))
+        steps = axes * np.sqrt(np.maximum(variances, 0.0)) * _birge_ratio(fit)
         return np.array([np.log(density(step) / density(-step)) / 2 for step in steps.T])
 
     def along(self, motion: Recording, speed: Real) -> _Along | None:
@@ -285,3 +285,16 @@ class Inverse:
         speeds = np.interp(places, travelled, speed)
         along = CubicSpline(np.arange(heights.shape[1]) / self._rate, heights, axis=1)(times)
         return _Along(along, speeds > SLOWEST, times + start, speeds)
+
+
+def _birge_ratio(fit: CornerFit) -> float:
+    """Return by how much more than their standard deviations a fit moves masses, bars and tyres from the vehicle file.
+
+    chi^2 of these numbers over the number that the drive determines, p - tr(V P) with covariance V and prior P; its
+    root, at least 1, is the factor of standard deviations of data that disagree (R. T. Birge, The calculation of errors
+    by the method of least squares, Physical Review 40 (1932) 207-227).
+    """
+    rows = fit.model.rows("payload", "unsprung", "elements")
+    stds = fit.model.prior_std[rows]
+    determined = np.sum(np.maximum(1 - np.diag(fit.covariance)[rows] / stds**2, 0.0))
+    return float(np.sqrt(max(1.0, np.sum((fit.parameters[rows] / stds) ** 2) / max(determined, 1.0))))
