@@ -64,9 +64,24 @@ class RigidLayout:
         """Coordinates for one unit of acceleration of each coordinate of the structure, shape (coordinates, n)."""
         return self.reduction @ self.motion
 
-    def differentiator(self, frequencies: Real) -> Complex:
-        """Return the factors (i w)^(2 - order) that make each channel an acceleration, (frequencies, channels)."""
-        return np.asarray((2j * np.pi * frequencies[:, None]) ** (2 - self.orders), dtype=np.complex128)
+    def differenced(self, samples: Real, sampling_rate: float) -> Real:
+        """Return each channel differenced forwards 2 - order times, shape (channels, samples).
+
+        Before a window: its side lobes would otherwise be those of the steeper spectrum of a velocity or displacement.
+        """
+        rows = [
+            np.diff(row, n=times, append=np.repeat(row[-1], times)) * sampling_rate**times
+            for row, times in zip(samples, 2 - self.orders, strict=True)
+        ]
+        return np.asarray(rows, dtype=np.float64)
+
+    def differentiator(self, frequencies: Real, sampling_rate: float) -> Complex:
+        """Return the factors that make differences accelerations, i w over (e^(i w / rate) - 1) rate, to 2 - order.
+
+        Shape (frequencies, channels).
+        """
+        z = 2j * np.pi * frequencies[:, None] / sampling_rate
+        return np.asarray((z / np.expm1(z)) ** (2 - self.orders), dtype=np.complex128)
 
 
 def rigid_layout(structure: Structure) -> RigidLayout:

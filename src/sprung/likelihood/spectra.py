@@ -209,7 +209,7 @@ def segment_spectra(
     frequencies = frequencies[in_band]
     segments = SegmentSpectra(
         frequencies=frequencies,
-        values=(values * layout.differentiator(frequencies)) @ layout.reduction.T,
+        values=(values * layout.differentiator(frequencies, parts[0][0])) @ layout.reduction.T,
         speeds=np.full(len(values), np.nan),
         spreads=np.zeros(len(values)),
         segment_length=segment_length,
@@ -509,9 +509,10 @@ def _hann(n_samples: int) -> Real:
 
 
 def _stretch_spectra(recording: Recording, stretch: slice, layout: RigidLayout, segment_length: float) -> Complex:
-    """Return the spectra of the channels in each segment of a stretch, shape (segments, frequencies, channels)."""
+    """Return the spectra of differenced channels in each segment of a stretch, (segments, frequencies, channels)."""
     rows = [recording.index(name) for name in layout.names]
-    windows = _windows(recording.samples[rows, stretch], round(segment_length * recording.sampling_rate))
+    samples = layout.differenced(recording.samples[rows, stretch], recording.sampling_rate)
+    windows = _windows(samples, round(segment_length * recording.sampling_rate))
     window = _hann(windows.shape[-1])
     scale = np.sqrt(2 / (recording.sampling_rate * np.sum(window**2)))
     spectra = np.fft.rfft((windows - windows.mean(axis=-1, keepdims=True)) * window, axis=-1) * scale

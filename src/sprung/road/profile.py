@@ -257,9 +257,9 @@ class Inverse:
         if n_pieces < 2 or not np.any(speed > SLOWEST):
             return None
         taper = np.sqrt(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_piece) / n_piece))
-        samples = motion.select(list(self._layout.names)).samples
+        samples = self._layout.differenced(motion.select(list(self._layout.names)).samples, self._rate)
         heights = np.zeros((2, n_pieces * hop + hop))
-        order = self._layout.differentiator(self.frequencies)
+        order = self._layout.differentiator(self.frequencies, self._rate)
         for number in range(n_pieces):
             begin = number * hop
             values = samples[:, begin : begin + n_piece]
