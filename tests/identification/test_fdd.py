@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from sprung.errors import ParameterError
 from sprung.identification import enhanced_fdd
@@ -132,3 +133,22 @@ def test_a_mode_beside_a_stronger_one_peaks_in_the_second_singular_value() -> No
 def test_a_peak_at_the_end_of_the_band_is_as_high_as_it_is_beyond() -> None:
     spectra = replace(oscillator(20.0, 0.01, n_derivatives=2), n_segments=20)
     assert spectra.frequencies[find_bells(spectra, band=(1.0, 20.1)).peaks] == pytest.approx([20.0])
+
+
+def test_peaks_of_light_damping_are_as_certain_as_two_minutes_allow() -> None:
+    """Damping of 0.2 % leaves frequencies 0.3 to 0.9 half-bandwidths uncertain: 12 of 30 such peaks were left out."""
+    frequencies, rate, n_samples, shown = np.array([3.5, 5.9, 8.4]), 50.0, 6_000, 0
+    roots = np.exp(2 * np.pi * frequencies / rate * (1j - 0.002))
+    for seed in range(10):
+        generator = np.random.default_rng([2, seed])
+        forces = generator.standard_normal((3, n_samples + 20_000))
+        modal = [signal.lfilter([1], np.poly([p, p.conj()]).real, row) for p, row in zip(roots, forces, strict=True)]
+        motion = np.array(modal)[:, 20_000:]
+        samples = generator.standard_normal((5, 3)) @ (motion / motion.std(axis=1, keepdims=True))
+        samples += 0.1 * generator.standard_normal(samples.shape)
+        channels = tuple(Channel(f"a{k}", "acceleration") for k in range(5))
+        found = enhanced_fdd(Recording(samples, rate, channels)).modes.natural_frequency
+        distance = np.abs(found[:, None] / frequencies - 1)
+        assert (distance.min(axis=1) < 0.01).all()
+        shown += int((distance.min(axis=0) < 0.01).sum())
+    assert shown >= 29

@@ -314,11 +314,16 @@ def _verdict(poles: Poles, members: Indices, criteria: StabilityCriteria, durati
     rungs = np.unique(poles.rungs[members])
     if len(rungs) < criteria.stable_rate * len(poles.ladder):
         return PoleStatus.RARE
-    bandwidth = (poles.natural_frequency * poles.damping_ratio)[members]
-    allowed = _RULES.over_least / np.sqrt(4 * np.pi * bandwidth * duration)
-    if np.min(poles.natural_frequency_std[members] / (bandwidth * np.maximum(criteria.uncertainty, allowed))) > 1:
+    if np.min(uncertainty(poles, criteria, duration)[members]) > 1:
         return PoleStatus.UNCERTAIN
     return PoleStatus.SELECTED
+
+
+def uncertainty(found: Poles | Modes, criteria: StabilityCriteria, duration: float) -> Real:
+    """Return the standard deviation of each frequency over the largest that records of a duration [s] may leave it."""
+    bandwidth = found.natural_frequency * found.damping_ratio
+    allowed = _RULES.over_least / np.sqrt(4 * np.pi * np.maximum(bandwidth, np.finfo(float).tiny) * duration)
+    return np.asarray(found.natural_frequency_std / (bandwidth * np.maximum(criteria.uncertainty, allowed)))
 
 
 def _representatives(poles: Poles, alignments: Indices, chosen: Indices) -> Indices:

@@ -401,7 +401,8 @@ def fit_peaks(draft: Draft) -> Draft:
     is_harmonic = near_harmonic(
         modes.natural_frequency, modes.damping_ratio, records.harmonics, resolution=1.5 * float(spectra.frequencies[1])
     )
-    is_certain = modes.natural_frequency_std <= criteria.uncertainty * modes.natural_frequency * modes.damping_ratio
+    duration = records.segments.n_segments * records.plan.segment
+    is_certain = stabilisation.uncertainty(modes, criteria, duration) <= 1
     is_physical = modes.damping_ratio <= criteria.max_damping
     modes = modes.take(np.flatnonzero(~is_harmonic & is_certain & is_physical))
     scaled = replace(modes, mode_shapes=modes.mode_shapes * records.plan.preparation.scales)
