@@ -1,9 +1,9 @@
 """What a plan predicts, beside simulated drives: `python -m benchmarks.plan [--drives N] [--lives N]`.
 
-With `--drives`, for each kit of sensors: the standard deviations that the fits report (median over the drives) and the
-scatter of the ratios of left to right, over those predicted, as median and range over the components whose left and
-right are predicted to 10 % or better (their number is in brackets). Beyond, a ratio is known to a factor: the
-likelihood is not quadratic over it, and the nominal truth is where the prior holds the estimate.
+With `--drives`, for each kit of sensors: the standard deviations that the fits report (median over the drives), of
+values and of ratios of left to right, and the scatter of these ratios, over those predicted, as median and range over
+the components that the plan calls determined (their number is in brackets), the scatter over those whose ratio is
+predicted to 10 % or better. Beyond, the nominal truth is where the prior holds the estimate, and scatters less.
 
 With `--lives`, the time until a loss is named, for kits, parts and losses that take more than one window by the plan.
 Each life is twelve windows to learn from, then windows with the loss until the first finding is the part. Columns:
@@ -27,14 +27,14 @@ from benchmarks.measuring import print_table
 from sprung.diagnosis import Observation, diagnose, learn, observe_window
 from sprung.kits import kit_of, plan
 from sprung.likelihood import fit_corners
-from sprung.likelihood.expected import ExpectedDrive, ExpectedFit, expected_fit
+from sprung.likelihood.expected import ExpectedDrive, ExpectedFit
 from sprung.simulation import RoadConditions, RoadDrive, simulate_drive
 from sprung.vehicles import Fault, Vehicle, parse_fault, read_vehicle
 
 KITS = ("four", "three", "two", "one", "imu")
 #: The simulated drives: class C, no braking or cornering, noise 34 dB below the motion.
 DRIVE = RoadDrive(duration=600.0, sampling_rate=100.0, speed=(6.0, 20.0), road=RoadConditions("C"), snr=50.0)
-#: Largest predicted standard deviation of a ratio of left to right that is compared.
+#: Largest predicted standard deviation of a ratio of left to right whose scatter is compared.
 KNOWN = 0.1
 EXPECTED = ExpectedDrive(speed=(6.0, 20.0), roughness=256e-6, sampling_rate=100.0, driving=1e-5)
 
@@ -130,19 +130,20 @@ def main() -> None:
     rows = []
     with ProcessPoolExecutor(given.jobs) as pool:
         for name in given.kits.split(","):
-            expected = expected_fit(kit(name), replace(EXPECTED, minutes=given.minutes))
+            planned = plan(kit(name), drive=replace(EXPECTED, minutes=given.minutes)).components
+            parts = tuple(each.component for each in planned)
             results = list(pool.map(partial(fitted, name, given.minutes), range(given.drives)))
-            reported = [ExpectedFit(expected.components, covariance, 0.7) for _, covariance in results]
-            stds = np.median([list(each.std.values()) for each in reported], axis=0) / list(expected.std.values())
+            reported = [ExpectedFit(parts, covariance, 0.7) for _, covariance in results]
+            stds = np.median([list(each.std.values()) for each in reported], axis=0) / [each.std for each in planned]
             contrasts = np.median([list(each.contrast_std.values()) for each in reported], axis=0)
-            predicted = np.array(list(expected.contrast_std.values()))
-            index = {part: row for row, part in enumerate(expected.components)}
-            others = [index[type(part)(_other(part.corner), part.kind)] for part in expected.contrast_std]
+            predicted = np.array([each.contrast_std for each in planned])
+            others = [parts.index(replace(part, corner=_other(part.corner))) for part in parts]
             values = np.array([values for values, _ in results])
             errors = np.sqrt(np.mean((values - values[:, others]) ** 2, axis=0))
-            known = predicted <= KNOWN
-            ratios = (each[known] for each in (stds, contrasts / predicted, errors / predicted))
-            rows.append([f"{name} ({known.sum()})", *map(_range, ratios)])
+            told = np.array([each.is_identifiable for each in planned])
+            known = told & (predicted <= KNOWN)
+            ratios = (stds[told], (contrasts / predicted)[told & told[others]], (errors / predicted)[known])
+            rows.append([f"{name} ({told.sum()})", *map(_range, ratios)])
     print_table(
         f"`python -m benchmarks.plan --drives {given.drives} --minutes {given.minutes:g} --kits {given.kits}`",
         ["kit", "reported std", "reported std, left over right", "error, left over right"],

@@ -31,6 +31,9 @@ class PlanSettings:
     n_windows: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
     #: Probability that a change is found within the time stated: its median.
     power: float = 0.5
+    #: Standard deviation above which precision differs over the scatter of estimates, and pairs of them for its mean.
+    weak: float = 0.1
+    n_pairs: int = 4
 
 
 PLAN = PlanSettings()
@@ -160,10 +163,11 @@ def plan(vehicle: Vehicle, *, drive: ExpectedDrive | None = None, false_alarms: 
 
     Notes
     -----
-    Standard deviations are those of the Fisher information of the likelihood that the fit uses (`expected_fit`). The
-    time to a finding is the number of windows after which the change test, with a baseline of twelve such windows at
-    one temperature and under the same conditions, reaches its threshold in half of the cases (`detectable`). Friction,
-    temperature and loads that the baseline has not met add to both on a real vehicle.
+    Standard deviations are those of the Fisher information of the likelihood that the fit uses (`expected_fit`), where
+    one is above 10 % their mean over the scatter of estimates. The time to a finding is the number of windows after
+    which the change test, with a baseline of twelve such windows at one temperature and under the same conditions,
+    reaches its threshold in half of the cases (`detectable`). Friction, temperature and loads that the baseline has not
+    met add to both on a real vehicle.
 
     References
     ----------
@@ -183,6 +187,8 @@ def plan(vehicle: Vehicle, *, drive: ExpectedDrive | None = None, false_alarms: 
     check_number("false_alarms", false_alarms, above=0)
     drive = drive or ExpectedDrive()
     expected = expected_fit(vehicle, drive)
+    if max(expected.std.values()) > PLAN.weak:
+        expected = expected_fit(vehicle, drive, n_pairs=PLAN.n_pairs)
     contrasts, axles, identifiable = expected.contrast_std, expected.axle_std, expected.is_identifiable
     minutes = _minutes(expected, drive, false_alarms)
     components = tuple(

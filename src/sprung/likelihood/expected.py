@@ -12,7 +12,7 @@ from sprung.errors import ParameterError
 from sprung.likelihood.coordinates import TYPICAL_NOISE, rigid_layout
 from sprung.likelihood.corners import IDENTIFIABLE
 from sprung.likelihood.fitting import FitSetup
-from sprung.likelihood.spectra import CLASS_WIDTH, OVERLAP, SLOWEST, ClassSpectra
+from sprung.likelihood.spectra import CLASS_WIDTH, OVERCOUNT, OVERLAP, SLOWEST, ClassSpectra
 from sprung.likelihood.uncertainty import expected_covariance
 from sprung.likelihood.vehicle import CornerSettings, default_choices
 from sprung.likelihood.whittle import Model
@@ -160,6 +160,7 @@ def expected_fit(
     *,
     settings: CornerSettings | None = None,
     noise: Mapping[str, float] | None = None,
+    n_pairs: int = 0,
 ) -> ExpectedFit:
     """Return what a fit of the corners to a window is expected to determine.
 
@@ -173,6 +174,9 @@ def expected_fit(
         Choices of the fit.
     noise
         Noise density of the sensors by quantity, in SI units per root of Hz; None: of usual MEMS sensors.
+    n_pairs
+        Number of pairs of estimates about the nominal vehicle, at which fits report their covariance; 0: at the nominal
+        vehicle alone. Of weak kits, whose estimates scatter, fits report up to a half less than there.
 
     Raises
     ------
@@ -184,10 +188,13 @@ def expected_fit(
     The covariance is that of `parameter_covariance` at the nominal vehicle, A (c I + P) A with the Fisher information
     I of the likelihood that the fit uses, A = (I + P)^-1, the prior P, and c = 19/9 for overlapping windows. Segments
     are spread evenly over the speeds. The information of a mix of roads is the mean of theirs, weighted by their
-    shares. An error of the model, friction above all, adds to it on a real vehicle.
+    shares. An error of the model, friction above all, adds to it on a real vehicle. Pairs of estimates scatter as those
+    of fits, by A c I A; the mean of their covariances is that of the logarithms of the matrices.
 
     References
     ----------
+    V. Arsigny et al., Log-Euclidean metrics for fast and simple calculus on diffusion tensors, Magnetic Resonance in
+    Medicine 56 (2006) 411-421 (mean of matrices by their logarithms).
     P. Whittle, The analysis of multiple stationary time series, Journal of the Royal Statistical Society B 15 (1953)
     125-139.
 
@@ -206,13 +213,26 @@ def expected_fit(
     model, parameters = _model(
         vehicle, drive, settings, {**NOISE, "acceleration": drive.accelerometer_noise, **(noise or {})}
     )
-    information = sum(share * model.information(values) for share, values in parameters)
     std = model.prior_std.copy()
     if not drive.has_speed and "delay" in model.names:
         std[model.names.index("delay")] = _UNKNOWN_DELAY
-    covariance = expected_covariance(np.asarray(information), std)
-    rows = model.rows("components")
-    return ExpectedFit(model.components, covariance[np.ix_(rows, rows)], settings.prior_std)
+    rows, size = model.rows("components"), std.size
+
+    def information(step: Real) -> Real:
+        return np.sum([share * model.information(values + step) for share, values in parameters], axis=0)
+
+    def logarithm(step: Real) -> Real:
+        variances, axes = np.linalg.eigh(expected_covariance(information(step), std)[np.ix_(rows, rows)])
+        return (axes * np.log(variances)) @ axes.T
+
+    nominal = information(np.zeros(size))
+    if not n_pairs:
+        return ExpectedFit(model.components, expected_covariance(nominal, std)[np.ix_(rows, rows)], settings.prior_std)
+    bread = np.linalg.inv(nominal + np.diag(1 / std**2))
+    scatter = np.linalg.cholesky(bread @ (OVERCOUNT * nominal + 1e-9 * np.diag(1 / std**2)) @ bread)
+    steps = np.random.default_rng(0).standard_normal((n_pairs, size)) @ scatter.T
+    variances, axes = np.linalg.eigh(np.mean([logarithm(step) for step in (*steps, *-steps)], axis=0))
+    return ExpectedFit(model.components, (axes * np.exp(variances)) @ axes.T, settings.prior_std)
 
 
 def _model(
