@@ -1,32 +1,38 @@
 """Roughness index of simulated roads from the motion of cars, beside that of the true profile.
 
-    python -m benchmarks.road [--minutes M] [--drawn N] [--multibody]
+    python -m benchmarks.road [--minutes M] [--drawn N] [--multibody | --smoother]
 
 First a row for each class and vehicle file: the true one, or one from a data sheet alone (`described`). Then cars that
 are drawn from what the data sheet leaves open, each on one of these roads. Then one road under three cars at five
 speeds. Values are the index of 100 m of a track over that of the profile that was driven: bias
 and RMS of the error, and share of 95 % intervals that hold; for the one road also the RMS over the mean of all drives.
 With `--multibody` (needs mujoco) the car of `benchmarks.multibody` drives, which no file describes exactly, with the
-file from its data sheet and with that file calibrated on five drives.
+file from its data sheet and with that file calibrated on five drives. With `--smoother` a row for each class and way
+from the motion to the road: the product's spectral inverse, and a Rauch-Tung-Striebel smoother of the same fitted car.
 """
 
 import argparse
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from benchmarks.measuring import print_table
+from benchmarks.smoother import smoothed
 
 from sprung.calibration import DataSheet, described
 from sprung.excitation import road_class, surface
+from sprung.likelihood import CornerFit
 from sprung.recording import Recording
-from sprung.road import RoadSurvey, survey_road, suspension_slope
+from sprung.road import RoadProfile, RoadSurvey, road_profile, survey, survey_road, suspension_slope
+from sprung.road.tracks import Track
 from sprung.simulation import RoadConditions, RoadDrive, simulate_drive
 from sprung.vehicles import Vehicle, read_vehicle
+from sprung.vehicles.window import Window
 
 CASES = (
     ("A", (20.0, 30.0)),
@@ -218,17 +224,42 @@ def print_multibody() -> None:
     print_table("A car of a multibody engine", ["class", "speed [km/h]", "file", *HEADS], rows)
 
 
+def print_smoother(minutes: float, car: Vehicle) -> None:
+    """Print a row for each class and way, and the processor time of the way."""
+
+    def by_smoother(windows: Sequence[Window], fit: CornerFit, track: Track) -> RoadProfile:
+        profile, heights = road_profile(windows, fit, track), smoothed(windows[0], fit)
+        times = np.arange(heights.shape[1]) / windows[0].motion.sampling_rate
+        return replace(profile, heights=np.array([np.interp(profile.times, times, row) for row in heights]))
+
+    rows = []
+    for seed, (name, speed) in enumerate(CASES, start=7):
+        drive = RoadDrive(duration=60 * minutes, sampling_rate=100.0, speed=speed, road=RoadConditions(name), snr=50.0)
+        for way, profile in (("inverse", road_profile), ("smoother", by_smoother)):
+            survey.road_profile = profile
+            (found,) = surveyed(car, drive, seed, (car,))
+            rows.append([name, f"{3.6 * speed[0]:.0f} to {3.6 * speed[1]:.0f}", way, *figures(*found)])
+            rows[-1].append(f"{100 * found[0].std():.1f}")
+        survey.road_profile = road_profile
+    heads = ["class", "speed [km/h]", "way", *HEADS, "scatter [%]"]
+    print_table(f"`python -m benchmarks.road --smoother --minutes {minutes:.3g}`", heads, rows)
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=400 / 60)
     parser.add_argument("--drawn", type=int, default=18)
     parser.add_argument("--multibody", action="store_true")
+    parser.add_argument("--smoother", action="store_true", help="takes 0.5 GB of memory a minute and a half")
     given = parser.parse_args()
     if given.multibody:
         print_multibody()
         return
     car = read_vehicle("zafira")
+    if given.smoother:
+        print_smoother(given.minutes, car)
+        return
     print_classes(given.minutes, car, given.drawn)
     print_one_road({"zafira": car} | {name: read_vehicle(VEHICLES / f"{name}.toml") for name in ("hatchback", "van")})
 
