@@ -10,7 +10,7 @@ from sprung.likelihood.whittle import Model
 #: Shortest and longest distance of joints that are searched for [m].
 PITCHES = (5.0, 60.0)
 #: Least correlation at that distance, in standard deviations of chance.
-SIGNIFICANT = 10.0
+SIGNIFICANT = 6.0
 #: Least density between the lines: sharper than a bin of a segment, they would make it negative on its grid.
 _LEAST = 1e-3
 
