@@ -299,7 +299,8 @@ def doubt_about(detectable: Mapping[Component, float]) -> str:
     Notes
     -----
     Anti-roll bars raise no doubt about the others: sensors on the body hardly see a weak one. What is said of a vehicle
-    without changes names those whose loss is hidden (`detectable_in_words`).
+    without changes names those whose loss is hidden (`detectable_in_words`). Nor does the conicity of wheels, which
+    follows the gauge of the rails.
 
     Examples
     --------
@@ -307,7 +308,7 @@ def doubt_about(detectable: Mapping[Component, float]) -> str:
     >>> doubt_about({Component("front_left", "spring"): 0.2, Component("rear_axle", "anti_roll"): 0.9})
     ''
     """
-    parts = {part: least for part, least in detectable.items() if part.kind != "anti_roll"}
+    parts = {part: least for part, least in detectable.items() if part.kind not in {"anti_roll", "conicity"}}
     hidden = {part: least for part, least in parts.items() if least > MAX_UNDETECTED}
     if not hidden:
         return ""
@@ -440,7 +441,7 @@ def _is_needed(pair: Candidate, alone: Mapping[Hypothesis, float]) -> bool:
 def _words(candidate: Candidate) -> str:
     """Return a hypothesis in words."""
     return " and ".join(
-        f"{change.corner.replace('_', '-')} {change.component} by {100 * size.change:+z.0f} %"
+        f"{change.corner.replace('_', '-')} {change.component.replace('_', ' ')} by {100 * size.change:+z.0f} %"
         for change, size in zip(candidate.hypothesis.changes, candidate.sizes, strict=True)
     )
 

@@ -19,7 +19,7 @@ from sprung.modal import mac, unit_shapes
 from sprung.vehicles import Component, Vehicle, structure
 from sprung.vehicles.channel_faults import SensorFault
 from sprung.vehicles.labels import MOTIONS
-from sprung.vehicles.structure import DAMPERS
+from sprung.vehicles.lateral import LATERAL_PARTS
 
 #: Verdicts of a diagnosis.
 Verdict = Literal["change", "no_change_detected", "inconclusive"]
@@ -108,7 +108,9 @@ class Finding(Tabular):
         """The finding in plain words."""
         if self.change is None or self.interval is None:
             return f"the suspension differs from the baseline in a way that no single part explains: {self.advice}"
-        softer, stiffer = ("weaker", "stronger") if self.component in DAMPERS else ("softer", "stiffer")
+        softer, stiffer = ("weaker", "stronger") if self.component.endswith("damper") else ("softer", "stiffer")
+        if self.component == "conicity":
+            softer, stiffer = "lower", "higher"
         low, high = sorted((100 * end for end in self.interval), key=abs)
         digits = 0 if abs(high - low) >= _NARROW else 1
         if low * high > 0:
@@ -136,8 +138,10 @@ class Finding(Tabular):
         part, corner = self.component.replace("_", " "), self.corner.replace("_", "-")
         if self.component == "anti_roll":
             return f"{self.corner.removesuffix('_axle')} anti-roll bar or a link of it"
-        if self.corner == "all":
-            return f"all {part}s"
+        if self.component == "conicity":
+            return "equivalent conicity of the wheelsets"
+        if self.corner == "all" or self.component in LATERAL_PARTS:
+            return f"{self.corner} {part}s"
         return f"{corner} {part}" if Component(self.corner, self.component).side else f"both {corner} {part}s"
 
 
@@ -237,7 +241,8 @@ def detectable_in_words(detectable: Mapping[Component, float]) -> str:
     >>> detectable_in_words({Component("front_left", "spring"): 0.07, Component("rear_axle", "anti_roll"): 0.9})
     'a change of 7 % of any other part would have been found, the loss of the rear-axle anti-roll bar would not'
     """
-    parts = [least for part, least in detectable.items() if part.kind != "anti_roll" or least <= LOST_BAR]
+    kinds = {part: part.kind for part in detectable if part.kind != "conicity"}
+    parts = [detectable[part] for part, kind in kinds.items() if kind != "anti_roll" or detectable[part] <= LOST_BAR]
     if not parts:
         return ""
     bars = [

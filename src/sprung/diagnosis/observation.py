@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from sprung._arrays import Real
 from sprung._checks import check_type, freeze
@@ -16,12 +17,14 @@ from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import CornerFit, CornerSettings, fit_corners
 from sprung.likelihood.elements import log_of_bars
 from sprung.likelihood.fitting import fit_windows
+from sprung.likelihood.lateral import LateralFit, fit_lateral
 from sprung.likelihood.plate_test import low_phase_shifts
 from sprung.recording import Recording, each_recording
 from sprung.ride import response_of
 from sprung.vehicles import Component, Vehicle
 from sprung.vehicles.channel_faults import MISSING, SensorFault
 from sprung.vehicles.labels import MOTIONS
+from sprung.vehicles.lateral import has_lateral_sensors, lateral_outputs, lateral_parts, with_load
 from sprung.vehicles.sensor_checks import CONTRADICTIONS, describe_contradictions
 from sprung.vehicles.window import Window, window_of
 
@@ -77,6 +80,8 @@ class Observation(Tabular):
         Time of the window's first sample [s].
     components
         Fitted springs, dampers and tyres, and anti-roll bars of the vehicle file where the sensors see the body roll.
+        Of a rail vehicle with lateral tables, lateral sensors and the speed also "bogie1.lateral_damper" ... and
+        "wheelsets.conicity", see `sprung.likelihood.fit_lateral`.
     log_ratios
         ln(value / nominal value) of each component, shape (components,); empty if the window is inconclusive. Of an
         anti-roll bar that has lost more than half, ln(1/2) and twice what it has lost beyond.
@@ -337,6 +342,10 @@ def observe_window(
     reason = "sensors are exchanged" if exchanged else _reason(fit, check.disagreement)
     if reason:
         return _observation(time, window, exchanged or check.faults, reason=reason)
+    try:
+        sideways = _lateral_fit(window, fit)
+    except DataError as error:
+        return _observation(time, window, check.faults, reason=f"lateral motion: {error}")
     modes = fit.modes()
     body = zip(modes.labels, modes.natural_frequency.tolist(), modes.damping_ratio.tolist(), strict=True)
     parts = _parts(fit)
@@ -344,11 +353,12 @@ def observe_window(
     ratios, slopes = fit.parameters[rows], np.ones(len(rows))
     bars = np.array([part.kind == "anti_roll" for part in parts])
     ratios[bars], slopes[bars] = log_of_bars(ratios[bars])
+    lateral, lateral_ratios, lateral_covariance = _lateral_parts(sideways)
     return replace(
         _observation(time, window, check.faults),
-        components=tuple(parts),
-        log_ratios=ratios,
-        covariance=fit.covariance[np.ix_(rows, rows)] * np.outer(slopes, slopes),
+        components=(*parts, *lateral),
+        log_ratios=np.concatenate([ratios, lateral_ratios]),
+        covariance=block_diag(fit.covariance[np.ix_(rows, rows)] * np.outer(slopes, slopes), lateral_covariance),
         conditions=window.conditions | _fitted_conditions(fit) | _ride(window),
         modes={label: (frequency, damping) for label, frequency, damping in body if label in MOTIONS},
         residuals=None if check.faults else _residuals(window),
@@ -378,6 +388,29 @@ def _parts(fit: CornerFit) -> dict[Component, int]:
         bars = (element for element in fit.model.structure.elements if element.part == "anti_roll")
         known |= {f"{element.owner}_stiffness": element.components[0] for element in bars}
     return {known[name]: row for row, name in enumerate(fit.model.names) if name in known}
+
+
+def _lateral_fit(window: Window, fit: CornerFit) -> LateralFit | None:
+    """Return the fit of lateral motion under the fitted load; None without the speed or all lateral sensors."""
+    vehicle = window.vehicle
+    if window.speed is None or not has_lateral_sensors(vehicle):
+        return None
+    if not set(lateral_outputs(vehicle).names) <= set(window.outputs):
+        return None
+    load = fit.payload["payload_mass"]["value"] if "payload_mass" in fit.payload else 0.0
+    sideways = fit_lateral(window.recording, with_load(vehicle, load))
+    if sideways.model_error > LIMITS.model_error:
+        raise DataError(f"the vehicle file explains it poorly: model error {100 * sideways.model_error:.0f} %")
+    return sideways
+
+
+def _lateral_parts(fit: LateralFit | None) -> tuple[tuple[Component, ...], Real, Real]:
+    """Return the lateral parts whose change is sought, their log ratios and covariance."""
+    if fit is None:
+        return (), np.zeros(0), np.zeros((0, 0))
+    parts = lateral_parts(fit.model.vehicle)
+    rows = [fit.components.index(name) for name in parts.values()]
+    return tuple(parts), fit.parameters[rows], fit.covariance[np.ix_(rows, rows)]
 
 
 def _fitted_conditions(fit: CornerFit) -> dict[str, float]:

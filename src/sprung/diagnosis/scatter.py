@@ -13,9 +13,9 @@ from sprung.vehicles import Component
 
 #: Common change of all components of a kind from window to window (payload, temperature, road), ln values, where the
 #: temperature is unknown.
-COMMON = {"spring": 0.08, "damper": 0.25, "tyre": 0.06, "anti_roll": 0.08}
+COMMON = {"spring": 0.08, "damper": 0.25, "tyre": 0.06, "anti_roll": 0.08, "conicity": 0.1}
 #: The part of it that is left where the temperature is known.
-COMMON_AT_A_TEMPERATURE = {"spring": 0.04, "damper": 0.06, "tyre": 0.03, "anti_roll": 0.04}
+COMMON_AT_A_TEMPERATURE = COMMON | {"spring": 0.04, "damper": 0.06, "tyre": 0.03, "anti_roll": 0.04}
 #: Common change of front against rear, ln values.
 FRONT_REAR_STD = {"spring": 0.008, "damper": 0.012, "tyre": 0.005, "anti_roll": 0.008}
 

@@ -52,7 +52,7 @@ from sprung.simulation.nonlinear import TimeHistory, simulate_nonlinear
 from sprung.simulation.sensors import Imperfection, with_imperfections, with_noise
 from sprung.simulation.truth import plain, true_conditions, truth
 from sprung.vehicles import Component, Fault, Sensor, Structure, Vehicle, check_on_axles, structure, with_faults
-from sprung.vehicles.lateral import has_lateral_sensors, lateral_components
+from sprung.vehicles.lateral import has_lateral_sensors, lateral_parts, with_load
 from sprung.vehicles.sections import SENSOR_QUANTITIES
 from sprung.vehicles.structure import DAMPERS, motions_of
 
@@ -397,10 +397,10 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
     true = true_vehicle(vehicle, settings.deviations)
     healthy = _healthy(true, settings)
     route = _route(settings, seed, generator)
-    sideways = lateral_components(vehicle) if has_lateral_sensors(vehicle) else {}
-    faults = tuple(f for f in (*settings.faults, *settings.deviations.worn) if str(f.component) not in sideways)
+    sideways = lateral_parts(vehicle) if has_lateral_sensors(vehicle) else {}
+    faults = tuple(f for f in (*settings.faults, *settings.deviations.worn) if f.component not in sideways)
     ideal = _signals(true, healthy, settings, route, faults=faults, generator=generator)
-    lateral_faults = tuple(fault for fault in settings.faults if str(fault.component) in sideways)
+    lateral_faults = tuple(fault for fault in settings.faults if fault.component in sideways)
     if sideways and isinstance(settings, RailDrive):
         track = _stream(seed, _LATERAL)
         for fault in lateral_faults:
@@ -409,9 +409,10 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
                     f"fault {fault.component} begins later or grows, but lateral motion is simulated with constant "
                     "faults: give its size alone"
                 )
-        changes = {str(fault.component): float(np.log(fault.factor(math.inf))) for fault in lateral_faults}
+        changes = {sideways[fault.component]: float(np.log(fault.factor(math.inf))) for fault in lateral_faults}
+        laden = with_load(true, math.fsum(payload.mass for payload in settings.payloads))
         ideal = lateral_signals(
-            ideal, true, log_ratios=changes, quality=settings.quality, speed=route.speed, generator=track
+            ideal, laden, log_ratios=changes, quality=settings.quality, speed=route.speed, generator=track
         )
     if settings.snr is not None:
         ideal = with_noise(ideal, snr=settings.snr, generator=generator)

@@ -12,7 +12,7 @@ from sprung.errors import ParameterError
 from sprung.recording import Channel
 from sprung.vehicles.description import Vehicle
 from sprung.vehicles.sections import Bogie, Lateral
-from sprung.vehicles.structure import MOTIONS
+from sprung.vehicles.structure import MOTIONS, Component
 from sprung.vehicles.system import ExactModes, MechanicalSystem, Outputs, modes
 
 #: Acceleration of gravity [m/s^2].
@@ -206,6 +206,24 @@ def lateral_components(vehicle: Vehicle) -> dict[str, float]:
     return values
 
 
+def lateral_parts(vehicle: Vehicle) -> dict[Component, str]:
+    """Return the parts that lateral components are of, with their names there: all but creep, which is the rails' too.
+
+    Raises
+    ------
+    ParameterError
+        As raised by `lateral_components`.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle
+    >>> [str(part) for part in lateral_parts(read_vehicle("coach"))][:3]
+    ['wheelsets.conicity', 'bogie1.primary_longitudinal_spring', 'bogie1.primary_lateral_spring']
+    """
+    names = [name for name in lateral_components(vehicle) if name != "creep"]
+    return {Component.parse(name if "." in name else f"wheelsets.{name}"): name for name in names}
+
+
 def with_lateral(vehicle: Vehicle, log_ratios: Mapping[str, float]) -> Vehicle:
     """Return the vehicle with lateral components, named as by `lateral_components`, times exp(log ratio)."""
     factors = {name: float(np.exp(value)) for name, value in log_ratios.items()}
@@ -219,6 +237,11 @@ def with_lateral(vehicle: Vehicle, log_ratios: Mapping[str, float]) -> Vehicle:
         changed["creep"] = tuple(value * factors.get("creep", 1.0) for value in lateral.creep)
         bogies.append(bogie.model_copy(update={"lateral": lateral.model_copy(update=changed)}))
     return vehicle.model_copy(update={"bogie": tuple(bogies)})
+
+
+def with_load(vehicle: Vehicle, mass: float) -> Vehicle:
+    """Return the vehicle with a load [kg] at the centre of gravity of its body."""
+    return vehicle.model_copy(update={"body": vehicle.body.model_copy(update={"mass": vehicle.body.mass + mass})})
 
 
 def _tables(vehicle: Vehicle) -> list[tuple[Bogie, Lateral]]:

@@ -351,21 +351,22 @@ def matrix(
 
 
 def corner_of(component: Component) -> str:
-    """Return the corner at which a component is drawn: the left one of its axle for an anti-roll bar."""
-    is_bar = component.kind == "anti_roll"
-    return f"{component.corner.removesuffix('_axle')}_left" if is_bar else component.corner
+    """Return the corner at which a component is drawn: the left one of its axle or bogie, if it is of neither side."""
+    if component.side is not None:
+        return component.corner
+    return f"{component.corner.removesuffix('_axle').replace('wheelsets', 'bogie1')}_left"
 
 
 def component_panels(figure: Figure, components: Sequence[Component]) -> tuple[NDArray[Any], list[tuple[Axes, int]]]:
     """Return panels of springs, dampers and tyres by corner, and those of the components with their rows.
 
-    Anti-roll bars are below the left corner of their axle; a vehicle on bogies has panels of both stages.
+    Parts of neither side are below the left corner; a vehicle on bogies has panels of both stages.
     """
     rows = {(corner_of(component), component.kind): row for row, component in enumerate(components)}
     corners = list(dict.fromkeys(corner for corner, _ in rows))
     stages = [kind for _, kind in rows if kind.startswith(("primary_", "secondary_"))]
-    bars = [kind for _, kind in rows if kind == "anti_roll"]
-    kinds = list(dict.fromkeys([*(stages or STYLE.kinds), *bars]))
+    others = [component.kind for component in components if component.side is None]
+    kinds = list(dict.fromkeys([*(stages or STYLE.kinds), *others]))
     grid = panels(figure, len(kinds), len(corners), sharex=True, sharey="row")
     shown = []
     for (k, column), axes in np.ndenumerate(grid):
