@@ -32,7 +32,8 @@ the processor decides. A row says that what it names was compared, and nothing a
 
 #: Standards and clauses that a reader may look for, with what is there instead.
 NOT_IMPLEMENTED = {
-    "EN 13848": "geometry of tracks from the motion of vehicles: not computed. Rails are excitation only.",
+    "EN 13848": "gauge, cross level, alignment and twist; isolated defects; alert and intervention limits; the "
+    "validation of a recording car. Longitudinal level is computed.",
     "ISO 8608:2016": "fits of a spectrum by straight lines over octave bands (clause 5.2): roughness and waviness are "
     "estimated by least squares over 0.05 to 1 cycles per metre instead.",
     "ISO 2631-1:1997": "effects on health (clause 7) and motion sickness dose (clause 9): the weighting Wf is there, "

@@ -156,6 +156,7 @@ from sprung.ride import assess_ride as assess_ride
 from sprung.road import RoadEvent as RoadEvent
 from sprung.road import RoadSurvey as RoadSurvey
 from sprung.road import Stretch as Stretch
+from sprung.road import TrackLevel as TrackLevel
 from sprung.road import TrackRoughness as TrackRoughness
 from sprung.road import roughness_index as roughness_index
 from sprung.road import survey_road as survey_road

@@ -200,7 +200,9 @@ def road(
     files: Files,
     *,
     vehicle: VehicleFile,
-    stretch: Annotated[float, option("METRES", "Length of a stretch.", panel=INPUT)] = 100.0,
+    stretch: Annotated[
+        float | None, option("METRES", "Length of a stretch. Default: 100, of a track 200.", panel=INPUT)
+    ] = None,
     out: Annotated[
         Path | None, option("F.geojson|F.gpx|F.csv", "Write stretches and events for maps or tables.", panel=OUTPUT)
     ] = None,
@@ -208,7 +210,7 @@ def road(
     output: Output,
     reading: Reading,
 ) -> None:
-    """Measure the road under a vehicle: roughness, classes, potholes.
+    """Measure the road under a vehicle: roughness, classes, potholes; or the level of the track, EN 13848.
 
     Several files are passes over one road, which are averaged: by latitude and longitude where all have them, else by
     the distance from where each begins. A file that begins when the one before it ends continues its drive.

@@ -1,3 +1,4 @@
+from sprung.road.level import TrackLevel as TrackLevel
 from sprung.road.passes import averaged as averaged
 from sprung.road.passes import survey_passes as survey_passes
 from sprung.road.passes import write_survey as write_survey

@@ -13,9 +13,18 @@ import numpy as np
 from sprung._checks import check_type
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
-from sprung.road.survey import RoadEvent, RoadSurvey, Stretch, TrackRoughness, road_class_of, survey_road
+from sprung.road.level import TrackLevel
+from sprung.road.survey import (
+    RoadEvent,
+    RoadSurvey,
+    Stretch,
+    TrackRoughness,
+    default_stretch,
+    road_class_of,
+    survey_road,
+)
 from sprung.road.tracks import Ways, track_of
-from sprung.vehicles import Vehicle, check_on_axles
+from sprung.vehicles import Vehicle
 from sprung.vehicles.window import window_of
 
 #: Distance between two events that are taken for one [m]: what satellite positions of two passes differ by.
@@ -26,7 +35,7 @@ def survey_passes(
     drives: Iterable[Sequence[Recording]],
     vehicle: Vehicle,
     *,
-    stretch: float = 100.0,
+    stretch: float | None = None,
     allow_missing: bool = False,
     on_progress: Callable[[str, float], None] = lambda step, share: None,
 ) -> RoadSurvey:
@@ -51,7 +60,7 @@ def survey_passes(
     -----
     Each drive is surveyed by itself, with a vehicle fitted to it alone, and `averaged` takes the means.
     """
-    check_on_axles(vehicle, "a survey of the road")
+    stretch = default_stretch(vehicle) if stretch is None else stretch
     passes = [list(drive) for drive in drives]
     ways: Ways | None = None
     if len(passes) > 1:
@@ -109,11 +118,27 @@ def averaged(surveys: Sequence[RoadSurvey], *, vehicles: Sequence[Hashable] | No
     return RoadSurvey(tuple(stretches), events, tuple(dict.fromkeys(note for each in surveys for note in each.notes)))
 
 
-def _mean(tracks: Sequence[TrackRoughness], vehicles: Sequence[Hashable]) -> TrackRoughness:
+def _mean(tracks: Sequence[TrackRoughness | TrackLevel], vehicles: Sequence[Hashable]) -> TrackRoughness | TrackLevel:
     """Return the mean of a track over passes."""
-    values, stds = (np.array([getattr(track, name) for track in tracks]) for name in ("iri", "iri_std"))
-    roughness = float(np.exp(np.mean([np.log(track.roughness) for track in tracks])))
-    waviness = float(np.mean([track.waviness for track in tracks]))
+    rough = [track for track in tracks if isinstance(track, TrackRoughness)]
+    if rough:
+        roughness = float(np.exp(np.mean([np.log(track.roughness) for track in rough])))
+        waviness = float(np.mean([track.waviness for track in rough]))
+        mean, std, scatter = _mean_of([(track.iri, track.iri_std) for track in rough], vehicles)
+        return TrackRoughness(mean, std, roughness, waviness, road_class_of(roughness), scatter)
+    levels = [track for track in tracks if isinstance(track, TrackLevel)]
+    d1, d1_std, scatter = _mean_of([(track.d1, track.d1_std) for track in levels], vehicles)
+    fast = [row for row, track in enumerate(levels) if track.d2 is not None]
+    long = [(levels[row].d2 or 0.0, levels[row].d2_std or 0.0) for row in fast]
+    d2, d2_std, _ = _mean_of(long, [vehicles[row] for row in fast]) if fast else (None, None, None)
+    return TrackLevel(d1, d1_std, d2, d2_std, scatter)
+
+
+def _mean_of(
+    values_and_stds: Sequence[tuple[float, float]], vehicles: Sequence[Hashable]
+) -> tuple[float, float, float | None]:
+    """Return the mean of values over passes, its standard deviation, and their scatter."""
+    values, stds = np.array(values_and_stds).T
     means = []
     for vehicle in dict.fromkeys(vehicles):
         own = np.array([other == vehicle for other in vehicles])
@@ -122,7 +147,7 @@ def _mean(tracks: Sequence[TrackRoughness], vehicles: Sequence[Hashable]) -> Tra
     mean, std = float(np.average([value for value, _ in means], weights=weights)), float(weights.sum() ** -0.5)
     scatter = float(np.std(values, ddof=1)) if len(values) > 1 else None
     at_least = 0.0 if scatter is None else scatter / float(np.sqrt(len(values)))
-    return TrackRoughness(mean, max(std, at_least), roughness, waviness, road_class_of(roughness), scatter)
+    return mean, max(std, at_least), scatter
 
 
 def _merged(events: Sequence[RoadEvent]) -> tuple[RoadEvent, ...]:
@@ -147,9 +172,9 @@ def _merged(events: Sequence[RoadEvent]) -> tuple[RoadEvent, ...]:
     return tuple(sorted(merged, key=lambda event: event.at))
 
 
-#: Columns of a table of stretches.
-_OF_TRACK = ("iri", "iri_std", "iri_scatter", "class")
-_COLUMNS = ("from_m", "to_m", "passes", *(f"{side}_{name}" for side in ("left", "right") for name in _OF_TRACK))
+#: Columns of a table of stretches of a road, and of a track, for either side.
+_OF_ROAD = ("iri", "iri_std", "iri_scatter", "class")
+_OF_TRACK = ("d1_mm", "d1_std_mm", "d1_scatter_mm", "d2_mm", "d2_std_mm")
 #: Colours of the classes A to H on a map, from green to violet.
 _COLOURS = ("#1A9850", "#91CF60", "#F2D43D", "#FC8D59", "#D73027", "#A50026", "#7A0177", "#49006A")
 
@@ -162,8 +187,9 @@ def write_survey(survey: RoadSurvey, path: str | Path) -> None:
     survey
         Road under a vehicle.
     path
-        `.geojson`: a line for each stretch with index and class, in the colour of the class of the rougher track, a
-        point for each event (RFC 7946; colours as simplestyle has them). `.gpx`: events as way-points (GPX 1.1).
+        `.geojson`: a line for each stretch with index and class, in the colour of the class of the rougher track (of a
+        track with its levels, a colour for each half of a millimetre in D1), a point for each event (RFC 7946; colours
+        as simplestyle has them). `.gpx`: events as way-points (GPX 1.1).
         `.csv`: a row for each stretch.
 
     Raises
@@ -183,7 +209,7 @@ def write_survey(survey: RoadSurvey, path: str | Path) -> None:
     if ending == ".csv":
         with target.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
-            writer.writerow(_COLUMNS)
+            writer.writerow(_columns(survey))
             writer.writerows(_rows(survey))
     elif ending == ".geojson":
         collection = {"type": "FeatureCollection", "features": list(_features(survey))}
@@ -202,9 +228,26 @@ def _rows(survey: RoadSurvey) -> Iterator[tuple[Any, ...]]:
         )
 
 
-def _cells(track: TrackRoughness) -> tuple[Any, ...]:
-    scatter = None if track.iri_scatter is None else round(track.iri_scatter, 3)
-    return (round(track.iri, 3), round(track.iri_std, 3), scatter, track.road_class)
+def _columns(survey: RoadSurvey) -> tuple[str, ...]:
+    names = _OF_TRACK if survey.is_of_track else _OF_ROAD
+    return ("from_m", "to_m", "passes", *(f"{side}_{name}" for side in ("left", "right") for name in names))
+
+
+def _cells(track: TrackRoughness | TrackLevel) -> tuple[Any, ...]:
+    if isinstance(track, TrackRoughness):
+        scatter = None if track.iri_scatter is None else round(track.iri_scatter, 3)
+        return (round(track.iri, 3), round(track.iri_std, 3), scatter, track.road_class)
+    lengths = track.d1, track.d1_std, track.d1_scatter, track.d2, track.d2_std
+    return tuple(None if length is None else round(1000 * length, 3) for length in lengths)
+
+
+def _colour(stretch: Stretch) -> str:
+    """Return the colour of the class of the rougher track, or of each half of a millimetre of the level in D1."""
+    steps = [
+        ord(track.road_class) - ord("A") if isinstance(track, TrackRoughness) else int(2000 * track.d1)
+        for track in (stretch.left, stretch.right)
+    ]
+    return _COLOURS[min(max(steps), len(_COLOURS) - 1)]
 
 
 def _features(survey: RoadSurvey) -> Iterator[dict[str, Any]]:
@@ -212,8 +255,7 @@ def _features(survey: RoadSurvey) -> Iterator[dict[str, Any]]:
     for stretch, row in zip(survey.stretches, _rows(survey), strict=True):
         ends = [list(reversed(place)) for place in (stretch.begin_place, stretch.end_place) if place]
         line = {"type": "LineString", "coordinates": ends}
-        colour = _COLOURS[ord(max(stretch.left.road_class, stretch.right.road_class)) - ord("A")]
-        properties = {**dict(zip(_COLUMNS, row, strict=True)), "stroke": colour, "stroke-width": 4}
+        properties = {**dict(zip(_columns(survey), row, strict=True)), "stroke": _colour(stretch), "stroke-width": 4}
         yield {"type": "Feature", "geometry": line, "properties": properties}
     for event in survey.events:
         if event.place is not None:

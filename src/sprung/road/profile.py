@@ -13,6 +13,7 @@ from sprung.likelihood import CornerFit, CornerSettings
 from sprung.likelihood.fitting import FitSetup
 from sprung.likelihood.spectra import SLOWEST, ClassSpectra, between_updates
 from sprung.likelihood.transfer import Transfer, transfer
+from sprung.likelihood.vehicle import Kind
 from sprung.recording import Recording
 from sprung.road.tracks import Track, filled, runs_of
 from sprung.vehicles.window import Window
@@ -38,7 +39,15 @@ class ProfileSettings:
     jump: float = 1.0
 
 
-SETTINGS = ProfileSettings()
+@dataclass(frozen=True, slots=True)
+class TrackSettings(ProfileSettings):
+    """Settings of the inversion on tracks, whose level counts up to wavelengths of 70 m."""
+
+    piece: float = 24.0
+    lowest: float = 0.1
+
+
+SETTINGS, TRACK = ProfileSettings(), TrackSettings()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -113,11 +122,11 @@ def road_profile(windows: Sequence[Window], fit: CornerFit, track: Track) -> Roa
 
     Notes
     -----
-    In pieces of eight seconds the motions y of the body and the heights u under the front wheels are jointly Gaussian:
-    with the fitted response H, spectrum S_u of the inputs of all wheels (rear ones delayed) and noise N, the most
-    likely heights are S_u H^H (H S_u H^H + N)^-1 y at each frequency (Wiener), and S_u - S_u H^H (...)^-1 H S_u is the
-    density of their error. Pieces are tapered by the root of a Hann window before and after, and added. The error is
-    taken as 2 % of the motion at least.
+    In pieces of 8 s (on a track 24 s) the motions y of the body and the heights u under the front wheels are jointly
+    Gaussian: with the fitted response H, spectrum S_u of the inputs of all wheels (rear ones delayed) and noise N, the
+    most likely heights are S_u H^H (H S_u H^H + N)^-1 y at each frequency (Wiener), and
+    S_u - S_u H^H (...)^-1 H S_u is the density of their error. Pieces are tapered by the root of a Hann window before
+    and after, and added. The error is taken as 2 % of the motion at least.
 
     References
     ----------
@@ -136,7 +145,9 @@ def road_profile(windows: Sequence[Window], fit: CornerFit, track: Track) -> Roa
                 speeds.append(found.speeds)
         clock += window.recording.duration
     if not heights:
-        raise DataError(f"no stretch is {SETTINGS.piece:g} s long at more than {SLOWEST:g} m/s: give a longer drive")
+        raise DataError(
+            f"no stretch is {inverse.settings.piece:g} s long at more than {SLOWEST:g} m/s: give a longer drive"
+        )
     when = np.concatenate(times)
     return RoadProfile(
         np.concatenate(heights, axis=1),
@@ -185,12 +196,13 @@ class Inverse:
 
     def __init__(self, window: Window, fit: CornerFit) -> None:
         rate = window.motion.sampling_rate
+        self.settings = TRACK if window.vehicle.kind == "rail" else SETTINGS
         self._rate, self._layout = rate, fit.model.layout
-        self._n_piece = 2 * round(SETTINGS.piece * rate / 2)
+        self._n_piece = 2 * round(self.settings.piece * rate / 2)
         n_padded = 2 * self._n_piece
         frequencies = np.arange(1, n_padded // 2) * rate / n_padded
         highest = min(SETTINGS.highest * rate, SETTINGS.most)
-        self._in_band = np.flatnonzero((frequencies >= SETTINGS.lowest) & (frequencies <= highest)) + 1
+        self._in_band = np.flatnonzero((frequencies >= self.settings.lowest) & (frequencies <= highest)) + 1
         self.frequencies: Real = self._in_band * rate / n_padded
         low, high = 0.9 * SLOWEST, 70.0
         n_speeds = 1 + int(np.log(high / low) / np.log(SETTINGS.speed_step))
@@ -207,7 +219,9 @@ class Inverse:
     def _response(self, values: Real, speeds: Real) -> Transfer:
         """Return the response of the vehicle with fitted parameters at given speeds, and its two neighbours'."""
         fit = self._fit
-        setup = FitSetup(self._window.vehicle, fit.model.structure, self._layout, CornerSettings(), "road")
+        vehicle = self._window.vehicle
+        kind: Kind = "rail" if vehicle.kind == "rail" else "road"
+        setup = FitSetup(vehicle, fit.model.structure, self._layout, CornerSettings(), kind)
         size, n_speeds = len(self._layout.rows), speeds.size
         spectra = ClassSpectra(
             frequencies=self.frequencies,

@@ -1,8 +1,8 @@
-"""Roughness of a road (IRI, classes of ISO 8608) from the profile under a vehicle, and potholes."""
+"""Roughness of a road (IRI, classes of ISO 8608) or level of a track from the profile under a vehicle, and potholes."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -12,9 +12,10 @@ from sprung._display import counted
 from sprung.errors import DataError
 from sprung.likelihood.fitting import fit_windows
 from sprung.recording import Recording, each_recording
+from sprung.road.level import Levels, TrackLevel
 from sprung.road.profile import RoadProfile, road_profile
 from sprung.road.tracks import Section, Ways, track_of, whole_sections
-from sprung.vehicles import Vehicle, check_on_axles
+from sprung.vehicles import Vehicle
 from sprung.vehicles.window import window_of
 
 
@@ -166,16 +167,15 @@ def road_class_of(roughness: float) -> str:
     return "ABCDEFGH"[int(np.searchsorted(CLASS_LIMITS, roughness))]
 
 
-#: Spatial frequency of the roughness [1/m], and waviness of the standard's classes.
-_REFERENCE, _WAVINESS = 0.1, 2.0
-
-
 @dataclass(frozen=True, slots=True)
 class SurveySettings:
     """How stretches and events are judged."""
 
     #: Largest share of a stretch on which the vehicle is too slow, or that has no heights.
     slow: float = 0.1
+    #: Spatial frequency of the roughness [1/m], and waviness of the standard's classes.
+    reference: float = 0.1
+    waviness: float = 2.0
     #: Spatial frequencies between which roughness and waviness are estimated [1/m].
     band: tuple[float, float] = (0.05, 1.0)
     #: Length over which the size of the golden car's motion is independent [m].
@@ -228,7 +228,7 @@ class Stretch:
     begin_time, end_time
         Time from the start of the recordings [s].
     left, right
-        Roughness of the two tracks.
+        `TrackRoughness` of both tracks of a road, `TrackLevel` of both rails.
     n_passes
         Number of passes that are averaged.
     begin_place, end_place
@@ -239,8 +239,8 @@ class Stretch:
     end: float
     begin_time: float
     end_time: float
-    left: TrackRoughness
-    right: TrackRoughness
+    left: Any
+    right: Any
     n_passes: int = 1
     begin_place: tuple[float, float] | None = None
     end_place: tuple[float, float] | None = None
@@ -294,16 +294,21 @@ class RoadSurvey:
     events: tuple[RoadEvent, ...]
     notes: tuple[str, ...] = ()
 
+    @property
+    def is_of_track(self) -> bool:
+        """Whether its stretches have the level of a track instead of the roughness of a road."""
+        return bool(self.stretches) and isinstance(self.stretches[0].left, TrackLevel)
+
 
 def survey_road(
     recordings: Recording | Iterable[Recording],
     vehicle: Vehicle,
     *,
-    stretch: float = 100.0,
+    stretch: float | None = None,
     ways: Ways | None = None,
     allow_missing: bool = False,
 ) -> RoadSurvey:
-    """Return the roughness of the road under a vehicle, and its potholes.
+    """Return the roughness of the road under a vehicle, and its potholes; or the level of the track.
 
     Parameters
     ----------
@@ -313,7 +318,7 @@ def survey_road(
     vehicle
         Vehicle with its sensors: calibrated, or described by a data sheet.
     stretch
-        Length of a stretch [m], at least 20.
+        Length of a stretch [m], at least 20; None: 100, of a track 200.
     ways
         Ways, with stretches of the same length, whose addresses take the place of the distance; None: no ways.
     allow_missing
@@ -339,9 +344,12 @@ def survey_road(
     n0)^2 between wavelengths of 20 and 1 m. An event is a height of 8 mm and five times the scatter around it, in
     wavelengths of 0.3 to 3 m; its kind, place and size are those of the dip, bump or step that fits it best.
 
+    Under a rail vehicle, stretches have the standard deviations of the longitudinal level of both rails in the ranges
+    D1 and D2 (`TrackLevel`) instead, which the density of the error increases likewise, and there are no events.
+
     References
     ----------
-    ASTM E1926-08; ISO 8608:2016.
+    ASTM E1926-08; ISO 8608:2016; EN 13848-1:2019.
 
     Examples
     --------
@@ -355,14 +363,14 @@ def survey_road(
     >>> survey.stretches[1].left.road_class, 6 < survey.stretches[1].left.iri < 12
     ('C', True)
     """
-    check_on_axles(vehicle, "a survey of the road")
-    check_number("stretch", stretch, at_least=20)
+    is_track = vehicle.kind == "rail"
+    stretch = default_stretch(vehicle) if stretch is None else check_number("stretch", stretch, at_least=20)
     records = list(each_recording(recordings))
     windows = [window_of(record, vehicle, allow_missing=allow_missing) for record in records]
     track = track_of(windows)
     fit = fit_windows(windows)
     profile = road_profile(windows, fit, track)
-    slopes, is_settled = _slopes(profile)
+    measure = Levels(profile).at if is_track else _roughness_of(profile)
     if ways is None:
         whole = np.array([0.0, track.distances[-1]])
         sections = whole_sections(whole, whole, stretch)
@@ -377,19 +385,24 @@ def survey_road(
         if np.mean(~profile.is_valid[part]) > SETTINGS.slow:
             slow += 1
             continue
-        found = _stretch(profile, slopes, is_settled, part)
-        found = replace(found, begin=section.begin, end=section.begin + stretch)
-        places = track.place(found.begin_time), track.place(found.end_time)
-        stretches.append(replace(found, begin_place=places[0], end_place=places[1]))
+        begun, ended = profile.times[[part.start, part.stop - 1]].tolist()
+        where = section.begin, section.begin + stretch, begun, ended
+        sides = measure(0, part), measure(1, part)
+        stretches.append(Stretch(*where, *sides, begin_place=track.place(begun), end_place=track.place(ended)))
     if not stretches:
         if ways is not None and not sections:
             raise DataError(f"the drive is on no way for {stretch:g} m: give latitude and longitude [degrees]")
         raise DataError(f"no stretch of {stretch:g} m was driven fast enough: give a longer or faster drive")
-    events = [replace(event, place=track.place(event.time)) for event in _events(profile)]
+    events = [replace(event, place=track.place(event.time)) for event in (() if is_track else _events(profile))]
     if ways is not None:
         events = [replace(event, at=at) for event in events for at in _addresses(event.at, sections)]
     notes = (f"too slow: {counted(slow, 'stretch', 'es')}",) * (slow > 0)
-    return RoadSurvey(tuple(stretches), tuple(events), (*notes, *_vehicle_notes(fit.model_error)))
+    return RoadSurvey(tuple(stretches), tuple(events), (*notes, *_vehicle_notes(vehicle, fit.model_error)))
+
+
+def default_stretch(vehicle: Vehicle) -> float:
+    """Return the usual length of a stretch [m]: 100 on roads, 200 on tracks (EN 13848-6)."""
+    return 200.0 if vehicle.kind == "rail" else 100.0
 
 
 def _addresses(at: float, sections: Sequence[Section]) -> list[float]:
@@ -406,19 +419,23 @@ def _slopes(profile: RoadProfile) -> tuple[Real, Booleans]:
     return slopes, is_settled
 
 
-def _vehicle_notes(model_error: float) -> tuple[str, ...]:
+def _vehicle_notes(vehicle: Vehicle, model_error: float) -> tuple[str, ...]:
     if model_error < 0.1:
         return ()
-    return (f"the vehicle file explains the motion only to {100 * model_error:.0f} %: calibrate it on several drives",)
+    advice = ": calibrate it on several drives" if vehicle.axle else ""
+    return (f"the fitted spectra deviate {100 * model_error:.0f} % more than chance allows{advice}",)
 
 
-def _stretch(profile: RoadProfile, slopes: Real, is_settled: Booleans, part: slice) -> Stretch:
-    """Return the roughness of a part of a profile, at its distance in the profile."""
-    settled = np.arange(part.start, part.stop)[is_settled[part]]
-    inside = settled if settled.size else np.arange(part.start, part.stop)
-    left, right = (_roughness(profile, slopes[side, inside], side, part) for side in (0, 1))
-    times, at = profile.times[part], profile.distances[part]
-    return Stretch(float(at[0]), float(at[-1]), float(times[0]), float(times[-1]), left, right)
+def _roughness_of(profile: RoadProfile) -> Callable[[int, slice], TrackRoughness]:
+    """Return what gives the roughness of a track on a part of a profile."""
+    slopes, is_settled = _slopes(profile)
+
+    def measure(side: int, part: slice) -> TrackRoughness:
+        settled = np.arange(part.start, part.stop)[is_settled[part]]
+        inside = settled if settled.size else np.arange(part.start, part.stop)
+        return _roughness(profile, slopes[side, inside], side, part)
+
+    return measure
 
 
 def _roughness(profile: RoadProfile, slopes: Real, side: int, part: slice) -> TrackRoughness:
@@ -428,7 +445,7 @@ def _roughness(profile: RoadProfile, slopes: Real, side: int, part: slice) -> Tr
     share = missing / max(float(np.mean(slopes**2)), 1e-300)
     index = 1000 * found * np.sqrt(1 + share)
     n_independent = max(1.0, slopes.size * profile.spacing / SETTINGS.independent)
-    gain = np.abs(GOLDEN_CAR.response(n)) ** 2 * n**-_WAVINESS
+    gain = np.abs(GOLDEN_CAR.response(n)) ** 2 * n**-SETTINGS.waviness
     of_fit = profile.sensitivity[:, side] @ (gain / gain.sum()) / 2
     std = index * np.sqrt(share / n_independent + np.sum(of_fit**2))
     roughness, waviness = _fitted_spectrum(profile.heights[side, part], profile.spacing, n, density)
@@ -453,7 +470,7 @@ def _fitted_spectrum(heights: Real, spacing: float, n_missing: Real, missing: Re
     n = np.fft.rfftfreq(heights.size, spacing)
     inside = (n >= SETTINGS.band[0]) & (n <= SETTINGS.band[1])
     n, density = n[inside], power[inside] + np.interp(n[inside], n_missing, missing)
-    roughness = float(np.mean(density * (n / _REFERENCE) ** _WAVINESS))
+    roughness = float(np.mean(density * (n / SETTINGS.reference) ** SETTINGS.waviness))
     slope = np.polyfit(np.log(n), np.log(density), 1, w=1 / np.sqrt(n))[0]
     return roughness, float(-slope)
 

@@ -290,9 +290,12 @@ def _surveyed(
             parts: list[dict[str, Any]] = []
             reason = ""
             try:
+                vehicle = _vehicle(drive)
+                if vehicle.kind == "rail":
+                    raise DataError(f"vehicle {vehicle.name!r} runs on a track: give its drives to sprung road")
                 survey = survey_road(
                     _recordings(drive),
-                    _vehicle(drive),
+                    vehicle,
                     stretch=settings.stretch,
                     ways=ways(),
                     allow_missing=settings.allow_missing,

@@ -46,13 +46,23 @@ class TrackDocument(Document):
     iri_scatter: float | None = Field(default=None, exclude_if=lambda scatter: scatter is None)
 
 
+class LevelDocument(Document):
+    """Standard deviations of the level of a rail in D1 and D2 of EN 13848 [m], scatter of D1 between passes."""
+
+    d1: float
+    d1_std: float
+    d2: float | None
+    d2_std: float | None
+    d1_scatter: float | None = Field(default=None, exclude_if=lambda scatter: scatter is None)
+
+
 class StretchDocument(Document):
-    """A stretch of the road, from and to a distance [m]; place where the recordings have it [degrees]."""
+    """A stretch of a road or track, from and to a distance [m]; place where the recordings have it [degrees]."""
 
     begin: float = _renamed("from", "begin")
     end: float = _renamed("to", "end")
-    left: TrackDocument
-    right: TrackDocument
+    left: TrackDocument | LevelDocument
+    right: TrackDocument | LevelDocument
     n_passes: int
     begin_place: Pair | None = Field(default=None, exclude_if=lambda place: place is None)
     end_place: Pair | None = Field(default=None, exclude_if=lambda place: place is None)
@@ -71,7 +81,7 @@ class EventDocument(Document):
 
 
 class RoadDocument(Document):
-    """The road under a vehicle."""
+    """The road or track under a vehicle."""
 
     schema_name: Literal["sprung.road/1"] = Field(alias="schema")
     stretches: tuple[StretchDocument, ...]

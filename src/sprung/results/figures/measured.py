@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from sprung._arrays import Real
 from sprung.bounce_tests import Bounce, BounceTest
 from sprung.kits import KitPlan
 from sprung.likelihood.lateral import LateralFit
@@ -62,7 +63,7 @@ def kit_figure(plan: KitPlan) -> Figure:
 
 
 def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
-    """Draw the International Roughness Index along the way, with events, and on a map where places are known.
+    """Draw roughness index or track level along the way, with events, and on a map where places are known.
 
     Examples
     --------
@@ -72,34 +73,46 @@ def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
     >>> figure.axes[0].get_ylabel()
     'IRI [m/km]'
     """
+    is_track = survey.is_of_track
+    measures = (("d1", "Level D1 [mm]"), ("d2", "Level D2 [mm]")) if is_track else (("iri", "IRI [m/km]"),)
     has_map = all(stretch.begin_place for stretch in survey.stretches)
-    figure = draw.new_figure("Road", "Bands: 95 % intervals; marks: potholes, bumps, joints", height=4.0, source=source)
-    axes, *maps = draw.panels(figure, 1, 1 + has_map, width_ratios=(2, 1)[: 1 + has_map])[0]
+    head = (
+        ("Track", "Bands: 95 % intervals")
+        if is_track
+        else ("Road", "Bands: 95 % intervals; marks: potholes, bumps, joints")
+    )
+    figure = draw.new_figure(*head, height=3.0 + len(measures), source=source)
+    grid = draw.panels(figure, len(measures), 1 + has_map, width_ratios=(2, 1)[: 1 + has_map])
     ends = np.array([(stretch.begin, stretch.end) for stretch in survey.stretches])
     gaps = 1 + np.flatnonzero(ends[1:, 0] - ends[:-1, 1] > 1e-6 * ends[:-1, 1])
     edges = np.append(np.insert(ends[:, 0], gaps, ends[gaps - 1, 1]), ends[-1, 1])
-    for side, colour in (("left", STYLE.colours[0]), ("right", STYLE.colours[1])):
-        tracks = [getattr(stretch, side) for stretch in survey.stretches]
-        index, std = (
-            np.insert(np.array([getattr(track, name) for track in tracks]), gaps, np.nan) for name in ("iri", "iri_std")
-        )
-        axes.stairs(index, edges, color=colour, label=side, linewidth=1.4, baseline=None)
-        low, high = index - INTERVAL_95 * std, index + INTERVAL_95 * std
-        axes.fill_between(edges, [*low, low[-1]], [*high, high[-1]], step="post", color=colour, alpha=0.2, linewidth=0)
-    top = axes.get_ylim()[1]
+    for (name, label), axes in zip(measures, grid[:, 0], strict=True):
+        for side, colour in (("left", STYLE.colours[0]), ("right", STYLE.colours[1])):
+            value, std = (np.insert(_of_stretches(survey, side, each), gaps, np.nan) for each in (name, f"{name}_std"))
+            axes.stairs(value, edges, color=colour, label=side, linewidth=1.4, baseline=None)
+            low, high = value - INTERVAL_95 * std, value + INTERVAL_95 * std
+            band = {"step": "post", "color": colour, "alpha": 0.2, "linewidth": 0}
+            axes.fill_between(edges, [*low, low[-1]], [*high, high[-1]], **band)
+        axes.set(ylim=(0, axes.get_ylim()[1]), xlabel="Distance [m]", ylabel=label)
+    axes = grid[0, 0]
     for event in survey.events:
         marker = {"pothole": "v", "bump": "^", "joint": "|"}[event.kind]
-        axes.plot(event.at, top, marker, color=STYLE.ink, markersize=4, clip_on=False)
-    axes.set(ylim=(0, top), xlabel="Distance [m]", ylabel="IRI [m/km]")
+        axes.plot(event.at, axes.get_ylim()[1], marker, color=STYLE.ink, markersize=4, clip_on=False)
     draw.legend(axes)
-    for panel in maps:
+    for (name, label), panel in zip(measures, grid[:, 1] if has_map else (), strict=has_map):
         places = np.array([stretch.begin_place for stretch in survey.stretches])
-        mean = np.array([(stretch.left.iri + stretch.right.iri) / 2 for stretch in survey.stretches])
+        mean = (_of_stretches(survey, "left", name) + _of_stretches(survey, "right", name)) / 2
         marks = panel.scatter(places[:, 1], places[:, 0], c=mean, s=12, cmap="viridis")
-        figure.colorbar(marks, ax=panel, label="IRI [m/km]")
+        figure.colorbar(marks, ax=panel, label=label)
         panel.set(xlabel="Longitude [°]", ylabel="Latitude [°]")
         panel.set_aspect(1 / np.cos(np.radians(places[:, 0].mean())))
     return figure
+
+
+def _of_stretches(survey: RoadSurvey, side: str, name: str) -> Real:
+    """Return a figure of one side of all stretches, lengths in mm; NaN where it is unknown."""
+    found = [getattr(getattr(stretch, side), name) for stretch in survey.stretches]
+    return (1000 if survey.is_of_track else 1) * np.array(found, dtype=np.float64)
 
 
 def ride_figure(ride: Ride, *, source: str = "") -> Figure:

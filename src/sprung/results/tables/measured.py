@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from sprung.likelihood.lateral import LateralFit
     from sprung.likelihood.plate_test import PlateTest
     from sprung.ride import Ride
-    from sprung.road import RoadSurvey, TrackRoughness
+    from sprung.road import RoadSurvey, TrackLevel, TrackRoughness
 
 #: Stretches from which on a table of them is cut.
 _MOST_STRETCHES = 40
@@ -61,44 +61,40 @@ def describe_plan(plan: "KitPlan") -> list[str]:
 
 
 def road_table(survey: "RoadSurvey") -> Table:
-    """Return the table of the stretches of a road."""
+    """Return the table of the stretches of a road or track."""
+    shown = survey.stretches[:_MOST_STRETCHES]
     is_mean = any(stretch.n_passes > 1 for stretch in survey.stretches)
-    columns: tuple[str, ...] = (
-        "from [m]",
-        "to [m]",
-        "left IRI [m/km]",
-        "right IRI [m/km]",
-        "left class",
-        "right class",
-    )
-    rows = [
-        (
-            f"{stretch.begin:.0f}",
-            f"{stretch.end:.0f}",
-            _index(stretch.left),
-            _index(stretch.right),
-            stretch.left.road_class,
-            stretch.right.road_class,
-            *((f"{stretch.n_passes}", f"{_scatter(stretch.left)}, {_scatter(stretch.right)}") if is_mean else ()),
-        )
-        for stretch in survey.stretches[:_MOST_STRETCHES]
-    ]
-    if is_mean:
-        columns = (*columns, "passes", "scatter [m/km]")
+    if survey.is_of_track:
+        title, unit = "Level of the track, EN 13848: standard deviations", "mm"
+        names: tuple[str, ...] = ("left D1 [mm]", "right D1 [mm]", "left D2 [mm]", "right D2 [mm]")
+    else:
+        title, unit = "Road", "m/km"
+        names = ("left IRI [m/km]", "right IRI [m/km]", "left class", "right class")
+    rows = []
+    for stretch in shown:
+        first, second, scatters = zip(_cells(stretch.left), _cells(stretch.right), strict=True)
+        passes = (f"{stretch.n_passes}", ", ".join(scatters)) if is_mean else ()
+        rows.append((f"{stretch.begin:.0f}", f"{stretch.end:.0f}", *first, *second, *passes))
+    columns = ("from [m]", "to [m]", *names, *(("passes", f"scatter [{unit}]") if is_mean else ()))
     left = len(survey.stretches) - len(rows)
     caption = "± standard deviation" + (
         "; scatter: standard deviation between passes, left and right" if is_mean else ""
     )
+    caption += "; D1: wavelengths of 3 to 25 m, D2: 25 to 70 m" if survey.is_of_track else ""
     caption += f"; {left} more stretches in the files" if left else ""
-    return Table("Road", columns, tuple(rows), n_words=0, caption=caption)
+    return Table(title, columns, tuple(rows), n_words=0, caption=caption)
 
 
-def _scatter(track: "TrackRoughness") -> str:
-    return "–" if track.iri_scatter is None else f"{track.iri_scatter:.2f}"
+def _cells(track: "TrackRoughness | TrackLevel") -> tuple[str, str, str]:
+    """Return the two figures of a track, index and class or its levels in D1 and D2, and the scatter of the first."""
+    from sprung.road import TrackRoughness
 
-
-def _index(track: "TrackRoughness") -> str:
-    return format_estimate(track.iri, track.iri_std)
+    if isinstance(track, TrackRoughness):
+        scatter = "–" if track.iri_scatter is None else f"{track.iri_scatter:.2f}"
+        return format_estimate(track.iri, track.iri_std), track.road_class, scatter
+    scatter = "–" if track.d1_scatter is None else f"{1000 * track.d1_scatter:.2f}"
+    long = "–" if track.d2 is None or track.d2_std is None else format_estimate(1000 * track.d2, 1000 * track.d2_std)
+    return format_estimate(1000 * track.d1, 1000 * track.d1_std), long, scatter
 
 
 def events_table(survey: "RoadSurvey") -> Table:

@@ -1,0 +1,118 @@
+"""Level of a simulated track under a metro car against the rails that it ran on."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from sprung.cli import main
+from sprung.excitation import surface
+from sprung.formats import write
+from sprung.likelihood.fitting import fit_windows
+from sprung.results.figures import road_figure
+from sprung.results.tables import road_table
+from sprung.road import RoadSurvey, Stretch, TrackLevel, averaged, road_profile, survey_road, track_of, write_survey
+from sprung.road.level import RANGES, in_range
+from sprung.simulation import RailDrive, simulate_drive
+from sprung.vehicles import read_vehicle, write_vehicle
+from sprung.vehicles.window import window_of
+
+METRO = read_vehicle("metro")
+METRO = METRO.model_copy(update={"sensor": tuple(one for one in METRO.sensor if one.channel.startswith("bogie1"))})
+
+
+@pytest.mark.parametrize(("name", "wavelengths"), [("D1", RANGES[0]), ("D2", RANGES[1])])
+def test_a_range_passes_half_of_the_power_at_its_ends(name, wavelengths, conforms) -> None:
+    x = np.arange(0.0, 8000.0, 0.25)
+    inside = slice(8000, 24000)
+    middle = np.sqrt(np.prod(wavelengths))
+
+    def gain(wavelength: float) -> float:
+        wave = np.sin(2 * np.pi * x / wavelength)
+        return float(in_range(wave, wavelengths, spacing=0.25)[inside].std() / wave[inside].std())
+
+    ends = [gain(wavelength) for wavelength in wavelengths]
+    what = f"gain at the ends of {name}, -3 dB"
+    conforms("EN 13848-1:2019", "wavelength ranges", what, ends, [np.sqrt(0.5)] * 2, rel=0.03)
+    assert gain(middle) > 0.9
+    assert gain(wavelengths[0] / 2) < 1 / 16 + 1e-3  # 24 dB in the first octave beyond
+    assert gain(2 * wavelengths[1]) < 1 / 16 + 1e-3
+
+
+@pytest.fixture(scope="module")
+def drive():
+    """A drive on a jointed track, and the height of the rails along it [m]."""
+    with pytest.MonkeyPatch.context() as patch:
+        profiles, make = [], surface.random_profile
+
+        def kept(*arguments, **options):
+            profiles.append(make(*arguments, **options))
+            return profiles[-1]
+
+        patch.setattr(surface, "random_profile", kept)
+        settings = RailDrive(duration=120.0, sampling_rate=100.0, speed=(20.0, 24.0), snr=30.0, quality="bad")
+        recording = simulate_drive(METRO, settings, seed=3).recording
+    return recording, profiles[-1].height
+
+
+@pytest.mark.slow
+def test_levels_are_those_of_the_rails(drive) -> None:
+    recording, height = drive
+    windows = [window_of(recording, METRO)]
+    profile = road_profile(windows, fit_windows(windows), track_of(windows))
+    true = np.array([height(side, profile.distances) for side in (True, False)])
+    survey = survey_road(recording, METRO)
+    assert survey.is_of_track
+    assert len(survey.stretches) >= 8
+    for wavelengths, name in zip(RANGES, ("d1", "d2"), strict=True):
+        of_rails = in_range(true, wavelengths, spacing=profile.spacing)
+        errors = in_range(profile.heights, wavelengths, spacing=profile.spacing) - of_rails
+        inner = slice(round(150 / profile.spacing), -round(150 / profile.spacing))
+        assert 1e3 * errors[:, inner].std() < 0.5  # mm, of levels with a standard deviation of 2 to 4 mm
+        assert 1e3 * np.abs(errors[:, inner]).max() < 1.5
+        for stretch in survey.stretches[1:-1]:
+            part = slice(*np.searchsorted(profile.distances, [stretch.begin, stretch.end]))
+            for side, level in enumerate((stretch.left, stretch.right)):
+                assert getattr(level, name) == pytest.approx(of_rails[side, part].std(), rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_slow_vehicle_does_not_feel_long_waves() -> None:
+    settings = RailDrive(duration=150.0, sampling_rate=50.0, speed=(5.0, 6.0), snr=30.0, welded=True)
+    survey = survey_road(simulate_drive(METRO, settings, seed=1).recording, METRO)
+    assert {stretch.left.d2 for stretch in survey.stretches} == {None}
+    assert "–" in str(road_table(survey).rows[0])
+
+
+def test_passes_are_averaged_and_written(tmp_path) -> None:
+    def passed(d1, d2):
+        level = TrackLevel(d1, 1e-5, d2, None if d2 is None else 2e-5)
+        ends = (48.0, 11.0), (48.001, 11.001)
+        return RoadSurvey((Stretch(0.0, 200.0, 0.0, 9.0, level, level, 1, *ends),), ())
+
+    mean = averaged([passed(1.00e-3, 2.0e-3), passed(1.04e-3, None)])
+    level = mean.stretches[0].left
+    assert (level.d1, level.d2) == pytest.approx((1.02e-3, 2.0e-3))
+    assert level.d1_scatter == pytest.approx(0.04e-3 / np.sqrt(2))
+    write_survey(mean, tmp_path / "t.csv")
+    with (tmp_path / "t.csv").open(encoding="utf-8") as file:
+        (row,) = csv.DictReader(file)
+    assert (row["left_d1_mm"], row["right_d2_mm"], row["passes"]) == ("1.02", "2.0", "2")
+    write_survey(mean, tmp_path / "t.geojson")
+    (line,) = json.loads((tmp_path / "t.geojson").read_text(encoding="utf-8"))["features"]
+    assert line["properties"]["left_d1_mm"] == 1.02
+    assert [axes.get_ylabel() for axes in road_figure(mean).axes][:1] == ["Level D1 [mm]"]
+
+
+@pytest.mark.slow
+def test_the_command_prints_levels(drive, tmp_path, capsys) -> None:
+    write(drive[0], tmp_path / "run.parquet")
+    document = tmp_path / "road.json"
+    write_vehicle(METRO, tmp_path / "metro.toml")
+    command = ["road", str(tmp_path / "run.parquet"), "--vehicle", str(tmp_path / "metro.toml")]
+    assert main([*command, "--json", str(document)]) == 0
+    assert "left D1 [mm]" in capsys.readouterr().out
+    stretches = json.loads(document.read_text(encoding="utf-8"))["stretches"]
+    assert set(stretches[0]["left"]) == {"d1", "d1_std", "d2", "d2_std"}
+    assert stretches[0]["to"] - stretches[0]["from"] == 200.0
