@@ -48,7 +48,13 @@ def main():
     baseline = learn([observed(number, {}) for number in range(given.learning)])
     for row, faults in enumerate(ROWS):
         found = diagnose([observed(100 + 10 * row + k, faults) for k in range(TOGETHER)], baseline)
-        print(faults or "healthy", found.verdict, *(finding.sentence for finding in found.findings), flush=True)
+        print(
+            faults or "healthy",
+            found.verdict,
+            *(finding.sentence for finding in found.findings),
+            *found.doubts,
+            flush=True,
+        )
 
 
 def with_lateral_sensors(coach):
