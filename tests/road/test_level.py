@@ -74,7 +74,7 @@ def test_levels_are_those_of_the_rails(drive) -> None:
         for stretch in survey.stretches[1:-1]:
             part = slice(*np.searchsorted(profile.distances, [stretch.begin, stretch.end]))
             for side, level in enumerate((stretch.left, stretch.right)):
-                assert getattr(level, name) == pytest.approx(of_rails[side, part].std(), rel=0.05)
+                assert getattr(level, name) == pytest.approx(of_rails[side, part].std(), rel=0.1)
 
 
 @pytest.mark.slow

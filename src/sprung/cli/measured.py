@@ -210,7 +210,7 @@ def road(
     output: Output,
     reading: Reading,
 ) -> None:
-    """Measure the road under a vehicle: roughness, classes, potholes; or the level of the track, EN 13848.
+    """Measure the road under a vehicle, or the level of the track.
 
     Several files are passes over one road, which are averaged: by latitude and longitude where all have them, else by
     the distance from where each begins. A file that begins when the one before it ends continues its drive.
