@@ -140,10 +140,14 @@ def main() -> None:
             others = [parts.index(replace(part, corner=_other(part.corner))) for part in parts]
             values = np.array([values for values, _ in results])
             errors = np.sqrt(np.mean((values - values[:, others]) ** 2, axis=0))
-            told = np.array([each.is_identifiable for each in planned])
-            known = told & (predicted <= KNOWN)
-            ratios = (stds[told], (contrasts / predicted)[told & told[others]], (errors / predicted)[known])
-            rows.append([f"{name} ({told.sum()})", *map(_range, ratios)])
+            determined = np.array([each.is_identifiable for each in planned])
+            known = determined & (predicted <= KNOWN)
+            ratios = (
+                stds[determined],
+                (contrasts / predicted)[determined & determined[others]],
+                (errors / predicted)[known],
+            )
+            rows.append([f"{name} ({determined.sum()})", *map(_range, ratios)])
     print_table(
         f"`python -m benchmarks.plan --drives {given.drives} --minutes {given.minutes:g} --kits {given.kits}`",
         ["kit", "reported std", "reported std, left over right", "error, left over right"],

@@ -440,3 +440,24 @@ def mosquitto(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[...
     yield start
     for broker in brokers:
         broker.stop()
+
+
+@pytest.fixture(scope="session")
+def coach() -> Any:
+    """Return the shipped coach with four lateral accelerometers on its frames."""
+    from sprung.vehicles import Sensor, read_vehicle
+
+    vehicle = read_vehicle("coach")
+    sensors = [
+        Sensor(
+            channel=f"bogie{number}_{end}y",
+            quantity="acceleration",
+            unit="m/s^2",
+            position=(x, 0.0, 0.0),
+            direction=(0.0, 1.0, 0.0),
+            on=f"bogie{number}",
+        )
+        for number in (1, 2)
+        for end, x in (("f", 1.28), ("r", -1.28))
+    ]
+    return vehicle.model_copy(update={"sensor": (*vehicle.sensor, *sensors)})

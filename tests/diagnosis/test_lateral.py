@@ -6,29 +6,11 @@ import pytest
 from sprung import Observation, diagnose, learn
 from sprung.diagnosis import observe_window
 from sprung.simulation import Payload, RailDrive, simulate_drive
-from sprung.vehicles import Component, Sensor, parse_fault, read_vehicle
+from sprung.vehicles import Component, parse_fault, read_vehicle
 from sprung.vehicles.lateral import lateral_parts
 
 COACH = read_vehicle("coach")
 PARTS = (Component("bogie1_left", "secondary_spring"), Component("bogie1_right", "secondary_spring"))
-
-
-@pytest.fixture(scope="module")
-def coach():
-    """The coach with two lateral accelerometers on each frame."""
-    sensors = [
-        Sensor(
-            channel=f"bogie{number}_{end}y",
-            quantity="acceleration",
-            unit="m/s^2",
-            position=(x, 0.0, 0.0),
-            direction=(0.0, 1.0, 0.0),
-            on=f"bogie{number}",
-        )
-        for number in (1, 2)
-        for end, x in (("f", 1.28), ("r", -1.28))
-    ]
-    return COACH.model_copy(update={"sensor": (*COACH.sensor, *sensors)})
 
 
 def windows(n, first=0, seed=1, **changes):

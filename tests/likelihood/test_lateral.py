@@ -14,27 +14,8 @@ from sprung.likelihood.search import minimised
 from sprung.likelihood.spectra import ClassSpectra
 from sprung.recording import Recording
 from sprung.simulation import RailDrive, simulate_drive
-from sprung.vehicles import Sensor, Vehicle, critical_speed, lateral_modes, parse_fault, read_vehicle, write_vehicle
+from sprung.vehicles import Vehicle, critical_speed, lateral_modes, parse_fault, write_vehicle
 from sprung.vehicles.lateral import lateral_components, lateral_outputs, with_lateral
-
-
-@pytest.fixture(scope="module")
-def coach() -> Vehicle:
-    """Return the coach with four lateral accelerometers on its frames."""
-    vehicle = read_vehicle("coach")
-    sensors = [
-        Sensor(
-            channel=f"bogie{number}_{end}y",
-            quantity="acceleration",
-            unit="m/s^2",
-            position=(x, 0.0, 0.0),
-            direction=(0.0, 1.0, 0.0),
-            on=f"bogie{number}",
-        )
-        for number in (1, 2)
-        for end, x in (("f", 1.28), ("r", -1.28))
-    ]
-    return vehicle.model_copy(update={"sensor": (*vehicle.sensor, *sensors)})
 
 
 @pytest.fixture(scope="module")
