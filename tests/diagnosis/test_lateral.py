@@ -5,6 +5,7 @@ import pytest
 
 from sprung import Observation, diagnose, learn
 from sprung.diagnosis import observe_window
+from sprung.diagnosis.findings import mode_changes
 from sprung.simulation import Payload, RailDrive, simulate_drive
 from sprung.vehicles import Component, parse_fault, read_vehicle
 from sprung.vehicles.lateral import lateral_parts
@@ -45,6 +46,15 @@ def test_the_changed_part_is_named(baseline, part, change, words) -> None:
     start, _, end = words.partition("?")
     assert finding.sentence.startswith(start)
     assert f") {end.rpartition(' ')[2]}" in finding.sentence
+
+
+def test_vertical_modes_change_with_vertical_parts_alone(baseline) -> None:
+    for part, labels in (
+        ("bogie1__lateral_damper", set()),
+        ("bogie1_left__secondary_spring", {"bounce", "pitch", "roll"}),
+    ):
+        (finding,) = diagnose(windows(6, first=12, seed=2, **{part: -0.4}), baseline).findings
+        assert {change.label for change in mode_changes(COACH, finding, baseline=baseline)} == labels
 
 
 def test_no_change_is_said_of_parts_and_not_of_the_conicity(baseline) -> None:

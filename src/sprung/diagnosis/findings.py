@@ -341,11 +341,15 @@ def mode_changes(
     if finding.change is None:
         return ()
     nominal = structure(vehicle)
-    before = {} if baseline is None else dict(zip(baseline.components, np.exp(baseline.mean).tolist(), strict=True))
+    parts = nominal.components()  # without those of lateral motion
+    means = () if baseline is None else zip(baseline.components, np.exp(baseline.mean).tolist(), strict=True)
+    before = {component: factor for component, factor in means if component in parts}
     after = dict(before)
-    for component in nominal.components():
+    for component in parts:
         if component.kind == finding.component and finding.corner in {component.corner, component.axle, "all"}:
             after[component] = before.get(component, 1.0) * (1 + finding.change)
+    if after == before:
+        return ()
     healthy, changed = (nominal.changed(factors).modes() for factors in (before, after))
     valid = [window for window in observations if window.is_valid]
     earlier = [window for window in valid if window.time < finding.since]
