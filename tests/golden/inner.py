@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from starlette.testclient import TestClient
+from tests.conftest import until
 from tests.golden.commands import NOW
 from tests.golden.freezing import DIGITS
 from tests.golden.recordings import disturbed
@@ -75,6 +76,7 @@ def _station(store: Store, folder: Path) -> dict[str, Any]:
     bench = Bench(folder, car, runs[0], watch=watch)
     bench.describe()
     bench.send([payload for k, run in enumerate(runs) for payload in frames(run, first=600 * k)])
+    until(lambda: not bench.store.alerts.n_open(), timeout=60, what="delivery of the alert")  # by a thread of its own
     bench.close()
     return {"watch": watch}
 
