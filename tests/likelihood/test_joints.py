@@ -80,6 +80,15 @@ def test_the_distance_of_the_joints_is_found(bogie, pitch, monkeypatch) -> None:
     assert found == ([None] if pitch is None else [pytest.approx(pitch, rel=0.01)])
 
 
+@pytest.mark.slow
+def test_no_multiple_of_the_distance_is_found(coach) -> None:
+    """The motion of this drive repeats itself after 36 m even more than after 18 m."""
+    settings = RailDrive(duration=300.0, sampling_rate=100.0, speed=(35.0, 37.0), snr=30.0, quality="good")
+    fit = fit_corners(simulate_drive(coach, settings, seed=1).recording, coach)
+    assert any("rail joints every 18.0 m" in note for note in fit.notes)
+    assert fit.model_error < 0.15
+
+
 def test_a_jointed_track_is_explained_and_the_springs_are_right(bogie) -> None:
     """Model error 57 % and springs to 11 % without lines of joints in the model."""
     fit = fit_corners(drive(bogie, 2, minutes=10.0), bogie)

@@ -97,6 +97,8 @@ class ClassSpectra:
     weights
         Number of segments that each class and frequency counts for in the likelihood, shape (classes, frequencies): the
         counts times the tempering, 0 where a line is masked.
+    members
+        Speeds of the segments of each class and their own spreads, shape (2, segments) each; empty: not known.
 
     Notes
     -----
@@ -116,6 +118,7 @@ class ClassSpectra:
     matrices: Complex
     segment_length: float
     weights: Real
+    members: tuple[Real, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, weights=2)
@@ -401,9 +404,10 @@ def class_spectra(segments: SegmentSpectra, *, width: float = CLASS_WIDTH) -> Cl
     ([10.1, 20.0], [2.0, 1.0], [5.0, 4.0])
     """
     numbers = speed_classes(segments.speeds, width=width)
-    counts, speeds, spreads, matrices = [], [], [], []
+    counts, speeds, spreads, matrices, each = [], [], [], [], []
     for number in range(numbers.max() + 1):
         members = np.flatnonzero(numbers == number)
+        each.append(np.array([segments.speeds[members], segments.spreads[members]]))
         values = segments.values[members]
         counts.append(members.size)
         speeds.append(segments.speeds[members].mean())
@@ -421,6 +425,7 @@ def class_spectra(segments: SegmentSpectra, *, width: float = CLASS_WIDTH) -> Cl
         matrices=np.array(matrices),
         segment_length=segments.segment_length,
         weights=np.repeat(np.array(counts, dtype=np.float64)[:, None], segments.frequencies.size, axis=1),
+        members=tuple(each),
     )
 
 
