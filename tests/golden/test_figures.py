@@ -182,7 +182,8 @@ def test_figures_of_roads_rides_and_curves() -> None:
     tracks = TrackRoughness(4.0, 0.1, 6e-5, 2.0, "B"), TrackRoughness(5.0, 0.2, 6e-5, 2.0, "C")
     places = ((52.0, 8.0), (52.001, 8.001), (52.002, 8.001))
     stretches = tuple(
-        Stretch(100.0 * k, 100.0 * k + 100, 5.0 * k, 5.0 * k + 5, *tracks, 1, *places[k : k + 2]) for k in range(2)
+        Stretch(100.0 * k, 100.0 * k + 100, 5.0 * k, 5.0 * k + 5, *tracks, 1, places[k], places[k + 1])
+        for k in range(2)
     )
     event = RoadEvent(50.0, 2.5, "left", "pothole", 0.03, 0.6)
     point = RidePoint("seat_z", "z", "iso2631", "Wk", 0.5, 0.6, 1.0, 3.0, 0.5, "fairly uncomfortable")

@@ -11,7 +11,7 @@ from sprung.excitation import surface
 from sprung.formats import write
 from sprung.likelihood.fitting import fit_windows
 from sprung.results.figures import road_figure
-from sprung.results.tables import road_table
+from sprung.results.tables import road_table, road_tables
 from sprung.road import RoadSurvey, Stretch, TrackLevel, averaged, road_profile, survey_road, track_of, write_survey
 from sprung.road.level import RANGES, in_range
 from sprung.simulation import RailDrive, simulate_drive
@@ -40,9 +40,8 @@ def test_a_range_passes_half_of_the_power_at_its_ends(name, wavelengths, conform
     assert gain(2 * wavelengths[1]) < 1 / 16 + 1e-3
 
 
-@pytest.fixture(scope="module")
-def drive():
-    """A drive on a jointed track, and the height of the rails along it [m]."""
+def driven(vehicle, **settings):
+    """Return a drive on a bad track, and the profiles of its rails: height, alignment, cross level."""
     with pytest.MonkeyPatch.context() as patch:
         profiles, make = [], surface.random_profile
 
@@ -51,9 +50,15 @@ def drive():
             return profiles[-1]
 
         patch.setattr(surface, "random_profile", kept)
-        settings = RailDrive(duration=120.0, sampling_rate=100.0, speed=(20.0, 24.0), snr=30.0, quality="bad")
-        recording = simulate_drive(METRO, settings, seed=3).recording
-    return recording, profiles[-1].height
+        drive = RailDrive(sampling_rate=100.0, snr=30.0, quality="bad", **settings)
+        return simulate_drive(vehicle, drive, seed=3).recording, profiles
+
+
+@pytest.fixture(scope="module")
+def drive():
+    """A drive on a jointed track, and the height of the rails along it [m]."""
+    recording, (profile,) = driven(METRO, duration=120.0, speed=(20.0, 24.0))
+    return recording, profile.height
 
 
 @pytest.mark.slow
@@ -78,6 +83,27 @@ def test_levels_are_those_of_the_rails(drive) -> None:
 
 
 @pytest.mark.slow
+def test_the_alignment_is_that_of_the_rails(coach) -> None:
+    recording, (_, rails, _) = driven(coach, duration=90.0, speed=(35.0, 37.0))
+    survey = survey_road(recording, coach)
+    travelled = track_of([window_of(recording, coach)]).distances[-1]
+    x = np.arange(0.0, travelled, 0.25)
+    centre = np.mean([rails.height(side, x) for side in (True, False)], axis=0)
+    assert len(survey.stretches) >= 8
+    for wavelengths, name, most in zip(RANGES, ("d1", "d2"), (0.05, 0.1), strict=True):
+        of_rails = in_range(centre, wavelengths, spacing=0.25)
+        for stretch in survey.stretches[1:-1]:
+            part = slice(*np.searchsorted(x, [stretch.begin, stretch.end]))
+            assert getattr(stretch.alignment, name) == pytest.approx(of_rails[part].std(), rel=most)
+    assert [table.columns[2:] for table in road_tables(survey)] == [
+        ("left D1 [mm]", "right D1 [mm]", "left D2 [mm]", "right D2 [mm]"),
+        ("alignment D1 [mm]", "alignment D2 [mm]"),
+    ]
+    unaligned = survey_road(recording, coach.model_copy(update={"sensor": coach.sensor[:-4]}), allow_missing=True)
+    assert unaligned.stretches[0].alignment is None
+
+
+@pytest.mark.slow
 def test_a_slow_vehicle_does_not_feel_long_waves() -> None:
     settings = RailDrive(duration=150.0, sampling_rate=50.0, speed=(5.0, 6.0), snr=30.0, welded=True)
     survey = survey_road(simulate_drive(METRO, settings, seed=1).recording, METRO)
@@ -89,20 +115,23 @@ def test_passes_are_averaged_and_written(tmp_path) -> None:
     def passed(d1, d2):
         level = TrackLevel(d1, 1e-5, d2, None if d2 is None else 2e-5)
         ends = (48.0, 11.0), (48.001, 11.001)
-        return RoadSurvey((Stretch(0.0, 200.0, 0.0, 9.0, level, level, 1, *ends),), ())
+        alignment = None if d2 is None else level  # measured in one pass
+        return RoadSurvey((Stretch(0.0, 200.0, 0.0, 9.0, level, level, 1, *ends, alignment),), ())
 
     mean = averaged([passed(1.00e-3, 2.0e-3), passed(1.04e-3, None)])
     level = mean.stretches[0].left
     assert (level.d1, level.d2) == pytest.approx((1.02e-3, 2.0e-3))
     assert level.d1_scatter == pytest.approx(0.04e-3 / np.sqrt(2))
+    assert mean.stretches[0].lines["alignment"].d1 == 1.00e-3
     write_survey(mean, tmp_path / "t.csv")
     with (tmp_path / "t.csv").open(encoding="utf-8") as file:
         (row,) = csv.DictReader(file)
     assert (row["left_d1_mm"], row["right_d2_mm"], row["passes"]) == ("1.02", "2.0", "2")
+    assert (row["alignment_d1_mm"], row["alignment_d1_scatter_mm"]) == ("1.0", "")
     write_survey(mean, tmp_path / "t.geojson")
     (line,) = json.loads((tmp_path / "t.geojson").read_text(encoding="utf-8"))["features"]
     assert line["properties"]["left_d1_mm"] == 1.02
-    assert [axes.get_ylabel() for axes in road_figure(mean).axes][:1] == ["Level D1 [mm]"]
+    assert [axes.get_ylabel() for axes in road_figure(mean).axes][:1] == ["D1 [mm]"]
 
 
 @pytest.mark.slow

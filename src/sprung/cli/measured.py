@@ -233,7 +233,7 @@ def road(
     if out is not None:
         write_survey(survey, out)
         output.paths.append(out)
-    shown = [tables.road_table(survey), *([tables.events_table(survey)] if survey.events else [])]
+    shown = tables.road_tables(survey)
     output.report(
         lambda pages, inputs: pages.plain_report(f"Road of {inputs.title}", survey.notes, shown, survey, inputs),
         files,

@@ -17,14 +17,14 @@ from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import CornerFit, CornerSettings, fit_corners
 from sprung.likelihood.elements import log_of_bars
 from sprung.likelihood.fitting import fit_windows
-from sprung.likelihood.lateral import LateralFit, fit_lateral
+from sprung.likelihood.lateral import LateralFit, fit_lateral_under
 from sprung.likelihood.plate_test import low_phase_shifts
 from sprung.recording import Recording, each_recording
 from sprung.ride import response_of
 from sprung.vehicles import Component, Vehicle
 from sprung.vehicles.channel_faults import MISSING, SensorFault
 from sprung.vehicles.labels import MOTIONS
-from sprung.vehicles.lateral import has_lateral_sensors, lateral_outputs, lateral_parts, with_load
+from sprung.vehicles.lateral import lateral_parts
 from sprung.vehicles.sensor_checks import CONTRADICTIONS, describe_contradictions
 from sprung.vehicles.window import Window, window_of
 
@@ -392,14 +392,8 @@ def _parts(fit: CornerFit) -> dict[Component, int]:
 
 def _lateral_fit(window: Window, fit: CornerFit) -> LateralFit | None:
     """Return the fit of lateral motion under the fitted load; None without the speed or all lateral sensors."""
-    vehicle = window.vehicle
-    if window.speed is None or not has_lateral_sensors(vehicle):
-        return None
-    if not set(lateral_outputs(vehicle).names) <= set(window.outputs):
-        return None
-    load = fit.payload["payload_mass"]["value"] if "payload_mass" in fit.payload else 0.0
-    sideways = fit_lateral(window.recording, with_load(vehicle, load))
-    if sideways.model_error > LIMITS.model_error:
+    sideways = fit_lateral_under(fit, [window])
+    if sideways is not None and sideways.model_error > LIMITS.model_error:
         raise DataError(f"the vehicle file explains it poorly: model error {100 * sideways.model_error:.0f} %")
     return sideways
 

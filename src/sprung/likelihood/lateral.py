@@ -14,6 +14,7 @@ from sprung._checks import freeze
 from sprung._threads import one_thread
 from sprung.errors import DataError
 from sprung.likelihood.coordinates import TYPICAL_NOISE, RigidLayout
+from sprung.likelihood.corners import CornerFit
 from sprung.likelihood.fitting import RULES
 from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.search import minimised
@@ -33,15 +34,17 @@ from sprung.recording import Recording, each_recording
 from sprung.vehicles import Vehicle
 from sprung.vehicles.lateral import (
     critical_speed,
+    has_lateral_sensors,
     lateral_components,
     lateral_modes,
     lateral_outputs,
     lateral_system,
     with_lateral,
+    with_load,
 )
 from sprung.vehicles.structure import MOTIONS
 from sprung.vehicles.system import MechanicalSystem, Outputs
-from sprung.vehicles.window import window_of
+from sprung.vehicles.window import Window, window_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,10 +148,25 @@ class LateralModel:
 
     def matrix(self, parameters: Real) -> Complex:
         """Return the spectral matrices of the model, shape of the data's."""
-        noise = np.diag(self._noise(parameters))
-        return through_window(
-            np.array([sum((each.matrix for each in inputs), noise) for _, _, inputs in self._responses(parameters)])
-        )
+        return through_window(self.of_alignment(parameters)[0])
+
+    def of_alignment(self, parameters: Real) -> tuple[Complex, Complex, Real]:
+        """Return spectra of the readings and of the alignment under the first wheelset, before the window.
+
+        Returns
+        -------
+        ndarray, ndarray, ndarray
+            Spectral matrices of the readings, shape (classes, grid, m, m), cross spectra of the alignment with them,
+            (classes, grid, 1, m), and its spectrum [m^2/Hz], (classes, grid).
+        """
+        noise, found = np.diag(self._noise(parameters)), []
+        for _, _, inputs in self._responses(parameters):
+            aligned = [each for each in inputs if each.kind == 0]
+            crossed = sum(each.level[:, None] * each.readings.conj() for each in aligned)
+            own = sum(each.level for each in aligned)
+            found.append((sum((each.matrix for each in inputs), noise), crossed, own))
+        spectra, crossed_spectra, density = (np.array(part) for part in zip(*found, strict=True))
+        return spectra, crossed_spectra[:, :, None], density
 
     def _derivatives(self, parameters: Real) -> Complex:
         """Return the derivatives of the spectral matrices on the grid, shape (parameters, classes, grid, m, m)."""
@@ -235,6 +253,14 @@ def _observed(outputs: Outputs, omega: Real) -> Complex:
     s = 1j * omega[:, None, None]
     readings = outputs.displacement + s * outputs.velocity + s**2 * outputs.acceleration
     return np.asarray(readings * s ** (2 - _orders(outputs)[:, None]), dtype=np.complex128)
+
+
+def lateral_layout(outputs: Outputs) -> RigidLayout:
+    """Return the layout whose coordinates are the channels of lateral motion."""
+    size = len(outputs.names)
+    return RigidLayout(
+        outputs.names, outputs.names, _orders(outputs), np.eye(size), np.zeros((size, 1)), np.zeros((size, size, size))
+    )
 
 
 def _orders(outputs: Outputs) -> Indices:
@@ -426,6 +452,29 @@ def fit_lateral(recordings: Recording | Iterable[Recording], vehicle: Vehicle) -
     return LateralFit(model, parameters, covariance, error, model.spectra.n_segments, tuple(notes))
 
 
+def fit_lateral_under(fit: CornerFit, windows: Sequence[Window]) -> LateralFit | None:
+    """Fit the lateral motion of windows of a rail vehicle under the load of its vertical fit, as `fit_lateral`.
+
+    Returns
+    -------
+    LateralFit or None
+        None without lateral tables, the speed, or all lateral sensors.
+
+    Raises
+    ------
+    DataError
+        If no segment is long, fast and steady enough.
+    """
+    vehicle = windows[0].vehicle
+    if not has_lateral_sensors(vehicle):
+        return None
+    names = set(lateral_outputs(vehicle).names)
+    if any(window.speed is None or not names <= set(window.outputs) for window in windows):
+        return None
+    load = fit.payload["payload_mass"]["value"] if "payload_mass" in fit.payload else 0.0
+    return fit_lateral([window.recording for window in windows], with_load(vehicle, load))
+
+
 def _segments(records: Sequence[Recording], outputs: Outputs, speed: str) -> SegmentSpectra:
     """Return the spectra of the lateral channels in segments of steady speed."""
     missing = [name for name in outputs.names if any(name not in record.names for record in records)]
@@ -433,10 +482,6 @@ def _segments(records: Sequence[Recording], outputs: Outputs, speed: str) -> Seg
         raise DataError(
             f"the recording lacks the lateral channels {', '.join(missing)}: give recordings that have them"
         )
-    size = len(outputs.names)
-    layout = RigidLayout(
-        outputs.names, outputs.names, _orders(outputs), np.eye(size), np.zeros((size, 1)), np.zeros((size, size, size))
-    )
     low, high = SETTINGS.band
     band = low, min(high, 0.4 * min(record.sampling_rate for record in records))
-    return segment_spectra(records, layout, speed=speed, band=band, segment_length=SETTINGS.segment)
+    return segment_spectra(records, lateral_layout(outputs), speed=speed, band=band, segment_length=SETTINGS.segment)

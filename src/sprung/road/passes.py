@@ -111,9 +111,11 @@ def averaged(surveys: Sequence[RoadSurvey], *, vehicles: Sequence[Hashable] | No
             passes.setdefault(round(stretch.begin, 3), []).append((vehicle, stretch))
     stretches = []
     for _, own in sorted(passes.items(), key=lambda item: item[0]):
-        names = [vehicle for vehicle, _ in own]
-        left, right = (_mean([getattr(each, side) for _, each in own], names) for side in ("left", "right"))
-        stretches.append(replace(own[0][1], left=left, right=right, n_passes=sum(each.n_passes for _, each in own)))
+        lines: dict[str, Any] = {}
+        for name in dict.fromkeys(name for _, each in own for name in each.lines):
+            measured = [(each.lines[name], vehicle) for vehicle, each in own if name in each.lines]
+            lines[name] = _mean(*zip(*measured, strict=True))
+        stretches.append(replace(own[0][1], **lines, n_passes=sum(each.n_passes for _, each in own)))
     events = _merged([event for survey in surveys for event in survey.events])
     return RoadSurvey(tuple(stretches), events, tuple(dict.fromkeys(note for each in surveys for note in each.notes)))
 
@@ -224,16 +226,23 @@ def _rows(survey: RoadSurvey) -> Iterator[tuple[Any, ...]]:
             round(stretch.begin, 1),
             round(stretch.end, 1),
             stretch.n_passes,
-            *(cell for track in (stretch.left, stretch.right) for cell in _cells(track)),
+            *(cell for line in _lines(survey) for cell in _cells(stretch.lines.get(line))),
         )
 
 
 def _columns(survey: RoadSurvey) -> tuple[str, ...]:
     names = _OF_TRACK if survey.is_of_track else _OF_ROAD
-    return ("from_m", "to_m", "passes", *(f"{side}_{name}" for side in ("left", "right") for name in names))
+    return ("from_m", "to_m", "passes", *(f"{line}_{name}" for line in _lines(survey) for name in names))
 
 
-def _cells(track: TrackRoughness | TrackLevel) -> tuple[Any, ...]:
+def _lines(survey: RoadSurvey) -> list[str]:
+    """Return the names of what was measured along any stretch."""
+    return list(dict.fromkeys(name for stretch in survey.stretches for name in stretch.lines))
+
+
+def _cells(track: TrackRoughness | TrackLevel | None) -> tuple[Any, ...]:
+    if track is None:
+        return (None,) * len(_OF_TRACK)
     if isinstance(track, TrackRoughness):
         scatter = None if track.iri_scatter is None else round(track.iri_scatter, 3)
         return (round(track.iri, 3), round(track.iri_std, 3), scatter, track.road_class)

@@ -1,18 +1,22 @@
 """Profile of the road under a fitted vehicle: the motion of the body, inverted."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
-from sprung._arrays import Booleans, Complex, Real
+from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import freeze
 from sprung.errors import DataError
 from sprung.likelihood import CornerFit, CornerSettings
+from sprung.likelihood.coordinates import RigidLayout
 from sprung.likelihood.fitting import FitSetup
+from sprung.likelihood.lateral import LateralFit, lateral_layout
 from sprung.likelihood.spectra import SLOWEST, ClassSpectra, between_updates
-from sprung.likelihood.transfer import Transfer, transfer
+from sprung.likelihood.transfer import transfer
 from sprung.likelihood.vehicle import Kind
 from sprung.recording import Recording
 from sprung.road.tracks import Track, filled, runs_of
@@ -52,12 +56,13 @@ SETTINGS, TRACK = ProfileSettings(), TrackSettings()
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RoadProfile:
-    """Heights of the left and the right track where the front axle drove.
+    """Heights of the left and the right track where the front axle drove, or the alignment of a track.
 
     Parameters
     ----------
     heights
-        Heights without wavelengths that the vehicle does not feel [m], shape (2, points).
+        Heights without wavelengths that the vehicle does not feel [m], shape (2, points); the alignment, the lateral
+        displacement of the centre line, has the shape (1, points).
     is_valid
         Whether the vehicle was fast enough, shape (points,).
     times
@@ -68,12 +73,12 @@ class RoadProfile:
     speeds
         Speed there [m/s], shape (points,).
     missing_density
-        Density of the error of the heights over temporal frequency, shape (2, speeds, frequencies) [m^2/Hz].
+        Density of the error of the heights over temporal frequency, shape (heights, speeds, frequencies) [m^2/Hz].
     frequencies, at_speeds
         Frequencies [Hz] and speeds [m/s] of that density.
     sensitivity
         Derivatives of the logarithm of the density of the heights with the vehicle's uncertain parameters, each times
-        its standard deviation and independent of the others, at the median speed, shape (parameters, 2, frequencies).
+        its standard deviation and independent of the others, at the median speed, (parameters, heights, frequencies).
     """
 
     heights: Real
@@ -103,15 +108,15 @@ class RoadProfile:
         return [slice(first, last) for first, last in pairwise(edges)]
 
 
-def road_profile(windows: Sequence[Window], fit: CornerFit, track: Track) -> RoadProfile:
-    """Return the profile of the road from drives of a fitted vehicle.
+def road_profile(windows: Sequence[Window], fit: CornerFit | LateralFit, track: Track) -> RoadProfile:
+    """Return the profile of the road, or the alignment of the track, from drives of a fitted vehicle.
 
     Parameters
     ----------
     windows
         Windows of one vehicle, with its speed, in the order of time.
     fit
-        Vehicle fitted to these windows.
+        Vehicle fitted to these windows: its vertical motion for heights, its lateral one for the alignment.
     track
         Where the vehicle was during the windows, by `track_of`.
 
@@ -132,7 +137,7 @@ def road_profile(windows: Sequence[Window], fit: CornerFit, track: Track) -> Roa
     ----------
     N. Wiener, Extrapolation, Interpolation, and Smoothing of Stationary Time Series, MIT Press, 1949.
     """
-    inverse = Inverse(windows[0], fit)
+    inverse = LateralInverse(windows, fit) if isinstance(fit, LateralFit) else VerticalInverse(windows, fit)
     heights, is_valid, times, speeds = [], [], [], []
     clock = 0.0
     for window in windows:
@@ -175,6 +180,15 @@ def _stretches(window: Window) -> Iterator[tuple[Recording, Real, float]]:
             yield motion.part(first, stretch.start + run.stop), values[run], first / recording.sampling_rate
 
 
+def _driven(windows: Sequence[Window]) -> tuple[float, float]:
+    """Return the lowest and highest speed of windows while the vehicle is not too slow [m/s]."""
+    speeds = np.concatenate(
+        [window.recording.samples[window.recording.index(window.speed or "")] for window in windows]
+    )
+    fast = speeds[speeds > 0.9 * SLOWEST]  # NaN is not
+    return (float(fast.min()), float(fast.max())) if fast.size else (SLOWEST, SLOWEST)
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class _Along:
     heights: Real
@@ -183,47 +197,70 @@ class _Along:
     speeds: Real
 
 
-class Inverse:
+class _Response(NamedTuple):
+    """Spectra of a vehicle at several speeds: of motion, of heights with it, and densities of the heights.
+
+    Shapes (speeds, grid, n, n), (speeds, grid, heights, n) and (heights, speeds, grid).
+    """
+
+    spectra: Complex
+    crossed: Complex
+    own: Real
+
+    @property
+    def weights(self) -> Complex:
+        """Weights of the motion in the most likely heights, shape (speeds, grid, heights, n)."""
+        S = self.spectra  # with the least error of the model
+        error = SETTINGS.model_error**2 * np.einsum("cfii->cfi", S)[..., None] * np.eye(S.shape[-1])
+        return np.asarray(self.crossed @ np.linalg.inv(S + error))
+
+
+class Inverse(ABC):
     """Inverse of a fitted vehicle for a range of speeds.
 
     Parameters
     ----------
-    window
-        Window of the vehicle.
+    windows
+        Windows of the vehicle.
     fit
         Its fit.
+    layout
+        Coordinates of the motion.
     """
 
-    def __init__(self, window: Window, fit: CornerFit) -> None:
+    def __init__(self, windows: Sequence[Window], fit: CornerFit | LateralFit, layout: RigidLayout) -> None:
+        window = windows[0]
         rate = window.motion.sampling_rate
         self.settings = TRACK if window.vehicle.kind == "rail" else SETTINGS
-        self._rate, self._layout = rate, fit.model.layout
+        self._rate, self._layout = rate, layout
         self._n_piece = 2 * round(self.settings.piece * rate / 2)
         n_padded = 2 * self._n_piece
         frequencies = np.arange(1, n_padded // 2) * rate / n_padded
         highest = min(SETTINGS.highest * rate, SETTINGS.most)
         self._in_band = np.flatnonzero((frequencies >= self.settings.lowest) & (frequencies <= highest)) + 1
         self.frequencies: Real = self._in_band * rate / n_padded
-        low, high = 0.9 * SLOWEST, 70.0
-        n_speeds = 1 + int(np.log(high / low) / np.log(SETTINGS.speed_step))
+        low, high = _driven(windows)
+        n_speeds = 2 + int(np.log(high / low) / np.log(SETTINGS.speed_step))
         self.speeds: Real = np.geomspace(low, high, n_speeds)
-        self._fit, self._window, self._length = fit, window, n_padded / rate
+        self._window, self._length = window, n_padded / rate
+        self._parameters, self._covariance = fit.parameters, fit.covariance
         response = self._response(fit.parameters, self.speeds)
-        of_front = response.driven[:, :, :2]
-        weights = of_front @ np.linalg.inv(self._spectra(response))
-        explained = np.einsum("cfki,cfki->kcf", weights, of_front.conj()).real
-        own = np.einsum("cfkk->kcf", response.terms.inputs[:, :, :2, :2]).real
-        self._weights = weights[:, 1:-1]
-        self.missing: Real = np.maximum(own - explained, 0.0)[:, :, 1:-1]
+        explained = np.einsum("cfki,cfki->kcf", response.weights, response.crossed.conj()).real
+        self._weights = response.weights[:, 1:-1]
+        self.missing: Real = np.maximum(response.own - explained, 0.0)[:, :, 1:-1]
 
-    def _response(self, values: Real, speeds: Real) -> Transfer:
+    @abstractmethod
+    def _response(self, values: Real, speeds: Real) -> _Response:
         """Return the response of the vehicle with fitted parameters at given speeds, and its two neighbours'."""
-        fit = self._fit
-        vehicle = self._window.vehicle
-        kind: Kind = "rail" if vehicle.kind == "rail" else "road"
-        setup = FitSetup(vehicle, fit.model.structure, self._layout, CornerSettings(), kind)
+
+    @abstractmethod
+    def _of_vehicle(self) -> tuple[Indices, float]:
+        """Return the rows of the vehicle's own parameters, and the factor of their standard deviations."""
+
+    def _no_spectra(self, speeds: Real) -> ClassSpectra:
+        """Return classes of given speeds without data."""
         size, n_speeds = len(self._layout.rows), speeds.size
-        spectra = ClassSpectra(
+        return ClassSpectra(
             frequencies=self.frequencies,
             counts=np.ones(n_speeds),
             speeds=speeds,
@@ -232,36 +269,26 @@ class Inverse:
             segment_length=self._length,
             weights=np.ones((n_speeds, self.frequencies.size)),
         )
-        model = setup.model(spectra)
-        known = dict(zip(fit.model.names, values, strict=True))
-        parameters = np.array([0.0 if name.startswith("class_") else known.get(name, 0.0) for name in model.names])
-        return transfer(model.terms(parameters))
-
-    def _spectra(self, response: Transfer) -> Complex:
-        """Return the spectra of the motion with the least error of the model, shape (speeds, frequencies, n, n)."""
-        S = response.spectral_matrix
-        return S + SETTINGS.model_error**2 * np.einsum("cfii->cfi", S)[..., None] * np.eye(S.shape[-1])
 
     def sensitivity(self, speed: float) -> Real:
         """Return the derivatives of the logarithm of the heights' density with independent unit errors of the fit.
 
         The measured motion stays, and the weights follow the vehicle: d ln(W S W^H), by differences of one standard
-        deviation along the principal axes of the covariance of the vehicle's parameters, times `_birge_ratio`.
+        deviation along the principal axes of the covariance of the vehicle's parameters, times the factor of
+        `_of_vehicle`.
         """
-        fit = self._fit
-        rows = np.array([row for row, name in enumerate(fit.model.names) if not name.startswith("class_")])
-        variances, axes = np.linalg.eigh(fit.covariance[np.ix_(rows, rows)])
+        rows, factor = self._of_vehicle()
+        variances, axes = np.linalg.eigh(self._covariance[np.ix_(rows, rows)])
         speeds = np.array([speed])
-        S = self._spectra(self._response(fit.parameters, speeds))
+        S = self._response(self._parameters, speeds).spectra
 
         def density(step: Real) -> Real:
-            values = fit.parameters.copy()
+            values = self._parameters.copy()
             values[rows] += step
-            response = self._response(values, speeds)
-            weights = response.driven[:, :, :2] @ np.linalg.inv(self._spectra(response))
+            weights = self._response(values, speeds).weights
             return np.einsum("cfki,cfij,cfkj->kf", weights, S, weights.conj()).real[:, 1:-1]
 
-        steps = axes * np.sqrt(np.maximum(variances, 0.0)) * _birge_ratio(fit)
+        steps = axes * np.sqrt(np.maximum(variances, 0.0)) * factor
         return np.array([np.log(density(step) / density(-step)) / 2 for step in steps.T])
 
     def along(self, motion: Recording, speed: Real) -> _Along | None:
@@ -272,7 +299,8 @@ class Inverse:
             return None
         taper = np.sqrt(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_piece) / n_piece))
         samples = self._layout.differenced(motion.select(list(self._layout.names)).samples, self._rate)
-        heights = np.zeros((2, n_pieces * hop + hop))
+        n_heights = len(self.missing)
+        heights = np.zeros((n_heights, n_pieces * hop + hop))
         order = self._layout.differentiator(self.frequencies, self._rate)
         for number in range(n_pieces):
             begin = number * hop
@@ -282,7 +310,7 @@ class Inverse:
             coordinates = (spectrum * order) @ self._layout.reduction.T
             mean = float(np.mean(speed[begin : begin + n_piece]))
             nearest = int(np.argmin(np.abs(np.log(self.speeds / max(mean, self.speeds[0])))))
-            found = np.zeros((2, n_piece + 1), dtype=np.complex128)
+            found = np.zeros((n_heights, n_piece + 1), dtype=np.complex128)
             found[:, self._in_band] = np.einsum("fki,fi->kf", self._weights[nearest], coordinates)
             heights[:, begin : begin + n_piece] += np.fft.irfft(found, 2 * n_piece)[:, :n_piece] * taper
         inner = slice(hop, n_pieces * hop)  # where two pieces add up to one
@@ -299,6 +327,46 @@ class Inverse:
         speeds = np.interp(places, travelled, speed)
         along = CubicSpline(np.arange(heights.shape[1]) / self._rate, heights, axis=1)(times)
         return _Along(along, speeds > SLOWEST, times + start, speeds)
+
+
+class VerticalInverse(Inverse):
+    """Inverse to the heights of the left and the right track under the front wheels; parameters as for `Inverse`."""
+
+    def __init__(self, windows: Sequence[Window], fit: CornerFit) -> None:
+        self._fit = fit
+        super().__init__(windows, fit, fit.model.layout)
+
+    def _response(self, values: Real, speeds: Real) -> _Response:
+        fit, vehicle = self._fit, self._window.vehicle
+        kind: Kind = "rail" if vehicle.kind == "rail" else "road"
+        model = FitSetup(vehicle, fit.model.structure, self._layout, CornerSettings(), kind).model(
+            self._no_spectra(speeds)
+        )
+        known = dict(zip(fit.model.names, values, strict=True))
+        parameters = np.array([0.0 if name.startswith("class_") else known.get(name, 0.0) for name in model.names])
+        found = transfer(model.terms(parameters))
+        own = np.einsum("cfkk->kcf", found.terms.inputs[:, :, :2, :2]).real
+        return _Response(found.spectral_matrix, found.driven[:, :, :2], own)
+
+    def _of_vehicle(self) -> tuple[Indices, float]:
+        names = self._fit.model.names
+        rows = np.array([row for row, name in enumerate(names) if not name.startswith("class_")])
+        return rows, _birge_ratio(self._fit)
+
+
+class LateralInverse(Inverse):
+    """Inverse to the alignment of a track under the first wheelset; parameters as for `Inverse`."""
+
+    def __init__(self, windows: Sequence[Window], fit: LateralFit) -> None:
+        self._model, self._n = fit.model, len(fit.components)
+        super().__init__(windows, fit, lateral_layout(fit.model.outputs))
+
+    def _response(self, values: Real, speeds: Real) -> _Response:
+        spectra, crossed, own = replace(self._model, spectra=self._no_spectra(speeds)).of_alignment(values)
+        return _Response(spectra, crossed, own[None])
+
+    def _of_vehicle(self) -> tuple[Indices, float]:
+        return np.arange(self._n), 1.0
 
 
 def _birge_ratio(fit: CornerFit) -> float:

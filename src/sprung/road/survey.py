@@ -10,13 +10,15 @@ from sprung._arrays import Booleans, Complex, Real
 from sprung._checks import check_number, check_type
 from sprung._display import counted
 from sprung.errors import DataError
+from sprung.likelihood import CornerFit
 from sprung.likelihood.fitting import fit_windows
+from sprung.likelihood.lateral import fit_lateral_under
 from sprung.recording import Recording, each_recording
 from sprung.road.level import Levels, TrackLevel
 from sprung.road.profile import RoadProfile, road_profile
-from sprung.road.tracks import Section, Ways, track_of, whole_sections
+from sprung.road.tracks import Section, Track, Ways, track_of, whole_sections
 from sprung.vehicles import Vehicle
-from sprung.vehicles.window import window_of
+from sprung.vehicles.window import Window, window_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,6 +231,8 @@ class Stretch:
         Time from the start of the recordings [s].
     left, right
         `TrackRoughness` of both tracks of a road, `TrackLevel` of both rails.
+    alignment
+        Alignment of a track, the lateral displacement of its centre line, as a level; None where it was not measured.
     n_passes
         Number of passes that are averaged.
     begin_place, end_place
@@ -244,6 +248,13 @@ class Stretch:
     n_passes: int = 1
     begin_place: tuple[float, float] | None = None
     end_place: tuple[float, float] | None = None
+    alignment: TrackLevel | None = None
+
+    @property
+    def lines(self) -> dict[str, Any]:
+        """What was measured along the way, by name: left, right, and the alignment where it was."""
+        lines = {"left": self.left, "right": self.right}
+        return lines if self.alignment is None else lines | {"alignment": self.alignment}
 
 
 @dataclass(frozen=True, slots=True)
@@ -345,7 +356,9 @@ def survey_road(
     wavelengths of 0.3 to 3 m; its kind, place and size are those of the dip, bump or step that fits it best.
 
     Under a rail vehicle, stretches have the standard deviations of the longitudinal level of both rails in the ranges
-    D1 and D2 (`TrackLevel`) instead, which the density of the error increases likewise, and there are no events.
+    D1 and D2 (`TrackLevel`) instead, which the density of the error increases likewise, and there are no events. Where
+    the vehicle has lateral tables and sensors, its lateral motion is fitted (`fit_lateral`) and inverted likewise, to
+    the alignment of the track's centre line.
 
     References
     ----------
@@ -371,6 +384,7 @@ def survey_road(
     fit = fit_windows(windows)
     profile = road_profile(windows, fit, track)
     measure = Levels(profile).at if is_track else _roughness_of(profile)
+    aligned, reasons = _alignment(windows, fit, track)
     if ways is None:
         whole = np.array([0.0, track.distances[-1]])
         sections = whole_sections(whole, whole, stretch)
@@ -378,17 +392,16 @@ def survey_road(
         sections = ways.sections(track)
     stretches, slow = [], 0
     for section in sections:
-        part = slice(*np.searchsorted(profile.distances, [section.first, section.last]).tolist())
-        share = (part.stop - part.start) * profile.spacing / max(section.last - section.first, profile.spacing)
-        if share < 1 - SETTINGS.slow:
+        part = _part(profile, section)
+        if part is None:
             continue
         if np.mean(~profile.is_valid[part]) > SETTINGS.slow:
             slow += 1
             continue
         begun, ended = profile.times[[part.start, part.stop - 1]].tolist()
         where = section.begin, section.begin + stretch, begun, ended
-        sides = measure(0, part), measure(1, part)
-        stretches.append(Stretch(*where, *sides, begin_place=track.place(begun), end_place=track.place(ended)))
+        places = track.place(begun), track.place(ended)
+        stretches.append(Stretch(*where, measure(0, part), measure(1, part), 1, *places, aligned(section)))
     if not stretches:
         if ways is not None and not sections:
             raise DataError(f"the drive is on no way for {stretch:g} m: give latitude and longitude [degrees]")
@@ -397,7 +410,34 @@ def survey_road(
     if ways is not None:
         events = [replace(event, at=at) for event in events for at in _addresses(event.at, sections)]
     notes = (f"too slow: {counted(slow, 'stretch', 'es')}",) * (slow > 0)
-    return RoadSurvey(tuple(stretches), tuple(events), (*notes, *_vehicle_notes(vehicle, fit.model_error)))
+    return RoadSurvey(tuple(stretches), tuple(events), (*notes, *_vehicle_notes(vehicle, fit.model_error), *reasons))
+
+
+def _part(profile: RoadProfile, section: Section) -> slice | None:
+    """Return the part of a profile on a section of the way; None where too much of it is missing."""
+    part = slice(*np.searchsorted(profile.distances, [section.first, section.last]).tolist())
+    share = (part.stop - part.start) * profile.spacing / max(section.last - section.first, profile.spacing)
+    return None if share < 1 - SETTINGS.slow else part
+
+
+def _alignment(
+    windows: Sequence[Window], fit: CornerFit, track: Track
+) -> tuple[Callable[[Section], TrackLevel | None], tuple[str, ...]]:
+    """Return what gives the alignment of a section, where the windows show it, and why they do not."""
+    try:
+        sideways = fit_lateral_under(fit, windows)
+        profile = None if sideways is None else road_profile(windows, sideways, track)
+    except DataError as error:
+        return lambda _: None, (f"no alignment: {error}",)
+    if sideways is None or profile is None:
+        return lambda _: None, ()
+    levels = Levels(profile)
+
+    def measure(section: Section) -> TrackLevel | None:
+        part = _part(profile, section)
+        return None if part is None or np.mean(~profile.is_valid[part]) > SETTINGS.slow else levels.at(0, part)
+
+    return measure, sideways.notes
 
 
 def default_stretch(vehicle: Vehicle) -> float:

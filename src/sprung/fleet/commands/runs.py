@@ -254,7 +254,7 @@ def road(
     if map_file is not None:
         write_survey(survey, map_file)
     if write_result(road_document(survey), json):
-        shown = [tables.road_table(survey), *([tables.events_table(survey)] if survey.events else [])]
+        shown = tables.road_tables(survey)
         files = [Path(out), *([] if map_file is None else [map_file])]
         show(*shown, [*survey.notes, *written(files, json)])
 

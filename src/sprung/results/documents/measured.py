@@ -47,7 +47,7 @@ class TrackDocument(Document):
 
 
 class LevelDocument(Document):
-    """Standard deviations of the level of a rail in D1 and D2 of EN 13848 [m], scatter of D1 between passes."""
+    """Standard deviations of a level or the alignment in D1 and D2 of EN 13848 [m], scatter of D1 between passes."""
 
     d1: float
     d1_std: float
@@ -66,6 +66,7 @@ class StretchDocument(Document):
     n_passes: int
     begin_place: Pair | None = Field(default=None, exclude_if=lambda place: place is None)
     end_place: Pair | None = Field(default=None, exclude_if=lambda place: place is None)
+    alignment: LevelDocument | None = Field(default=None, exclude_if=lambda alignment: alignment is None)
 
 
 class EventDocument(Document):

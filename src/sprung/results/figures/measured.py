@@ -74,10 +74,11 @@ def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
     'IRI [m/km]'
     """
     is_track = survey.is_of_track
-    measures = (("d1", "Level D1 [mm]"), ("d2", "Level D2 [mm]")) if is_track else (("iri", "IRI [m/km]"),)
+    measures = (("d1", "D1 [mm]"), ("d2", "D2 [mm]")) if is_track else (("iri", "IRI [m/km]"),)
     has_map = all(stretch.begin_place for stretch in survey.stretches)
+    sides = dict.fromkeys(name for stretch in survey.stretches for name in stretch.lines)
     head = (
-        ("Track", "Bands: 95 % intervals")
+        ("Track", "Standard deviations of level and alignment; bands: 95 % intervals")
         if is_track
         else ("Road", "Bands: 95 % intervals; marks: potholes, bumps, joints")
     )
@@ -87,7 +88,7 @@ def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
     gaps = 1 + np.flatnonzero(ends[1:, 0] - ends[:-1, 1] > 1e-6 * ends[:-1, 1])
     edges = np.append(np.insert(ends[:, 0], gaps, ends[gaps - 1, 1]), ends[-1, 1])
     for (name, label), axes in zip(measures, grid[:, 0], strict=True):
-        for side, colour in (("left", STYLE.colours[0]), ("right", STYLE.colours[1])):
+        for side, colour in zip(sides, STYLE.colours, strict=False):
             value, std = (np.insert(_of_stretches(survey, side, each), gaps, np.nan) for each in (name, f"{name}_std"))
             axes.stairs(value, edges, color=colour, label=side, linewidth=1.4, baseline=None)
             low, high = value - INTERVAL_95 * std, value + INTERVAL_95 * std
@@ -111,7 +112,7 @@ def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
 
 def _of_stretches(survey: RoadSurvey, side: str, name: str) -> Real:
     """Return a figure of one side of all stretches, lengths in mm; NaN where it is unknown."""
-    found = [getattr(getattr(stretch, side), name) for stretch in survey.stretches]
+    found = [getattr(stretch.lines.get(side), name, None) for stretch in survey.stretches]
     return (1000 if survey.is_of_track else 1) * np.array(found, dtype=np.float64)
 
 

@@ -52,6 +52,7 @@ from sprung.results.tables.measured import plan_tables as plan_tables
 from sprung.results.tables.measured import plate_tests_table as plate_tests_table
 from sprung.results.tables.measured import ride_tables as ride_tables
 from sprung.results.tables.measured import road_table as road_table
+from sprung.results.tables.measured import road_tables as road_tables
 from sprung.results.tables.measured import stability_tables as stability_tables
 from sprung.results.tables.recordings import describe_inspection as describe_inspection
 from sprung.results.tables.recordings import inspection_table as inspection_table

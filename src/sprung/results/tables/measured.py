@@ -1,8 +1,9 @@
 """Plans, roads, rides, running stability and plate tests as tables and sentences."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from sprung._display import listed
 from sprung.modal import INTERVAL_95
 from sprung.results.tables.wording import Table, format_estimate, format_name
 
@@ -60,41 +61,55 @@ def describe_plan(plan: "KitPlan") -> list[str]:
     ]
 
 
-def road_table(survey: "RoadSurvey") -> Table:
-    """Return the table of the stretches of a road or track."""
+def road_tables(survey: "RoadSurvey") -> list[Table]:
+    """Return the tables of a road or track: its stretches, the alignment of a track, events where there are some."""
+    has_alignment = any(stretch.alignment for stretch in survey.stretches)
+    aligned = [road_table(survey, lines=("alignment",))] if has_alignment else []
+    return [road_table(survey), *aligned, *([events_table(survey)] if survey.events else [])]
+
+
+def road_table(survey: "RoadSurvey", *, lines: Sequence[str] = ("left", "right")) -> Table:
+    """Return the table of the stretches of a road or track: both sides, or the alignment."""
     shown = survey.stretches[:_MOST_STRETCHES]
     is_mean = any(stretch.n_passes > 1 for stretch in survey.stretches)
     if survey.is_of_track:
-        title, unit = "Level of the track, EN 13848: standard deviations", "mm"
-        names: tuple[str, ...] = ("left D1 [mm]", "right D1 [mm]", "left D2 [mm]", "right D2 [mm]")
+        what = "Level" if "left" in lines else "Alignment"
+        title, unit = f"{what} of the track, EN 13848: standard deviations", "mm"
+        names: tuple[str, ...] = tuple(f"{line} {range_} [mm]" for range_ in ("D1", "D2") for line in lines)
     else:
         title, unit = "Road", "m/km"
         names = ("left IRI [m/km]", "right IRI [m/km]", "left class", "right class")
     rows = []
     for stretch in shown:
-        first, second, scatters = zip(_cells(stretch.left), _cells(stretch.right), strict=True)
+        first, second, scatters = zip(*(_cells(stretch.lines.get(line)) for line in lines), strict=True)
         passes = (f"{stretch.n_passes}", ", ".join(scatters)) if is_mean else ()
         rows.append((f"{stretch.begin:.0f}", f"{stretch.end:.0f}", *first, *second, *passes))
     columns = ("from [m]", "to [m]", *names, *(("passes", f"scatter [{unit}]") if is_mean else ()))
     left = len(survey.stretches) - len(rows)
     caption = "± standard deviation" + (
-        "; scatter: standard deviation between passes, left and right" if is_mean else ""
+        f"; scatter: standard deviation between passes, {listed(lines)}" if is_mean else ""
     )
     caption += "; D1: wavelengths of 3 to 25 m, D2: 25 to 70 m" if survey.is_of_track else ""
     caption += f"; {left} more stretches in the files" if left else ""
     return Table(title, columns, tuple(rows), n_words=0, caption=caption)
 
 
-def _cells(track: "TrackRoughness | TrackLevel") -> tuple[str, str, str]:
+def _cells(track: "TrackRoughness | TrackLevel | None") -> tuple[str, str, str]:
     """Return the two figures of a track, index and class or its levels in D1 and D2, and the scatter of the first."""
     from sprung.road import TrackRoughness
 
+    if track is None:
+        return "–", "–", "–"
     if isinstance(track, TrackRoughness):
         scatter = "–" if track.iri_scatter is None else f"{track.iri_scatter:.2f}"
         return format_estimate(track.iri, track.iri_std), track.road_class, scatter
     scatter = "–" if track.d1_scatter is None else f"{1000 * track.d1_scatter:.2f}"
-    long = "–" if track.d2 is None or track.d2_std is None else format_estimate(1000 * track.d2, 1000 * track.d2_std)
-    return format_estimate(1000 * track.d1, 1000 * track.d1_std), long, scatter
+    long = "–" if track.d2 is None or track.d2_std is None else _in_mm(track.d2, track.d2_std)
+    return _in_mm(track.d1, track.d1_std), long, scatter
+
+
+def _in_mm(length: float, std: float) -> str:
+    return f"{1000 * length:.3f} ± {1000 * std:.3f}"
 
 
 def events_table(survey: "RoadSurvey") -> Table:
