@@ -128,6 +128,17 @@ def test_what_cannot_be_searched_is_refused() -> None:
         find_harmonics(recorded(np.full((1, 1000), np.nan), 100.0))
 
 
+@pytest.mark.parametrize("tone", [(), (5.2,)])
+def test_light_modes_of_half_an_hour_are_no_lines_and_a_tone_among_them_is_one(tone) -> None:
+    """Half-power bandwidths of 4.5 and 27 over the duration: all were called lines."""
+    t = np.arange(90_000) / 50
+    for seed in range(4):
+        samples = vibration([3.1, 7.7, 12.3, 18.9], 0.0008, seed=seed, duration=1800.0, sampling_rate=50.0)
+        samples += 0.1 * samples.std() * sum(np.sin(2 * np.pi * frequency * t) for frequency in tone)
+        lines = find_harmonics(recorded(samples, 50.0))
+        assert [line.frequency for line in lines] == pytest.approx(tone, abs=0.003)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["chain3", "quarter", "white", "light", "lightest"])
 def test_random_vibration_has_no_harmonics(kind) -> None:

@@ -43,8 +43,6 @@ _CONTRADICTION = 5.0
 class HarmonicSearch:
     """Settings of the search for harmonics."""
 
-    # distance of segments in time constants of the least damped mode, whose powers are then independent
-    independence: float = 0.75
     max_segment: float = 256.0  # longest segment for lines of constant frequency [s]
     cycles: float = 150.0  # cycles of a speed-proportional line in a segment: 1 to 0.5 %, the accuracy of the speed
     # relative deviation of a speed-proportional line from a constant multiple of the measured speed
@@ -61,8 +59,6 @@ class HarmonicSearch:
     min_doubtful: int = 3
     # lines of a family of constant frequency whose other multiples are subtracted too, seen or not
     large_family: int = 4
-    # damping of the narrowest mode that a peak is compared with, over the smallest damping ratio
-    narrowest: float = 0.6
     max_damping: float = 0.05  # damping ratio of the pole of a line; poles with more belong to modes, even near a line
 
 
@@ -127,7 +123,7 @@ def find_harmonics(
     false_alarm_rate
         Probability of reporting any harmonic in a recording of random vibration, above 0 and at most 0.5.
     min_damping
-        Smallest damping ratio of a mode, above 0 and at most 1.
+        Smallest damping ratio of a mode, above 0 and at most 1; longer recordings separate smaller ones (see Notes).
     known
         Lines of an earlier recording of the same vehicle: those proportional to speed are taken over, and not searched
         for, unless a line of another kind appears that is not among them; None: all are searched for.
@@ -154,12 +150,14 @@ def find_harmonics(
     mode (`sprung.signals.narrow_lines.chance_of_steadiness`). Of more than 192 segments, runs of six spread over the
     recording stand for all. The probability of any line in a recording of random vibration is at most
     `false_alarm_rate` (Holm's method over all peaks).
-    Segments of a narrow mode are independent only if they lie about a time constant 1 / (xi omega) of the mode apart:
-    so `min_damping` sets the lowest frequency at which a recording of T seconds separates a tone from a mode by its
-    power alone, 0.84 / (xi T): 2.8 Hz for 60 s and 0.5 %; below it a line has to be steady, or wider than the
-    resolution of longer segments, as that of an engine whose speed wanders: then it is regular though its own width
-    makes the powers of random vibration independent. Narrow peaks that are not regular count if more of them lie at
-    multiples of a line, or of a half, third or fourth of one, than chance explains.
+    The narrowest mode is one of `min_damping`; the longer the recording of T seconds, the narrower: of a damping ratio
+    of 1 / T (but 0.03 % or more), or of a half-power bandwidth of 8 / T, if that is more. Such a mode is told from a
+    line by many independent values of its amplitude and phase. Its segments are independent only if they lie about a
+    time constant 1 / (xi omega) apart, which sets the lowest frequency at which the power alone separates a tone from a
+    mode: 2.8 Hz for 60 s and 0.5 %; below it a line has to be steady, or wider than the resolution of longer
+    segments, as that of an engine whose speed wanders: then it is regular though its own width makes the powers of
+    random vibration independent. Narrow peaks that are not regular count if more of them lie at multiples of a
+    line, or of a half, third or fourth of one, than chance explains.
 
     A line is *constant* at the finest resolution that holds most of its energy, and *drifting* if that is far coarser
     than the recording's, or if half of its family or the highest order of it drifts.
@@ -438,8 +436,7 @@ def _constant_lines(recording: Recording, false_alarm_rate: float, min_damping: 
             segment_length,
             prominence=_HARMONICS.prominence,
             false_alarm_rate=false_alarm_rate,
-            min_damping=_HARMONICS.narrowest * min_damping,
-            lowest=_HARMONICS.independence / (math.pi * min_damping * segment_length),
+            min_damping=min_damping,
             finer=levels[-2] if len(levels) > 2 else None,
             max_segments=SEARCH.max_segments,
         )

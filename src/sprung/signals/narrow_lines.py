@@ -32,6 +32,13 @@ class LineSearch:
     bins_of_one: float = 1.944  # correlated bins that say as much as one independent bin, 1 + 2 (4/9 + 1/36)
     window_points: int = 32  # points of a Hann window in the covariance of a mode's spectra
     frequencies_in_bin: int = 4  # frequencies that are distinguished in a bin of the whole recording
+    # distance of segments in time constants of the narrowest mode, whose powers are then independent
+    independence: float = 0.75
+    narrowest: float = 0.6  # bandwidth that a peak is compared with, over that of the narrowest mode
+    # smallest damping ratio of a mode of a long recording, times its duration [s], and at any duration
+    damping_in_time: float = 1.0
+    least_damping: float = 3e-4
+    bandwidth_in_time: float = 8.0  # or else its half-power bandwidth times the duration
     min_steady: float = 0.7  # share of the energy of the segments in one steady phase that may be a line
     max_steady: int = 30  # segments for that: longer segments show a steady line better
 
@@ -128,7 +135,6 @@ def search_segments(
     false_alarm_rate: float,
     is_geometric: bool = False,
     min_damping: float | None = None,
-    lowest: float = 0.0,
     finer: Densities | None = None,
     max_segments: int | None = None,
     band: tuple[float, float] = (0.0, math.inf),
@@ -149,13 +155,14 @@ def search_segments(
     is_geometric
         Whether the logarithms of the powers are averaged, so that no single segment makes a line.
     min_damping
-        Smallest damping ratio of a mode: a peak may also be a line because it is narrower than any mode
-        (`chance_of_narrowness`); None: only because it is regular (`chance_of_regularity`).
+        Smallest damping ratio of a mode, less in long recordings (`narrowest_bandwidth`): a peak may also be a line
+        because it is narrower than any mode (`chance_of_narrowness`); None: only because it is regular
+        (`chance_of_regularity`).
     band
         Lowest and highest frequency of interest, in the recording's unit; further lines need not be found.
-    lowest, finer
-        Frequency below which a peak may be regular or narrow only if it is wider than the resolution of these
-        densities (`has_own_width`).
+    finer
+        Densities of longer segments. Where the powers of the narrowest mode are not independent from segment to
+        segment, a peak may be regular or narrow only if it is wider than their resolution (`has_own_width`).
     max_segments
         Largest number of segments, a multiple of 6; None: all.
 
@@ -169,7 +176,9 @@ def search_segments(
     window = (0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)).astype(np.float32)
     window *= np.sqrt(2 / (searched.sampling_rate * np.sum(window**2)))
     bin_width = searched.sampling_rate / length
-    n_channels, n_bins = len(searched.samples), length // 2 + 1
+    n_bins = length // 2 + 1
+    n_channels, n_samples = searched.samples.shape
+    duration = n_samples / searched.sampling_rate
     may_be_line = starts.size >= (SEARCH.min_segments if min_damping is None else 1)
     random = _random_height(starts.size, false_alarm_rate / (n_channels * n_bins), is_geometric)
     lines: list[Line] = []
@@ -202,14 +211,29 @@ def search_segments(
                 chance = chance_of_regularity(powers[:, k - first].astype(np.float64))
             else:
                 places = starts / length
-                decay = 2 * np.pi * min_damping * (k + offset)
+                bandwidth = narrowest_bandwidth(line.frequency, min_damping, duration) / bin_width
+                decay = np.pi * SEARCH.narrowest * bandwidth
                 chance = chance_of_steadiness(spectra[:, k] * np.exp(-2j * np.pi * k * places), places, decay)
-                if line.frequency >= lowest or (finer is not None and has_own_width(line, finer)):
-                    bandwidth = 2 * min_damping * (k + offset)
-                    narrowness = n_channels * n_bins * chance_of_narrowness(density, k, bandwidth, starts.size)
+                if np.pi * bandwidth >= 2 * SEARCH.independence or (finer is not None and has_own_width(line, finer)):
+                    narrowness = chance_of_narrowness(density, k, SEARCH.narrowest * bandwidth, starts.size)
+                    narrowness *= n_channels * n_bins
                     chance = min(chance, chance_of_regularity(powers[:, k - first].astype(np.float64)), narrowness)
             lines.append(replace(line, chance=chance))
     return lines, Densities(densities, bin_width)
+
+
+def narrowest_bandwidth(frequency: float, min_damping: float, duration: float) -> float:
+    """Return the half-power bandwidth of the narrowest mode that a recording tells from a line.
+
+    Parameters
+    ----------
+    frequency, duration
+        Frequency of the mode and duration of the recording, in reciprocal units.
+    min_damping
+        Smallest damping ratio of a mode in a short recording.
+    """
+    least = 2 * max(SEARCH.damping_in_time / duration, SEARCH.least_damping) * frequency
+    return min(2 * min_damping * frequency, max(least, SEARCH.bandwidth_in_time / duration))
 
 
 def _starts(stretches: Sequence[slice], length: int, most: int | None) -> Indices:
