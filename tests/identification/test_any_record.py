@@ -51,9 +51,12 @@ def frame(seed, periods, rate=64.0):
 
 
 def test_twenty_periods_of_the_first_mode_are_enough() -> None:
-    """80 % of such records show all three modes; none shows another, and none claims a standard deviation."""
+    """80 % of such records show all three modes; none shows another, and none claims a standard deviation.
+
+    That of seed 44 showed another at 8.1 Hz, and misses its first.
+    """
     complete = 0
-    for seed in range(12):
+    for seed in (*range(12), 44):
         record, frequencies = frame(seed, 20)
         identification = cov_ssi(record)
         modes = identification.modes

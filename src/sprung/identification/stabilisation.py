@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
+from scipy import linalg, special
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_number, freeze
@@ -545,16 +545,18 @@ def _mean_mode(estimates: Modes, weights: Real) -> Modes:
     )
 
 
-#: Probability that a contribution exceeds the bound by chance.
+#: Probability that a contribution exceeds the bound by chance ...
 _CHANCE = 1e-2
+#: ... and that the excess does, which has many places to occur.
+_CHANCE_OF_EXCESS = 1e-6
 #: Standard deviation of the frequency over the half-bandwidth up to which a contribution counts in full.
 _WELL_KNOWN = 0.2
-#: Number of blocks below which the excess of a mode must be larger.
+#: Largest factor on the bound of a contribution where the frequency is less certain.
+_MOST_DEMANDED = 3.0
+#: Number of blocks below which the mode's own random level shows between them.
 _MANY_BLOCKS = 24
 #: Excess over its bound from which a short record shows a mode clearly.
-_CLEAR = 6.0
-#: Half of a running median of a spectrum is one of this number of parts of it.
-_MEDIAN_SHARE = 12
+_CLEAR = 1.5
 
 
 def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> tuple[Real, Real]:
@@ -574,9 +576,9 @@ def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlatio
     -------
     numpy.ndarray, numpy.ndarray
         Shape (modes,) each. Contribution: about 1 for a mode that does not exist; infinite for exact correlations.
-        Excess: over twice the number of references distributed nearly as chi-squared with as many degrees of freedom
-        where there is no mode; infinite for exact correlations, for a single channel, and where not all channels are
-        references.
+        Excess: times twice the number of references distributed nearly as chi-squared with as many degrees of freedom
+        where the channels are independent; infinite for exact correlations, for a single channel, and where not all
+        channels are references.
 
     Notes
     -----
@@ -585,53 +587,95 @@ def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlatio
     sum over references of abs(g)^2 of the average, weighted with the shape's power on the channels used, divided by the
     same sum of the variances of g over the blocks.
 
-    The excess is that of independent channels without any mode: with the variance of sum_m w_m Lambda_m, for a pair of
-    independent channels a and b of N samples the mean over frequencies of abs(W)^2 S_a S_b / N (Bartlett's formula).
-    This variance does not rise with the mode's own random level, which the spread of a few blocks mostly shows. The
-    spectra S are running medians: they follow noise, and pass under the peaks of modes.
+    The errors of neighbouring lags are alike: those of independent channels a and b of N samples have the spectrum
+    S_a S_b / N (Bartlett's formula). The squares are weighted by the inverse of the covariance of lags with the
+    spectrum S^2, S the mean of the channels' spectra; without the weights, the random level of a strong mode hides a
+    weak one. The excess is relative to the variance of g by Bartlett's formula, which a few blocks do not show well;
+    where it is not known and cannot refuse what the weights raise, all lags count alike.
 
     References
     ----------
     M. S. Bartlett (1946), On the theoretical specification and sampling properties of autocorrelated time-series,
     Supplement to the Journal of the Royal Statistical Society 8, 27-41.
     """
-    spectra, changes = _spectra_of_chance(correlations), correlations.changes
+    return _relative_to_chance(_projections(poles, mode_shapes, correlations), np.arange(len(poles)))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Projection:
+    """Weighted correlations with one reference, projected on the responses of all candidates.
+
+    `triangle` maps real and imaginary participations to the coordinates in which the average, the changes of blocks
+    (one a row) and the covariance by chance are; `power` is that of each shape on the channels used.
+    """
+
+    triangle: Real
+    average: Real
+    changes: Real
+    chance: Real
+    power: Real
+
+
+def _projections(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> list[_Projection]:
+    """Return the projection of each reference."""
+    spectra, changes = _spectra(correlations), correlations.changes
     lagged = correlations.values[:, :, 1:]
     use = correlations.is_cross if correlations.is_cross.any() else ~correlations.is_cross
     powers = np.exp(poles[:, None] / correlations.sampling_rate * np.arange(lagged.shape[-1]))
-    signal, scatter, chance = np.zeros((3, len(poles)))
+    has_chance = len(spectra) == len(correlations.channels) > 1 and np.isfinite(correlations.n_products)
+    whitener = _whitener(spectra, lagged.shape[-1]) if has_chance else np.eye(lagged.shape[-1])
+    projections = []
     for reference, is_used in enumerate(use.T):
         others = np.flatnonzero(is_used)
-        solve = _participation_operator(_responses(mode_shapes[:, others], powers))
-        weight = np.sum(np.abs(mode_shapes[:, others]) ** 2, axis=1)
-        signal += weight * np.abs(lagged[others, reference].ravel() @ solve) ** 2
-        if len(changes):
-            own = changes[:, others, reference, 1:].reshape(len(changes), -1)
-            scatter += weight * np.sum(np.abs(own @ solve) ** 2, axis=0)
-        if spectra is not None:
-            gains = np.abs(np.fft.fft(solve.reshape(len(others), -1, len(poles)), spectra.shape[1], axis=1)) ** 2
-            products = spectra[others] * spectra[reference]
-            by_chance = np.einsum("ofk,of->k", gains, products)
-            chance += weight * by_chance / (spectra.shape[1] * correlations.n_products)
-    infinite = np.full(len(poles), np.inf)
-    return signal / scatter if len(changes) else infinite, infinite if spectra is None else signal / chance
+        basis = _basis(_responses(mode_shapes[:, others], powers)).reshape(len(others), len(whitener), -1)
+        directions, triangle = np.linalg.qr((whitener @ basis).reshape(-1, basis.shape[-1]))
+        weights = whitener.T @ directions.reshape(len(others), len(whitener), -1)
+        chance = np.full((len(triangle), len(triangle)), 0.0 if has_chance else np.nan)
+        if has_chance:
+            gains = np.fft.rfft(weights, spectra.shape[1], axis=1)
+            n_same = np.where(np.arange(gains.shape[1]) % (gains.shape[1] - 1) == 0, 1, 2)
+            densities = n_same * (spectra[others] * spectra[reference])[:, : gains.shape[1]]
+            densities /= spectra.shape[1] * correlations.n_products
+            chance = np.einsum("ofj,of,ofk->jk", gains.conj(), densities, gains, optimize=True).real
+        weights = weights.reshape(-1, len(triangle))
+        own = changes[:, others, reference, 1:].reshape(len(changes), len(weights))
+        average = lagged[others, reference].ravel() @ weights
+        power = np.sum(np.abs(mode_shapes[:, others]) ** 2, axis=1)
+        projections.append(_Projection(triangle, average, own @ weights, chance, power))
+    return projections
 
 
-def _spectra_of_chance(correlations: Correlations) -> Real | None:
-    """Return the running medians of the spectra of all channels, shape (channels, frequencies); None if unknown."""
-    from scipy import ndimage
+def _relative_to_chance(projections: Sequence[_Projection], kept: Indices) -> tuple[Real, Real]:
+    """Return contributions and excess of some of the candidates, without the others."""
+    sums = np.zeros((3, len(kept)))
+    for each in projections:
+        n_modes = len(each.power)
+        solve = np.linalg.pinv(each.triangle[:, np.concatenate([kept, n_modes + kept])], rcond=1e-8)
+        of_blocks = np.sum((each.changes @ solve.T) ** 2, axis=0)
+        squares = np.array([(solve @ each.average) ** 2, of_blocks, np.sum(solve @ each.chance * solve, axis=1)])
+        sums += each.power[kept] * squares.reshape(3, 2, -1).sum(axis=1)
+    signal, scatter, chance = sums
+    infinite = np.full(len(kept), np.inf)
+    has_blocks = len(projections[0].changes) > 0
+    return signal / scatter if has_blocks else infinite, np.where(np.isnan(chance), np.inf, signal / chance)
 
-    has_own = correlations.references == correlations.channels and len(correlations.channels) > 1
-    if not has_own or not np.isfinite(correlations.n_products):
-        return None
-    n_fft = 2 * correlations.n_lags
-    rows = np.arange(len(correlations.channels))
-    lags = np.arange(correlations.n_lags)
-    own = correlations.values[rows, rows] * (0.5 + 0.5 * np.cos(np.pi * lags / correlations.n_lags))
-    spectra = 2 * np.fft.fft(own, n_fft).real - own[:, :1]
-    size = max(2 * (n_fft // _MEDIAN_SHARE) + 1, 3)
-    medians = ndimage.median_filter(spectra, (1, size), mode="wrap")
-    return np.asarray(np.maximum(medians, np.finfo(float).tiny))
+
+def _spectra(correlations: Correlations) -> Real:
+    """Return the smoothed spectra of the channels that are references, shape (these channels, frequencies)."""
+    channels, references = correlations.channels, correlations.references
+    pairs = np.array([(channels.index(name), k) for k, name in enumerate(references) if name in channels])
+    own = correlations.values[pairs[:, 0], pairs[:, 1]]
+    taper = 0.5 + 0.5 * np.cos(np.pi * np.arange(correlations.n_lags) / correlations.n_lags)
+    spectra = 2 * np.fft.fft(own * taper, 2 * correlations.n_lags).real - own[:, :1]
+    return np.asarray(np.maximum(spectra, 1e-3 * own[:, :1]))
+
+
+def _whitener(spectra: Real, n_lags: int, *, floor: float = 0.3) -> Real:
+    """Return the matrix that makes errors of lags independent; spectra count as at least a share of their mean."""
+    mean = np.mean(spectra / spectra.mean(axis=1, keepdims=True), axis=0)
+    covariance = np.fft.ifft(np.maximum(mean, floor) ** 2).real[:n_lags]
+    factor = linalg.cholesky(linalg.toeplitz(covariance), lower=True)
+    return np.asarray(linalg.solve_triangular(factor, np.eye(n_lags), lower=True))
 
 
 def _responses(shapes: Complex, powers: Complex) -> Complex:
@@ -639,9 +683,14 @@ def _responses(shapes: Complex, powers: Complex) -> Complex:
     return (shapes[:, :, None] * powers[:, None]).reshape(len(shapes), shapes.shape[1] * powers.shape[1])
 
 
+def _basis(responses: Complex) -> Real:
+    """Return what real and imaginary parts of g add to 2 Re(responses^T g), shape (samples, 2 modes)."""
+    return np.concatenate([2 * responses.real, -2 * responses.imag]).T
+
+
 def _participation_operator(responses: Complex) -> Complex:
     """Return the matrix (samples, modes) that maps real data to the least-squares g of data = 2 Re(responses^T g)."""
-    basis = np.concatenate([2 * responses.real, -2 * responses.imag]).T
+    basis = _basis(responses)
     inverse = np.linalg.pinv(basis, rcond=1e-8) if basis.size else basis.T
     return np.asarray(inverse[: len(responses)] + 1j * inverse[len(responses) :]).T
 
@@ -712,29 +761,32 @@ def significant(modes: Modes, correlations: Correlations, *, least: float) -> Bo
     Notes
     -----
     Backward elimination: the weakest mode is removed and the others are solved for again until all that remain
-    contribute enough. A contribution counts in full where the standard deviation of the mode's frequency is up to 0.2
-    of its half-bandwidth, and less in proportion beyond. The bound is not below the 99 % quantile of Fisher's
-    distribution for the complex participation of each reference, in the average over that in each block but one; this
-    matters where there are few channels or few blocks. The excess, too, must reach the bound, and with fewer than 24
-    blocks the bound times 24 over their number: in a short record chance offers a mode many places, of which the
-    stabilisation diagram shows the best. There half of the bound of the contribution suffices, however uncertain the
-    frequency, where the excess is six times its bound: few blocks differ by the mode's own random level, too, and a
-    short record gives no frequency to a share of its bandwidth.
+    contribute enough. The bound is not below the 99 % quantile of Fisher's distribution for the complex participation
+    of each reference, in the average over that in each block but one; this matters where there are few channels or few
+    blocks. The bound of the excess is not below what chance exceeds once in a million times: it offers a mode many
+    places, of which the stabilisation diagram shows the best. Where the standard deviation of a mode's frequency is
+    more than 0.2 of its half-bandwidth, the bounds are that many times, up to three times, higher, that of the excess
+    by the square: what is left of a line, or of a strong mode that the other modes do not fully explain, contributes
+    more than chance, too, but its frequency is not certain. With fewer than 24 blocks half of the bound of the
+    contribution suffices, however uncertain the frequency, where the excess is 1.5 times its bound: few blocks differ
+    by the mode's own random level, and a short record gives no frequency to a share of its bandwidth.
     """
     is_kept = np.ones(len(modes), dtype=np.bool_)
-    if least <= 0:
+    if least <= 0 or not len(modes):
         return is_kept
     freedom = 2 * len(correlations.references)
+    least_excess = max(least, float(special.chdtri(freedom, _CHANCE_OF_EXCESS)) / freedom)
     by_chance = special.fdtri(freedom, freedom * max(len(correlations.blocks) - 1, 1), 1 - _CHANCE)
     least = max(least, float(by_chance))
     spread = modes.natural_frequency_std / (modes.natural_frequency * modes.damping_ratio)
-    least_excess = least * max(1.0, _MANY_BLOCKS / len(correlations.blocks))
+    projections = _projections(modes.poles, modes.mode_shapes, correlations)
     while is_kept.any():
         kept = np.flatnonzero(is_kept)
-        contribution, excess = contributions(modes.poles[kept], modes.mode_shapes[kept], correlations)
+        contribution, excess = _relative_to_chance(projections, kept)
         is_clear = (excess > _CLEAR * least_excess) & (len(correlations.blocks) < _MANY_BLOCKS)
-        bound = np.where(is_clear, least / 2, least * np.fmax(spread[kept] / _WELL_KNOWN, 1.0))
-        certainty = np.minimum(contribution / bound, excess / least_excess)
+        most = np.where(np.isfinite(excess), _MOST_DEMANDED, np.inf)
+        demand = np.where(is_clear, 0.5, np.clip(np.nan_to_num(spread[kept]) / _WELL_KNOWN, 1.0, most))
+        certainty = np.minimum(contribution / demand / least, excess / demand**2 / least_excess)
         weakest = int(np.argmin(certainty))
         if certainty[weakest] >= 1:
             break
