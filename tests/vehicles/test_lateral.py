@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.vehicles import Sensor, Vehicle, read_vehicle, vehicle_from_text, vehicle_text
+from sprung.vehicles import Sensor, Vehicle, read_vehicle, state_space, vehicle_from_text, vehicle_text
 from sprung.vehicles.lateral import (
     GRAVITY,
     critical_speed,
@@ -21,40 +21,52 @@ def coach() -> Vehicle:
     return read_vehicle("coach")
 
 
-def moved(place: np.ndarray, point: np.ndarray, sway: float, roll: float, yaw: float) -> np.ndarray:
-    """Return where a point of a rigid body at `place` is after its finite motion."""
+def turned(roll: float, yaw: float) -> np.ndarray:
+    """Return the rotation of a rigid body that rolls and then yaws."""
     c, s = np.cos(roll), np.sin(roll)
-    rolled = np.array([[1, 0, 0], [0, c, -s], [0, s, c]]) @ point
+    about_x = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
     c, s = np.cos(yaw), np.sin(yaw)
-    return place + np.array([0.0, sway, 0.0]) + np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ rolled
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ about_x
 
 
 def spring_energy(vehicle: Vehicle, motion: dict[str, float]) -> float:
-    """Return the energy of all springs of a vehicle whose rigid bodies have moved."""
+    """Return the energy of all springs of a vehicle whose rigid bodies have moved, and of the rails under its wheels.
 
-    def end(part: str, home: np.ndarray, spring: np.ndarray) -> np.ndarray:
-        prefix = "" if part == "body" else f"{part}_"
-        sway, roll, yaw = (motion.get(f"{prefix}{name}", 0.0) for name in ("sway", "roll", "yaw"))
-        return moved(home, spring - home, sway, roll, yaw)
+    Springs have the axes of the part below them, and carry what is above.
+    """
+    body = np.array([0.0, 0.0, vehicle.body.height])
 
-    def of(ends: tuple[str, str], homes: tuple[np.ndarray, np.ndarray], place: np.ndarray, k: tuple) -> float:
-        stretch = end(ends[0], homes[0], place) - end(ends[1], homes[1], place)
-        return 0.5 * float(np.sum(np.array(k) * stretch**2))
+    def of(
+        ends: tuple[str, str], homes: tuple[np.ndarray, np.ndarray], place: np.ndarray, k: tuple, load: float
+    ) -> float:
+        places, rotation = [], np.eye(3)
+        for part, home in zip(ends, homes, strict=True):
+            prefix = "" if part == "body" else f"{part}_"
+            sway, roll, yaw = (motion.get(f"{prefix}{name}", 0.0) for name in ("sway", "roll", "yaw"))
+            rotation = turned(roll, yaw)
+            places.append(home + np.array([0.0, sway, 0.0]) + rotation @ (place - home))
+        stretch = rotation.T @ (places[0] - places[1])
+        return 0.5 * float(np.sum(np.array(k) * stretch**2)) - load * float(stretch[2])
 
-    energy, body = 0.0, np.array([0.0, 0.0, vehicle.body.height])
+    energy = 0.0
     for number, bogie in enumerate(vehicle.bogie, start=1):
         lateral, name = bogie.lateral, f"bogie{number}"
         assert lateral is not None
         frame = np.array([bogie.x, 0.0, lateral.frame_height])
+        carried = GRAVITY * vehicle.body.mass / 4
         for side in (1, -1):
             place = np.array([bogie.x, side * bogie.half_spacing[1], lateral.secondary_height])
             k = (*lateral.secondary_stiffness, bogie.secondary_stiffness)
-            energy += of(("body", name), (body, frame), place, k)
+            energy += of(("body", name), (body, frame), place, k, carried)
             for wheelset, along in ((2 * number - 1, 1), (2 * number, -1)):
                 axle = np.array([bogie.x + along * bogie.half_wheelbase, 0.0, lateral.wheel_radius])
                 place = axle + np.array([0.0, side * bogie.half_spacing[0], 0.0])
                 k = (*lateral.primary_stiffness, bogie.primary_stiffness)
-                energy += of((name, f"wheelset{wheelset}"), (frame, axle), place, k)
+                energy += of(
+                    (name, f"wheelset{wheelset}"), (frame, axle), place, k, carried / 2 + GRAVITY * bogie.mass / 4
+                )
+                lift = bogie.contact_half_spacing * motion.get(f"wheelset{wheelset}_roll", 0.0)
+                energy += 0.5 * bogie.contact_stiffness * lift**2
         turn = motion.get("roll", 0.0) - motion.get(f"{name}_roll", 0.0)
         energy += 0.5 * bogie.anti_roll_stiffness * turn**2
     return energy
@@ -76,10 +88,38 @@ def test_stiffness_is_the_curvature_of_the_energy_of_moved_bodies(coach) -> None
                 motion[first] += a * step
                 motion[second] += b * step
                 curvature[i, j] += a * b * spring_energy(coach, motion) / (4 * step**2)
-    lateral = coach.bogie[0].lateral
-    weight = GRAVITY * coach.body.mass * (coach.body.height - lateral.secondary_height)
-    curvature[names.index("roll"), names.index("roll")] -= weight
+    bogie = coach.bogie[0]
+    axle_load = GRAVITY * (bogie.wheelset_mass + bogie.mass / 2 + coach.body.mass / 4)
+    for number in range(1, 5):  # the forces of the rails lean with the wheelset
+        curvature[names.index(f"wheelset{number}_sway"), names.index(f"wheelset{number}_roll")] += axle_load
     assert np.allclose(system.stiffness, curvature, rtol=1e-5, atol=1e-6 * curvature.max())
+
+
+def test_modes_and_responses_are_those_of_a_multibody_engine(coach) -> None:
+    """Of `benchmarks.multibody.coach`: modes at 45 m/s, and readings to the left over alignment [m] and roll of the track [rad]."""
+    exact = lateral_modes(coach, speed=45.0)
+    frequencies = [0.597, 0.862, 1.210, 2.004, 2.022, 9.758, 9.780, 12.807, 12.808, 13.810, 13.819]
+    assert exact.natural_frequency[:11] == pytest.approx(frequencies, rel=1e-3)
+    ratios = [0.222, 0.527, 0.378, 0.195, 0.203, 0.313, 0.311, 0.672, 0.672, 0.253, 0.251]
+    assert exact.damping_ratio[:11] == pytest.approx(ratios, abs=1e-3)
+    common = {"quantity": "acceleration", "unit": "m/s^2", "direction": (0.0, 1.0, 0.0)}
+    places = (("bogie1", 1.28, 0.1), ("bogie1", -1.28, 0.1), ("body", 9.5, -0.7), ("body", -9.5, -0.7))
+    sensors = tuple(Sensor(channel=f"{on}{x}", position=(x, 0.0, h), on=on, **common) for on, x, h in places)
+    outputs = lateral_outputs(coach.model_copy(update={"sensor": sensors}))
+    system = lateral_system(coach, speed=45.0)
+    space = state_space(system, outputs)
+    behind = np.array([coach.wheels[0].x - wheel.x for wheel in coach.wheels[::2]])
+    for frequency, aside, rolled in (
+        (1.0, (53.00, 54.90, 65.74, 59.49), (28.62, 33.82, 32.48, 51.51)),
+        (3.0, (325.86, 354.23, 95.65, 96.85), (440.41, 457.47, 149.56, 123.84)),
+        (10.0, (147.41, 296.75, 8.78, 6.26), (657.32, 2160.34, 96.42, 71.30)),
+    ):
+        omega = 2 * np.pi * frequency
+        resolvent = 1j * omega * np.eye(len(space.state_matrix)) - space.state_matrix
+        response = space.output_matrix @ np.linalg.solve(resolvent, space.input_matrix) + space.feedthrough
+        phases = np.exp(-1j * omega * behind / 45.0)
+        assert np.abs(response[:, :4] @ phases) == pytest.approx(aside, rel=0.02)
+        assert np.abs(response[:, 4:] @ phases) == pytest.approx(rolled, rel=0.02)
 
 
 def test_a_vehicle_stands_where_the_track_lies(coach) -> None:
@@ -110,11 +150,11 @@ def test_the_least_damped_mode_grows_beyond_the_critical_speed_alone(coach) -> N
     assert speed is not None
     assert lateral_modes(coach, speed=0.999 * speed).damping_ratio.min() > 0
     assert lateral_modes(coach, speed=1.001 * speed).damping_ratio.min() < 0
-    worn, new = with_lateral(coach, {"conicity": 0.5}), with_lateral(coach, {"conicity": -1.0})
-    hunting = critical_speed(worn)
+    names = [f"bogie{number}.primary_longitudinal_spring" for number in (1, 2)]
+    hunting = critical_speed(with_lateral(coach, dict.fromkeys(names, -2.5)))
     assert hunting is not None
-    assert hunting < speed  # worn wheels hunt earlier
-    assert critical_speed(new, highest=speed) is None
+    assert hunting < speed  # soft guidance hunts earlier
+    assert critical_speed(with_lateral(coach, {"conicity": -0.7}), highest=0.8 * speed) is None
 
 
 def test_an_accelerometer_to_the_left_reads_sway_yaw_roll_and_gravity(coach) -> None:

@@ -12,11 +12,14 @@ from sprung.errors import ParameterError
 from sprung.recording import Channel
 from sprung.vehicles.description import Vehicle
 from sprung.vehicles.sections import Bogie, Lateral
+from sprung.vehicles.models import WHEELSET_GYRATION
 from sprung.vehicles.structure import MOTIONS, Component
 from sprung.vehicles.system import ExactModes, MechanicalSystem, Outputs, modes
 
 #: Acceleration of gravity [m/s^2].
 GRAVITY = 9.80665
+#: Default of a missing inertia of a wheelset about its axle, over mass times radius^2: that of the Manchester coach.
+SPIN_SHARE = 0.29
 #: Field of `Lateral` that holds each part, in pairs of which the lateral one is the second.
 LATERAL_PARTS = MappingProxyType(
     {
@@ -42,8 +45,8 @@ def lateral_system(vehicle: Vehicle, *, speed: float) -> MechanicalSystem:
     Returns
     -------
     MechanicalSystem
-        Coordinates sway, roll and yaw of the body ("sway", "roll", "yaw") and of the frames ("bogie1_sway" ...), sway
-        and yaw of the wheelsets. Inputs for each wheelset: "alignment_wheelset1" ..., the lateral displacement of the
+        Coordinates sway, roll and yaw of the body ("sway", "roll", "yaw") of the frames ("bogie1_sway" ...) and
+        of the wheelsets. Inputs for each wheelset: "alignment_wheelset1" ..., the lateral displacement of the
         track's centre line [m], then "cross_level_wheelset1" ..., the roll of the track [rad]. Its stiffness matrix is
         not symmetric.
 
@@ -55,16 +58,18 @@ def lateral_system(vehicle: Vehicle, *, speed: float) -> MechanicalSystem:
     Notes
     -----
     Axes of ISO 8855, as in `sensor_outputs`: the point (x, y, h) of a part moves by s + x w - h r to the left, by -y w
-    forward and by y r upward. Every spring acts between such points of two parts. A wheelset that has moved by s to the
-    left of the track's centre line and yawed by w is held by
+    forward and by y r upward. Every spring acts between such points of two parts, and what it carries leans with the
+    part below it. Wheels are cones on rails: a wheelset that moves by s and rolls by r has its contacts at u = s + R r
+    with the radius R of a wheel, stands on both rails where b r = c u, and is held by
 
-    - creep: lateral force -2 f22 (s' / V - w), yaw moment -2 f11 b (c s / r + b w' / V),
-    - gravity: -W c s / b and W b c w,
+    - creep: lateral force -2 f22 (u' / V - w), yaw moment -2 f11 b (c u / R + b w' / V),
+    - gravity: lateral force -W r, yaw moment W b c w,
+    - its spin, of inertia J: yaw moment J V r' / R, roll moment -J V w' / R,
 
     with the creep coefficients f11 (longitudinal) and f22 (lateral) of a wheel, half the distance b of the contacts,
-    the equivalent conicity c, the radius r and the axle load W; an irregular alignment moves the centre line.
-    Wheelsets roll with the track. The weight of the body above its secondary springs softens its roll. Spin creep, the
-    forces between vehicles and what dampers of the primary suspension add to the roll of the track are left out.
+    the equivalent conicity c and the axle load W; u counts from the centre line, which an irregular alignment moves,
+    and r from the roll of the track. Spin creep, the forces between vehicles and motion along the track are left out.
+    Modes and readings are those of a multibody engine within 0.1 % and 2 % (`benchmarks.multibody.coach`).
 
     References
     ----------
@@ -89,19 +94,27 @@ def lateral_system(vehicle: Vehicle, *, speed: float) -> MechanicalSystem:
         longitudinal, sideways = (2 * coefficient for coefficient in lateral.creep)
         half, cone = bogie.contact_half_spacing, lateral.conicity
         load = GRAVITY * (bogie.wheelset_mass + bogie.mass / 2 + body.mass / (2 * len(vehicle.bogie)))
+        radius, roll = lateral.wheel_radius, bogie.wheelset_roll_inertia or WHEELSET_GYRATION**2 * bogie.wheelset_mass
+        spin = lateral.wheelset_spin_inertia or SPIN_SHARE * bogie.wheelset_mass * radius**2
+        rail = 2 * half**2 * bogie.contact_stiffness
         for wheelset in (2 * number - 2, 2 * number - 1):
             sway = coordinates.index(f"wheelset{wheelset + 1}_sway")
-            yaw = sway + 1
-            mass[sway], mass[yaw] = bogie.wheelset_mass, lateral.wheelset_yaw_inertia
-            damping[sway, sway] += sideways / speed
+            yaw = sway + 2
+            mass[sway : sway + 3] = bogie.wheelset_mass, roll, lateral.wheelset_yaw_inertia
+            at_rail = np.eye(size)[sway] + radius * np.eye(size)[sway + 1]
+            tilt = np.eye(size)[sway + 1] - cone / half * at_rail
+            damping += sideways / speed * np.outer(at_rail, at_rail)
             damping[yaw, yaw] += longitudinal * half**2 / speed
-            guiding = np.array([load * cone / half, longitudinal * half * cone / lateral.wheel_radius])
-            stiffness[sway, sway] += guiding[0]
-            stiffness[sway, yaw] -= sideways
-            stiffness[yaw, sway] += guiding[1]
+            damping[[yaw, sway + 1], [sway + 1, yaw]] += np.array([1, -1]) * spin * speed / radius
+            stiffness += rail * np.outer(tilt, tilt)
+            stiffness[:, yaw] -= sideways * at_rail
+            stiffness[sway, sway + 1] += load
+            guiding = longitudinal * half * cone / radius
+            stiffness[yaw] += guiding * at_rail
             stiffness[yaw, yaw] -= load * half * cone
-            forces[[sway, yaw], wheelset] = guiding
-            forces[frame + 1, n_wheelsets + wheelset] = 2 * bogie.half_spacing[0] ** 2 * bogie.primary_stiffness
+            forces[:, wheelset] = -rail * cone / half * tilt
+            forces[yaw, wheelset] += guiding
+            forces[:, n_wheelsets + wheelset] = rail * tilt
     wheelsets = range(1, n_wheelsets + 1)
     inputs = tuple(f"{kind}_wheelset{number}" for kind in ("alignment", "cross_level") for number in wheelsets)
     return MechanicalSystem(np.diag(mass), damping, stiffness, forces, coordinates, inputs)
@@ -135,7 +148,9 @@ def lateral_outputs(vehicle: Vehicle) -> Outputs:
 
 
 def lateral_modes(vehicle: Vehicle, *, speed: float) -> ExactModes:
-    """Return the exact lateral modes of a rail vehicle at a speed, without those that decay faster than they oscillate.
+    """Return the exact lateral modes of a rail vehicle at a speed, without those of the contacts with the rails.
+
+    Motion that decays faster than it oscillates is left out, too.
 
     Raises
     ------
@@ -147,11 +162,13 @@ def lateral_modes(vehicle: Vehicle, *, speed: float) -> ExactModes:
     >>> from sprung.vehicles import read_vehicle
     >>> coach = read_vehicle("coach")
     >>> [round(float(min(lateral_modes(coach, speed=speed).damping_ratio)), 2) for speed in (20.0, 60.0)]
-    [0.19, 0.07]
+    [0.21, 0.13]
     """
     none = np.zeros((0, len(_coordinates(vehicle))))
     exact = modes(lateral_system(vehicle, speed=speed), Outputs((), none, none, none))
-    return replace(exact, labels=tuple(None if label == "wheel_hop" else label for label in exact.labels))
+    below = slice(exact.poles.size - 2 * len(vehicle.bogie))  # the fastest are wheelsets that roll on their rails
+    labels = tuple(None if label == "wheel_hop" else label for label in exact.labels[below])
+    return replace(exact, poles=exact.poles[below], mode_shapes=exact.mode_shapes[below], labels=labels)
 
 
 def critical_speed(vehicle: Vehicle, *, highest: float = 200.0) -> float | None:
@@ -272,7 +289,7 @@ def _coordinates(vehicle: Vehicle) -> tuple[str, ...]:
     for number in range(1, len(_tables(vehicle)) + 1):
         names += _motions(f"bogie{number}")
         for wheelset in (2 * number - 1, 2 * number):
-            names += [f"wheelset{wheelset}_sway", f"wheelset{wheelset}_yaw"]
+            names += _motions(f"wheelset{wheelset}")
     return tuple(names)
 
 
@@ -307,22 +324,41 @@ def _springs(vehicle: Vehicle) -> Iterator[tuple[dict[str, float], float, float]
     height = vehicle.body.height or 0.0
     for number, (bogie, lateral) in enumerate(_tables(vehicle), start=1):
         name, (primary, secondary) = f"bogie{number}", bogie.half_spacing
-        above, below = height - lateral.secondary_height, lateral.frame_height - lateral.secondary_height
         upright = (
             (bogie.secondary_stiffness, bogie.secondary_damping),
             (bogie.primary_stiffness, bogie.primary_damping),
         )
         second = (*zip(lateral.secondary_stiffness, lateral.secondary_damping, strict=True), upright[0])
         first = (*zip(lateral.primary_stiffness, lateral.primary_damping, strict=True), upright[1])
+        drops = lateral.secondary_height - height, lateral.secondary_height - lateral.frame_height
         for y in (secondary, -secondary):
-            ends = zip(_point("body", bogie.x, y, -above), _point(name, 0.0, y, -below, -1.0), second, strict=True)
+            ends = zip(_point("body", bogie.x, y, drops[0]), _point(name, 0.0, y, drops[1], -1.0), second, strict=True)
             yield from ((upper | lower, *values) for upper, lower, values in ends)
         yield {"roll": 1.0, f"{name}_roll": -1.0}, bogie.anti_roll_stiffness, 0.0
+        carried = GRAVITY * vehicle.body.mass / len(vehicle.bogie)
+        yield from _leaning(("body", name), (bogie.x, 0.0), drops, carried)
         for wheelset, along in ((2 * number - 1, bogie.half_wheelbase), (2 * number, -bogie.half_wheelbase)):
+            box, drop = f"wheelset{wheelset}", lateral.wheel_radius - lateral.frame_height
             for y in (primary, -primary):
-                box = _point(f"wheelset{wheelset}", 0.0, y, 0.0, -1.0)
-                drop = lateral.wheel_radius - lateral.frame_height
-                ends = zip(_point(name, along, y, drop), box, first, strict=True)
+                ends = zip(_point(name, along, y, drop), _point(box, 0.0, y, 0.0, -1.0), first, strict=True)
                 yield from ((upper | lower, *values) for upper, lower, values in ends)
-        weight = GRAVITY * vehicle.body.mass / len(vehicle.bogie)
-        yield {"roll": 1.0}, -weight * above, 0.0
+            yield from _leaning((name, box), (along, 0.0), (drop, 0.0), carried / 2 + GRAVITY * bogie.mass / 2)
+
+
+def _leaning(
+    parts: tuple[str, str], along: tuple[float, float], drops: tuple[float, float], carried: float
+) -> Iterator[tuple[dict[str, float], float, float]]:
+    """Yield what a load on the springs between two parts adds, as they stand upright on the lower one.
+
+    Its energy is F (r_l d - (h_u r_u^2 - h_l r_l^2) / 2) with the load F, the rolls r of both parts, the heights h of
+    the springs above their centres, and the lateral displacement d of the upper end over the lower one.
+    """
+    upper = _point(parts[0], along[0], 0.0, drops[0])[1]
+    aside = upper | _point(parts[1], along[1], 0.0, drops[1], -1.0)[1]
+    roll = f"{_motions(parts[1])[1]}"
+    yield {_motions(parts[0])[1]: 1.0}, carried * drops[0], 0.0
+    yield {roll: 1.0}, -carried * drops[1], 0.0
+    for sign in (1.0, -1.0):  # 2 r d = ((r + d)^2 - (r - d)^2) / 2
+        both = {name: sign * value for name, value in aside.items()}
+        both[roll] = both.get(roll, 0.0) + 1.0
+        yield both, sign * carried / 2, 0.0

@@ -244,6 +244,8 @@ class Lateral(Section):
         Equivalent conicity of wheels and rails.
     creep
         Creep coefficients of a wheel [N], Kalker's f11 and f22.
+    wheelset_spin_inertia
+        Moment of inertia of a wheelset about its axle [kg m^2]; default: 0.29 times mass times radius squared.
     """
 
     frame_height: Positive
@@ -257,6 +259,7 @@ class Lateral(Section):
     wheel_radius: Positive
     conicity: Annotated[float, Field(gt=0, le=1)]
     creep: Annotated[tuple[Positive, Positive], Field(strict=False)]
+    wheelset_spin_inertia: Positive | None = None
 
 
 class Bogie(Section):
