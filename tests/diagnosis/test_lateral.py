@@ -48,13 +48,15 @@ def test_the_changed_part_is_named(baseline, part, change, words) -> None:
     assert f") {end.rpartition(' ')[2]}" in finding.sentence
 
 
-def test_vertical_modes_change_with_vertical_parts_alone(baseline) -> None:
+def test_modes_of_the_body_change_with_parts_that_it_rolls_on(baseline) -> None:
     for part, labels in (
-        ("bogie1__lateral_damper", set()),
+        ("bogie1__primary_longitudinal_spring", set()),
+        ("bogie1__lateral_damper", {"roll"}),
         ("bogie1_left__secondary_spring", {"bounce", "pitch", "roll"}),
     ):
         (finding,) = diagnose(windows(6, first=12, seed=2, **{part: -0.4}), baseline).findings
-        assert {change.label for change in mode_changes(COACH, finding, baseline=baseline)} == labels
+        changes = mode_changes(COACH, finding, baseline=baseline)
+        assert {change.label for change in changes if not np.isclose(*change.damping)} == labels
 
 
 def test_no_change_is_said_of_parts_and_not_of_the_conicity(baseline) -> None:

@@ -208,7 +208,7 @@ def test_modes_of_the_body_have_labels() -> None:
 
 @pytest.mark.parametrize("name", ["coach", "metro"])
 def test_identified_modes_are_labelled_by_their_shapes(name) -> None:
-    """Bounce and roll of the coach lie 0.2 % apart: frequencies that are off by 3 % the other way do not mislead."""
+    """Frequencies that are off by 3 % one way and the other do not mislead; the coach sways and yaws, too."""
     car = read_vehicle(name)
     exact = structure(car).modes()
     poles, shapes = exact.poles[:9] * np.where(np.arange(9) % 2, 0.97, 1.03), exact.mode_shapes[:9]
@@ -216,7 +216,7 @@ def test_identified_modes_are_labelled_by_their_shapes(name) -> None:
     modes = Modes(poles, shapes, exact.channels, unknown, unknown, np.ones(9), (None,) * 9)
     found = labelled(modes, structure(car).outputs.channels, vehicle=car).labels
     assert found == exact.labels[:9]
-    assert set(found[:3]) == {"bounce", "roll", "pitch"}
+    assert {"bounce", "roll", "pitch"} <= set(found[:5])
     bare = car.model_copy(update={"sensor": ()})
     assert labelled(modes, structure(car).outputs.channels, vehicle=bare).labels == (None,) * 9
 

@@ -246,7 +246,9 @@ def default_choices(
             f"no axle of the vehicle file {vehicle.name!r} has a tyre_stiffness, by which a road or a rig moves the "
             "vehicle: state that of each axle"
         )
-    slowest = float(nominal.modes().natural_frequency[0])
+    own = nominal.modes()
+    is_upright = [label in ("bounce", "pitch") or not vehicle.sways_on_bogies for label in own.labels]
+    slowest = float(own.natural_frequency[is_upright][0])
     low = DEFAULTS.below * slowest
     widest = DEFAULTS.widest_on_bogies if vehicle.bogie else DEFAULTS.widest
     high = min(DEFAULTS.above * float(np.nanmax(hops)), widest * low, DEFAULTS.highest * sampling_rate)

@@ -233,13 +233,19 @@ class Vehicle(Description):
         return tuple(f"bogie{number}_{place}" for number in range(1, len(self.bogie) + 1) for place in places)
 
     @property
+    def sways_on_bogies(self) -> bool:
+        """Whether the file states what holds body and frames sideways, so that they sway as they roll."""
+        return bool(self.bogie) and self.body.height is not None and all(bogie.lateral for bogie in self.bogie)
+
+    @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of the motions of body, frames, wheels or wheelsets and mounted masses, and of the flexible modes."""
         sways = self.axle and (self.axle[0].lateral_stiffness or self.axle[0].cornering_stiffness) is not None
-        body = BODY_MOTIONS[: 5 if sways else 3]
+        body = BODY_MOTIONS[: 5 if sways or self.sways_on_bogies else 3]
         bogies: list[str] = []
         for number in range(1, len(self.bogie) + 1):
             bogies += [f"bogie{number}", f"bogie{number}_pitch", f"bogie{number}_roll"]
+            bogies += [f"bogie{number}_sway"] * self.sways_on_bogies
             for wheelset in (f"wheelset{2 * number - 1}", f"wheelset{2 * number}"):
                 bogies += [wheelset, f"{wheelset}_roll"]
         wheels: list[str] = []

@@ -12,7 +12,6 @@ from sprung.errors import ParameterError
 from sprung.recording import Channel
 from sprung.vehicles.description import Vehicle
 from sprung.vehicles.sections import Bogie, Lateral
-from sprung.vehicles.models import WHEELSET_GYRATION
 from sprung.vehicles.structure import MOTIONS, Component
 from sprung.vehicles.system import ExactModes, MechanicalSystem, Outputs, modes
 
@@ -82,7 +81,7 @@ def lateral_system(vehicle: Vehicle, *, speed: float) -> MechanicalSystem:
     mass, damping, stiffness = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
     n_wheelsets = 2 * len(vehicle.bogie)
     forces = np.zeros((size, 2 * n_wheelsets))
-    for rows, k, c in _springs(vehicle):
+    for _, _, rows, k, c in springs_across(vehicle):
         row = np.array([rows.get(name, 0.0) for name in coordinates])
         stiffness += k * np.outer(row, row)
         damping += c * np.outer(row, row)
@@ -94,7 +93,7 @@ def lateral_system(vehicle: Vehicle, *, speed: float) -> MechanicalSystem:
         longitudinal, sideways = (2 * coefficient for coefficient in lateral.creep)
         half, cone = bogie.contact_half_spacing, lateral.conicity
         load = GRAVITY * (bogie.wheelset_mass + bogie.mass / 2 + body.mass / (2 * len(vehicle.bogie)))
-        radius, roll = lateral.wheel_radius, bogie.wheelset_roll_inertia or WHEELSET_GYRATION**2 * bogie.wheelset_mass
+        radius, roll = lateral.wheel_radius, bogie.wheelset_roll
         spin = lateral.wheelset_spin_inertia or SPIN_SHARE * bogie.wheelset_mass * radius**2
         rail = 2 * half**2 * bogie.contact_stiffness
         for wheelset in (2 * number - 2, 2 * number - 1):
@@ -319,8 +318,11 @@ def _point(part: str, x: float, y: float, h: float, sign: float = 1.0) -> list[d
     return [{yaw: -sign * y}, {sway: sign, roll: -sign * h, yaw: sign * x}, {roll: sign * y}]
 
 
-def _springs(vehicle: Vehicle) -> Iterator[tuple[dict[str, float], float, float]]:
-    """Yield elongation by coordinate, stiffness and damping of every spring with its damper."""
+def springs_across(vehicle: Vehicle) -> Iterator[tuple[str, str, dict[str, float], float, float]]:
+    """Yield owner, part, elongation by coordinate, stiffness and damping of every spring with its damper.
+
+    Parts are those of `sprung.vehicles.structure.PARTS`; of springs along the track and upright ones it is empty.
+    """
     height = vehicle.body.height or 0.0
     for number, (bogie, lateral) in enumerate(_tables(vehicle), start=1):
         name, (primary, secondary) = f"bogie{number}", bogie.half_spacing
@@ -333,21 +335,23 @@ def _springs(vehicle: Vehicle) -> Iterator[tuple[dict[str, float], float, float]
         drops = lateral.secondary_height - height, lateral.secondary_height - lateral.frame_height
         for y in (secondary, -secondary):
             ends = zip(_point("body", bogie.x, y, drops[0]), _point(name, 0.0, y, drops[1], -1.0), second, strict=True)
-            yield from ((upper | lower, *values) for upper, lower, values in ends)
-        yield {"roll": 1.0, f"{name}_roll": -1.0}, bogie.anti_roll_stiffness, 0.0
+            for part, (upper, lower, values) in zip(("", "lateral", ""), ends, strict=True):
+                yield name, part, upper | lower, *values
+        yield name, "", {"roll": 1.0, f"{name}_roll": -1.0}, bogie.anti_roll_stiffness, 0.0
         carried = GRAVITY * vehicle.body.mass / len(vehicle.bogie)
         yield from _leaning(("body", name), (bogie.x, 0.0), drops, carried)
         for wheelset, along in ((2 * number - 1, bogie.half_wheelbase), (2 * number, -bogie.half_wheelbase)):
             box, drop = f"wheelset{wheelset}", lateral.wheel_radius - lateral.frame_height
             for y in (primary, -primary):
                 ends = zip(_point(name, along, y, drop), _point(box, 0.0, y, 0.0, -1.0), first, strict=True)
-                yield from ((upper | lower, *values) for upper, lower, values in ends)
+                for part, (upper, lower, values) in zip(("", "primary_lateral", ""), ends, strict=True):
+                    yield name, part, upper | lower, *values
             yield from _leaning((name, box), (along, 0.0), (drop, 0.0), carried / 2 + GRAVITY * bogie.mass / 2)
 
 
 def _leaning(
     parts: tuple[str, str], along: tuple[float, float], drops: tuple[float, float], carried: float
-) -> Iterator[tuple[dict[str, float], float, float]]:
+) -> Iterator[tuple[str, str, dict[str, float], float, float]]:
     """Yield what a load on the springs between two parts adds, as they stand upright on the lower one.
 
     Its energy is F (r_l d - (h_u r_u^2 - h_l r_l^2) / 2) with the load F, the rolls r of both parts, the heights h of
@@ -356,9 +360,9 @@ def _leaning(
     upper = _point(parts[0], along[0], 0.0, drops[0])[1]
     aside = upper | _point(parts[1], along[1], 0.0, drops[1], -1.0)[1]
     roll = f"{_motions(parts[1])[1]}"
-    yield {_motions(parts[0])[1]: 1.0}, carried * drops[0], 0.0
-    yield {roll: 1.0}, -carried * drops[1], 0.0
+    yield parts[1], "weight", {_motions(parts[0])[1]: 1.0}, carried * drops[0], 0.0
+    yield parts[1], "weight", {roll: 1.0}, -carried * drops[1], 0.0
     for sign in (1.0, -1.0):  # 2 r d = ((r + d)^2 - (r - d)^2) / 2
         both = {name: sign * value for name, value in aside.items()}
         both[roll] = both.get(roll, 0.0) + 1.0
-        yield both, sign * carried / 2, 0.0
+        yield parts[1], "weight", both, sign * carried / 2, 0.0

@@ -16,6 +16,7 @@ from sprung._checks import check_number, check_path, check_type, wrong_type
 from sprung.errors import FormatError, ParameterError
 from sprung.toml import checked, toml_fields
 from sprung.vehicles.description import KINDS, Chain, Description, Quarter, Vehicle, corner_names
+from sprung.vehicles.lateral import springs_across
 from sprung.vehicles.sections import Axle, FlexibleMode, MountedMass
 from sprung.vehicles.structure import SUSPENSIONS, BodyShape, Element, Structure, body_row, sensor_outputs
 from sprung.vehicles.system import Outputs
@@ -251,8 +252,6 @@ class _Body(NamedTuple):
 
 #: Modal mass of the bending of an even beam, over its mass: its coordinate is the displacement of its middle.
 BENDING_SHARE = 0.8
-#: Default of a missing roll inertia of a wheelset: radius of gyration [m] of the wheelsets of the Manchester coach.
-WHEELSET_GYRATION = 0.786
 #: Default of a missing unsprung mass: mass of all wheels over mass of the body; about 0.09 to 0.13 in cars.
 UNSPRUNG_SHARE = 1 / 9
 
@@ -409,6 +408,7 @@ def _vehicle(description: Vehicle, speed: float) -> Structure:
         for left, right in zip(corners[::2], corners[1::2], strict=True)
         for element in (*_anti_roll_bar(body, left, right), *_side_force(body, description, left, right, speed))
     ]
+    elements += _held_across(description)
     elements += [
         _mount(body, f"mounted_mass_{number}", mass) for number, mass in enumerate(description.mounted_mass, start=1)
     ]
@@ -513,8 +513,12 @@ def _masses(description: Vehicle) -> list[float]:
     plane = [body.mass, body.yaw_inertia or pitch_inertia] if "sway" in description.coordinates else []
     wheels: list[float] = []
     for bogie in description.bogie:
-        roll = bogie.wheelset_roll_inertia or WHEELSET_GYRATION**2 * bogie.wheelset_mass
-        wheels += [bogie.mass, bogie.pitch_inertia, bogie.roll_inertia, *2 * [bogie.wheelset_mass, roll]]
+        roll = bogie.wheelset_roll
+        wheels += [bogie.mass, bogie.pitch_inertia, bogie.roll_inertia]
+        if description.sways_on_bogies and bogie.lateral is not None:
+            wheels.append(bogie.mass)
+            roll += bogie.wheelset_mass * bogie.lateral.wheel_radius**2  # it rolls about its rails
+        wheels += 2 * [bogie.wheelset_mass, roll]
     for axle, unsprung in zip(axles, _unsprung_masses(description), strict=True):
         if axle.wheelset_mass is not None and axle.wheelset_roll_inertia is not None:
             wheels += [
@@ -592,6 +596,26 @@ def _bogie_elements(body: _Body, description: Vehicle) -> Iterator[Element]:
                 yield Element(owner, "primary", elongation, bogie.primary_stiffness, bogie.primary_damping)
                 contact = axle.row(0.0, sign * bogie.contact_half_spacing)
                 yield Element(owner, "tyre", contact, bogie.contact_stiffness, foot=f"road_{owner}")
+
+
+def _held_across(description: Vehicle) -> Iterator[Element]:
+    """Yield what holds body and frames sideways as they roll, and the loads that lean, above wheels that rails hold.
+
+    A wheelset turns about its rails, and frames do not yaw: what guides them is stiff.
+    """
+    if not description.sways_on_bogies:
+        return
+    radii = {
+        f"wheelset{2 * number + end}": bogie.lateral.wheel_radius
+        for number, bogie in enumerate(description.bogie)
+        for end in (1, 2)
+        if bogie.lateral is not None
+    }
+    for owner, part, rows, k, c in springs_across(description):
+        if part:
+            turned = {f"{name}_roll": -radius * rows.get(f"{name}_sway", 0.0) for name, radius in radii.items()}
+            elongation = [rows.get(name, 0.0) + turned.get(name, 0.0) for name in description.coordinates]
+            yield Element(owner, part, np.array(elongation), k, c)
 
 
 def _anti_roll_bar(body: _Body, left: _Corner, right: _Corner) -> Iterator[Element]:

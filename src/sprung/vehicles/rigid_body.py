@@ -6,6 +6,7 @@ from itertools import combinations
 import numpy as np
 
 from sprung._arrays import Complex, Real
+from sprung.recording import Channel
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles import Structure
 from sprung.vehicles.channel_faults import SensorFault
@@ -82,7 +83,7 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
     are an orthonormal basis of the left null space, N T = 0, so that n is noise while all sensors are right. A faulty
     channel k, measured as G times what it should be, makes the residual N_k (1 - 1/G) y_k: coherent with y_k at all
     frequencies, and its transfer function gives G. Angular velocities and displacements would need differentiation and
-    are left out.
+    are left out, and so are sensors that do not measure upwards.
 
     Only frequencies up to twice the highest natural frequency of the body's rigid motions count: there a body that
     twists and bends far above is rigid, and what little it deflects is coherent with no channel.
@@ -97,7 +98,7 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
     """
     outputs = structure.outputs
     places = {row: outputs.names.index(name) for row, name in enumerate(spectra.names)}
-    rows = [row for row, place in places.items() if np.any(outputs.acceleration[place])]
+    rows = [row for row, k in places.items() if np.any(outputs.acceleration[k]) and _is_upright(outputs.channels[k])]
     T = outputs.acceleration[[places[row] for row in rows]]
     null = _null_space(T[:, [name not in FLEXIBLE_SHAPES for name in structure.coordinates]])
     if not len(null):
@@ -119,6 +120,11 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
     if place > LIMITS.place:
         rest = residual
     return [], 0.0 if rest < LIMITS.disagreement * mean_power else float(np.sqrt(residual / mean_power))
+
+
+def _is_upright(channel: Channel) -> bool:
+    """Return whether a sensor measures upwards more than sideways, where the wheels and gravity move it, too."""
+    return channel.direction is None or abs(channel.direction[2]) >= max(map(abs, channel.direction))
 
 
 def _null_space(T: Real) -> Real:

@@ -262,6 +262,10 @@ class Lateral(Section):
     wheelset_spin_inertia: Positive | None = None
 
 
+#: Default of a missing roll inertia of a wheelset: radius of gyration [m] of the wheelsets of the Manchester coach.
+WHEELSET_GYRATION = 0.786
+
+
 class Bogie(Section):
     """Bogie with two wheelsets below a car body: springs per axle box (primary) and per side (secondary).
 
@@ -311,6 +315,11 @@ class Bogie(Section):
     contact_stiffness: Positive = 1.0e9
     contact_half_spacing: Positive = 0.75
     lateral: Lateral | None = None
+
+    @property
+    def wheelset_roll(self) -> float:
+        """Roll inertia of a wheelset [kg m^2], from the file or its mass."""
+        return self.wheelset_roll_inertia or WHEELSET_GYRATION**2 * self.wheelset_mass
 
 
 class MountedMass(Section):

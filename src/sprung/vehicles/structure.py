@@ -180,6 +180,8 @@ PARTS = MappingProxyType(
         "anti_roll": ("anti_roll", None),
         "mount": ("spring", "damper"),
         "lateral": ("lateral_spring", "lateral_damper"),
+        "primary_lateral": ("primary_lateral_spring", "primary_lateral_damper"),
+        "weight": ("weight", None),
         "cornering": ("cornering_spring", "cornering"),
         "longitudinal": ("longitudinal_spring", None),
         "torsion": ("torsion", "torsion_damping"),
@@ -226,7 +228,7 @@ class Element:
     elongation
         Elongation for one unit of each coordinate, shape (n,).
     stiffness, damping
-        Stiffness [N/m] and damping [N s/m], at least 0.
+        Stiffness [N/m] and damping [N s/m], at least 0; a weight that leans has a negative stiffness.
     foot
         Name of the base displacement that moves its lower end; None if that end is fixed or on a mass. An element with
         a foot has no damping, as the velocity of the base is not an input.
@@ -250,7 +252,8 @@ class Element:
     def __post_init__(self) -> None:
         freeze(self, elongation=1)
         check_one_of("part", self.part, PARTS)
-        check_number(f"stiffness of {self.owner} {self.part}", self.stiffness, at_least=0)
+        least = -math.inf if self.part == "weight" else 0
+        check_number(f"stiffness of {self.owner} {self.part}", self.stiffness, at_least=least)
         check_number(f"damping of {self.owner} {self.part}", self.damping, at_least=0)
         if self.series_stiffness is not None:
             check_number(f"series_stiffness of {self.owner} {self.part}", self.series_stiffness, above=0)
