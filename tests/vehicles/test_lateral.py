@@ -108,7 +108,7 @@ def test_stiffness_is_the_curvature_of_the_energy_of_moved_bodies(coach) -> None
 
 
 def test_modes_and_responses_are_those_of_a_multibody_engine(coach) -> None:
-    """Of `benchmarks.multibody.coach`: modes at 45 m/s, and readings to the left over alignment [m] and roll of the track [rad]."""
+    """Of `benchmarks.multibody.coach`: modes at 45 m/s, and readings to the left over alignment and roll of the track."""
     exact = lateral_modes(coach, speed=45.0)
     frequencies = [0.597, 0.862, 1.210, 2.004, 2.022, 9.758, 9.780, 12.807, 12.808, 13.810, 13.819]
     assert exact.natural_frequency[:11] == pytest.approx(frequencies, rel=1e-3)
@@ -175,6 +175,19 @@ def test_the_body_sways_as_it_rolls_on_vertical_irregularities(coach) -> None:
     order = [int(np.argmin(np.abs(exact.natural_frequency - f))) for f in (0.597, 1.210, 9.758, 9.780)]
     assert exact.natural_frequency[order] == pytest.approx([0.597, 1.210, 9.758, 9.780], rel=0.02)
     assert exact.damping_ratio[order] == pytest.approx([0.222, 0.378, 0.313, 0.311], rel=0.03)
+
+
+def test_frames_pitch_on_wheelsets_that_roll_along_the_track(coach) -> None:
+    """Pitch of frames of the multibody engine with traction rods and yaw dampers; without surge 11.71 Hz, 12.0 % damped."""
+    bogies = []
+    for bogie in coach.bogie:
+        assert bogie.lateral is not None
+        held = {"traction_rod": (5e6, 2.5e4, 0.6), "secondary_damping": (2.5e5, 32000.0)}
+        bogies.append(bogie.model_copy(update={"lateral": bogie.lateral.model_copy(update=held)}))
+    exact = structure(coach.model_copy(update={"bogie": tuple(bogies)})).modes()
+    pitching = (np.abs(exact.natural_frequency - 11.4) < 0.3).nonzero()[0]
+    assert exact.natural_frequency[pitching] == pytest.approx([11.386, 11.456], rel=0.01)
+    assert exact.damping_ratio[pitching] == pytest.approx([0.142, 0.149], rel=0.15)
 
 
 def test_sensors_to_the_left_are_not_compared_with_a_rigid_body_that_only_rolls(coach) -> None:

@@ -238,6 +238,11 @@ class Vehicle(Description):
         return bool(self.bogie) and self.body.height is not None and all(bogie.lateral for bogie in self.bogie)
 
     @property
+    def surges_on_bogies(self) -> bool:
+        """Whether the file states, with traction rods, what holds frames along the track, so that they surge."""
+        return self.sways_on_bogies and all(bogie.lateral and bogie.lateral.traction_rod for bogie in self.bogie)
+
+    @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of the motions of body, frames, wheels or wheelsets and mounted masses, and of the flexible modes."""
         sways = self.axle and (self.axle[0].lateral_stiffness or self.axle[0].cornering_stiffness) is not None
@@ -246,6 +251,7 @@ class Vehicle(Description):
         for number in range(1, len(self.bogie) + 1):
             bogies += [f"bogie{number}", f"bogie{number}_pitch", f"bogie{number}_roll"]
             bogies += [f"bogie{number}_sway"] * self.sways_on_bogies
+            bogies += [f"bogie{number}_surge", f"bogie{number}_rolling"] * self.surges_on_bogies
             for wheelset in (f"wheelset{2 * number - 1}", f"wheelset{2 * number}"):
                 bogies += [wheelset, f"{wheelset}_roll"]
         wheels: list[str] = []

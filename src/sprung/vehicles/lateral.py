@@ -17,8 +17,6 @@ from sprung.vehicles.system import ExactModes, MechanicalSystem, Outputs, modes
 
 #: Acceleration of gravity [m/s^2].
 GRAVITY = 9.80665
-#: Default of a missing inertia of a wheelset about its axle, over mass times radius^2: that of the Manchester coach.
-SPIN_SHARE = 0.29
 #: Field of `Lateral` that holds each part, in pairs of which the lateral one is the second.
 LATERAL_PARTS = MappingProxyType(
     {
@@ -94,7 +92,6 @@ def lateral_system(vehicle: Vehicle, *, speed: float) -> MechanicalSystem:
         half, cone = bogie.contact_half_spacing, lateral.conicity
         load = GRAVITY * (bogie.wheelset_mass + bogie.mass / 2 + body.mass / (2 * len(vehicle.bogie)))
         radius, roll = lateral.wheel_radius, bogie.wheelset_roll
-        spin = lateral.wheelset_spin_inertia or SPIN_SHARE * bogie.wheelset_mass * radius**2
         rail = 2 * half**2 * bogie.contact_stiffness
         for wheelset in (2 * number - 2, 2 * number - 1):
             sway = coordinates.index(f"wheelset{wheelset + 1}_sway")
@@ -104,7 +101,7 @@ def lateral_system(vehicle: Vehicle, *, speed: float) -> MechanicalSystem:
             tilt = np.eye(size)[sway + 1] - cone / half * at_rail
             damping += sideways / speed * np.outer(at_rail, at_rail)
             damping[yaw, yaw] += longitudinal * half**2 / speed
-            damping[[yaw, sway + 1], [sway + 1, yaw]] += np.array([1, -1]) * spin * speed / radius
+            damping[[yaw, sway + 1], [sway + 1, yaw]] += np.array([1, -1]) * bogie.wheelset_spin * speed / radius
             stiffness += rail * np.outer(tilt, tilt)
             stiffness[:, yaw] -= sideways * at_rail
             stiffness[sway, sway + 1] += load

@@ -408,7 +408,7 @@ def _vehicle(description: Vehicle, speed: float) -> Structure:
         for left, right in zip(corners[::2], corners[1::2], strict=True)
         for element in (*_anti_roll_bar(body, left, right), *_side_force(body, description, left, right, speed))
     ]
-    elements += _held_across(description)
+    elements += [*_held_across(description), *_held_along(description)]
     elements += [
         _mount(body, f"mounted_mass_{number}", mass) for number, mass in enumerate(description.mounted_mass, start=1)
     ]
@@ -516,7 +516,8 @@ def _masses(description: Vehicle) -> list[float]:
         roll = bogie.wheelset_roll
         wheels += [bogie.mass, bogie.pitch_inertia, bogie.roll_inertia]
         if description.sways_on_bogies and bogie.lateral is not None:
-            wheels.append(bogie.mass)
+            rolling = 2 * (bogie.wheelset_mass + bogie.wheelset_spin / bogie.lateral.wheel_radius**2)
+            wheels += [bogie.mass, *[bogie.mass, rolling] * description.surges_on_bogies]
             roll += bogie.wheelset_mass * bogie.lateral.wheel_radius**2  # it rolls about its rails
         wheels += 2 * [bogie.wheelset_mass, roll]
     for axle, unsprung in zip(axles, _unsprung_masses(description), strict=True):
@@ -596,6 +597,24 @@ def _bogie_elements(body: _Body, description: Vehicle) -> Iterator[Element]:
                 yield Element(owner, "primary", elongation, bogie.primary_stiffness, bogie.primary_damping)
                 contact = axle.row(0.0, sign * bogie.contact_half_spacing)
                 yield Element(owner, "tyre", contact, bogie.contact_stiffness, foot=f"road_{owner}")
+
+
+def _held_along(description: Vehicle) -> Iterator[Element]:
+    """Yield what holds frames along the track: springs, yaw dampers, traction rods, and wheelsets that roll.
+
+    The body keeps its speed, and yaw dampers are at the height of the frame's centre of gravity.
+    """
+    height = description.body.height or 0.0
+    for number, bogie in enumerate(description.bogie if description.surges_on_bogies else (), start=1):
+        if (lateral := bogie.lateral) is not None and lateral.traction_rod is not None:
+            name, (k, c) = f"bogie{number}", (2 * lateral.secondary_stiffness[0], 2 * lateral.secondary_damping[0])
+            springs = ("along", k, 0.0, lateral.secondary_height), ("along", 0.0, c, lateral.frame_height)
+            boxes = ("primary_along", *(4 * value[0] for value in (lateral.primary_stiffness, lateral.primary_damping)))
+            for part, stiffness, damping, above in (*springs, ("rod", *lateral.traction_rod), (*boxes, lateral.wheel_radius)):
+                rows = {f"{name}_surge": -1.0, f"{name}_pitch": lateral.frame_height - above}
+                rows |= {f"{name}_rolling": 1.0} if part == boxes[0] else {"pitch": above - height}
+                elongation = np.array([rows.get(coordinate, 0.0) for coordinate in description.coordinates])
+                yield Element(name, part, elongation, stiffness, damping)
 
 
 def _held_across(description: Vehicle) -> Iterator[Element]:

@@ -246,6 +246,8 @@ class Lateral(Section):
         Creep coefficients of a wheel [N], Kalker's f11 and f22.
     wheelset_spin_inertia
         Moment of inertia of a wheelset about its axle [kg m^2]; default: 0.29 times mass times radius squared.
+    traction_rod
+        Stiffness [N/m], damping [N s/m] and height above the rails [m] of the traction rod; default: none.
     """
 
     frame_height: Positive
@@ -260,8 +262,11 @@ class Lateral(Section):
     conicity: Annotated[float, Field(gt=0, le=1)]
     creep: Annotated[tuple[Positive, Positive], Field(strict=False)]
     wheelset_spin_inertia: Positive | None = None
+    traction_rod: Annotated[tuple[Positive, NotNegative, Positive], Field(strict=False)] | None = None
 
 
+#: Default of a missing inertia of a wheelset about its axle, over mass times radius^2: that of the Manchester coach.
+SPIN_SHARE = 0.29
 #: Default of a missing roll inertia of a wheelset: radius of gyration [m] of the wheelsets of the Manchester coach.
 WHEELSET_GYRATION = 0.786
 
@@ -315,6 +320,13 @@ class Bogie(Section):
     contact_stiffness: Positive = 1.0e9
     contact_half_spacing: Positive = 0.75
     lateral: Lateral | None = None
+
+    @property
+    def wheelset_spin(self) -> float:
+        """Inertia of a wheelset about its axle [kg m^2], from the file or its mass; 0 without a radius."""
+        if self.lateral is None:
+            return 0.0
+        return self.lateral.wheelset_spin_inertia or SPIN_SHARE * self.wheelset_mass * self.lateral.wheel_radius**2
 
     @property
     def wheelset_roll(self) -> float:
