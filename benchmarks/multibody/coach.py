@@ -1,4 +1,4 @@
-"""A passenger coach on rails in a general multibody engine: modes, responses and diagnoses of lateral and vertical parts.
+"""A coach on rails in a general multibody engine: modes, responses and diagnoses of lateral and vertical parts.
 
     python -m benchmarks.multibody.coach modes        eigenvalues and responses beside those of `sprung.vehicles`
     python -m benchmarks.multibody.coach diagnose     baseline, healthy drives never met, faults; `--help` for more
@@ -12,6 +12,8 @@ maintainer knows; mountings of sensors, traction rods and the places of yaw damp
 import argparse
 import json
 import os
+import subprocess
+import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -25,7 +27,7 @@ import numpy as np
 from benchmarks.multibody.design import part
 from scipy.signal import resample_poly
 
-from sprung.excitation import Joints, Rail, SpeedChanges, SpeedProfile, SurfaceMotion, random_speed, rail_quality
+from sprung.excitation import Joints, Rail, SpeedChanges, SpeedProfile, SurfaceMotion, rail_quality, random_speed
 from sprung.formats import write
 from sprung.recording import Channel, Recording
 from sprung.simulation.lateral import ALIGNMENT
@@ -62,7 +64,9 @@ def described() -> Vehicle:
     bogies = []
     for bogie in vehicle.bogie:
         lateral = bogie.lateral
-        changed = lateral.model_copy(update={"secondary_damping": (2.5e5, lateral.secondary_damping[1]), "traction_rod": ROD})
+        changed = lateral.model_copy(
+            update={"secondary_damping": (2.5e5, lateral.secondary_damping[1]), "traction_rod": ROD}
+        )
         bogies.append(bogie.model_copy(update={"lateral": changed}))
     return vehicle.model_copy(update={"sensor": (*vehicle.sensor, *sensors), "bogie": tuple(bogies)})
 
@@ -142,36 +146,22 @@ class Coach:
         return body
 
     def _element(
-        self, name: str, ends: tuple[str, str], place: tuple, k: tuple, c: tuple, preload: float = 0.0
+        self, name: str, ends: tuple[str, str], place: tuple, *, k: tuple, c: tuple, load: float = 0.0
     ) -> None:
-        """Add springs and dampers along three axes between one point of two bodies."""
-        for body in ends:
-            part(self.bodies[body][0], "site", name=f"{name}@{body}", pos=np.array(place) - self.bodies[body][1])
+        """Add springs and dampers along three axes between one point of two bodies, which carry a load."""
+        sites = tuple(f"{name}@{body}" for body in ends)
+        for body, site in zip(ends, sites, strict=True):
+            part(self.bodies[body][0], "site", name=site, pos=np.array(place) - self.bodies[body][1])
         for axis in range(3):
             if k[axis] or c[axis]:
-                self._actuator(
-                    f"{name}.{'xyz'[axis]}",
-                    f"{name}@{ends[0]}",
-                    f"{name}@{ends[1]}",
-                    axis,
-                    k[axis],
-                    c[axis],
-                    preload if axis == 2 else 0.0,
-                )
+                self._force(f"{name}.{'xyz'[axis]}", sites, axis, (load if axis == 2 else 0.0, -k[axis], -c[axis]))
 
-    def _actuator(self, name, site, refsite, axis, k, c, preload=0.0, gain=1.0, **more) -> None:
-        part(
-            self.actuators,
-            "general",
-            name=name,
-            site=site,
-            refsite=refsite,
-            gear=np.eye(6)[axis],
-            gainprm=gain,
-            biastype="affine",
-            biasprm=(preload, -k, -c),
-            **more,
-        )
+    def _force(self, name: str, sites: tuple[str, ...], axis: int, law: tuple, **more: object) -> None:
+        """Add a force between two sites: constant, by their distance along an axis, and by its rate."""
+        site, refsite = sites
+        law_of_engine = {"biastype": "affine", "biasprm": law}
+        place = {"site": site, "refsite": refsite, "gear": np.eye(6)[axis]}
+        part(self.actuators, "general", name=name, **place, **law_of_engine, **({"gainprm": 1} | more))
 
     def _suspension(self) -> None:
         drive, body = self.drive, self.vehicle.body
@@ -188,10 +178,10 @@ class Coach:
                     bogie.secondary_damping * drive(f"{owner}.secondary_damper"),
                 )
                 place = (bogie.x, y * secondary, lateral.secondary_height)
-                self._element(owner, ("body", frame), place, k, c, on_spring)
+                self._element(owner, ("body", frame), place, k=k, c=c, load=on_spring)
                 place = (bogie.x, y * YAW_DAMPERS[0], YAW_DAMPERS[1])
                 yaw = lateral.secondary_damping[0] * (secondary / YAW_DAMPERS[0]) ** 2 * drive(f"{frame}.yaw_damper")
-                self._element(f"{owner}_yaw", ("body", frame), place, (0, 0, 0), (yaw, 0, 0))
+                self._element(f"{owner}_yaw", ("body", frame), place, k=(0, 0, 0), c=(yaw, 0, 0))
                 for end, along in (("front", 1), ("rear", -1)):
                     owner = f"{frame}_{end}_{side}"
                     k = (
@@ -203,38 +193,27 @@ class Coach:
                     place = (bogie.x + along * bogie.half_wheelbase, y * primary, lateral.wheel_radius)
                     box = on_spring / 2 + GRAVITY * bogie.mass / 4
                     wheelset = f"wheelset{2 * number - (along > 0)}"
-                    self._element(owner, (frame, wheelset), place, k, c, box)
-            self._element(f"{frame}_rod", ("body", frame), (bogie.x, 0, ROD[2]), (ROD[0], 0, 0), (ROD[1], 0, 0))
-            self._actuator(f"{frame}_bar", f"{frame}_rod@body", f"{frame}_rod@{frame}", 3, bogie.anti_roll_stiffness, 0)
+                    self._element(owner, (frame, wheelset), place, k=k, c=c, load=box)
+            rod, ends, place = f"{frame}_rod", ("body", frame), (bogie.x, 0, ROD[2])
+            self._element(rod, ends, place, k=(ROD[0], 0, 0), c=(ROD[1], 0, 0))
+            self._force(f"{frame}_bar", (f"{rod}@body", f"{rod}@{frame}"), 3, (0, -bogie.anti_roll_stiffness, 0))
 
     def _contacts(self) -> None:
-        for number, (bogie, carrier) in enumerate(
-            (
-                (bogie, self.bodies[f"wheelset{2 * k + j}"][0])
-                for k, bogie in enumerate(self.vehicle.bogie)
-                for j in (1, 2)
-            ),
-            1,
-        ):
+        bogies = [bogie for bogie in self.vehicle.bogie for _ in range(2)]
+        for number, bogie in enumerate(bogies, start=1):
             radius, half, k = bogie.lateral.wheel_radius, bogie.contact_half_spacing, bogie.contact_stiffness
             for side, y in (("left", half), ("right", -half)):
                 site = f"wheelset{number}_{side}"
-                part(carrier, "site", name=site, pos=(0, y, -radius))
+                part(self.bodies[f"wheelset{number}"][0], "site", name=site, pos=(0, y, -radius))
                 load = GRAVITY * (bogie.wheelset_mass / 2 + bogie.mass / 4 + self.vehicle.body.mass / 8)
-                self._actuator(f"{site}.z", site, "world", 2, k, CONTACT_DAMPING, load, k, forcerange=(0, 1e7))
-                self._actuator(f"{site}.y", site, "world", 1, 0, 1)
+                law = load, -k, -CONTACT_DAMPING
+                self._force(f"{site}.z", (site, "world"), 2, law, gainprm=k, forcerange=(0, 1e7))
+                self._force(f"{site}.y", (site, "world"), 1, (0, 0, -1))
                 slip = part(self.tendons, "fixed", name=site)
                 for motion, share in (("x", 1), ("yaw", -y), ("spin", -radius)):
                     part(slip, "joint", joint=f"wheelset{number}.{motion}", coef=share)
-                part(
-                    self.actuators,
-                    "general",
-                    name=f"{site}.x",
-                    tendon=site,
-                    gainprm=1,
-                    biastype="affine",
-                    biasprm=(0, 0, -1),
-                )
+                law_of_engine = {"gainprm": 1, "biastype": "affine", "biasprm": (0, 0, -1)}
+                part(self.actuators, "general", name=f"{site}.x", tendon=site, **law_of_engine)
 
     def _index(self) -> None:
         names = [
@@ -257,7 +236,7 @@ class Coach:
         self.load = float(self.model.actuator_biasprm[self.upright[0], 0])
         springs = [
             name.removesuffix(".z")
-            for name in map(lambda k: self.model.actuator(k).name, range(self.model.nu))
+            for name in (self.model.actuator(k).name for k in range(self.model.nu))
             if name.startswith("bogie") and name.endswith(".z")
         ]
         ids = {axis: np.array([self.model.actuator(f"{name}.{axis}").id for name in springs]) for axis in "xyz"}
@@ -377,7 +356,7 @@ def engine_name(coordinate: str) -> str:
 
 
 def compared_responses(vehicle: Vehicle, speed: float) -> None:
-    """Print the largest deviation of responses of lateral sensors to the track, over those of the engine."""
+    """Print the RMS deviation of responses of lateral sensors to the track, over that of the engine's."""
     step, omega = 1e-4, 2 * np.pi * np.arange(0.5, 12.1, 0.5)
     a, b, c, d = linearised(Coach(vehicle, Drive(), speed, step=step), speed)
     b, d = (
@@ -406,7 +385,9 @@ def compared_responses(vehicle: Vehicle, speed: float) -> None:
             f"{kind} at {speed:.0f} m/s, 0.5 to 12 Hz:",
             *(
                 f"{name} {100 * value:.1f} %"
-                for name, value in zip(outputs.names, np.max(np.abs(model / exact - 1), axis=0), strict=True)
+                for name, value in zip(
+                    outputs.names, np.linalg.norm(model - exact, axis=0) / np.linalg.norm(exact, axis=0), strict=True
+                )
             ),
         )
 
@@ -523,3 +504,48 @@ def drives(vehicle: Vehicle, folder: Path, name: str) -> list[Path]:
         recorded(vehicle, folder, short, number, any_drive(vehicle, number, conditions, factors))
         for number in range(first, first + count)
     ]
+
+
+def diagnosed(vehicle: Vehicle, folder: Path) -> None:
+    """Learn and diagnose by the commands, and print findings and the model's error beside the truth."""
+    file, baseline = folder / "coach.toml", folder / "baseline.json"
+    learning = drives(vehicle, folder, "baseline")
+    write_vehicle(vehicle, file)
+    sprung("baseline", *learning, "--vehicle", file, "--out", baseline)
+    print("| drives | truth | verdict | findings | notes |\n|---|---|---|---|---|")
+    for name, (_, factors) in ROWS.items():
+        own = drives(vehicle, folder, name)
+        sprung("diagnose", *own, "--vehicle", file, "--baseline", baseline, "--json", result := folder / "result.json")
+        found = json.loads(result.read_text())
+        truth = ", ".join(f"{part} {100 * factor - 100:+.0f} %" for part, factor in factors.items())
+        sentences = "; ".join(finding["sentence"] for finding in found["findings"])
+        print(
+            f"| {name} | {truth} | {found['verdict']} | {sentences} | {'; '.join(found['notes'])[:200]} |", flush=True
+        )
+
+
+def sprung(*arguments: object) -> None:
+    """Run a command as a user does; one that finds a change returns 1."""
+    done = subprocess.run(
+        [sys.executable, "-m", "sprung", *map(str, arguments)], capture_output=True, text=True, check=False
+    )
+    if done.returncode not in (0, 1):
+        raise SystemExit(done.stderr)
+
+
+def main() -> None:
+    """Print modes and responses, or diagnoses."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("modes", "diagnose"))
+    parser.add_argument("--folder", type=Path, default=Path("coach-drives"), help="where drives are kept")
+    given = parser.parse_args()
+    if given.what == "diagnose":
+        diagnosed(described(), given.folder)
+        return
+    for speed in (25.0, 45.0):
+        compared_modes(described(), speed)
+        compared_responses(described(), speed)
+
+
+if __name__ == "__main__":
+    main()
