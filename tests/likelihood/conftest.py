@@ -162,7 +162,8 @@ def whole_model() -> Callable[..., Model]:
         spectra = _classes(len(layout.rows), n_classes=3)
         pitch = 18.0 if kind == "rail" else None
         usual = vehicle_model(spectra, layout, vehicle, nominal, settings=settings, kind=kind, joint_pitch=pitch)
-        extra: tuple[ParameterBlock, ...] = () if kind == "road" else (unsprung_masses(nominal),)
+        wheels = unsprung_masses(nominal)
+        extra: tuple[ParameterBlock, ...] = (wheels,) if kind != "road" and wheels.parts else ()
         return replace(usual, blocks=(*usual.blocks[:-1], *extra, usual.blocks[-1]))
 
     return model

@@ -15,6 +15,7 @@ CASES = [
     for group in ("components", "payload", "unsprung", "sensors", "inputs", "class_roughness", "noise")
     if (group, kind) != ("class_roughness", "rig")
 ] + [(group, "zafira", "road") for group in ("tracks", "elements", "driving")]
+CASES.append(("driving", "coach", "rail"))
 
 
 @pytest.fixture(params=CASES, ids="-".join)

@@ -32,6 +32,12 @@ def coach() -> Vehicle:
     return read_vehicle("coach")
 
 
+def to_the_left(channel: str, on: str, x: float, h: float) -> Sensor:
+    """Return an accelerometer to the left on a part."""
+    place, left = (x, 0.0, h), (0.0, 1.0, 0.0)
+    return Sensor(channel=channel, quantity="acceleration", unit="m/s^2", position=place, direction=left, on=on)
+
+
 def turned(roll: float, yaw: float) -> np.ndarray:
     """Return the rotation of a rigid body that rolls and then yaws."""
     c, s = np.cos(roll), np.sin(roll)
@@ -108,15 +114,14 @@ def test_stiffness_is_the_curvature_of_the_energy_of_moved_bodies(coach) -> None
 
 
 def test_modes_and_responses_are_those_of_a_multibody_engine(coach) -> None:
-    """Of `benchmarks.multibody.coach`: modes at 45 m/s, and readings to the left over alignment and roll of the track."""
+    """Of `benchmarks.multibody.coach`: modes at 45 m/s, and readings over alignment and roll of the track."""
     exact = lateral_modes(coach, speed=45.0)
     frequencies = [0.597, 0.862, 1.210, 2.004, 2.022, 9.758, 9.780, 12.807, 12.808, 13.810, 13.819]
     assert exact.natural_frequency[:11] == pytest.approx(frequencies, rel=1e-3)
     ratios = [0.222, 0.527, 0.378, 0.195, 0.203, 0.313, 0.311, 0.672, 0.672, 0.253, 0.251]
     assert exact.damping_ratio[:11] == pytest.approx(ratios, abs=1e-3)
-    common = {"quantity": "acceleration", "unit": "m/s^2", "direction": (0.0, 1.0, 0.0)}
     places = (("bogie1", 1.28, 0.1), ("bogie1", -1.28, 0.1), ("body", 9.5, -0.7), ("body", -9.5, -0.7))
-    sensors = tuple(Sensor(channel=f"{on}{x}", position=(x, 0.0, h), on=on, **common) for on, x, h in places)
+    sensors = tuple(to_the_left(f"{on}{x}", on, x, h) for on, x, h in places)
     outputs = lateral_outputs(coach.model_copy(update={"sensor": sensors}))
     system = lateral_system(coach, speed=45.0)
     space = state_space(system, outputs)
@@ -178,7 +183,7 @@ def test_the_body_sways_as_it_rolls_on_vertical_irregularities(coach) -> None:
 
 
 def test_frames_pitch_on_wheelsets_that_roll_along_the_track(coach) -> None:
-    """Pitch of frames of the multibody engine with traction rods and yaw dampers; without surge 11.71 Hz, 12.0 % damped."""
+    """Pitch of frames of the multibody engine with rods and yaw dampers; without surge 11.71 Hz, 12.0 % damped."""
     bogies = []
     for bogie in coach.bogie:
         assert bogie.lateral is not None
@@ -191,8 +196,7 @@ def test_frames_pitch_on_wheelsets_that_roll_along_the_track(coach) -> None:
 
 
 def test_sensors_to_the_left_are_not_compared_with_a_rigid_body_that_only_rolls(coach) -> None:
-    common = {"quantity": "acceleration", "unit": "m/s^2", "direction": (0.0, 1.0, 0.0)}
-    high = tuple(Sensor(channel=f"y{x}", position=(x, 0.0, 0.4), on="bogie1", **common) for x in (-1.2, 1.2))
+    high = tuple(to_the_left(f"y{x}", "bogie1", x, 0.4) for x in (-1.2, 1.2))
     vehicle = coach.model_copy(update={"sensor": (*coach.sensor, *high)})
     run = simulate_drive(vehicle, RailDrive(duration=20.0, sampling_rate=50.0, speed=(30.0, 31.0)), seed=1).recording
     assert check_sensors(window_of(run, vehicle)).disagreement == 0

@@ -138,6 +138,31 @@ class Driving(ParameterBlock):
         return np.asarray(np.log(terms.frequencies), dtype=np.float64)
 
 
+class TrackForces(Driving):
+    """Lateral forces of an irregular track on the first and the last bogie, not measured, which sway and roll them.
+
+    Notes
+    -----
+    As `Driving`, with the mass of a frame times an acceleration on each frame; the steering of wheelsets, which makes
+    the forces, is not modelled.
+    """
+
+    __slots__ = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Levels and exponents of both forces."""
+        return ("first_bogie", "last_bogie", "first_bogie_exponent", "last_bogie_exponent")
+
+    def _moments(self) -> Real:
+        """Generalised forces of both accelerations, shape (n, 2)."""
+        forces, names = np.zeros((len(self.structure.coordinates), 2)), self.structure.coordinates
+        rows = [row for row, name in enumerate(names) if name.startswith("bogie") and name.endswith("_sway")]
+        for column, row in enumerate((rows[0], rows[-1])):
+            forces[row, column] = self.structure.mass[row, row]
+        return forces
+
+
 def driving(structure: Structure, wheelbase: float) -> Driving:
     """Return braking and cornering of a vehicle whose height of the centre of gravity is not known.
 

@@ -604,17 +604,26 @@ def _held_along(description: Vehicle) -> Iterator[Element]:
 
     The body keeps its speed, and yaw dampers are at the height of the frame's centre of gravity.
     """
-    height = description.body.height or 0.0
+
+    def held(number: int, part: str, stiffness: float, damping: float, height: float) -> Element:
+        """Return an element at a height above the rails between a frame and the body, or the wheelsets below it."""
+        name, lateral = f"bogie{number}", description.bogie[number - 1].lateral
+        lever = height - (lateral.frame_height if lateral else 0.0)
+        rows = {f"{name}_surge": -1.0, f"{name}_pitch": -lever}
+        on_body = {"pitch": height - (description.body.height or 0.0)}
+        rows |= {f"{name}_rolling": 1.0} if part == "primary_along" else on_body
+        elongation = np.array([rows.get(coordinate, 0.0) for coordinate in description.coordinates])
+        return Element(name, part, elongation, stiffness, damping)
+
     for number, bogie in enumerate(description.bogie if description.surges_on_bogies else (), start=1):
         if (lateral := bogie.lateral) is not None and lateral.traction_rod is not None:
-            name, (k, c) = f"bogie{number}", (2 * lateral.secondary_stiffness[0], 2 * lateral.secondary_damping[0])
-            springs = ("along", k, 0.0, lateral.secondary_height), ("along", 0.0, c, lateral.frame_height)
-            boxes = ("primary_along", *(4 * value[0] for value in (lateral.primary_stiffness, lateral.primary_damping)))
-            for part, stiffness, damping, above in (*springs, ("rod", *lateral.traction_rod), (*boxes, lateral.wheel_radius)):
-                rows = {f"{name}_surge": -1.0, f"{name}_pitch": lateral.frame_height - above}
-                rows |= {f"{name}_rolling": 1.0} if part == boxes[0] else {"pitch": above - height}
-                elongation = np.array([rows.get(coordinate, 0.0) for coordinate in description.coordinates])
-                yield Element(name, part, elongation, stiffness, damping)
+            k, c = 2 * lateral.secondary_stiffness[0], 2 * lateral.secondary_damping[0]
+            boxes = 4 * lateral.primary_stiffness[0], 4 * lateral.primary_damping[0]
+            rod, damping, height_of_rod = lateral.traction_rod
+            yield held(number, "longitudinal", k, 0.0, lateral.secondary_height)
+            yield held(number, "yaw", 0.0, c, lateral.frame_height)
+            yield held(number, "rod", rod, damping, height_of_rod)
+            yield held(number, "primary_along", *boxes, lateral.wheel_radius)
 
 
 def _held_across(description: Vehicle) -> Iterator[Element]:

@@ -182,7 +182,7 @@ PARTS = MappingProxyType(
         "lateral": ("lateral_spring", "lateral_damper"),
         "primary_lateral": ("primary_lateral_spring", "primary_lateral_damper"),
         "weight": ("weight", None),
-        "along": ("longitudinal_spring", "yaw_damper"),
+        "yaw": ("yaw_spring", "yaw_damper"),
         "rod": ("traction_rod", "traction_rod_damper"),
         "primary_along": ("primary_longitudinal_spring", "primary_longitudinal_damper"),
         "cornering": ("cornering_spring", "cornering"),
