@@ -84,7 +84,7 @@ class Observation(Tabular):
         "wheelsets.conicity", see `sprung.likelihood.fit_lateral`.
     log_ratios
         ln(value / nominal value) of each component, shape (components,); empty if the window is inconclusive. Of an
-        anti-roll bar that has lost more than half, ln(1/2) and twice what it has lost beyond.
+        anti-roll bar or a lateral part that has lost more than half, ln(1/2) and twice what it has lost beyond.
     covariance
         Covariance of `log_ratios`, shape (components, components).
     conditions
@@ -399,12 +399,14 @@ def _lateral_fit(window: Window, fit: CornerFit) -> LateralFit | None:
 
 
 def _lateral_parts(fit: LateralFit | None) -> tuple[tuple[Component, ...], Real, Real]:
-    """Return the lateral parts whose change is sought, their log ratios and covariance."""
+    """Return the lateral parts whose change is sought, their log ratios and covariance; of lost ones as of bars."""
     if fit is None:
         return (), np.zeros(0), np.zeros((0, 0))
     parts = lateral_parts(fit.model.vehicle)
     rows = [fit.components.index(name) for name in parts.values()]
-    return tuple(parts), fit.parameters[rows], fit.covariance[np.ix_(rows, rows)]
+    ratios, slopes = log_of_bars(np.expm1(fit.parameters[rows]))
+    slopes = slopes * np.exp(fit.parameters[rows])
+    return tuple(parts), ratios, fit.covariance[np.ix_(rows, rows)] * np.outer(slopes, slopes)
 
 
 def _fitted_conditions(fit: CornerFit) -> dict[str, float]:
