@@ -1,6 +1,7 @@
 """Changes of lateral parts of a rail vehicle: observed under a load, named and worded."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -74,7 +75,8 @@ def test_a_lost_yaw_damper_has_a_finite_change_that_is_certain() -> None:
     parameters, lost = np.full(len(components), -0.2), components.index("bogie2.lateral_damper")
     parameters[lost] = -4.3
     given = {"components": components, "parameters": parameters, "covariance": 0.25**2 * np.eye(len(components))}
-    parts, ratios, covariance = _lateral_parts(SimpleNamespace(model=SimpleNamespace(vehicle=COACH), **given))
+    fit: Any = SimpleNamespace(model=SimpleNamespace(vehicle=COACH), **given)
+    parts, ratios, covariance = _lateral_parts(fit)
     row = list(map(str, parts)).index("bogie2.lateral_damper")
     assert (ratios[row], covariance[row, row] ** 0.5) == pytest.approx((-1.666, 2 * 0.25 * np.exp(-4.3)), abs=1e-3)
     others = np.arange(len(parts)) != row
