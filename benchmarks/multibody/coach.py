@@ -471,7 +471,7 @@ def any_drive(vehicle: Vehicle, number: int, conditions: dict[str, object], fact
 
 
 def parts(vehicle: Vehicle) -> list[str]:
-    """Return the names of the parts that a diagnosis tells apart."""
+    """Return the names of the parts that a diagnosis distinguishes."""
     names = [str(part) for part in lateral_parts(vehicle)]
     for number in range(1, 1 + len(vehicle.bogie)):
         for side in ("left", "right"):

@@ -151,7 +151,7 @@ def find_harmonics(
     recording stand for all. The probability of any line in a recording of random vibration is at most
     `false_alarm_rate` (Holm's method over all peaks).
     The narrowest mode is one of `min_damping`; the longer the recording of T seconds, the narrower: of a damping ratio
-    of 1 / T (but 0.03 % or more), or of a half-power bandwidth of 8 / T, if that is more. Such a mode is told from a
+    of 1 / T (but 0.03 % or more), or of a half-power bandwidth of 8 / T, if that is more. Such a mode differs from a
     line by many independent values of its amplitude and phase. Its segments are independent only if they lie about a
     time constant 1 / (xi omega) apart, which sets the lowest frequency at which the power alone separates a tone from a
     mode: 2.8 Hz for 60 s and 0.5 %; below it a line has to be steady, or wider than the resolution of longer

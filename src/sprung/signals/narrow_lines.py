@@ -223,7 +223,7 @@ def search_segments(
 
 
 def narrowest_bandwidth(frequency: float, min_damping: float, duration: float) -> float:
-    """Return the half-power bandwidth of the narrowest mode that a recording tells from a line.
+    """Return the half-power bandwidth of the narrowest mode that a recording can distinguish from a line.
 
     Parameters
     ----------
