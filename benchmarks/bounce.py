@@ -87,7 +87,7 @@ def paired(found: Any, exact: Any) -> list[tuple[int, int]]:
 
     Notes
     -----
-    Frequencies alone do not distinguish modes: bounce and roll of the coach are 0.2 % apart, their damping 8 %.
+    Frequencies alone do not distinguish modes: bounce and roll of a coach without sway are 0.2 % apart, damping 8 %.
     """
     ratios = found[:, None] / exact
     is_near = np.abs(np.abs(ratios) - 1) <= 0.08

@@ -2,6 +2,7 @@
 
     python -m benchmarks.multibody.coach modes        eigenvalues and responses beside those of `sprung.vehicles`
     python -m benchmarks.multibody.coach diagnose     baseline, healthy drives never met, faults; `--help` for more
+    python -m benchmarks.multibody.coach track        alignment and level from these drives beside those of the rails
 
 Body, frames and wheelsets are free bodies with six degrees of freedom each; springs, dampers, traction rods and
 anti-roll bars act between points at their places. Wheels are cones on rails, with the creep forces of Kalker, limited
@@ -16,6 +17,7 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -28,11 +30,16 @@ from benchmarks.multibody.design import part
 from scipy.signal import resample_poly
 
 from sprung.excitation import Joints, Rail, SpeedChanges, SpeedProfile, SurfaceMotion, rail_quality, random_speed
-from sprung.formats import write
+from sprung.formats import read, write
+from sprung.likelihood.fitting import fit_windows
+from sprung.likelihood.lateral import fit_lateral_under
 from sprung.recording import Channel, Recording
+from sprung.road import road_profile, track_of
+from sprung.road.level import RANGES, Levels, in_range
 from sprung.simulation.lateral import ALIGNMENT
 from sprung.vehicles import Sensor, Vehicle, read_vehicle, state_space, structure, write_vehicle
 from sprung.vehicles.lateral import lateral_outputs, lateral_parts, lateral_system
+from sprung.vehicles.window import window_of
 
 GRAVITY = 9.80665
 STEP = 5e-4  # of the engine [s]
@@ -392,17 +399,24 @@ def compared_responses(vehicle: Vehicle, speed: float) -> None:
         )
 
 
-def driven(vehicle: Vehicle, drive: Drive, seed: int) -> Recording:
-    """Return the recording of a drive; the mountings of the accelerometers are the same in all."""
-    generator, mounted = np.random.default_rng([seed, 8]), np.random.default_rng(7)
-    n_sensors, n = len(vehicle.sensor), round((drive.duration + SETTLE) / STEP)
-    tilts = np.radians(TILT) * mounted.standard_normal((n_sensors, 3))
+def rails(
+    vehicle: Vehicle, drive: Drive, seed: int
+) -> tuple[SpeedProfile, np.ndarray, np.ndarray, np.random.Generator]:
+    """Return the speed of a drive, the times of the steps, the track below, and the generator for what follows."""
+    generator, n = np.random.default_rng([seed, 8]), round((drive.duration + SETTLE) / STEP)
     gentle = SpeedChanges((0.05, 0.2), (0.05, 0.2), (30.0, 90.0))
     low, high = drive.speed
     profile = random_speed(drive.duration + SETTLE, low=low, high=high, generator=generator, changes=gentle)
     time = STEP * np.arange(n)
+    return profile, time, track_below(vehicle, drive, profile, time, generator), generator
+
+
+def driven(vehicle: Vehicle, drive: Drive, seed: int) -> Recording:
+    """Return the recording of a drive; the mountings of the accelerometers are the same in all."""
+    profile, time, track, generator = rails(vehicle, drive, seed)
+    n_sensors, n, mounted = len(vehicle.sensor), time.size, np.random.default_rng(7)
+    tilts = np.radians(TILT) * mounted.standard_normal((n_sensors, 3))
     speed = profile.speed(time)
-    track = track_below(vehicle, drive, profile, time, generator)
     coach = Coach(vehicle, drive, float(speed[0]), tilts=tilts)
     acceleration = np.gradient(speed, STEP)
     felt = np.empty((n, 3 * n_sensors))
@@ -438,6 +452,8 @@ def track_below(
 
 #: Drives of the baseline, and those that are diagnosed together.
 LEARNING, TOGETHER = 8, 2
+#: Drives of the baseline from which the track is surveyed.
+SURVEYED = 4
 #: Production scatter of the parts of the coach.
 SCATTER = 0.05
 #: Sets of drives: their conditions where these differ from those of the baseline, and values over those of before.
@@ -524,6 +540,41 @@ def diagnosed(vehicle: Vehicle, folder: Path) -> None:
         )
 
 
+def surveyed(vehicle: Vehicle, folder: Path) -> None:
+    """Print alignment and level of the track from drives of the baseline beside those of the rails.
+
+    Columns: ratio of the standard deviation of a stretch of 200 m to that of the rails, mean and RMS about it; share of
+    95 % intervals that hold; RMS of the difference of the lines themselves.
+    """
+    print("| drive | line | range | ratio | scatter | intervals that hold | difference [mm] |")
+    print("|---|---|---|---|---|---|---|")
+    for number, path in enumerate(drives(vehicle, folder, "baseline")[:SURVEYED]):
+        drive = any_drive(vehicle, number, {}, {})
+        _, time, track, _ = rails(vehicle, drive, number)
+        low, high = drive.speed
+        windows = [window_of(read(path), vehicle)]
+        fit, where = fit_windows(windows), track_of(windows)
+        for line, own, row in (("alignment", fit_lateral_under(fit, windows), 0), ("left level", fit, 1)):
+            along = road_profile(windows, own, where)
+            true, levels = np.interp(along.times + SETTLE, time, track[row, 0]), Levels(along, own.model_error)
+            edges = np.arange(along.distances[0] + 300, along.distances[-1] - 300, 200.0)
+            stretches = [slice(*np.searchsorted(along.distances, ends).tolist()) for ends in pairwise(edges)]
+            measured = [levels.at(0, stretch) for stretch in stretches]
+            for name, wavelengths in zip(("d1", "d2"), RANGES, strict=True):
+                exact = in_range(true, wavelengths, spacing=along.spacing)
+                wrong = in_range(along.heights[0], wavelengths, spacing=along.spacing) - exact
+                inner = slice(*np.searchsorted(along.distances, edges[[0, -1]]))
+                of_rails = np.array([exact[stretch].std() for stretch in stretches])
+                found, stds = np.array([(getattr(one, name), getattr(one, f"{name}_std")) for one in measured]).T
+                ratios, holds = found / of_rails, np.abs(found - of_rails) < 1.96 * stds
+                figures = (
+                    f"{ratios.mean():.2f} | {ratios.std():.2f} | {holds.mean():.0%} | {1e3 * wrong[inner].std():.2f}"
+                )
+                print(
+                    f"| {drive.track}, {low:.0f} to {high:.0f} m/s | {line} | {name.upper()} | {figures} |", flush=True
+                )
+
+
 def sprung(*arguments: object) -> None:
     """Run a command as a user does; one that finds a change returns 1."""
     done = subprocess.run(
@@ -534,13 +585,16 @@ def sprung(*arguments: object) -> None:
 
 
 def main() -> None:
-    """Print modes and responses, or diagnoses."""
+    """Print modes and responses, diagnoses, or the track."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("modes", "diagnose"))
+    parser.add_argument("what", choices=("modes", "diagnose", "track"))
     parser.add_argument("--folder", type=Path, default=Path("coach-drives"), help="where drives are kept")
     given = parser.parse_args()
     if given.what == "diagnose":
         diagnosed(described(), given.folder)
+        return
+    if given.what == "track":
+        surveyed(described(), given.folder)
         return
     for speed in (25.0, 45.0):
         compared_modes(described(), speed)

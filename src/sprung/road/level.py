@@ -88,10 +88,12 @@ class Levels:
     ----------
     profile
         Heights of both rails under the first wheelset.
+    model_error
+        Relative error of the vehicle's spectra beyond chance, of which a level has half.
     """
 
-    def __init__(self, profile: RoadProfile) -> None:
-        self._profile = profile
+    def __init__(self, profile: RoadProfile, model_error: float) -> None:
+        self._profile, self._error = profile, model_error / 2
         self._filtered = np.zeros((len(RANGES), *profile.heights.shape))
         for block in profile.blocks():
             heights = profile.heights[:, block]
@@ -106,7 +108,7 @@ class Levels:
         return TrackLevel(d1, d1_std, *(found if is_fast else (None, None)))
 
     def _deviation(self, row: int, side: int, part: slice) -> tuple[float, float]:
-        """Return the standard deviation of the level in a range, and its own, by the error and the vehicle."""
+        """Return the standard deviation of a level in a range, and its own, by the error, the vehicle and its model."""
         profile, wavelengths = self._profile, RANGES[row]
         heights = self._filtered[row, side, part]
         speed = float(np.median(profile.speeds[part]))
@@ -122,4 +124,4 @@ class Levels:
         n_independent = max(1.0, 2 * heights.size * profile.spacing / wavelengths[1])
         share = missing / max(power, 1e-300)
         level = float(np.sqrt(power))
-        return level, level * float(np.sqrt(share / n_independent + np.sum(np.square(of_fit))))
+        return level, level * float(np.sqrt(share / n_independent + np.sum(np.square(of_fit)) + self._error**2))

@@ -383,7 +383,7 @@ def survey_road(
     track = track_of(windows)
     fit = fit_windows(windows)
     profile = road_profile(windows, fit, track)
-    measure = Levels(profile).at if is_track else _roughness_of(profile)
+    measure = Levels(profile, fit.model_error).at if is_track else _roughness_of(profile)
     aligned, reasons = _alignment(windows, fit, track)
     if ways is None:
         whole = np.array([0.0, track.distances[-1]])
@@ -431,7 +431,7 @@ def _alignment(
         return lambda _: None, (f"no alignment: {error}",)
     if sideways is None or profile is None:
         return lambda _: None, ()
-    levels = Levels(profile)
+    levels = Levels(profile, sideways.model_error)
 
     def measure(section: Section) -> TrackLevel | None:
         part = _part(profile, section)
