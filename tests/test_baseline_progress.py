@@ -47,6 +47,7 @@ def test_ordinary_roads_need_more_of_the_same() -> None:
     assert learning_progress([window(ExpectedDrive(speed=(14.0, 26.0)))] * 6, CAR).advice == "drive on as before"
 
 
+@pytest.mark.slow
 def test_the_advice_holds_in_a_simulated_drive() -> None:
     """A window of the advised speed brings more by at least the factor from which it is advised."""
     shares = []

@@ -61,6 +61,7 @@ def test_pushes_are_found_where_they_are() -> None:
     assert all(each.begin >= each.onset + 0.2 for each in found)
 
 
+@pytest.mark.slow
 def test_free_motion_begins_where_the_hands_let_go(healthy) -> None:
     run = pushes()
     spans = [delayed(test, run) for test in healthy.tests]
@@ -82,6 +83,7 @@ def test_a_car_pushed_at_its_corners(healthy) -> None:
     assert all(abs(value.log_ratio) < 3.5 * value.std for value in identifiable)
 
 
+@pytest.mark.slow
 def test_a_phone_that_the_vehicle_file_describes_gives_springs_and_dampers() -> None:
     """One place, three channels under the names of an app: from four pushes all springs within 5 %, dampers 12 %."""
     shift = np.array([0.474, 0.281, 0.0])
@@ -111,6 +113,7 @@ def test_a_phone_that_the_vehicle_file_describes_gives_springs_and_dampers() -> 
     assert all(abs(value.log_ratio) < (0.05 if value.component.kind == "spring" else 0.12) for value in known)
 
 
+@pytest.mark.slow
 def test_a_weak_damper_is_the_change(healthy) -> None:
     after = bounce(pushes(1, faults=["front_left.damper=-0.5"]), vehicle=CAR).changed_since(healthy)
     dampers = {each.part: each for each in after.changes if each.part.endswith("damper")}
@@ -138,6 +141,7 @@ def test_friction_is_stated_apart() -> None:
     assert result.modes.damping_ratio[0] > 0.08
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("quantity", "order", "shapes"), [("displacement", 0, [[1, 0.6], [0.5, -1]]), ("acceleration", 2, [[1, 1]])]
 )
@@ -177,6 +181,7 @@ def drop(seed=0, *, hum=0.0) -> np.ndarray:
 ACCELERATIONS = (Channel("acc_f", "acceleration"), Channel("acc_r", "acceleration"))
 
 
+@pytest.mark.slow
 def test_a_drop_beside_hum() -> None:
     """With mains hum, a record is nowhere quiet: no drop was found, and `identify --kind free` found none either."""
     result = bounce(Recording(drop(hum=0.3), 400.0, ACCELERATIONS))
@@ -271,6 +276,7 @@ def test_a_brake_pulse_among_sensors_that_do_not_move() -> None:
     assert result.modes.damping_ratio == pytest.approx([0.2], rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 3])
 def test_two_pushes_in_noise_show_two_close_modes(seed) -> None:
     """The second does not fall to a third of its peak before the noise; modes of each begin the search for all."""
@@ -290,6 +296,7 @@ def test_two_pushes_in_noise_show_two_close_modes(seed) -> None:
     assert result.modes.damping_ratio == pytest.approx(damping, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("samples", "heads", "shown_part"),
     [

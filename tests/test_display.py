@@ -292,6 +292,7 @@ def test_a_document_of_an_earlier_version_has_no_places(values, tmp_path) -> Non
     assert isinstance(read.plot(), Figure)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["recording", "modes", "identification", "fit", "diagnosis", "tracked", "calibration"])
 def test_the_obvious_picture_is_drawn_and_shown_in_notebooks(values, kind) -> None:
     figure: Any = values[kind].plot()

@@ -49,6 +49,7 @@ def test_front_against_rear_is_the_ratio_of_the_means_of_axles() -> None:
     assert fit.axle_std[fit.components[0]] < fit.std[fit.components[0]]
 
 
+@pytest.mark.slow
 def test_the_best_three_places_are_no_worse_than_the_kit() -> None:
     chosen = best_places(CAR, candidates(CAR), 3, drive=SHORT)
     best = plan(CAR.model_copy(update={"sensor": chosen}), drive=SHORT)

@@ -185,6 +185,7 @@ def test_an_order_of_an_engine_that_is_taken_for_a_mode_is_named(real_file) -> N
     assert [note[: len(order)] for note in found.notes if "engine" in note] == [order]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("log", "frequency"), [("00000165_00000001-60FEB68B", 1.58), ("00000165_00000002-60FEB8E3", 1.54)]
 )

@@ -92,6 +92,7 @@ def test_munich_bridge_with_one_accelerometer(real_file) -> None:
     assert any("one channel" in note for note in found.notes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("state", "expected"),
     [("Flexible", [3.69, 11.08, 16.69]), ("Stiff", [7.76, 24.9])],

@@ -119,6 +119,7 @@ def test_fleets_need_nothing_of_online() -> None:
         assert not above, f"{name} imports {above}: what both wings need stands below them"
 
 
+@pytest.mark.slow
 def test_no_circle_inside_packages() -> None:
     """Not for the types of a signature either; a package may offer what its modules define."""
     inside = {

@@ -208,6 +208,7 @@ def test_scores_match_each_mode_once(certified: Any) -> None:
     assert (both.n_found, both.n_within, both.n_spurious) == (2, 0, 0)
 
 
+@pytest.mark.slow
 def test_twenty_periods_of_the_first_mode_show_all_modes(certified: Any) -> None:
     """Six blocks scatter by the modes' own random level: modes were taken for chance (9 of 20 records were right)."""
     scores = [certified.score.sprung_score("short", draw) for draw in range(20)]

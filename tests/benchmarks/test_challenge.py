@@ -169,6 +169,7 @@ def test_the_truth_is_sealed(challenge: Any, tmp_path: Path) -> None:
     assert len(known[0]["modes"]) == 13, "certified records added after the sets were sealed are not in them"
 
 
+@pytest.mark.slow
 def test_a_part_changes_from_its_first_recording_on(challenge: Any) -> None:
     """The same seeds with and without a change: recordings before it are equal, those from it on are not."""
     make = challenge.make

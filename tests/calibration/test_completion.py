@@ -25,6 +25,7 @@ def _apart(error):
     return np.column_stack([error[:, 0] - error[:, 0].mean(), y - y.mean()])
 
 
+@pytest.mark.slow
 def test_exchanged_sensors_are_refused(hatchback, drive) -> None:
     run = drive.recording
     rows = [run.index(name) for name in ("acc_fr", "acc_fl", *run.names[2:])]

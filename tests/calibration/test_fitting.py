@@ -66,6 +66,7 @@ def steps_of(fit: JointFit) -> tuple[dict[str, float], float]:
     return expected_steps(free, fit)
 
 
+@pytest.mark.slow
 def test_one_step_shows_a_sensor_that_is_not_where_the_file_says(fitted_as_given) -> None:
     fit = fitted_as_given(0.1)
     steps, gain = steps_of(fit)

@@ -36,6 +36,7 @@ def places_and_lags(hatchback, exact_windows):
     return joint, parameters, true
 
 
+@pytest.mark.slow
 def test_places_and_lags_come_out_of_exact_spectra(places_and_lags) -> None:
     joint, _, true = places_and_lags
     end = dict(zip(joint.names, fitted(joint, scaled_start(joint)), strict=True))
@@ -116,6 +117,7 @@ def test_parameters_of_zero_are_the_file(car, request) -> None:
     assert moved(draft, numbers, np.zeros(len(numbers))).vehicle == draft.vehicle
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("car", ["hatchback", "on_tyres"])
 def test_every_number_moves_itself_alone(car, request) -> None:
     draft = explicit(request.getfixturevalue(car))

@@ -27,6 +27,7 @@ def folder(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_the_page_prints_what_the_command_prints(folder, capsys, monkeypatch) -> None:
     monkeypatch.chdir(folder)
     (command, head) = re.findall(r"\$ sprung (.*)\n(.*)\n", PAGE.read_text())[0]
@@ -53,6 +54,7 @@ def test_a_file_without_a_push_gives_no_answer(tmp_path, capsys) -> None:
     assert "push and let go" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_results_show_themselves(folder) -> None:
     result = sprung.bounce(sprung.read(folder / "before.csv"))
     assert len(result.to_dataframe()) == len(result.modes)

@@ -40,6 +40,7 @@ def test_a_baseline_learns_an_engine_that_the_file_lacks_and_diagnose_uses_it(tm
     assert [finding["component"] for finding in diagnosis["findings"]] == ["spring"]
 
 
+@pytest.mark.slow
 def test_a_calibration_says_which_drive_a_baseline_needs(sprung, tmp_path) -> None:
     drive, out = tmp_path / "slow.npz", tmp_path / "v.toml"
     slow = ("--minutes", "5", "--sampling-rate", "60", "--speed", "3.5", "6.5", "--snr", "50")

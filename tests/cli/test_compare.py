@@ -23,6 +23,7 @@ def drives(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("second", "verdict"), [("second", "no_change_detected"), ("soft", "change")])
 def test_two_sets_of_drives(drives, second, verdict) -> None:
     arguments = ["--vehicle", "zafira", "--window", "3", "--json", str(drives / f"{second}.json")]
@@ -56,6 +57,7 @@ def pushes(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_pushes_are_compared_by_another_command(pushes, drives, capsys, monkeypatch) -> None:
     """It asked for the speed of a standing car."""
     monkeypatch.chdir(pushes)

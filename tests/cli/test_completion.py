@@ -33,6 +33,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_commands_and_options_are_offered(folder) -> None:
     assert "identify" in offered("sprung id", folder)
     assert offered("sprung identify --form", folder) == ["--format"]

@@ -78,6 +78,7 @@ def test_exchanged_names_are_refused(sprung, drive, command, monkeypatch) -> Non
     assert "sensors are swapped, acc_fr with acc_fl or acc_rl with acc_rr: correct the names" in outcome.err
 
 
+@pytest.mark.slow
 def test_a_baseline_names_exchanged_sensors_and_does_not_calibrate_them_away(sprung, tmp_path) -> None:
     """Two windows, as one of them alone is not enough for a calibration to find other places."""
     from sprung.formats import write

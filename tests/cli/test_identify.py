@@ -79,6 +79,7 @@ def test_unknown_uncertainty_is_null(sprung, chain):
     assert "nan" not in sprung("identify", chain, "--segment", "1e6", "--no-refine").out
 
 
+@pytest.mark.slow
 def test_large_files_are_read_in_blocks(sprung, chain, monkeypatch):
     whole = sprung("identify", chain, "--json", "-").document()["modes"]
     monkeypatch.setattr("sprung.formats.LARGE", 10_000)

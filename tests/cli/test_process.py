@@ -43,6 +43,7 @@ MAY_IMPORT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", MAY_IMPORT)
 def test_commands_import_what_they_use(words, chain, tmp_path):
     parquet = tmp_path / "run.parquet"

@@ -78,6 +78,7 @@ def test_two_parts_at_once_are_two_findings(faulty, baseline, parts, after) -> N
         assert finding.interval[0] <= -0.2 <= finding.interval[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("after", [1, 12])
 def test_a_single_part_stays_single(faulty, baseline, after) -> None:
     """Whatever the size above the detectable one, 13 to 18 % in one window: every part once."""
@@ -324,6 +325,7 @@ def test_a_hidden_loss_of_a_bar_is_named_and_no_doubt_about_the_other_parts() ->
     assert "20 to 80 % of any part would have been found" in detectable_in_words({part: 0.2, bar: 0.8})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bar_std", "is_found"), [(0.2, True), (0.6, False)])
 def test_a_lost_bar_is_found_where_the_sentence_does_not_except_it(bar_std, is_found) -> None:
     """All of it reads as a loss of 82 %, and by chance as another one: found in 95 of 100."""

@@ -75,6 +75,7 @@ def test_a_baseline_leaves_the_file_as_it_is() -> None:
         calibrate(run, metro)
 
 
+@pytest.mark.slow
 def test_figures_show_every_part(baseline) -> None:
     result = diagnose(windows(6, first=12, seed=2, bogie1_left__secondary_spring=-0.2), baseline)
     figure = corner_changes_figure(result, baseline)

@@ -56,6 +56,7 @@ def test_without_a_window_to_compare_there_is_no_evidence(baseline, softening) -
     assert len(detector.observations) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_windows", [None, 4])
 def test_it_goes_on_from_its_windows_and_evidence(baseline, softening, n_windows) -> None:
     through = ChangeDetector(baseline, n_windows=n_windows)
@@ -145,6 +146,7 @@ def test_intervals_cover_the_size(faulty, baseline) -> None:
     assert inside >= 88
 
 
+@pytest.mark.slow
 def test_sizes_are_not_drawn_towards_nothing(faulty, baseline) -> None:
     """However large, and from one window: the prior of sizes weighs evidence, and no more.
 

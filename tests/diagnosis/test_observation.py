@@ -48,6 +48,7 @@ def observations(car, run):
     return observe([run, later], car, length=120.0)
 
 
+@pytest.mark.slow
 def test_windows_of_recordings_in_the_order_of_time(car, run, observations) -> None:
     assert [one.time for one in observations] == [0.0, 120.0, 240.0, 360.0, 480.0, 3600.0]
     assert {one.vehicle for one in observations} == {"zafira"}
@@ -236,6 +237,7 @@ def test_conditions_of_an_inconclusive_window(car) -> None:
     assert found.conditions["turning"] == pytest.approx(0.2)
 
 
+@pytest.mark.slow
 def test_modes_of_a_drive_are_a_start_of_its_fit_and_a_check(car, run, monkeypatch) -> None:
     part = run.part(0, run.n_samples // 5)
     modes = cov_ssi(part, settings=IdentificationSettings(has_road_modes=False, refine=False), vehicle=car).modes

@@ -86,6 +86,7 @@ def on_edges(run):
     return spiking(run, channel="acc_fr", rate=0.1, height=height, generator=np.random.default_rng(2))
 
 
+@pytest.mark.slow
 def test_harmless_motion_is_no_fault(car, run) -> None:
     smooth = simulate_drive(car, RoadDrive(road=RoadConditions("A"), duration=120.0), seed=4).recording
     assert sensor_faults(run, car) == ()
@@ -131,6 +132,7 @@ def test_a_channel_that_swings_slowly_alone_has_no_hum(car, run) -> None:
     assert "hum" not in {fault.kind for fault in sensor_faults(slow, car)}
 
 
+@pytest.mark.slow
 def test_contradictions_are_refused_before_a_fit_and_other_faults_noted(car, run) -> None:
     short = run.part(0, 60 * round(run.sampling_rate))
     with pytest.raises(DataError, match="acc_fl with acc_fr or acc_rl with acc_rr: correct the names"):
@@ -197,6 +199,7 @@ def wheel_lines(run):
     return replace(run, samples=samples)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unknown", ["nothing", "engine", "anti-roll bars", "wheel lines"])
 def test_healthy_sensors_agree_on_a_smooth_road_with_noise(car, unknown) -> None:
     engine = MountedMass(mass=180.0, x=1.1, frequency=11.0, damping_ratio=0.08)

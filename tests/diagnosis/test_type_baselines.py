@@ -227,6 +227,7 @@ def test_a_vehicle_known_to_be_healthy_belongs_to_the_type_however_far_it_is() -
     assert row @ whole.mean > row @ clipped.mean
 
 
+@pytest.mark.slow
 def test_what_is_known_to_be_healthy_is_not_ranked_and_widens_the_type() -> None:
     far = fleet(3, 12, 3, ("front_left.damper", "front_right.damper"), size=0.25)
     before = {one.vehicle: one for one in rank_fleet(far)}
@@ -237,6 +238,7 @@ def test_what_is_known_to_be_healthy_is_not_ranked_and_widens_the_type() -> None
     assert after["car-1"].probability < before["car-1"].probability
 
 
+@pytest.mark.slow
 def test_the_vehicle_to_inspect_is_the_one_of_which_least_is_known() -> None:
     """A loss of 10 % is neither sure nor nothing; a loss of 30 % is reported, and needs no advice."""
     vehicles = fleet(9, 12, 2, ("front_left.spring",), size=float(np.log(0.9)))

@@ -69,6 +69,7 @@ def is_meant(code: str, value: object, message: str) -> bool:
     return code == "PR03" and inspect.isclass(value)  # fields of a value are grouped by meaning
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", packages())
 def test_docstrings_are_complete(package) -> None:
     seen: dict[str, object] = dict(public_objects(package))

@@ -89,6 +89,7 @@ def test_contact_averages_over_its_length() -> None:
     assert rolled.height(True, place) == pytest.approx(average, abs=1e-6 * np.abs(rough.heights).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axles", [(1.2, -1.5), (2.0, 0.5, -2.0)])
 def test_rear_wheels_follow_with_the_delay_of_the_speed(axles) -> None:
     """z_rear(t) = z_front(t') where distance(t') = distance(t) - wheelbase, to the last digits at any speed."""

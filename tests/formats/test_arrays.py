@@ -130,6 +130,7 @@ def test_one_sample(tmp_path: Path) -> None:
         read(npz(tmp_path, data=np.ones((1, 1)), fs=10.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["npz", "mat"])
 def test_an_archive_that_inflates_beyond_reason_is_refused_by_its_headers(tmp_path: Path, ending) -> None:
     path = tmp_path / f"run.{ending}"

@@ -112,6 +112,7 @@ def test_signals_are_decoded_with_unit_comment_and_calibration(dbc):
     assert exact.quantity == "displacement"
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(data=st.data(), little=st.booleans(), signed=st.booleans(), kind=st.sampled_from(["integer", "float"]))
 def test_any_place_in_a_frame_is_decoded_as_by_cantools(tmp_path_factory, data, little, signed, kind):

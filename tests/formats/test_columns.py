@@ -232,6 +232,7 @@ def signal(kind, seed):
     return rising
 
 
+@pytest.mark.slow
 @RELAXED
 @given(
     kind=signals,

@@ -138,6 +138,7 @@ def test_figures_of_a_vehicle() -> None:
     check("figures-vehicle", {key: described(figure) for key, figure in drawn.items()}, digits=_DIGITS)
 
 
+@pytest.mark.slow
 def test_figures_over_time() -> None:
     baseline, softening = softened_spring()
     ratios = np.zeros((20, 12))
@@ -178,6 +179,7 @@ def test_figures_over_time() -> None:
     check("figures-time", {key: described(figure) for key, figure in drawn.items()}, digits=_DIGITS)
 
 
+@pytest.mark.slow
 def test_figures_of_roads_rides_and_curves() -> None:
     tracks = TrackRoughness(4.0, 0.1, 6e-5, 2.0, "B"), TrackRoughness(5.0, 0.2, 6e-5, 2.0, "C")
     places = ((52.0, 8.0), (52.001, 8.001), (52.002, 8.001))

@@ -139,6 +139,7 @@ def test_standard_deviations_are_those_of_repeated_runs(snr, conforms) -> None:
 # Other vehicles
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("amplitude", [1.0, 10**0.5])
 def test_tones_within_the_bandwidths_of_all_modes_leave_the_modes(amplitude) -> None:
     """Tones as strong as the motion, or 10 dB stronger, within the half-power bandwidths."""
@@ -155,6 +156,7 @@ def test_tones_within_the_bandwidths_of_all_modes_leave_the_modes(amplitude) -> 
 # Forms and editing
 
 
+@pytest.mark.slow
 def test_the_lifter_s_damping_is_taken_off_again() -> None:
     """A time constant of 1 s adds 2.3, 0.8 and 0.6 % to the damping of 1.1, 3.1 and 4.6 %."""
     found = cov_ssi(twenty_records(0, 10.0), settings=IdentificationSettings(lifter=Exponential(1.0)))

@@ -50,6 +50,7 @@ def frame(seed, periods, rate=64.0):
     return recorded(with_noise(samples, generator), rate), frequencies
 
 
+@pytest.mark.slow
 def test_twenty_periods_of_the_first_mode_are_enough() -> None:
     """80 % of such records show all three modes; none shows another, and none claims a standard deviation.
 

@@ -77,6 +77,7 @@ def test_the_quantity_of_unknown_channels_is_the_most_likely_one() -> None:
     assert modes.damping_ratio == pytest.approx([0.2], rel=0.02)
 
 
+@pytest.mark.slow
 def test_white_noise_has_a_peak_above_chance_in_one_spectrum_of_a_thousand() -> None:
     """At most 2 in 200 by the binomial law, at 1e-3 for each of two averages."""
     generator = np.random.default_rng(5)
@@ -135,6 +136,7 @@ def test_a_peak_at_the_end_of_the_band_is_as_high_as_it_is_beyond() -> None:
     assert spectra.frequencies[find_bells(spectra, band=(1.0, 20.1)).peaks] == pytest.approx([20.0])
 
 
+@pytest.mark.slow
 def test_peaks_of_light_damping_are_as_certain_as_two_minutes_allow() -> None:
     """Damping of 0.2 % leaves frequencies 0.3 to 0.9 half-bandwidths uncertain: 12 of 30 such peaks were left out."""
     frequencies, rate, n_samples, shown = np.array([3.5, 5.9, 8.4]), 50.0, 6_000, 0

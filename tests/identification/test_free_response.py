@@ -80,6 +80,7 @@ def test_repeats_reduce_the_deviations() -> None:
     np.testing.assert_allclose(ratio, 0.5, atol=0.2)  # each holds a hidden mode as likely as its record lets it
 
 
+@pytest.mark.slow
 def test_random_forces_during_the_decay_are_part_of_the_model() -> None:
     """A decay on top of the stationary motion of a chain: right within three deviations, which the forces raise."""
     masses = chain()
@@ -108,6 +109,7 @@ def test_what_cannot_be_fitted_is_refused(run, message) -> None:
         fit_free_response(run)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("has_speed", [True, False])
 def test_a_drive_over_one_pothole_is_no_free_motion(has_speed) -> None:
     """As on a smooth road with a shock 30 times its level, after which the body swings."""
@@ -154,6 +156,7 @@ def body(seed, *, channels=3) -> Recording:
     )
 
 
+@pytest.mark.slow
 def test_close_modes_of_one_imu_are_told_apart() -> None:
     """The search ended at one blend of both, 1.6 Hz to the third digit."""
     for seed in range(10):

@@ -43,6 +43,7 @@ def test_exact_motion_gives_exact_friction(xi, friction) -> None:
     assert fit.is_significant
 
 
+@pytest.mark.slow
 def test_deviations_are_those_of_the_errors() -> None:
     swing = swing_with_friction(TIME, natural_frequency=1.5, damping_ratio=0.1, friction=0.05)
     errors = []

@@ -43,6 +43,7 @@ def test_references_can_be_chosen(references) -> None:
     assert found.subsets[0].diagrams[0].poles.channels == TRUTH.channels
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_a_generator_is_read_once_one_record_at_a_time(method) -> None:
     records = [run(seed) for seed in range(4)]
@@ -85,6 +86,7 @@ def test_poor_records_among_good_ones_are_left_out_and_noted(first) -> None:
     assert_same(found, cov_ssi([good, run(2)][first:]), deviations=0.5)
 
 
+@pytest.mark.slow
 def test_one_subset_is_the_average_of_all_segments() -> None:
     """F. Liu (2020), section 4.2: J = 1 is ACS-Cov-SSI; sorted by the expected level it is Cov-SSI."""
     records = [run(seed) for seed in range(3)]
@@ -188,6 +190,7 @@ def test_second_opinions_refuse_what_does_not_apply(method, settings, sentence) 
         summarise("fdd", run())
 
 
+@pytest.mark.slow
 def test_records_of_one_logger_by_slightly_different_clocks_are_one_condition() -> None:
     masses = chain()
     runs = [simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=500.0, seed=k) for k in range(2)]
@@ -253,6 +256,7 @@ def test_modes_that_contribute_too_little_are_dropped_with_all_that_belongs_to_t
         assert set(statuses[behind]) <= {PoleStatus.INSIGNIFICANT, PoleStatus.SELECTED}
 
 
+@pytest.mark.slow
 def test_subsets_hold_all_segments_and_rise_in_level() -> None:
     found = coss_ssi([run(seed) for seed in range(6)])
     levels = [subset.level for subset in found.subsets if subset.level is not None]

@@ -117,6 +117,7 @@ def runs(vehicle):
     return [simulate(chain, excitation, duration=60.0, sampling_rate=500.0, snr=10.0, seed=seed) for seed in range(8)]
 
 
+@pytest.mark.slow
 def test_refined_modes_scatter_less_and_as_stated(runs, vehicle) -> None:
     exact = vehicle("chain3").modes()
     refined, start, stated, shape_errors = [], [], [], []

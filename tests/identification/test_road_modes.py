@@ -57,6 +57,7 @@ def white(fit, *, peak=None):
     return SpectralMatrix(f, matrix, tuple(channel.name for channel in outputs(fit)), 5.12, 40)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [*SUBSPACE_METHODS, "plscf"])
 def test_every_method_gives_the_three_modes_of_the_body_and_none_false(drive, method) -> None:
     found = METHODS[method](drive.recording, vehicle=CAR)

@@ -171,6 +171,7 @@ def test_moved_sensors_under_equal_names_give_a_note() -> None:
     assert "such as ref_1, ref_2, as references (--references)" in note
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.05, 1.0])
 def test_parts_of_one_record_give_no_note(noise) -> None:
     _, _, (record,) = setup_records(names="same", n_setups=1, duration=600.0, noise=noise)
@@ -246,6 +247,7 @@ def test_three_storey_building_of_three_set_ups(real_file) -> None:
     assert min(part.mac.min() for part in setups_of(identification).parts) > 0.99
 
 
+@pytest.mark.slow
 def test_a_sensor_that_no_setup_has_is_missing() -> None:
     """Each set-up lacks sensors of the vehicle file: that is roving, unless all lack the same one."""
     chain = read_description("chain3")

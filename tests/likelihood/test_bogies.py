@@ -20,6 +20,7 @@ def fit():
     return fit_corners(simulate_drive(metro, drive, seed=3).recording, metro, settings=CornerSettings(band=(0.4, 12.0)))
 
 
+@pytest.mark.slow
 def test_all_springs_and_dampers_of_both_stages_are_fitted(fit) -> None:
     """Four secondary and eight primary suspensions; the contacts with the rails keep the file's values."""
     kinds = [component.kind for component in fit.components]
@@ -32,6 +33,7 @@ def test_all_springs_and_dampers_of_both_stages_are_fitted(fit) -> None:
     assert fit.is_identifiable.all()
 
 
+@pytest.mark.slow
 def test_estimates_are_the_true_values_within_their_standard_deviations(fit) -> None:
     true = np.array([np.log1p(FAULTS.get(str(component), 0.0)) for component in fit.components])
     errors = fit.log_ratios - true
@@ -48,6 +50,7 @@ def with_two_sensors():
     )
 
 
+@pytest.mark.slow
 def test_two_accelerometers_suffice_with_speed_and_load_unmeasured() -> None:
     """A primary and a secondary spring of the first bogie are found; the other parts differ from nominal by chance."""
     metro, faults = (
@@ -73,6 +76,7 @@ def test_two_accelerometers_suffice_with_speed_and_load_unmeasured() -> None:
         assert values[name][1] < 0.2
 
 
+@pytest.mark.slow
 def test_joints_are_found_in_the_default_band() -> None:
     """Their lines lie between the modes of body and frames and 25 Hz."""
     metro = with_two_sensors()

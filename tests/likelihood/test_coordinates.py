@@ -42,6 +42,7 @@ def test_an_inertial_unit_reads_its_acceleration_and_angular_velocities(car) -> 
     assert of_first == pytest.approx(np.array([1, 4j * np.pi, 4j * np.pi]))
 
 
+@pytest.mark.slow
 def test_spectra_of_one_motion_are_the_same_whatever_derivative_is_recorded() -> None:
     """Sines between the lines of the segments, as displacement, velocity and acceleration."""
     layout = RigidLayout(("d", "v", "a"), ("1", "2", "3"), np.arange(3), np.eye(3), np.eye(3), np.zeros((3, 3, 3)))

@@ -57,6 +57,7 @@ def test_amplitudes_are_the_initial_states_less_the_final_ones() -> None:
     assert np.abs(fit.whitened).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_exact_motion_is_found_from_a_start_nearby() -> None:
     model = FreeResponse(free_lines(RUNS, band=(0.3, 20.0)), begin(FREQUENCY * 1.02, DAMPING * 0.9))
     found = model.start

@@ -68,6 +68,7 @@ def drive(bogie, seed, minutes=4.0):
     return simulate_drive(bogie, settings, seed=seed).recording
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pitch", [12.5, 18.0, 25.0, None])
 def test_the_distance_of_the_joints_is_found(bogie, pitch, monkeypatch) -> None:
     from sprung.excitation import Joints
@@ -89,6 +90,7 @@ def test_no_multiple_of_the_distance_is_found(coach) -> None:
     assert fit.model_error < 0.15
 
 
+@pytest.mark.slow
 def test_a_jointed_track_is_explained_and_the_springs_are_right(bogie) -> None:
     """Model error 57 % and springs to 11 % without lines of joints in the model."""
     fit = fit_corners(drive(bogie, 2, minutes=10.0), bogie)

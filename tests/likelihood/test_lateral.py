@@ -43,6 +43,7 @@ def exact_parameters(model: LateralModel) -> np.ndarray:
     return np.concatenate([np.linspace(-0.3, 0.3, len(model.components)), track, noise])
 
 
+@pytest.mark.slow
 def test_gradient_is_that_of_finite_differences(model) -> None:
     parameters = 0.1 * np.cos(np.arange(model.prior_std.size))
     _, gradient = model.objective(parameters)
@@ -51,6 +52,7 @@ def test_gradient_is_that_of_finite_differences(model) -> None:
         assert (ends[0] - ends[1]) / 2e-5 == pytest.approx(gradient[row], rel=1e-4, abs=1e-2)
 
 
+@pytest.mark.slow
 def test_exact_spectra_give_the_vehicle_that_made_them(model) -> None:
     loose = replace(model)  # without a prior
     object.__setattr__(loose, "prior_std", np.full(model.prior_std.size, 1e6))
@@ -105,6 +107,7 @@ def test_a_weak_lateral_damper_and_the_critical_speed_are_found(coach, tmp_path,
     assert document["components"]["bogie1.lateral_damper"]["nominal"] == 32000.0
 
 
+@pytest.mark.slow
 def test_what_a_recording_lacks_is_said(coach) -> None:
     recording = drive(coach, seed=1, speed=(30.0, 30.0)).part(0, 6000)
     without = [name for name in recording.names if name != "speed"]

@@ -94,6 +94,7 @@ def test_an_axle_that_carries_no_body_has_figures() -> None:
     assert np.all(np.isfinite(corner.figures(*corner.extremes())))
 
 
+@pytest.mark.slow
 def test_a_window_states_the_phase_shift_of_weak_corners_alone() -> None:
     settings = RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0, faults=(parse_fault("rear_left.damper=-0.7"),))
     weak = fit_corners(simulate_drive(CAR, settings, seed=2).recording, CAR)

@@ -55,6 +55,7 @@ def test_what_would_be_worked_out_by_a_tag_is_refused(tagged) -> None:
         decode(sealed(b"\xa1\x00" + tagged))
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(st.binary(max_size=200))
 def test_any_bytes_are_refused(payload) -> None:

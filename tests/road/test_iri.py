@@ -120,6 +120,7 @@ def iso_road(roughness: float):
     return waves(*zip(n, sizes, np.random.default_rng(4).uniform(0, 2 * np.pi, n.size), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("what", "road"),
     [

@@ -49,6 +49,7 @@ def quarter(case, seed):
 # Constant frequency
 
 
+@pytest.mark.slow
 def test_pulses_are_one_family_of_multiples() -> None:
     found = [line for line in find_harmonics(quarter(2, seed=1)) if line.frequency < 400]
     harmonics = [line for line in found if line.fundamental is not None]
@@ -62,6 +63,7 @@ def test_pulses_are_one_family_of_multiples() -> None:
         assert line.band[0] < line.frequency < line.band[1]
 
 
+@pytest.mark.slow
 def test_a_sine_between_the_pulses_is_not_a_multiple() -> None:
     harmonics = [line for line in find_harmonics(quarter(4, seed=2)) if line.frequency < 150]
     (sine,) = [line for line in harmonics if line.fundamental is None]
@@ -247,6 +249,7 @@ def drive(spread, *, seed, line=0.0, duration=600.0):
     return Recording(np.vstack([body, v]), 100.0, channels)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spread", [1.0, 4.0])
 def test_the_lines_of_a_wheel_are_proportional_to_speed(spread) -> None:
     recording = drive(spread, seed=1, line=0.3)
@@ -259,6 +262,7 @@ def test_the_lines_of_a_wheel_are_proportional_to_speed(spread) -> None:
     assert once.band[1] == pytest.approx(0.516 * np.quantile(v, 0.95), rel=0.02)
 
 
+@pytest.mark.slow
 def test_known_lines_of_a_wheel_sweep_the_band_of_the_present_speeds() -> None:
     known = find_harmonics(drive(1.0, seed=1, line=0.3), speed="v")
     recording = drive(4.0, seed=2)
@@ -269,6 +273,7 @@ def test_known_lines_of_a_wheel_sweep_the_band_of_the_present_speeds() -> None:
     assert find_harmonics(recording, speed="v") == ()
 
 
+@pytest.mark.slow
 def test_lines_proportional_to_speed_are_searched_for_where_a_tone_appears() -> None:
     recording = drive(4.0, seed=1, line=0.3)
     assert find_harmonics(recording, speed="v", known=()) == ()
@@ -280,6 +285,7 @@ def test_lines_proportional_to_speed_are_searched_for_where_a_tone_appears() -> 
     assert [line.kind for line in find_harmonics(humming, speed="v", known=found[:1])] == ["constant"]
 
 
+@pytest.mark.slow
 def test_at_constant_speed_no_line_is_called_proportional_to_it() -> None:
     assert all(line.kind != "speed" for line in find_harmonics(drive(0.02, seed=2, line=0.3), speed="v"))
 

@@ -138,6 +138,7 @@ def test_right_wheels_move_more_by_the_stated_level(hatchback):
     assert 10 * np.log10(density[1, inside].sum() / density[0, inside].sum()) == pytest.approx(6.0, abs=0.6)
 
 
+@pytest.mark.slow
 def test_unbalanced_wheels_turn_at_speed_over_circumference(hatchback):
     """A line at v / (2 pi R) and at its double, with the amplitude of the response to the stated motion."""
     orders = WheelOrders(run_out=(1e-3, 5e-4), radius=0.3)

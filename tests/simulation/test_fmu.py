@@ -103,6 +103,7 @@ def test_a_step_that_is_no_multiple_of_the_models_is_refused(tmp_path) -> None:
         SteppedModel(tmp_path / "model.json").advance(1.5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "driving", [Driving(), Driving(braking=2.0, cornering=2.0)], ids=["straight", "braking_and_curves"]
 )

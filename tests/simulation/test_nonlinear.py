@@ -46,6 +46,7 @@ def bushed():
     return structure(vehicle.model_copy(update={"axle": axles}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vehicle", [structure(read_vehicle("zafira")), bushed()], ids=["rigid", "bushed"])
 def test_without_force_laws_it_is_the_exact_linear_response(vehicle, drive) -> None:
     inputs = drive.samples(16_000, sampling_rate=8000.0, generator=np.random.default_rng(1))

@@ -41,6 +41,7 @@ def imported(sprung, *words):
     return sprung("fleet", "import", *words, "--window", 1, "--json", "-")
 
 
+@pytest.mark.slow
 def test_files_become_the_windows_that_diagnose_uses(sprung, runs, tmp_path) -> None:
     gap = (Gap(7000, 12.5),)
     files = [runs("car-a/1.parquet", drive(1)), runs("car-a/2.csv", drive(2, minutes=3.6, start=START + 5 * MINUTE))]
@@ -151,6 +152,7 @@ def test_windows_come_out_as_they_went_in(sprung, runs, tmp_path) -> None:
     assert "contains no window in that period" in since.err
 
 
+@pytest.mark.slow
 def test_facts_compaction_and_retention(sprung, runs, tmp_path) -> None:
     lake = tmp_path / "lake"
     days = [runs(f"car/{k}.parquet", drive(k, start=START + k * 720 * MINUTE)) for k in range(4)]

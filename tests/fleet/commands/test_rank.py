@@ -42,6 +42,7 @@ def cars(tmp_path):
     return [write_car(tmp_path / f"car-{seed}.json", seed, fault=-0.25 * (seed == 4)) for seed in range(8)]
 
 
+@pytest.mark.slow
 def test_a_fleet_is_ranked_and_its_type_is_learnt(sprung, cars, tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("COLUMNS", "160")
     outcome = sprung("fleet", "rank", *cars, "--out", tmp_path / "van.type.json")
@@ -55,12 +56,14 @@ def test_a_fleet_is_ranked_and_its_type_is_learnt(sprung, cars, tmp_path, monkey
     assert (of_type.name, of_type.n_vehicles) == ("van", 8)
 
 
+@pytest.mark.slow
 def test_the_ranking_is_a_document(sprung, cars) -> None:
     (ranking,) = sprung("fleet", "rank", *cars, "--json", "-").document()["types"]
     assert ranking["name"] == "van"
     assert [entry["vehicle"] for entry in ranking["vehicles"] if entry["deviates"]] == ["car-4"]
 
 
+@pytest.mark.slow
 def test_files_of_one_name_are_of_one_vehicle(sprung, cars, tmp_path) -> None:
     again = write_car(tmp_path / "tuesday" / "car-0.json", 0)
     (ranking,) = sprung("fleet", "rank", *cars, again, "--json", "-").document()["types"]
@@ -85,6 +88,7 @@ def test_vehicles_of_two_types_are_refused(sprung, cars, tmp_path) -> None:
     assert "the types 'van'" in outcome.err
 
 
+@pytest.mark.slow
 def test_a_type_goes_with_its_vehicle_file_only(sprung, cars, tmp_path) -> None:
     path = tmp_path / "van.type.json"
     sprung("fleet", "rank", *cars, "--out", path)

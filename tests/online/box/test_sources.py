@@ -55,6 +55,7 @@ def test_blocks_end_at_gaps() -> None:
     assert_same(blocks, whole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
 @pytest.mark.parametrize("gaps", [(), (Gap(700, 2.5), Gap(150_000, 90.0))])
 def test_blocks_of_a_file_are_the_file(tmp_path: Path, ending, gaps) -> None:

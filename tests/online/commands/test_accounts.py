@@ -21,6 +21,7 @@ def accounts(sprung, tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_accounts_are_added_and_removed(accounts) -> None:
     assert accounts("accounts", "list").code == 2
     added = accounts("accounts", "add", "ada", "--role", "admin")

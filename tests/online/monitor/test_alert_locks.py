@@ -40,6 +40,7 @@ def soft_spring(text):
     return Report("car-1", "front_left.spring", 700, text)
 
 
+@pytest.mark.slow
 def test_an_act_waits_for_a_monitor_that_is_changing_the_alert(store, books) -> None:
     """The monitor updates the text while a person acknowledges: both changes stay."""
     first = reported(None, soft_spring("20 % softer"), AlertSettings(), BEGUN)

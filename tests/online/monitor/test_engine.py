@@ -64,6 +64,7 @@ def identified(events: Iterable[Identified | Observed]) -> list[Identified]:
     return [event for event in events if isinstance(event, Identified)]
 
 
+@pytest.mark.slow
 def test_each_minute_is_a_record_of_the_modes_so_far(car, drive, alike) -> None:
     """The batch of the same records gives the same modes, and so does a monitor continued from its state."""
     run = drive(0)
@@ -90,6 +91,7 @@ def test_each_minute_is_a_record_of_the_modes_so_far(car, drive, alike) -> None:
     assert alike([event.modes for event in again], [event.modes for event in events])
 
 
+@pytest.mark.slow
 def test_a_channel_that_vanishes_is_a_failing_sensor(car, drive) -> None:
     """The monitor goes on without it, says so, and learns nothing from the window."""
     monitor = VehicleMonitor(car, settings=SETTINGS)
@@ -213,6 +215,7 @@ def test_other_channels_begin_a_new_window(car, drive) -> None:
     assert monitor.buffered == pytest.approx(600 / run.n_samples)
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_replayed_teaches_once(car, drive) -> None:
     monitor = VehicleMonitor(car, settings=replace(SETTINGS, identify_every=0))
     run = drive(0)

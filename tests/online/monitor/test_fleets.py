@@ -82,6 +82,7 @@ def test_a_type_is_of_normal_windows_not_of_later_ones(store, car) -> None:
     assert of_type.mean[SPRING] == pytest.approx(0.0, abs=0.03)
 
 
+@pytest.mark.slow
 def test_an_inspection_makes_a_member_of_the_type_or_takes_a_vehicle_out_of_it(store, car) -> None:
     fleet(store, car, 8)
     put(store, "van-8", car, drawn(8, 4, fault=-0.1))
@@ -160,6 +161,7 @@ def test_a_fleet_is_ranked_by_its_last_windows(store, car, check_document) -> No
     assert ranking["vehicles"][0]["part"] == "front_right.spring"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_calibrated", [False, True])
 def test_vehicles_with_and_without_baselines_are_one_ranking(store, car, is_calibrated) -> None:
     """One changed since its baseline, one without deviates from its type, one has always deviated: no change."""
@@ -232,6 +234,7 @@ def test_a_faulty_vehicle_is_found_against_its_type_and_does_not_become_normal(c
     assert run(monitor, observed, drawn(20, 4, fault=-0.25))[-1].baseline is not None
 
 
+@pytest.mark.slow
 def test_the_type_is_in_the_state(car, observed, of_type, alike) -> None:
     monitor = VehicleMonitor(car, settings=SETTINGS, type_baseline=of_type)
     run(monitor, observed, drawn(20, 2))

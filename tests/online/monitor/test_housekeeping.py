@@ -146,6 +146,7 @@ def log(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch):
 AWAY = "the broker mqtt://broker:1883 cannot be reached (connection refused): check that it runs"
 
 
+@pytest.mark.slow
 def test_a_broker_that_is_away_is_logged_at_once_every_ten_minutes_and_when_it_is_back(bench, log) -> None:
     one = bench()
 

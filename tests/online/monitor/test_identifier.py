@@ -50,6 +50,7 @@ def of_batch(window, car):
     return mode_documents(cov_ssi(window, settings=IDENTIFICATION, vehicle=car).modes)
 
 
+@pytest.mark.slow
 def test_lines_proportional_to_speed_are_sought_once_an_hour(car, windows, searches) -> None:
     monitored = ModeIdentifier(SETTINGS)
     expected = [of_batch(window, car) for window in windows]
@@ -78,6 +79,7 @@ def test_lines_are_sought_anew_where_an_unknown_tone_appears(car, windows, searc
     assert len(searches) == before + 1
 
 
+@pytest.mark.slow
 def test_lines_are_sought_anew_where_a_mode_may_be_one(car, windows, searches, monkeypatch) -> None:
     """In the same window after an identification with known lines, and again where the mode is still there."""
     monitored = ModeIdentifier(SETTINGS)

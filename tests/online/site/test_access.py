@@ -104,6 +104,7 @@ def test_files_of_the_package_alone_are_free(serve, people) -> None:
 CHANGING = [(method, path) for method, path, _ in GUARDED if method != "GET"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["no token", "mark of another session", "token without the session"])
 def test_requests_of_other_sites_change_nothing(serve, people, store, kind) -> None:
     """The browser of a person who is logged in sends them with the cookie, but they cannot have the mark."""
@@ -139,6 +140,7 @@ def test_a_header_without_a_valid_token_does_not_replace_the_mark(log_in, store,
     assert not store.alerts.row(1).is_acknowledged
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("origin", "status"),
     [
@@ -267,6 +269,7 @@ def test_nobody_locks_out_another_person(serve, people) -> None:
     assert client.post("/api/v1/session", json={"name": "eve", "password": PASSWORD}).status_code == 200
 
 
+@pytest.mark.slow
 def test_the_form_has_the_same_limit(serve, people) -> None:
     _, client = serve()
     tried = [client.post("/log-in", data={"name": "ada", "password": "wrong"}) for _ in range(6)]

@@ -97,6 +97,7 @@ def fleet(serve):
     return context.store, client
 
 
+@pytest.mark.slow
 def test_all_renderings_of_twenty_vehicles_agree(fleet, sqlite_url, sprung, monkeypatch) -> None:
     store, client = fleet
     monkeypatch.setattr("time.time_ns", lambda: NOW)

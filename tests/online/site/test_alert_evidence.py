@@ -181,6 +181,7 @@ def test_no_chart_without_windows() -> None:
     assert course_of(points(1.0), None) is None
 
 
+@pytest.mark.slow
 def test_the_page_of_an_alert_folds_pairs_with_the_best_and_shows_likelihoods_beside_it(serve, store) -> None:
     names = {"rear_right.damper": 20.0, "rear_right.damper+front_left.tyre": 19.0, "rear.damper": 17.0}
     hypotheses = [

@@ -55,6 +55,7 @@ def test_every_act_by_a_form(log_in_page, store) -> None:
     assert store.alerts.history(1)[3].shelved_until == NOW + 24 * 3600 * 10**9
 
 
+@pytest.mark.slow
 def test_one_form_closes_an_alert_after_a_repair(log_in_page, store) -> None:
     client, token = log_in_page("engineer")
     answer = send(client, token, "verdict", verdict="confirmed", action="spring renewed", new_baseline="yes")
@@ -89,6 +90,7 @@ def test_the_history_folds_updates() -> None:
     assert folded == [(1, "updated", 5), (1, "acknowledged", 4), (3, "updated", 3), (1, "raised", 0)]
 
 
+@pytest.mark.slow
 def test_viewers_see_no_forms_and_cannot_act(log_in_page) -> None:
     client, token = log_in_page("viewer")
     page = client.get("/alerts/1").text
@@ -117,6 +119,7 @@ def test_a_work_order_as_a_file(log_in_page, check_document) -> None:
     assert order == client.get("/api/v1/alerts/1/work-order").json()
 
 
+@pytest.mark.slow
 def test_a_job_card_to_print(log_in_page, store) -> None:
     client, _ = log_in_page("viewer")
     card = client.get("/alerts/1/job-card").text

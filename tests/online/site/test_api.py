@@ -17,6 +17,7 @@ def client(log_in):
     return made
 
 
+@pytest.mark.slow
 def test_the_fleet_in_order_of_urgency(client) -> None:
     page = client.get("/api/v1/vehicles").json()
     assert page["next"] is None
@@ -45,6 +46,7 @@ def test_a_page_of_the_fleet_shows_the_advice_of_the_monitor(serve) -> None:
     assert serve()[1].get("/api/v1/advice").json() == {"sentences": []}  # no ranking yet
 
 
+@pytest.mark.slow
 def test_an_alert_does_not_hide_that_its_vehicle_is_silent(client, store) -> None:
     seen = NOW - 72 * HOUR
     store.inbox.put_vehicle("bus-8", configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
@@ -79,6 +81,7 @@ def test_the_quality_of_data_in_the_fleet(client, store) -> None:
     assert "0 of 1 good" in page
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("query", "vehicles"),
     [
@@ -94,6 +97,7 @@ def test_filters(client, query, vehicles) -> None:
     assert [each["vehicle"] for each in client.get(f"/api/v1/vehicles?{query}").json()["vehicles"]] == vehicles
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "status", "words"),
     [
@@ -111,6 +115,7 @@ def test_an_unknown_filter_is_refused_with_the_allowed_ones(client, path, status
     assert (answer.status_code, words in answer.text) == (status, True), answer.text[:300]
 
 
+@pytest.mark.slow
 def test_pages_follow_their_cursor(client) -> None:
     found, cursor = [], ""
     while cursor is not None:
@@ -135,6 +140,7 @@ def test_the_impact_of_alerts_is_what_the_health_index_lacks(store) -> None:
         assert place.impact == pytest.approx(10 * (100 - health_index([row])), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_vehicle(client) -> None:
     found = client.get("/api/v1/vehicles/bus-1").json()
     assert (found["channels"], found["windows"], found["first_seen"]) == (["acc_fl"], 5, NOW)
@@ -144,6 +150,7 @@ def test_a_vehicle(client) -> None:
     assert (missing.status_code, missing.json()["detail"][:22]) == (404, "unknown vehicle 'bus-9")
 
 
+@pytest.mark.slow
 def test_windows_in_pages(client) -> None:
     last = client.get("/api/v1/vehicles/bus-1/windows?limit=2").json()
     assert [window["document"] for window in last["windows"]] == [{"time": 3}, {"time": 4}]
@@ -180,6 +187,7 @@ def test_acts_on_an_alert(client, store) -> None:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "body", "status", "words"),
     [

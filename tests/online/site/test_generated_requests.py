@@ -119,6 +119,7 @@ def test_answers_are_as_described(shared, role, n_examples, answered) -> None:
     assert answered <= send_generated(shared, role, n_examples=n_examples).keys()
 
 
+@pytest.mark.slow
 def test_a_store_that_does_not_answer_is_described(shared, monkeypatch) -> None:
     def fail(*_args, **_fields):
         raise StoreError("the disk is full: free some space")

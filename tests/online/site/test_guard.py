@@ -154,6 +154,7 @@ def test_a_large_head_is_refused(running) -> None:
         assert large.recv(100).startswith(b"HTTP/1.1 400")
 
 
+@pytest.mark.slow
 def test_requests_of_one_connection_follow_each_other(running) -> None:
     connection = http.client.HTTPConnection(running[0], running[1], timeout=20.0)
     for _ in range(3):

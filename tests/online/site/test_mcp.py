@@ -59,6 +59,7 @@ QUESTIONS: tuple[Any, ...] = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("question", QUESTIONS, ids=[question[0] for question in QUESTIONS])
 def test_a_question_is_answered_from_evidence(ask, question) -> None:
     _, tool, arguments, place, answer = question
@@ -70,6 +71,7 @@ def test_a_question_is_answered_from_evidence(ask, question) -> None:
     assert found == answer
 
 
+@pytest.mark.slow
 def test_what_is_unknown_is_an_error_and_no_guess(ask) -> None:
     asked: dict[str, dict[str, Any]] = {
         "vehicle": {"name": "nobody"},

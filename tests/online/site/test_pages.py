@@ -198,6 +198,7 @@ def test_a_form_that_fails_shows_the_name_as_text(serve, people) -> None:
     assert "<script>alert" not in answer.text
 
 
+@pytest.mark.slow
 def test_names_of_accounts_are_text(serve, people, store) -> None:
     _, client = serve()
     add_account(store, HOSTILE[:60], "viewer", PASSWORD, who=HOSTILE, now=NOW)
@@ -217,6 +218,7 @@ def test_dates_in_headings_are_not_broken_and_texts_stay_texts() -> None:
     assert text == f"&lt;b&gt; since {time}; in 2026"
 
 
+@pytest.mark.slow
 def test_every_route_is_listed_once_with_its_role(serve) -> None:
     _, client = serve()
     document = client.get("/api/v1/openapi.json").json()

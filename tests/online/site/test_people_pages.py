@@ -24,6 +24,7 @@ def send(admin):
     return sent
 
 
+@pytest.mark.slow
 def test_an_account_is_added_changed_and_removed(send, store) -> None:
     text = send("/people/accounts", name="carl", role="viewer", password=PASSWORD).text
     assert "The account is saved" in text
@@ -37,6 +38,7 @@ def test_an_account_is_added_changed_and_removed(send, store) -> None:
     assert acts == [("ada", "account", "carl"), ("ada", "role", "carl"), ("ada", "account removed", "carl")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "fields", "words"),
     [
@@ -65,6 +67,7 @@ def test_what_cannot_be_is_said(send, store, path, fields, words) -> None:
     assert len(store.requests.audited()) == before
 
 
+@pytest.mark.slow
 def test_a_token_is_shown_once_and_works_until_it_is_revoked(admin, send, store) -> None:
     client, _ = admin
     text = send("/people/tokens", name="dashboard", role="viewer", days="30").text

@@ -85,6 +85,7 @@ def test_an_alert_that_was_raised_again_keeps_the_onset_of_its_findings(store) -
     assert delay.median == pytest.approx(3 * HOUR, abs=1e6)
 
 
+@pytest.mark.slow
 def test_a_site_without_verdicts(store, log_in) -> None:
     client, _ = log_in("viewer")
     found = client.get("/api/v1/precision").json()
@@ -147,6 +148,7 @@ def test_resets_have_person_date_and_mileage_which_grows_with_the_way_driven(log
     assert [(each["reason"], each["mileage"]) for each in resets] == [("damper renewed", 121e3), ("new dampers", 120e3)]
 
 
+@pytest.mark.slow
 def test_an_odometer_gives_the_mileage_of_pages_and_resets(log_in, store) -> None:
     client, header = log_in("engineer")
     conditions = [{"speed": 20.0, "mileage": 154_300.0}, {"speed": 20.0, "mileage": 154_312.0}, {"speed": 20.0}]

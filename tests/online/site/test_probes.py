@@ -79,6 +79,7 @@ def test_a_store_that_hangs_keeps_figures_from_other_machines_only(serve, store,
     never.set()
 
 
+@pytest.mark.slow
 def test_other_machines_need_a_token_for_figures(serve, people, store) -> None:
     _, local = serve()
     assert local.get("/metrics").status_code == 200
@@ -89,6 +90,7 @@ def test_other_machines_need_a_token_for_figures(serve, people, store) -> None:
         assert client.get("/metrics", headers={"Authorization": f"Bearer {secret}"}).status_code == 200
 
 
+@pytest.mark.slow
 def test_health(serve, monkeypatch) -> None:
     context, client = serve()
     healthy = client.get("/health")

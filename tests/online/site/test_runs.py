@@ -54,6 +54,7 @@ def test_discoveries_come_first_then_the_most_severe(client, store_run) -> None:
     assert (inconclusive["e_value"], inconclusive["reason"]) == (None, "no window was usable")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [1, 2, 3, 6, 7])
 def test_pages_are_the_whole_list(client, store_run, limit) -> None:
     store_run(FLEET)
@@ -67,6 +68,7 @@ def test_pages_are_the_whole_list(client, store_run, limit) -> None:
     assert found == IN_ORDER
 
 
+@pytest.mark.slow
 def test_filters(client, store_run) -> None:
     store_run(FLEET)
     assert names(client, text="BUS-", limit=3) == ["bus-1", "bus-4", "bus-2"]
@@ -114,6 +116,7 @@ def test_results_that_cannot_be_read_are_a_sentence(client, tmp_path) -> None:
     assert (answer.status_code, "cannot be read" in answer.json()["detail"]) == (503, True)
 
 
+@pytest.mark.slow
 def test_a_site_without_results_has_no_section(serve) -> None:
     _, client = serve()
     answer = client.get("/api/v1/runs").json()

@@ -100,6 +100,7 @@ def test_passwords_of_stores_are_hidden(store, shown) -> None:
     assert entries["store"] == f'"{shown}"'
 
 
+@pytest.mark.slow
 def test_page_and_interface_have_the_same_values_and_no_secret(client, context) -> None:
     text = client.get("/site", headers={"Accept": "text/html"}).text
     document = client.get("/api/v1/site").json()
@@ -118,12 +119,14 @@ def test_page_and_interface_have_the_same_values_and_no_secret(client, context) 
     assert document["store"]["size"] == context.store.size()
 
 
+@pytest.mark.slow
 def test_the_page_warns_that_messages_have_no_link(serve) -> None:
     words = "Messages about alerts have no link"
     assert words in serve()[1].get("/site").text
     assert words not in serve(url="https://sprung.example.org")[1].get("/site").text
 
 
+@pytest.mark.slow
 def test_loops_that_stand_still_are_marked(client) -> None:
     loops = {each["name"]: (each["age"], each["limit"]) for each in client.get("/api/v1/site").json()["loops"]}
     assert loops == {"station": (0.5, 15.0), "analysis": (300.0, 240.0), "post mail 1": (2.0, 300.0)}

@@ -107,6 +107,7 @@ def ask(serve):
     return asked
 
 
+@pytest.mark.slow
 def test_the_page_of_a_window_shows_phase_shifts_near_the_limit(observed, serve) -> None:
     shifts = {"rear_left": (24.0, 4.0), "rear_right": (38.8, 9.6), "front_left": (50.0, 3.0)}
     worn = drawn(np.random.default_rng(1), NOW, phase_shifts=shifts)
@@ -294,6 +295,7 @@ def test_what_does_not_exist_is_said(observed, serve, end, status, words) -> Non
     assert 'data-corner="rear_right"' in corner
 
 
+@pytest.mark.slow
 def test_a_new_baseline_is_requested_with_a_reason_by_an_engineer(observed, serve, people) -> None:
     context, client = serve()
     path = f"/vehicles/{NAME}/baseline"
@@ -371,6 +373,7 @@ def test_tables_are_a_form_away(observed, serve) -> None:
     assert client.get(f"/vehicles/{NAME}/export", params=given | {"since": "soon"}).status_code == 422
 
 
+@pytest.mark.slow
 def test_texts_of_vehicles_are_no_markup(observed, serve) -> None:
     name = "<script>alert(1)</script>"
     observed.inbox.put_vehicle(name, configuration="c", description="", channels=[["<b>a", "<i>"]], now=NOW)

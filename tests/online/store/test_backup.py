@@ -48,6 +48,7 @@ def site(url, tmp_path: Path):
     return folder / "site.toml"
 
 
+@pytest.mark.slow
 def test_a_backup_of_a_running_monitor_is_restored_as_it_was(url, site, tmp_path: Path) -> None:
     with open_store(url) as store:
         fill(store, 1)

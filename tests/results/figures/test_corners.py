@@ -35,6 +35,7 @@ def fit():
     return fit_corners(simulate_drive(car, RoadDrive(duration=240.0, snr=50.0), seed=1).recording, car)
 
 
+@pytest.mark.slow
 def test_figures_of_a_fit(fit) -> None:
     figure = fitted_spectra_figure(fit, source="run.csv")
     assert "run.csv" in figure.get_suptitle()

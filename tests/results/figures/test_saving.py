@@ -43,6 +43,7 @@ def test_all_pictures_are_written(name, names, tmp_path: Path, request) -> None:
         assert 0.01 < np.mean(picture[..., :3].min(axis=-1) < 0.95) < 0.9
 
 
+@pytest.mark.slow
 def test_headings_name_the_source_and_the_method(chain) -> None:
     for name, figure in figures(chain, source="run.csv").items():
         heading = figure.get_suptitle()

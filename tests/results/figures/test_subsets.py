@@ -102,6 +102,7 @@ def test_without_levels_or_modes_that_is_said(chain, subsets) -> None:
     figure.draw_without_rendering()
 
 
+@pytest.mark.slow
 def test_many_modes_go_into_several_bands(subsets) -> None:
     chosen = np.arange(7) % len(subsets.modes)
     many = replace(subsets, modes=subsets.modes.take(chosen), members=subsets.members[chosen], level_trends=None)
