@@ -1,13 +1,16 @@
 """Inspection figures from ten minutes of driving, beside a simulated suspension tester that shakes the same vehicle.
 
     python -m benchmarks.plate [--vehicles N] [--minutes M] [--seed S] [--friction F] [--roads CLASSES] [--linear]
+                               [--loads]
 
 Each car has dampers of its own (15 to 130 % of the nominal ones, each corner by itself), asymmetric ones (35 % more in
 rebound, 35 % less in bump), hardening springs and F newton of dry friction a corner (25, as `REALISTIC_FORCE_LAWS`). It
 drives on a road of class C, and `plate_tests` gives the smallest phase shift and the adhesion of every corner. With
 `--roads ABD` it has driven on roads of these classes as well, and friction is that of all drives (`common_friction`). A
 plate of 6 mm from end to end runs down from 25 Hz in four minutes under one wheel after another of the same nonlinear
-car, and phase and force are read from the motion as a tester does. With `--linear`, cars have linear suspensions.
+car, and phase and force are read from the motion as a tester does. With `--linear`, cars have linear suspensions. With
+`--loads`, masses differ from the vehicle file as a fit supposes: 20 % for the body and its inertias (a load), 7 % for
+the wheels of an axle. Without, they are those of the file, and intervals, which allow for them, hold more often.
 Columns: mean and RMS of the difference, share of corners within 3 degrees (or percent), share of 95 % intervals that
 hold, and share of right verdicts (pass or fail) among corners more than 5 degrees (or percent) from the limit.
 """
@@ -28,7 +31,7 @@ from sprung.likelihood.plate_test import PLATE, Corner, plate_tests, tyres
 from sprung.simulation import ForceLaw, RoadConditions, RoadDrive, SuspensionConditions, simulate_drive
 from sprung.simulation.conditions import REALISTIC_FORCE_LAWS
 from sprung.simulation.nonlinear import integrate
-from sprung.vehicles import Fault, Structure, read_vehicle, structure
+from sprung.vehicles import Fault, Structure, Vehicle, read_vehicle, structure
 from sprung.vehicles.structure import with_faults
 
 RATE = 2000.0
@@ -62,12 +65,25 @@ def shaken(car: Structure, corner: str, laws: dict[str, ForceLaw]) -> tuple[floa
     return float(np.min(phases)), max(0.0, 1 - float(np.max(peaks)) / static.load)
 
 
+def loaded(car: Vehicle, generator: np.random.Generator) -> Vehicle:
+    """Return a car whose masses differ from its file as a fit supposes, by two standard deviations at most."""
+
+    def times(value: float, std: float) -> float:
+        return value * (1 + std * float(np.clip(generator.standard_normal(), -2, 2)))
+
+    names = ("mass", "pitch_inertia", "roll_inertia")
+    body = car.body.model_copy(update={name: times(getattr(car.body, name), 0.2) for name in names})
+    axles = tuple(axle.model_copy(update={"unsprung_mass": times(axle.unsprung_mass, 0.07)}) for axle in car.axle)
+    return car.model_copy(update={"body": body, "axle": axles})
+
+
 def cases(given: argparse.Namespace, law: ForceLaw | None) -> np.ndarray:
     """Return rows of estimate, its standard deviation and truth, of phase and of adhesion, of all corners."""
     car, generator = read_vehicle("zafira"), np.random.default_rng(given.seed)
     rows = []
     for number in range(given.vehicles):
-        healthy = structure(car)
+        own = loaded(car, np.random.default_rng([given.seed, number])) if given.loads else car
+        healthy = structure(own)
         corners = tuple(tyres(healthy))
         factors = np.exp(generator.uniform(np.log(0.15), np.log(1.3), len(corners)))
         faults = tuple(
@@ -88,7 +104,7 @@ def cases(given: argparse.Namespace, law: ForceLaw | None) -> np.ndarray:
         )
         drives = [drive, *(replace(drive, road=RoadConditions(other)) for other in given.roads)]
         fits = [
-            fit_corners(simulate_drive(car, one, seed=[given.seed, number, road]).recording, car)
+            fit_corners(simulate_drive(own, one, seed=[given.seed, number, road]).recording, car)
             for road, one in enumerate(drives)
         ]
         friction = common_friction(fits) if given.roads else None
@@ -110,6 +126,7 @@ def main() -> None:
     parser.add_argument("--friction", type=float, default=25.0)
     parser.add_argument("--roads", default="", help="classes of further roads")
     parser.add_argument("--linear", action="store_true")
+    parser.add_argument("--loads", action="store_true", help="masses other than those of the vehicle file")
     given = parser.parse_args()
     law = None if given.linear else replace(REALISTIC_FORCE_LAWS["suspension"], friction=given.friction)
     found = cases(given, law)

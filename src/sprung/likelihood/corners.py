@@ -11,6 +11,7 @@ from sprung.errors import ParameterError
 from sprung.likelihood.coordinates import RigidLayout
 from sprung.likelihood.search import Differenced, least_squares
 from sprung.likelihood.speed_delay import SpeedDelay
+from sprung.likelihood.suspension_forces import DrivenSegments
 from sprung.likelihood.whittle import Model
 from sprung.modal import Modes
 from sprung.vehicles import Component, ExactModes, Structure
@@ -57,6 +58,8 @@ class CornerFit(Tabular, Savable, Drawable):
         ln(value / nominal value) of each component from identified modes alone, as a check; None without modes.
     speed_delay
         Delay of the speed channel; None without one.
+    driven
+        Segments of a drive on a road, which know more than their spectra; None: not kept.
     """
 
     model: Model
@@ -69,6 +72,7 @@ class CornerFit(Tabular, Savable, Drawable):
     notes: tuple[str, ...]
     from_modes: Real | None = None
     speed_delay: SpeedDelay | None = None
+    driven: DrivenSegments | None = None
 
     def __post_init__(self) -> None:
         freeze(self, parameters=1, covariance=2, misfit=2)

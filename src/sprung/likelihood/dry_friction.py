@@ -1,7 +1,7 @@
 """Dry friction of suspensions beside their viscous damping, which a linear fit takes together."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from sprung.errors import ParameterError
 from sprung.likelihood.corners import IDENTIFIABLE, CornerFit
 from sprung.likelihood.spectra import OVERCOUNT
 from sprung.likelihood.surface import RoadInputs
-from sprung.likelihood.transfer import Transfer
+from sprung.likelihood.suspension_forces import elongation_spectrum, friction_forces
 from sprung.likelihood.uncertainty import Optimum, expected_covariance
 from sprung.vehicles import Structure
 from sprung.vehicles.lateral import GRAVITY
@@ -175,9 +175,10 @@ def separate_friction(fit: CornerFit, *, prior: Friction | None = None) -> Dampi
     sqrt(2/pi) / s. The linear fit has c + F sqrt(2/pi) / s on the average of its speed classes; each class has an s of
     its own, from the fitted model's spectrum. One step of Fisher scoring from F = 0 with the derivatives of all
     classes, which the parameters of the fit follow, so that the covariance holds how friction and damping make up for
-    each other; the dampers have 4 % more for valves and stops. No force is negative. What identifies friction is the
-    spread of s: between 8 and 25 m/s on a road of class C ten minutes give 30 N per corner, on class B 16 N, one drive
-    on each of A, B, C and D together 2 N.
+    each other; the dampers have 4 % more for valves and stops. No force is negative. What identifies friction in
+    spectra is the spread of s: between 8 and 25 m/s on a road of class C ten minutes give 30 N per corner, on class B
+    16 N, one drive on each of A, B, C and D together 2 N. What is known without this drive includes what its segments
+    say beside their spectra (`suspension_forces.friction_forces`): 2 to 4 N on class C, 1 N on class A.
 
     References
     ----------
@@ -192,6 +193,7 @@ def separate_friction(fit: CornerFit, *, prior: Friction | None = None) -> Dampi
         raise ParameterError(
             f"prior is of {', '.join(prior.corners)}, but the fit has {', '.join(usual.corners)}: give one of it"
         )
+    prior = _of_segments(fit, prior)
     evidence = _Evidence(fit, usual.corners)
     n = fit.parameters.size
     # The score counts overlapping segments about twice, and they may scatter more than the model expects: the prior of
@@ -263,14 +265,16 @@ def common_friction(fits: Sequence[CornerFit]) -> Friction:
     usual = usual_friction(fits[0])
     size = len(usual.corners)
     precision, pull = np.zeros((2 * size, 2 * size)), np.zeros(2 * size)
-    precision[size:, size:] = np.linalg.inv(usual.covariance)
-    pull[size:] = precision[size:, size:] @ usual.forces
     for fit in fits:
         if usual_friction(fit).corners != usual.corners:
             raise ParameterError("fits are of different vehicles: give those of one")
         own, weight = _Evidence(fit, usual.corners).of_dampers()
         precision += own
         pull += weight
+        usual = _of_segments(fit, usual)
+    known = np.linalg.inv(usual.covariance)
+    precision[size:, size:] += known
+    pull[size:] += known @ usual.forces
     covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
     forces = _not_negative(covariance @ pull, covariance, first=size)[size:]
     linearised = PRIOR.linearised**2 * np.outer(forces, forces)
@@ -291,7 +295,13 @@ class _Evidence:
             element.owner: n for n, element in enumerate(model.structure.elements) if element.part == "suspension"
         }
         variances = np.reshape(
-            [_velocity_variance(response, numbers[corner]) for corner in corners], (-1, spectra.counts.size)
+            [
+                np.trapezoid(
+                    elongation_spectrum(response, numbers[corner]) * response.terms.squared, response.terms.frequencies
+                )
+                for corner in corners
+            ],
+            (-1, spectra.counts.size),
         )
         gains = np.sqrt(2 / np.pi / variances)
         further = [
@@ -334,15 +344,19 @@ class _Evidence:
         return own - shrunk @ own_of_dampers.T, weight - shrunk @ (values * weight[:size])
 
 
-def _velocity_variance(response: Transfer, element: int) -> Real:
-    """Variance of the velocity of an element in each speed class, shape (classes,)."""
-    terms = response.terms
-    elongation = terms.elongations[element] @ response.displacements - terms.feet[element]
-    wheels = terms.inputs.shape[-1]
-    spectrum = np.zeros(terms.inputs.shape[:2])
-    for inputs, part in ((terms.inputs, elongation[:, :wheels]), (terms.measured_inputs, elongation[:, wheels:])):
-        spectrum += np.einsum("fi,cfij,fj->cf", part, inputs, part.conj()).real
-    return np.asarray(np.trapezoid(spectrum * terms.squared, terms.frequencies, axis=1), dtype=np.float64)
+def _of_segments(fit: CornerFit, known: Friction) -> Friction:
+    """Return what is known of friction with what the segments of a drive say of it beside their spectra."""
+    if fit.driven is None:
+        return known
+    parts = [(element.owner, element.part) for element in fit.model.structure.elements]
+    numbers = [parts.index((corner, "suspension")) for corner in known.corners]
+    found = friction_forces(fit.driven, fit.model, fit.parameters, numbers, model_error=fit.model_error)
+    if found is None:
+        return known
+    precisions = [np.linalg.inv(covariance) for covariance in (known.covariance, found[1])]
+    covariance = np.linalg.inv(precisions[0] + precisions[1])
+    forces = covariance @ (precisions[0] @ known.forces + precisions[1] @ found[0])
+    return replace(known, forces=forces, covariance=covariance)
 
 
 def _not_negative(estimate: Real, covariance: Real, *, first: int) -> Real:

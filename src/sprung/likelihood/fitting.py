@@ -26,6 +26,7 @@ from sprung.likelihood.spectra import (
     steady_segments,
 )
 from sprung.likelihood.speed_delay import DELAYS, SpeedDelay, speed_delay, with_estimated_speeds
+from sprung.likelihood.suspension_forces import DrivenSegments, beyond
 from sprung.likelihood.uncertainty import parameter_covariance, power_misfit, segment_weights, tempering
 from sprung.likelihood.vehicle import (
     CornerSettings,
@@ -386,7 +387,8 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
     covariance = parameter_covariance(model, parameters, limited)
     misfit, excess = power_misfit(model, parameters)
     counts, error = (model.spectra.n_segments, segments.n_rejected), float(np.sqrt(max(0.0, excess)))
-    fit = CornerFit(model, parameters, covariance, misfit, error, *counts, notes=())
+    driven = DrivenSegments(setup.model(beyond(model.spectra)), limited) if setup.kind == "road" else None
+    fit = CornerFit(model, parameters, covariance, misfit, error, *counts, notes=(), driven=driven)
     joints = () if setup.joint_pitch is None else (f"rail joints every {setup.joint_pitch:.1f} m are part of the fit",)
     return replace(fit, notes=(*_notes(fit, lines), *joints))
 

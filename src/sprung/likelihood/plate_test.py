@@ -114,11 +114,9 @@ def plate_tests(fit: CornerFit, *, friction: Friction | None = None) -> dict[str
     A plate of 6 mm moves a suspension less than a road does, and dry friction counts for more: 25 N a corner add 14
     degrees of phase. So the figures are those of viscous damper and friction apart (`separate_friction`), the friction
     F by its describing function 4 F / (pi v) at the velocity amplitude v of the corner on the plate, which sticks where
-    F holds it. The damping ratios are those of the viscous dampers. One drive on class C determines the friction hardly
-    better than what is usual, and leaves the phase uncertain by 10 degrees. Of 8 simulated cars each, its RMS error was
-    5, 7, 6 and 5 degrees with 0, 10, 25 and 50 N a corner, and all 95 % intervals held; phases were 4 degrees high
-    without friction and with 10 N. Figures that leave friction out are exact for cars without any, and their intervals
-    hold hardly ever (0 to 6 %) for the others. Drives on roads of different roughness determine it.
+    F holds it. The damping ratios are those of the viscous dampers. A newton of friction is up to 0.7 degrees of phase.
+    From spectra, one drive on class C determines friction hardly better than what is usual, which left the phase
+    uncertain by 10 degrees; its segments determine it to 2 to 4 N (`suspension_forces`).
 
     Standard deviations by the delta method; at the extremes of phase and force, the frequency may be held (envelope
     theorem).

@@ -191,7 +191,7 @@ def transfer(terms: Terms) -> Transfer:
     response functions).
     """
     squared = terms.squared[:, None, None]
-    dynamic = _summed(terms.stiffness, terms.elongations, terms.elongations) - squared * terms.mass
+    dynamic = dynamic_stiffness(terms)
     drive = _summed(terms.stiffness, terms.elongations, terms.feet) + terms.forces
     reduced = _reduced(terms)
     rows = reduced @ terms.motion
@@ -206,6 +206,12 @@ def transfer(terms: Terms) -> Transfer:
         matrix=H,
         driven=_driven(terms, _adjoint(H)),
     )
+
+
+def dynamic_stiffness(terms: Terms) -> Complex:
+    """Return the forces on the coordinates for their motion [N/m], shape (grid, n, n), symmetric."""
+    elastic = _summed(terms.stiffness, terms.elongations, terms.elongations)
+    return np.asarray(elastic - terms.squared[:, None, None] * terms.mass, dtype=np.complex128)
 
 
 def term_gradients(response: Transfer, weight: Complex) -> TermGradients:
