@@ -137,7 +137,7 @@ def main() -> None:
     ):
         estimate, std, true = scale * values.T
         error = estimate - true
-        holds = np.mean(np.abs(error) < 1.96 * std)
+        holds = np.mean(np.abs(error) <= 1.96 * std)
         row = [name, len(error), error.mean(), np.sqrt(np.mean(error**2)), np.mean(np.abs(error) < near), holds]
         limit = PLATE.phase_limit if scale == 1 else 100 * PLATE.adhesion_limit
         clear = np.abs(true - limit) > 5
