@@ -195,7 +195,7 @@ def low_phase_shifts(fit: CornerFit) -> dict[str, tuple[float, float]]:
 
     Notes
     -----
-    `plate_tests` costs as much as a fifth of a fit. It is left out where no corner is below 55 degrees with all of its
+    `plate_tests` costs as much as two fits. It is left out where no corner is below 55 degrees with all of its
     damping viscous: friction adds phase on the small motion of a plate.
     """
     if not has_loads(fit):
