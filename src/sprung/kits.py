@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["KitPlan", "PlannedComponent", "PlannedSensor", "best_places", "candidates", "kit_of", "plan"]
 
+#: Names of the usual kits.
+KITS = ("four", "three", "two", "imu")
 #: Relative changes for which the time to a finding is stated.
 CHANGES = (0.05, 0.1, 0.2)
 
@@ -124,7 +126,7 @@ def kit_of(vehicle: Vehicle, name: str) -> Vehicle:
         If there is no such kit.
     """
     check_on_axles(vehicle, "a plan of sensors")
-    check_one_of("kit", name, ("four", "three", "two", "imu"))
+    check_one_of("kit", name, KITS)
     if name == "imu":
         rates = [("pitch_rate", (0.0, 1.0, 0.0)), ("roll_rate", (1.0, 0.0, 0.0))]
         upright = accelerometer("acc_z", 0.0, 0.0)

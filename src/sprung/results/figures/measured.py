@@ -9,7 +9,8 @@ from matplotlib.patches import Rectangle
 
 from sprung._arrays import Real
 from sprung.bounce_tests import Bounce, BounceTest
-from sprung.kits import KitPlan
+from sprung.kits import KITS, KitPlan, candidates, kit_of
+from sprung.likelihood.expected import expected_fit
 from sprung.likelihood.lateral import LateralFit
 from sprung.modal import INTERVAL_95
 from sprung.results.figures import draw
@@ -20,7 +21,7 @@ from sprung.road import RoadSurvey
 
 
 def kit_figure(plan: KitPlan) -> Figure:
-    """Draw the vehicle from above with its sensors, and the expected standard deviations.
+    """Draw the vehicle from above with its sensors, and the expected standard deviations, also of the usual kits.
 
     Examples
     --------
@@ -28,7 +29,7 @@ def kit_figure(plan: KitPlan) -> Figure:
     >>> from sprung.vehicles import read_vehicle
     >>> figure = kit_figure(plan(kit_of(read_vehicle("zafira"), "two")))
     >>> [axes.get_title(loc="left") for axes in figure.axes]
-    ['sensors', 'expected standard deviation of one window']
+    ['sensors; rings: other places', 'expected standard deviation of one window']
     """
     figure = draw.new_figure("What the kit will see", height=4.6)
     above, stds = draw.panels(figure, 1, 2, width_ratios=(1, 2.2))[0]
@@ -39,6 +40,9 @@ def kit_figure(plan: KitPlan) -> Figure:
     for axle in vehicle.axle:
         for side in (1, -1):
             above.add_patch(Rectangle((side * axle.half_track - 0.1, axle.x - 0.3), 0.2, 0.6, color="#D8D8D8"))
+    for place in candidates(vehicle):
+        if place.position is not None:
+            above.plot(-place.position[1], place.position[0], "o", color=STYLE.faint, markersize=6, fillstyle="none")
     for sensor in vehicle.sensor:
         if sensor.position is not None:
             x, y = -sensor.position[1], sensor.position[0]
@@ -48,17 +52,22 @@ def kit_figure(plan: KitPlan) -> Figure:
     above.autoscale_view()
     above.margins(0.15)
     above.axis("off")
-    draw.title(above, "sensors")
+    draw.title(above, "sensors; rings: other places")
     places = np.arange(len(plan.components))[::-1]
     for offset, colour, label, values in (
         (0.2, STYLE.colours[0], "value", [part.std for part in plan.components]),
         (-0.2, STYLE.colours[1], "left over right", [part.contrast_std or np.nan for part in plan.components]),
     ):
         stds.barh(places + offset, 100 * np.array(values), 0.36, color=colour, label=label)
+    for name, marker in zip(KITS, "os^D", strict=True):
+        known = expected_fit(kit_of(vehicle, name), plan.drive.on_mean_road).contrast_std
+        values = [100 * known.get(part.component, np.nan) for part in plan.components]
+        stds.plot(values, places - 0.2, marker, color="black", markersize=4, fillstyle="none", label=f"kit {name}")
     stds.set_yticks(places, [format_name(str(part.component)) for part in plan.components], fontsize=STYLE.small)
     stds.set_xlabel("Standard deviation [%]")
     draw.title(stds, "expected standard deviation of one window")
-    draw.legend(stds, n_columns=2, loc="lower right", bbox_to_anchor=(1, 1))
+    stds.set_xlim(0, 1.3 * stds.get_xlim()[1])
+    draw.legend(stds, n_columns=1, loc="upper right")
     return figure
 
 
