@@ -216,7 +216,7 @@ def test_identified_modes_are_labelled_by_their_shapes(name) -> None:
     modes = Modes(poles, shapes, exact.channels, unknown, unknown, np.ones(9), (None,) * 9)
     found = labelled(modes, structure(car).outputs.channels, vehicle=car).labels
     assert found == exact.labels[:9]
-    assert {"bounce", "roll", "pitch"} <= set(found[:5])
+    assert {"bounce", "roll", "pitch"} <= set(found[:7])  # wheelsets of the coach hunt at such frequencies, too
     bare = car.model_copy(update={"sensor": ()})
     assert labelled(modes, structure(car).outputs.channels, vehicle=bare).labels == (None,) * 9
 

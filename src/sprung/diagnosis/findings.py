@@ -341,7 +341,7 @@ def mode_changes(
     if finding.change is None:
         return ()
     nominal = structure(vehicle)
-    parts = nominal.components()  # without those of lateral motion
+    parts = nominal.components()  # without the conicity
     means = () if baseline is None else zip(baseline.components, np.exp(baseline.mean).tolist(), strict=True)
     before = {component: factor for component, factor in means if component in parts}
     after = dict(before)

@@ -381,7 +381,7 @@ def _dynamic_stiffness(structure: Structure, pole: complex) -> Complex:
     """D(s) = M s^2 + C(s) s + K at a pole."""
     stiffness = np.array([element.dynamic_stiffness(pole) for element in structure.elements])
     D = structure.elongations
-    return np.asarray(structure.mass * pole**2 + (D.T * stiffness) @ D, dtype=np.complex128)
+    return structure.mass * pole**2 + (D.T * stiffness) @ D + structure.rolling_at(pole)
 
 
 def _reduced(stiffness: Complex, kept: list[int]) -> Complex:

@@ -1,17 +1,19 @@
-"""Braking, accelerating and cornering as parameters."""
+"""Inputs that are not the height of the road as parameters: braking and cornering, and the alignment of a track."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 
-from sprung._arrays import Booleans, Real
+from sprung._arrays import Booleans, Complex, Real
 from sprung.errors import ParameterError
 from sprung.likelihood.blocks import ParameterBlock, powers
 from sprung.likelihood.hermitian import real_coordinates
+from sprung.likelihood.spectra import ClassSpectra
 from sprung.likelihood.terms import Terms
-from sprung.likelihood.transfer import TermGradients, Transfer
-from sprung.vehicles import Structure
+from sprung.likelihood.transfer import TermGradients, Transfer, classes_times, times_classes
+from sprung.vehicles import Structure, Vehicle
+from sprung.vehicles.lateral import rolling_on_rails
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,31 +140,6 @@ class Driving(ParameterBlock):
         return np.asarray(np.log(terms.frequencies), dtype=np.float64)
 
 
-class TrackForces(Driving):
-    """Lateral forces of an irregular track on the first and the last bogie, not measured, which sway and roll them.
-
-    Notes
-    -----
-    As `Driving`, with the mass of a frame times an acceleration on each frame; the steering of wheelsets, which makes
-    the forces, is not modelled.
-    """
-
-    __slots__ = ()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Levels and exponents of both forces."""
-        return ("first_bogie", "last_bogie", "first_bogie_exponent", "last_bogie_exponent")
-
-    def _moments(self) -> Real:
-        """Generalised forces of both accelerations, shape (n, 2)."""
-        forces, names = np.zeros((len(self.structure.coordinates), 2)), self.structure.coordinates
-        rows = [row for row, name in enumerate(names) if name.startswith("bogie") and name.endswith("_sway")]
-        for column, row in enumerate((rows[0], rows[-1])):
-            forces[row, column] = self.structure.mass[row, row]
-        return forces
-
-
 def driving(structure: Structure, wheelbase: float) -> Driving:
     """Return braking and cornering of a vehicle whose height of the centre of gravity is not known.
 
@@ -184,3 +161,99 @@ def driving(structure: Structure, wheelbase: float) -> Driving:
     (0.56, ('braking', 'cornering'))
     """
     return Driving(structure, PRIOR.height * wheelbase)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Alignment(ParameterBlock):
+    """Alignment of the track, not measured, which the wheelsets meet one after another.
+
+    Parameters
+    ----------
+    spectra
+        Data whose frequencies, speeds and spreads the track is seen at.
+    vehicle, structure
+        Vehicle with lateral tables, and its nominal structure.
+
+    Notes
+    -----
+    Lateral displacement of the centre line, independent of the height of the rails, with the spectrum of ERRI B176
+    times e^level (f / 1 Hz)^-exponent; delays and their blur as in `SurfaceInputs`. The displacements under the
+    wheelsets are the last inputs of the model, `Terms.measured_inputs`.
+
+    References
+    ----------
+    ERRI B176, Bogies with steered or steering wheelsets (1989).
+    """
+
+    spectra: ClassSpectra
+    vehicle: Vehicle
+    structure: Structure
+    _forces: Real = field(init=False, repr=False)
+    _track: Complex = field(init=False, repr=False)
+
+    group: ClassVar[str] = "driving"
+    #: Standard deviations of the level, large so that the data decide, and of the exponent.
+    stds: ClassVar[tuple[float, float]] = (4.0, 0.5)
+
+    def __post_init__(self) -> None:
+        forces = rolling_on_rails(self.vehicle, self.structure.coordinates, speed=1.0)[2]
+        behind, speeds = np.array([-wheel.x for wheel in self.vehicle.wheels[::2]]), self.spectra.speeds[:, None]
+        lags = 2 * np.pi * (self.spectra.grid / speeds)[..., None, None] * np.subtract.outer(behind, behind)
+        blur = (lags * self.spectra.spreads[:, None, None, None]) ** 2
+        density = track_densities(self.spectra.grid / speeds)[0] / speeds
+        object.__setattr__(self, "_forces", forces)
+        object.__setattr__(self, "_track", density[..., None, None] * np.exp(-1j * lags - blur / 2))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Level and exponent."""
+        return ("alignment", "alignment_exponent")
+
+    @property
+    def prior_std(self) -> Real:
+        """Large for the level, so that the data decide."""
+        return np.array(self.stds)
+
+    @property
+    def is_log_power(self) -> Booleans:
+        """True for the level."""
+        return np.array([True, False])
+
+    def contribute(self, parameters: Real, terms: Terms) -> Terms:
+        """Return the terms with the alignment under each wheelset as further inputs."""
+        n = self._forces.shape[1]
+        return replace(
+            terms,
+            forces=np.hstack([terms.forces, self._forces]),
+            feet=np.hstack([terms.feet, np.zeros((len(terms.feet), n))]),
+            feedthrough=np.hstack([terms.feedthrough, np.zeros((len(terms.feedthrough), n))]),
+            measured_inputs=self._inputs(parameters, terms),
+        )
+
+    def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
+        """Return the gradient of the objective: Re tr(Q H) over these inputs is that with respect to ln density."""
+        n, response = self._forces.shape[1], gradients.transfer
+        by_log = np.einsum("fkc,fck->f", gradients.driven[:, -n:], response.matrix[..., -n:]).real
+        return np.array([by_log.sum(), -by_log @ np.log(response.terms.frequencies)])
+
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
+        """Return the derivatives of the spectral matrix."""
+        H, inputs = response.matrix[..., -self._forces.shape[1] :], response.terms.measured_inputs
+        driven = real_coordinates(times_classes(H, classes_times(inputs, H.conj().swapaxes(-1, -2))))
+        return [driven, -np.log(response.terms.frequencies)[:, None] * driven]
+
+    def values(self, parameters: Real) -> dict[str, float]:
+        """Return the density over that of ERRI B176 low at 1 Hz, and the exponent."""
+        return dict(zip(self.names, (float(powers(parameters[:1])[0]), float(parameters[1])), strict=True))
+
+    def _inputs(self, parameters: Real, terms: Terms) -> Complex:
+        """Spectral matrix of the displacements, shape (classes, grid, wheelsets, wheelsets)."""
+        level = powers(parameters[0] - parameters[1] * np.log(terms.frequencies))
+        return np.asarray(level[:, None, None] * self._track, dtype=np.complex128)
+
+
+def track_densities(spatial_frequency: Real) -> tuple[Real, Real]:
+    """Return the densities of alignment [m^3] and roll of the track [m rad^2] of ERRI B176 but for their levels."""
+    squared = (2 * np.pi * spatial_frequency) ** 2
+    form = 1e-7 / ((squared + 0.0206**2) * (squared + 0.8246**2))
+    return form, form * squared / (squared + 0.4380**2)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -40,7 +41,7 @@ from sprung.likelihood.vehicle import (
 from sprung.likelihood.whittle import TOO_FAR, Model
 from sprung.modal import Modes
 from sprung.recording import Recording, each_recording
-from sprung.vehicles import Structure, Vehicle
+from sprung.vehicles import Structure, Vehicle, structure
 from sprung.vehicles.labels import MOTIONS
 from sprung.vehicles.sensor_checks import refuse_wrong_sensors
 from sprung.vehicles.structure import SPRINGS
@@ -259,7 +260,8 @@ def fit_windows(
         return replace(fit, from_modes=check, speed_delay=delay, notes=(*layout, *fit.notes, *late))
     parameters = None
     for _ in range(RULES.rounds):
-        known = with_estimated_speeds(segments, lambda speeds: setup.at_speeds(segments, speeds), parameters)
+        known = with_estimated_speeds(segments, partial(setup.at_speeds, segments), parameters)
+        setup = replace(setup, nominal=structure(setup.vehicle, speed=float(known.speeds.mean())))
         fit = _fit(known, setup, starts)
         parameters = fit.parameters
     low, high = known.speeds.min(), known.speeds.max()

@@ -15,6 +15,7 @@ from sprung._threads import one_thread
 from sprung.errors import DataError
 from sprung.likelihood.coordinates import TYPICAL_NOISE, RigidLayout
 from sprung.likelihood.corners import CornerFit
+from sprung.likelihood.driving import track_densities
 from sprung.likelihood.fitting import RULES
 from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.search import minimised
@@ -136,7 +137,7 @@ class LateralModel:
         for speed, spread in zip(self.spectra.speeds.tolist(), self.spectra.spreads.tolist(), strict=True):
             system = lateral_system(vehicle, speed=speed)
             flexibility = np.linalg.inv(_dynamic_stiffness(system, omega))
-            densities, inputs = list(enumerate(_densities(self.spectra.grid / speed))), []
+            densities, inputs = list(enumerate(track_densities(self.spectra.grid / speed))), []
             for (node, share), (kind, density) in product(nodes_and_shares, densities):
                 phases = np.exp(-1j * np.outer(omega, behind) / (speed * (1 + node * spread)))
                 columns = slice(kind * behind.size, (kind + 1) * behind.size)
@@ -233,13 +234,6 @@ class _Input(NamedTuple):
     def matrix(self) -> Complex:
         """Spectral matrix of the readings."""
         return self.readings[:, :, None] * self.readings[:, None, :].conj() * self.level[:, None, None]
-
-
-def _densities(spatial_frequency: Real) -> tuple[Real, Real]:
-    """Return the densities of alignment [m^3] and roll of the track [m rad^2] of ERRI B176 but for their levels."""
-    squared = (2 * np.pi * spatial_frequency) ** 2
-    form = 1e-7 / ((squared + 0.0206**2) * (squared + 0.8246**2))
-    return form, form * squared / (squared + 0.4380**2)
 
 
 def _dynamic_stiffness(system: MechanicalSystem, omega: Real) -> Complex:

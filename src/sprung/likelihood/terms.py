@@ -26,6 +26,8 @@ class Terms:
         Coordinates of the data for one unit of each channel, shape (coordinates, channels).
     stiffness
         Dynamic stiffness of each element [N/m], shape (elements, grid).
+    rolling
+        Dynamic stiffness of wheels that roll on rails, shape (grid, n, n).
     mass
         Mass matrix, in kg and kg m^2, shape (n, n).
     forces
@@ -47,8 +49,8 @@ class Terms:
 
     Notes
     -----
-    With D(f) = -w^2 M + sum over elements z d d^T and B(f) = forces + sum z d foot^T (w = 2 pi f, z the dynamic
-    stiffness, d the elongations):
+    With D(f) = -w^2 M + sum over elements z d d^T + rolling and B(f) = forces + sum z d foot^T (w = 2 pi f, z the
+    dynamic stiffness, d the elongations):
 
         H = reduction diag(channel response) (-w^2 motion D^-1 B + feedthrough),    S = H S_inputs H^H + noise,
 
@@ -65,6 +67,7 @@ class Terms:
     feet: Real
     reduction: Real
     stiffness: Complex
+    rolling: Complex
     mass: Real
     forces: Real
     motion: Real
@@ -111,6 +114,7 @@ def nominal_terms(structure: Structure, layout: RigidLayout, spectra: ClassSpect
         feet=structure.feet,
         reduction=layout.reduction,
         stiffness=np.array([element.dynamic_stiffness(s) for element in structure.elements]),
+        rolling=structure.rolling_at(s),
         mass=structure.mass,
         forces=structure.forces,
         motion=layout.motion,

@@ -195,23 +195,22 @@ def transfer(terms: Terms) -> Transfer:
     drive = _summed(terms.stiffness, terms.elongations, terms.feet) + terms.forces
     reduced = _reduced(terms)
     rows = reduced @ terms.motion
-    solution = np.linalg.solve(dynamic, np.concatenate([drive, rows.swapaxes(1, 2)], axis=2))  # D is symmetric
-    n_inputs = drive.shape[2]
-    displacements = np.asarray(solution[..., :n_inputs], dtype=np.complex128)
+    flexibility = np.asarray(np.linalg.inv(dynamic), dtype=np.complex128)
+    displacements = np.asarray(flexibility @ drive, dtype=np.complex128)
     H = -squared * (rows @ displacements) + reduced @ terms.feedthrough
     return Transfer(
         terms=terms,
         displacements=displacements,
-        force_response=-squared * solution[..., n_inputs:].swapaxes(1, 2),
+        force_response=-squared * (rows @ flexibility),
         matrix=H,
         driven=_driven(terms, _adjoint(H)),
     )
 
 
 def dynamic_stiffness(terms: Terms) -> Complex:
-    """Return the forces on the coordinates for their motion [N/m], shape (grid, n, n), symmetric."""
+    """Return the forces on the coordinates for their motion [N/m], shape (grid, n, n); symmetric but for steering wheelsets."""
     elastic = _summed(terms.stiffness, terms.elongations, terms.elongations)
-    return np.asarray(elastic - terms.squared[:, None, None] * terms.mass, dtype=np.complex128)
+    return np.asarray(elastic - terms.squared[:, None, None] * terms.mass + terms.rolling, dtype=np.complex128)
 
 
 def term_gradients(response: Transfer, weight: Complex) -> TermGradients:

@@ -11,7 +11,7 @@ from sprung.errors import ParameterError
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.components import FreeComponents, free_components
 from sprung.likelihood.coordinates import RigidLayout
-from sprung.likelihood.driving import TrackForces, driving
+from sprung.likelihood.driving import Alignment, driving
 from sprung.likelihood.elements import BarStiffness, CorneringStiffness
 from sprung.likelihood.noise import SensorNoise
 from sprung.likelihood.payload import SeatLoads, payload, unsprung_masses
@@ -214,7 +214,7 @@ def _inputs(
             driving(nominal, positions[0] - positions[-1]),
         ]
     rails = [RailInputs(spectra, positions, sides, DEFAULTS.rail_contact, joint_pitch), by_class]
-    return [*rails, *[TrackForces(nominal, 0.0)] * vehicle.sways_on_bogies]
+    return [*rails, *(Alignment(spectra, vehicle, nominal) for _ in range(vehicle.sways_on_bogies))]
 
 
 def default_choices(

@@ -250,10 +250,11 @@ class Vehicle(Description):
         bogies: list[str] = []
         for number in range(1, len(self.bogie) + 1):
             bogies += [f"bogie{number}", f"bogie{number}_pitch", f"bogie{number}_roll"]
-            bogies += [f"bogie{number}_sway"] * self.sways_on_bogies
+            bogies += [f"bogie{number}_sway", f"bogie{number}_yaw"] * self.sways_on_bogies
             bogies += [f"bogie{number}_surge", f"bogie{number}_rolling"] * self.surges_on_bogies
             for wheelset in (f"wheelset{2 * number - 1}", f"wheelset{2 * number}"):
                 bogies += [wheelset, f"{wheelset}_roll"]
+                bogies += [f"{wheelset}_sway", f"{wheelset}_yaw"] * self.sways_on_bogies
         wheels: list[str] = []
         for axle, left, right in zip(self.axle, self.suspensions[::2], self.suspensions[1::2], strict=False):
             name = left.removesuffix("_left")

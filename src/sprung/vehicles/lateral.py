@@ -1,6 +1,6 @@
 """Lateral motion of a rail vehicle on bogies: sway, roll and yaw of its parts, with linear creep of its wheels."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -75,10 +75,10 @@ def lateral_system(vehicle: Vehicle, *, speed: float) -> MechanicalSystem:
     """
     check_number("speed", speed, above=0)
     coordinates = _coordinates(vehicle)
-    size = len(coordinates)
-    mass, damping, stiffness = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
-    n_wheelsets = 2 * len(vehicle.bogie)
-    forces = np.zeros((size, 2 * n_wheelsets))
+    damping, stiffness, aside, tilts = rolling_on_rails(vehicle, coordinates, speed=speed)
+    rails = [2 * bogie.contact_half_spacing**2 * bogie.contact_stiffness for bogie in vehicle.bogie for _ in range(2)]
+    stiffness += (tilts * rails) @ tilts.T
+    mass = np.zeros(len(coordinates))
     for _, _, rows, k, c in springs_across(vehicle):
         row = np.array([rows.get(name, 0.0) for name in coordinates])
         stiffness += k * np.outer(row, row)
@@ -88,32 +88,49 @@ def lateral_system(vehicle: Vehicle, *, speed: float) -> MechanicalSystem:
     for number, (bogie, lateral) in enumerate(_tables(vehicle), start=1):
         frame = coordinates.index(f"bogie{number}_sway")
         mass[frame : frame + 3] = bogie.mass, bogie.roll_inertia, lateral.yaw_inertia
+        for wheelset in (frame + 3, frame + 6):
+            mass[wheelset : wheelset + 3] = bogie.wheelset_mass, bogie.wheelset_roll, lateral.wheelset_yaw_inertia
+    wheelsets = range(1, 2 * len(vehicle.bogie) + 1)
+    inputs = tuple(f"{kind}_wheelset{number}" for kind in ("alignment", "cross_level") for number in wheelsets)
+    forces = np.hstack([aside, tilts * rails])
+    return MechanicalSystem(np.diag(mass), damping, stiffness, forces, coordinates, inputs)
+
+
+def rolling_on_rails(vehicle: Vehicle, coordinates: Sequence[str], *, speed: float) -> tuple[Real, Real, Real, Real]:
+    """Return what acts on wheelsets that roll on rails but for the stiffness of the contacts, as `lateral_system` says.
+
+    Returns
+    -------
+    damping, stiffness
+        Matrices, shape (n, n) for n coordinates.
+    aside
+        Forces for the alignment under each wheelset, those of the contacts included, shape (n, wheelsets).
+    tilts
+        Roll of each wheelset above its rails for one unit of each coordinate, shape (n, wheelsets).
+    """
+    names, size = list(coordinates), len(coordinates)
+    damping, stiffness = np.zeros((size, size)), np.zeros((size, size))
+    aside, tilts = np.zeros((2, size, 2 * len(vehicle.bogie)))
+    for number, (bogie, lateral) in enumerate(_tables(vehicle), start=1):
         longitudinal, sideways = (2 * coefficient for coefficient in lateral.creep)
         half, cone = bogie.contact_half_spacing, lateral.conicity
-        load = GRAVITY * (bogie.wheelset_mass + bogie.mass / 2 + body.mass / (2 * len(vehicle.bogie)))
-        radius, roll = lateral.wheel_radius, bogie.wheelset_roll
-        rail = 2 * half**2 * bogie.contact_stiffness
+        load = GRAVITY * (bogie.wheelset_mass + bogie.mass / 2 + vehicle.body.mass / (2 * len(vehicle.bogie)))
+        radius, rail = lateral.wheel_radius, 2 * half**2 * bogie.contact_stiffness
         for wheelset in (2 * number - 2, 2 * number - 1):
-            sway = coordinates.index(f"wheelset{wheelset + 1}_sway")
-            yaw = sway + 2
-            mass[sway : sway + 3] = bogie.wheelset_mass, roll, lateral.wheelset_yaw_inertia
-            at_rail = np.eye(size)[sway] + radius * np.eye(size)[sway + 1]
-            tilt = np.eye(size)[sway + 1] - cone / half * at_rail
+            sway, roll, yaw = (names.index(name) for name in _motions(f"wheelset{wheelset + 1}"))
+            at_rail = np.eye(size)[sway] + radius * np.eye(size)[roll]
+            tilts[:, wheelset] = np.eye(size)[roll] - cone / half * at_rail
             damping += sideways / speed * np.outer(at_rail, at_rail)
             damping[yaw, yaw] += longitudinal * half**2 / speed
-            damping[[yaw, sway + 1], [sway + 1, yaw]] += np.array([1, -1]) * bogie.wheelset_spin * speed / radius
-            stiffness += rail * np.outer(tilt, tilt)
+            damping[[yaw, roll], [roll, yaw]] += np.array([1, -1]) * bogie.wheelset_spin * speed / radius
             stiffness[:, yaw] -= sideways * at_rail
-            stiffness[sway, sway + 1] += load
+            stiffness[sway, roll] += load
             guiding = longitudinal * half * cone / radius
             stiffness[yaw] += guiding * at_rail
             stiffness[yaw, yaw] -= load * half * cone
-            forces[:, wheelset] = -rail * cone / half * tilt
-            forces[yaw, wheelset] += guiding
-            forces[:, n_wheelsets + wheelset] = rail * tilt
-    wheelsets = range(1, n_wheelsets + 1)
-    inputs = tuple(f"{kind}_wheelset{number}" for kind in ("alignment", "cross_level") for number in wheelsets)
-    return MechanicalSystem(np.diag(mass), damping, stiffness, forces, coordinates, inputs)
+            aside[:, wheelset] = -rail * cone / half * tilts[:, wheelset]
+            aside[yaw, wheelset] += guiding
+    return damping, stiffness, aside, tilts
 
 
 def has_lateral_sensors(vehicle: Vehicle) -> bool:
@@ -163,8 +180,7 @@ def lateral_modes(vehicle: Vehicle, *, speed: float) -> ExactModes:
     none = np.zeros((0, len(_coordinates(vehicle))))
     exact = modes(lateral_system(vehicle, speed=speed), Outputs((), none, none, none))
     below = slice(exact.poles.size - 2 * len(vehicle.bogie))  # the fastest are wheelsets that roll on their rails
-    labels = tuple(None if label == "wheel_hop" else label for label in exact.labels[below])
-    return replace(exact, poles=exact.poles[below], mode_shapes=exact.mode_shapes[below], labels=labels)
+    return replace(exact, poles=exact.poles[below], mode_shapes=exact.mode_shapes[below], labels=exact.labels[below])
 
 
 def critical_speed(vehicle: Vehicle, *, highest: float = 200.0) -> float | None:
@@ -318,7 +334,7 @@ def _point(part: str, x: float, y: float, h: float, sign: float = 1.0) -> list[d
 def springs_across(vehicle: Vehicle) -> Iterator[tuple[str, str, dict[str, float], float, float]]:
     """Yield owner, part, elongation by coordinate, stiffness and damping of every spring with its damper.
 
-    Parts are those of `sprung.vehicles.structure.PARTS`; of springs along the track and upright ones it is empty.
+    Parts are those of `sprung.vehicles.structure.PARTS`; of upright springs and anti-roll bars it is empty.
     """
     height = vehicle.body.height or 0.0
     for number, (bogie, lateral) in enumerate(_tables(vehicle), start=1):
@@ -332,7 +348,7 @@ def springs_across(vehicle: Vehicle) -> Iterator[tuple[str, str, dict[str, float
         drops = lateral.secondary_height - height, lateral.secondary_height - lateral.frame_height
         for y in (secondary, -secondary):
             ends = zip(_point("body", bogie.x, y, drops[0]), _point(name, 0.0, y, drops[1], -1.0), second, strict=True)
-            for part, (upper, lower, values) in zip(("", "lateral", ""), ends, strict=True):
+            for part, (upper, lower, values) in zip(("yaw", "lateral", ""), ends, strict=True):
                 yield name, part, upper | lower, *values
         yield name, "", {"roll": 1.0, f"{name}_roll": -1.0}, bogie.anti_roll_stiffness, 0.0
         carried = GRAVITY * vehicle.body.mass / len(vehicle.bogie)
@@ -341,7 +357,7 @@ def springs_across(vehicle: Vehicle) -> Iterator[tuple[str, str, dict[str, float
             box, drop = f"wheelset{wheelset}", lateral.wheel_radius - lateral.frame_height
             for y in (primary, -primary):
                 ends = zip(_point(name, along, y, drop), _point(box, 0.0, y, 0.0, -1.0), first, strict=True)
-                for part, (upper, lower, values) in zip(("", "primary_lateral", ""), ends, strict=True):
+                for part, (upper, lower, values) in zip(("primary_along", "primary_lateral", ""), ends, strict=True):
                     yield name, part, upper | lower, *values
             yield from _leaning((name, box), (along, 0.0), (drop, 0.0), carried / 2 + GRAVITY * bogie.mass / 2)
 

@@ -16,7 +16,7 @@ from sprung._checks import check_number, check_path, check_type, wrong_type
 from sprung.errors import FormatError, ParameterError
 from sprung.toml import checked, toml_fields
 from sprung.vehicles.description import KINDS, Chain, Description, Quarter, Vehicle, corner_names
-from sprung.vehicles.lateral import springs_across
+from sprung.vehicles.lateral import rolling_on_rails, springs_across
 from sprung.vehicles.sections import Axle, FlexibleMode, MountedMass
 from sprung.vehicles.structure import SUSPENSIONS, BodyShape, Element, Structure, body_row, sensor_outputs
 from sprung.vehicles.system import Outputs
@@ -282,7 +282,8 @@ def structure(description: Description, *, speed: float | None = None) -> Struct
         Vehicle description: a `Chain`, driven by a force on each mass; a `Quarter` or a `Vehicle`, on axles or bogies,
         driven by the displacement of the road or rail under each wheel.
     speed
-        Speed of a vehicle whose tyres have a cornering stiffness [m/s], at least 0; None: 15 m/s.
+        Speed of a vehicle whose tyres have a cornering stiffness, or whose wheels creep on rails [m/s], at least 0;
+        None: 15 m/s.
 
     Returns
     -------
@@ -428,6 +429,7 @@ def _vehicle(description: Vehicle, speed: float) -> Structure:
         forces=forces,
         outputs=_outputs(description, elements, body.shapes),
         shapes=body.shapes,
+        rolling=rolling_on_rails(description, coordinates, speed=speed)[:2] if description.sways_on_bogies else None,
     )
 
 
@@ -513,13 +515,13 @@ def _masses(description: Vehicle) -> list[float]:
     plane = [body.mass, body.yaw_inertia or pitch_inertia] if "sway" in description.coordinates else []
     wheels: list[float] = []
     for bogie in description.bogie:
-        roll = bogie.wheelset_roll
         wheels += [bogie.mass, bogie.pitch_inertia, bogie.roll_inertia]
+        wheelset = [bogie.wheelset_mass, bogie.wheelset_roll]
         if description.sways_on_bogies and bogie.lateral is not None:
             rolling = 2 * (bogie.wheelset_mass + bogie.wheelset_spin / bogie.lateral.wheel_radius**2)
-            wheels += [bogie.mass, *[bogie.mass, rolling] * description.surges_on_bogies]
-            roll += bogie.wheelset_mass * bogie.lateral.wheel_radius**2  # it rolls about its rails
-        wheels += 2 * [bogie.wheelset_mass, roll]
+            wheels += [bogie.mass, bogie.lateral.yaw_inertia, *[bogie.mass, rolling] * description.surges_on_bogies]
+            wheelset += [bogie.wheelset_mass, bogie.lateral.wheelset_yaw_inertia]
+        wheels += 2 * wheelset
     for axle, unsprung in zip(axles, _unsprung_masses(description), strict=True):
         if axle.wheelset_mass is not None and axle.wheelset_roll_inertia is not None:
             wheels += [
@@ -596,6 +598,10 @@ def _bogie_elements(body: _Body, description: Vehicle) -> Iterator[Element]:
                 elongation = frame.row(along * bogie.half_wheelbase, y) - axle.row(0.0, y)
                 yield Element(owner, "primary", elongation, bogie.primary_stiffness, bogie.primary_damping)
                 contact = axle.row(0.0, sign * bogie.contact_half_spacing)
+                if description.sways_on_bogies and bogie.lateral is not None:  # the cone of a wheel lifts it
+                    for motion, arm in (("sway", 1.0), ("roll", bogie.lateral.wheel_radius)):
+                        row = body.coordinates.index(f"wheelset{wheelset}_{motion}")
+                        contact[row] -= sign * bogie.lateral.conicity * arm
                 yield Element(owner, "tyre", contact, bogie.contact_stiffness, foot=f"road_{owner}")
 
 
@@ -627,22 +633,10 @@ def _held_along(description: Vehicle) -> Iterator[Element]:
 
 
 def _held_across(description: Vehicle) -> Iterator[Element]:
-    """Yield what holds body and frames sideways as they roll, and the loads that lean, above wheels that rails hold.
-
-    A wheelset turns about its rails, and frames do not yaw: what guides them is stiff.
-    """
-    if not description.sways_on_bogies:
-        return
-    radii = {
-        f"wheelset{2 * number + end}": bogie.lateral.wheel_radius
-        for number, bogie in enumerate(description.bogie)
-        for end in (1, 2)
-        if bogie.lateral is not None
-    }
-    for owner, part, rows, k, c in springs_across(description):
+    """Yield what holds body, frames and wheelsets sideways and as they yaw, and the loads that lean."""
+    for owner, part, rows, k, c in springs_across(description) if description.sways_on_bogies else ():
         if part:
-            turned = {f"{name}_roll": -radius * rows.get(f"{name}_sway", 0.0) for name, radius in radii.items()}
-            elongation = [rows.get(name, 0.0) + turned.get(name, 0.0) for name in description.coordinates]
+            elongation = [rows.get(name, 0.0) for name in description.coordinates]
             yield Element(owner, part, np.array(elongation), k, c)
 
 

@@ -370,6 +370,9 @@ class Structure:
         Output matrices of the sensors.
     shapes
         Shapes of the flexible modes of the body.
+    rolling
+        Damping and stiffness matrix of wheels that roll on rails, not symmetric, shape (n, n) each; None: there are
+        none.
 
     Raises
     ------
@@ -384,6 +387,7 @@ class Structure:
     forces: Real
     outputs: Outputs
     shapes: tuple[BodyShape, ...] = ()
+    rolling: tuple[Real, Real] | None = None
 
     def __post_init__(self) -> None:
         freeze(self, mass=2, forces=2)
@@ -417,17 +421,18 @@ class Structure:
 
         Notes
         -----
-        With elongations e = D q - F u: K = D^T diag(k) D, C = D^T diag(c) D, B = forces + D^T diag(k) F. A damper with
-        a bushing is not part of C but an arm of its own.
+        With elongations e = D q - F u: K = D^T diag(k) D, C = D^T diag(c) D, B = forces + D^T diag(k) F; those of
+        rolling wheels are added to C and K. A damper with a bushing is not part of C but an arm of its own.
         """
-        D = self.elongations
+        D, none = self.elongations, np.zeros_like(self.mass)
+        rolling_damping, rolling_stiffness = self.rolling or (none, none)
         stiffness = np.array([element.stiffness for element in self.elements])
         damping = np.array([0.0 if element.series_stiffness else element.damping for element in self.elements])
         arms = [element for element in self.elements if element.series_stiffness and element.damping > 0]
         return MechanicalSystem(
             mass=self.mass,
-            damping=_weighted_gram(D, damping),
-            stiffness=_weighted_gram(D, stiffness),
+            damping=_weighted_gram(D, damping) + rolling_damping,
+            stiffness=_weighted_gram(D, stiffness) + rolling_stiffness,
             input_matrix=self.forces + (D.T * stiffness) @ self.feet,
             coordinates=self.coordinates,
             inputs=self.inputs,
@@ -435,6 +440,12 @@ class Structure:
             arm_stiffness=np.array([arm.series_stiffness for arm in arms], dtype=np.float64),
             arm_damping=np.array([arm.damping for arm in arms], dtype=np.float64),
         )
+
+    def rolling_at(self, s: Complex | complex) -> Complex:
+        """Return the dynamic stiffness K + s C of rolling wheels at complex angular frequencies, shape (*s, n, n)."""
+        none = np.zeros_like(self.mass)
+        damping, stiffness = self.rolling or (none, none)
+        return np.asarray(stiffness + np.multiply.outer(s, damping), dtype=np.complex128)
 
     def changed(self, factors: Mapping[Component, float]) -> "Structure":
         """Return the structure with some components multiplied by a factor.

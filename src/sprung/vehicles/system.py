@@ -457,7 +457,7 @@ def _labels(system: MechanicalSystem, shapes: Complex) -> tuple[str | None, ...]
     """Return the label of each mode, the motion of largest energy; a body motion labels only its strongest mode."""
     shares = _shares(system, shapes)
     labels: list[str | None] = [None] * len(shapes)
-    wheels = [name.startswith("wheel") for name in system.coordinates]
+    wheels = [name.startswith("wheel") and not name.endswith(("_sway", "_yaw")) for name in system.coordinates]
     body = [index for index, name in enumerate(system.coordinates) if name in _OF_BODY]
     is_body = shares[:, body].sum(axis=1) > 0.5
     for mode in np.flatnonzero(shares[:, wheels].sum(axis=1) > 0.5):
