@@ -7,7 +7,7 @@
 Body, frames and wheelsets are free bodies with six degrees of freedom each; springs, dampers, traction rods and
 anti-roll bars act between points at their places. Wheels are cones on rails, with the creep forces of Kalker, limited
 by friction (Shen, Hedrick and Elkins), growing with the load to the power 2/3. The vehicle file states what a
-maintainer knows; mountings of sensors, traction rods and the places of yaw dampers are not in it.
+maintainer knows; the mountings of sensors and the coupler are not in it.
 """
 
 import argparse
@@ -48,7 +48,7 @@ SETTLE = 10.0  # seconds before a recording
 FRICTION = 0.35  # of wheel and rail
 SPIN_INERTIA = 112.0  # of a wheelset about its axle [kg m^2]
 ROD = (5e6, 2.5e4, 0.6)  # stiffness [N/m], damping [N s/m] and height [m] of a traction rod
-YAW_DAMPERS = (1.3, 0.65)  # lateral place and height of yaw dampers [m]; the file has them beside the springs
+YAW_DAMPERS = (1.3, 0.65)  # lateral place and height of yaw dampers [m]
 CONTACT_DAMPING = 1e6  # of a wheel on its rail [N s/m]: that of the ballast, without which wheels leave stiff rails
 JOINT = 0.7e-3  # depth of a dipped joint of a track in order [m]
 COUPLER = 1.05  # height of the coupler [m]
@@ -71,9 +71,9 @@ def described() -> Vehicle:
     bogies = []
     for bogie in vehicle.bogie:
         lateral = bogie.lateral
-        changed = lateral.model_copy(
-            update={"secondary_damping": (2.5e5, lateral.secondary_damping[1]), "traction_rod": ROD}
-        )
+        damping = 2.5e5 / YAW_DAMPERS[0] ** 2, lateral.secondary_damping[1]
+        places = {"secondary_damping": damping, "traction_rod": ROD, "yaw_damper_place": YAW_DAMPERS}
+        changed = lateral.model_copy(update=places)
         bogies.append(bogie.model_copy(update={"lateral": changed}))
     return vehicle.model_copy(update={"sensor": (*vehicle.sensor, *sensors), "bogie": tuple(bogies)})
 
@@ -187,7 +187,7 @@ class Coach:
                 place = (bogie.x, y * secondary, lateral.secondary_height)
                 self._element(owner, ("body", frame), place, k=k, c=c, load=on_spring)
                 place = (bogie.x, y * YAW_DAMPERS[0], YAW_DAMPERS[1])
-                yaw = lateral.secondary_damping[0] * (secondary / YAW_DAMPERS[0]) ** 2 * drive(f"{frame}.yaw_damper")
+                yaw = lateral.secondary_damping[0] * drive(f"{frame}.yaw_damper")
                 self._element(f"{owner}_yaw", ("body", frame), place, k=(0, 0, 0), c=(yaw, 0, 0))
                 for end, along in (("front", 1), ("rear", -1)):
                     owner = f"{frame}_{end}_{side}"
@@ -328,7 +328,7 @@ def compared_modes(vehicle: Vehicle, speed: float, *, highest: float = 20.0) -> 
         rows = [kept.index(engine_name(name)) for name in system.coordinates]
         own_poles, own = np.linalg.eig(system.state_matrix())
         for pole, shape in sorted(zip(own_poles, own[: len(rows)].T, strict=True), key=lambda mode: abs(mode[0])):
-            if not (pole.imag > 1e-3 and abs(pole) < 2 * np.pi * highest):
+            if not (pole.imag > 1e-3 and 1.0 < abs(pole) < 2 * np.pi * highest):  # not that of the coupler
                 continue
             candidates = vectors[rows]
             mac = np.abs(shape.conj() @ candidates) ** 2 / (
@@ -354,7 +354,7 @@ def compared_modes(vehicle: Vehicle, speed: float, *, highest: float = 20.0) -> 
 def engine_name(coordinate: str) -> str:
     """Return the joint of the engine that moves as a coordinate; wheelsets of a frame roll along the track as one."""
     part, _, motion = coordinate.rpartition("_")
-    if not part and motion not in ("bounce", "pitch", "roll", "sway", "yaw"):
+    if not part and motion not in ("bounce", "pitch", "roll", "sway", "yaw", "surge"):
         part, motion = motion, "bounce"
     if motion == "rolling":
         part, motion = f"wheelset{2 * int(part[-1])}", "surge"

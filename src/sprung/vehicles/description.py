@@ -246,7 +246,7 @@ class Vehicle(Description):
     def coordinates(self) -> tuple[str, ...]:
         """Names of the motions of body, frames, wheels or wheelsets and mounted masses, and of the flexible modes."""
         sways = self.axle and (self.axle[0].lateral_stiffness or self.axle[0].cornering_stiffness) is not None
-        body = BODY_MOTIONS[: 5 if sways or self.sways_on_bogies else 3]
+        body = (*BODY_MOTIONS[: 5 if sways or self.sways_on_bogies else 3], *["surge"] * self.surges_on_bogies)
         bogies: list[str] = []
         for number in range(1, len(self.bogie) + 1):
             bogies += [f"bogie{number}", f"bogie{number}_pitch", f"bogie{number}_roll"]

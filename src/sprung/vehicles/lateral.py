@@ -1,5 +1,6 @@
 """Lateral motion of a rail vehicle on bogies: sway, roll and yaw of its parts, with linear creep of its wheels."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
@@ -343,13 +344,17 @@ def springs_across(vehicle: Vehicle) -> Iterator[tuple[str, str, dict[str, float
             (bogie.secondary_stiffness, bogie.secondary_damping),
             (bogie.primary_stiffness, bogie.primary_damping),
         )
-        second = (*zip(lateral.secondary_stiffness, lateral.secondary_damping, strict=True), upright[0])
+        lengthways, across = zip(lateral.secondary_stiffness, lateral.secondary_damping, strict=True)
+        second = (lengthways[0], 0.0), across, upright[0]
         first = (*zip(lateral.primary_stiffness, lateral.primary_damping, strict=True), upright[1])
         drops = lateral.secondary_height - height, lateral.secondary_height - lateral.frame_height
         for y in (secondary, -secondary):
             ends = zip(_point("body", bogie.x, y, drops[0]), _point(name, 0.0, y, drops[1], -1.0), second, strict=True)
             for part, (upper, lower, values) in zip(("yaw", "lateral", ""), ends, strict=True):
                 yield name, part, upper | lower, *values
+            place = math.copysign(bogie.yaw_damper_place[0], y)
+            pulled = _point("body", 0.0, place, 0.0)[0] | _point(name, 0.0, place, 0.0, -1.0)[0]
+            yield name, "yaw", pulled, 0.0, lengthways[1]
         yield name, "", {"roll": 1.0, f"{name}_roll": -1.0}, bogie.anti_roll_stiffness, 0.0
         carried = GRAVITY * vehicle.body.mass / len(vehicle.bogie)
         yield from _leaning(("body", name), (bogie.x, 0.0), drops, carried)

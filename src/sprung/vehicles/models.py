@@ -513,6 +513,7 @@ def _masses(description: Vehicle) -> list[float]:
     body, axles = description.body, description.axle
     pitch_inertia, roll_inertia = description.inertias
     plane = [body.mass, body.yaw_inertia or pitch_inertia] if "sway" in description.coordinates else []
+    plane += [body.mass] * description.surges_on_bogies
     wheels: list[float] = []
     for bogie in description.bogie:
         wheels += [bogie.mass, bogie.pitch_inertia, bogie.roll_inertia]
@@ -606,9 +607,9 @@ def _bogie_elements(body: _Body, description: Vehicle) -> Iterator[Element]:
 
 
 def _held_along(description: Vehicle) -> Iterator[Element]:
-    """Yield what holds frames along the track: springs, yaw dampers, traction rods, and wheelsets that roll.
+    """Yield what holds body and frames along the track: couplers, springs, yaw dampers, rods, wheelsets that roll.
 
-    The body keeps its speed, and yaw dampers are at the height of the frame's centre of gravity.
+    Couplers are soft and at the height of the body's centre of gravity.
     """
 
     def held(number: int, part: str, stiffness: float, damping: float, height: float) -> Element:
@@ -616,18 +617,23 @@ def _held_along(description: Vehicle) -> Iterator[Element]:
         name, lateral = f"bogie{number}", description.bogie[number - 1].lateral
         lever = height - (lateral.frame_height if lateral else 0.0)
         rows = {f"{name}_surge": -1.0, f"{name}_pitch": -lever}
-        on_body = {"pitch": height - (description.body.height or 0.0)}
+        on_body = {"surge": 1.0, "pitch": height - (description.body.height or 0.0)}
         rows |= {f"{name}_rolling": 1.0} if part == "primary_along" else on_body
         elongation = np.array([rows.get(coordinate, 0.0) for coordinate in description.coordinates])
         return Element(name, part, elongation, stiffness, damping)
 
+    if description.surges_on_bogies:
+        coupled = np.array([float(name == "surge") for name in description.coordinates])
+        rate = 2 * np.pi / ROLLING.lane_keeping
+        yield Element("body", "longitudinal", coupled, description.body.mass * rate**2)
+        yield Element("body", "yaw", coupled, 0.0, 2 * description.body.mass * rate)
     for number, bogie in enumerate(description.bogie if description.surges_on_bogies else (), start=1):
         if (lateral := bogie.lateral) is not None and lateral.traction_rod is not None:
             k, c = 2 * lateral.secondary_stiffness[0], 2 * lateral.secondary_damping[0]
             boxes = 4 * lateral.primary_stiffness[0], 4 * lateral.primary_damping[0]
             rod, damping, height_of_rod = lateral.traction_rod
             yield held(number, "longitudinal", k, 0.0, lateral.secondary_height)
-            yield held(number, "yaw", 0.0, c, lateral.frame_height)
+            yield held(number, "yaw", 0.0, c, bogie.yaw_damper_place[1])
             yield held(number, "rod", rod, damping, height_of_rod)
             yield held(number, "primary_along", *boxes, lateral.wheel_radius)
 

@@ -248,6 +248,9 @@ class Lateral(Section):
         Moment of inertia of a wheelset about its axle [kg m^2]; default: 0.29 times mass times radius squared.
     traction_rod
         Stiffness [N/m], damping [N s/m] and height above the rails [m] of the traction rod; default: none.
+    yaw_damper_place
+        Distance from the centre line and height above the rails of the yaw dampers [m]; default: beside the secondary
+        springs, at the height of the frame.
     """
 
     frame_height: Positive
@@ -263,6 +266,7 @@ class Lateral(Section):
     creep: Annotated[tuple[Positive, Positive], Field(strict=False)]
     wheelset_spin_inertia: Positive | None = None
     traction_rod: Annotated[tuple[Positive, NotNegative, Positive], Field(strict=False)] | None = None
+    yaw_damper_place: Annotated[tuple[Positive, Positive], Field(strict=False)] | None = None
 
 
 #: Default of a missing inertia of a wheelset about its axle, over mass times radius^2: that of the Manchester coach.
@@ -327,6 +331,12 @@ class Bogie(Section):
         if self.lateral is None:
             return 0.0
         return self.lateral.wheelset_spin_inertia or SPIN_SHARE * self.wheelset_mass * self.lateral.wheel_radius**2
+
+    @property
+    def yaw_damper_place(self) -> tuple[float, float]:
+        """Distance of the yaw dampers from the centre line and their height above the rails [m]."""
+        place = self.lateral and (self.lateral.yaw_damper_place or (self.half_spacing[1], self.lateral.frame_height))
+        return place or (0.0, 0.0)
 
     @property
     def wheelset_roll(self) -> float:
