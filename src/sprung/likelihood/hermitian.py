@@ -1,6 +1,7 @@
 """Stacks of Hermitian matrices in real coordinates."""
 
 from itertools import combinations
+from math import isqrt
 
 import numpy as np
 
@@ -45,6 +46,39 @@ def real_coordinates(matrices: Complex) -> Real:
         coordinates[..., size + len(upper) + number] = entry.imag
     coordinates[..., size:] *= np.sqrt(2)
     return coordinates
+
+
+def hermitian(coordinates: Real) -> Complex:
+    """Return the Hermitian matrices of real coordinates, the inverse of `real_coordinates`.
+
+    Parameters
+    ----------
+    coordinates
+        Shape (..., m^2).
+
+    Returns
+    -------
+    ndarray
+        Shape (..., m, m).
+
+    References
+    ----------
+    As for `real_coordinates`.
+
+    Examples
+    --------
+    >>> hermitian(real_coordinates(np.array([[2.0, 3 + 4j], [3 - 4j, 5.0]]))).round(12).tolist()
+    [[(2+0j), (3+4j)], [(3-4j), (5+0j)]]
+    """
+    size = isqrt(coordinates.shape[-1])
+    matrices = np.empty((*coordinates.shape[:-1], size, size), dtype=np.complex128)
+    real, imaginary = np.split(coordinates[..., size:] / np.sqrt(2), 2, axis=-1)
+    for row in range(size):
+        matrices[..., row, row] = coordinates[..., row]
+    for number, (i, j) in enumerate(combinations(range(size), 2)):
+        matrices[..., i, j] = real[..., number] + 1j * imaginary[..., number]
+        matrices[..., j, i] = matrices[..., i, j].conj()
+    return matrices
 
 
 def coordinates_with_adjoint(matrices: Complex) -> Real:
@@ -102,35 +136,50 @@ def real_form(matrices: Complex) -> Real:
     return np.moveaxis(matrices.real + matrices.imag, (-2, -1), (0, 1))
 
 
-def congruence(factors: Complex) -> Real:
-    """Return the matrices that map the real coordinates of A to those of K A K^H.
+def transformed(factors: Complex, coordinates: Real) -> Real:
+    """Return the real coordinates of K A K^H for several Hermitian matrices A.
 
     Parameters
     ----------
     factors
         K, shape (..., m, m).
+    coordinates
+        Real coordinates of matrices A, shape (matrices, ..., m^2).
 
     Returns
     -------
     ndarray
-        Shape (..., m^2, m^2).
+        Shape of `coordinates`.
 
     Notes
     -----
-    Column by column, for the basis e_i e_i^T, (e_i e_j^T + e_j e_i^T) / sqrt(2) and i (e_i e_j^T - e_j e_i^T) / sqrt(2)
-    of `real_coordinates`, from the outer products of the columns of K.
+    Up to six rows by one product with the m^2 by m^2 matrices of the map: column by column, for the basis e_i e_i^T,
+    (e_i e_j^T + e_j e_i^T) / sqrt(2) and i (e_i e_j^T - e_j e_i^T) / sqrt(2) of `real_coordinates`, from the outer
+    products of the columns of K. The matrices A then come last in memory, as sums of products over all else need them.
+    Larger matrices are multiplied one by one, which is faster and takes less memory.
 
     References
     ----------
     R. A. Horn and C. R. Johnson, Matrix Analysis, Cambridge University Press, 1985, section 4.5 (congruence).
+
+    Examples
+    --------
+    >>> K, A = np.array([[1.0, 2j], [0.0, 3.0]]), np.array([[2.0, 1j], [-1j, 4.0]])
+    >>> hermitian(transformed(K, real_coordinates(A)[None]))[0].round(12).tolist() == (K @ A @ K.conj().T).tolist()
+    True
     """
     size = factors.shape[-1]
-    images = [_outer(factors, i, i) for i in range(size)]
-    upper = combinations(range(size), 2)
-    crossed = [_outer(factors, i, j) / np.sqrt(2) for i, j in upper]
-    images += [half + half.conj().swapaxes(-1, -2) for half in crossed]
-    images += [1j * (half - half.conj().swapaxes(-1, -2)) for half in crossed]
-    return np.stack([real_coordinates(image) for image in images], axis=-1)
+    if size > 6:
+        adjoint, images = factors.conj().swapaxes(-1, -2), np.empty(coordinates.shape)
+        for row, each in enumerate(coordinates):
+            images[row] = real_coordinates(factors @ hermitian(each) @ adjoint)
+        return images
+    columns = [_outer(factors, i, i) for i in range(size)]
+    crossed = [_outer(factors, i, j) / np.sqrt(2) for i, j in combinations(range(size), 2)]
+    columns += [half + half.conj().swapaxes(-1, -2) for half in crossed]
+    columns += [1j * (half - half.conj().swapaxes(-1, -2)) for half in crossed]
+    whole = np.stack([real_coordinates(column) for column in columns], axis=-1)
+    return np.moveaxis(whole @ np.moveaxis(coordinates, 0, -1), -1, 0)
 
 
 def _outer(factors: Complex, i: int, j: int) -> Complex:

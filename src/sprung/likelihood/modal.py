@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sprung._arrays import Booleans, Complex, Indices, Real
-from sprung.likelihood.hermitian import real_coordinates
+from sprung.likelihood.hermitian import hermitian, real_coordinates
 from sprung.likelihood.modal_spectra import LineSpectra
 from sprung.likelihood.whittle import TOO_FAR
 
@@ -155,7 +155,6 @@ class ModalModel:
         """Blocks of parameters in their order, by the field of `ModalParameters`."""
         begin, scales = self.begin, np.outer(self.scale, self.scale)
         is_held = np.arange(self.n_modes) >= self.n_modes - self.n_held
-        upper = np.triu_indices(self.n_modes, 1)
         hold = _PRIORS.exponent_of_hold * (begin.natural_frequency / self.sampling_rate) ** 2
 
         def held(std: Real | float) -> Real:
@@ -179,7 +178,7 @@ class ModalModel:
             ),
             "forces": _Block(
                 lambda forces: real_coordinates(forces / scales),
-                lambda coordinates: _hermitian(coordinates, self.n_modes, upper) * scales,
+                lambda coordinates: hermitian(coordinates) * scales,
             ),
             "noise": logarithm(_PRIORS.noise),
             "noise_exponents": _Block(prior_std=_PRIORS.noise_exponents),
@@ -413,13 +412,3 @@ def _real_products(left: Complex, right: Complex) -> Real:
             products[i, j] = entry.real + entry.imag
             products[j, i] = entry.real - entry.imag
     return products
-
-
-def _hermitian(coordinates: Real, size: int, upper: tuple[Indices, Indices]) -> Complex:
-    """Return the Hermitian matrix of real coordinates, the inverse of `real_coordinates`."""
-    n_upper = len(upper[0])
-    matrix = np.diag(coordinates[:size]).astype(np.complex128)
-    entries = (coordinates[size : size + n_upper] + 1j * coordinates[size + n_upper :]) / np.sqrt(2)
-    matrix[upper] = entries
-    matrix[upper[::-1]] = entries.conj()
-    return matrix

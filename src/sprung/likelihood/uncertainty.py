@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sprung._arrays import Complex, Real
-from sprung.likelihood.hermitian import congruence, real_coordinates
+from sprung.likelihood.hermitian import hermitian, real_coordinates
 from sprung.likelihood.search import SpectralLikelihood
 from sprung.likelihood.spectra import (
     CLASS_WIDTH,
@@ -167,11 +167,9 @@ class Optimum:
         self.model = model
         #: Response of the vehicle.
         self.response: Transfer = transfer(model.terms(parameters))
-        factor = np.asarray(
-            np.linalg.inv(np.linalg.cholesky(through_window(self.response.spectral_matrix))), dtype=np.complex128
-        )
+        factor = np.linalg.inv(np.linalg.cholesky(through_window(self.response.spectral_matrix)))
         root_weights = np.sqrt(model.spectra.weights)[..., None]
-        self._whitening = congruence(factor) * root_weights[..., None]
+        self._factor: Complex = factor * np.sqrt(root_weights)[..., None]
         data = factor @ model.spectra.matrices @ factor.conj().swapaxes(-1, -2)
         #: The model's spectral matrix less the data's, whitened, in real coordinates.
         self.excess: Real = (real_coordinates(np.eye(data.shape[-1]) - data) * root_weights).ravel()
@@ -180,7 +178,8 @@ class Optimum:
 
     def whitened(self, change: Real) -> Real:
         """Return a derivative of the spectral matrix before the window, as methods of `Transfer` give it, whitened."""
-        return np.asarray((self._whitening @ through_window(change[..., None])).ravel(), dtype=np.float64)
+        seen = hermitian(through_window(change[..., None])[..., 0])
+        return real_coordinates(self._factor @ seen @ self._factor.conj().swapaxes(-1, -2)).ravel()
 
 
 def power_misfit(model: SpectralLikelihood, parameters: Real) -> tuple[Real, float]:

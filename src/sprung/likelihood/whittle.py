@@ -11,7 +11,7 @@ from sprung._checks import freeze
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.components import FreeComponents
 from sprung.likelihood.coordinates import RigidLayout
-from sprung.likelihood.hermitian import congruence
+from sprung.likelihood.hermitian import transformed
 from sprung.likelihood.spectra import ClassSpectra, onto_grid, through_window
 from sprung.likelihood.terms import Terms, nominal_terms
 from sprung.likelihood.transfer import term_gradients, transfer
@@ -140,8 +140,7 @@ class Model:
         response = transfer(self.terms(parameters))
         S = through_window(response.spectral_matrix)
         factors = np.asarray(np.linalg.inv(np.linalg.cholesky(S)), dtype=np.complex128)
-        whitening = congruence(factors)
-        whitening *= np.sqrt(self.spectra.weights)[..., None, None]
+        factors *= self.spectra.weights[..., None, None] ** 0.25
         n_classes, n_frequencies, size = S.shape[:3]
         on_grid = np.empty((n_classes, n_frequencies + 2, size**2))
         derivatives = np.empty((parameters.size, n_classes, n_frequencies, size**2))
@@ -149,8 +148,7 @@ class Model:
         for row, derivative in enumerate(chain.from_iterable(by_block)):
             on_grid[...] = derivative
             derivatives[row] = through_window(on_grid[..., None])[..., 0]
-        # The parameters come last in memory, as the sums of products over all the others need them.
-        return np.moveaxis(whitening @ np.moveaxis(derivatives, 0, -1), -1, 0)
+        return transformed(factors, derivatives)
 
     def information(self, parameters: Real) -> Real:
         """Return the Fisher information without the prior: I_pq = sum n tr(S^-1 dS/dp S^-1 dS/dq)."""
