@@ -47,6 +47,22 @@ def test_ordinary_roads_need_more_of_the_same() -> None:
     assert learning_progress([window(ExpectedDrive(speed=(14.0, 26.0)))] * 6, CAR).advice == "drive on as before"
 
 
+def test_a_rail_vehicle_is_compared_with_ordinary_tracks() -> None:
+    """Most of what it has no sides of left aside: a track of ERRI B176 low is enough, and the sentence names few."""
+    metro, ordinary = read_vehicle("metro"), ExpectedDrive(speed=(15.0, 30.0), roughness=5e-6)
+    fit = expected_fit(metro, ordinary)
+    conditions = {"speed": 22.0, "roughness": 5e-6}
+    whole = Observation(0.0, fit.components, np.zeros(len(fit.components)), fit.covariance, conditions, {}, ())
+    assert str(learning_progress([whole], metro, n_needed=1)) == (
+        "the drives determine all parts as well as 1 ordinary window"
+    )
+    weak = Observation(0.0, fit.components, whole.log_ratios, 0.02**2 * np.eye(len(fit.components)), conditions, {}, ())
+    sentence = str(learning_progress([weak], metro, n_needed=2))
+    assert sentence.count(":") == 3
+    assert " and 9 others up to " in sentence
+    assert "road" not in sentence
+
+
 @pytest.mark.slow
 def test_the_advice_holds_in_a_simulated_drive() -> None:
     """A window of the advised speed brings more by at least the factor from which it is advised."""

@@ -15,6 +15,7 @@ from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit, corners_from_modes
 from sprung.likelihood.joints import joint_pitch
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines, without_lines
+from sprung.likelihood.rig import RigInputs
 from sprung.likelihood.search import DESCENT, DescentSettings, minimised
 from sprung.likelihood.spectra import (
     CLASS_WIDTH,
@@ -457,6 +458,8 @@ def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:
         cause = "the vehicle has a moving part that the vehicle file lacks"
         if _is_noiseless(fit):
             cause = "its channels have no noise, as simulated ones, so that leakage between frequencies counts"
+        elif any(isinstance(block, RigInputs) for block in fit.model.blocks):
+            cause += ', or ran on a track, and not on a rig as its kind = "rig" states'
         notes.append(
             f"the fitted spectra deviate {100 * fit.model_error:.0f} % more than chance allows: {cause}; differences "
             "between corners and from a baseline are more reliable than the values"
