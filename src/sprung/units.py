@@ -7,6 +7,8 @@ from sprung.errors import ParameterError
 
 #: Standard acceleration of free fall [m/s^2] (CODATA; exact by definition).
 STANDARD_GRAVITY = 9.80665
+#: Standard atmosphere [Pa] (CODATA; exact by definition).
+STANDARD_ATMOSPHERE = 101325.0
 
 _DEGREE = math.pi / 180
 

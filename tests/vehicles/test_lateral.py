@@ -5,6 +5,7 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.simulation import RailDrive, simulate_drive
+from sprung.units import STANDARD_GRAVITY
 from sprung.vehicles import (
     Sensor,
     Vehicle,
@@ -15,7 +16,6 @@ from sprung.vehicles import (
     vehicle_text,
 )
 from sprung.vehicles.lateral import (
-    GRAVITY,
     critical_speed,
     lateral_components,
     lateral_modes,
@@ -70,7 +70,7 @@ def spring_energy(vehicle: Vehicle, motion: dict[str, float]) -> float:
         lateral, name = bogie.lateral, f"bogie{number}"
         assert lateral is not None
         frame = np.array([bogie.x, 0.0, lateral.frame_height])
-        carried = GRAVITY * vehicle.body.mass / 4
+        carried = STANDARD_GRAVITY * vehicle.body.mass / 4
         for side in (1, -1):
             place = np.array([bogie.x, side * bogie.half_spacing[1], lateral.secondary_height])
             k = (*lateral.secondary_stiffness, bogie.secondary_stiffness)
@@ -79,9 +79,8 @@ def spring_energy(vehicle: Vehicle, motion: dict[str, float]) -> float:
                 axle = np.array([bogie.x + along * bogie.half_wheelbase, 0.0, lateral.wheel_radius])
                 place = axle + np.array([0.0, side * bogie.half_spacing[0], 0.0])
                 k = (*lateral.primary_stiffness, bogie.primary_stiffness)
-                energy += of(
-                    (name, f"wheelset{wheelset}"), (frame, axle), place, k, carried / 2 + GRAVITY * bogie.mass / 4
-                )
+                load = carried / 2 + STANDARD_GRAVITY * bogie.mass / 4
+                energy += of((name, f"wheelset{wheelset}"), (frame, axle), place, k, load)
                 lift = bogie.contact_half_spacing * motion.get(f"wheelset{wheelset}_roll", 0.0)
                 energy += 0.5 * bogie.contact_stiffness * lift**2
         turn = motion.get("roll", 0.0) - motion.get(f"{name}_roll", 0.0)
@@ -107,7 +106,7 @@ def test_stiffness_is_the_curvature_of_the_energy_of_moved_bodies(coach) -> None
                 curvature[i, j] += a * b * spring_energy(coach, motion) / (4 * step**2)
             curvature[j, i] = curvature[i, j]
     bogie = coach.bogie[0]
-    axle_load = GRAVITY * (bogie.wheelset_mass + bogie.mass / 2 + coach.body.mass / 4)
+    axle_load = STANDARD_GRAVITY * (bogie.wheelset_mass + bogie.mass / 2 + coach.body.mass / 4)
     for number in range(1, 5):  # the forces of the rails lean with the wheelset
         curvature[names.index(f"wheelset{number}_sway"), names.index(f"wheelset{number}_roll")] += axle_load
     assert np.allclose(system.stiffness, curvature, rtol=1e-5, atol=1e-6 * curvature.max())
@@ -234,7 +233,7 @@ def test_an_accelerometer_to_the_left_reads_sway_yaw_roll_and_gravity(coach) -> 
     assert outputs.names == ("y",)  # vertical ones are no lateral sensors
     row = dict(zip(names, outputs.acceleration[0], strict=True))
     assert (row["bogie1_sway"], row["bogie1_roll"], row["bogie1_yaw"]) == (1.0, -0.5, 2.0)
-    assert outputs.displacement[0][names.index("bogie1_roll")] == pytest.approx(GRAVITY)
+    assert outputs.displacement[0][names.index("bogie1_roll")] == pytest.approx(STANDARD_GRAVITY)
 
 
 def test_a_file_keeps_its_lateral_tables(coach) -> None:

@@ -10,8 +10,8 @@ from sprung._arrays import Complex, Real
 from sprung._checks import check_type
 from sprung.likelihood.corners import CornerFit, fitted_structure, is_structural
 from sprung.likelihood.dry_friction import Friction, has_loads, separate_friction, static_loads
+from sprung.units import STANDARD_GRAVITY
 from sprung.vehicles import Component, Structure
-from sprung.vehicles.lateral import GRAVITY
 from sprung.vehicles.structure import Element
 
 #: Step of the numerical derivatives of the figures, over the standard deviation of a parameter before any data.
@@ -242,7 +242,7 @@ class Corner:
         self.unsprung = float(structure.mass[wheel[0], wheel[0]])
         #: Static contact force [N].
         self.load: Final = static_loads(structure)[tyre.owner]
-        self.sprung = max(self.load / GRAVITY - self.unsprung, 1e-3 * self.unsprung)
+        self.sprung = max(self.load / STANDARD_GRAVITY - self.unsprung, 1e-3 * self.unsprung)
 
     def force(self, frequencies: Real) -> Complex:
         """Return the contact force for one metre of the plate [N/m], shape of the frequencies [Hz]."""

@@ -19,6 +19,7 @@ from sprung.vehicles.models import vehicle_from_text as vehicle_from_text
 from sprung.vehicles.models import vehicle_text as vehicle_text
 from sprung.vehicles.models import wheel_hop_frequencies as wheel_hop_frequencies
 from sprung.vehicles.models import write_vehicle as write_vehicle
+from sprung.vehicles.sections import AirSpring as AirSpring
 from sprung.vehicles.sections import Axle as Axle
 from sprung.vehicles.sections import Body as Body
 from sprung.vehicles.sections import Bogie as Bogie

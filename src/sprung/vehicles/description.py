@@ -303,8 +303,8 @@ class Vehicle(Description):
             raise ValueError("the file has both [[axle]] and [[bogie]] tables: keep those of one kind")
         if self.kind != "rail":
             raise ValueError(f'kind={self.kind!r} must be "rail" for a vehicle with [[bogie]] tables: correct it')
-        if self.flexible_mode:
-            raise ValueError("[[flexible_mode]] is for bodies on [[axle]] tables: remove it")
+        if any(mode.shape != "bending" for mode in self.flexible_mode):
+            raise ValueError('shape = "torsion" is for bodies on [[axle]] tables: remove it')
         if any(sensor.quantity == "wheel_speed" for sensor in self.sensor):
             raise ValueError("quantity 'wheel_speed' is for wheels of [[axle]] tables: give the speed in m/s")
 
@@ -461,13 +461,12 @@ def _magnitudes(vehicle: Vehicle) -> Iterator[_Magnitude]:
         yield from _suspension(where, axle, body.mass / (2 * len(axles)), room=wheelbase, is_road=is_road)
     for where, bogie in bogies.items():
         share = body.mass / (2 * len(bogies))
-        for stage, mass in (("secondary", share), ("primary", share / 2 + bogie.mass / 4)):
-            corner = _Stage(
-                getattr(bogie, f"{stage}_stiffness"),
-                getattr(bogie, f"{stage}_damping"),
-                bogie.wheelset_mass / 2 if stage == "primary" else bogie.mass / 2,
-                bogie.contact_stiffness if stage == "primary" else None,
-            )
+        primary = _Stage(
+            bogie.primary_stiffness, bogie.primary_damping, bogie.wheelset_mass / 2, bogie.contact_stiffness
+        )
+        secondary = _Stage(*bogie.secondary[:2], bogie.mass / 2, None)
+        stages = ("secondary", secondary, share), ("primary", primary, share / 2 + bogie.mass / 4)
+        for stage, corner, mass in stages:
             yield from _suspension(where, corner, mass, room=wheelbase, is_road=is_road, stage=stage)
     farthest = _LIMITS.farthest * wheelbase
     beyond = f"is more than {farthest:.3g} m, five wheelbases, from the centre of gravity"

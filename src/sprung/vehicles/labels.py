@@ -248,7 +248,7 @@ def plausibility_notes(vehicle: Description) -> tuple[str, ...]:
     damping = {label: float(modes.damping_ratio[k]) for label, k in named.items()}
     # Of the body above a ground that does not move: strong dampers leave no mode.
     supports = [(axle.spring_stiffness, axle.damping) for axle in vehicle.axle]
-    supports += [(bogie.secondary_stiffness, bogie.secondary_damping) for bogie in vehicle.bogie]
+    supports += [bogie.secondary[:2] for bogie in vehicle.bogie]
     stiffness, damper = 2 * np.sum(supports, axis=0)
     above_ground = float(damper / (2 * np.sqrt(stiffness * vehicle.body.mass)))
     damping["bounce"] = max(damping.get("bounce", 0.0), above_ground)

@@ -11,13 +11,12 @@ from sprung._arrays import Real
 from sprung._checks import check_number, check_type
 from sprung.errors import ParameterError
 from sprung.recording import Channel
+from sprung.units import STANDARD_GRAVITY
 from sprung.vehicles.description import Vehicle
 from sprung.vehicles.sections import Bogie, Lateral
 from sprung.vehicles.structure import MOTIONS, Component
 from sprung.vehicles.system import ExactModes, MechanicalSystem, Outputs, modes
 
-#: Acceleration of gravity [m/s^2].
-GRAVITY = 9.80665
 #: Field of `Lateral` that holds each part, in pairs of which the lateral one is the second.
 LATERAL_PARTS = MappingProxyType(
     {
@@ -115,7 +114,7 @@ def rolling_on_rails(vehicle: Vehicle, coordinates: Sequence[str], *, speed: flo
     for number, (bogie, lateral) in enumerate(_tables(vehicle), start=1):
         longitudinal, sideways = (2 * coefficient for coefficient in lateral.creep)
         half, cone = bogie.contact_half_spacing, lateral.conicity
-        load = GRAVITY * (bogie.wheelset_mass + bogie.mass / 2 + vehicle.body.mass / (2 * len(vehicle.bogie)))
+        load = STANDARD_GRAVITY * (bogie.wheelset_mass + bogie.mass / 2 + vehicle.body.mass / (2 * len(vehicle.bogie)))
         radius, rail = lateral.wheel_radius, 2 * half**2 * bogie.contact_stiffness
         for wheelset in (2 * number - 2, 2 * number - 1):
             sway, roll, yaw = (names.index(name) for name in _motions(f"wheelset{wheelset + 1}"))
@@ -320,7 +319,7 @@ def _lateral_channels(vehicle: Vehicle, coordinates: tuple[str, ...]) -> list[tu
             if name in coordinates:
                 rows[order, coordinates.index(name)] = value
         if order == 2 and names[1] in coordinates:
-            rows[0, coordinates.index(names[1])] = GRAVITY * dy
+            rows[0, coordinates.index(names[1])] = STANDARD_GRAVITY * dy
         if abs(dz) > abs(dy) if is_rotation else abs(dy) > abs(dz):
             channels.append((sensor.as_channel(), rows))
     return channels
@@ -341,7 +340,7 @@ def springs_across(vehicle: Vehicle) -> Iterator[tuple[str, str, dict[str, float
     for number, (bogie, lateral) in enumerate(_tables(vehicle), start=1):
         name, (primary, secondary) = f"bogie{number}", bogie.half_spacing
         upright = (
-            (bogie.secondary_stiffness, bogie.secondary_damping),
+            bogie.secondary[:2],
             (bogie.primary_stiffness, bogie.primary_damping),
         )
         lengthways, across = zip(lateral.secondary_stiffness, lateral.secondary_damping, strict=True)
@@ -356,7 +355,7 @@ def springs_across(vehicle: Vehicle) -> Iterator[tuple[str, str, dict[str, float
             pulled = _point("body", 0.0, place, 0.0)[0] | _point(name, 0.0, place, 0.0, -1.0)[0]
             yield name, "yaw", pulled, 0.0, lengthways[1]
         yield name, "", {"roll": 1.0, f"{name}_roll": -1.0}, bogie.anti_roll_stiffness, 0.0
-        carried = GRAVITY * vehicle.body.mass / len(vehicle.bogie)
+        carried = STANDARD_GRAVITY * vehicle.body.mass / len(vehicle.bogie)
         yield from _leaning(("body", name), (bogie.x, 0.0), drops, carried)
         for wheelset, along in ((2 * number - 1, bogie.half_wheelbase), (2 * number, -bogie.half_wheelbase)):
             box, drop = f"wheelset{wheelset}", lateral.wheel_radius - lateral.frame_height
@@ -364,7 +363,7 @@ def springs_across(vehicle: Vehicle) -> Iterator[tuple[str, str, dict[str, float
                 ends = zip(_point(name, along, y, drop), _point(box, 0.0, y, 0.0, -1.0), first, strict=True)
                 for part, (upper, lower, values) in zip(("primary_along", "primary_lateral", ""), ends, strict=True):
                     yield name, part, upper | lower, *values
-            yield from _leaning((name, box), (along, 0.0), (drop, 0.0), carried / 2 + GRAVITY * bogie.mass / 2)
+            yield from _leaning((name, box), (along, 0.0), (drop, 0.0), carried / 2 + STANDARD_GRAVITY * bogie.mass / 2)
 
 
 def _leaning(

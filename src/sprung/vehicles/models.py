@@ -587,8 +587,8 @@ def _bogie_elements(body: _Body, description: Vehicle) -> Iterator[Element]:
         frame, (primary, secondary) = _Body(body.coordinates, part=name), bogie.half_spacing
         for side, sign in (("left", 1), ("right", -1)):
             elongation = body.row(bogie.x, sign * secondary) - frame.row(0.0, sign * secondary)
-            stage = bogie.secondary_stiffness, bogie.secondary_damping
-            yield Element(f"{name}_{side}", "secondary", elongation, *stage)
+            stiffness, damping, series = bogie.secondary
+            yield Element(f"{name}_{side}", "secondary", elongation, stiffness, damping, series_stiffness=series)
         if bogie.anti_roll_stiffness > 0:
             turn = body.row(0.0, 1.0) - body.row(0.0, 0.0) - frame.row(0.0, 1.0) + frame.row(0.0, 0.0)
             yield Element(name, "anti_roll", turn, bogie.anti_roll_stiffness)

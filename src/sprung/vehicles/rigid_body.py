@@ -86,7 +86,8 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
     are left out, and so are sensors that do not measure upwards.
 
     Only frequencies up to twice the highest natural frequency of the body's rigid motions count: there a body that
-    twists and bends far above is rigid, and what little it deflects is coherent with no channel.
+    twists and bends far above is rigid, and what little it deflects is coherent with no channel. Flexible modes of the
+    vehicle file are motions in T, too, where more channels than motions are left.
 
     Sensors k that are misplaced by (dx, dy) make the residual a p'' + b r'' of pitch and roll, a = -sum N_k dx_k and
     b = sum N_k dy_k. A residual of that form with a and b up to 25 cm is no disagreement: a calibration can learn it.
@@ -100,7 +101,9 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
     places = {row: outputs.names.index(name) for row, name in enumerate(spectra.names)}
     rows = [row for row, k in places.items() if np.any(outputs.acceleration[k]) and _is_upright(outputs.channels[k])]
     T = outputs.acceleration[[places[row] for row in rows]]
-    null = _null_space(T[:, [name not in FLEXIBLE_SHAPES for name in structure.coordinates]])
+    null = _null_space(T)
+    if not len(null):  # too few sensors for a flexible body's own shapes
+        null = _null_space(T[:, [name not in FLEXIBLE_SHAPES for name in structure.coordinates]])
     if not len(null):
         return [], 0.0
     names = tuple(spectra.names[row] for row in rows)

@@ -8,7 +8,7 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, model_validator
 
 from sprung.recording import QUANTITIES, Channel
 from sprung.signals.data_faults import CONDITIONS
-from sprung.units import conversion
+from sprung.units import STANDARD_ATMOSPHERE, conversion
 from sprung.vehicles.structure import MOTIONS
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -275,6 +275,54 @@ SPIN_SHARE = 0.29
 WHEELSET_GYRATION = 0.786
 
 
+class AirSpring(Section):
+    """Air spring with a surge reservoir, in place of a secondary spring and its damper.
+
+    Parameters
+    ----------
+    pressure
+        Pressure above that of the atmosphere [Pa]; the spring carries it times the effective area.
+    area, area_rate
+        Effective area [m^2], and its increase for each metre that the spring is pressed together [m].
+    volume, reservoir_volume
+        Volume of the bellows and of the surge reservoir [m^3].
+    pipe_damping
+        Damping of the pipe or orifice between them [N s/m]: force by the pressure that drives the air through it, over
+        the velocity of a piston of the effective area that moves this air.
+    exponent
+        Polytropic exponent of the air.
+    """
+
+    pressure: Positive
+    area: Positive
+    area_rate: Length = 0.0
+    volume: Positive
+    reservoir_volume: Positive
+    pipe_damping: Positive
+    exponent: Annotated[float, Field(ge=1, le=1.4)] = 1.4
+
+    @property
+    def stage(self) -> tuple[float, float, float]:
+        """Stiffness [N/m], and damping [N s/m] and stiffness [N/m] of a damper and a spring in series beside it.
+
+        Notes
+        -----
+        Air of the absolute pressure p in a volume V is a spring k = n p A^2 / V. The bellows, k_b, is in series with
+        the reservoir k_r and its pipe c side by side: the same as k_b k_r / (k_b + k_r) beside a damper c k_b^2 /
+        (k_b + k_r)^2 in series with k_b^2 / (k_b + k_r). The pressure times the rate of the area is a spring beside
+        both.
+
+        References
+        ----------
+        M. Presthus, Derivation of air spring model parameters for train simulation, Lulea University of Technology,
+        2002 (linear models with a surge reservoir).
+        """
+        air = self.exponent * (self.pressure + STANDARD_ATMOSPHERE) * self.area**2
+        bellows, reservoir = air / self.volume, air / self.reservoir_volume
+        share = bellows / (bellows + reservoir)
+        return share * reservoir + self.pressure * self.area_rate, share**2 * self.pipe_damping, share * bellows
+
+
 class Bogie(Section):
     """Bogie with two wheelsets below a car body: springs per axle box (primary) and per side (secondary).
 
@@ -297,7 +345,9 @@ class Bogie(Section):
     primary_stiffness, primary_damping
         Vertical stiffness [N/m] and damping [N s/m] at an axle box.
     secondary_stiffness, secondary_damping
-        Vertical stiffness [N/m] and damping [N s/m] on one side, between frame and body.
+        Vertical stiffness [N/m] and damping [N s/m] on one side, between frame and body; with an air spring left out.
+    air_spring
+        Air spring on each side in their place; default: none.
     anti_roll_stiffness
         Stiffness of the anti-roll bar between frame and body [N m/rad].
     contact_stiffness
@@ -318,12 +368,30 @@ class Bogie(Section):
     wheelset_roll_inertia: Positive | None = None
     primary_stiffness: Positive
     primary_damping: NotNegative
-    secondary_stiffness: Positive
-    secondary_damping: NotNegative
+    secondary_stiffness: Positive | None = None
+    secondary_damping: NotNegative | None = None
+    air_spring: AirSpring | None = None
     anti_roll_stiffness: NotNegative = 0.0
     contact_stiffness: Positive = 1.0e9
     contact_half_spacing: Positive = 0.75
     lateral: Lateral | None = None
+
+    @model_validator(mode="after")
+    def _has_one_secondary_stage(self) -> "Bogie":
+        given = [name for name in ("secondary_stiffness", "secondary_damping") if getattr(self, name) is not None]
+        if self.air_spring is not None and given:
+            raise ValueError(f"{given[0]} is that of the air_spring: leave one of them out")
+        if self.air_spring is None and len(given) < 2:
+            missing = "secondary_damping" if given == ["secondary_stiffness"] else "secondary_stiffness"
+            raise ValueError(f"{missing} is missing: add it, or a [bogie.air_spring] table")
+        return self
+
+    @property
+    def secondary(self) -> tuple[float, float, float | None]:
+        """Stiffness [N/m] and damping [N s/m] of one side, and stiffness in series with the damper; None: rigid."""
+        if self.air_spring is not None:
+            return self.air_spring.stage
+        return self.secondary_stiffness or 0.0, self.secondary_damping or 0.0, None
 
     @property
     def wheelset_spin(self) -> float:
