@@ -3,6 +3,7 @@
     python -m benchmarks.multibody.coach modes        eigenvalues and responses beside those of `sprung.vehicles`
     python -m benchmarks.multibody.coach diagnose     baseline, healthy drives never met, faults; `--help` for more
     python -m benchmarks.multibody.coach track        alignment and level from these drives beside those of the rails
+    python -m benchmarks.multibody.coach wheels       run-out of wheels that are not round beside the truth
 
 Body, frames and wheelsets are free bodies with six degrees of freedom each; springs, dampers, traction rods and
 anti-roll bars act between points at their places. Wheels are cones on rails, with the creep forces of Kalker, limited
@@ -16,7 +17,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
@@ -31,8 +32,10 @@ from scipy.signal import resample_poly
 
 from sprung.excitation import Joints, Rail, SpeedChanges, SpeedProfile, SurfaceMotion, rail_quality, random_speed
 from sprung.formats import read, write
+from sprung.likelihood import fit_corners, run_out
 from sprung.likelihood.fitting import fit_windows
 from sprung.likelihood.lateral import fit_lateral_under
+from sprung.modal import INTERVAL_95
 from sprung.recording import Channel, Recording
 from sprung.road import road_profile, track_of
 from sprung.road.level import RANGES, Levels, in_range
@@ -80,7 +83,10 @@ def described() -> Vehicle:
 
 @dataclass(frozen=True)
 class Drive:
-    """Conditions of a drive: track of ERRI B176, range of speed [m/s], load [kg], values over those of the file."""
+    """Conditions of a drive: track of ERRI B176, range of speed [m/s], load [kg], values over those of the file.
+
+    `run_out` are amplitudes of each wheel [m] once in a turn; twice in a turn it has four tenths of that.
+    """
 
     duration: float = 300.0
     track: str = "good"
@@ -88,6 +94,7 @@ class Drive:
     load: float = 0.0
     has_joints: bool = False
     factors: Mapping[str, float] = field(default_factory=dict)
+    run_out: tuple[float, ...] = ()
 
     def __call__(self, name: str) -> float:
         """Return the value of a part over that of the file."""
@@ -446,10 +453,20 @@ def track_below(
         )
     ]
     middle = motions[0].reshape(len(places), 2, -1).mean(axis=1)
+    for wheel, amplitude in enumerate(drive.run_out):
+        angle = profile.distance(time) / (
+            vehicle.bogie[0].lateral.wheel_radius * (1 + RADII * generator.standard_normal())
+        )
+        first, second = generator.uniform(0, 2 * np.pi, 2)
+        motions[1][wheel] += amplitude * (np.sin(angle + first) + SECOND * np.sin(2 * angle + second))
     values = np.minimum(time / 3.0, 1.0) * np.array([np.repeat(middle, 2, axis=0), motions[1]])
     return np.concatenate([values, np.gradient(values, STEP, axis=2)])
 
 
+#: Uneven wheels: scatter of their radii, and what they have twice in a turn over what they have once.
+RADII, SECOND = 1e-3, 0.4
+#: The worst wheel of each drive by its number, and its amplitude [m]; the others have up to a quarter of that.
+UNEVEN = ((5, 3e-4), (2, 3e-4), (0, 1e-4), (7, 1e-3))
 #: Drives of the baseline, and those that are diagnosed together.
 LEARNING, TOGETHER = 8, 2
 #: Drives of the baseline from which the track is surveyed.
@@ -575,6 +592,32 @@ def surveyed(vehicle: Vehicle, folder: Path) -> None:
                 )
 
 
+def uneven(vehicle: Vehicle) -> None:
+    """Print the run-out of the wheels by the fit to a drive, beside the truth."""
+    names = [wheel.corner for wheel in vehicle.wheels]
+    heads = "drive", "model error", "worst wheel", "found", "largest error of the others [mm]", "95 % intervals"
+    print(f"| {' | '.join(heads)} |\n{'|---' * len(heads)}|")
+    for number, (worst, amplitude) in enumerate(UNEVEN):
+        sizes = amplitude * np.random.default_rng([number, 9]).uniform(0.05, 0.25, len(names))
+        sizes[worst] = amplitude
+        drive = replace(any_drive(vehicle, number, {}, {}), duration=200.0, run_out=tuple(sizes.tolist()))
+        fit = fit_corners(driven(vehicle, drive, number), vehicle)
+        found, true = run_out(fit), np.sqrt((1 + SECOND**2) / 2) * sizes
+        errors = found.values - true
+        held = np.mean(np.abs(errors) < INTERVAL_95 * found.stds)
+        others = 1e3 * np.abs(np.delete(errors, worst)).max()
+        value, std = 1e3 * found.values[worst], 1e3 * found.stds[worst]
+        cells = (
+            f"{number}, {drive.track}",
+            f"{100 * fit.model_error:.0f} %",
+            f"{names[worst]}, {1e3 * true[worst]:.3f} mm",
+            f"{names[int(np.argmax(found.values))]}, {value:.3f} ± {std:.3f} mm",
+            f"{others:.3f}",
+            f"{100 * held:.0f} %",
+        )
+        print(f"| {' | '.join(cells)} |", flush=True)
+
+
 def sprung(*arguments: object) -> None:
     """Run a command as a user does; one that finds a change returns 1."""
     done = subprocess.run(
@@ -585,9 +628,9 @@ def sprung(*arguments: object) -> None:
 
 
 def main() -> None:
-    """Print modes and responses, diagnoses, or the track."""
+    """Print modes and responses, diagnoses, the track, or the wheels."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("modes", "diagnose", "track"))
+    parser.add_argument("what", choices=("modes", "diagnose", "track", "wheels"))
     parser.add_argument("--folder", type=Path, default=Path("coach-drives"), help="where drives are kept")
     given = parser.parse_args()
     if given.what == "diagnose":
@@ -595,6 +638,9 @@ def main() -> None:
         return
     if given.what == "track":
         surveyed(described(), given.folder)
+        return
+    if given.what == "wheels":
+        uneven(described())
         return
     for speed in (25.0, 45.0):
         compared_modes(described(), speed)

@@ -96,8 +96,11 @@ from sprung.kits import plan as plan
 from sprung.likelihood import CornerFit as CornerFit
 from sprung.likelihood import CornerSettings as CornerSettings
 from sprung.likelihood import LateralFit as LateralFit
+from sprung.likelihood import RunOut as RunOut
+from sprung.likelihood import SpectralLine as SpectralLine
 from sprung.likelihood import fit_corners as fit_corners
 from sprung.likelihood import fit_lateral as fit_lateral
+from sprung.likelihood import run_out as run_out
 from sprung.likelihood.dry_friction import DampingAndFriction as DampingAndFriction
 from sprung.likelihood.dry_friction import Friction as Friction
 from sprung.likelihood.dry_friction import common_friction as common_friction
@@ -188,6 +191,7 @@ from sprung.simulation import WheelOrders as WheelOrders
 from sprung.simulation import simulate as simulate
 from sprung.simulation import simulate_drive as simulate_drive
 from sprung.simulation import usual_excitation as usual_excitation
+from sprung.vehicles import AirSpring as AirSpring
 from sprung.vehicles import Axle as Axle
 from sprung.vehicles import Body as Body
 from sprung.vehicles import Bogie as Bogie

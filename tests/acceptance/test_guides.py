@@ -18,13 +18,16 @@ GUIDES = DOCS / "how-to"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("guide", ["plan-a-kit", "road", "ride", "inspection", "fmu"])
+@pytest.mark.parametrize("guide", ["plan-a-kit", "road", "ride", "inspection", "fmu", "wheels"])
 def test_a_guide_shows_what_its_commands_print(guide, tmp_path, monkeypatch, capsys) -> None:
     if guide == "fmu":
         pytest.importorskip("fmpy")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "120")
-    blocks = re.findall(r"```console\n(.*?)```", (GUIDES / f"{guide}.md").read_text(encoding="utf-8"), re.DOTALL)
+    page = (GUIDES / f"{guide}.md").read_text(encoding="utf-8")
+    for name, text in re.findall(r"^`(\w+\.toml)`:\n\n```toml\n(.*?)```", page, re.DOTALL | re.MULTILINE):
+        Path(name).write_text(text, encoding="utf-8")
+    blocks = re.findall(r"```console\n(.*?)```", page, re.DOTALL)
     assert blocks
     printed: list[str] = []
     for line in "".join(blocks).splitlines():

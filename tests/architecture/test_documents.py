@@ -23,7 +23,7 @@ def blocks(path, language):
 
 
 def test_vehicle_file_of_the_documentation_parses() -> None:
-    on_axles, on_bogies = map(tomllib.loads, blocks(REPOSITORY / "docs" / "vehicle-file.md", "toml"))
+    on_axles, on_bogies, on_air = map(tomllib.loads, blocks(REPOSITORY / "docs" / "vehicle-file.md", "toml"))
     vehicle = parse_vehicle(on_axles)
     assert vehicle.name == "zafira"
     assert vehicle.sensor[0].channel == "acc_fl"
@@ -34,6 +34,11 @@ def test_vehicle_file_of_the_documentation_parses() -> None:
     assert isinstance(metro, Vehicle)
     assert metro.bogie[1].secondary_stiffness == 2.9e5
     assert metro.sensor[0].on == "bogie1"
+    steel = {name: value for name, value in front.items() if not name.startswith("secondary_")}
+    bogies = [steel | on_air["bogie"], steel | on_air["bogie"] | {"x": -7.2}]
+    airy = parse_vehicle(on_bogies | {"name": "metro", "kind": "rail", "body": body, "bogie": bogies})
+    assert isinstance(airy, Vehicle)
+    assert airy.bogie[0].air_spring is not None
 
 
 def commands():

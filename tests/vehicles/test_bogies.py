@@ -240,7 +240,7 @@ def on_air(**changes) -> Vehicle:
 
 def test_an_air_spring_is_two_volumes_and_a_pipe() -> None:
     """The gas law of both volumes and the flow through the pipe, written down by themselves and solved: 1e-12."""
-    s = 2j * np.pi * np.geomspace(0.01, 50.0, 9)
+    s = np.asarray(2j * np.pi * np.geomspace(0.01, 50.0, 9), dtype=np.complex128)
     absolute, area = 350e3 + 101325.0, 0.19
     forces = []
     for each in s:

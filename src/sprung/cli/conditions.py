@@ -155,10 +155,13 @@ class RailDriveConditions(DriveConditions):
         Level of the track's irregularity by ERRI B176: "good" (low) or "bad" (high).
     welded
         Whether the rails are welded; otherwise they have dipped joints every 18 m.
+    wheel_orders
+        Unbalance and run-out of the wheels, whose radius is to be stated.
     """
 
     quality: Literal["good", "bad"] = "good"
     welded: bool = False
+    wheel_orders: WheelOrders | None = None
 
 
 class RigRunConditions(DriveConditions):

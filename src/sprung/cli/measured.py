@@ -96,7 +96,8 @@ def corners(
             lambda pages, inputs: pages.corners_report(fit, inputs, document=document), files, reading, vehicle=vehicle
         )
     inspection = [tables.plate_tests_table(tests)] if tests else []
-    shown = (tables.components_table(fit), tables.fitted_modes_table(fit), *inspection)
+    wheels = tables.run_out_tables(fit)
+    shown = (tables.components_table(fit), tables.fitted_modes_table(fit), *inspection, *wheels)
     output.show(document, *shown, notes=[*tables.describe_payload(fit), *fit.notes])
 
 

@@ -32,7 +32,10 @@ from sprung.likelihood.surface import RailInputs as RailInputs
 from sprung.likelihood.surface import RoadInputs as RoadInputs
 from sprung.likelihood.surface import SurfaceInputs as SurfaceInputs
 from sprung.likelihood.surface import TrackLevels as TrackLevels
+from sprung.likelihood.suspension_forces import DrivenSegments as DrivenSegments
 from sprung.likelihood.vehicle import CornerSettings as CornerSettings
 from sprung.likelihood.vehicle import Expected as Expected
 from sprung.likelihood.vehicle import vehicle_model as vehicle_model
+from sprung.likelihood.wheels import RunOut as RunOut
+from sprung.likelihood.wheels import run_out as run_out
 from sprung.likelihood.whittle import Model as Model

@@ -9,6 +9,7 @@ from sprung._checks import freeze
 from sprung._display import Drawable, Savable, Tabular, counted, in_short, listed
 from sprung.errors import ParameterError
 from sprung.likelihood.coordinates import RigidLayout
+from sprung.likelihood.masked_lines import SpectralLine
 from sprung.likelihood.search import Differenced, least_squares
 from sprung.likelihood.speed_delay import SpeedDelay
 from sprung.likelihood.suspension_forces import DrivenSegments
@@ -60,6 +61,8 @@ class CornerFit(Tabular, Savable, Drawable):
         Delay of the speed channel; None without one.
     driven
         Segments of a drive on a road, which know more than their spectra; None: not kept.
+    lines
+        Lines of wheels, engine or mains that were left out of the spectra.
     """
 
     model: Model
@@ -73,6 +76,7 @@ class CornerFit(Tabular, Savable, Drawable):
     from_modes: Real | None = None
     speed_delay: SpeedDelay | None = None
     driven: DrivenSegments | None = None
+    lines: tuple[SpectralLine, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, parameters=1, covariance=2, misfit=2)

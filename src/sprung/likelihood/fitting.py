@@ -13,8 +13,8 @@ from sprung.errors import DataError
 from sprung.likelihood.components import free_components
 from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit, corners_from_modes
-from sprung.likelihood.joints import joint_pitch
-from sprung.likelihood.masked_lines import SpectralLine, residual_lines, without_lines
+from sprung.likelihood.joints import repetitions
+from sprung.likelihood.masked_lines import SpectralLine, lines_of_turns, residual_lines, with_lines, without_lines
 from sprung.likelihood.rig import RigInputs
 from sprung.likelihood.search import DESCENT, DescentSettings, minimised
 from sprung.likelihood.spectra import (
@@ -368,19 +368,21 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
     >>> fit.n_segments, bool(np.all(np.abs(fit.log_ratios) < 3 * fit.log_ratios_std))
     (22, True)
     """
+    lines: tuple[SpectralLine, ...] = ()
+    of_wheels = lines
     if setup.kind == "rail" and setup.joint_pitch is None:
         smooth = setup.at_classes(segments, width=RULES.coarse)
-        pitch = joint_pitch(smooth, smooth.scaled_start(), segments, width=RULES.coarse)
+        turn, pitch = repetitions(smooth, smooth.scaled_start(), segments, width=RULES.coarse)
         setup = replace(setup, joint_pitch=pitch)
-    model, parameters = _start(segments, setup, starts)
+        lines = of_wheels = () if turn is None else lines_of_turns(turn, smooth.spectra)
+    model, parameters = _start(segments, setup, starts, lines)
     limited, power, lowest = segments, RULES.first, lowest_of_lines(setup.nominal, setup.kind)
-    lines: tuple[SpectralLine, ...] = ()
     for _ in range(RULES.max_fits):
         last_lines, last_power = lines, power
         limits = np.sqrt(segment_weights(model, parameters, segments))[:, None, None]
         limited = replace(segments, values=segments.values * limits)
         if setup.settings.has_lines_masked:
-            lines = residual_lines(model, parameters, lowest=lowest)
+            lines = with_lines(of_wheels, residual_lines(model, parameters, lowest=lowest))
         untempered = _weighted(setup.at_classes(limited, width=CLASS_WIDTH), tempering=1.0, lines=lines)
         power = tempering(untempered, parameters)
         model = _weighted(untempered, tempering=power, lines=lines)
@@ -391,16 +393,18 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
     misfit, excess = power_misfit(model, parameters)
     counts, error = (model.spectra.n_segments, segments.n_rejected), float(np.sqrt(max(0.0, excess)))
     driven = DrivenSegments(setup.model(beyond(model.spectra)), limited) if setup.kind == "road" else None
-    fit = CornerFit(model, parameters, covariance, misfit, error, *counts, notes=(), driven=driven)
+    fit = CornerFit(model, parameters, covariance, misfit, error, *counts, notes=(), driven=driven, lines=lines)
     joints = () if setup.joint_pitch is None else (f"rail joints every {setup.joint_pitch:.1f} m are part of the fit",)
-    return replace(fit, notes=(*_notes(fit, lines), *joints))
+    return replace(fit, notes=(*_notes(fit), *joints))
 
 
-def _start(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) -> tuple[Model, Real]:
+def _start(
+    segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real], lines: tuple[SpectralLine, ...]
+) -> tuple[Model, Real]:
     """Return the model with speed classes of full width, tempered as at first, and where its search starts."""
     coarse = setup.at_classes(segments, width=RULES.coarse)
-    rough = _weighted(coarse, tempering=RULES.first)
-    end = _rough_fit(rough, _weighted(coarse, tempering=1.0), starts, setup.settings.expected)
+    rough = _weighted(coarse, tempering=RULES.first, lines=lines)
+    end = _rough_fit(rough, _weighted(coarse, tempering=1.0, lines=lines), starts, setup.settings.expected)
     model = _weighted(setup.at_classes(segments, width=CLASS_WIDTH), tempering=RULES.first)
     parameters = _carried_over(rough, end, model)
     if model.objective(parameters)[0] == TOO_FAR:
@@ -447,7 +451,7 @@ def _carried_over(coarse: Model, parameters: Real, model: Model) -> Real:
     return carried
 
 
-def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:
+def _notes(fit: CornerFit) -> tuple[str, ...]:
     """Return notes on unidentifiable components and on the fit of the model, one sentence each."""
     notes = []
     weak = [str(component) for component, is_ in zip(fit.components, fit.is_identifiable, strict=True) if not is_]
@@ -465,7 +469,7 @@ def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:
             "between corners and from a baseline are more reliable than the values"
         )
     notes += _implausibility_notes(fit)
-    if lines:
+    if lines := fit.lines:
         places = ", ".join(
             f"{line.place:.3g} {'per m' if line.follows_speed else 'Hz'}" for line in lines[: RULES.max_named]
         )

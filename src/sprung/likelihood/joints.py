@@ -1,4 +1,7 @@
-"""Rail joints at equal distances: their lines in the spectrum of a track, and their distance from the data."""
+"""What repeats itself along a track: joints at equal distances, and the turns of wheels that are not round."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -7,12 +10,27 @@ from sprung.likelihood.spectra import OVERCOUNT, ClassSpectra, SegmentSpectra
 from sprung.likelihood.uncertainty import whitened_segments
 from sprung.likelihood.whittle import Model
 
-#: Shortest and longest distance of joints that are searched for [m].
-PITCHES = (5.0, 60.0)
-#: Least correlation at that distance and its multiples, in standard deviations of chance.
-SIGNIFICANT = 5.0
 #: Least density between the lines: sharper than a bin of a segment, they would make it negative on its grid.
 _LEAST = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class RepetitionSettings:
+    """What is searched for, and when it is found."""
+
+    #: Shortest and longest distance of joints [m].
+    pitches: tuple[float, float] = (5.0, 60.0)
+    #: Smallest and largest circumference of a wheel [m].
+    turns: tuple[float, float] = (1.8, 4.0)
+    #: Distance over which the turns of a wheel are counted [m].
+    reach: float = 40.0
+    #: Least correlation at a distance and its multiples, in standard deviations of chance.
+    significant: float = 5.0
+    #: Departure of a distance from whole turns, in turns, within which it is theirs.
+    whole: float = 0.03
+
+
+SETTINGS = RepetitionSettings()
 
 
 def comb(spectra: ClassSpectra, pitch: float) -> Real:
@@ -50,13 +68,15 @@ def comb(spectra: ClassSpectra, pitch: float) -> Real:
     return np.maximum(lines, _LEAST)
 
 
-def joint_pitch(model: Model, parameters: Real, segments: SegmentSpectra, *, width: float) -> float | None:
-    """Return the distance of joints at which the motion repeats itself beyond what the model explains [m].
+def repetitions(
+    model: Model, parameters: Real, segments: SegmentSpectra, *, width: float
+) -> tuple[float | None, float | None]:
+    """Return the circumference of wheels and the distance of joints at which the motion repeats itself [m].
 
     Parameters
     ----------
     model
-        Model of a smooth track, with data.
+        Model of a smooth track and round wheels, with data.
     parameters
         Its fitted parameters.
     segments
@@ -66,46 +86,68 @@ def joint_pitch(model: Model, parameters: Real, segments: SegmentSpectra, *, wid
 
     Returns
     -------
-    float or None
-        Distance in the unit of the stated speed times seconds; None where no repetition exceeds chance.
+    float or None, float or None
+        Distances in the unit of the stated speed times seconds; None where no repetition exceeds chance.
 
     Notes
     -----
     The power of a segment relative to the model's and to the mean of all segments, as a function of the spatial
-    frequency f / v, has a cosine of "quefrency" p where the track repeats itself after p: the correlation of the
+    frequency f / v, has a cosine of "quefrency" p where the motion repeats itself after p: the correlation of the
     whitened motion at that distance, summed over segments whose speeds differ. By chance it has the variance of the sum
     of independent powers, which overlapping Hann-windowed segments triple (19/9 times 3/2). Joints every p also repeat
-    the track after 2 p, 3 p and 4 p, whose correlations count with that at p, so that no multiple of p is found.
+    the track after 2 p, 3 p and 4 p, whose correlations count with that at p, so that no multiple of p is found; wheels
+    repeat each turn, all of which count. Whichever of the two repeats more is there; joints beside wheels are sought
+    without the lines of these.
 
     References
     ----------
     R. B. Randall, A history of cepstrum analysis and its application to mechanical problems, Mechanical Systems and
     Signal Processing 97 (2017), 3-19.
     """
-    power = np.abs(whitened_segments(model, parameters, segments, width)) ** 2
-    power = np.mean(power / power.mean(axis=0), axis=2) - 1
+    powers = np.abs(whitened_segments(model, parameters, segments, width)) ** 2
+    reach = segments.speeds[:, None] * segments.segment_length
     waves = segments.frequencies / segments.speeds[:, None]
-    limited = np.minimum(power, np.quantile(power, 0.99))
-    variance = np.full_like(power, 1.5 * OVERCOUNT * limited.var())
+    is_free = np.ones(waves.shape, dtype=np.bool_)
 
     def scores(distances: Real) -> Real:
-        """Return the correlations at distances, in standard deviations of chance."""
-        is_used = segments.speeds[:, None] * segments.segment_length > 2 * distances  # at least two joints in a segment
-        cosines = np.array([np.cos(2 * np.pi * distance * waves) for distance in distances])
+        """Return the correlations at distances, in standard deviations of chance, by what is free of lines."""
+        means = np.einsum("sfi,sf->fi", powers, is_free) / np.maximum(is_free.sum(axis=0), 1)[:, None]
+        power = np.mean(powers / np.maximum(means, 1e-300), axis=2) - 1
+        limited = np.where(is_free, np.minimum(power, np.quantile(power[is_free], 0.99)), 0.0)
+        variance = 1.5 * OVERCOUNT * limited[is_free].var()
+        is_used = reach > 2 * distances  # at least two joints in a segment
+        cosines = np.array([np.cos(2 * np.pi * distance * waves) * is_free for distance in distances])
         sums = np.einsum("psf,sf,sp->p", cosines, limited, is_used)
-        chance = np.einsum("psf,sf,sp->p", cosines**2, variance, is_used)
+        chance = variance * np.einsum("psf,sp->p", cosines**2, is_used)
         return np.asarray(sums / np.sqrt(np.maximum(chance, 1.0)))
 
     step = 1 / (8 * float(np.quantile(waves, 0.9)))
-    pitches = np.arange(*PITCHES, step)
-    once = scores(pitches)
+    distances = np.arange(SETTINGS.turns[0], SETTINGS.pitches[1], step)
+    once = scores(distances)
+    pitch, strength = _joints(distances, once, step, scores)
+    turns = np.arange(*SETTINGS.turns, step / 8)
+    every = [turn * np.arange(1, 1 + int(SETTINGS.reach / turn)) for turn in turns]
+    of_turns = [np.sum(np.interp(each, distances, once)) / np.sqrt(each.size) for each in every]
+    turn = float(turns[np.argmax(of_turns)])
+    if max(of_turns) <= max(strength, SETTINGS.significant):
+        return None, pitch if strength > SETTINGS.significant else None
+    number = np.rint(turn * waves)
+    is_free = (number == 0) | (np.abs(turn * waves - number) * reach > 2 * turn)
+    is_other = np.abs(distances / turn - np.rint(distances / turn)) > SETTINGS.whole
+    pitch, strength = _joints(distances, np.where(is_other, scores(distances), 0.0), step, scores)
+    return turn, pitch if strength > SETTINGS.significant else None
+
+
+def _joints(distances: Real, once: Real, step: float, scores: Callable[[Real], Real]) -> tuple[float, float]:
+    """Return the distance of joints and its score together with its multiples."""
+    is_long = distances >= SETTINGS.pitches[0]
+    pitches, once = distances[is_long], once[is_long]
     # Joints every p repeat the track after 2 p, 3 p ... too: their scores count together, as many as are largest so.
     times = np.arange(1, 5)
     repeated = np.cumsum([np.interp(count * pitches, pitches, once, right=0.0) for count in times], axis=0)
     together = repeated / np.sqrt(times)[:, None]
     best = int(np.argmax(together.max(axis=0)))
-    if together[:, best].max() <= SIGNIFICANT:
-        return None
     nearby = pitches[best] + step * np.linspace(-1, 1, 41)
-    within = times[times * nearby[-1] < PITCHES[1]]
-    return float(nearby[np.argmax(sum(scores(count * nearby) for count in within))])
+    within = times[times * nearby[-1] < SETTINGS.pitches[1]]
+    pitch = float(nearby[np.argmax(sum(scores(count * nearby) for count in within))])
+    return pitch, float(together[:, best].max())

@@ -21,6 +21,8 @@ class LineLimits:
     half_width: int = 2
     #: Distance of its neighbourhood on either side, in steps.
     neighbourhood: int = 6
+    #: Distance of two lines of the wheels, over the place of the first one, within which they are the same.
+    same: float = 0.02
 
 
 LIMITS = LineLimits()
@@ -105,6 +107,23 @@ def residual_lines(model: Model, parameters: Real, *, lowest: float = 0.0) -> tu
     rest = weights * without_lines(spectra, tuple(lines))
     lines += [SpectralLine(place, False) for place in _peaks(frequencies, ratio, rest, step)]
     return tuple(lines)
+
+
+def lines_of_turns(circumference: float, spectra: ClassSpectra) -> tuple[SpectralLine, ...]:
+    """Return the lines of wheels of a circumference [m] in the band of spectra: each number of periods in a turn."""
+    most = int(circumference * float(spectra.frequencies[-1] / spectra.speeds.min()))
+    return tuple(SpectralLine(number / circumference, follows_speed=True) for number in range(1, most + 1))
+
+
+def with_lines(known: tuple[SpectralLine, ...], found: tuple[SpectralLine, ...]) -> tuple[SpectralLine, ...]:
+    """Return known lines of wheels and those found that are none of them, to a fiftieth of the first one's place."""
+    near = LIMITS.same * known[0].place if known else 0.0
+    others = (
+        line
+        for line in found
+        if not (line.follows_speed and any(abs(line.place - other.place) < near for other in known))
+    )
+    return (*known, *others)
 
 
 def _peaks(places: Real, ratio: Real, weights: Real, step: float) -> list[float]:

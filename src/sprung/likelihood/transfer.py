@@ -208,7 +208,7 @@ def transfer(terms: Terms) -> Transfer:
 
 
 def dynamic_stiffness(terms: Terms) -> Complex:
-    """Return the forces on the coordinates for their motion [N/m], shape (grid, n, n); symmetric but for steering wheelsets."""
+    """Return the forces on the coordinates for their motion [N/m], shape (grid, n, n)."""
     elastic = _summed(terms.stiffness, terms.elongations, terms.elongations)
     return np.asarray(elastic - terms.squared[:, None, None] * terms.mass + terms.rolling, dtype=np.complex128)
 

@@ -167,9 +167,11 @@ class Optimum:
         self.model = model
         #: Response of the vehicle.
         self.response: Transfer = transfer(model.terms(parameters))
-        factor = np.linalg.inv(np.linalg.cholesky(through_window(self.response.spectral_matrix)))
+        factor = np.asarray(
+            np.linalg.inv(np.linalg.cholesky(through_window(self.response.spectral_matrix))), dtype=np.complex128
+        )
         root_weights = np.sqrt(model.spectra.weights)[..., None]
-        self._factor: Complex = factor * np.sqrt(root_weights)[..., None]
+        self._factor = np.asarray(factor * np.sqrt(root_weights)[..., None], dtype=np.complex128)
         data = factor @ model.spectra.matrices @ factor.conj().swapaxes(-1, -2)
         #: The model's spectral matrix less the data's, whitened, in real coordinates.
         self.excess: Real = (real_coordinates(np.eye(data.shape[-1]) - data) * root_weights).ravel()

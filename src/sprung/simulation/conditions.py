@@ -19,7 +19,7 @@ from sprung.excitation import (
     random_cross_slope,
     random_curvature,
 )
-from sprung.vehicles import Vehicle, corner_names
+from sprung.vehicles import Vehicle
 
 #: Gauge pressure of a tyre at 20 degrees Celsius [Pa].
 TYRE_PRESSURE = 2.2e5
@@ -324,6 +324,8 @@ class WheelOrders:
         Usual radial run-out of a wheel at the first, second ... harmonic of its rotation, amplitudes [m].
     radius
         Rolling radius [m], above 0.
+    wheels
+        Names of the wheels that have them, such as "front_left"; none given: all.
 
     Raises
     ------
@@ -334,6 +336,7 @@ class WheelOrders:
     unbalance: float = 0.0
     run_out: tuple[float, ...] = ()
     radius: float = 0.31
+    wheels: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_number("unbalance", self.unbalance, at_least=0)
@@ -357,7 +360,7 @@ class WheelOrders:
         Raises
         ------
         ParameterError
-            If the vehicle has no tyres.
+            If the vehicle has no tyres, or not these wheels.
 
         Notes
         -----
@@ -365,14 +368,17 @@ class WheelOrders:
         stiffness k_t, here the nominal one.
         """
         lines = []
-        n_wheels = 2 * len(vehicle.axle)
-        for wheel in range(n_wheels):
-            stiffness = vehicle.axle[wheel // 2].tyre_stiffness
+        names = [wheel.corner for wheel in vehicle.wheels]
+        for name in self.wheels:
+            check_one_of("wheels", name, names)
+        stiffnesses = [axle.tyre_stiffness for axle in vehicle.axle for _ in range(2)]
+        stiffnesses += [bogie.contact_stiffness for bogie in vehicle.bogie for _ in range(4)]
+        for name, stiffness in zip(names, stiffnesses, strict=True):
             if stiffness is None:
                 raise ParameterError(f"vehicle {vehicle.name!r} has no tyres that could be unbalanced: leave that out")
             radius = self.radius * (1 + _USUAL.radii * generator.standard_normal())
-            shares = tuple(float(other == wheel) for other in range(n_wheels))
-            sizes = generator.uniform(*_USUAL.wheels, 1 + len(self.run_out))
+            shares = tuple(float(other == name) for other in names)
+            sizes = generator.uniform(*_USUAL.wheels, 1 + len(self.run_out)) * (not self.wheels or name in self.wheels)
             phases = generator.uniform(0, 2 * math.pi, sizes.size)
             turns = 1 / (2 * math.pi * radius)
             force = sizes[0] * self.unbalance * (_USUAL.reference_speed / radius) ** 2
@@ -399,7 +405,7 @@ class WheelOrders:
 
 def wheel_order_facts(lines: tuple[Lines, ...], vehicle: Vehicle) -> dict[str, list[dict[str, float]]]:
     """Return the lines of `WheelOrders.lines` by corner: periods per metre, amplitude at 10 m/s [m], phase [rad]."""
-    facts: dict[str, list[dict[str, float]]] = {corner: [] for corner in corner_names(len(vehicle.axle))}
+    facts: dict[str, list[dict[str, float]]] = {wheel.corner: [] for wheel in vehicle.wheels}
     for line in lines:
         corner = list(facts)[line.shares.index(1.0)]
         facts[corner] += [

@@ -152,6 +152,8 @@ class DriveSettings(ABC):
         Imperfections of sensors and recorder, see `with_imperfections`, in the order in which they act.
     fmu
         Functional Mock-up Unit that is driven in place of the vehicle, and is the truth; None: the vehicle of the file.
+    wheel_orders
+        Unbalance and run-out of the wheels on a road or track; None: round and balanced wheels.
 
     Raises
     ------
@@ -170,6 +172,7 @@ class DriveSettings(ABC):
     deviations: Deviations = field(default_factory=Deviations)
     imperfections: tuple[Imperfection, ...] = ()
     fmu: Fmu | None = None
+    wheel_orders: WheelOrders | None = None
 
     def __post_init__(self) -> None:
         check_number("sampling_rate", self.sampling_rate, above=0)
@@ -198,6 +201,11 @@ class DriveSettings(ABC):
     def excitation(self, vehicle: Vehicle, route: Route) -> Excitation:
         """Return the height of the ground under the wheels of a vehicle on its route."""
 
+    def _lines(self, vehicle: Vehicle, route: Route) -> tuple[Lines, ...]:
+        if self.wheel_orders is None:
+            return ()
+        return self.wheel_orders.lines(vehicle, route.speed, self.deviations.generator(WHEELS))
+
     def own_conditions(self, vehicle: Vehicle, route: Route) -> dict[str, Any]:
         """Return the conditions that only this kind of drive has, by name."""
         del vehicle, route
@@ -214,8 +222,6 @@ class RoadDrive(DriveSettings):
         Roughness of the road, and its potholes.
     driving
         Braking, curves and cross slope.
-    wheel_orders
-        Unbalance and run-out of the wheels; None: round and balanced wheels.
     surface
         Measured surface that takes the place of the random one, such as `read_surface` gives; None: a random one.
     """
@@ -224,7 +230,6 @@ class RoadDrive(DriveSettings):
     speed: tuple[float, float] = (5.5, 20.0)
     road: RoadConditions = field(default_factory=RoadConditions)
     driving: Driving = field(default_factory=Driving)
-    wheel_orders: WheelOrders | None = None
     surface: MeasuredSurface | None = None
 
     def excitation(self, vehicle: Vehicle, route: Route) -> Excitation:
@@ -249,11 +254,6 @@ class RoadDrive(DriveSettings):
             "driving": plain(self.driving) | {"height": _height(vehicle, self.driving)},
             "wheel_orders": wheel_order_facts(self._lines(vehicle, route), vehicle),
         }
-
-    def _lines(self, vehicle: Vehicle, route: Route) -> tuple[Lines, ...]:
-        if self.wheel_orders is None:
-            return ()
-        return self.wheel_orders.lines(vehicle, route.speed, self.deviations.generator(WHEELS))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -284,18 +284,21 @@ class RailDrive(DriveSettings):
 
     def excitation(self, vehicle: Vehicle, route: Route) -> Excitation:
         """Return the height of the rails under the wheels."""
-        return SurfaceMotion(
+        track = SurfaceMotion(
             rail_quality(self.quality),
             _axle_positions(vehicle),
             route.speed,
             contact_length=0.01,
             obstacles=() if self.welded else (Joints(),),
         )
+        lines = self._lines(vehicle, route)
+        return Sum((track, *lines)) if lines else track
 
     def own_conditions(self, vehicle: Vehicle, route: Route) -> dict[str, Any]:
-        """Return the track."""
-        del vehicle, route
-        return {"track": {"quality": self.quality, "welded": self.welded}}
+        """Return track and wheel orders."""
+        track = {"track": {"quality": self.quality, "welded": self.welded}}
+        lines = self._lines(vehicle, route)
+        return track | ({"wheel_orders": wheel_order_facts(lines, vehicle)} if lines else {})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,6 +13,7 @@ from sprung._display import in_short, listed
 from sprung.calibration import CalibratedNumber, Calibration
 from sprung.likelihood import CornerFit
 from sprung.likelihood.plate_test import PlateTest, plate_tests
+from sprung.likelihood.wheels import RunOut, run_out
 from sprung.results.documents.document import (
     Document,
     Estimate,
@@ -68,6 +69,13 @@ class PlateTestDocument(Document):
     asymmetry: Number
 
 
+class WheelsDocument(Document):
+    """Wheels that are not round: distance of a turn [m], and RMS of the run-out of each wheel [m]."""
+
+    circumference: float
+    run_out: dict[str, Estimate]
+
+
 class CornersDocument(Document):
     """A fit of springs, dampers and tyres as stored in a file: without the model and the spectra it was fitted to."""
 
@@ -80,6 +88,7 @@ class CornersDocument(Document):
     sensors: dict[str, Estimate]
     fit: FitQuality
     inspection: dict[str, PlateTestDocument] = Field(default_factory=dict)
+    wheels: WheelsDocument | None = None
     notes: tuple[str, ...]
 
     def __repr__(self) -> str:
@@ -159,7 +168,17 @@ def corners_document(fit: CornerFit, *, inspection: Mapping[str, PlateTest] | No
             "inspection": plate_tests(fit) if inspection is None else inspection,
             "notes": fit.notes,
         }
+        | ({} if (wheels := run_out(fit)) is None else {"wheels": _wheels(wheels)})
     )
+
+
+def _wheels(found: RunOut) -> dict[str, Any]:
+    """Return the fields of the wheels that are not round."""
+    each = zip(found.wheels, found.values.tolist(), found.stds.tolist(), strict=True)
+    return {
+        "circumference": found.circumference,
+        "run_out": {name: {"value": value, "std": std} for name, value, std in each},
+    }
 
 
 def write_corners(fit: CornerFit, path: str | Path) -> None:

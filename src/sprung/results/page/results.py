@@ -294,6 +294,7 @@ def corners_report(fit: CornerFit, inputs: Inputs, *, document: Document | None 
             Section("Components", (tables.components_table(fit), Sentences(tuple(tables.describe_payload(fit))))),
             Section("Modes", (tables.fitted_modes_table(fit),)),
             *([Section("Inspection", (tables.plate_tests_table(tests),))] if (tests := plate_tests(fit)) else []),
+            *[Section("Wheels", (table,)) for table in tables.run_out_tables(fit)],
             _notes(fit.notes),
             _pictures(corner_figures(fit, source=inputs.title), _CAPTIONS["corners"]),
             data_section(inputs),

@@ -6,6 +6,7 @@ from sprung.results.tables.corners import describe_bounce as describe_bounce
 from sprung.results.tables.corners import describe_calibration as describe_calibration
 from sprung.results.tables.corners import describe_payload as describe_payload
 from sprung.results.tables.corners import fitted_modes_table as fitted_modes_table
+from sprung.results.tables.corners import run_out_tables as run_out_tables
 from sprung.results.tables.diagnosis import baseline_table as baseline_table
 from sprung.results.tables.diagnosis import describe_baseline as describe_baseline
 from sprung.results.tables.diagnosis import describe_diagnosis as describe_diagnosis

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sprung._display import counted
-from sprung.likelihood import CornerFit
+from sprung.likelihood import CornerFit, run_out
 from sprung.results.tables.identification import describe_shapes
 from sprung.results.tables.wording import Table, format_estimate, format_name
 from sprung.vehicles.structure import DAMPERS, SPRINGS
@@ -72,6 +72,31 @@ def fitted_modes_table(fit: CornerFit) -> Table:
     )
     columns = ("frequency [Hz]", "damping [%]", "label")
     return Table("Modes of the fitted vehicle", columns, rows, n_words=0)
+
+
+def run_out_tables(fit: CornerFit) -> list[Table]:
+    """Return the table of the wheels' run-out; none where no line of the wheels stands out.
+
+    Examples
+    --------
+    >>> from sprung.likelihood import fit_corners
+    >>> from sprung.simulation import RoadDrive, WheelOrders, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle, wheels = read_vehicle("zafira"), WheelOrders(run_out=(1e-3,), wheels=("rear_left",))
+    >>> settings = RoadDrive(duration=120.0, sampling_rate=60.0, speed=(10.0, 20.0), snr=50.0, wheel_orders=wheels)
+    >>> (table,) = run_out_tables(fit_corners(simulate_drive(vehicle, settings, seed=1).recording, vehicle))
+    >>> table.columns, [row[0] for row in table.rows]
+    (('wheel', 'run-out, RMS [mm]'), ['front left', 'front right', 'rear left', 'rear right'])
+    """
+    found = run_out(fit)
+    if found is None:
+        return []
+    rows = tuple(
+        (format_name(name), format_estimate(1e3 * value, 1e3 * std))
+        for name, value, std in zip(found.wheels, found.values.tolist(), found.stds.tolist(), strict=True)
+    )
+    caption = f"± standard deviation; of turns of {found.circumference:.2f} m. An unbalanced wheel has a run-out, too."
+    return [Table("Wheels", ("wheel", "run-out, RMS [mm]"), rows, n_words=1, caption=caption)]
 
 
 def describe_payload(fit: CornerFit) -> list[str]:
