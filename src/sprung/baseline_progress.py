@@ -36,8 +36,8 @@ class ProgressSettings:
     #: Ordinary drives of rail vehicles, on a track of ERRI B176 low, and the highest mean speed that is asked of them.
     on_rails: ExpectedDrive = field(default_factory=lambda: ExpectedDrive(speed=(15.0, 30.0), roughness=5e-6))
     fastest_on_rails: float = 40.0
-    #: Scatter of healthy windows, ln values: a window that determines a part better than that brings no more.
-    scatter: float = 0.01
+    #: Least scatter of healthy windows, ln values: a window that determines a part better than that brings no more.
+    scatter: float = 0.005
     #: Largest number of groups of parts that a sentence names.
     n_named: int = 3
 
@@ -103,8 +103,8 @@ def learning_progress(
     A change shows first in the ratio of left to right, which a fit knows best: information is the inverse of that
     ratio's variance, or of the part's own where it has no other side. The reference is the information that
     `expected_fit` predicts for ordinary windows with the vehicle's sensors. No window counts for more than a standard
-    deviation of 1 %, as windows of a healthy vehicle scatter by that. Whether a faster drive or a rougher road or track
-    brings more is predicted the same way from the mean speed and roughness of the windows.
+    deviation of 0.5 %, as windows of a healthy vehicle scatter by that and more. Whether a faster drive or a rougher
+    road or track brings more is predicted the same way from the mean speed and roughness of the windows.
 
     Examples
     --------

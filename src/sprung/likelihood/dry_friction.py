@@ -349,7 +349,7 @@ class _Evidence:
 
 def _of_segments(fit: CornerFit, known: Friction) -> Friction:
     """Return what is known of friction with what the segments of a drive say of it beside their spectra."""
-    if fit.driven is None:
+    if fit.driven is None or not known.corners:
         return known
     parts = [(element.owner, element.part) for element in fit.model.structure.elements]
     numbers = [parts.index((corner, "suspension")) for corner in known.corners]

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import erf
 
 from sprung._arrays import Complex, Real
 from sprung.likelihood.spectra import ClassSpectra, SegmentSpectra, speed_classes, through_window
@@ -162,6 +161,8 @@ def friction_forces(
 
 def _laws(velocities: Real, unseen: Real) -> list[Real]:
     """Return the means of sign(v), |v| and v^3 (but for a part that is linear) of velocities with an error."""
+    from scipy.special import erf
+
     signs = erf(velocities / (np.sqrt(2) * unseen))
     sizes = velocities * signs + np.sqrt(2 / np.pi) * unseen * np.exp(-(velocities**2) / (2 * unseen**2))
     return [signs, sizes, velocities**3]

@@ -91,8 +91,8 @@ def run_out(fit: CornerFit) -> RunOut | None:
     >>> vehicle, wheels = read_vehicle("zafira"), WheelOrders(run_out=(1e-3,))
     >>> drive = RoadDrive(duration=120.0, sampling_rate=60.0, speed=(10.0, 20.0), snr=50.0, wheel_orders=wheels)
     >>> found = run_out(fit_corners(simulate_drive(vehicle, drive, seed=1).recording, vehicle))
-    >>> round(found.circumference, 2), found.wheels
-    (1.95, ('front_left', 'front_right', 'rear_left', 'rear_right'))
+    >>> round(found.circumference, 1), found.wheels
+    (1.9, ('front_left', 'front_right', 'rear_left', 'rear_right'))
     """
     check_type("fit", fit, CornerFit)
     low, high = SETTINGS.circumferences
