@@ -7,7 +7,7 @@ import numpy as np
 from sprung._arrays import Complex, Real
 from sprung._checks import check_type, freeze
 from sprung.likelihood.corners import CornerFit
-from sprung.likelihood.masked_lines import LIMITS, SpectralLine, without_lines
+from sprung.likelihood.masked_lines import SpectralLine, without_lines
 from sprung.likelihood.spectra import through_window
 from sprung.likelihood.transfer import transfer
 
@@ -18,6 +18,8 @@ class RunOutSettings:
 
     #: Smallest and largest circumference of a wheel [m].
     circumferences: tuple[float, float] = (1.5, 4.0)
+    #: Distance of a line from a whole number of periods in a turn, in periods, within which it is one of the wheels.
+    whole: float = 0.05
     #: Largest number of steps, and relative change of every power at which they end.
     max_steps: int = 500
     settled: float = 1e-3
@@ -100,8 +102,9 @@ def run_out(fit: CornerFit) -> RunOut | None:
     first = min((line.place for line in of_wheels if 1 / high <= line.place <= 1 / low), default=None)
     if first is None:
         return None
-    near = LIMITS.same * first
-    turns = [line for line in of_wheels if abs(line.place - first * round(line.place / first)) < 2.5 * near]
+    # One line for each number of periods: wheels of different radii may show as two, whose bins are the same.
+    periods = {round(line.place / first): line for line in reversed(of_wheels)}
+    turns = [line for n, line in periods.items() if n and abs(line.place / first - n) < SETTINGS.whole]
     model = fit.model
     response = transfer(model.terms(fit.parameters))
     fitted = through_window(response.spectral_matrix)
