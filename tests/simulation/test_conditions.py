@@ -295,6 +295,7 @@ def test_conditions_are_recorded_where_the_file_has_their_sensors(hatchback):
         (lambda: mems_accelerometers(bits=0), "bits=0 must be at least 1"),
         (lambda: RoadConditions("K"), "road class 'K' is not one of A, B"),
         (lambda: RigRun(driven=cast("Any", "rear")), "driven 'rear' is not one of all, front"),
+        (lambda: RigRun(wheel_orders=WheelOrders()), "wheel_orders are for drives on a road or a track"),
         (lambda: damping_factor(300.0), "temperature=300 must be"),
         (lambda: ForceLaw(asymmetry=1.5), "asymmetry=1.5 must be"),
         (lambda: ForceLaw(friction=-1.0), "friction=-1 must be"),

@@ -313,7 +313,7 @@ class RigRun(DriveSettings):
     Raises
     ------
     ParameterError
-        If a number is out of range, or `driven` is neither "all" nor "front".
+        If a number is out of range, `driven` is neither "all" nor "front", or wheels are not round.
     """
 
     sampling_rate: float = 1000.0
@@ -323,6 +323,8 @@ class RigRun(DriveSettings):
     def __post_init__(self) -> None:
         DriveSettings.__post_init__(self)
         check_one_of("driven", self.driven, ("all", "front"))
+        if self.wheel_orders is not None:
+            raise ParameterError("wheel_orders are for drives on a road or a track: leave them out of runs on a rig")
 
     def excitation(self, vehicle: Vehicle, route: Route) -> Excitation:
         """Return the height of the rollers under the wheels."""
