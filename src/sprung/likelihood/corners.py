@@ -60,7 +60,7 @@ class CornerFit(Tabular, Savable, Drawable):
     speed_delay
         Delay of the speed channel; None without one.
     driven
-        Segments of a drive on a road, which know more than their spectra; None: not kept.
+        Segments of a drive on a road, which hold more than their mean spectra; None: not kept.
     lines
         Lines of wheels, engine or mains that were left out of the spectra.
     """
