@@ -285,10 +285,11 @@ def numbers(vehicle: Vehicle) -> str:
 
 
 def detectable(diagnosis: Diagnosis) -> str:
-    """Return the largest of the smallest losses that would be found, by kind [%]."""
+    """Return the largest of the smallest losses that would be found, by kind, and of each anti-roll bar [%]."""
     largest: dict[str, float] = {}
     for part, loss in diagnosis.detectable.items():
-        largest[part.kind] = max(loss, largest.get(part.kind, 0.0))
+        name = str(part) if part.kind == "anti_roll" else part.kind
+        largest[name] = max(loss, largest.get(name, 0.0))
     return " ".join(f"{kind} {100 * loss:.0f}" for kind, loss in largest.items())
 
 
@@ -335,7 +336,8 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
         found = list(work.map(partial(judged, study, vehicle, learning), groups, firsts))
         alone = sum(bool(names := set(named(each))) and names <= fault.names for each in found)
         wrong = sum(bool(set(named(each)) - fault.names) for each in found)
-        text = f"| {fault.label} | named alone {share(alone, len(found))}, a healthy part named in {wrong}"
+        verdicts = dict(Counter(str(each.verdict) for each in found))
+        text = f"| {fault.label} | {verdicts}, named alone {share(alone, len(found))}, a healthy part named in {wrong}"
         if fault.size is not None:
             sizes = [f for each in found for f in each.findings if f"{f.corner}.{f.component}" in fault.names]
             held = sum(f.interval is not None and f.interval[0] <= fault.size <= f.interval[1] for f in sizes)
