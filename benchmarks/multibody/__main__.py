@@ -341,7 +341,12 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
         if fault.size is not None:
             sizes = [f for each in found for f in each.findings if f"{f.corner}.{f.component}" in fault.names]
             held = sum(f.interval is not None and f.interval[0] <= fault.size <= f.interval[1] for f in sizes)
-            text += f", size within {held} of {len(sizes)}"
+            read = ", ".join(
+                f"{100 * f.change:+.1f} ({100 * f.interval[0]:+.1f}..{100 * f.interval[1]:+.1f})"
+                for f in sizes
+                if f.change is not None and f.interval is not None
+            )
+            text += f", size within {held} of {len(sizes)}: {read}"
         yield text + f" | {Counter(name for each in found for name in named(each)).most_common(4)} |"
 
 
