@@ -13,12 +13,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from benchmarks.patience import N_VEHICLES, ONSET, RATE
-from benchmarks.patience_vectors import PARTS, REPORTED, SINGLE
+from benchmarks.patience_vectors import HYPOTHESES, PARTS, REPORTED
 from scipy.special import logsumexp
 
 from sprung.diagnosis.changes import PATIENCE_DAYS
 from sprung.diagnosis.hypotheses import PRIORS
 
+#: Probability of a change of the first part alone.
+SINGLE = float(np.exp(HYPOTHESES.log_prior[0]))
 UNEQUAL = 0.4
 #: ln of the mean of a value that one in a hundred vehicles needs for the list of a year.
 THRESHOLD = np.log(N_VEHICLES * 48 * PATIENCE_DAYS / RATE)

@@ -6,24 +6,24 @@ compares this with the functions of the package.
 """
 
 from dataclasses import dataclass
-from math import exp, log, sqrt
 
-import numba
 import numpy as np
-from scipy.special import betaincinv
+from scipy.special import betaincinv, gammaln, logsumexp
 
 from sprung import read_vehicle, structure
 from sprung.diagnosis import learning
 from sprung.diagnosis.baseline import SETTINGS
-from sprung.diagnosis.hypotheses import PRIORS, hypotheses_of, log_prior
+from sprung.diagnosis.hypotheses import PRIORS
+from sprung.diagnosis.ratios import Hypotheses
 from sprung.diagnosis.scatter import (
     COMMON_AT_A_TEMPERATURE,
     FRONT_REAR_STD,
+    LASTING,
     ROUNDS,
-    SERIAL,
     WEIGHTS,
-    _whitened,
     _widening,
+    independent_directions,
+    whitened,
 )
 
 PARTS = tuple(structure(read_vehicle("zafira")).components())
@@ -38,10 +38,14 @@ LEFT, RIGHT = (
     for side in ("left", "right")
 )  # fmt: skip
 SUMS, ENDS, MEANS = np.ones((2, 2)), np.array([1.0, -1.0]) / np.sqrt(2), np.sqrt(2) / 4 * np.ones(2)
+TOGETHER = np.ones(2) / np.sqrt(2)
 OWN, COMMON = SETTINGS.slope**2, np.square(SETTINGS.common_slopes)
 #: Covariance of the slopes with each condition before any window: blocks of differences and of sums.
 SLOPES = np.full((6, 4, 1, 1), OWN), np.tile(OWN * np.eye(2) + 2 * COMMON[:, None, None] * SUMS, (3, 1, 1, 1))
-CORRELATIONS = np.array(SERIAL.correlations)
+CORRELATIONS = np.array(LASTING.correlations)
+#: Coordinates of the parts: differences, front against rear, all of a kind; variance of their slopes with conditions.
+ROWS, _ = independent_directions(PARTS)
+OF_SLOPES = OWN + 4 * COMMON[:, None] * (np.arange(len(PARTS)) >= 9)
 
 
 def blocks(values):
@@ -82,8 +86,10 @@ class Baselines:
     scatter: tuple
     nuisance: tuple
     degrees: np.ndarray
-    correlations: np.ndarray
+    weights: np.ndarray
+    variances: np.ndarray
     squares: np.ndarray
+    own_degrees: np.ndarray
     n_windows: int
 
     def units(self, units):
@@ -127,13 +133,13 @@ def estimated(units, values):
         deviations = [y - np.einsum("vnk,vkbc->vnbc", rows, fit) for y, fit in zip(parts, coefficients, strict=True)]
         *learnt, _ = _learnt(deviations, whole, squared, is_widened=False)
         scatter = _covariances(*learnt)
+    own = _own_scatter(deviations, rows, scatter[1])
     *learnt, degrees = _learnt(deviations, whole, squared, is_widened=True)
     scatter = _covariances(*learnt)
     _, information = _regressions(rows, parts, squared, [own + other for own, other in zip(*scatter, strict=True)])
-    correlations, squares = _serial(deviations[0][..., 0], rows, scatter[0][0][:, :, 0, 0])
     met = at.min(axis=1), at.max(axis=1)
     return Baselines(
-        centre, met, coefficients, information, *scatter, degrees, correlations, squares, units.shape[1]
+        centre, met, coefficients, information, *scatter, degrees, *own, units.shape[1]
     )  # fmt: skip
 
 
@@ -192,22 +198,71 @@ def _learnt(deviations, whole, squared, *, is_widened):
     return scales, *stds, degrees
 
 
-def _serial(differences, rows, variances):
-    logs, squares = [], []
-    ridges = variances[:, :, None] / OWN * np.array([0.0, 1, 1, 1, 1])
-    degrees = 6 * (differences.shape[1] - 1)
+def _own_scatter(deviations, rows, nuisance):
+    """Return weights, sums of squares by correlation and their degrees of freedom, as `own_scatter`."""
+    variances = _variances(nuisance)
+    values = np.concatenate([np.squeeze(deviations[0], -1), deviations[1] @ ENDS, deviations[1] @ TOGETHER], axis=-1)
+    along = _alone(variances)
+    values = _extended(values / np.sqrt(variances)[:, None], along)
+    slopes = np.moveaxis(OF_SLOPES[:, None] / variances, 0, -1)
+    slopes = np.concatenate([slopes, along**2 @ slopes], axis=1)
+    known = np.zeros((*slopes.shape[:2], 5, 5))
+    at = np.arange(1, 5)
+    known[..., at, at] = 1 / slopes
+    gram = np.einsum("vnk,vnl->vkl", rows, rows)[:, None]
+    n_windows = rows.shape[1]
+    left = np.maximum(n_windows - np.trace(np.linalg.solve(gram + known, np.broadcast_to(gram, known.shape)),
+                                           axis1=-2, axis2=-1), 1.0)  # fmt: skip
+    m, logs, squares, f = n_windows - 1, [], [], np.array([LASTING.same, LASTING.spread])[:, None, None]
     for correlation in CORRELATIONS:
-        X, y = (_whitened(each.swapaxes(0, 1), correlation).swapaxes(0, 1) for each in (rows, differences))
-        y = y / np.sqrt(variances)[:, None]
-        J = np.einsum("vnk,vnl->vkl", X, X)[:, None] + ridges[..., None] * np.eye(5)
+        X, y = (whitened(each.swapaxes(0, 1), correlation).swapaxes(0, 1) for each in (rows, values))
+        J = np.einsum("vnk,vnl->vkl", X, X)[:, None] + known
         pulled = np.einsum("vnk,vnb->vbk", X, y)
-        rest = np.sum(y**2, axis=(1, 2)) - np.sum(pulled * np.linalg.solve(J, pulled[..., None])[..., 0], axis=(1, 2))
-        squares.append(WEIGHTS.reported + rest)
-        volume = np.sum(np.linalg.slogdet(J)[1], axis=1) + degrees * np.log1p(-(correlation**2))
-        logs.append(-volume / 2 - (WEIGHTS.reported + degrees) / 2 * np.log(squares[-1]))
-    logs = np.array(logs).T
-    weights = SERIAL.prior * np.exp(logs - logs.max(axis=1, keepdims=True))
-    return weights / weights.sum(axis=1, keepdims=True), (np.array(squares) / squares[0]).T
+        rest = np.sum(y**2, axis=1) - np.sum(pulled * np.linalg.solve(J, pulled[..., None])[..., 0], axis=-1)
+        squares.append(rest)
+        volume = np.sum(np.linalg.slogdet(J[:, :6])[1], axis=1) + 6 * m * np.log1p(-(correlation**2))
+        common = (np.sum(rest[:, :6], axis=1) + WEIGHTS.reported) / (np.sum(left[:, :6], axis=1) + WEIGHTS.reported)
+        common = common[:, None]
+        each = gammaln((f + m) / 2) - gammaln(f / 2) + f / 2 * np.log(f * common)
+        each = each - (f + m) / 2 * np.log(f * common + rest[:, :6])
+        logs.append(np.sum(each, axis=-1) - volume / 2)
+    logs = np.moveaxis(logs, (0, 1, 2), (2, 1, 0))
+    weights = LASTING.prior * np.exp(logs - logs.max(axis=(1, 2), keepdims=True))
+    weights = weights / weights.sum(axis=(1, 2), keepdims=True)
+    return weights, variances, np.moveaxis(squares, 0, 1), left
+
+
+def _alone(variances):
+    """Return the estimate of each change alone as weights of coordinates, shape (vehicles, hypotheses, 12)."""
+    moved = MOVED / np.sqrt(variances)[:, None]
+    return moved / np.linalg.norm(moved, axis=-1, keepdims=True)
+
+
+def _extended(values, along):
+    """Return coordinates of windows and the estimates of changes, shape (vehicles, windows, rows)."""
+    return np.concatenate([values, np.einsum("vhk,vnk->vnh", along, values)], axis=-1)
+
+
+def _scales(baseline, j):
+    """Return groups of coordinates with one variance, sums of squares of each and degrees of freedom; of each row."""
+    squares, own = baseline.squares[:, j], baseline.own_degrees
+    n_windows = np.sum(own[:, :6], axis=1)
+    before = np.maximum(baseline.degrees - n_windows, WEIGHTS.reported)[:, None]
+    common = (np.sum(squares[:, :6], axis=1)[:, None] + before) / (n_windows[:, None] + before)
+    spreads = np.full(own.shape[1], LASTING.spread)
+    spreads[9:12] = WEIGHTS.common
+    squares_of, degrees_of = squares + spreads * common, own + spreads
+    groups = np.vstack([np.arange(12) < 9, np.eye(12)[9:]]).astype(float)
+    alike = [np.concatenate([np.sum(each[:, :9], axis=1, keepdims=True) + before, other[:, 9:12]], axis=1)
+             for each, other in ((squares, squares_of), (own, degrees_of))]  # fmt: skip
+    return (groups, *alike), (squares_of, degrees_of)
+
+
+def _variances(nuisance):
+    """Return the variance of each coordinate where parts scatter alike: differences, ends, and all of a kind."""
+    of_sums = REPORTED**2 * np.eye(2) + nuisance[1]
+    ends, means = (np.einsum("i,vbij,j->vb", row, of_sums, row) for row in (ENDS, TOGETHER))
+    return np.concatenate([np.full((len(ends), 6), REPORTED**2), ends, means], axis=-1)
 
 
 def baselines(units, values):
@@ -235,253 +290,124 @@ def baselines(units, values):
 def _chosen(found, which):
     both = {name: tuple(each[which] for each in getattr(found, name))
             for name in ("met", "coefficients", "information", "scatter", "nuisance")}  # fmt: skip
-    one = {name: getattr(found, name)[which] for name in ("centre", "degrees", "correlations", "squares")}
+    one = {
+        name: getattr(found, name)[which]
+        for name in ("centre", "degrees", "weights", "variances", "squares", "own_degrees")
+    }
     return Baselines(**both, **one, n_windows=found.n_windows)
 
 
-SCOPES = [each.scope for each in hypotheses_of(PARTS)]
-PRIOR = np.exp(log_prior(hypotheses_of(PARTS)))
-SINGLE, AXLE, ALL, ELSE, PAIR = (float(PRIOR[SCOPES.index(s)]) for s in ("single", "axle", "all", "else", "pair"))
-BETWEEN, UNMODELLED = 1 / PRIORS.size**2, 1 / PRIORS.unmodelled_size**2
-STRONG, N_UNITS, N_PARTS = SERIAL.strong, 1 + 2 * len(CONDITIONS), len(PARTS)
+HYPOTHESES = Hypotheses.of(PARTS)
+#: Change of each coordinate by each hypothesis with one size, and ln of their prior probabilities.
+MOVED = HYPOTHESES.directions @ ROWS.T
+PRIOR = HYPOTHESES.log_prior[: len(MOVED)] - logsumexp(HYPOTHESES.log_prior[: len(MOVED)])
+NODES, NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
+SPREAD = 1.2
 
 
 def evidence(baseline, units, values, looks):
-    """Return ln of the e-detector of vehicles at each look, shape (2, vehicles, looks).
-
-    First with consecutive windows as possibly correlated, as `lasting_evidence`, then as independent.
-    """
+    """Return ln of the e-detector of vehicles at each look, as `lasting_evidence`, shape (vehicles, looks)."""
     at = baseline.units(units)
     beyond = baseline.beyond(at)
+    away, variances = baseline.residuals(at, values), baseline.variances
+    along = _alone(variances)
+    slopes = np.moveaxis(OF_SLOPES[:, None] / variances, 0, -1)
+    slopes = np.concatenate([slopes, along**2 @ slopes], axis=1)
     rows = np.concatenate([np.ones((*at.shape[:2], 1)), at, beyond], axis=-1)
-    parts = []
-    for away, own, nuisance, information, slopes in zip(
-        baseline.residuals(at, values), baseline.scatter, baseline.nuisance, baseline.information, SLOPES, strict=True
-    ):
-        whole = (own + nuisance)[:, None] + np.einsum("vnc,bcij->vnbij", beyond**2, slopes)
-        later = chained(*np.moveaxis(inverse(slopes), 1, 0))
-        later = np.broadcast_to(later, (len(units), *later.shape))
-        parts += [away, own, whole, information, later]
-    found = np.empty((2, len(units), len(looks)))
-    for k in range(len(units)):
-        found[:, k] = _evidence(
-            rows[k], *(np.ascontiguousarray(each[k]) for each in parts), baseline.degrees[k], baseline.squares[k],
-            baseline.correlations[k], baseline.n_windows, np.array(looks),
-        )  # fmt: skip
+    y = np.concatenate([np.squeeze(away[0], -1), away[1] @ ENDS, away[1] @ TOGETHER], axis=-1)
+    y = _extended(y / np.sqrt(variances)[:, None], along)
+    moved = MOVED / np.sqrt(variances)[:, None]
+    start = _starts(baseline, variances, along, slopes)
+    found = np.empty((len(units), len(looks)))
+    for column, look in enumerate(looks):
+        tables = np.empty((2, len(units), *LASTING.prior.shape))
+        for j, correlation in enumerate(CORRELATIONS):
+            share = (1 - correlation * (1 - 2 / baseline.n_windows)) / (1 + correlation)
+            known = start.copy()
+            known[..., :5, :5] /= share
+            series = _series(rows[:, :look, None], y[:, :look], known, correlation)
+            alike, (squares, degrees) = _scales(baseline, j)
+            first, alone = ([each[:, part] for each in series] for part in (slice(12), slice(12, None)))
+            tables[:, :, 0, j] = _likelihoods(*first, *alike, look, moved)
+            tables[0, :, 1, j] = _without(first[0], first[1], np.eye(12), squares[:, :12], degrees[:, :12], look)[0]
+            ratios = _ratios_alone(*alone[1:], squares[:, 12:], degrees[:, 12:] + look, np.linalg.norm(moved, axis=-1))
+            tables[1, :, 1, j] = tables[0, :, 1, j] + logsumexp(ratios + PRIOR[:, None], axis=(1, 2))
+        known = np.log(np.maximum(baseline.weights, np.finfo(float).tiny))
+        counted = np.where(LASTING.counts_as_certain, 0.0, known)
+        found[:, column] = logsumexp(tables[1] + known, axis=(1, 2)) - logsumexp(tables[0] + counted, axis=(1, 2))
     return found
 
 
-@numba.njit(fastmath=True)
-def _evidence(
-    rows, d, d_own, d_whole, d_known, d_later, m, m_own, m_whole, m_known, m_later,
-    degrees, squares, probabilities, n_learning, looks,
-):  # fmt: skip
-    n, n_rho, n_looks = len(rows), len(CORRELATIONS), len(looks)
-    top, bottom, found = np.empty((n_looks, n_rho)), np.empty((n_looks, n_rho)), np.empty((2, n_looks))
-    D, KD = np.empty((n_looks, 6, 1, n)), np.empty((n_looks, 6, 1, 1, n))
-    M, KM = np.empty((n_looks, 3, 2, n)), np.empty((n_looks, 3, 2, 2, n))
-    for j in range(n_rho):
-        rho, factor, at = CORRELATIONS[j], squares[j], np.zeros((n_looks, 2))
-        share = (1 - rho * (1 - 2 / n_learning)) / (1 + rho)
-        for b in range(6):
-            _block(rows, d[:, b], d_own[b], d_whole[:, b], d_known[b] * share, d_later[b], rho, factor, looks, at,
-                   D[:, b], KD[:, b])  # fmt: skip
-        for b in range(3):
-            _block(rows, m[:, b], m_own[b], m_whole[:, b], m_known[b] * share, m_later[b], rho, factor, looks, at,
-                   M[:, b], KM[:, b])  # fmt: skip
-        known = log(max(probabilities[j], 1e-300))
-        for k in range(n_looks):
-            rest, free = degrees + at[k, 0], degrees + N_PARTS * looks[k]
-            likelihood = (at[k, 1] + degrees * log(degrees) - free * log(rest)) / 2
-            value = log(_mean_over_hypotheses(D[k, :, 0], KD[k, :, 0, 0], M[k], KM[k], rest, free, looks[k]))
-            top[k, j] = known + likelihood + value
-            bottom[k, j] = (known if rho < STRONG else 0.0) + likelihood
-            if j == 0:
-                found[1, k] = value
-    for k in range(n_looks):
-        found[0, k] = _log_sum(top[k]) - _log_sum(bottom[k])
-    return found
+def _starts(baseline, variances, along, slopes):
+    """Return the covariance of means, slopes and their changes of each row over its variance."""
+    count = len(variances)
+    errors, own = np.zeros((count, 12, 12, 5, 5)), np.zeros((count, 12, 12))
+    at = np.arange(6)
+    errors[:, at, at] = np.linalg.inv(baseline.information[0])
+    own[:, at, at] = np.squeeze(baseline.scatter[0] + baseline.nuisance[0], (-1, -2))
+    of_sums = np.linalg.inv(baseline.information[1]).reshape(count, 3, 5, 2, 5, 2)
+    turned = np.array([ENDS, TOGETHER])
+    for kind in range(3):
+        rows = np.array([6 + kind, 9 + kind])
+        errors[:, rows[:, None], rows] = np.einsum("ai,vkilj,bj->vabkl", turned, of_sums[:, kind], turned)
+        own[:, rows[:, None], rows] = turned @ (baseline.scatter[1] + baseline.nuisance[1])[:, kind] @ turned.T
+    scales = 1 / np.sqrt(variances)
+    both = scales[:, :, None] * scales[:, None]
+    errors, own = errors * both[..., None, None], own * both
+    of_rows = [np.concatenate([np.einsum("vkk...->vk...", each),
+                               np.einsum("vhk,vkl...,vhl->vh...", along, each, along, optimize=True)], axis=1)
+               for each in (errors, own)]  # fmt: skip
+    known = np.zeros((*of_rows[1].shape, 9, 9))
+    known[..., :5, :5] = of_rows[0]
+    known[..., np.arange(5, 9), np.arange(5, 9)] = slopes
+    return known / of_rows[1][..., None, None]
 
 
-@numba.njit(fastmath=True)
-def _log_sum(logs):
-    largest = logs.max()
-    return largest + log(np.sum(np.exp(logs - largest)))
+def _series(X, y, start, correlation):
+    step = np.tril(np.ones((y.shape[1],) * 2))[None, :, None]
+    X, y, step = (whitened(each.swapaxes(0, 1), correlation) for each in (X, y, step))
+    X, y, D = X.transpose(1, 2, 0, 3), y.transpose(1, 2, 0), step.transpose(1, 2, 0, 3)
+    J = np.linalg.inv(start) + X.swapaxes(-1, -2) @ X
+    pulled = (X.swapaxes(-1, -2) @ y[..., None])[..., 0]
+    errors = np.linalg.solve(J, pulled[..., None])[..., 0]
+    crossed = X.swapaxes(-1, -2) @ D
+    volume = (np.linalg.slogdet(start)[1] + np.linalg.slogdet(J)[1]) / 2
+    volume += (y.shape[-1] - 1) / 2 * np.log1p(-(correlation**2))
+    scores = (D.swapaxes(-1, -2) @ y[..., None])[..., 0] - np.einsum("vkao,vka->vko", crossed, errors)
+    informations = np.sum(D**2, axis=-2) - np.sum(crossed * np.linalg.solve(J, crossed), axis=-2)
+    return -volume, np.sum(y**2, axis=-1) - np.sum(pulled * errors, axis=-1), scores, informations
 
 
-@numba.njit(fastmath=True)
-def _block(rows, r, own, whole, known, later, rho, factor, looks, at, scores, informations):
-    """Add rest and volume of a block at each look to `at`, and fill in score and information of each onset."""
-    n, size = r.shape
-    width = N_UNITS * size
-    J, root = np.zeros((width, width)), np.zeros((width, width))
-    J[: len(known), : len(known)] = known / factor
-    J[len(known) :, len(known) :] = later / factor
-    volume, squared, k = _root(J, root), 0.0, 0
-    # Rows: B^T W D, D^T W D and D^T W z of the windows before; the same of each window as the first changed one.
-    height = width + size + 1
-    summed, first = np.zeros((n + 1, height, size)), np.empty((n, height, size))
-    seen, pulled = np.zeros((width, size)), np.zeros((width, 1))
-    V, V_old, left, W, A = np.zeros((5, size, size))
-    WD, z, half, each = np.zeros((size, size)), np.zeros((size, 1)), np.empty((width, 1)), np.empty((width, size))
-    for w in range(n):
-        V_old[:] = V
-        V[:] = whole[w] + (factor - 1) * own
-        left[:] = V
-        if w > 0 and rho > 0:
-            _inverted(V_old, W)
-            for i in range(size):
-                for j in range(size):
-                    A[i, j] = rho * factor * own[i, i] * W[i, j]
-            for i in range(size):
-                for j in range(size):
-                    left[i, j] -= rho * factor * own[i, i] * A[j, i]  # A V_old A^T
-        volume -= log(_inverted(left, W))
-        for i in range(size):
-            z[i, 0] = r[w, i]
-            for j in range(size):
-                z[i, 0] -= A[i, j] * r[w - 1, j] if w > 0 else 0.0
-            for u in range(N_UNITS):
-                for j in range(size):
-                    value = rows[w, u] if i == j else 0.0
-                    seen[u * size + j, i] = value - (rows[w - 1, u] * A[i, j] if w > 0 else 0.0)
-        _product(W, A, WD)
-        WD[:] = W - WD
-        _product(seen, W, first[w, :width])
-        _product(seen, WD, each)
-        summed[w + 1] = summed[w]
-        summed[w + 1, :width] += each
-        for u in range(width):
-            for i in range(size):
-                pulled[u, 0] += first[w, u, i] * z[i, 0]
-                for v in range(u + 1):
-                    J[u, v] += first[w, u, i] * seen[v, i]
-        for i in range(size):
-            total, turned = 0.0, 0.0
-            for j in range(size):
-                total += W[i, j] * z[j, 0]
-                turned += WD[j, i] * z[j, 0]
-                value = WD[i, j]
-                for c in range(size):
-                    value -= A[c, i] * WD[c, j]
-                first[w, width + i, j] = W[i, j]
-                summed[w + 1, width + i, j] += value
-            squared += z[i, 0] * total
-            first[w, width + size, i] = total
-            summed[w + 1, width + size, i] += turned
-        if k == len(looks) or w + 1 != looks[k]:
-            continue
-        at[k, 1] += volume - _root(J, root)
-        half[:] = pulled
-        _solve(root, half)
-        at[k, 0] += squared - np.sum(half**2)
-        for o in range(w + 1):
-            every = first[o] + summed[w + 1] - summed[o + 1]
-            _solve(root, every[:width])
-            for i in range(size):
-                total = every[width + size, i]
-                for u in range(width):
-                    total -= every[u, i] * half[u, 0]
-                scores[k, i, o] = total
-                for j in range(size):
-                    total = every[width + i, j]
-                    for u in range(width):
-                        total -= every[u, i] * every[u, j]
-                    informations[k, i, j, o] = total
-        k += 1
+def _without(volume, rest, groups, squares, degrees, n_windows):
+    """Return ln of the likelihood without a change, and rest and degrees of freedom of groups."""
+    after, rest = degrees + n_windows * groups.sum(axis=1), squares + rest @ groups.T
+    each = gammaln(after / 2) - gammaln(degrees / 2) + degrees / 2 * np.log(squares) - after / 2 * np.log(rest)
+    return np.sum(volume, axis=1) + np.sum(each, axis=1), rest, after
 
 
-@numba.njit(fastmath=True)
-def _product(one, two, result):
-    """Write the product of small matrices to `result`."""
-    for i in range(one.shape[0]):
-        for j in range(two.shape[1]):
-            total = 0.0
-            for c in range(two.shape[0]):
-                total += one[i, c] * two[c, j]
-            result[i, j] = total
+def _ratios_alone(rest, scores, informations, squares, after, moved):
+    """Return ln of the ratios of changes by their estimates alone, shape (vehicles, hypotheses, windows)."""
+    prior, known = 1 / PRIORS.size**2, moved[..., None] ** 2 * informations
+    explained = (moved[..., None] * scores) ** 2 / (known + prior) / (squares + rest)[..., None]
+    return -after[..., None] / 2 * np.log1p(-explained) - np.log1p(known / prior) / 2
 
 
-@numba.njit(fastmath=True)
-def _inverted(matrix, result):
-    """Write the inverse of a matrix of 1 or 2 rows to `result`, and return the determinant."""
-    if len(matrix) == 1:
-        result[0, 0] = 1 / matrix[0, 0]
-        return matrix[0, 0]
-    determinant = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
-    result[0, 0], result[1, 1] = matrix[1, 1] / determinant, matrix[0, 0] / determinant
-    result[0, 1], result[1, 0] = -matrix[0, 1] / determinant, -matrix[1, 0] / determinant
-    return determinant
-
-
-@numba.njit(fastmath=True)
-def _root(matrix, root):
-    """Write the Cholesky factor L to `root`, from the lower triangle, and return ln of the determinant."""
-    total = 0.0
-    for i in range(len(matrix)):
-        for j in range(i + 1):
-            value = matrix[i, j]
-            for c in range(j):
-                value -= root[i, c] * root[j, c]
-            if i == j:
-                root[i, i] = sqrt(value)
-                total += log(value)
-            else:
-                root[i, j] = value / root[j, j]
-    return total
-
-
-@numba.njit(fastmath=True)
-def _solve(root, columns):
-    """Replace columns by L^-1 of them, with a lower triangular L."""
-    for i in range(columns.shape[0]):
-        for c in range(columns.shape[1]):
-            value = columns[i, c]
-            for j in range(i):
-                value -= root[i, j] * columns[j, c]
-            columns[i, c] = value / root[i, i]
-
-
-@numba.njit(fastmath=True)
-def _mean_over_hypotheses(d, of_d, m, of_m, rest, free, n):
-    """Return the e-detector: the sum over onsets of the mean over hypotheses."""
-    total, power = 0.0, -free / 2
-    score, known = np.empty(12), np.empty(12)
-    for o in range(n):
-        for i in range(12):
-            p, sign = i % 6, 1.0 if i < 6 else -1.0
-            score[i] = (m[p // 2, p % 2, o] + sign * d[p, o]) / sqrt(2.0)
-            known[i] = (of_m[p // 2, p % 2, p % 2, o] + of_d[p, o]) / 2
-            total += SINGLE * _ratio(score[i] ** 2 / (known[i] + BETWEEN), 1 + known[i] / BETWEEN, rest, power)
-        explained, volume = 0.0, 1.0
-        for p in range(6):
-            K = 2 * of_m[p // 2, p % 2, p % 2, o]
-            total += AXLE * _ratio(2 * m[p // 2, p % 2, o] ** 2 / (K + BETWEEN), 1 + K / BETWEEN, rest, power)
-            explained += d[p, o] ** 2 / (of_d[p, o] + UNMODELLED)
-            volume *= 1 + of_d[p, o] / UNMODELLED
-        for k in range(3):
-            one, two = m[k, 0, o], m[k, 1, o]
-            x, c, y = of_m[k, 0, 0, o], of_m[k, 0, 1, o], of_m[k, 1, 1, o]
-            K = 2 * (x + 2 * c + y)
-            total += ALL * _ratio(2 * (one + two) ** 2 / (K + BETWEEN), 1 + K / BETWEEN, rest, power)
-            x, y = x + UNMODELLED, y + UNMODELLED
-            explained += (one**2 * y - 2 * one * two * c + two**2 * x) / (x * y - c**2)
-            volume *= (x * y - c**2) / UNMODELLED**2
-        total += ELSE * _ratio(explained, volume, rest, power)
-        for i in range(12):
-            for j in range(i + 1, 12):
-                p, q, c = i % 6, j % 6, 0.0
-                if p == q:
-                    c = (of_m[p // 2, p % 2, p % 2, o] - of_d[p, o]) / 2
-                elif p // 2 == q // 2:
-                    c = of_m[p // 2, 0, 1, o] / 2
-                x, y = known[i] + BETWEEN, known[j] + BETWEEN
-                both = x * y - c * c
-                gain = (score[i] ** 2 * y - 2 * score[i] * score[j] * c + score[j] ** 2 * x) / both
-                total += PAIR * _ratio(gain, both / BETWEEN**2, rest, power)
-    return total
-
-
-@numba.njit(fastmath=True)
-def _ratio(explained, determinant, rest, power):
-    return exp(power * log(1 - explained / rest)) / sqrt(determinant)
+def _likelihoods(volume, rest, scores, informations, groups, squares, degrees, n_windows, moved):
+    """Return ln of the likelihoods without a change, and with one, each of shape (vehicles,)."""
+    without, rest, after = _without(volume, rest, groups, squares, degrees, n_windows)
+    weights, prior = (after / rest) @ groups, 1 / PRIORS.size**2
+    known = moved**2 @ (weights[..., None] * informations) + prior
+    centre, std = moved @ (weights[..., None] * scores) / known, SPREAD / np.sqrt(known)
+    twice, squared = (np.einsum("gk,vhk,vko->vgho", groups, *each, optimize=True)
+                      for each in ((2 * moved, scores), (moved**2, informations)))  # fmt: skip
+    logs = []
+    for node, weight in zip(NODES, NODE_WEIGHTS, strict=True):
+        sizes = centre + std * node
+        log = np.log(weight) + node**2 / 2 - sizes**2 * prior / 2
+        for g in range(len(groups)):
+            at = np.flatnonzero(np.any(np.abs(MOVED[:, groups[g] > 0]) > 1e-9, axis=1))
+            explained = sizes[:, at] * (twice[:, g, at] - sizes[:, at] * squared[:, g, at]) / rest[:, g, None, None]
+            log[:, at] -= after[:, g, None, None] / 2 * np.log1p(-explained)
+        logs.append(log)
+    ratios = logsumexp(logs, axis=0) + np.log(std) + np.log(prior / (2 * np.pi)) / 2
+    return without, without + logsumexp(ratios + PRIOR[:, None], axis=(1, 2))

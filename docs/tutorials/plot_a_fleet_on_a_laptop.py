@@ -75,7 +75,7 @@ session.stop()
 # Which vehicles have changed
 # ---------------------------
 # Diagnoses and findings are tables. The evidence of a vehicle is the natural logarithm of its e-value. Discoveries
-# follow from e-BH, so that at most 5 % of them are expected to be healthy vehicles, where parts scatter alike.
+# follow from e-BH, so that at most 5 % of them are expected to be healthy vehicles.
 
 diagnoses = results["diagnoses"].rows().to_pandas().sort_values("vehicle")
 findings = results["findings"].rows().to_pandas()

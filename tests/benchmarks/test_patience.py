@@ -7,7 +7,6 @@ import sprung
 from sprung.diagnosis.baseline import CONDITIONS
 from sprung.diagnosis.changes import PATIENCE_DAYS
 
-pytest.importorskip("numba")
 patience = pytest.importorskip("benchmarks.patience", reason="the benchmarks are not in this tree")
 vectors = pytest.importorskip("benchmarks.patience_vectors")
 
@@ -36,7 +35,7 @@ def test_evidence_of_vectors_is_that_of_windows(world, n_learning) -> None:
         if not len(which):
             continue
         found = vectors.evidence(learnt, units[which, n_learning:], values[which, n_learning:], (6, 24))
-        for vehicle, row in zip(which, found[0], strict=True):
+        for vehicle, row in zip(which, found, strict=True):
             every = windows_of(units[vehicle], values[vehicle])
             baseline = sprung.learn(every[:n_learning])
             for look, value in zip((6, 24), row, strict=True):

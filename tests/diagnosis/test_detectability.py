@@ -7,7 +7,7 @@ import pytest
 
 from sprung.diagnosis import ChangeDetector, detectable, diagnose, learn
 from sprung.diagnosis.baseline import CONDITIONS
-from sprung.diagnosis.ratios import Compared, Hypotheses, Innovations, evidence_of, ratios_of
+from sprung.diagnosis.ratios import Compared, Hypotheses, evidence_of, ratios_of, scores_of
 from sprung.errors import ParameterError
 from sprung.vehicles import Component
 
@@ -20,7 +20,7 @@ def vehicle(baseline, generator):
     The scale of the scatter and the errors of the baseline are drawn once.
     """
     root = np.linalg.cholesky(baseline.covariance + baseline.nuisance)
-    own, information = np.linalg.cholesky(baseline.covariance), np.linalg.inv(root @ root.T)
+    information, variances = np.linalg.inv(root @ root.T), np.ones(len(baseline.coordinates))
     doubt = baseline.doubt_beyond(0.0)
     scale = np.sqrt(baseline.degrees_of_freedom / generator.chisquare(baseline.degrees_of_freedom))
     units = np.eye(1 + 2 * len(CONDITIONS))[0]
@@ -29,8 +29,10 @@ def vehicle(baseline, generator):
 
     def scores(n_windows, change):
         residuals = scale * generator.standard_normal((n_windows, len(root))) @ root.T + error + change
-        windows = [Compared(600.0 * k, 0.0, residual, units, information, own) for k, residual in enumerate(residuals)]
-        return Innovations.of(windows, doubt, baseline.degrees_of_freedom).scores
+        windows = [
+            Compared(600.0 * k, 0.0, residual, units, information, variances) for k, residual in enumerate(residuals)
+        ]
+        return scores_of(windows, doubt, baseline.degrees_of_freedom)
 
     return scores
 

@@ -602,10 +602,10 @@ def rank_fleet(
     Notes
     -----
     The evidence is that of the diagnosis of each vehicle: the e-value e of its change test, or -ln p of the comparison
-    with the type of the others, as by `compare_with_type`. Where all have a baseline and their parts scatter alike,
-    the rate holds at whatever moment one looks, in proportion to the time until then over a year, under any dependence
-    (`false_discoveries`). As 1 / e is a p-value, with others it is the procedure of Benjamini and Hochberg: for
-    independent vehicles and one look. A run over an archive (`sprung fleet run`) chooses in the same way.
+    with the type of the others, as by `compare_with_type`. Where all have a baseline, the rate holds at whatever moment
+    one looks, in proportion to the time until then over a year, under any dependence (`false_discoveries`). As 1 / e is
+    a p-value, with others it is the procedure of Benjamini and Hochberg: for independent vehicles and one look. A run
+    over an archive (`sprung fleet run`) chooses in the same way.
 
     References
     ----------

@@ -11,7 +11,7 @@ from sprung._checks import freeze, frozen_array
 from sprung._display import Savable, Tabular, counted, in_short, listed
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import ResidualReference
-from sprung.diagnosis.scatter import FRONT_REAR_STD, SERIAL, directions, shared_covariance
+from sprung.diagnosis.scatter import FRONT_REAR_STD, LASTING, coordinates, directions, shared_covariance
 from sprung.errors import ParameterError
 from sprung.likelihood import Expected
 from sprung.vehicles import Component
@@ -100,10 +100,18 @@ class Baseline(Tabular, Savable):
         file as given.
     missing
         Sensors of motion of the vehicle file that its windows lack.
-    correlations
-        Probability of each of the correlations of consecutive windows 0, 0.1 ... 0.7, shape (8,).
+    weights
+        Probability that parts scatter alike or unequally, and of each of the correlations of consecutive windows 0, 0.1
+        ... 0.7, shape (2, 8).
+    coordinates
+        Coordinates of deviations as rows, shape (components + hypotheses, components), of variance 1 where windows
+        scatter as they report: uncorrelated ones, then the estimate of each change with one size; empty: those by
+        `reported` and `nuisance`.
     squares
-        Sum of squares of its windows, whitened by each of these correlations, over that without any, shape (8,).
+        Sum of squares of its windows, whitened by each of these correlations, along each of the coordinates, shape (8,
+        rows); empty: no window.
+    degrees
+        Degrees of freedom of these sums, shape (rows,); empty: 0.
 
     Raises
     ------
@@ -131,13 +139,23 @@ class Baseline(Tabular, Savable):
     learning_times: tuple[float, ...] = ()
     vehicle_file: str = ""
     missing: tuple[str, ...] = ()
-    correlations: Real = field(default_factory=lambda: SERIAL.prior)
-    squares: Real = field(default_factory=lambda: np.ones(len(SERIAL.correlations)))
+    weights: Real = field(default_factory=lambda: LASTING.prior)
+    coordinates: Real = field(default_factory=lambda: np.zeros((0, 0)))
+    squares: Real = field(default_factory=lambda: np.zeros((0, 0)))
+    degrees: Real = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         size, more = len(self.components), 1 + len(CONDITIONS)
         square, every = (size, size), (size * more, size * more)
-        freeze_shapes(self, "a baseline", **dict.fromkeys(("correlations", "squares"), (len(SERIAL.correlations),)))
+        n_correlations = len(LASTING.correlations)
+        if not np.size(self.coordinates):
+            rows = coordinates(self.components, np.asarray(self.reported) + np.asarray(self.nuisance))
+            object.__setattr__(self, "coordinates", rows)
+            object.__setattr__(self, "squares", np.zeros((n_correlations, len(rows))))
+            object.__setattr__(self, "degrees", np.zeros(len(rows)))
+        count = len(self.coordinates)
+        of_rows = {"coordinates": (count, size), "squares": (n_correlations, count), "degrees": (count,)}
+        freeze_shapes(self, "a baseline", weights=LASTING.prior.shape, **of_rows)
         shapes = {"mean": (size,), "covariance": square, "reported": square, "nuisance": square}
         freeze_shapes(self, "a baseline", **shapes, slopes=(size, more - 1), information=every)
 
@@ -228,15 +246,19 @@ class Baseline(Tabular, Savable):
         the baseline's windows had, all components of a kind may have changed as much as is usual without one. Beyond
         the conditions that these met, the effect of a condition need not be linear: each window has its own.
         """
-        covariance = self.scatter_of(observation) + self.nuisance
+        covariance = self.scatter_of(observation) + self.nuisance_of(observation)
         if self.n_windows == 0:
             return covariance
-        if "temperature" in self.centre and "temperature" not in observation.conditions:
-            covariance = covariance + shared_covariance(self.components, FRONT_REAR_STD)
         slopes = slope_covariances(self.components, self.model_error)
         for distance, slope in zip(self.beyond(self.units(observation)), slopes, strict=True):
             covariance = covariance + distance**2 * slope
         return np.asarray(covariance, dtype=np.float64)
+
+    def nuisance_of(self, observation: Observation) -> Real:
+        """Return the covariance of what moves components of a window together, shape (components, components)."""
+        if self.n_windows == 0 or "temperature" not in self.centre or "temperature" in observation.conditions:
+            return self.nuisance
+        return np.asarray(self.nuisance + shared_covariance(self.components, FRONT_REAR_STD), dtype=np.float64)
 
     def scatter_of(self, observation: Observation) -> Real:
         """Return the covariance of a window's scatter alone, which may be correlated with that of the one before."""

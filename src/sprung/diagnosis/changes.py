@@ -12,16 +12,16 @@ from sprung._checks import check_number
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.detectability import detectable_changes, losses
 from sprung.diagnosis.hypotheses import Hypothesis
+from sprung.diagnosis.lasting import lasting_evidence
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.ratios import (
     Compared,
     Hypotheses,
-    Innovations,
     Ratios,
     compare,
     evidence_of,
-    lasting_evidence,
     ratios_of,
+    scores_of,
 )
 from sprung.modal import INTERVAL_95
 from sprung.vehicles import Component
@@ -119,9 +119,9 @@ class Detection:
     evidence
         ln of the e-detector after each of them.
     e_value
-        ln of the e-detector after all of them, with an unknown serial correlation of windows, over the windows in a
-        year: its mean without a change is at most 1 at whatever moment within a year one stops to look, see
-        `false_discoveries`.
+        ln of the e-detector after all of them, with an unknown serial correlation of windows and an unknown scatter of
+        parts, over the windows in a year: its mean without a change is at most 1 at whatever moment within a year one
+        stops to look, see `false_discoveries`.
     threshold
         ln of the value of the e-detector at which it raises an alert.
     candidates
@@ -350,7 +350,7 @@ class ChangeDetector:
     def _table_of(self, end: int) -> Ratios:
         """Return the likelihood ratios of the first `end` windows compared."""
         windows = self._compared[:end]
-        scores = Innovations.of(windows, self._doubt, self.baseline.degrees_of_freedom).scores
+        scores = scores_of(windows, self._doubt, self.baseline.degrees_of_freedom)
         return ratios_of(scores, self._hypotheses)
 
 

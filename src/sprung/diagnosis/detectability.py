@@ -8,7 +8,7 @@ from scipy.special import logsumexp, ndtri
 from sprung._arrays import Real
 from sprung._checks import check_number, check_type
 from sprung.diagnosis.baseline import CONDITIONS, Baseline
-from sprung.diagnosis.ratios import Compared, Hypotheses, Innovations, Scores, dimensions_of, explained_by
+from sprung.diagnosis.ratios import Compared, Hypotheses, Scores, dimensions_of, explained_by, scores_of
 from sprung.vehicles import Component
 
 #: Probability of an alert after a change of the size stated.
@@ -192,9 +192,9 @@ def detectable(
         residual=np.zeros(size),
         units=np.eye(1 + 2 * len(CONDITIONS))[0],
         information=np.asarray(np.linalg.inv(baseline.covariance + baseline.nuisance), dtype=np.float64),
-        root=np.asarray(np.linalg.cholesky(baseline.covariance), dtype=np.float64),
+        variances=np.ones(len(baseline.coordinates)),
     )
-    scores = Innovations.of([usual] * n_windows, baseline.doubt_beyond(), baseline.degrees_of_freedom).scores
+    scores = scores_of([usual] * n_windows, baseline.doubt_beyond(), baseline.degrees_of_freedom)
     threshold = float(np.log(windows_per_day / false_alarms))
     hypotheses = Hypotheses.of(baseline.components)
     # Windows as certain as those of the baseline add one variance for each of their degrees of freedom.

@@ -116,6 +116,15 @@ def hypotheses_of(components: tuple[Component, ...]) -> tuple[Hypothesis, ...]:
     )
 
 
+def typical_directions(components: tuple[Component, ...]) -> Real:
+    """Return the directions of hypotheses with one size, as large as is typical, shape (hypotheses, components).
+
+    These are the first ones of `hypotheses_of`.
+    """
+    rows = [each.direction(components) for each in hypotheses_of(components) if len(each.changes) == 1]
+    return np.array(rows).reshape(-1, len(components)) * typical_sizes(components)
+
+
 def log_prior(hypotheses: Sequence[Hypothesis]) -> Real:
     """Return ln of the prior probability of each hypothesis; their sum is 1.
 

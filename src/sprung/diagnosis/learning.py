@@ -19,7 +19,7 @@ from sprung.diagnosis.baseline import (
 )
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.residuals import RESIDUALS, ResidualReference, learn_reference
-from sprung.diagnosis.scatter import ROUNDS, Deviations, Scatter, regression, serial_correlation
+from sprung.diagnosis.scatter import ROUNDS, Deviations, Scatter, coordinates, directions, own_scatter, regression
 from sprung.diagnosis.type_baselines import TypeBaseline
 from sprung.errors import DataError, ParameterError
 
@@ -182,10 +182,11 @@ def _estimated(windows: Sequence[Observation], of_type: TypeBaseline | None) -> 
         before = slope_covariances(components, error)
         deviations = Deviations(values - rows @ coefficients, rows, scatter.whole, before)
         scatter = typical.learnt(deviations)
+    of_coordinates = coordinates(components, reported + scatter.nuisance)
+    weights, squares, degrees = own_scatter(deviations, of_coordinates, len(directions(components)[0]))
     scatter = typical.learnt(deviations, is_widened=True)
     # Means and slopes are as uncertain as the windows that they are from: by the widened scatter.
     _, information = regression(rows, values, scatter.whole, prior, prior_mean)
-    correlations, squares = serial_correlation(deviations, scatter)
     return Baseline(
         vehicle=windows[0].vehicle,
         components=components,
@@ -205,8 +206,10 @@ def _estimated(windows: Sequence[Observation], of_type: TypeBaseline | None) -> 
         model_error=error,
         learning_times=tuple(sorted(window.time for window in windows)),
         missing=windows[0].missing,
-        correlations=correlations,
+        weights=weights,
+        coordinates=of_coordinates,
         squares=squares,
+        degrees=degrees,
     )
 
 

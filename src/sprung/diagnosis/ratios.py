@@ -8,9 +8,15 @@ from scipy.special import logsumexp
 
 from sprung._arrays import Indices, Real
 from sprung.diagnosis.baseline import Baseline
-from sprung.diagnosis.hypotheses import PRIORS, Hypothesis, hypotheses_of, log_prior, typical_sizes
+from sprung.diagnosis.hypotheses import (
+    PRIORS,
+    Hypothesis,
+    hypotheses_of,
+    log_prior,
+    typical_directions,
+    typical_sizes,
+)
 from sprung.diagnosis.observation import Observation
-from sprung.diagnosis.scatter import SERIAL
 from sprung.vehicles import Component
 
 
@@ -31,9 +37,8 @@ class Compared:
         shape (1 + 2 conditions,).
     information
         Inverse covariance of the residual, shape (components, components).
-    root
-        Root of the covariance of its scatter, which may be correlated with that of the window before, shape
-        (components, components).
+    variances
+        Variance of each row of the baseline's coordinates over that in its own windows, shape (rows,).
     """
 
     time: float
@@ -41,7 +46,7 @@ class Compared:
     residual: Real
     units: Real
     information: Real
-    root: Real
+    variances: Real
 
 
 def compare(baseline: Baseline, observation: Observation) -> Compared:
@@ -54,14 +59,20 @@ def compare(baseline: Baseline, observation: Observation) -> Compared:
     observation
         Window with the baseline's components.
     """
-    units = baseline.units(observation)
+    units, scales = baseline.units(observation), np.sqrt(np.diag(baseline.covariance) / np.diag(baseline.reported))
+    # Beyond the conditions of the baseline windows need not scatter more, which a smaller common scale would answer.
+    alike = baseline.scatter_of(observation) / np.outer(scales, scales) + baseline.nuisance_of(observation)
+    of_window, of_usual = (
+        np.einsum("ki,ij,kj->k", baseline.coordinates, each, baseline.coordinates)
+        for each in (alike, baseline.reported + baseline.nuisance)
+    )
     return Compared(
         observation.time,
         observation.conditions.get("model_error", 0.0),
         baseline.residual(observation),
         np.concatenate([[1.0], units, baseline.beyond(units)]),
         np.asarray(np.linalg.inv(baseline.covariance_of(observation)), dtype=np.float64),
-        np.asarray(np.linalg.cholesky(baseline.scatter_of(observation)), dtype=np.float64),
+        of_window / of_usual,
     )
 
 
@@ -125,13 +136,11 @@ class Hypotheses:
     def of(cls, components: tuple[Component, ...]) -> "Hypotheses":
         """Return the hypotheses about components."""
         values = hypotheses_of(components)
-        directions = [value.direction(components) for value in values if len(value.changes) == 1]
-        typical = typical_sizes(components)
         return cls(
             values,
             log_prior(values),
-            np.array(directions).reshape(-1, len(components)) * typical,
-            typical,
+            typical_directions(components),
+            typical_sizes(components),
             np.array(np.triu_indices(len(components), 1)),
         )
 
@@ -175,139 +184,56 @@ class Ratios:
         return sizes, inverse * variance[:, None, None]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Innovations:
-    """What the windows before do not predict of windows that follow each other.
+def scores_of(windows: Sequence[Compared], start: Real, degrees: float) -> Scores:
+    """Return the scores of a change from each window on.
 
     Parameters
     ----------
-    values
-        Innovations z_w = r_w - A_w r_(w - 1), shape (windows, components).
-    information
-        Inverse covariance of each, shape (windows, components, components).
-    carried
-        A_w, what is predicted of each from the window before, shape (windows, components, components).
-    units
-        Units of each window and of the one before, shape (2, windows, units).
-    errors, errors_of
-        Errors of the baseline, shape (units x components,), and their covariance.
-    rest, degrees, of_baseline
-        As in `Scores`.
-    log_likelihood
-        ln of the likelihood of the windows without any change, up to a constant.
+    windows
+        Windows in the order of time, at least one.
+    start
+        Covariance of the baseline's errors of means and slopes, shape (units x components, the same).
+    degrees
+        Degrees of freedom of the baseline's scatter.
+
+    Notes
+    -----
+    The errors of the baseline move a window by B = u (x) I and are estimated as J^-1 b with J = start^-1 + sum B^T W B
+    and b = sum B^T W r. From an onset on, the score of a change is sum W r - M^T J^-1 b and its information
+    sum W - M^T J^-1 M with M = sum B^T W: the part that errors of the baseline cannot explain.
+
+    References
+    ----------
+    G. E. P. Box, G. C. Tiao, Intervention analysis with applications to economic and environmental problems, Journal of
+    the American Statistical Association 70 (1975) 70-79.
     """
-
-    values: Real
-    information: Real
-    carried: Real
-    units: Real
-    errors: Real
-    errors_of: Real
-    rest: float
-    degrees: float
-    of_baseline: float
-    log_likelihood: float
-
-    @classmethod
-    def of(
-        cls, windows: Sequence[Compared], start: Real, degrees: float, correlation: float = 0.0, squares: float = 1.0
-    ) -> "Innovations":
-        """Return the innovations of windows.
-
-        Parameters
-        ----------
-        windows
-            Windows in the order of time, at least one.
-        start
-            Covariance of the baseline's errors of means and slopes, shape (units x components, the same).
-        degrees
-            Degrees of freedom of the baseline's scatter.
-        correlation
-            Correlation of the scatter of consecutive windows.
-        squares
-            Factor of the variances of the scatter with this correlation.
-
-        Notes
-        -----
-        A_w = rho L_w L_(w - 1)^T W_(w - 1), and the covariance of an innovation is V_w - A_w V_(w - 1) A_w^T: L_w L_w^T
-        is the scatter, V_w = W_w^-1 has also what is not correlated. The errors of the baseline move an innovation by
-        B_w = u_w (x) I - u_(w - 1) (x) A_w and are estimated as J^-1 b with J = start^-1 + sum B^T W B and
-        b = sum B^T W z, W now that of innovations.
-        """
-        r, u, W, roots = (
-            np.array([getattr(each, name) for each in windows]) for name in ("residual", "units", "information", "root")
-        )
-        n, p = r.shape
-        A = np.zeros_like(W)
-        if correlation:
-            V = np.linalg.inv(W) + (squares - 1) * roots @ roots.swapaxes(-1, -2)
-            A[1:] = correlation * squares * roots[1:] @ roots[:-1].swapaxes(-1, -2) @ np.linalg.inv(V[:-1])
-            V[1:] -= A[1:] @ V[:-1] @ A[1:].swapaxes(-1, -2)
-            W = np.linalg.inv(V)
-        # Errors that move no window stay as they were.
-        met = np.any(u != 0, axis=0)
-        units, at = np.stack([u, np.roll(u, 1, axis=0)])[..., met], np.flatnonzero(np.repeat(met, p))
-        start = start[np.ix_(at, at)]
-        crossed = _summed(units[0], units[1], W @ A)
-        J = np.linalg.inv(start) + _summed(units[0], units[0], W) - crossed - crossed.T
-        J += _summed(units[1], units[1], A.swapaxes(-1, -2) @ W @ A)
-        z = r - (A @ np.roll(r, 1, axis=0)[..., None])[..., 0]
-        weighted, errors_of = (W @ z[..., None])[..., 0], np.asarray(np.linalg.inv(J), dtype=np.float64)
-        pulled = units[0].T @ weighted - units[1].T @ (A.swapaxes(-1, -2) @ weighted[..., None])[..., 0]
-        errors = np.asarray(errors_of @ pulled.ravel(), dtype=np.float64)
-        rest = degrees + float(np.sum(z * weighted) - pulled.ravel() @ errors)
-        volume = np.sum(np.linalg.slogdet(W)[1]) - np.linalg.slogdet(start)[1] - np.linalg.slogdet(J)[1]
-        likelihood = (volume + degrees * np.log(degrees) - (degrees + n * p) * np.log(rest)) / 2
-        return cls(z, W, A, units, errors, errors_of, rest, degrees + float(n * p), degrees, float(likelihood))
-
-    @property
-    def scores(self) -> Scores:
-        """Scores of a change from each window on.
-
-        Notes
-        -----
-        A change moves the innovation of its first window by I, and later ones by I - A. With D this effect from an
-        onset on, its score is s = sum D^T W z - M^T J^-1 b and its information I = sum D^T W D - M^T J^-1 M with
-        M = sum B^T W D: the part that errors of the baseline cannot explain.
-
-        References
-        ----------
-        G. E. P. Box, G. C. Tiao, Intervention analysis with applications to economic and environmental problems,
-        Journal of the American Statistical Association 70 (1975) 70-79.
-        """
-        W, lasting = self.information, np.eye(self.values.shape[1]) - self.carried
-        weighted, W_lasting = W @ self.values[..., None], W @ lasting
-        later = lasting.swapaxes(-1, -2) @ W_lasting
-        score = _from_onset(weighted, lasting.swapaxes(-1, -2) @ weighted)[..., 0]
-        moved = _from_onset(self._seen(W), self._seen(W_lasting))
-        hidden = moved.swapaxes(-1, -2) @ self.errors_of
-        return Scores(
-            score - self.errors @ moved,
-            _from_onset(W, later) - hidden @ moved,
-            _from_onset(W_lasting, later) - hidden @ moved[0],
-            self.rest,
-            self.degrees,
-            self.of_baseline,
-        )
-
-    def _seen(self, parts: Real) -> Real:
-        """Return B^T parts of each window, parts of shape (windows, components, components)."""
-        both = parts, self.carried.swapaxes(-1, -2) @ parts
-        now, then = (rows[:, :, None, None] * part[:, None] for rows, part in zip(self.units, both, strict=True))
-        return np.asarray((now - then).reshape(len(parts), -1, parts.shape[-1]), dtype=np.float64)
+    r, u, W = (np.array([getattr(each, name) for each in windows]) for name in ("residual", "units", "information"))
+    n, p = r.shape
+    # Errors that move no window stay as they were.
+    met = np.any(u != 0, axis=0)
+    u, at = u[:, met], np.flatnonzero(np.repeat(met, p))
+    weighted = (W @ r[..., None])[..., 0]
+    summed = (u[:, :, None] * u[:, None]).reshape(n, -1).T @ W.reshape(n, -1)
+    J = np.linalg.inv(start[np.ix_(at, at)])
+    J += summed.reshape(u.shape[1], u.shape[1], p, p).swapaxes(1, 2).reshape(at.size, at.size)
+    errors_of, pulled = np.linalg.inv(J), (u.T @ weighted).ravel()
+    errors = errors_of @ pulled
+    moved = _from_onset((u[:, :, None, None] * W[:, None]).reshape(n, -1, p))
+    hidden = moved.swapaxes(-1, -2) @ errors_of
+    whole = _from_onset(W)
+    return Scores(
+        np.asarray(_from_onset(weighted) - errors @ moved, dtype=np.float64),
+        np.asarray(whole - hidden @ moved, dtype=np.float64),
+        np.asarray(whole - hidden @ moved[0], dtype=np.float64),
+        degrees + float(np.sum(r * weighted) - pulled @ errors),
+        degrees + float(n * p),
+        degrees,
+    )
 
 
-def _summed(first: Real, second: Real, parts: Real) -> Real:
-    """Return the sum over windows of (first second^T) (x) parts, shape (units x components, the same)."""
-    n, a = first.shape
-    p = parts.shape[-1]
-    every = (first[:, :, None] * second[:, None]).reshape(n, -1).T @ parts.reshape(n, -1)
-    return np.asarray(every.reshape(a, a, p, p).swapaxes(1, 2).reshape(a * p, a * p), dtype=np.float64)
-
-
-def _from_onset(first: Real, later: Real) -> Real:
-    """Return sums from each window on: `first` of that window, and `later` of those after it."""
-    return np.asarray(np.cumsum(later[::-1], axis=0)[::-1] - later + first, dtype=np.float64)
+def _from_onset(rows: Real) -> Real:
+    """Return sums from each window on."""
+    return np.asarray(np.cumsum(rows[::-1], axis=0)[::-1], dtype=np.float64)
 
 
 def ratios_of(scores: Scores, hypotheses: Hypotheses) -> Ratios:
@@ -399,39 +325,3 @@ def dimensions_of(information: Real, hypotheses: Hypotheses) -> Real:
 def evidence_of(ratios: Ratios, hypotheses: Hypotheses) -> float:
     """Return ln of the e-detector: the sum over onsets of the mean over hypotheses."""
     return float(logsumexp(ratios.logs + hypotheses.log_prior))
-
-
-def lasting_evidence(windows: Sequence[Compared], baseline: Baseline, hypotheses: Hypotheses) -> float:
-    """Return ln of the e-detector for windows of which consecutive ones are correlated, nobody knows how strongly.
-
-    Parameters
-    ----------
-    windows
-        Windows in the order of time, at least one.
-    baseline
-        Baseline that they are compared with.
-    hypotheses
-        Hypotheses about the components.
-
-    Notes
-    -----
-    With p the probability of a correlation by the baseline, and f and f0 the likelihoods with and without a change,
-    each ratio is sum p f / sum q f0. Up to 0.3 q is p: the mean is at most 1 without a change if the correlation is
-    drawn from p. Above, q is 1: it is at most 1 for each of these correlations, however improbable the baseline makes
-    it (universal inference).
-
-    References
-    ----------
-    L. Wasserman, A. Ramdas, S. Balakrishnan, Universal inference, Proceedings of the National Academy of Sciences 117
-    (2020) 16880-16890.
-    """
-    degrees = baseline.degrees_of_freedom
-    every = [
-        Innovations.of(windows, squares * baseline.doubt_beyond(correlation), degrees, correlation, squares)
-        for correlation, squares in zip(SERIAL.correlations, baseline.squares.tolist(), strict=True)
-    ]
-    likelihoods = np.array([each.log_likelihood for each in every])
-    known = np.log(np.maximum(baseline.correlations, np.finfo(float).tiny))
-    counted = np.where(np.array(SERIAL.correlations) < SERIAL.strong, known, 0.0)
-    evidence = [evidence_of(ratios_of(each.scores, hypotheses), hypotheses) for each in every]
-    return float(logsumexp(known + likelihoods + evidence) - logsumexp(counted + likelihoods))

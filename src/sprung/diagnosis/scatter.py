@@ -5,10 +5,12 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import stdtrit
+from numpy.typing import NDArray
+from scipy.special import gammaln, stdtrit
 
 from sprung._arrays import Real
 from sprung._checks import frozen_array
+from sprung.diagnosis.hypotheses import typical_directions
 from sprung.vehicles import Component
 
 #: Common change of all components of a kind from window to window (payload, temperature, road), ln values, where the
@@ -116,24 +118,37 @@ WEIGHTS = ScatterWeights()
 
 
 @dataclass(frozen=True, slots=True)
-class SerialSettings:
-    """What is known of the correlation of consecutive windows before any window."""
+class LastingSettings:
+    """What is known before any window of the scatter of parts and of the correlation of consecutive windows."""
 
+    #: Degrees of freedom of the variance of a coordinate about that of all, where parts scatter unequally: ln of a
+    #: standard deviation scatters by 0.32 from one to the other.
+    spread: float = 6.0
+    #: The same where they scatter alike.
+    same: float = 400.0
     #: Correlations that are weighed against each other.
     correlations: tuple[float, ...] = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
-    #: Probability that there is none; the others are equally probable.
+    #: Probability that parts scatter alike, and that consecutive windows are independent; the other correlations are
+    #: equally probable.
+    alike: float = 0.7
     independent: float = 0.7
     #: Correlation from which on each counts as if it were certain, when weighed against a change.
     strong: float = 0.4
 
     @property
     def prior(self) -> Real:
-        """Probability of each of `correlations` before any window."""
+        """Probability of parts that scatter alike or unequally, and of each of `correlations`, shape (2, 8)."""
         others = len(self.correlations) - 1
-        return np.array([self.independent, *[(1 - self.independent) / others] * others])
+        serial = [self.independent, *[(1 - self.independent) / others] * others]
+        return np.outer([self.alike, 1 - self.alike], serial)
+
+    @property
+    def counts_as_certain(self) -> NDArray[np.bool_]:
+        """Whether each counts without a change as if it were certain, shape (2, 8)."""
+        return np.array([[False], [True]]) | (np.array(self.correlations) >= self.strong)
 
 
-SERIAL = SerialSettings()
+LASTING = LastingSettings()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -274,42 +289,95 @@ class Scatter:
         return stds
 
 
-def serial_correlation(deviations: Deviations, scatter: Scatter) -> tuple[Real, Real]:
-    """Return the probabilities of `SERIAL.correlations`, and the sums of squares by each over that of none.
+@lru_cache(maxsize=64)
+def independent_directions(components: tuple[Component, ...]) -> tuple[Real, int]:
+    """Return `directions` of length 1 that are linearly independent, and how many come before all of a kind together.
+
+    The rows have the shape (components, components): left against right first, then front against rear.
+    """
+    pairs, ends, together = directions(components)
+    kept: list[Real] = []
+    n_before = len(components)
+    for number, row in enumerate(np.vstack([pairs, ends, together, np.eye(len(components))])):
+        if number == len(pairs) + len(ends):
+            n_before = len(kept)
+        if np.linalg.matrix_rank(np.array([*kept, row])) > len(kept):
+            kept.append(row / np.linalg.norm(row))
+    return frozen_array("rows", np.array(kept), ndim=2), n_before
+
+
+def coordinates(components: tuple[Component, ...], covariance: Real) -> Real:
+    """Return coordinates of deviations that have the variance 1, as rows, shape (components + hypotheses, components).
+
+    Parameters
+    ----------
+    components
+        Springs, dampers and tyres of corners.
+    covariance
+        Covariance of the deviations, shape (components, components).
+
+    Returns
+    -------
+    numpy.ndarray
+        First uncorrelated ones: each of the independent directions, less what those before predict of it, left against
+        right of each axle and kind first. Then for each of `typical_directions` the estimate of such a change alone.
+    """
+    rows, _ = independent_directions(components)
+    T = np.linalg.solve(np.linalg.cholesky(rows @ covariance @ rows.T), rows)
+    moved = typical_directions(components) @ T.T
+    return np.vstack([T, moved / np.linalg.norm(moved, axis=1, keepdims=True) @ T])
+
+
+def own_scatter(deviations: Deviations, rows: Real, n_pairs: int) -> tuple[Real, Real, Real]:
+    """Return what windows say of the scatter of each coordinate and of the correlation of consecutive ones.
 
     Parameters
     ----------
     deviations
         Deviations of windows in the order of time.
-    scatter
-        Scatter of these windows.
+    rows
+        Coordinates, from `coordinates`, shape (rows, components).
+    n_pairs
+        Number of the first coordinates that are left against right, which alone state the correlation and the common
+        scale: common changes are not learnt without a temperature.
+
+    Returns
+    -------
+    tuple
+        Probabilities of parts that scatter alike or unequally and of `LASTING.correlations`, shape (2, 8); sums of
+        squares of the windows whitened by each correlation, shape (8, rows); their degrees of freedom, shape (rows,).
 
     Notes
     -----
-    The marginal likelihood of left against right: common changes are not learnt without a temperature. With windows
-    whitened by rho, x_w - rho x_(w - 1), over (1 - rho^2)^(1/2) after the first, d of k pairs have the variances v_d
-    up to a common scale, and n - 1 degrees of freedom each: with the rest S of the regression, the likelihood is
-    (1 - rho^2)^(-k (n - 1) / 2) prod_d |J_d|^(-1/2) (f0 + S)^(-(f0 + k (n - 1)) / 2).
+    With windows whitened by rho, x_w - rho x_(w - 1), over (1 - rho^2)^(1/2) after the first, the rest S_k of the
+    regression of coordinate k has m = n - 1 degrees of freedom. Its variance is drawn about the common one c, an
+    inverse gamma variable with f degrees of freedom: the marginal likelihood is the product over left against right of
+    (1 - rho^2)^(-m / 2) |J_k|^(-1/2) Gamma((f + m) / 2) / Gamma(f / 2) (f c)^(f / 2) (f c + S_k)^(-(f + m) / 2).
     """
-    pairs, _, _ = directions(scatter.components)
-    variances = np.diag(pairs @ scatter.covariance @ pairs.T)
-    ridges = np.array([variances / np.diag(pairs @ slope @ pairs.T) for slope in deviations.slope_covariances])
-    known = np.concatenate([np.zeros((1, len(pairs))), ridges]).T[:, :, None] * np.eye(1 + len(ridges))
-    degrees = len(pairs) * (len(deviations.rows) - 1)
-    logs, squares = [], []
-    for correlation in SERIAL.correlations:
-        rows, values = (_whitened(each, correlation) for each in (deviations.rows, deviations.values))
-        values, J = values @ pairs.T / np.sqrt(variances), rows.T @ rows + known
-        pulled = (rows.T @ values).T
-        rest = np.sum(values**2) - np.sum(pulled * np.linalg.solve(J, pulled[..., None])[..., 0])
-        squares.append(WEIGHTS.reported + float(rest))
-        volume = np.sum(np.linalg.slogdet(J)[1]) + degrees * np.log1p(-(correlation**2))
-        logs.append(-volume / 2 - (WEIGHTS.reported + degrees) / 2 * np.log(squares[-1]))
-    weights = SERIAL.prior * np.exp(np.array(logs) - max(logs))
-    return weights / np.sum(weights), np.array(squares) / squares[0]
+    slopes = np.array([np.einsum("ki,ij,kj->k", rows, each, rows) for each in deviations.slope_covariances])
+    known = np.zeros((len(rows), *2 * (deviations.rows.shape[1],)))
+    at = np.arange(known.shape[-1] - len(slopes), known.shape[-1])
+    known[:, at, at] = 1 / slopes.T
+    m, logs, squares = len(deviations.rows) - 1, [], []
+    gram = deviations.rows.T @ deviations.rows
+    degrees = np.maximum(m + 1 - np.trace(np.linalg.solve(gram + known, gram), axis1=-2, axis2=-1), 1.0)
+    for correlation in LASTING.correlations:
+        X, y = whitened(deviations.rows, correlation), whitened(deviations.values, correlation) @ rows.T
+        J, pulled = X.T @ X + known, (X.T @ y).T
+        rest = np.sum(y**2, axis=0) - np.sum(pulled * np.linalg.solve(J, pulled[..., None])[..., 0], axis=-1)
+        squares.append(rest)
+        volume = np.sum(np.linalg.slogdet(J[:n_pairs])[1]) + n_pairs * m * np.log1p(-(correlation**2))
+        f = np.array([[LASTING.same], [LASTING.spread]])
+        common = (np.sum(rest[:n_pairs]) + WEIGHTS.reported) / (np.sum(degrees[:n_pairs]) + WEIGHTS.reported)
+        each = gammaln((f + m) / 2) - gammaln(f / 2) + f / 2 * np.log(f * common)
+        each = each - (f + m) / 2 * np.log(f * common + rest[:n_pairs])
+        logs.append(np.sum(each, axis=1) - volume / 2)
+    likelihoods = np.array(logs).T
+    weights = LASTING.prior * np.exp(likelihoods - likelihoods.max())
+    return weights / np.sum(weights), np.array(squares), degrees
 
 
-def _whitened(rows: Real, correlation: float) -> Real:
+def whitened(rows: Real, correlation: float) -> Real:
     """Return the innovations of rows of which consecutive ones are correlated, over their standard deviation."""
     steps = (rows[1:] - correlation * rows[:-1]) / np.sqrt(1 - correlation**2)
     return np.concatenate([rows[:1], steps])

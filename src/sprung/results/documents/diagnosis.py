@@ -30,7 +30,7 @@ from sprung.diagnosis import (
     detectable,
 )
 from sprung.diagnosis.baseline import CONDITIONS
-from sprung.diagnosis.scatter import SERIAL
+from sprung.diagnosis.scatter import LASTING
 from sprung.errors import FormatError, ParameterError
 from sprung.results.documents.document import (
     Document,
@@ -74,8 +74,10 @@ class BaselineDocument(Document):
     learning_times: tuple[float, ...] = ()
     vehicle_file: str = ""
     missing: tuple[str, ...] = ()
-    correlations: Real = Field(default_factory=lambda: SERIAL.prior)
-    squares: Real = Field(default_factory=lambda: np.ones(len(SERIAL.correlations)))
+    weights: Real = Field(default_factory=lambda: LASTING.prior)
+    coordinates: Real = Field(default_factory=lambda: np.zeros((0, 0)))
+    squares: Real = Field(default_factory=lambda: np.zeros((0, 0)))
+    degrees: Real = Field(default_factory=lambda: np.zeros(0))
     conditions: dict[str, ConditionDocument]
     residuals: ResidualReference | None = None
     detectable: dict[str, dict[str, float]] = Field(default_factory=dict)

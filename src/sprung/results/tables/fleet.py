@@ -214,7 +214,7 @@ def fleet_tables(document: Mapping[str, Any]) -> list[Table]:
     """
     caption = (
         f"p: probability of such evidence from a healthy vehicle; at most {100 * document['rate']:.3g} % "
-        "of the vehicles reported to deviate are expected to be healthy, where parts scatter alike"
+        "of the vehicles reported to deviate are expected to be healthy"
     )
     columns = ("vehicle", "windows", "p", "change [%]", "verdict")
     return [

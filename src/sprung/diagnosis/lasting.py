@@ -1,0 +1,226 @@
+"""Evidence of a change for windows of an unknown serial correlation and parts of an unknown, unequal scatter."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import gammaln, logsumexp
+
+from sprung._arrays import Real
+from sprung.diagnosis.baseline import Baseline
+from sprung.diagnosis.hypotheses import PRIORS
+from sprung.diagnosis.ratios import Compared, Hypotheses
+from sprung.diagnosis.scatter import (
+    LASTING,
+    WEIGHTS,
+    directions,
+    independent_directions,
+    whitened,
+)
+
+#: Nodes of the mean over sizes (Gauss and Hermite), ln of their weights, and their spread over that of a normal size.
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
+_SPREAD = 1.2
+
+
+def lasting_evidence(windows: Sequence[Compared], baseline: Baseline, hypotheses: Hypotheses) -> float:
+    """Return ln of the e-detector for windows that may be correlated, and for parts that may scatter unequally.
+
+    Parameters
+    ----------
+    windows
+        Windows in the order of time, at least one.
+    baseline
+        Baseline that they are compared with.
+    hypotheses
+        Hypotheses about the components, of which those with one size are weighed.
+
+    Notes
+    -----
+    Coordinates of a window are uncorrelated, and each is as Student's t: where parts scatter alike with one variance in
+    common, else with its own one, drawn about the common one. With p the probability of the scatter and of a
+    correlation by the baseline, and f and f0 the likelihoods with and without a change, each ratio is
+    sum p f / sum q f0. Where parts scatter alike and the correlation is at most 0.3, q is p: the mean is at most 1
+    without a change if both are drawn from p. Elsewhere q is 1: it is at most 1 for each of them, however improbable
+    the baseline makes it (universal inference).
+
+    Where parts scatter unequally, left and right of an axle are not uncorrelated with their sum: f / f0 is then that of
+    the estimate of the change alone, whose variance is its own.
+
+    References
+    ----------
+    L. Wasserman, A. Ramdas, S. Balakrishnan, Universal inference, Proceedings of the National Academy of Sciences 117
+    (2020) 16880-16890.
+    """
+    prior = hypotheses.log_prior[: len(hypotheses.directions)]
+    prior = prior - logsumexp(prior)
+    known = np.log(np.maximum(baseline.weights, np.finfo(float).tiny))
+    with_change, without = np.empty(known.shape), np.empty(known.shape)
+    for column, correlation in enumerate(LASTING.correlations):
+        series = _Series.of(windows, baseline, hypotheses, correlation)
+        alike, each = _Scales.of(baseline, column)
+        size = len(baseline.components)
+        first, alone = series.part(slice(size)), series.part(slice(size, None))
+        ratios = first.log_ratios(alike), alone.own_log_ratios(each.part(slice(size, None)))
+        for row, scales in enumerate((alike, each.part(slice(size)))):
+            without[row, column] = first.log_likelihood(scales)
+            with_change[row, column] = without[row, column] + logsumexp(ratios[row] + prior[:, None])
+    counted = np.where(LASTING.counts_as_certain, 0.0, known)
+    return float(logsumexp(known + with_change) - logsumexp(counted + without))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Scales:
+    """Variances of coordinates over the reported ones: of groups that have one in common, or of each by itself.
+
+    Parameters
+    ----------
+    groups
+        1 where a coordinate is of a group, shape (groups, coordinates).
+    squares
+        Sum of squares of each group by the baseline, shape (groups,).
+    degrees
+        Their degrees of freedom, shape (groups,).
+    """
+
+    groups: Real
+    squares: Real
+    degrees: Real
+
+    @classmethod
+    def of(cls, baseline: Baseline, column: int) -> tuple["_Scales", "_Scales"]:
+        """Return the variances of uncorrelated coordinates where parts scatter alike, and of each row by itself.
+
+        Of all of a kind together, which common changes move, each has a variance by itself in either case.
+        """
+        size, squares, own = len(baseline.components), baseline.squares[column], baseline.degrees
+        n_pairs, (_, n_alike) = len(directions(baseline.components)[0]), independent_directions(baseline.components)
+        before = max(baseline.degrees_of_freedom - float(np.sum(own[:n_pairs])), WEIGHTS.reported)
+        common = (float(np.sum(squares[:n_pairs])) + before) / (float(np.sum(own[:n_pairs])) + before)
+        spreads = np.full(len(own), LASTING.spread)
+        spreads[n_alike:size] = WEIGHTS.common
+        each = cls(np.eye(len(own)), squares + spreads * common, own + spreads)
+        alike = (np.arange(size) < n_alike).astype(np.float64)
+        return cls(
+            np.vstack([alike, np.eye(size)[n_alike:]]),
+            np.concatenate([[alike @ squares[:size] + before], each.squares[n_alike:size]]),
+            np.concatenate([[alike @ own[:size] + before], each.degrees[n_alike:size]]),
+        ), each
+
+    def part(self, rows: slice) -> "_Scales":
+        """Return the variances of some coordinates, each by itself."""
+        return _Scales(self.groups[rows, rows], self.squares[rows], self.degrees[rows])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Series:
+    """Coordinates of windows as series, whitened by a correlation; sums are over windows, in variances of scale 1.
+
+    Parameters
+    ----------
+    volume
+        ln of the square root of the determinant of their information, without that of their scales.
+    n_windows
+        Number of windows.
+    rest
+        Sum of squares that errors of the baseline leave, shape (coordinates,).
+    scores, informations
+        Score and information of a change of each coordinate from each window on, shape (coordinates, windows).
+    moved
+        Change of each coordinate by each hypothesis, shape (hypotheses, coordinates).
+    """
+
+    volume: Real
+    n_windows: int
+    rest: Real
+    scores: Real
+    informations: Real
+    moved: Real
+
+    @classmethod
+    def of(
+        cls, windows: Sequence[Compared], baseline: Baseline, hypotheses: Hypotheses, correlation: float
+    ) -> "_Series":
+        """Return the series of windows."""
+        rows, count = baseline.coordinates, len(windows)
+        residuals, u = (np.array([getattr(each, name) for each in windows]) for name in ("residual", "units"))
+        deviations = 1 / np.sqrt([each.variances for each in windows])
+        met = np.any(u != 0, axis=0)
+        doubt = baseline.doubt_beyond(correlation).reshape(u.shape[1], rows.shape[1], u.shape[1], rows.shape[1])
+        start = np.einsum("ki,aibj,kj->kab", rows, doubt[met][:, :, met], rows, optimize=True)
+        widened = np.einsum("ki,ij,kj->k", rows, baseline.covariance + baseline.nuisance, rows)
+        start = start / widened[:, None, None]
+        y = whitened(residuals @ rows.T * deviations, correlation).T
+        X = whitened(u[:, None, met] * deviations[..., None], correlation).swapaxes(0, 1)
+        step = np.tril(np.ones((count, count)))  # windows x onsets
+        D = whitened(step[:, None] * deviations[..., None], correlation).swapaxes(0, 1)
+        J = np.linalg.inv(start) + X.swapaxes(-1, -2) @ X
+        pulled = (X.swapaxes(-1, -2) @ y[..., None])[..., 0]
+        errors = np.linalg.solve(J, pulled[..., None])[..., 0]
+        crossed = X.swapaxes(-1, -2) @ D
+        volume = (np.linalg.slogdet(start)[1] + np.linalg.slogdet(J)[1]) / 2
+        volume = volume + (count - 1) / 2 * np.log1p(-(correlation**2)) - np.sum(np.log(deviations), axis=0)
+        return cls(
+            -volume,
+            count,
+            np.sum(y**2, axis=1) - np.sum(pulled * errors, axis=1),
+            (D.swapaxes(-1, -2) @ y[..., None])[..., 0] - (crossed.swapaxes(-1, -2) @ errors[..., None])[..., 0],
+            np.sum(D**2, axis=1) - np.sum(crossed * np.linalg.solve(J, crossed), axis=1),
+            hypotheses.directions @ rows.T,
+        )
+
+    def part(self, rows: slice) -> "_Series":
+        """Return some of the coordinates."""
+        return _Series(
+            self.volume[rows],
+            self.n_windows,
+            self.rest[rows],
+            self.scores[rows],
+            self.informations[rows],
+            self.moved[:, rows],
+        )
+
+    def log_likelihood(self, scales: _Scales) -> float:
+        """Return ln of the likelihood without any change, up to a constant."""
+        before, after = scales.degrees, scales.degrees + self.n_windows * np.sum(scales.groups, axis=1)
+        each = gammaln(after / 2) - gammaln(before / 2) + before / 2 * np.log(scales.squares)
+        rest = scales.squares + scales.groups @ self.rest
+        return float(np.sum(self.volume) + np.sum(each - after / 2 * np.log(rest)))
+
+    def own_log_ratios(self, scales: _Scales) -> Real:
+        """Return ln of the ratios of a change by its estimate alone, shape (hypotheses, windows): row by row.
+
+        The size has the prior N(0, C), times the variance of the coordinate over the reported one, which is unknown.
+        """
+        moved, prior, rest = np.diag(self.moved)[:, None], 1 / PRIORS.size**2, (scales.squares + self.rest)[:, None]
+        known = moved**2 * self.informations
+        explained = (moved * self.scores) ** 2 / (known + prior)
+        after = (scales.degrees + self.n_windows)[:, None]
+        return np.asarray(-after / 2 * np.log1p(-explained / rest) - np.log1p(known / prior) / 2, dtype=np.float64)
+
+    def log_ratios(self, scales: _Scales) -> Real:
+        """Return ln of the ratios of a change of each hypothesis from each window on, shape (hypotheses, windows).
+
+        Notes
+        -----
+        The mean over the size x, whose prior is N(0, C), of the product over groups of (1 + sum_k (m_k^2 x^2 I_k -
+        2 m_k x s_k) / rest)^(-f / 2) by nodes about the size and its standard deviation that a normal distribution
+        would have.
+        """
+        degrees = scales.degrees + self.n_windows * np.sum(scales.groups, axis=1)
+        rest, prior = scales.squares + scales.groups @ self.rest, 1 / PRIORS.size**2
+        weights = (degrees / rest) @ scales.groups
+        known = (self.moved**2 * weights) @ self.informations + prior
+        centre, std = (self.moved * weights) @ self.scores / known, _SPREAD / np.sqrt(known)
+        logs = np.empty((len(_NODES), *known.shape))
+        for row, moved in enumerate(self.moved):
+            sizes = centre[row] + std[row] * _NODES[:, None]
+            at = np.abs(moved) > 1e-9 * np.abs(moved).max()
+            within = scales.groups[:, at] * moved[at] / rest[:, None]
+            twice, squared = within @ self.scores[at] * 2, within * moved[at] @ self.informations[at]
+            touched = np.any(within != 0, axis=1)
+            explained = sizes * (twice[touched][:, None] - sizes * squared[touched][:, None])
+            logs[:, row] = -np.tensordot(degrees[touched], np.log1p(-explained), 1) / 2 - sizes**2 * prior / 2
+        nodes = np.log(_WEIGHTS) + _NODES**2 / 2
+        every = logsumexp(logs + nodes[:, None, None], axis=0) + np.log(std) + np.log(prior / (2 * np.pi)) / 2
+        return np.asarray(every, dtype=np.float64)
