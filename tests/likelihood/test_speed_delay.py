@@ -54,6 +54,19 @@ def test_the_delay_of_drawn_segments_comes_back(model_at, true_delay) -> None:
     assert delay.std < 0.1
 
 
+@pytest.mark.parametrize("true_delay", [0.0, 1.0])
+def test_lines_of_an_uneven_wheel_do_not_move_the_delay(model_at, true_delay) -> None:
+    """Two periods of turns of 1.9 m in phase in bounce, pitch and roll, ten times the RMS of each, in three bins."""
+    segments, speeds, spreads = drawn(model_at, true_delay)
+    turns = 1.9 / np.array([np.interp(true_delay, DELAYS, own) for own in speeds.T])[:, None] * segments.frequencies
+    is_line = (np.abs(turns - np.rint(turns)) < 1.5 / SEGMENT * turns / segments.frequencies) & (turns < 2.5)
+    lines = 10 * np.sqrt(np.mean(np.abs(segments.values) ** 2, axis=(0, 1))) * is_line[..., None]
+    uneven = replace(segments, values=segments.values + lines)
+    delay = speed_delay(uneven, speeds, spreads, model_at)
+    assert delay.value == pytest.approx(true_delay, abs=0.1 if true_delay else 0.0)
+    assert delay.std < 0.1
+
+
 @pytest.mark.parametrize(("true_delay", "acceleration"), [(-1.2, 0.4), (4.5, 0.4), (1.0, 0.0)])
 def test_delays_beyond_the_range_and_a_steady_speed_say_nothing(model_at, true_delay, acceleration) -> None:
     segments, speeds, spreads = drawn(model_at, true_delay, acceleration)
