@@ -40,7 +40,7 @@ def test_gradient_of_a_term_is_the_finite_difference(term, on_a_road, misfit, gr
     typical = {"forces": 1e3, "feedthrough": 10.0}.get(term, np.abs(value).mean())
     change *= 1e-6 * typical
     gradients = gradients_of(model, terms)
-    gradient = getattr(gradients, term)
+    gradient = gradients.stiffness(range(len(value))) if term == "stiffness" else getattr(gradients, term)
     above, below = (misfit(model, replace(terms, **{term: value + sign * change})) for sign in (1, -1))
     assert np.sum(gradient * change).real == pytest.approx((above - below) / 2, rel=1e-4)
 

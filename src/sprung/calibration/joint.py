@@ -102,14 +102,14 @@ class FileNumbers(ParameterBlock):
         )
 
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
-        """Return the gradient: 2 Re sum over frequencies of tr(E dB) - tr(G dD) - w^2 tr(dR X Q reduction)."""
+        """Return the gradient: 2 Re sum over frequencies of tr(E dB) - tr(E dD X) - w^2 tr(dR X Q reduction)."""
         terms = gradients.transfer.terms
-        sensed = gradients.transfer.displacements @ gradients.driven @ terms.reduction
-        sensed = sensed * terms.squared[:, None, None]
+        X = gradients.transfer.displacements
+        sensed = (X @ gradients.driven @ terms.reduction) * terms.squared[:, None, None]
         gradient = np.zeros(len(self.numbers))
         for row, change in enumerate(self._changes(parameters, terms)):
             if change.stiffness is not None:
-                gradient[row] -= 2 * np.einsum("fij,fji->", gradients.fed_back, change.stiffness).real
+                gradient[row] -= 2 * np.einsum("fun,fnu->", gradients.forced, change.stiffness @ X).real
             if change.drive is not None:
                 wheels = gradients.forced[:, : change.drive.shape[-1]]
                 gradient[row] += 2 * np.einsum("fun,fnu->", wheels, change.drive).real

@@ -63,9 +63,9 @@ class FreeComponents(ParameterBlock):
 
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
         """Return the gradient of the objective."""
-        by_element, gradient = gradients.stiffness, np.zeros(len(self.components))
-        for row, element, change in self._changes(parameters, gradients.transfer.terms):
-            gradient[row] += np.sum((by_element[element] * change).real)
+        changes, gradient = list(self._changes(parameters, gradients.transfer.terms)), np.zeros(len(self.components))
+        for (row, _, change), each in zip(changes, gradients.stiffness([e for _, e, _ in changes]), strict=True):
+            gradient[row] += np.sum((each * change).real)
         return gradient
 
     def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:

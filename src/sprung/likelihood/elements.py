@@ -63,7 +63,8 @@ class ElementFactors(ParameterBlock):
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
         """Return the gradient of the objective."""
         changes = self._changes(parameters, gradients.transfer.terms)
-        return np.array([np.sum((gradients.stiffness[number] * change).real) for number, change in changes])
+        by_element = gradients.stiffness([number for number, _ in changes])
+        return np.array([np.sum((each * change).real) for each, (_, change) in zip(by_element, changes, strict=True)])
 
     def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""

@@ -407,9 +407,7 @@ def _start(
     end = _rough_fit(rough, _weighted(coarse, tempering=1.0, lines=lines), starts, setup.settings.expected)
     model = _weighted(setup.at_classes(segments, width=CLASS_WIDTH), tempering=RULES.first)
     parameters = _carried_over(rough, end, model)
-    if model.objective(parameters)[0] == TOO_FAR:
-        return model, model.scaled_start()
-    return model, parameters
+    return model, model.scaled_start() if model.objective(parameters)[0] == TOO_FAR else parameters
 
 
 def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real], expected: Expected | None) -> Real:

@@ -161,7 +161,7 @@ class SeatLoads(ParameterBlock):
 
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
         """Return the gradient of the objective."""
-        upward = gradients.stiffness[-len(self.seats) :] * self._units(gradients.transfer.terms)
+        upward = gradients.stiffness(range(-len(self.seats), 0)) * self._units(gradients.transfer.terms)
         sideways = [np.sum(gradients.mass.real * self._sideways(unit)) for unit in np.eye(len(self.seats))]
         return np.asarray(upward.real.sum(axis=1) + sideways, dtype=np.float64)
 

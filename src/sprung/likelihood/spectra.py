@@ -467,7 +467,7 @@ def onto_grid(weights: Complex) -> Complex:
     Returns
     -------
     ndarray
-        Shape (..., frequencies + 2, m, m), in Fortran order.
+        Shape (..., frequencies + 2, m, m), of three rows in Fortran order.
 
     Notes
     -----
@@ -479,7 +479,7 @@ def onto_grid(weights: Complex) -> Complex:
     IEEE 66 (1978), 51-83 (Hann window).
     """
     shape = (*weights.shape[:-3], weights.shape[-3] + 2, *weights.shape[-2:])
-    on_grid = np.zeros(shape, dtype=weights.dtype, order="F")
+    on_grid = np.zeros(shape, dtype=weights.dtype, order="F" if weights.shape[-1] == 3 else "C")
     on_grid[..., 1:-1, :, :] = weights * (2 / 3)
     on_grid[..., 2:, :, :] += weights / 6
     on_grid[..., :-2, :, :] += weights / 6

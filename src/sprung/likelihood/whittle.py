@@ -169,7 +169,7 @@ def minus_log_likelihood(matrices: Complex, spectra: ClassSpectra) -> tuple[floa
     Returns
     -------
     float, ndarray
-        Value l, and W with dl = sum tr(W dS), Hermitian, shape of `matrices`, in Fortran order.
+        Value l, and W with dl = sum tr(W dS), Hermitian, shape of `matrices`, of three rows in Fortran order.
 
     Raises
     ------
@@ -189,7 +189,7 @@ def minus_log_likelihood(matrices: Complex, spectra: ClassSpectra) -> tuple[floa
     1988, chapter 8 (differentials of the determinant and of the inverse).
     """
     inverse, logdet = inverse_and_logdet(matrices)
-    ratio = _products(inverse, np.asfortranarray(spectra.matrices))
+    ratio = _products(inverse, spectra.matrices)
     traces = np.einsum("cfii->cf", ratio).real
     if np.any(traces < 0):  # S is singular to rounding, and its computed inverse not positive definite
         raise np.linalg.LinAlgError("a spectral matrix is not positive definite")
@@ -208,28 +208,26 @@ def inverse_and_logdet(matrices: Complex) -> tuple[Complex, Real]:
     Returns
     -------
     ndarray, ndarray
-        Shapes (..., n, n) and (...), in Fortran order.
+        Shapes (..., n, n) and (...), matrices of three rows in Fortran order.
 
     Raises
     ------
     LinAlgError
-        If a matrix of more than three rows is not positive definite, or a smaller one is singular.
+        If a matrix is not positive definite; those of three rows are not checked.
 
     Notes
     -----
     For 3 by 3 matrices, the usual case and the hottest code of a fit, by cofactors: several times faster than LAPACK on
-    a stack of small matrices. In Fortran order one entry of the whole stack is contiguous in memory.
+    a stack of small matrices; in Fortran order one entry of the whole stack is contiguous in memory.
 
     References
     ----------
     R. A. Horn and C. R. Johnson, Matrix Analysis, Cambridge University Press, 1985, section 0.8.2 (adjugate).
     """
-    if matrices.shape[-1] > 3:
+    if matrices.shape[-1] != 3:
         lower = np.linalg.cholesky(matrices)
         logdet = 2 * np.log(np.einsum("...ii->...i", lower).real).sum(axis=-1)
-        return np.asfortranarray(np.linalg.inv(matrices)), np.asarray(logdet)
-    if matrices.shape[-1] < 3:
-        return np.asfortranarray(np.linalg.inv(matrices)), np.asarray(np.linalg.slogdet(matrices)[1])
+        return np.asarray(np.linalg.inv(matrices), dtype=np.complex128), np.asarray(logdet)
     S = np.asfortranarray(matrices)
     a, b, c = (S[..., k, k].real for k in range(3))
     x, y, z = S[..., 0, 1], S[..., 0, 2], S[..., 1, 2]
@@ -248,8 +246,10 @@ def inverse_and_logdet(matrices: Complex) -> tuple[Complex, Real]:
 
 
 def _products(left: Complex, right: Complex) -> Complex:
-    """Products of the matrices of two stacks in Fortran order, of the whole stack entry by entry."""
-    return np.asarray(np.einsum("...ij,...jk->...ik", left, right), dtype=np.complex128)
+    """Products of the matrices of two stacks; of three rows, in Fortran order, entry by entry of the whole stacks."""
+    if left.shape[-1] != 3:
+        return np.asarray(left @ right, dtype=np.complex128)
+    return np.asarray(np.einsum("...ij,...jk->...ik", left, np.asfortranarray(right)), dtype=np.complex128)
 
 
 def _squared_size(values: Complex) -> Real:
