@@ -70,7 +70,8 @@ class FitRules:
     #: Smallest roughness of a class over the common one at the start; its inverse is the largest.
     min_level: float = 1e-3
     #: Ends of the first search and of later ones of a window whose vehicle is known, and which therefore begins near
-    #: its end: no part is left farther from it than a fiftieth of a standard deviation.
+    #: its end: no part is left farther from it than a fiftieth of a standard deviation. Those of the first one also end
+    #: a search from a broken spring, whose result is compared and at most the start of the full fits.
     first_of_known: DescentSettings = field(default_factory=lambda: DescentSettings(slope=0.1, gain=1e-4))
     of_known: DescentSettings = field(default_factory=lambda: DescentSettings(slope=0.05))
     #: Number of alternating fits and estimates of the speed, if it is missing.
@@ -328,8 +329,9 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
 
     1. *Rough*: speed classes twice as wide and a likelihood to the power of 0.1 (tempering), which flattens local
        minima. If its error is so large that its own tempering is below 0.3, and larger than in other windows of
-       the vehicle, the search is repeated from the most likely vehicle with one spring broken, and the better result is
-       taken. Where other windows of the vehicle are known, its searches and those of the full fits end earlier.
+       the vehicle, the search is repeated from the most likely vehicle with one spring broken, to a rougher end, and
+       the better result is taken. Where other windows of the vehicle are known, its searches and those of the full fits
+       end earlier.
     2. *Full*: classes 5 % wide. Each fit is followed by three choices for the next one, until they no longer change:
 
        - the amplitude of a segment is limited to that at 1.2 times the median power, a winsorised residual as
@@ -427,7 +429,7 @@ def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real], expected
     broken = RULES.broken * np.eye(len(rough.components))
     springs = [row for row, component in enumerate(rough.components) if component.kind in SPRINGS]
     start = min((rough.scaled_start(broken[row]) for row in springs), key=misfit)
-    return min((end, minimised(rough, start, ends)), key=misfit)
+    return min((end, minimised(rough, start, RULES.first_of_known)), key=misfit)
 
 
 def _weighted(model: Model, *, tempering: float, lines: tuple[SpectralLine, ...] = ()) -> Model:
