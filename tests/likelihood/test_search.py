@@ -36,6 +36,22 @@ def test_the_preconditioner_makes_the_information_the_unit_matrix(drawn) -> None
     assert factor.T @ information @ factor == pytest.approx(np.eye(drawn.start.size), abs=1e-6)
 
 
+@pytest.mark.slow
+def test_a_metric_by_fewer_frequencies_leads_to_the_same_end(whole_model, with_data, somewhere) -> None:
+    """A metro car with twelve sensors: its metric is rough, and the ends of 73 parameters 0.05 deviations apart."""
+    nominal = whole_model("metro", "rail")
+    model = with_data(nominal, somewhere(nominal, size=0.02), generator=np.random.default_rng(2))
+    start = model.scaled_start()
+    factor = preconditioner(model, start)
+    curvatures = np.linalg.eigvalsh(
+        factor.T @ (model.searched.information(start) + np.diag(1 / model.prior_std**2)) @ factor
+    )
+    assert 0.3 < curvatures.min() < 0.9
+    assert 1.1 < curvatures.max() < 3
+    exact, rough = minimised(model, start), minimised(model.searched, start)
+    assert np.linalg.norm(np.linalg.solve(preconditioner(model, exact), rough - exact)) < 0.05
+
+
 @dataclass(frozen=True, eq=False)
 class Valley:
     """Rosenbrock's function: 1 - x and 10 (y - x^2), with both at least -2 and at most a bound."""

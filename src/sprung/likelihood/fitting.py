@@ -390,7 +390,8 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
         model = _weighted(untempered, tempering=power, lines=lines)
         if lines == last_lines and abs(power - last_power) < RULES.settled * last_power:
             break
-        parameters = minimised(model, parameters, DESCENT if setup.settings.expected is None else RULES.of_known)
+        ends = DESCENT if setup.settings.expected is None else RULES.of_known
+        parameters = minimised(model.searched, parameters, ends)
     covariance = parameter_covariance(model, parameters, limited)
     misfit, excess = power_misfit(model, parameters)
     counts, error = (model.spectra.n_segments, segments.n_rejected), float(np.sqrt(max(0.0, excess)))
@@ -405,7 +406,7 @@ def _start(
 ) -> tuple[Model, Real]:
     """Return the model with speed classes of full width, tempered as at first, and where its search starts."""
     coarse = setup.at_classes(segments, width=RULES.coarse)
-    rough = _weighted(coarse, tempering=RULES.first, lines=lines)
+    rough = _weighted(coarse, tempering=RULES.first, lines=lines).searched
     end = _rough_fit(rough, _weighted(coarse, tempering=1.0, lines=lines), starts, setup.settings.expected)
     model = _weighted(setup.at_classes(segments, width=CLASS_WIDTH), tempering=RULES.first)
     parameters = _carried_over(rough, end, model)

@@ -429,18 +429,20 @@ def class_spectra(segments: SegmentSpectra, *, width: float = CLASS_WIDTH) -> Cl
     )
 
 
-def through_window(matrices: Matrices) -> Matrices:
+def through_window(matrices: Matrices, *, every: int = 1) -> Matrices:
     """Return the expected spectral matrices of Hann-windowed segments for true ones on a grid, (..., grid, m, m).
 
     Parameters
     ----------
     matrices
         True spectral matrices S, shape (..., grid, m, m), or their real coordinates as columns, (..., grid, m^2, 1).
+    every
+        Step between the lines that are returned, from the middle of the first step on.
 
     Returns
     -------
     ndarray
-        Of the same shape but for the grid, whose ends are lost: (..., grid - 2, m, m).
+        Of the same shape but for the grid, whose ends are lost: (..., grid - 2, m, m), or some of these lines.
 
     Notes
     -----
@@ -453,7 +455,8 @@ def through_window(matrices: Matrices) -> Matrices:
     F. J. Harris, On the use of windows for harmonic analysis with the discrete Fourier transform, Proceedings of the
     IEEE 66 (1978), 51-83 (Hann window).
     """
-    return matrices[..., 1:-1, :, :] * (2 / 3) + (matrices[..., 2:, :, :] + matrices[..., :-2, :, :]) / 6
+    before, at, after = (matrices[..., every // 2 + k : matrices.shape[-3] - 2 + k : every, :, :] for k in range(3))
+    return at * (2 / 3) + (after + before) / 6
 
 
 def onto_grid(weights: Complex) -> Complex:

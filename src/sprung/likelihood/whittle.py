@@ -1,7 +1,7 @@
 """Whittle likelihood of a vehicle: spectral matrix = response x inputs x response^H + sensor noise."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 
 import numpy as np
@@ -35,6 +35,8 @@ class Model:
         Mean spectral matrices of the data by speed class.
     blocks
         Blocks of parameters, applied in this order; their parameters follow each other.
+    every
+        Step between the frequencies by which the information is estimated.
 
     Notes
     -----
@@ -51,6 +53,7 @@ class Model:
     layout: RigidLayout
     spectra: ClassSpectra
     blocks: tuple[ParameterBlock, ...]
+    every: int = 1
     names: tuple[str, ...] = field(init=False)
     start: Real = field(init=False)
     prior_std: Real = field(init=False)
@@ -62,6 +65,11 @@ class Model:
         object.__setattr__(self, "prior_std", np.concatenate([block.prior_std for block in self.blocks]))
         object.__setattr__(self, "_nominal", nominal_terms(self.structure, self.layout, self.spectra))
         freeze(self, start=1, prior_std=1)
+
+    @property
+    def searched(self) -> "Model":
+        """The model with an information, the metric of a search, of every third frequency beyond six coordinates."""
+        return replace(self, every=3) if len(self.layout.rows) > 6 else self
 
     @property
     def components(self) -> tuple[Component, ...]:
@@ -83,8 +91,7 @@ class Model:
         if components is not None:
             parameters[self.rows("components")] = components
         power = np.average(self.relative_power(parameters), axis=0, weights=self.spectra.counts)
-        shift = np.log(np.median(power))
-        return parameters + shift * np.concatenate([block.is_log_power for block in self.blocks])
+        return parameters + np.log(np.median(power)) * np.concatenate([block.is_log_power for block in self.blocks])
 
     def relative_power(self, parameters: Real) -> Real:
         """Return tr(S^-1 S^) / coordinates: the power of the data over the model's, shape (classes, frequencies)."""
@@ -135,25 +142,23 @@ class Model:
         -------
         ndarray
             In the real coordinates of Hermitian matrices (`real_coordinates`), shape (parameters, classes, frequencies,
-            squared number of coordinates).
+            squared number of coordinates); with a larger step, `every`, fewer frequencies.
         """
         response = transfer(self.terms(parameters))
-        S = through_window(response.spectral_matrix)
+        S = through_window(response.spectral_matrix, every=self.every)
         factors = np.asarray(np.linalg.inv(np.linalg.cholesky(S)), dtype=np.complex128)
-        factors *= self.spectra.weights[..., None, None] ** 0.25
-        n_classes, n_frequencies, size = S.shape[:3]
-        on_grid = np.empty((n_classes, n_frequencies + 2, size**2))
-        derivatives = np.empty((parameters.size, n_classes, n_frequencies, size**2))
+        factors *= self.spectra.weights[:, self.every // 2 :: self.every, None, None] ** 0.25
+        shape = (len(S), response.terms.frequencies.size, S.shape[-1] ** 2, 1)
+        derivatives = np.empty((parameters.size, *S.shape[:2], shape[2]))
         by_block = (block.derivatives(own, response) for block, own in self.by_block(parameters))
         for row, derivative in enumerate(chain.from_iterable(by_block)):
-            on_grid[...] = derivative
-            derivatives[row] = through_window(on_grid[..., None])[..., 0]
+            derivatives[row] = through_window(np.broadcast_to(derivative[..., None], shape), every=self.every)[..., 0]
         return transformed(factors, derivatives)
 
     def information(self, parameters: Real) -> Real:
         """Return the Fisher information without the prior: I_pq = sum n tr(S^-1 dS/dp S^-1 dS/dq)."""
         whitened = np.moveaxis(self.whitened_derivatives(parameters), 0, -1).reshape(-1, parameters.size)
-        return whitened.T @ whitened
+        return self.every * (whitened.T @ whitened)
 
 
 def minus_log_likelihood(matrices: Complex, spectra: ClassSpectra) -> tuple[float, Complex]:
