@@ -44,7 +44,7 @@ def test_figures_are_reachable_from_the_package() -> None:
 
 #: Types of parts of models, which are named in packages of their own.
 OF_MODELS = {
-    "likelihood": {"DrivenSegments", "Expected", "LateralModel", "Model"},
+    "likelihood": {"DrivenSegments", "Expected", "LateralModel", "Model", "Stiffening"},
     "diagnosis": {"Scatter"},
     "excitation": {"Lines", "MeasuredSurface", "Route"},
     "simulation": {"ForceLaw"},

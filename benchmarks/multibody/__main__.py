@@ -338,8 +338,9 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
         wrong = sum(bool(set(named(each)) - fault.names) for each in found)
         verdicts = dict(Counter(str(each.verdict) for each in found))
         text = f"| {fault.label} | {verdicts}, named alone {share(alone, len(found))}, a healthy part named in {wrong}"
-        if fault.size is not None:
-            sizes = [f for each in found for f in each.findings if f"{f.corner}.{f.component}" in fault.names]
+        has_size = [f for each in found for f in each.findings if f.interval is not None]
+        if fault.size is not None and has_size:
+            sizes = [f for f in has_size if f"{f.corner}.{f.component}" in fault.names]
             held = sum(f.interval is not None and f.interval[0] <= fault.size <= f.interval[1] for f in sizes)
             read = ", ".join(
                 f"{100 * f.change:+.1f} ({100 * f.interval[0]:+.1f}..{100 * f.interval[1]:+.1f})"

@@ -21,6 +21,7 @@ from sprung.diagnosis import (
 from sprung.diagnosis.changes import Candidate, Detection, Size
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.errors import ParameterError
+from sprung.likelihood.bump_stops import Stiffening
 from sprung.likelihood.elements import log_of_bars
 from sprung.simulation import RigRun, RoadConditions, RoadDrive, simulate_drive
 from sprung.vehicles import Component, parse_fault, read_vehicle, structure
@@ -39,6 +40,39 @@ def test_change_is_found_at_its_corner_with_its_size_and_onset(faulty, baseline,
     assert abs(finding.since - 2400.0) <= 600.0
     assert finding.since_interval[0] <= 2400.0 <= finding.since_interval[1]
     assert finding.corner.replace("_", "-") in finding.sentence
+
+
+@pytest.mark.parametrize(
+    ("rises", "found"),
+    [
+        ((0.0, 0.0, 0.0, 0.0), []),
+        ((0.2, 0.0, 0.0, 0.0), ["front_left.spring"]),
+        ((0.0, 0.0, 0.0, 0.2), ["rear_right.spring"]),
+        ((0.0, 0.0, 0.25, 0.25), []),  # a load over the rear axle
+        ((0.2, 0.2, 0.2, 0.2), []),  # a rough road
+        ((-0.2, 0.0, 0.0, 0.0), []),
+    ],
+)
+def test_a_spring_that_stiffens_at_one_corner_alone_lets_it_down_on_its_bump_stop(healthy, rises, found) -> None:
+    generator = np.random.default_rng(5)
+
+    def stiffer(windows: list[Observation], by: tuple[float, ...]) -> list[Observation]:
+        chance = 0.02 * generator.standard_normal((len(windows), 4)) + 0.03 * generator.standard_normal(
+            (len(windows), 1)
+        )
+        return [
+            replace(window, stiffening=Stiffening(CORNERS, np.array(by) + own, 0.01**2 * np.eye(4)))
+            for window, own in zip(windows, chance, strict=True)
+        ]
+
+    learnt = learn(stiffer(healthy(12), (0.0,) * 4))
+    later = stiffer(healthy(6, seed=7), rises)
+    result = diagnose(later, learnt)
+    assert [finding.hypothesis for finding in result.findings] == found
+    assert [finding.change for finding in result.findings] == [None] * len(found)
+    without = [replace(window, stiffening=None) for window in later]  # of an earlier version
+    assert not diagnose(without, learnt).findings
+    assert not diagnose(later, replace(learnt, stiffenings=())).findings
 
 
 @pytest.mark.parametrize(

@@ -64,6 +64,11 @@ FINDING = Finding(
             "stop), since 20 min; inspect before the next 500 km",
         ),
         (
+            {"change": None, "interval": None, "score": None},
+            "rear-left corner meets its bump stop more than before: its spring has sagged or is broken (or only that "
+            "corner is overloaded), since 20 min; inspect before the next 500 km",
+        ),
+        (
             {"corner": "vehicle", "component": "unmodelled", "change": None, "interval": None, "score": None},
             "the suspension differs from the baseline in a way that no single part explains: "
             "inspect before the next 500 km",

@@ -112,6 +112,8 @@ class Baseline(Tabular, Savable):
         rows); empty: no window.
     degrees
         Degrees of freedom of these sums, shape (rows,); empty: 0.
+    stiffenings
+        Stiffening of the springs in its windows, see `Observation.of_stiffening`.
 
     Raises
     ------
@@ -143,6 +145,7 @@ class Baseline(Tabular, Savable):
     coordinates: Real = field(default_factory=lambda: np.zeros((0, 0)))
     squares: Real = field(default_factory=lambda: np.zeros((0, 0)))
     degrees: Real = field(default_factory=lambda: np.zeros(0))
+    stiffenings: tuple[Observation, ...] = ()
 
     def __post_init__(self) -> None:
         size, more = len(self.components), 1 + len(CONDITIONS)

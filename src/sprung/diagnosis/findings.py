@@ -65,9 +65,9 @@ class Finding(Tabular):
         "spring", "damper" or "tyre"; "anti_roll" of "front_axle"; "unmodelled".
     change, interval
         Relative change after the last window, -0.2 for a loss of a fifth, and its 95 % interval; None for an unmodelled
-        change, which has no single size.
+        change, which has no single size, and for a spring that lets its corner down on its bump stop.
     score
-        Size over its standard deviation; None for an unmodelled change.
+        Size over its standard deviation; None without a size.
     severity, severity_number, advice
         Severity in a word and as a number (1 to 1000), and what to do, see `SEVERITIES`.
     since, since_interval
@@ -106,6 +106,12 @@ class Finding(Tabular):
     @property
     def sentence(self) -> str:
         """The finding in plain words."""
+        if self.component == "spring" and self.change is None:
+            corner = self.corner.replace("_", "-")
+            return (
+                f"{corner} corner meets its bump stop more than before: its spring has sagged or is broken (or only "
+                f"that corner is overloaded), since {format_time(self.since)}; {self.advice}"
+            )
         if self.change is None or self.interval is None:
             return f"the suspension differs from the baseline in a way that no single part explains: {self.advice}"
         softer, stiffer = ("weaker", "stronger") if self.component.endswith("damper") else ("softer", "stiffer")

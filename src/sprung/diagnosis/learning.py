@@ -158,6 +158,7 @@ def learn(
         version=1 if previous is None else previous.version + 1,
         reason=reason,
         residuals=_residual_reference(common),
+        stiffenings=tuple(filter(None, (window.of_stiffening() for window in common))),
     )
 
 

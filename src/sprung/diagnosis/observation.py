@@ -15,12 +15,14 @@ from sprung.diagnosis.sensors import exchanged_opposites, valid_part
 from sprung.errors import DataError, IdentificationError, ParameterError
 from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import CornerFit, CornerSettings, fit_corners
+from sprung.likelihood.bump_stops import Stiffening, stiffening
 from sprung.likelihood.elements import log_of_bars
 from sprung.likelihood.fitting import fit_windows
 from sprung.likelihood.lateral import LateralFit, fit_lateral_under
 from sprung.likelihood.plate_test import low_phase_shifts
 from sprung.recording import Recording, each_recording
 from sprung.ride import response_of
+from sprung.signals.conditioning import decimate
 from sprung.vehicles import Component, Vehicle
 from sprung.vehicles.channel_faults import MISSING, SensorFault
 from sprung.vehicles.labels import MOTIONS
@@ -111,6 +113,9 @@ class Observation(Tabular):
     phase_shifts
         Phase shift of the suspension test [degrees] and its standard deviation, of the corners below 55 degrees, see
         `sprung.likelihood.plate_tests`.
+    stiffening
+        How much stiffer the springs of corners become inwards, see `sprung.likelihood.bump_stops`; None where it is
+        unknown or a sensor fails.
     """
 
     time: float
@@ -126,6 +131,7 @@ class Observation(Tabular):
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     phase_shifts: dict[str, tuple[float, float]] = field(default_factory=dict)
+    stiffening: Stiffening | None = None
 
     def __post_init__(self) -> None:
         # Row by row, as when it is read from a document: the order in memory shows in the last digit of sums.
@@ -152,6 +158,18 @@ class Observation(Tabular):
     def is_valid(self) -> bool:
         """Whether the window has estimates, and no sensor fails."""
         return self.is_conclusive and not self.sensor_faults
+
+    def of_stiffening(self) -> "Observation | None":
+        """Return the stiffening of the springs in place of their log ratios, with speed and road; None: unknown.
+
+        The fitted load is left out: a corner that stands on its bump stop changes it.
+        """
+        if self.stiffening is None:
+            return None
+        parts = tuple(Component(corner, "spring") for corner in self.stiffening.corners)
+        road = {name: value for name, value in self.conditions.items() if name in {"speed", "roughness"}}
+        values, covariance = self.stiffening.values, self.stiffening.covariance
+        return Observation(self.time, parts, values, covariance, road, {}, (), vehicle=self.vehicle)
 
     def without_segments(self) -> "Observation":
         """Return the observation with residual statistics reduced to what a comparison needs."""
@@ -354,6 +372,7 @@ def observe_window(
     bars = np.array([part.kind == "anti_roll" for part in parts])
     ratios[bars], slopes[bars] = log_of_bars(ratios[bars])
     lateral, lateral_ratios, lateral_covariance = _lateral_parts(sideways)
+    motion = None if check.faults else _slow_motion(window)
     return replace(
         _observation(time, window, check.faults),
         components=(*parts, *lateral),
@@ -361,8 +380,9 @@ def observe_window(
         covariance=block_diag(fit.covariance[np.ix_(rows, rows)] * np.outer(slopes, slopes), lateral_covariance),
         conditions=window.conditions | _fitted_conditions(fit) | _ride(window),
         modes={label: (frequency, damping) for label, frequency, damping in body if label in MOTIONS},
-        residuals=None if check.faults else _residuals(window),
+        residuals=None if motion is None else _residuals(motion),
         phase_shifts=low_phase_shifts(fit),
+        stiffening=None if motion is None else stiffening(motion, fit.model.layout, window.structure),
     )
 
 
@@ -444,10 +464,19 @@ def _ride(window: Window) -> dict[str, float]:
     return {"ride": float(np.sqrt(power / (len(rows) * motion.n_samples)))} if rows else {}
 
 
-def _residuals(window: Window) -> ResidualStatistics | None:
+def _slow_motion(window: Window) -> Recording | None:
+    """Return the outputs at the rate at which windows are compared; None if every stretch is too short."""
+    motion = window.motion.select(window.outputs)
+    try:
+        return decimate(motion, min(motion.sampling_rate, RESIDUALS.vehicle_rate))
+    except DataError:
+        return None
+
+
+def _residuals(motion: Recording) -> ResidualStatistics | None:
     """Return the statistics for the residual test; None if no stretch of motion is long enough."""
     try:
-        return residual_statistics(window.motion.select(window.outputs), sampling_rate=RESIDUALS.vehicle_rate)
+        return residual_statistics(motion, sampling_rate=RESIDUALS.vehicle_rate)
     except DataError:
         return None
 

@@ -1,4 +1,5 @@
 from sprung.likelihood.blocks import ParameterBlock as ParameterBlock
+from sprung.likelihood.bump_stops import Stiffening as Stiffening
 from sprung.likelihood.components import FreeComponents as FreeComponents
 from sprung.likelihood.coordinates import RigidLayout as RigidLayout
 from sprung.likelihood.coordinates import rigid_layout as rigid_layout

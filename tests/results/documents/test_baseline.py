@@ -20,6 +20,7 @@ from sprung.results.documents import (
     write_type_baseline,
 )
 from sprung.results.documents.diagnosis import BaselineDocument, TypeBaselineDocument
+from sprung.vehicles import Component
 
 #: Fields of a baseline that its document lists by condition.
 BY_CONDITION = {"slopes", "centre", "ranges"}
@@ -38,7 +39,10 @@ def test_a_residual_reference_is_read_as_it_was_written(baseline, plain, same) -
     reference = sprung.diagnosis.ResidualReference(
         ("a", "b"), 25.0, 2.0, generator.standard_normal((4, 2)), generator.standard_normal((3, 4)), 0.1, 0.2, 5
     )
-    baseline = replace(baseline, residuals=reference)
+    parts = tuple(Component(corner, "spring") for corner in ("front_left", "front_right"))
+    covariance = np.array([[1e-4, 2e-5], [2e-5, 3e-4]])
+    stiffening = sprung.Observation(600.0, parts, np.array([0.2, 0.01]), covariance, {"speed": 12.0}, {}, ())
+    baseline = replace(baseline, residuals=reference, stiffenings=(stiffening,))
     assert same(baseline_from_document(plain(baseline_document(baseline))), baseline)
 
 

@@ -46,6 +46,25 @@ from sprung.results.documents.document import (
 from sprung.vehicles import Component
 
 
+def _restored(fields: Any) -> Any:
+    """Restore what JSON does not keep of a window: the shape of an empty covariance, and NaN."""
+    if not isinstance(fields, Mapping):
+        return fields
+    conditions = {name: np.nan if value is None else value for name, value in fields.get("conditions", {}).items()}
+    restored = {**fields, "conditions": conditions}
+    return restored if fields.get("covariance") else {**restored, "covariance": np.zeros((0, 0))}
+
+
+Window = Annotated[
+    Observation,
+    Published(
+        *("time", "components", "log_ratios", "covariance", "conditions", "modes", "sensor_faults", "reason"),
+        *("missing", "notes", "phase_shifts", "stiffening"),
+    ),
+    BeforeValidator(_restored),
+]
+
+
 class ConditionDocument(Document):
     """Dependence of the mean on a condition; `centre` and `range` are null if it was never known."""
 
@@ -78,6 +97,7 @@ class BaselineDocument(Document):
     coordinates: Real = Field(default_factory=lambda: np.zeros((0, 0)))
     squares: Real = Field(default_factory=lambda: np.zeros((0, 0)))
     degrees: Real = Field(default_factory=lambda: np.zeros(0))
+    stiffenings: tuple[Window, ...] = ()
     conditions: dict[str, ConditionDocument]
     residuals: ResidualReference | None = None
     detectable: dict[str, dict[str, float]] = Field(default_factory=dict)
@@ -429,23 +449,6 @@ def read_type_baseline(path: str | Path) -> TypeBaseline:
     return type_baseline_from_document(read_fields(path), source=str(path))
 
 
-def _restored(fields: Any) -> Any:
-    """Restore what JSON does not keep of a window: the shape of an empty covariance, and NaN."""
-    if not isinstance(fields, Mapping):
-        return fields
-    conditions = {name: np.nan if value is None else value for name, value in fields.get("conditions", {}).items()}
-    restored = {**fields, "conditions": conditions}
-    return restored if fields.get("covariance") else {**restored, "covariance": np.zeros((0, 0))}
-
-
-Window = Annotated[
-    Observation,
-    Published(
-        *("time", "components", "log_ratios", "covariance", "conditions", "modes", "sensor_faults", "reason"),
-        *("missing", "notes", "phase_shifts"),
-    ),
-    BeforeValidator(_restored),
-]
 _WINDOW: TypeAdapter[Observation] = TypeAdapter(Window)
 PublishedFinding = Annotated[Finding, Published(sentence=attrgetter("sentence"))]
 _FINDING: TypeAdapter[Finding] = TypeAdapter(PublishedFinding)
