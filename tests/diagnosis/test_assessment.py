@@ -23,6 +23,7 @@ from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.errors import ParameterError
 from sprung.likelihood.bump_stops import Stiffening
 from sprung.likelihood.elements import log_of_bars
+from sprung.results.tables.diagnosis import describe_diagnosis
 from sprung.simulation import RigRun, RoadConditions, RoadDrive, simulate_drive
 from sprung.vehicles import Component, parse_fault, read_vehicle, structure
 
@@ -70,6 +71,7 @@ def test_a_spring_that_stiffens_at_one_corner_alone_lets_it_down_on_its_bump_sto
     result = diagnose(later, learnt)
     assert [finding.hypothesis for finding in result.findings] == found
     assert [finding.change for finding in result.findings] == [None] * len(found)
+    assert ("ln evidence of sizes of parts" in describe_diagnosis(result)[-1]) == bool(found)
     without = [replace(window, stiffening=None) for window in later]  # of an earlier version
     assert not diagnose(without, learnt).findings
     assert not diagnose(later, replace(learnt, stiffenings=())).findings

@@ -282,7 +282,7 @@ def _diagnosis(
         *baseline.notes,
         *_condition_notes(baseline, compared),
         *([] if detection is None or named is None else _evidence_notes(detection, named)),
-        *([_OF_STIFFENING] if any(one.component == "spring" and one.change is None for one in findings) else []),
+        *([_OF_STIFFENING] if any(one.is_on_bump_stop for one in findings) else []),
         *opinion,
         *doubts,
     )

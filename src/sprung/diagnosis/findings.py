@@ -104,9 +104,14 @@ class Finding(Tabular):
         return self.component if self.component == "unmodelled" else f"{self.corner}.{self.component}"
 
     @property
+    def is_on_bump_stop(self) -> bool:
+        """Whether a spring lets its corner down on its bump stop, which a test of its own has found."""
+        return self.component == "spring" and self.change is None
+
+    @property
     def sentence(self) -> str:
         """The finding in plain words."""
-        if self.component == "spring" and self.change is None:
+        if self.is_on_bump_stop:
             corner = self.corner.replace("_", "-")
             return (
                 f"{corner} corner meets its bump stop more than before: its spring has sagged or is broken (or only "

@@ -130,7 +130,9 @@ def describe_diagnosis(diagnosis: Diagnosis) -> list[str]:
     sentences += [f"sensor {fault.statement}: {fault.detail}" for fault in diagnosis.sensor_faults]
     if diagnosis.detection is None:
         return sentences
-    numbers = f"ln evidence {diagnosis.detection.evidence[-1]:.1f}; alarm threshold {diagnosis.detection.threshold:.1f}"
+    of_parts = " of sizes of parts" if any(finding.is_on_bump_stop for finding in diagnosis.findings) else ""
+    numbers = f"ln evidence{of_parts} {diagnosis.detection.evidence[-1]:.1f}"
+    numbers += f"; alarm threshold {diagnosis.detection.threshold:.1f}"
     if diagnosis.findings:
         numbers += f"; {detectable_in_words(diagnosis.detectable)}"
     return [*sentences, numbers]
