@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 import pytest
 from pyarrow import parquet
-from scipy import ndimage, signal
+from scipy import signal
 
 from sprung.errors import DataError, ParameterError
 from sprung.excitation import QUARTER_CASES, RandomInputs
@@ -38,6 +38,14 @@ def vibration(frequencies, damping_ratio, *, seed, duration=60.0, sampling_rate=
         modes.append(mode / mode.std())
     samples = rng.standard_normal((n_channels, len(modes))) @ modes
     return samples + 0.05 * samples.std() * rng.standard_normal(samples.shape)
+
+
+def smoothed(samples, sigma):
+    """What `ndimage.gaussian_filter1d` returns, by Fourier transforms: a tenth of its time."""
+    reach = np.arange(-4 * sigma, 4 * sigma + 1)
+    kernel = np.exp(-0.5 * (reach / sigma) ** 2)
+    padded = np.pad(samples, 4 * sigma, mode="symmetric")
+    return signal.oaconvolve(padded, kernel / kernel.sum(), mode="valid")
 
 
 def quarter(case, seed):
@@ -168,7 +176,7 @@ def family(fundamental, n_orders, *, seed, duration=100.0, wander=0.0, onset=0.0
     """Noise and three modes in three channels, and the multiples of a fundamental that wanders and starts late."""
     generator = np.random.default_rng(seed)
     t = np.arange(round(120 * duration)) / 120
-    drift = ndimage.gaussian_filter1d(generator.standard_normal(t.size), 120 * 8.0)
+    drift = smoothed(generator.standard_normal(t.size), 960)
     turns = np.cumsum(fundamental * (1 + wander * drift / drift.std())) / 120
     samples = vibration([3.7, 11.1, 16.7], 0.01, seed=seed, duration=duration, sampling_rate=120.0)
     samples += samples.std() * generator.standard_normal(samples.shape)
@@ -238,8 +246,8 @@ def drive(spread, *, seed, line=0.0, duration=600.0):
     """Body modes, wheel hop and a light mode, the speed, and a wheel's line with its double and 0.3 % slip."""
     rng = np.random.default_rng(seed)
     n_samples = round(duration * 100)
-    smooth = ndimage.gaussian_filter1d(rng.standard_normal(n_samples + 20_000), 1500)[10_000:-10_000]
-    slip = ndimage.gaussian_filter1d(rng.standard_normal(n_samples), 300)
+    smooth = smoothed(rng.standard_normal(n_samples + 20_000), 1500)[10_000:-10_000]
+    slip = smoothed(rng.standard_normal(n_samples), 300)
     v = np.maximum(15 + spread * smooth / smooth.std(), 0)
     body = vibration([1.5, 1.8, 2.4, 11.0], 0.15, seed=seed, duration=duration, sampling_rate=100.0, n_channels=4)
     body += 0.3 * vibration([19.0, 27.0], 0.02, seed=seed, duration=duration, sampling_rate=100.0, n_channels=4)
