@@ -32,7 +32,7 @@ class Demo:
 
     def __init__(self) -> None:
         self._end, theirs = pty.openpty()
-        words = [str(_PROGRAM), "demo", "--pace", "90", "--minutes", "9"]
+        words = [str(_PROGRAM), "demo", "--pace", "120", "--minutes", "9"]
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "TERM": "xterm", "COLUMNS": "160"}
         self._process = subprocess.Popen(
             words, stdin=theirs, stdout=theirs, stderr=theirs, env=environment, start_new_session=True

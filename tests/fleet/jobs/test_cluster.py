@@ -19,6 +19,8 @@ pytestmark = pytest.mark.slow
 
 FLEET = Path(__file__).parents[3] / "benchmarks" / "fleet"
 FAULT = "rear_left.damper=-0.5"
+#: As many tasks of a shuffle as workers, as the session of the other tests has.
+FEW_TASKS = ("--conf", "spark.sql.shuffle.partitions=2")
 
 
 @pytest.fixture
@@ -40,7 +42,7 @@ def test_a_submitted_job_whose_processes_are_killed_gives_the_same_tables(cluste
     Path("sprung-fleet.py").write_text("from sprung.cli import main\nraise SystemExit(main())\n", encoding="utf-8")
     words = "fleet run lake --vehicles vehicles --out submitted --steps baseline,diagnose --learn 3"
     submitted = subprocess.Popen(
-        [module.SPARK_SUBMIT, "--master", machines.url, "sprung-fleet.py", *words.split(), "--master", ""],
+        [module.SPARK_SUBMIT, "--master", machines.url, *FEW_TASKS, "sprung-fleet.py", *words.split(), "--master", ""],
         env={**os.environ, "PYSPARK_PYTHON": sys.executable, "SPARK_LOCAL_IP": "127.0.0.1"},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -52,7 +54,7 @@ def test_a_submitted_job_whose_processes_are_killed_gives_the_same_tables(cluste
             killed["python worker"] = module.kill(machines.python_workers())
         elif not killed["executor"] and Results("submitted")["windows"].exists:
             killed["executor"] = module.kill(machines.executors())
-        time.sleep(0.5)
+        time.sleep(0.1)
     said, _ = submitted.communicate()
     assert submitted.returncode == 0, said[-3000:]
     assert killed == {"python worker": True, "executor": True}
