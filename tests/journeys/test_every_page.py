@@ -71,30 +71,24 @@ def test_no_serious_finding_of_axe(shown, visit, watch) -> None:
     assert not findings, "\n".join(findings)
 
 
-def test_no_page_is_wider_than_a_phone(shown, visit, watch) -> None:
-    watch.expected = {403}
-    people = {role: visit(shown, role=role, viewport=PHONE) for role in ("", "viewer", "engineer", "admin")}
-    too_wide = {}
-    for name, (address, role) in addresses(shown).items():
-        page = people[role]
-        page.goto(address)
-        _wait_for_charts(page, name)
-        width = page.evaluate("document.documentElement.scrollWidth")
-        if width > PHONE["width"]:
-            too_wide[name] = (width, page.evaluate(_WIDEST))
-    assert not too_wide
-
-
 #: The elements that reach beyond the right edge of the window.
 _WIDEST = """() => [...document.querySelectorAll("main *")].filter(
   (each) => each.getBoundingClientRect().right > innerWidth + 1 && !each.closest(".scroll, pre")
 ).slice(0, 5).map((each) => `${each.tagName}.${each.className}`)"""
 
 
-def test_pages_are_light(shown, visit, watch) -> None:
+def test_pages_are_light_and_no_wider_than_a_phone(shown, visit, watch) -> None:
     """Less than 300 kB with all that a page loads, but for the library of charts."""
     watch.expected = {403}
-    sizes = {name: load(visit(shown, role=role), address).n_bytes for name, (address, role) in addresses(shown).items()}
+    sizes, too_wide = {}, {}
+    for name, (address, role) in addresses(shown).items():
+        page = visit(shown, role=role, viewport=PHONE)
+        sizes[name] = load(page, address).n_bytes
+        _wait_for_charts(page, name)
+        width = page.evaluate("document.documentElement.scrollWidth")
+        if width > PHONE["width"]:
+            too_wide[name] = (width, page.evaluate(_WIDEST))
+    assert not too_wide
     report = sizes.pop("report")
     assert not {name: size for name, size in sizes.items() if size > _MOST}
     assert report < 2 * 10**6  # a page to keep and to send, with its figures inside
