@@ -21,7 +21,7 @@ pytest.importorskip("paho.mqtt.client")
 def test_a_monitor_that_takes_over_stores_what_one_does(tmp_path: Path) -> None:
     pytest.importorskip("psycopg")
     command = [sys.executable, str(HARNESS / "takeover.py"), "--vehicles", "4", "--driving", "1"]
-    command += ["--windows", "12", "--seconds", "40", "--every", "4", "--json", "--keep", str(tmp_path / "run")]
+    command += ["--windows", "8", "--seconds", "24", "--every", "3", "--json", "--keep", str(tmp_path / "run")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=560, check=False)
     assert done.stdout, done.stderr
     found = json.loads(done.stdout)
@@ -31,7 +31,7 @@ def test_a_monitor_that_takes_over_stores_what_one_does(tmp_path: Path) -> None:
     assert found["acknowledgements"] >= 100
     assert found["events"]["kill"] >= 1
     assert max(found["takeovers"]) <= 30.0
-    assert found["rows"]["observations"] == 48
+    assert found["rows"]["observations"] == 32
     assert found["empty"] == []
     assert found["rows"]["notifications"] == found["messages"]
 
@@ -39,7 +39,7 @@ def test_a_monitor_that_takes_over_stores_what_one_does(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(MOSQUITTO is None, reason="no mosquitto: install Debian's package (scripts/system-packages)")
 def test_a_dozen_kills_change_nothing(tmp_path: Path) -> None:
-    command = [sys.executable, str(HARNESS), "--kills", "12", "--seed", "1", "--json"]
+    command = [sys.executable, str(HARNESS), "--kills", "12", "--every", "1.6", "--seed", "1", "--json"]
     command += ["--keep", str(tmp_path / "run")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=560, check=False)
     assert done.stdout, done.stderr
