@@ -14,7 +14,7 @@ import hashlib
 import os
 import pickle
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -45,6 +45,8 @@ SHEETS = {
 }
 #: Windows that are diagnosed together: half an hour.
 TOGETHER = 3
+#: Kinds of conditions that a baseline has not met.
+KINDS = 5
 #: Standard deviation of the lateral acceleration of a bus in curves [m/s^2]: in those of a car it often tips over.
 CURVES_OF_BUS = 1.0
 #: Acceleration that no vehicle on its wheels reaches here [m/s^2].
@@ -107,7 +109,7 @@ def unmet(design: Design, number: int) -> Drive:
     """Return a drive under conditions that the baseline has not met: load on one side, full seats, other roads."""
     drive, generator = ordinary(design, 10_000 + number), np.random.default_rng([number, 2])
     heavy = 10.0 if design.name == "bus" else 1.0
-    kind = number % 5
+    kind = number % KINDS
     if kind == 0:
         return replace(drive, riders=(*people(design, 1, generator), Rider(120.0 * heavy, -0.3, 0.45)))
     if kind == 1:
@@ -226,10 +228,13 @@ def observed(study: Study, vehicle: Vehicle, drive: Drive, seed: int, time: floa
     )
 
 
-def judged(study: Study, vehicle: Vehicle, learning: list[Observation], drives: list[Drive], first: int) -> Diagnosis:
+def judged(
+    study: Study, vehicle: Vehicle, learning: list[Observation], drives: list[Drive], seeds: Sequence[int]
+) -> Diagnosis:
     """Return the diagnosis of drives together."""
     seen = [
-        observed(study, vehicle, drive, first + number, 600.0 * (1000 + number)) for number, drive in enumerate(drives)
+        observed(study, vehicle, drive, seed, 600.0 * (1000 + number))
+        for number, (drive, seed) in enumerate(zip(drives, seeds, strict=True))
     ]
     return diagnose(seen, learn(learning))
 
@@ -293,6 +298,27 @@ def detectable(diagnosis: Diagnosis) -> str:
     return " ".join(f"{kind} {100 * loss:.0f}" for kind, loss in largest.items())
 
 
+def alike(
+    study: Study, vehicle: Vehicle, learning: list[Observation], count: int, work: ProcessPoolExecutor
+) -> Iterable[str]:
+    """Yield the rows of the windows under conditions never met, those of one condition together."""
+    for words, size in (("half hours", TOGETHER), ("all windows", count // KINDS)):
+        firsts = [
+            kind + KINDS * begun
+            for kind in range(KINDS if size else 0)
+            for begun in range(0, count // KINDS - size + 1, size)
+        ]
+        if not firsts:
+            continue
+        members = [[first + KINDS * k for k in range(size)] for first in firsts]
+        groups = [[unmet(study.design, number) for number in group] for group in members]
+        seeds = [[20_000 + number for number in group] for group in members]
+        healthy = list(work.map(partial(judged, study, vehicle, learning), groups, seeds))
+        verdicts = Counter(f"{first % KINDS} {each.verdict}" for first, each in zip(firsts, healthy, strict=True))
+        findings = share(sum(bool(each.findings) for each in healthy), len(healthy))
+        yield f"| one condition never met throughout, {words} | findings {findings}; {dict(verdicts)} |"
+
+
 def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor) -> Iterable[str]:
     """Yield the rows of the table of a vehicle."""
     design = study.design
@@ -316,13 +342,15 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
         if not firsts:
             continue
         groups = [[drive_of(design, offset + first + k) for k in range(TOGETHER)] for first in firsts]
-        seeds = [start + first for first in firsts]
+        seeds = [range(start + first, start + first + TOGETHER) for first in firsts]
         healthy = list(work.map(partial(judged, study, vehicle, learning), groups, seeds))
         verdicts = Counter(str(diagnosis.verdict) for diagnosis in healthy)
         yield f"| {design.name}: healthy half hours, {words} | {dict(verdicts)} |"
         yield f"| findings | {share(sum(bool(each.findings) for each in healthy), len(healthy))} |"
         yield f"| sensor faults | {share(sum(bool(each.sensor_faults) for each in healthy), len(healthy))} |"
         yield f"| smallest losses that would be found | {', '.join(map(detectable, healthy))} |"
+        if drive_of is unmet:
+            yield from alike(study, vehicle, learning, arguments.healthy, work)
     for row, fault in enumerate(faults(design) if arguments.faulty else ()):
         first = 30_000 + 1000 * row
         groups = [
@@ -333,7 +361,8 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
             for number in range(arguments.faulty)
         ]
         firsts = [first + TOGETHER * number for number in range(arguments.faulty)]
-        found = list(work.map(partial(judged, study, vehicle, learning), groups, firsts))
+        seeds = [range(begun, begun + TOGETHER) for begun in firsts]
+        found = list(work.map(partial(judged, study, vehicle, learning), groups, seeds))
         alone = sum(bool(names := set(named(each))) and names <= fault.names for each in found)
         wrong = sum(bool(set(named(each)) - fault.names) for each in found)
         verdicts = dict(Counter(str(each.verdict) for each in found))

@@ -44,6 +44,17 @@ def test_a_growing_change_has_one_size_in_findings_and_hypotheses(window, baseli
     assert finding.interval[0] < -0.45 < finding.interval[1]  # after the last window, not the mean since the onset
 
 
+def test_windows_of_one_time_have_a_size_and_no_trend(faulty, baseline) -> None:
+    """As windows observed one by one without stating their times have."""
+    phases = {"rear_left": (30.0, 2.0)}
+    windows = [replace(one, time=0.0, phase_shifts=phases) for one in faulty(3, {"rear_left.damper": -0.4}, before=0)]
+    (finding,) = diagnose(windows, baseline).findings
+    assert finding.hypothesis == "rear_left.damper"
+    assert finding.trend is None
+    assert finding.phase_shift is not None
+    assert finding.phase_shift.degrees == 30.0
+
+
 def candidate(corner: str, component: str) -> Candidate:
     scope = "else" if component == "unmodelled" else "single"
     sizes = () if scope == "else" else (Size(-0.1, (-0.12, -0.08), 10.0),)

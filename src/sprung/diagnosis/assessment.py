@@ -12,6 +12,7 @@ from sprung._checks import check_each, check_number, check_type
 from sprung._display import counted
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.baseline import SETTINGS as BASELINE
+from sprung.diagnosis.bump_stops import detection_of_stiffening, on_bump_stop, on_loaded_stops
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, detect, false_discoveries
 from sprung.diagnosis.findings import (
     LIGHTEST_WHEEL,
@@ -256,14 +257,18 @@ def _diagnosis(
     compared = [window for window in every if baseline.accepts(window)]
     named: Candidate | None = None
     findings: tuple[Finding, ...] = ()
+    doubts = []
     if detection is not None:
         best, second = _best_two(detection)
         named = _at_present(best, compared, baseline) if detection.is_alert else best
         stated = tuple(named if candidate is best else candidate for candidate in detection.candidates)
         detection = replace(detection, candidates=stated)
         findings = _findings(named, second, compared, baseline) if detection.is_alert else ()
-        findings = findings or _on_bump_stop(every, baseline, detection.threshold)
-    doubts = []
+        stops = detection_of_stiffening(every, baseline)
+        if attributed := on_loaded_stops(findings, stops, detection.threshold):
+            findings = ()
+            doubts.append(attributed)
+        findings = findings or on_bump_stop(stops, detection.threshold)
     if detection is not None and baseline.n_windows == 0:
         doubts.append("no baseline: compared with the vehicle file, and left with right, with wide limits")
         if any(finding.component == "unmodelled" for finding in findings):
@@ -395,30 +400,6 @@ def _findings(
         size_of_it = size.change, size.interval, size.score
         findings.append(Finding(change.corner, change.component, *size_of_it, *severity, *onset, course, phase))
     return tuple(findings)
-
-
-def _on_bump_stop(observations: Sequence[Observation], baseline: Baseline, threshold: float) -> tuple[Finding, ...]:
-    """Return a finding about the spring of a corner that meets its bump stop more than in the baseline, and it alone.
-
-    Its stiffening passes through the change test of the parts, at a rate of false alarms that is a twentieth of theirs.
-    A load lowers both sides of an axle, or all corners: the other corners and the axles must explain it clearly less
-    well.
-    """
-    threshold += float(np.log(20.0))
-    windows = [window for window in observations if window.is_valid and baseline.has_sensors_of(window)]
-    later = [one for one in (window.of_stiffening() for window in windows) if one is not None]
-    try:
-        detection = detect(learn(baseline.stiffenings), later)
-    except DataError:  # too few of them in the baseline
-        return ()
-    if detection is None or detection.evidence[-1] < threshold:
-        return ()
-    best, second, *_ = (one for one in detection.candidates if one.hypothesis.scope in {"single", "axle", "all"})
-    is_clear = best.log_evidence >= max(threshold, second.log_evidence + RULES.close)
-    if not is_clear or best.hypothesis.scope != "single" or best.change is None or best.change < 0:
-        return ()
-    onset = best.onset, best.onset_interval, ""
-    return (Finding(best.hypothesis.corner, "spring", None, None, None, *SEVERITIES[1][1:], *onset, None),)
 
 
 def _severity_by(phase: PhaseShift | None) -> tuple[str, int, str]:

@@ -208,8 +208,8 @@ def phase_shift(corners: Collection[str], observations: Iterable[Observation], *
         return None
     seconds, values, stds = min(courses, key=lambda course: float(course[:, 1].mean())).T
     level, std, hours = float(values.mean()), float(stds.mean()), None
-    if len(values) >= RULES.min_windows:
-        times = (seconds - seconds[-1]) / 3600
+    times = (seconds - seconds[-1]) / 3600
+    if len(values) >= RULES.min_windows and times.any():
         (slope, last), scatter = np.polyfit(times, values, 1, cov=True)
         slope_std = float(np.sqrt(scatter[0, 0]))
         if slope < -RULES.clearly * slope_std:
@@ -231,12 +231,12 @@ def _compared(observations: Sequence[Observation], baseline: Baseline) -> list[C
 
 
 def _lines(candidate: Candidate, windows: Sequence[Compared], baseline: Baseline, *, since: float) -> list[_Line]:
-    """Return the line of each change of a candidate; none with too few windows, or for an unmodelled change."""
+    """Return the line of each change of a candidate; none with too few windows or times, or no size."""
     directions = candidate.hypothesis.directions(baseline.components)
     windows = [window for window in windows if window.time >= since]
-    if len(windows) < RULES.min_windows or not len(directions):
-        return []
     hours = np.array([window.time - windows[-1].time for window in windows]) / 3600
+    if len(windows) < RULES.min_windows or not len(directions) or not hours.any():
+        return []
     lines = [np.kron([1.0, hour], directions.T) for hour in hours]
     identity = np.eye(len(baseline.components))
     columns = [np.hstack([line, np.kron(w.units, identity)]) for line, w in zip(lines, windows, strict=True)]
