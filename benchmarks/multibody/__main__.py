@@ -298,25 +298,38 @@ def detectable(diagnosis: Diagnosis) -> str:
     return " ".join(f"{kind} {100 * loss:.0f}" for kind, loss in largest.items())
 
 
-def alike(
+def throughout(
     study: Study, vehicle: Vehicle, learning: list[Observation], count: int, work: ProcessPoolExecutor
 ) -> Iterable[str]:
-    """Yield the rows of the windows under conditions never met, those of one condition together."""
-    for words, size in (("half hours", TOGETHER), ("all windows", count // KINDS)):
-        firsts = [
-            kind + KINDS * begun
-            for kind in range(KINDS if size else 0)
-            for begun in range(0, count // KINDS - size + 1, size)
+    """Yield the rows of windows under conditions never met, those of one condition together: half hours to two hours.
+
+    They are judged by the baseline, and by those of twelve other drives each.
+    """
+    of_kind = count // KINDS
+    sizes = [size for size in (TOGETHER, 2 * TOGETHER, 4 * TOGETHER) if size <= of_kind]
+    firsts = [
+        (size, kind + KINDS * begun) for size in sizes for kind in range(KINDS) for begun in _begun(size, of_kind)
+    ]
+    members = [[first + KINDS * k for k in range(size)] for size, first in firsts]
+    groups = [[unmet(study.design, number) for number in group] for group in members]
+    seeds = [[20_000 + number for number in group] for group in members]
+    for other in range(-1, count // len(learning) if firsts else -1):
+        if other >= 0:
+            numbers = [50_000 + other * len(learning) + k for k in range(len(learning))]
+            drives = [ordinary(study.design, number) for number in numbers]
+            times = [600.0 * k for k in range(len(numbers))]
+            learning = list(work.map(partial(observed, study, vehicle), drives, numbers, times))
+        found = list(work.map(partial(judged, study, vehicle, learning), groups, seeds))
+        named_in = [
+            f"{size} {first % KINDS}" for (size, first), each in zip(firsts, found, strict=True) if each.findings
         ]
-        if not firsts:
-            continue
-        members = [[first + KINDS * k for k in range(size)] for first in firsts]
-        groups = [[unmet(study.design, number) for number in group] for group in members]
-        seeds = [[20_000 + number for number in group] for group in members]
-        healthy = list(work.map(partial(judged, study, vehicle, learning), groups, seeds))
-        verdicts = Counter(f"{first % KINDS} {each.verdict}" for first, each in zip(firsts, healthy, strict=True))
-        findings = share(sum(bool(each.findings) for each in healthy), len(healthy))
-        yield f"| one condition never met throughout, {words} | findings {findings}; {dict(verdicts)} |"
+        words = f"one condition never met throughout, by {'the' if other < 0 else 'another'} baseline"
+        yield f"| {words} | findings {share(len(named_in), len(found))} {named_in} |"
+
+
+def _begun(size: int, count: int) -> range:
+    """Return where sets of a size begin among a number of windows."""
+    return range(0, count - size + 1, size)
 
 
 def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor) -> Iterable[str]:
@@ -350,7 +363,7 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
         yield f"| sensor faults | {share(sum(bool(each.sensor_faults) for each in healthy), len(healthy))} |"
         yield f"| smallest losses that would be found | {', '.join(map(detectable, healthy))} |"
         if drive_of is unmet:
-            yield from alike(study, vehicle, learning, arguments.healthy, work)
+            yield from throughout(study, vehicle, learning, arguments.healthy, work)
     for row, fault in enumerate(faults(design) if arguments.faulty else ()):
         first = 30_000 + 1000 * row
         groups = [

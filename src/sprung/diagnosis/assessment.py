@@ -12,7 +12,6 @@ from sprung._checks import check_each, check_number, check_type
 from sprung._display import counted
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.baseline import SETTINGS as BASELINE
-from sprung.diagnosis.bump_stops import detection_of_stiffening, on_bump_stop, on_loaded_stops
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, detect, false_discoveries
 from sprung.diagnosis.findings import (
     LIGHTEST_WHEEL,
@@ -25,6 +24,7 @@ from sprung.diagnosis.findings import (
 )
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.learning import learn
+from sprung.diagnosis.loads import Stops, in_doubt, on_bump_stop, on_loaded_stops, stops_of
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import RESIDUALS, ResidualTest, residual_test
 from sprung.diagnosis.trends import PhaseShift, current_sizes, phase_shift, trend
@@ -264,11 +264,12 @@ def _diagnosis(
         stated = tuple(named if candidate is best else candidate for candidate in detection.candidates)
         detection = replace(detection, candidates=stated)
         findings = _findings(named, second, compared, baseline) if detection.is_alert else ()
-        stops = detection_of_stiffening(every, baseline)
-        if attributed := on_loaded_stops(findings, stops, detection.threshold):
+        stops = stops_of(every, baseline)
+        attributed = on_loaded_stops(findings, stops, detection.threshold)
+        if attributed := attributed or _attributed(findings, every, baseline, stops, detection.threshold):
             findings = ()
             doubts.append(attributed)
-        findings = findings or on_bump_stop(stops, detection.threshold)
+        findings = findings or on_bump_stop(stops, detection.threshold, compared, baseline)
     if detection is not None and baseline.n_windows == 0:
         doubts.append("no baseline: compared with the vehicle file, and left with right, with wide limits")
         if any(finding.component == "unmodelled" for finding in findings):
@@ -400,6 +401,35 @@ def _findings(
         size_of_it = size.change, size.interval, size.score
         findings.append(Finding(change.corner, change.component, *size_of_it, *severity, *onset, course, phase))
     return tuple(findings)
+
+
+def _attributed(
+    findings: Sequence[Finding],
+    observations: Sequence[Observation],
+    baseline: Baseline,
+    stops: Stops,
+    threshold: float,
+) -> str:
+    """Return why findings are not stated: loads and roads that the baseline has not met may explain them; else empty.
+
+    They are not what is found with a baseline that allows for these.
+    """
+    wider = in_doubt(baseline, stops, findings)
+    if not findings or wider is baseline:
+        return ""
+    again = detect(wider, observations, false_alarms=float(np.exp(-threshold)), windows_per_day=1.0)
+    if again is not None and again.is_alert:
+        best, _ = _best_two(again)
+        changes = zip(best.hypothesis.changes, best.sizes, strict=True)
+        named = {(part.name, size.change > 0) for part, size in changes} or {(best.hypothesis.name, False)}
+        if named == {(one.hypothesis, (one.change or 0.0) > 0) for one in findings}:
+            return ""
+    words = " and ".join(f"{one.corner} {one.component}".replace("_", "-") for one in findings)
+    what = "the unmodelled change" if words == "vehicle unmodelled" else f"the change of {words}"
+    return (
+        f"{what} is within what bump stops and the error of the vehicle file ({100 * baseline.model_error:.0f} %) may "
+        "make of other loads and roads: it is not named; learn a baseline with such drives"
+    )
 
 
 def _severity_by(phase: PhaseShift | None) -> tuple[str, int, str]:
