@@ -52,20 +52,16 @@ def frame(seed, periods, rate=64.0):
 
 @pytest.mark.slow
 def test_twenty_periods_of_the_first_mode_are_enough() -> None:
-    """80 % of such records show all three modes; none shows another, and none claims a standard deviation.
+    """Such records show all three modes and no other, and none claims a standard deviation.
 
-    That of seed 44 showed another at 8.1 Hz, and misses its first.
+    By the spread of light damping over so few periods, the first mode of seed 44 seems to grow.
     """
-    complete = 0
     for seed in (*range(12), 44):
         record, frequencies = frame(seed, 20)
         identification = cov_ssi(record)
         modes = identification.modes
-        distance = np.abs(modes.natural_frequency[:, None] - frequencies)
-        assert ((distance / frequencies).min(axis=1) < 0.07).all()
+        assert modes.natural_frequency == pytest.approx(frequencies, rel=0.07)
         assert np.isnan(modes.natural_frequency_std).all()
-        complete += len(modes) == 3
-    assert complete >= 8
 
 
 def test_a_longer_record_states_its_deviations() -> None:

@@ -143,6 +143,19 @@ def test_segments_are_many_and_long_against_the_lags() -> None:
     assert short.segment > 60.0 / 36
 
 
+def test_lags_of_many_channels_are_no_longer_than_a_short_record_bears() -> None:
+    """Eight channels leave 50 block rows: three times their lags would be a sixth of 20 s, and leave four blocks."""
+    generator, rate = np.random.default_rng(3), 85.0
+    shapes = np.linalg.qr(generator.normal(size=(8, 8)))[0]
+    samples = 0.05 * generator.normal(size=(8, 1700))
+    for frequency, shape in zip([1.0, 3.0, 4.8, 6.5, 8.0, 9.2, 10.1, 10.7], shapes, strict=True):
+        root = np.exp(2 * np.pi * frequency / rate * (-0.03 + 1j))
+        mode = signal.lfilter([1.0], np.poly([root, root.conj()]).real, generator.normal(size=4700))[3000:]
+        samples += np.outer(shape, mode / mode.std())
+    record = Recording(samples, rate, tuple(Channel(f"a{k}") for k in range(8)))
+    assert planned(record, decimate_to=rate).ladder.span / rate <= 20.0 / 11
+
+
 def test_orders_are_even_and_fit_the_matrix() -> None:
     for given_settings, n_channels in (
         ({}, 3),

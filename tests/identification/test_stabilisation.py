@@ -134,6 +134,21 @@ def test_a_frequency_is_as_certain_as_the_duration_allows() -> None:
     assert stabilise(poles, duration=400.0).status[1:].tolist() == [PoleStatus.UNCERTAIN] * 2
 
 
+def test_a_pole_that_grows_by_no_more_than_a_short_record_tells_is_a_mode() -> None:
+    """Over 20 periods a damping ratio of -0.3 % is a growth of 0.38 nepers, one of -0.5 % of 0.63: 0.5 are kept.
+
+    Damping ratios may differ as much; where standard deviations are known, and in longer records, none may grow.
+    """
+    poles = ladder(*[[(1.0, xi, (1, 2)), (3.0, -0.005, (2, 1))] for xi in (-0.003, 0.0005, -0.002)])
+    diagram = stabilise(poles, duration=20.0)
+    assert diagram.status[2::2].tolist() == [PoleStatus.SELECTED] * 2
+    assert select_modes(diagram).modes.damping_ratio[0] == pytest.approx(0.002)
+    assert set(diagram.status[1::2]) == {PoleStatus.UNPHYSICAL_DAMPING}
+    known = replace(poles, natural_frequency_std=np.full(6, 1e-3), damping_ratio_std=np.full(6, 1e-3))
+    for other, duration in ((known, 20.0), (poles, 40.0)):
+        assert stabilise(other, duration=duration).status[0] == PoleStatus.UNPHYSICAL_DAMPING
+
+
 def test_a_diagram_without_poles_has_no_modes() -> None:
     nothing, no_shapes = np.zeros(0), np.zeros((0, 2), dtype=complex)
     empty = Poles(nothing.astype(complex), no_shapes, np.zeros(0, dtype=int), (2, 4, 6), ("a", "b"), nothing, nothing)

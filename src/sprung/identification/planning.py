@@ -423,7 +423,7 @@ def make_plan(
         lag_span = min([lag_span, *(_RULES.of_pulse_period / line for line in _pulse_trains(harmonics))])
     lag_span = min(lag_span, total_duration / _RULES.record_over_lags, stretch / rate / _RULES.stretch_over_lags)
     longest_lags = total_duration / (_RULES.blocks_of_a_drive * _RULES.lag_spans_of_a_block)
-    spans = (lag_span, longest_lags if preparation.is_drive else math.inf)
+    spans = (lag_span, longest_lags if preparation.is_drive else total_duration / _RULES.record_over_lags)
     ladder = _ladder(settings, len(preparation.channels), rate, spans, _longest(motion))
     if method.has_polynomials and isinstance(ladder, OrderLadder):
         n_references = len(settings.references or preparation.channels)

@@ -33,6 +33,8 @@ class _Rules:
     #: Largest deviation of a frequency over the least that the duration of the records allows, where that is more than
     #: the criterion.
     over_least: float = 3.0
+    #: Growth or decay, in nepers over the record, that a record of few blocks does not distinguish from none.
+    indistinct: float = 0.5
 
 
 _RULES = _Rules()
@@ -201,7 +203,10 @@ def stabilise(
     Notes
     -----
     The least deviation that records of the duration T allow a frequency f is sqrt(damping ratio x f / (4 pi T)), which
-    in a short record exceeds the bound `uncertainty`: then three times as much is the bound.
+    in a short record exceeds the bound `uncertainty`: then three times as much is the bound. The decay of light damping
+    over such a record is less than its error, so that poles may grow: where standard deviations are not available, a
+    pole that grows by less than half a neper over the records stands for the decaying one of the same spectrum, and
+    damping ratios that differ by no more are equal.
 
     References
     ----------
@@ -210,10 +215,13 @@ def stabilise(
     (1974), 63-79.
     """
     criteria = criteria or StabilityCriteria()
+    indistinct = np.where(np.isnan(poles.damping_ratio_std), _RULES.indistinct / duration, 0.0)
+    grows = (0 < poles.poles.real) & (poles.poles.real < indistinct)
+    poles = replace(poles, poles=np.where(grows, -poles.poles.conj(), poles.poles))
     status = _status_alone(poles, criteria, band)
     if is_harmonic is not None:
         status[(status == PoleStatus.SELECTED) & is_harmonic] = PoleStatus.HARMONIC
-    _compare_with_rung_below(poles, criteria, status)
+    _compare_with_rung_below(poles, criteria, status, indistinct)
     stable = np.flatnonzero(status == PoleStatus.SELECTED)
     alignments = np.full(len(status), -1)
     alignments[stable] = align(poles.poles[stable], poles.mode_shapes[stable])
@@ -234,12 +242,14 @@ def _status_alone(poles: Poles, criteria: StabilityCriteria, band: tuple[float, 
     return status
 
 
-def _compare_with_rung_below(poles: Poles, criteria: StabilityCriteria, status: NDArray[np.int8]) -> None:
+def _compare_with_rung_below(
+    poles: Poles, criteria: StabilityCriteria, status: NDArray[np.int8], indistinct: Real
+) -> None:
     """Write into `status` the first criterion that no pole of the rung below meets."""
     frequency, damping = poles.natural_frequency, poles.damping_ratio
     unstable = np.full(len(status), PoleStatus.FREQUENCY_CHANGED, dtype=np.int8)
     damping_change = np.where(np.isnan(poles.damping_ratio_std), criteria.unknown_damping, criteria.damping)
-    damping_change = damping_change * np.abs(damping)
+    damping_change = np.maximum(damping_change * np.abs(damping), indistinct / np.abs(poles.poles))
     tolerance = np.maximum(criteria.frequency, criteria.bandwidth * damping) * frequency
     new, old = _near_pairs(poles, frequency, tolerance)
     same_damping = np.abs(damping[new] - damping[old]) <= damping_change[new]
