@@ -501,6 +501,7 @@ def _band_of_content(
     else:
         n_slow = int(np.searchsorted(frequencies, least_band[0]))
     is_used = (np.arange(frequencies.size) >= n_slow) & (frequencies <= searched)
+    is_used &= frequencies <= _RULES.highest_mode * motion.sampling_rate
     for line in harmonics:
         if line.kind != "constant":
             margin = np.maximum(2 * widths, _RULES.wandering * line.band[1])

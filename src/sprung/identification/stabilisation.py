@@ -33,8 +33,10 @@ class _Rules:
     #: Largest deviation of a frequency over the least that the duration of the records allows, where that is more than
     #: the criterion.
     over_least: float = 3.0
-    #: Growth or decay, in nepers over the record, that a record of few blocks does not distinguish from none.
+    #: Growth or decay, in nepers over the record, that a record of few blocks does not distinguish from none ...
     indistinct: float = 0.5
+    #: ... of a mode with up to this many periods in it: with more, that little damping is that of a line.
+    few_periods: float = 40.0
 
 
 _RULES = _Rules()
@@ -204,9 +206,9 @@ def stabilise(
     -----
     The least deviation that records of the duration T allow a frequency f is sqrt(damping ratio x f / (4 pi T)), which
     in a short record exceeds the bound `uncertainty`: then three times as much is the bound. The decay of light damping
-    over such a record is less than its error, so that poles may grow: where standard deviations are not available, a
-    pole that grows by less than half a neper over the records stands for the decaying one of the same spectrum, and
-    damping ratios that differ by no more are equal.
+    over few periods is less than its error, so that poles may grow: where standard deviations are not available, a pole
+    of less than 40 periods that grows by less than half a neper over the records stands for the decaying one of the
+    same spectrum, and damping ratios that differ by no more are equal.
 
     References
     ----------
@@ -215,8 +217,9 @@ def stabilise(
     (1974), 63-79.
     """
     criteria = criteria or StabilityCriteria()
-    indistinct = np.where(np.isnan(poles.damping_ratio_std), _RULES.indistinct / duration, 0.0)
-    grows = (0 < poles.poles.real) & (poles.poles.real < indistinct)
+    is_short = np.isnan(poles.damping_ratio_std) & (poles.natural_frequency * duration < _RULES.few_periods)
+    indistinct = np.where(is_short, _RULES.indistinct / duration, 0.0)
+    grows = (poles.poles.real > 0) & (poles.poles.real < indistinct)
     poles = replace(poles, poles=np.where(grows, -poles.poles.conj(), poles.poles))
     status = _status_alone(poles, criteria, band)
     if is_harmonic is not None:
