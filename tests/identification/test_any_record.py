@@ -80,6 +80,26 @@ def test_noise_on_a_drift_has_no_modes(n_samples) -> None:
         assert len(found.modes) == 0
 
 
+def test_a_hundred_samples_are_enough_for_a_light_mode() -> None:
+    """16 periods: half of the records show the mode, without a deviation; none shows another."""
+    found = []
+    for seed in range(6):
+        generator = np.random.default_rng([11, seed])
+        motion = modal_motion([5.0], [0.01], [(1.0, -0.5)], 100, rate=30.0, generator=generator)
+        modes = cov_ssi(recorded(with_noise(motion, generator), 30.0)).modes
+        assert np.isnan(modes.natural_frequency_std).all()
+        found += modes.natural_frequency.tolist()
+    assert len(found) >= 3
+    assert found == pytest.approx([5.0] * len(found), rel=0.03)
+
+
+def test_a_fit_that_ends_where_the_likelihood_is_flat_refines_nothing() -> None:
+    """The information there is singular: the step was infinite, with a warning."""
+    noise = np.random.default_rng((8, 160, 51)).standard_normal((1, 160))
+    refinement = cov_ssi(recorded(noise, 100.0)).refinement
+    assert refinement.reasons == ("spectra do not determine them",)
+
+
 @pytest.mark.slow
 def test_seventeen_channels_show_a_faint_first_mode() -> None:
     """The matrix holds 23 block rows of 17 channels: 0.46 s at the rate of the fifth mode, a period of the first."""

@@ -179,8 +179,8 @@ def test_orders_are_even_and_fit_the_matrix() -> None:
 @pytest.mark.parametrize(
     ("n_samples", "settings", "error", "sentence"),
     [
-        (150, {}, DataError, "the longest stretch without a gap has 150 samples at 500 Hz, but .* needs 200 or more"),
-        (30_000, {"decimate_to": 2.0}, DataError, "the longest stretch without a gap has 120 samples at 2 Hz"),
+        (99, {}, DataError, "the longest stretch without a gap has 99 samples at 500 Hz, but .* needs 100 or more"),
+        (30_000, {"decimate_to": 1.6}, DataError, "the longest stretch without a gap has 96 samples at 1.6"),
         (30_000, {"block_rows": 4000, "decimate_to": 125.0}, DataError, "block_rows=4000 .* block_rows <= 3750"),
         (
             30_000,

@@ -285,6 +285,8 @@ def _score_step(model: Likelihood, parameters: Real, slope: Real) -> tuple[Real,
     """Return the step of Fisher scoring, and the squared slope in standard deviations."""
     information = model.information(parameters) + np.diag(1 / model.prior_std**2)
     step = np.asarray(np.linalg.solve(information, -slope), dtype=np.float64)
+    if not np.all(np.isfinite(step)):
+        raise np.linalg.LinAlgError("the information is singular")
     return step, float(-slope @ step)
 
 
