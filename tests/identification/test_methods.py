@@ -133,7 +133,7 @@ def broken(row, value):
     return recorded(samples)
 
 
-SHORT = np.random.default_rng(0).normal(size=(2, 100))
+SHORT = np.random.default_rng(0).normal(size=(2, 99))
 BAD = [
     (lambda: broken(2, 3.0), {}, DataError, "channel 'acc_3' is constant at 3: leave it out with --channels"),
     (lambda: broken(0, np.nan), {}, DataError, "channel 'acc_1' has no values: leave it out with --channels"),
@@ -142,7 +142,7 @@ BAD = [
     (lambda: recorded(np.zeros((0, 9))), {}, DataError, "the recording has no channel of motion: give accelerations"),
     (list, {}, DataError, "there is no recording to identify modes from: give at least one"),
     (lambda: iter([]), {}, DataError, "there is no recording to identify modes from"),
-    (lambda: recorded(SHORT), {}, DataError, "the longest stretch without a gap has 100 samples at 500 Hz"),
+    (lambda: recorded(SHORT), {}, DataError, "the longest stretch without a gap has 99 samples at 500 Hz"),
     (run, {"block_rows": 5000, "decimate_to": 125.0}, DataError, "block_rows=5000 needs 10000 lags, but the longest"),
     (run, {"block_rows": 40, "max_order": 400}, ParameterError, "max_order=400 is more than block_rows=40 can carry"),
     (

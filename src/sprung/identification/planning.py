@@ -263,6 +263,7 @@ def plan_preparation(
     harmonics: Sequence[Harmonic] = (),
     searched: float = math.inf,
     is_drive: bool = False,
+    total_duration: float = 0.0,
 ) -> PreparationPlan:
     """Choose channels, band and sampling rate from the first record, where the settings leave them open.
 
@@ -280,6 +281,8 @@ def plan_preparation(
         Frequency up to which lines were searched for [Hz]: beyond it they are not distinguished from content.
     is_drive
         Whether the record is one of a vehicle that drives (`is_drive`); the band then holds its body's.
+    total_duration
+        Duration of all records [s]: one of fewer than 200 samples is no plan for longer ones.
 
     Returns
     -------
@@ -296,7 +299,8 @@ def plan_preparation(
     -----
     Band: of the coherent part of all cross spectra (of the spectrum, for one channel), weighted with 1/frequency, 1 %
     lies below the lower edge and 99 % below the upper edge over 1.25. Slow motion, whose power falls with the frequency
-    until it first rises to four times its least, does not count. Where the coherence has a significant peak between
+    until it first rises to four times its least, does not count, nor do frequencies above 0.4 of the rate, where hum is
+    folded and no mode is sought. Where the coherence has a significant peak between
     slow motion and the lower edge, the band begins there: a weak first mode needs long lags all the same. On a drive
     whose band would not hold 0.8 to 8 Hz, slow motion ends at 0.4 Hz, and the band ends at 20 Hz or above: modes of the
     body are damped too much to rise. Lines of constant frequency are subtracted before; drifting ones are left out with
@@ -307,7 +311,9 @@ def plan_preparation(
     is_drive = is_drive and settings.band is None and settings.ladder is None and vehicle is None
     outputs = [name for name in recording.names if name != speed]
     fastest = recording.sampling_rate
-    _check_length(_longest(recording), fastest, recording)
+    is_alone = total_duration <= recording.duration
+    fewest = _RULES.fewest_samples if is_alone else _RULES.min_samples
+    _check_length(_longest(recording), fastest, recording, fewest=fewest)
     trend = 1 if settings.ladder is None else 0
     motion = detrend(recording.select(outputs), degree=trend)
     rate_over_band = _RULES.rate_over_band
@@ -463,16 +469,18 @@ def _spectrum_segment(recording: Recording, band: tuple[float, float], rate: flo
     return max(min(max(duration / _RULES.averages, slow), stretch), 8 / rate)
 
 
-def _check_length(n_samples: int, rate: float, recording: Recording | None = None) -> None:
+def _check_length(
+    n_samples: int, rate: float, recording: Recording | None = None, *, fewest: int = _RULES.fewest_samples
+) -> None:
     """Check that a stretch is long enough for any identification."""
-    if n_samples < _RULES.fewest_samples:
+    if n_samples < fewest:
         gaps = [gap.duration for gap in recording.gaps] if recording else []
         usual = float(np.median(gaps)) if gaps else np.inf
         is_short = recording and usual < _usual_stretch(recording) / recording.sampling_rate
         remedy = f"interpolate across the gaps, usually of {usual:.2g} s, with --bridge {1.1 * usual:.2g}, "
         raise DataError(
             f"the longest stretch without a gap has {n_samples} samples at {rate:.4g} Hz, but identification needs"
-            f" {_RULES.fewest_samples} or more: {remedy if is_short else ''}record longer, or decimate less"
+            f" {fewest} or more: {remedy if is_short else ''}record longer, or decimate less"
         )
 
 
@@ -503,11 +511,12 @@ def _band_of_content(
     else:
         n_slow = int(np.searchsorted(frequencies, least_band[0]))
     is_used = (np.arange(frequencies.size) >= n_slow) & (frequencies <= searched)
-    is_used &= frequencies <= _RULES.highest_mode * motion.sampling_rate
     for line in harmonics:
         if line.kind != "constant":
             margin = np.maximum(2 * widths, _RULES.wandering * line.band[1])
             is_used &= (frequencies < line.band[0] - margin) | (frequencies > line.band[1] + margin)
+    is_sought = is_used & (frequencies <= _RULES.highest_mode * motion.sampling_rate)
+    is_used = is_sought if np.any(content.power[is_sought] > 0) else is_used
     share = np.cumsum(np.where(is_used, content.power * widths / frequencies, 0))
     if share[-1] <= 0:
         return 0.0, motion.sampling_rate / 2

@@ -296,7 +296,9 @@ class RunningRecords:
         """Plan from the first usable record, and correlate it."""
         method, settings = self._method, self._settings
         duration = self._total_duration or recording.duration
-        preparation = plan_preparation(recording, settings=settings, vehicle=self._vehicle, is_drive=is_driven)
+        preparation = plan_preparation(
+            recording, settings=settings, vehicle=self._vehicle, is_drive=is_driven, total_duration=duration
+        )
         harmonics = _harmonics(recording, preparation, settings, self._vehicle)
         if harmonics and settings.band is None and settings.ladder is None and self._vehicle is None:
             searched = highest_line(preparation)
