@@ -37,6 +37,8 @@ class _FreeRules:
     judged_widths: float = 2.0
     #: Misfit there, over that by chance, from which random forces during the decay are tried.
     forced_misfit: float = 2.0
+    #: Misfit around a mode from which it may be a mixture of several, in several records too.
+    mixed_misfit: float = 1.25
     #: Largest distance of a further mode, in ln of the frequency, that may be hidden beside another.
     nearby: float = 0.5
     #: Loss of the log likelihood below which two modes a damping ratio above and below one, in ln of the frequency, are
@@ -149,6 +151,7 @@ def fit_free_response(
     (`realised_poles`) or from the fit before and a further pole; the nearest are refined to the largest likelihood
     (`FreeResponse`). Variances are multiplied by the power of the residuals around each mode, over that of the model,
     where it is above 1, corrected for the number of parameters, and hold a further mode that may be hidden nearby.
+    Where neither free modes nor random forces during the motion explain it, they hold the difference of both.
 
     Examples
     --------
@@ -172,9 +175,15 @@ def fit_free_response(
     best = min(map(_refined, nearest), key=lambda fitted: fitted.criterion, default=None)
     if best is None:
         raise DataError("no motion swings freely in these records: give the part after the push, or a wider band")
+    free, forced = best, []
     if _misfits(best).max() > _FIT.forced_misfit:
-        best = min([best, *_forced(lines, realised)], key=lambda fitted: fitted.criterion)
-    return _result(best, _doubts(best), _unresolved(best), channels=runs[0].names)
+        forced = _forced(lines, realised)
+        best = min([free, *forced], key=lambda fitted: fitted.criterion)
+    doubts = _doubts(best)
+    if forced and _misfits(best).max() > _FIT.forced_misfit:
+        rival = min(forced, key=lambda fitted: fitted.criterion) if best is free else free
+        doubts = np.sqrt(doubts**2 + _moved(best, rival)[0] ** 2 / _variances(best))
+    return _result(best, doubts, _unresolved(best), channels=runs[0].names)
 
 
 def unexplained(recording: Recording, *, band: tuple[float, float], max_modes: int) -> float:
@@ -368,8 +377,11 @@ def _doubts(fitted: _Fitted) -> Real:
     model, n = fitted.model, fitted.model.modal.n_modes
     if model.has_forces:
         return np.ones((2, n))
-    own = model.fitted(fitted.parameters).values
-    poles = FreePoles(model.data, poles_of(own)).with_another(nearer=_FIT.nearby).refined()
+    poles = (
+        FreePoles(model.data, poles_of(model.fitted(fitted.parameters).values))
+        .with_another(nearer=_FIT.nearby)
+        .refined()
+    )
     start = _started(model.data, poles.poles, unit_shapes(poles.mode_shapes))
     if start is None:
         return np.ones((2, n))
@@ -377,23 +389,36 @@ def _doubts(fitted: _Fitted) -> Real:
     gain = model.objective(fitted.parameters)[0] - other.model.objective(other.parameters)[0]
     n_more = other.parameters.size - fitted.parameters.size + 2 * model.data.n_records
     weight = 1 / (1 + np.exp(np.clip(n_more / 2 - gain, -50, 50)))
-    values = other.model.fitted(other.parameters).values
-    logarithms = [np.log([each.natural_frequency, each.damping_ratio]) for each in (own, values)]
-    differences = logarithms[1][:, None, :] - logarithms[0][:, :, None]
-    nearest = np.argmin(np.sum(np.abs(differences), axis=0), axis=1)
-    errors = differences[:, np.arange(n), nearest] ** 2
-    variances = np.diag(_covariance(fitted))[: 2 * n].reshape(2, n)
+    moved, nearest = _moved(fitted, other)
     further = np.diag(_covariance(other))[: 2 * n + 2].reshape(2, n + 1)[:, nearest]
-    ratios = (further + errors) / np.where(variances > 0, variances, np.inf)
+    ratios = (further + moved**2) / _variances(fitted)
     return np.asarray(np.sqrt(np.maximum(1, 1 + weight * (ratios - 1))))
 
 
+def _moved(fitted: _Fitted, other: _Fitted) -> tuple[Real, Indices]:
+    """Return changes of ln frequency and damping ratio to the nearest modes of another fit, (2, modes), and these."""
+    values = [each.model.modal.unpacked(each.parameters) for each in (fitted, other)]
+    logarithms = [np.log([each.natural_frequency, each.damping_ratio]) for each in values]
+    differences = logarithms[1][:, None, :] - logarithms[0][:, :, None]
+    nearest = np.argmin(np.sum(np.abs(differences), axis=0), axis=1)
+    return differences[:, np.arange(len(nearest)), nearest], nearest
+
+
+def _variances(fitted: _Fitted) -> Real:
+    """Return the variances of ln frequencies and damping ratios, inf where they are unknown, shape (2, modes)."""
+    variances = np.diag(_covariance(fitted))[: 2 * fitted.model.modal.n_modes].reshape(2, -1)
+    return np.where(variances > 0, variances, np.inf)
+
+
 def _unresolved(fitted: _Fitted) -> Booleans:
-    """Return which modes of a single record may as well be two, a damping ratio above and below, shape (modes,)."""
+    """Return which modes of a single record, or that do not explain the motion around them, may as well be two.
+
+    One a damping ratio above and one below; shape (modes,).
+    """
     data, poles = fitted.model.data, poles_of(fitted.model.modal.unpacked(fitted.parameters))
-    losses = np.full(poles.size, np.inf)
+    losses, misfits = np.full(poles.size, np.inf), _misfits(fitted)
     for k, xi in enumerate(-poles.real / np.abs(poles)):
-        if data.n_records == 1 and not fitted.model.has_forces:
+        if (data.n_records == 1 and not fitted.model.has_forces) or misfits[k] > _FIT.mixed_misfit:
             pairs = (np.append(np.delete(poles, k), poles[k] * np.exp(d * np.array([-xi, xi]))) for d in (1.0, 0.1))
             far, near = (FreePoles(data, pair).criterion for pair in pairs)
             losses[k] = far - near
