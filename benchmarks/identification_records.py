@@ -299,12 +299,12 @@ def _filtered(samples: Array, process: tuple[Array, Array, Array, Array, Array, 
     """Return half of the sum of the squared white innovations and of the logarithms of their variances."""
     A, C, Q, R, S, P = process
     state, total, is_settled = np.zeros(len(A)), 0.0, False
-    whitener, gain = R, C.T
+    whitener, gain = R, np.ascontiguousarray(C.T)
     for k in range(samples.shape[1]):
         if not is_settled:
             root = np.linalg.cholesky(C @ P @ C.T + R)
             whitener = np.ascontiguousarray(np.linalg.inv(root))
-            gain = (A @ P @ C.T + S) @ whitener.T @ whitener
+            gain = np.ascontiguousarray((A @ P @ C.T + S) @ whitener.T @ whitener)
             after = A @ P @ A.T + Q - gain @ root @ root.T @ gain.T
             is_settled = np.abs(after - P).max() < 1e-9 * np.abs(P).max()
             P = after

@@ -97,6 +97,7 @@ def test_a_fit_that_ends_where_the_likelihood_is_flat_refines_nothing() -> None:
     """The information there is singular: the step was infinite, with a warning."""
     noise = np.random.default_rng((8, 160, 51)).standard_normal((1, 160))
     refinement = cov_ssi(recorded(noise, 100.0)).refinement
+    assert refinement is not None
     assert refinement.reasons == ("spectra do not determine them",)
 
 

@@ -154,3 +154,20 @@ def test_peaks_of_light_damping_are_as_certain_as_two_minutes_allow() -> None:
         assert (distance.min(axis=1) < 0.01).all()
         shown += int((distance.min(axis=0) < 0.01).sum())
     assert shown >= 29
+
+
+def test_a_pair_two_lines_apart_of_different_shapes_is_found() -> None:
+    """As of a steel frame that bends in two directions: the weaker peak is in the second singular value alone."""
+    rate, n, shapes, n_pairs = 40.0, 4800, np.array([(1.0, 0.2, -0.5), (-0.1, 1.0, 0.4)]), 0
+    for seed in range(6):
+        generator, samples = np.random.default_rng(seed), np.zeros((3, n))
+        for frequency, scale, shape in zip((5.0, 5.15), (1.0, 0.8), shapes, strict=True):
+            root = np.exp(2 * np.pi * frequency / rate * (-0.004 + 1j))
+            mode = signal.lfilter([1.0], np.poly([root, root.conj()]).real, generator.standard_normal(n + 4000))[4000:]
+            samples += scale * np.outer(shape, mode / mode.std())
+        samples += 0.05 * generator.standard_normal(samples.shape)
+        modes = enhanced_fdd(Recording(samples, rate, tuple(Channel(f"a{k}", "acceleration") for k in range(3)))).modes
+        assert modes.natural_frequency == pytest.approx([5.0, 5.15][: len(modes)], rel=0.006)
+        assert np.all(mac(modes.mode_shapes, shapes[: len(modes)].astype(complex)).diagonal() > 0.9)
+        n_pairs += len(modes) == 2
+    assert n_pairs >= 5

@@ -134,7 +134,8 @@ def find_bells(spectra: SpectralMatrix, *, band: tuple[float, float]) -> Bells:
 
     A mode beside a stronger one rules the second singular value, which peaks too where two modes are equally strong:
     a peak of it counts where a part of the second singular vector is outside of the shapes of the peaks on either side.
-    The mode is at the peak of the spectrum of that part, and its shape is the product of the spectral matrix with it.
+    The mode is at the peak of the spectrum of that part, two lines or more from theirs, and its shape is the product of
+    the spectral matrix with it.
 
     References
     ----------
@@ -203,7 +204,7 @@ def _beside(
     while start != peak:
         start, low = peak, max(peak - n_smoothed, 1)
         peak = low + int(np.argmax(power[low : peak + n_smoothed + 1]))
-    if _distance(np.array([peak]), bells.peaks)[0] <= n_smoothed:
+    if _distance(np.array([peak]), bells.peaks)[0] <= n_smoothed // 2:
         return peak, None
     near = slice(peak - n_smoothed // 2, peak + n_smoothed // 2 + 1)
     shape = bells.scale * (spectra.matrix[:, :, near].mean(axis=2) @ weights)
