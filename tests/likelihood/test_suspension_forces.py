@@ -7,7 +7,7 @@ import pytest
 
 from sprung.likelihood import fit_corners
 from sprung.likelihood.dry_friction import separate_friction, usual_friction
-from sprung.likelihood.suspension_forces import friction_forces
+from sprung.likelihood.suspension_forces import _by_bands, friction_forces
 from sprung.simulation import ForceLaw, RoadConditions, RoadDrive, SuspensionConditions, simulate_drive
 from sprung.vehicles import parse_fault
 
@@ -31,6 +31,28 @@ def test_one_drive_on_one_road_knows_the_friction(car, force, law) -> None:
     assert np.all(friction.is_identifiable)
     assert np.all(np.abs(friction.forces - force) < 3 * friction.std)
     assert np.abs(friction.forces.mean() - force) < 7.0
+    apart = separate_friction(fit)
+    dampings = [value for part, value in fit.structure().components().items() if part.kind == "damper"]
+    assert apart.uneven / dampings == pytest.approx(0.0 if law is None else 0.8 * law.asymmetry, abs=0.07)
+
+
+@pytest.mark.slow
+def test_friction_beyond_the_usual_may_be_valves_that_open(car) -> None:
+    """Their force levels off above 0.1 m/s as friction does above 0: the segments call it 95 N of friction."""
+    law = ForceLaw(friction=25.0, knee=0.1, knee_slope=0.4)
+    drive = replace(DRIVE, suspension=SuspensionConditions(force_laws={"suspension": law}))
+    fit = fit_corners(simulate_drive(car, drive, seed=3).recording, car)
+    friction = separate_friction(fit).friction
+    assert np.all(np.abs(friction.forces - 25.0) < 3 * friction.std)
+    assert np.all(friction.std > 10.0)
+
+
+def test_bands_that_disagree_widen_the_friction() -> None:
+    """The jackknife of a mean is its closed form, the variance of the bands' values over their number."""
+    values = np.array([3.0, 1.0, 4.0, 1.0, 5.0, 9.0, 2.0, 6.0])
+    information = np.tile(np.eye(2)[:, None, :, None], (3 * values.size, 1, 1, 1, 1)).reshape(-1, 2, 1, 2, 1)
+    pull = np.repeat(np.stack([values, np.full(values.size, 7.0)], axis=-1), 3, axis=0)[:, :, None]
+    assert _by_bands(information, pull, 2) == pytest.approx([np.var(values, ddof=1) / values.size, 0.0])
 
 
 def test_few_segments_say_nothing_of_friction(car) -> None:

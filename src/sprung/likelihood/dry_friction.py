@@ -11,7 +11,7 @@ from sprung.errors import ParameterError
 from sprung.likelihood.corners import IDENTIFIABLE, CornerFit
 from sprung.likelihood.spectra import OVERCOUNT
 from sprung.likelihood.surface import RoadInputs
-from sprung.likelihood.suspension_forces import elongation_spectrum, friction_forces
+from sprung.likelihood.suspension_forces import SuspensionForces, elongation_spectrum, friction_forces
 from sprung.likelihood.uncertainty import Optimum, expected_covariance
 from sprung.units import STANDARD_GRAVITY
 from sprung.vehicles import Structure
@@ -29,14 +29,20 @@ class FrictionPrior:
     alike: float = 0.8
     #: Standard deviation of ln of a common factor of all dampers from drive to drive: the temperature of their oil.
     warmth: float = 0.06
-    #: Standard deviation of ln of each damper by what else is not linear: asymmetric valves read 4 % high, and stops
-    #: that worn dampers reach on a rough road read as damping.
-    law: float = 0.04
+    #: Standard deviation of ln of each damper by unlike valves, over the square of their force |v| over the damping's:
+    #: 4 % where rebound has twice the damping of bump.
+    law: float = 0.5
+    #: That force over the damping's where it is not known.
+    uneven: float = 0.3
     #: Standard deviation of ln of the forces of several drives together: velocities are not Gaussian.
     linearised: float = 0.15
-    #: Relative error of the fitted spectra at which segments leave friction as uncertain as the usual force; as its
-    #: square. A multibody car of 40 N reads 17 to 38 N at 5 to 8 %, and 80 N at 9 %.
-    misfit: float = 0.07
+    #: Ratio of the variances of a friction by bands of frequencies and by chance, up to which it is chance: one linear
+    #: car in ten is above. Multibody cars, whose response is not that of the model, have 3 to 6.
+    chance: float = 1.5
+    #: Variance by the error of the model, over that of chance and over what is beyond `chance`.
+    unlike: float = 4.0
+    #: Friction by segments over the usual one, beyond which it may be valves that open.
+    valves: float = 1.5
     #: Smallest viscous damping over that of the linear fit.
     smallest: float = 0.05
 
@@ -95,6 +101,8 @@ class DampingAndFriction:
         Parameters of the fit beside friction.
     covariance
         Covariance of `parameters`, and of the forces after them.
+    uneven
+        Half of what dampers have more in rebound than in bump [N s/m], shape (corners,); 0 where it is not known.
     """
 
     fit: CornerFit
@@ -102,9 +110,10 @@ class DampingAndFriction:
     velocities: Real
     parameters: Real
     covariance: Real
+    uneven: Real
 
     def __post_init__(self) -> None:
-        freeze(self, velocities=1, parameters=1, covariance=2)
+        freeze(self, velocities=1, parameters=1, covariance=2, uneven=1)
 
 
 def static_loads(structure: Structure) -> dict[str, float]:
@@ -196,7 +205,8 @@ def separate_friction(fit: CornerFit, *, prior: Friction | None = None) -> Dampi
         raise ParameterError(
             f"prior is of {', '.join(prior.corners)}, but the fit has {', '.join(usual.corners)}: give one of it"
         )
-    prior = _of_segments(fit, prior)
+    of_segments = _of_segments(fit, usual.corners)
+    prior = _together(prior, usual, of_segments)
     evidence = _Evidence(fit, usual.corners)
     n = fit.parameters.size
     # The score counts overlapping segments about twice, and they may scatter more than the model expects: the prior of
@@ -219,9 +229,10 @@ def separate_friction(fit: CornerFit, *, prior: Friction | None = None) -> Dampi
     stretch = np.ones(len(bread))
     stretch[dampers] = 1 / left
     covariance = covariance * np.outer(stretch, stretch)
-    covariance[dampers, dampers] += PRIOR.law**2
+    uneven = np.zeros(len(dampers)) if of_segments is None else of_segments.uneven
+    covariance[dampers, dampers] += _law(fit, dampers, of_segments) ** 2
     friction = Friction(usual.corners, step[n:], covariance[n:, n:], usual.prior_std)
-    return DampingAndFriction(fit, friction, evidence.velocities, parameters, covariance)
+    return DampingAndFriction(fit, friction, evidence.velocities, parameters, covariance, uneven)
 
 
 def common_friction(fits: Sequence[CornerFit]) -> Friction:
@@ -266,18 +277,19 @@ def common_friction(fits: Sequence[CornerFit]) -> Friction:
     if not fits:
         raise ParameterError("fits is empty: give at least one")
     usual = usual_friction(fits[0])
-    size = len(usual.corners)
+    size, known = len(usual.corners), usual
     precision, pull = np.zeros((2 * size, 2 * size)), np.zeros(2 * size)
     for fit in fits:
         if usual_friction(fit).corners != usual.corners:
             raise ParameterError("fits are of different vehicles: give those of one")
-        own, weight = _Evidence(fit, usual.corners).of_dampers()
+        of_segments = _of_segments(fit, usual.corners)
+        own, weight = _Evidence(fit, usual.corners).of_dampers(of_segments)
         precision += own
         pull += weight
-        usual = _of_segments(fit, usual)
-    known = np.linalg.inv(usual.covariance)
-    precision[size:, size:] += known
-    pull[size:] += known @ usual.forces
+        known = _together(known, usual, of_segments)
+    before = np.linalg.inv(known.covariance)
+    precision[size:, size:] += before
+    pull[size:] += before @ known.forces
     covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
     forces = _not_negative(covariance @ pull, covariance, first=size)[size:]
     linearised = PRIOR.linearised**2 * np.outer(forces, forces)
@@ -325,7 +337,7 @@ class _Evidence:
         ratios = (np.diag(fit.covariance) / np.diag(expected))[self.dampers]
         self.scale = float(np.sqrt(np.mean(ratios))) if corners else 1.0
 
-    def of_dampers(self) -> tuple[Real, Real]:
+    def of_dampers(self, of_segments: SuspensionForces | None) -> tuple[Real, Real]:
         """Return precision, and precision times estimate, of viscous damping over nominal and friction forces."""
         fit, size = self._fit, len(self.dampers)
         n = fit.parameters.size
@@ -340,27 +352,49 @@ class _Evidence:
         own = (self.information[np.ix_(kept, kept)] - followed @ cross) * np.outer(to_values, to_values) / variance
         at = np.r_[values, np.zeros(size)]
         weight = own @ at + to_values * (self.score[kept] - followed @ self.pull[rest]) / variance
-        scatter = PRIOR.warmth**2 + PRIOR.law**2 * np.eye(size)
+        scatter = PRIOR.warmth**2 + np.diag(_law(fit, self.dampers, of_segments) ** 2)
         own_of_dampers = own[:, :size] * values
         middle = np.linalg.inv(scatter) + values[:, None] * own_of_dampers[:size]
         shrunk = np.linalg.solve(middle, own_of_dampers.T).T
         return own - shrunk @ own_of_dampers.T, weight - shrunk @ (values * weight[:size])
 
 
-def _of_segments(fit: CornerFit, known: Friction) -> Friction:
-    """Return what is known of friction with what the segments of a drive say of it beside their spectra."""
-    if fit.driven is None or not known.corners:
-        return known
+def _of_segments(fit: CornerFit, corners: tuple[str, ...]) -> SuspensionForces | None:
+    """Return what the segments of a drive say of forces that are not linear, beside their spectra."""
+    if fit.driven is None or not corners:
+        return None
     parts = [(element.owner, element.part) for element in fit.model.structure.elements]
-    numbers = [parts.index((corner, "suspension")) for corner in known.corners]
-    found = friction_forces(fit.driven, fit.model, fit.parameters, numbers, model_error=fit.model_error)
+    numbers = [parts.index((corner, "suspension")) for corner in corners]
+    return friction_forces(fit.driven, fit.model, fit.parameters, numbers, model_error=fit.model_error)
+
+
+def _together(known: Friction, usual: Friction, found: SuspensionForces | None) -> Friction:
+    """Return what is known of friction with what the segments of a drive say of it.
+
+    What is far beyond usual friction may be valves that open, and is as uncertain as large: 25 N with valves that open
+    to 0.4 of their damping at 0.05 to 0.2 m/s read 80 to 110 N, and are not told from friction by a drive.
+    """
     if found is None:
         return known
-    unlike = (fit.model_error / PRIOR.misfit) ** 2 * usual_friction(fit).forces
-    precisions = [np.linalg.inv(each) for each in (known.covariance, found[1] + np.diag(unlike**2))]
+    of_valves = np.maximum(found.friction - PRIOR.valves * usual.forces, 0.0)
+    by_bands = PRIOR.unlike * max(0.0, found.excess - PRIOR.chance) * np.diag(found.covariance)
+    unlike = np.sqrt(by_bands + of_valves**2)
+    alike = PRIOR.alike + (1 - PRIOR.alike) * np.eye(unlike.size)
+    precisions = [
+        np.linalg.inv(each) for each in (known.covariance, found.covariance + alike * np.outer(unlike, unlike))
+    ]
     covariance = np.linalg.inv(precisions[0] + precisions[1])
-    forces = covariance @ (precisions[0] @ known.forces + precisions[1] @ found[0])
+    forces = covariance @ (precisions[0] @ known.forces + precisions[1] @ found.friction)
     return replace(known, forces=forces, covariance=covariance)
+
+
+def _law(fit: CornerFit, dampers: list[int], found: SuspensionForces | None) -> Real:
+    """Return the standard deviations of ln of the dampers by unlike valves."""
+    if found is None:
+        return np.full(len(dampers), PRIOR.law * PRIOR.uneven**2)
+    known = fit.model.structure.components()
+    dampings = [known[fit.components[row]] * np.exp(fit.parameters[row]) for row in dampers]
+    return np.asarray(PRIOR.law * np.minimum(found.uneven / dampings, 1.0) ** 2, dtype=np.float64)
 
 
 def _not_negative(estimate: Real, covariance: Real, *, first: int) -> Real:

@@ -16,8 +16,8 @@ from sprung.vehicles.structure import Element
 
 #: Step of the numerical derivatives of the figures, over the standard deviation of a parameter before any data.
 _STEP = 1e-3
-#: Rounds in which friction of all suspensions is brought into agreement.
-_SWEEPS = 10
+#: Rounds in which friction follows the velocities.
+_ROUNDS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +26,8 @@ class PlateSettings:
 
     #: Amplitude of the plate [m]: 6 mm from end to end.
     amplitude: float = 0.003
+    #: Velocity over which friction builds up [m/s], and between none and twice this.
+    sliding: float = 0.005
     #: Highest frequency of the plate [Hz], from which it slows down.
     highest: float = 25.0
     #: Step of the frequencies [Hz].
@@ -113,16 +115,19 @@ def plate_tests(fit: CornerFit, *, friction: Friction | None = None) -> dict[str
 
     A plate of 6 mm moves a suspension less than a road does, and dry friction counts for more: 25 N a corner add 14
     degrees of phase. So the figures are those of viscous damper and friction apart (`separate_friction`), the friction
-    F by its describing function 4 F / (pi v) at the velocity amplitude v of the corner on the plate, which sticks where
-    F holds it. The damping ratios are those of the viscous dampers. A newton of friction is up to 0.7 degrees of phase.
-    From spectra, one drive on class C determines friction hardly better than what is usual, which left the phase
-    uncertain by 10 degrees; its segments determine it to 2 to 4 N (`suspension_forces`).
+    F by its describing function at the velocity amplitude v of the corner on the plate, 4 F / (pi v) where v is above
+    the 5 mm/s over which it builds up; at once or over twice that is up to 2 degrees more or less, two standard
+    deviations. Valves that differ in bump and rebound take up to a degree away, and add to the peak of the force at
+    twice the frequency. The damping ratios are those of the viscous dampers. A newton of friction is up to 0.7 degrees
+    of phase. From spectra, one drive on class C determines friction hardly better than what is usual, which left the
+    phase uncertain by 10 degrees; its segments determine it to 2 to 4 N (`suspension_forces`).
 
     Standard deviations by the delta method; at the extremes of phase and force, the frequency may be held (envelope
     theorem).
 
     References
     ----------
+    A. Gelb, W. E. Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, McGraw-Hill, 1968.
     EGEA SPECSUS2018, Suspension tester specification (minimum phase shift, limit 35 degrees).
     A. Tsymberov, An improved non-intrusive automotive suspension testing apparatus with means to determine the
     condition of the dampers, SAE Technical Paper 960735 (1996).
@@ -147,25 +152,28 @@ def plate_tests(fit: CornerFit, *, friction: Friction | None = None) -> dict[str
     apart = separate_friction(fit, prior=friction)
     forces = dict(zip(apart.friction.corners, apart.friction.forces.tolist(), strict=True))
     vehicle = fitted_structure(fit.model, apart.parameters)
-    corners = {name: Corner(vehicle, tyre, friction=forces) for name, tyre in tyres(vehicle).items()}
+    uneven = dict(zip(apart.friction.corners, apart.uneven.tolist(), strict=True))
+    corners = {name: Corner(vehicle, tyre, friction=forces, uneven=uneven) for name, tyre in tyres(vehicle).items()}
     extremes = {name: corner.extremes() for name, corner in corners.items()}
-    values = np.array([corner.figures(*extremes[name]) for name, corner in corners.items()])
+
+    def figures(changed: Structure, friction: Mapping[str, float], sliding: float = PLATE.sliding) -> Real:
+        tested = [
+            Corner(changed, t, friction=friction, uneven=uneven, sliding=sliding) for t in tyres(changed).values()
+        ]
+        return np.array([each.figures(*extremes[name]) for name, each in zip(extremes, tested, strict=True)])
+
+    values = figures(vehicle, forces)
     n = fit.parameters.size
     derivatives = np.zeros((len(corners), values.shape[1], len(apart.covariance)))
     for row in np.flatnonzero(is_structural(fit.model)).tolist():
         step = _STEP * float(fit.model.prior_std[row])
         parameters = apart.parameters.copy()
         parameters[row] += step
-        changed = fitted_structure(fit.model, parameters)
-        moved = [
-            Corner(changed, tyre, friction=forces).figures(*extremes[name]) for name, tyre in tyres(changed).items()
-        ]
-        derivatives[:, :, row] = (np.array(moved) - values) / step
+        derivatives[:, :, row] = (figures(fitted_structure(fit.model, parameters), forces) - values) / step
     for row, (rubbing, step) in enumerate(zip(forces, (_STEP * apart.friction.prior_std).tolist(), strict=True)):
-        more = forces | {rubbing: forces[rubbing] + step}
-        moved = [Corner(vehicle, tyre, friction=more).figures(*extremes[name]) for name, tyre in tyres(vehicle).items()]
-        derivatives[:, :, n + row] = (np.array(moved) - values) / step
-    stds = np.sqrt(np.einsum("cfp,pq,cfq->cf", derivatives, apart.covariance, derivatives))
+        derivatives[:, :, n + row] = (figures(vehicle, forces | {rubbing: forces[rubbing] + step}) - values) / step
+    softness = (figures(vehicle, forces, sliding=2 * PLATE.sliding) - values) / 2
+    stds = np.sqrt(np.einsum("cfp,pq,cfq->cf", derivatives, apart.covariance, derivatives) + softness**2)
     dampings = dict(zip(standing, values[:, 2].tolist(), strict=True))
     tests = {}
     for corner, own, own_stds in zip(standing, values.tolist(), stds.tolist(), strict=True):
@@ -227,14 +235,28 @@ class Corner:
         Tyre of the corner.
     friction
         Dry friction of the suspension of each corner [N]; those that are absent have none.
+    uneven
+        Half of what the damper of each corner has more in rebound than in bump [N s/m].
+    sliding
+        Velocity over which friction builds up [m/s].
     """
 
-    def __init__(self, structure: Structure, tyre: Element, *, friction: Mapping[str, float] | None = None) -> None:
+    def __init__(
+        self,
+        structure: Structure,
+        tyre: Element,
+        *,
+        friction: Mapping[str, float] | None = None,
+        uneven: Mapping[str, float] | None = None,
+        sliding: float = PLATE.sliding,
+    ) -> None:
         self._structure = structure
         self._tyre = tyre
+        self._sliding = sliding
         rubbing = [element for element in structure.elements if element.part == "suspension"]
         self._suspensions = np.array([element.elongation for element in rubbing])
         self._friction = np.array([(friction or {}).get(element.owner, 0.0) for element in rubbing])
+        self._uneven = np.array([(uneven or {}).get(element.owner, 0.0) for element in rubbing])
         parts: Mapping[Component, float] = structure.components()
         self.spring = parts[Component(tyre.owner, "spring")]
         self._damper = parts[Component(tyre.owner, "damper")]
@@ -244,68 +266,76 @@ class Corner:
         self.load: Final = static_loads(structure)[tyre.owner]
         self.sprung = max(self.load / STANDARD_GRAVITY - self.unsprung, 1e-3 * self.unsprung)
 
-    def force(self, frequencies: Real) -> Complex:
-        """Return the contact force for one metre of the plate [N/m], shape of the frequencies [Hz]."""
+    def forces(self, frequencies: Real) -> tuple[Complex, Complex]:
+        """Return the contact force for one metre of the plate [N/m] at frequencies [Hz] and at twice these.
+
+        Valves with a force b |v| pull at twice the frequency, and the motion by that, of mobility Y there, takes
+        damping away: to second order 8 / (3 pi^2) b^2 (Y - Y* / 3).
+        """
         s = np.asarray(2j * np.pi * frequencies, dtype=np.complex128)
+        tyre = self._tyre.dynamic_stiffness(s)
+        pulled = np.broadcast_to(self._suspensions.T, (s.size, *self._suspensions.T.shape))
+        by_valves = np.linalg.solve(self._stiffness(2 * s), pulled)
+        mobility = 2 * s[:, None] * np.einsum("sn,fns->fs", self._suspensions, by_valves)
+        lost = 8 / (3 * np.pi**2) * self._uneven**2 * (mobility - mobility.conj() / 3)
+        A = self._stiffness(s) - np.einsum("si,fs,sj->fij", self._suspensions, s[:, None] * lost, self._suspensions)
+        by_plate = np.linalg.solve(A, (tyre[:, None] * self._tyre.elongation)[..., None])[..., 0]
+        by_friction = np.linalg.solve(A, pulled)
+        elongations, compliance = by_plate @ self._suspensions.T, self._suspensions @ by_friction
+        free, mobility = PLATE.amplitude * s[:, None] * elongations, s[:, None, None] * compliance
+        sliding = _friction_forces(free, mobility, self._friction, self._sliding) / PLATE.amplitude
+        motion = by_plate - np.einsum("fns,fs->fn", by_friction, sliding)
+        velocities = s[:, None] * (motion @ self._suspensions.T)
+        pulls = 4 / (3 * np.pi) * self._uneven * velocities**2 / np.maximum(np.abs(velocities), 1e-12)
+        twice = self._tyre.dynamic_stiffness(2 * s) * np.einsum("fns,fs,n->f", by_valves, pulls, self._tyre.elongation)
+        return np.asarray(tyre * (1 - motion @ self._tyre.elongation)), np.asarray(twice)
+
+    def _stiffness(self, s: Complex) -> Complex:
+        """Return the dynamic stiffness at complex frequencies, shape (grid, n, n)."""
         D = self._structure.elongations
         stiffness = np.array([element.dynamic_stiffness(s) for element in self._structure.elements])
-        A = s[:, None, None] ** 2 * self._structure.mass + np.einsum("ei,ef,ej->fij", D, stiffness, D)
-        tyre = self._tyre.dynamic_stiffness(s)
-        loads = np.concatenate(
-            [
-                tyre[:, None, None] * self._tyre.elongation[:, None],
-                np.broadcast_to(self._suspensions.T, (s.size, *self._suspensions.T.shape)),
-            ],
-            axis=2,
-        )
-        responses = np.linalg.solve(A, loads)
-        by_plate, by_friction = responses[..., 0], responses[..., 1:]
-        sliding = _friction_forces(
-            by_plate @ self._suspensions.T,
-            self._suspensions @ by_friction,
-            4 / (np.pi * PLATE.amplitude) * self._friction,
-        )
-        motion = by_plate - np.einsum("fns,fs->fn", by_friction, sliding)
-        return np.asarray(tyre * (1 - motion @ self._tyre.elongation))
+        return np.asarray(s[:, None, None] ** 2 * self._structure.mass + np.einsum("ei,ef,ej->fij", D, stiffness, D))
 
     def extremes(self) -> tuple[float, float]:
         """Return the frequencies [Hz] of the smallest phase shift and of the largest contact force."""
         body, wheel = (np.sqrt(self.spring / mass) / (2 * np.pi) for mass in (self.sprung, self.unsprung))
         frequencies = np.arange(min(body, wheel), PLATE.highest + PLATE.step, PLATE.step)
-        force = self.force(frequencies)
+        force, _ = self.forces(frequencies)
         smallest = int(np.argmin(np.abs(np.angle(force[frequencies <= wheel]))))
         return float(frequencies[smallest]), float(frequencies[np.argmax(np.abs(force))])
 
     def figures(self, of_phase: float, of_force: float) -> list[float]:
         """Return phase shift [degrees], adhesion, damping ratios of body and wheel, and damping [N s/m]."""
-        at_phase, at_force = self.force(np.array([of_phase, of_force]))
+        (at_phase, at_force), (_, twice) = self.forces(np.array([of_phase, of_force]))
+        turn = np.exp(1j * np.radians(np.arange(360)))
+        smallest = float(np.min((at_force * turn + twice * turn**2).real))
         return [
             float(np.degrees(np.abs(np.angle(at_phase)))),
-            max(0.0, 1 - PLATE.amplitude * float(np.abs(at_force)) / self.load),
+            max(0.0, 1 + PLATE.amplitude * smallest / self.load),
             self._damper / (2 * float(np.sqrt(self.spring * self.sprung))),
             self._damper / (2 * float(np.sqrt((self.spring + self._tyre.stiffness) * self.unsprung))),
             self._damper,
         ]
 
 
-def _friction_forces(elongations: Complex, compliance: Complex, largest: Real) -> Complex:
-    """Return the friction forces of the suspensions for one metre of the plate, shape (grid, suspensions).
+def _slope(speeds: Real) -> Real:
+    """Return the describing function of v / sqrt(1 + v^2) at amplitudes of v: 1 of small ones, 4 / (pi v) of large."""
+    from scipy.special import ellipe, ellipkm1
 
-    With the elongation a of a suspension by all forces but its own friction and its compliance k,
-    e = a - k (i q e / |e|): the force q is ahead of the elongation by a quarter of a turn, and |e| solves
-    | |e| + i k q | = |a|. Where no |e| does, the suspension sticks. One suspension after another until all agree
-    (Gauss-Seidel).
+    v = np.maximum(speeds, 1e-3)  # 1 to 4e-7
+    rest = 1 / (1 + v**2)
+    return np.asarray(
+        4 / np.pi * (ellipe(1 - rest) - rest * ellipkm1(rest)) / (v * np.sqrt(1 - rest)), dtype=np.float64
+    )
+
+
+def _friction_forces(free: Complex, mobility: Complex, friction: Real, sliding: float) -> Complex:
+    """Return the friction forces of suspensions [N] of amplitudes of velocity v = free - mobility forces [m/s].
+
+    As dampings that follow the velocities, first those without friction: each round has more damping.
     """
-    forces = np.zeros_like(elongations)
-    if not np.any(largest):
-        return forces
-    for _ in range(_SWEEPS):
-        for own, most in enumerate(largest.tolist()):
-            stiff = compliance[:, own, own]
-            free = elongations[:, own] - np.einsum("fs,fs->f", compliance[:, own], forces) + stiff * forces[:, own]
-            ahead = 1j * stiff * most
-            amplitude = np.sqrt(np.maximum(np.abs(free) ** 2 - ahead.imag**2, 0.0)) - ahead.real
-            slips = amplitude > 0
-            moving = 1j * most * free / (np.where(slips, amplitude, 1.0) + ahead)
-            forces[:, own] = np.where(slips, moving, free / stiff)
-    return forces
+    dampings, velocities = np.zeros(free.shape), free
+    for _ in range(_ROUNDS if friction.any() else 0):
+        dampings = friction / sliding * _slope(np.abs(velocities) / sliding)
+        velocities = np.linalg.solve(np.eye(friction.size) + mobility * dampings[:, None, :], free[..., None])[..., 0]
+    return np.asarray(dampings * velocities, dtype=np.complex128)

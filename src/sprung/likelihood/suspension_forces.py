@@ -27,6 +27,8 @@ class ForceSettings:
     oversampling: int = 4
     #: Error of a friction over the mean size of the force by unlike valves, whose effects on each other are left out.
     second: float = 0.04
+    #: Number of bands of frequencies that are left out one after another.
+    n_bands: int = 8
     #: Rounds in which velocities follow the forces.
     n_rounds: int = 3
     #: Number of laws of each suspension; smallest number of segments over that of the forces, and largest number.
@@ -80,10 +82,24 @@ def elongation_spectrum(response: Transfer, element: int) -> Real:
     return spectrum
 
 
+class SuspensionForces(NamedTuple):
+    """Forces of suspensions that are not linear in their velocity.
+
+    Friction [N] is of either sign, shape (elements,), `covariance` (elements, elements). Valves that differ in bump and
+    rebound have a force `uneven` |v| [N s/m]. By bands of frequencies, the friction's variance is `excess` times as
+    large, at least 1.
+    """
+
+    friction: Real
+    covariance: Real
+    uneven: Real
+    excess: float
+
+
 def friction_forces(
     driven: DrivenSegments, fitted: Model, parameters: Real, elements: list[int], *, model_error: float
-) -> tuple[Real, Real] | None:
-    """Return the Coulomb friction of suspensions [N] and its covariance, from what a linear vehicle does not do.
+) -> SuspensionForces | None:
+    """Return the Coulomb friction of suspensions and its covariance, from what a linear vehicle does not do.
 
     Parameters
     ----------
@@ -100,8 +116,8 @@ def friction_forces(
 
     Returns
     -------
-    ndarray, ndarray
-        Shapes (elements,) and (elements, elements), forces of either sign; None from too few segments.
+    SuspensionForces
+        None from too few segments.
 
     Notes
     -----
@@ -116,7 +132,9 @@ def friction_forces(
     forces move the suspension themselves: its velocity is estimated anew with those of the round before. The gain a is
     found at each time in the window of a segment, from all segments, as the variance of an estimate differs at their
     ends. The covariance is that of the scores of the segments with half of that of neighbours (sandwich), and 4 % of
-    the force |v|, whose effects on itself are followed to first order.
+    the force |v|, whose effects on itself are followed to first order. Where the response G is not the vehicle's, bands
+    of frequencies disagree more than by chance: the variance by leaving out one band after another (jackknife) is then
+    above that of the segments, in a multibody car with bushings and digressive valves 5 times.
 
     References
     ----------
@@ -155,8 +173,21 @@ def friction_forces(
     neighbours = scores[1:].T @ scores[:-1] / 2
     spread = scores.T @ scores + neighbours + neighbours.T
     covariance = bread @ spread @ bread * len(y) / (len(y) - sizes.size)
+    shares = (np.einsum("kdsf,ledsf->fkdle", in_band.conj(), pushed), np.einsum("kdsf,dsf->fkd", in_band.conj(), pull))
+    jackknife = _by_bands(*shares, n)
+    excess = max(1.0, float(np.sum(jackknife) / np.trace(covariance[:n, :n])))
     left_out = SETTINGS.second * np.sqrt(2 / np.pi) * sizes[n : 2 * n] * np.mean(std[..., 0], axis=1)
-    return sizes[:n], covariance[:n, :n] + np.diag(left_out**2)
+    return SuspensionForces(sizes[:n], covariance[:n, :n] + np.diag(left_out**2), sizes[n : 2 * n], excess)
+
+
+def _by_bands(information: Complex, pull: Complex, n: int) -> Real:
+    """Return the variances of the first n forces by leaving out one band after another of equal information on them."""
+    A, b = information.real.reshape(len(pull), pull[0].size, -1), pull.real.reshape(len(pull), -1)
+    share = np.einsum("fii->f", A[:, :n, :n])
+    bands = (SETTINGS.n_bands * (np.cumsum(share) - share / 2) / np.sum(share)).astype(np.intp)
+    others = [bands != band for band in np.unique(bands)]
+    found = np.array([np.linalg.pinv(A[o].sum(0), rcond=1e-14, hermitian=True)[:n] @ b[o].sum(0) for o in others])
+    return (len(others) - 1) * np.var(found, axis=0)
 
 
 def _laws(velocities: Real, unseen: Real) -> list[Real]:
