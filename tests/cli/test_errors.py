@@ -164,3 +164,8 @@ def test_a_mix_of_roads_has_classes_and_shares(sprung, road, message) -> None:
     outcome = sprung("plan", "zafira", "--road", road)
     assert (outcome.code, outcome.err.count("\n")) == (2, 1)
     assert message in outcome.err
+
+
+def test_more_places_than_there_are_name_the_option(sprung) -> None:
+    outcome = sprung("plan", "zafira", "--best", "9")
+    assert (outcome.code, outcome.err) == (2, "sprung: --best=9 must be at least 1 and at most 7\n")

@@ -205,3 +205,19 @@ def test_wheels_and_tyres_are_known_by_their_names(car, run) -> None:
         "tyre_pressure": pytest.approx(2.2e5),
     }
     assert window.notes == ()
+
+
+def test_a_speed_of_another_quantity_is_refused_and_one_in_other_units_noted(car, run) -> None:
+    """A recording in m/s^2, and one in km/h without its unit, were taken as m/s without a word."""
+    row = run.index("Speed")
+
+    def with_speed(quantity: str, factor: float) -> Recording:
+        samples = run.samples.copy()
+        samples[row] *= factor
+        channels = tuple(Channel("Speed", quantity) if k == row else own for k, own in enumerate(run.channels))
+        return replace(run, samples=samples, channels=channels)
+
+    with pytest.raises(ParameterError, match="channel 'Speed' is acceleration in the recording, not a speed"):
+        window_of(with_speed("acceleration", 1.0), car)
+    assert window_of(with_speed("unknown", 1.0), car).notes == window_of(run, car).notes
+    assert any("taken in m/s, 156 km/h" in note for note in window_of(with_speed("unknown", 3.6), car).notes)

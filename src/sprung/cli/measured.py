@@ -171,6 +171,7 @@ def plan(
 ) -> None:
     """Predict what a sensor kit will detect, and how soon."""
     from sprung import kits
+    from sprung._checks import check_number
     from sprung.excitation import road_mix
     from sprung.likelihood.expected import ExpectedDrive
     from sprung.results import tables
@@ -187,7 +188,9 @@ def plan(
     planned = kits.plan(with_kit, drive=drive, false_alarms=false_alarms)
     sentences = tables.describe_plan(planned)
     if best is not None:
-        chosen = kits.best_places(description, kits.candidates(description), best, drive=drive)
+        places = kits.candidates(description)
+        check_number("--best", best, at_least=1, at_most=len(places))
+        chosen = kits.best_places(description, places, best, drive=drive)
         sentences.append(f"best places of {best}: {', '.join(sensor.channel for sensor in chosen)}")
     output.draw(lambda drawn: {"plan": drawn.kit_figure(planned)})
     shown = tables.plan_tables(planned)

@@ -203,7 +203,7 @@ def segment_spectra(
     ]
     if not parts:
         raise DataError(
-            f"no stretch without a gap is as long as a segment of {segment_length:g} s: give longer records"
+            f"no stretch without a gap is as long as a segment of {segment_length:.3g} s: give longer records"
         )
     n_per_segment = round(segment_length * parts[0][0])
     frequencies = np.asarray(np.arange(n_per_segment // 2 + 1) * parts[0][0] / n_per_segment, dtype=np.float64)

@@ -8,6 +8,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.channel_names import corner_of, rule_of
+from sprung.errors import ParameterError
 from sprung.recording import Channel, Recording
 from sprung.signals.conditioning import advanced_linearly
 from sprung.vehicles.description import Vehicle
@@ -117,9 +118,10 @@ def window_of(recording: Recording, vehicle: Vehicle, *, allow_missing: bool = F
     outputs = output_channels(placed, vehicle)
     if speed is None:
         placed, speed = _with_speed_of_wheels(placed, vehicle)
+    speed_notes = () if speed is None else _check_speed(placed, placed.index(speed))
     if speed is not None and (vehicle.speed_scale != 1 or vehicle.speed_delay != 0):
         placed = _with_speed_corrected(placed, vehicle, placed.index(speed))
-    notes = (*plausibility_notes(vehicle), *layout_notes(recording, vehicle))
+    notes = (*plausibility_notes(vehicle), *layout_notes(recording, vehicle), *speed_notes)
     motion = [sensor.channel for sensor in vehicle.sensor if not sensor.is_condition]
     return Window(
         recording=replace(placed, history=(*placed.history, *notes)),
@@ -130,6 +132,22 @@ def window_of(recording: Recording, vehicle: Vehicle, *, allow_missing: bool = F
         conditions=_conditions(placed, vehicle, speed),
         missing=tuple(name for name in motion if name not in outputs),
         notes=notes,
+    )
+
+
+def _check_speed(recording: Recording, row: int, *, fast: float = 35.0) -> tuple[str, ...]:
+    """Refuse a channel of another quantity as the speed, and note one without unit that is too fast for m/s."""
+    channel, mean = recording.channels[row], _mean_speed(recording.samples[row]) or 0.0
+    if channel.quantity not in {"speed", "velocity", "unknown"}:
+        raise ParameterError(
+            f"channel {channel.name!r} is {channel.quantity} in the recording, not a speed: correct its unit, or state "
+            "the channel of the speed as speed_channel in the vehicle file"
+        )
+    if channel.quantity != "unknown" or mean < fast:
+        return ()
+    return (
+        f"channel {channel.name!r} states no unit and is taken in m/s, {3.6 * mean:.0f} km/h on average: if it is in "
+        "km/h, state that in the recording",
     )
 
 
