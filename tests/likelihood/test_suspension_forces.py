@@ -52,7 +52,8 @@ def test_bands_that_disagree_widen_the_friction() -> None:
     values = np.array([3.0, 1.0, 4.0, 1.0, 5.0, 9.0, 2.0, 6.0])
     information = np.tile(np.eye(2)[:, None, :, None], (3 * values.size, 1, 1, 1, 1)).reshape(-1, 2, 1, 2, 1)
     pull = np.repeat(np.stack([values, np.full(values.size, 7.0)], axis=-1), 3, axis=0)[:, :, None]
-    assert _by_bands(information, pull, 2) == pytest.approx([np.var(values, ddof=1) / values.size, 0.0])
+    given = np.asarray(information, dtype=np.complex128), np.asarray(pull, dtype=np.complex128)
+    assert _by_bands(*given, 2) == pytest.approx([np.var(values, ddof=1) / values.size, 0.0])
 
 
 def test_few_segments_say_nothing_of_friction(car) -> None:

@@ -337,5 +337,6 @@ def _friction_forces(free: Complex, mobility: Complex, friction: Real, sliding: 
     dampings, velocities = np.zeros(free.shape), free
     for _ in range(_ROUNDS if friction.any() else 0):
         dampings = friction / sliding * _slope(np.abs(velocities) / sliding)
-        velocities = np.linalg.solve(np.eye(friction.size) + mobility * dampings[:, None, :], free[..., None])[..., 0]
+        A: Complex = np.eye(friction.size) + mobility * dampings[:, None, :]
+        velocities = np.asarray(np.linalg.solve(A, free[..., None])[..., 0], dtype=np.complex128)
     return np.asarray(dampings * velocities, dtype=np.complex128)
