@@ -140,8 +140,10 @@ def test_wrong_vehicles_are_refused(model) -> None:
 def test_friction_forces_of_suspensions_that_move_each_other_oppose_their_velocities() -> None:
     """At small amplitudes F v / u, at large ones the 4 F / pi of Coulomb friction, by quadrature over a turn."""
     random = np.random.default_rng(1)
-    mobility = 0.1 * (random.standard_normal((50, 3, 3)) + 1j * random.standard_normal((50, 3, 3))) + np.eye(3)
-    free = 10 ** random.uniform(-3, 2, (50, 3)) * np.exp(2j * np.pi * random.uniform(size=(50, 3)))
+    drawn = random.standard_normal((50, 3, 3)) + 1j * random.standard_normal((50, 3, 3))
+    mobility = np.asarray(np.eye(3) + 0.1 * drawn, dtype=np.complex128)
+    turned = np.exp(2j * np.pi * random.uniform(size=(50, 3)))
+    free = np.asarray(10 ** random.uniform(-3, 2, (50, 3)) * turned, dtype=np.complex128)
     friction, sliding, turn = np.array([0.5, 1.0, 0.2]), 0.05, 2 * np.pi * np.arange(4000) / 4000
     forces = _friction_forces(free, mobility, friction, sliding)
     moved = free - np.einsum("fij,fj->fi", mobility, forces)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -65,12 +66,9 @@ def stops_of(observations: Sequence[Observation], baseline: Baseline) -> Stops:
     windows = [window for window in observations if window.is_valid and baseline.has_sensors_of(window)]
     later = [one for one in (window.of_stiffening() for window in windows) if one is not None]
     nothing = Stops((), np.zeros(len(baseline.components)))
-    try:
-        first = learn(baseline.stiffenings)
-    except DataError:  # too few of them in the baseline
-        return nothing
-    detection = detect(first, later)
-    if detection is None:
+    first = _learnt(baseline.stiffenings)
+    detection = None if first is None else detect(first, later)
+    if first is None or detection is None:
         return nothing
     risen = np.maximum(np.mean([first.residual(one) for one in later], axis=0), 0.0)
     by_part = dict(zip(first.components, risen.tolist(), strict=True))
@@ -78,6 +76,15 @@ def stops_of(observations: Sequence[Observation], baseline: Baseline) -> Stops:
         tuple(one for one in detection.candidates if one.hypothesis.scope in {"single", "axle", "all"}),
         np.array([by_part.get(part, 0.0) for part in baseline.components]),
     )
+
+
+@lru_cache(maxsize=16)
+def _learnt(stiffenings: tuple[Observation, ...]) -> Baseline | None:
+    """Return the baseline of the stiffening of springs; None from too few windows."""
+    try:
+        return learn(stiffenings)
+    except DataError:
+        return None
 
 
 def in_doubt(baseline: Baseline, stops: Stops, findings: Sequence[Finding]) -> Baseline:
