@@ -9,7 +9,7 @@ def hostile(tmp_path, monkeypatch):
     """The folder of the process, with a record of two channels, long or short."""
     monkeypatch.chdir(tmp_path)
     rows = [f"{0.01 * k:.2f},{(k * 7919) % 101},{(k * 104729) % 97}\n" for k in range(2000)]
-    for name, n_rows in (("good.csv", 2000), ("short.csv", 100)):
+    for name, n_rows in (("good.csv", 2000), ("short.csv", 90)):
         (tmp_path / name).write_text("time,a,b\n" + "".join(rows[:n_rows]))
     return tmp_path
 
