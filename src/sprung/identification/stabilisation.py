@@ -569,7 +569,7 @@ _MOST_DEMANDED = 3.0
 #: Number of blocks below which the mode's own random level shows between them.
 _MANY_BLOCKS = 24
 #: Excess over its bound from which a short record shows a mode clearly.
-_CLEAR = 1.25
+_CLEAR = 1.5
 
 
 def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> tuple[Real, Real]:
@@ -781,7 +781,7 @@ def significant(modes: Modes, correlations: Correlations, *, least: float) -> Bo
     more than 0.2 of its half-bandwidth, the bounds are that many times, up to three times, higher, that of the excess
     by the square: what is left of a line, or of a strong mode that the other modes do not fully explain, contributes
     more than chance, too, but its frequency is not certain. With fewer than 24 blocks half of the bound of the
-    contribution suffices, however uncertain the frequency, where the excess is 1.25 times its bound: few blocks differ
+    contribution suffices, however uncertain the frequency, where the excess is 1.5 times its bound: few blocks differ
     by the mode's own random level, and a short record gives no frequency to a share of its bandwidth.
     """
     is_kept = np.ones(len(modes), dtype=np.bool_)
