@@ -278,7 +278,7 @@ class Corner:
         by_valves = np.linalg.solve(self._stiffness(2 * s), pulled)
         mobility = 2 * s[:, None] * np.einsum("sn,fns->fs", self._suspensions, by_valves)
         lost = 8 / (3 * np.pi**2) * self._uneven**2 * (mobility - mobility.conj() / 3)
-        A = self._stiffness(s) - np.einsum("si,fs,sj->fij", self._suspensions, s[:, None] * lost, self._suspensions)
+        A = self._stiffness(s) - (self._suspensions.T * (s[:, None] * lost)[:, None]) @ self._suspensions
         by_plate = np.linalg.solve(A, (tyre[:, None] * self._tyre.elongation)[..., None])[..., 0]
         by_friction = np.linalg.solve(A, pulled)
         elongations, compliance = by_plate @ self._suspensions.T, self._suspensions @ by_friction
@@ -294,7 +294,7 @@ class Corner:
         """Return the dynamic stiffness at complex frequencies, shape (grid, n, n)."""
         D = self._structure.elongations
         stiffness = np.array([element.dynamic_stiffness(s) for element in self._structure.elements])
-        return np.asarray(s[:, None, None] ** 2 * self._structure.mass + np.einsum("ei,ef,ej->fij", D, stiffness, D))
+        return np.asarray(s[:, None, None] ** 2 * self._structure.mass + (D.T * stiffness.T[:, None]) @ D)
 
     def extremes(self) -> tuple[float, float]:
         """Return the frequencies [Hz] of the smallest phase shift and of the largest contact force."""
