@@ -124,6 +124,7 @@ def test_a_spring_that_a_load_brings_on_its_bump_stop_is_not_named(healthy, faul
     named = [finding.hypothesis for finding in result.findings]
     assert (result.verdict, named) == (("inconclusive", []) if attributed else ("change", list(change)))
     assert [attributed in doubt for doubt in result.doubts] == [True] * bool(attributed)
+    assert "no change detected" not in describe_diagnosis(result)[0]
 
 
 @pytest.mark.parametrize(

@@ -428,7 +428,7 @@ def _attributed(
     what = "the unmodelled change" if words == "vehicle unmodelled" else f"the change of {words}"
     return (
         f"{what} is within what bump stops and the error of the vehicle file ({100 * baseline.model_error:.0f} %) may "
-        "make of other loads and roads: it is not named; learn a baseline with such drives"
+        "cause under other loads and on other roads: it is not named; learn a baseline with such drives"
     )
 
 

@@ -142,7 +142,10 @@ def describe_verdict(diagnosis: Diagnosis) -> str:
     """Return the verdict of a diagnosis without findings in one sentence."""
     if diagnosis.detection is None:
         return "inconclusive: no window was usable"
-    return describe_no_change(diagnosis.detectable, next(iter(diagnosis.doubts), ""))
+    doubt = next(iter(diagnosis.doubts), "")
+    if doubt and diagnosis.detection.is_alert:  # a difference is seen, and attributed to something else
+        return f"inconclusive: {doubt}"
+    return describe_no_change(diagnosis.detectable, doubt)
 
 
 def describe_no_change(detectable: Mapping[Component, float], doubt: str) -> str:
