@@ -110,7 +110,7 @@ def test_lines_above_those_that_were_searched_do_not_widen_the_band() -> None:
 
 @pytest.mark.parametrize("rate", [100.0, 101.0])
 def test_hum_at_half_the_rate_does_not_take_the_band(rate) -> None:
-    """Where no line can be told, and no mode is sought: a hum of three times the motion drew the band up to 50 Hz."""
+    """Where no line can be found, and no mode is sought: a hum of three times the motion drew the band up to 50 Hz."""
     samples = resonances([2.0, 5.6, 8.1], [1.0, 1.0, 1.0], np.random.default_rng(2), rate=rate, n_samples=2000)
     hum = 3 * samples.std() * np.sqrt(2) * np.sin(2 * np.pi * 50.003 * np.arange(2000) / rate + 1.0)
     assert band_of(samples + hum, rate)[1] < 15.0

@@ -134,7 +134,7 @@ def test_a_frequency_is_as_certain_as_the_duration_allows() -> None:
     assert stabilise(poles, duration=400.0).status[1:].tolist() == [PoleStatus.UNCERTAIN] * 2
 
 
-def test_a_pole_that_grows_by_no_more_than_a_short_record_tells_is_a_mode() -> None:
+def test_a_pole_that_grows_by_no_more_than_chance_in_a_short_record_is_a_mode() -> None:
     """Over 20 periods a damping ratio of -0.3 % grows by 0.38 nepers (kept up to 0.5), over 30 one of -0.5 % by 0.94.
 
     Damping ratios may differ as much. Where standard deviations are known, or there are 40 periods, none may grow.

@@ -64,6 +64,7 @@ def test_friction_and_unlike_valves_on_the_plate_are_those_of_the_integrated_veh
     assert np.degrees(abs(np.angle(by_plate * 1j**-1 / first))) < 0.2
     assert abs(by_plate) == pytest.approx(abs(first), rel=0.01)
     assert abs(at_twice) == pytest.approx(abs(second), rel=0.1)
+    assert np.degrees(abs(np.angle(at_twice * 1j**-2 / second))) < 5.0
 
 
 def test_the_limit_is_that_of_the_specification(conforms) -> None:

@@ -372,7 +372,7 @@ def _together(known: Friction, usual: Friction, found: SuspensionForces | None) 
     """Return what is known of friction with what the segments of a drive say of it.
 
     What is far beyond usual friction may be valves that open, and is as uncertain as large: 25 N with valves that open
-    to 0.4 of their damping at 0.05 to 0.2 m/s read 80 to 110 N, and are not told from friction by a drive.
+    to 0.4 of their damping at 0.05 to 0.2 m/s read 80 to 110 N: a drive does not distinguish them.
     """
     if found is None:
         return known
