@@ -12,9 +12,10 @@ from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import operations
 from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.events import Observed
+from sprung.online.monitor.ledger import window_document
 from sprung.online.store import Progress, Store, StoredFrame
 from sprung.recording import Channel, Recording
-from sprung.results.documents import baseline_document, finding_document, observation_document
+from sprung.results.documents import baseline_document, finding_document
 from sprung.vehicles import read_vehicle, vehicle_text
 
 N_VEHICLES = 214
@@ -77,7 +78,8 @@ def fill(store: Store, *, now: int) -> None:
     silent = {SILENT, "bus-142", "bus-213"}
     learning = {LEARNING, "bus-049", "bus-089", "bus-129", "bus-169", "bus-209"}
     healthy = _windows(np.random.default_rng(0), Story({}, days=0.9), now)
-    learnt = _first_baseline(_learnt_from(healthy))
+    taught, baseline = _learnt_from(healthy)
+    learnt, unchanged = _first_baseline((taught, baseline)), diagnose(healthy[len(taught) :], baseline)
     book = AlertBook(store, AlertSettings())
     for number in range(1, N_VEHICLES + 1):
         name = f"bus-{number:03d}"
@@ -88,7 +90,7 @@ def fill(store: Store, *, now: int) -> None:
         story = STORIES.get(name, Story({}, days=0.4) if name in learning | {"bus-001"} else None)
         if story is None:
             windows = _windows(np.random.default_rng(number), Story({}, days=0.5), seen)
-            rows = tuple((k, _ns(each.time), observation_document(each)) for k, each in enumerate(windows))
+            rows = tuple((k, _ns(each.time), window_document(each, unchanged)) for k, each in enumerate(windows))
             status = _status(seen)
             store.results.commit(
                 Progress(name, 1, done_seq=0, observations=rows, baselines=(learnt,), status=status, now=seen)
@@ -111,12 +113,13 @@ def _tell(store: Store, book: AlertBook, name: str, story: Story, number: int, *
     usable = [window for window in windows if window.is_conclusive]
     baselines: tuple[Any, ...] = ()
     findings = []
+    diagnosis = None
     if not is_learning:
         taught, baseline = _learnt_from(windows)
         baselines = (_first_baseline((taught, baseline)),)
         late = [window for window in windows if window.time > taught[-1].time]
+        diagnosis = diagnose([window for window in late if window.is_conclusive], baseline)
         if story.changes or story.dead_channel:
-            diagnosis = diagnose([window for window in late if window.is_conclusive], baseline)
             since = now / 1e9 - story.onset * 86400
             changed = [window for window in late if window.time > since]
             for window in (*changed[2:5], changed[-1]):
@@ -130,7 +133,7 @@ def _tell(store: Store, book: AlertBook, name: str, story: Story, number: int, *
             name,
             1,
             done_seq=0,
-            observations=tuple((k, _ns(each.time), observation_document(each)) for k, each in enumerate(windows)),
+            observations=tuple((k, _ns(each.time), window_document(each, diagnosis)) for k, each in enumerate(windows)),
             modes=tuple((k, _ns(each.time), _modes(generator)) for k, each in enumerate(windows) if each.is_conclusive),
             findings=tuple(findings),
             baselines=baselines,

@@ -11,6 +11,8 @@ from sprung.state.alerts import time_of as time_of
 from sprung.state.vehicles import LAST_WINDOWS as LAST_WINDOWS
 from sprung.state.vehicles import TIME_ROUNDING as TIME_ROUNDING
 from sprung.state.vehicles import WINDOWS_SINCE_ONSET as WINDOWS_SINCE_ONSET
+from sprung.state.vehicles import AssessedWindow as AssessedWindow
+from sprung.state.vehicles import Conclusion as Conclusion
 from sprung.state.vehicles import PartState as PartState
 from sprung.state.vehicles import Reference as Reference
 from sprung.state.vehicles import VehicleState as VehicleState

@@ -1,7 +1,7 @@
 """The state of a vehicle and of its parts, from its last windows, its baseline and its active alerts."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung._display import counted
-from sprung.diagnosis import Baseline, Observation, doubt_about, max_undetected
+from sprung.diagnosis import Baseline, Observation, max_undetected
 from sprung.diagnosis.baseline import MeanDeviation, mean_deviation, typical_std
 from sprung.modal import INTERVAL_95
 from sprung.results.tables import describe_no_change
@@ -92,11 +92,6 @@ class Reference:
     def learnt_until(self) -> float:
         """Start of the last window that the baseline was learnt from [s]."""
         return -np.inf if self.baseline is None else max(self.baseline.learning_times, default=-np.inf)
-
-    def limits(self, n_windows: int) -> dict[str, float]:
-        """Return the smallest losses detectable in a number of windows; empty if unknown."""
-        known = [count for count in self.detectable if count <= n_windows]
-        return self.detectable[max(known)] if known else {}
 
     def accepts(self, observation: Observation) -> bool:
         """Return whether a window can be compared."""
@@ -183,6 +178,30 @@ WINDOWS_SINCE_ONSET = 48
 LAST_WINDOWS = 12
 #: More than the rounding of seconds since 1970 in double precision, and less than any time between windows [ns].
 TIME_ROUNDING = 1000
+
+
+class Conclusion(NamedTuple):
+    """What the diagnosis of the windows since the baseline says after a window.
+
+    Parameters
+    ----------
+    verdict, sentence
+        Verdict, and the sentence that states it without an alert.
+    detectable
+        Smallest relative loss of each part that would have been found.
+    """
+
+    verdict: str
+    sentence: str
+    detectable: dict[str, float]
+
+
+class AssessedWindow(NamedTuple):
+    """Start [UTC ns] and observation of a window, and the conclusion after it; None without a baseline."""
+
+    t0: int
+    observation: Observation
+    conclusion: Conclusion | None = None
 
 
 class VehicleStatus(NamedTuple):
@@ -287,7 +306,7 @@ class VehicleState:
 
 def state_of(
     vehicle: str,
-    windows: Sequence[tuple[int, Observation]],
+    windows: Sequence[AssessedWindow],
     reference: Reference,
     alerts: Sequence[AlertState],
     *,
@@ -305,7 +324,7 @@ def state_of(
     vehicle
         Name of the vehicle.
     windows
-        Start [UTC ns] and observation of the last windows, in order of time.
+        Last windows, in order of time.
     reference
         What they are compared with.
     alerts
@@ -324,28 +343,34 @@ def state_of(
     -----
     Alerts decide first, then the age of the data, then learning, then what the last windows allow to say. A part has
     changed if an active alert names it; its size and interval are those of the finding. The smallest detectable losses
-    are those of the change test behind the most severe finding; without one, those that the baseline states for the
-    number of windows since its learning. A verdict of no change needs them to be at most a fifth for every part.
+    are those of the change test behind the most severe finding; without one, those of the diagnosis with the last
+    window that can be compared, whose verdict and sentence are then those of the vehicle.
     """
     active = tuple(sorted(alerts, key=lambda alert: (-alert.severity, alert.raised)))
     findings = [alert for alert in active if alert.is_of_suspension]
     usable = [
-        (t0, window) for t0, window in windows if window.time > reference.learnt_until and reference.accepts(window)
+        each
+        for each in windows
+        if each.observation.time > reference.learnt_until and reference.accepts(each.observation)
     ]
-    usable = [(t0, window) for t0, window in usable if window.components == usable[-1][1].components]
+    usable = [each for each in usable if each.observation.components == usable[-1].observation.components]
+    conclusion = usable[-1].conclusion if usable and reference.baseline is not None else None
     stated = next((alert.detectable for alert in findings if alert.detectable), {})
-    limits = stated or reference.limits(len(usable))
+    limits = stated or ({} if conclusion is None else conclusion.detectable)
     begin = next((alert.onset for alert in findings if alert.onset is not None), None)
-    since_onset = [] if begin is None else [each for each in usable if each[0] >= begin - TIME_ROUNDING]
+    since_onset = [] if begin is None else [each for each in usable if each.t0 >= begin - TIME_ROUNDING]
     shown = since_onset[-WINDOWS_SINCE_ONSET:] or usable[-LAST_WINDOWS:]
-    parts = reference.parts([window for _, window in shown], findings, limits=limits)
+    parts = reference.parts([each.observation for each in shown], findings, limits=limits)
+    is_doubted = conclusion is not None and conclusion.verdict == Verdict.INCONCLUSIVE
+    if is_doubted and all(part.verdict is not Verdict.INCONCLUSIVE for part in parts):  # for another reason
+        parts = tuple(replace(part, verdict=Verdict.INCONCLUSIVE) if part.alert is None else part for part in parts)
     if active:
         verdict, sentence = _by_alerts(active)
     elif is_old and not is_parked:
         verdict, sentence = Verdict.STALE, f"{vehicle} sends no data"
     else:
-        doubt = _doubt(reference, parts)
-        verdict, sentence = _by_windows(status, parts, doubt, is_past=is_past, n_on_board=n_on_board)
+        concluded = conclusion or Conclusion(Verdict.INCONCLUSIVE, _why_not_compared(reference, parts), {})
+        verdict, sentence = _by_windows(status, parts, concluded, is_past=is_past, n_on_board=n_on_board)
         if is_old:
             verdict, sentence = Verdict.STALE, f"parked; until then {sentence}"
     is_judged = verdict in {Verdict.CHANGE, Verdict.NO_CHANGE_DETECTED}
@@ -394,7 +419,7 @@ def _by_alerts(active: Sequence[AlertState]) -> tuple[Verdict, str]:
 
 
 def _by_windows(
-    status: VehicleStatus | None, parts: Sequence[PartState], doubt: str | None, *, is_past: bool, n_on_board: int
+    status: VehicleStatus | None, parts: Sequence[PartState], concluded: Conclusion, *, is_past: bool, n_on_board: int
 ) -> tuple[Verdict, str]:
     """Return verdict and sentence without an alert."""
     if n_on_board:
@@ -406,21 +431,18 @@ def _by_windows(
         return Verdict.LEARNING, said
     if said and status is not None and status.note:
         return Verdict.INCONCLUSIVE, f"inconclusive: {said}"
-    limits = {Component.parse(part.part): part.detectable for part in parts if part.detectable is not None}
-    sentence = "; ".join(text for text in (describe_no_change(limits, doubt or ""), said) if text)
-    return Verdict.INCONCLUSIVE if doubt else Verdict.NO_CHANGE_DETECTED, sentence
+    verdict, sentence = Verdict(concluded.verdict), concluded.sentence
+    if verdict is Verdict.CHANGE:  # its alert waits for further windows, or has been cleared
+        verdict, sentence = Verdict.INCONCLUSIVE, f"inconclusive: a change without an active alert: {sentence}"
+    return verdict, "; ".join(text for text in (sentence, said) if text)
 
 
-def _doubt(reference: Reference, parts: Sequence[PartState]) -> str | None:
-    """Return why a change may have remained undetected; None for no reason."""
+def _why_not_compared(reference: Reference, parts: Sequence[PartState]) -> str:
+    """Return why there is no conclusion."""
     if reference.baseline is None:
-        return reference.absence
-    if not parts:
-        return "no window since its learning can be compared with the baseline"
-    limits = {Component.parse(part.part): part.detectable for part in parts if part.detectable is not None}
-    if len(limits) < len(parts):
-        return f"{counted(min(reference.detectable, default=1), 'usable window')} since learning are needed"
-    return doubt_about(limits) or None
+        return describe_no_change({}, reference.absence)
+    missing = "no window since its learning can be compared with the baseline"
+    return describe_no_change({}, "the last window was not diagnosed" if parts else missing)
 
 
 def _as_sentence(text: str, vehicle: str) -> str:

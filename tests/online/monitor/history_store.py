@@ -5,12 +5,13 @@ from typing import Any
 import numpy as np
 from tests.diagnosis.conftest import COMPONENTS, drawn_window
 
-from sprung.diagnosis import Observation, SensorFault, learn
+from sprung.diagnosis import Observation, SensorFault, diagnose, learn
 from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import operations
 from sprung.online.monitor.alert_book import AlertBook
+from sprung.online.monitor.ledger import window_document
 from sprung.online.store import Progress, Store, StoredFrame
-from sprung.results.documents import baseline_document, observation_document
+from sprung.results.documents import baseline_document
 
 #: 2026-09-22, UTC s.
 BEGIN = 1_790_035_200
@@ -28,6 +29,7 @@ def fill(store: Store) -> int:
         for number, (day, k) in enumerate((day, k) for day in range(DAYS) if day != MISSING_DAY for k in range(PER_DAY))
     ]
     baseline = learn([window for _, window in windows[:12]])
+    test = diagnose([window for _, window in windows[12:24]], baseline)
     changed = [(number, window) for number, window in windows if window.time >= BEGIN + ONSET_DAY * DAY]
     now = (BEGIN + DAYS * DAY) * 10**9
     start = BEGIN * 10**9
@@ -41,7 +43,7 @@ def fill(store: Store) -> int:
             VEHICLE,
             1,
             done_seq=0,
-            observations=tuple((number, _ns(window.time), observation_document(window)) for number, window in windows),
+            observations=tuple((number, _ns(window.time), window_document(window, test)) for number, window in windows),
             modes=tuple((number, _ns(window.time), modes) for number, window in windows[::10]),
             findings=tuple(
                 (number, _ns(window.time), finding(-0.25 + 0.001 * k)) for k, (number, window) in enumerate(changed)

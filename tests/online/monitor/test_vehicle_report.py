@@ -7,7 +7,17 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from tests.online.monitor.history_store import BEGIN, DAY, DEAD_DAY, HOSTILE, ONSET_DAY, PER_DAY, VEHICLE, fill
+from tests.online.monitor.history_store import (
+    BEGIN,
+    DAY,
+    DEAD_DAY,
+    HOSTILE,
+    MISSING_DAY,
+    ONSET_DAY,
+    PER_DAY,
+    VEHICLE,
+    fill,
+)
 
 from sprung.diagnosis.baseline import mean_deviation
 from sprung.errors import ParameterError
@@ -129,7 +139,7 @@ def test_numbers_are_those_of_the_store(store, whole, check_document) -> None:
     for name, std in (("interval", mean.std_by_chance), ("interval_with_common", mean.std)):
         ends = np.expm1(np.array([mean.log_ratios - 1.96 * std, mean.log_ratios + 1.96 * std])).T
         np.testing.assert_allclose([change[name] for change in others], ends[1:])
-    stated = store.results.baselines(VEHICLE)[0].document["detectable"]["12"]
+    stated = entries[-1].document["conclusion"]["detectable"]
     assert {change["component"]: change["detectable"] for change in document["changes"]} == stated
     frequencies = [window.modes["bounce"][0] for window in windows if window.is_conclusive]
     bounce = document["modes"]["bounce"]["natural_frequency"]
@@ -159,10 +169,10 @@ def test_the_sentence_says_what_matters_in_the_period(store, whole) -> None:
     faulty = document_at(store, 10, DEAD_DAY + 0.5)
     assert (faulty.verdict, faulty.sentence) == ("fault", "Sensor acc_fl is dead.")
     assert document_at(store, 10, DEAD_DAY + 5).verdict == "no_change_detected"
-    short = document_at(store, 12, 13)
-    assert (short.verdict, short.sentence) == (
+    missing = document_at(store, MISSING_DAY, MISSING_DAY + 0.9)
+    assert (missing.verdict, missing.sentence) == (
         "inconclusive",
-        "Inconclusive: no change detected, but 6 usable windows since learning are needed.",
+        "Inconclusive: no change detected, but no window since its learning can be compared with the baseline.",
     )
     empty = document_at(store, 70, 80)
     assert (empty.verdict, empty.windows, empty.changes, empty.changes_since) == ("change", 0, (), None)

@@ -4,6 +4,7 @@ import csv
 import html
 import io
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,21 +18,31 @@ from sprung.online.monitor import Observed
 from sprung.online.monitor.alert_book import AlertBook
 from sprung.online.monitor.exports import export, report_document
 from sprung.online.monitor.histories import read_history
+from sprung.online.monitor.ledger import window_document
 from sprung.online.store import Progress, StoredFrame
 from sprung.recording import Channel, Recording
-from sprung.results.documents import baseline_document, finding_document, observation_document
-from sprung.results.tables import vehicles_table
+from sprung.results.documents import (
+    baseline_document,
+    baseline_from_document,
+    finding_document,
+    observation_from_document,
+)
+from sprung.results.tables import describe_diagnosis, vehicles_table
 from sprung.results.tables.wording import Period
 
 PARTS = [f"{corner}.{kind}" for corner in ("front_left", "rear_right") for kind in ("spring", "damper", "tyre")]
 TAUGHT = 12
+#: Change that no part explains, and that is within the error of the vehicle file under another load.
+LOADED = {part: size for name in PARTS for part, size in ((name, 0.04 if name.startswith("front") else -0.04),)}
+LOADED |= {part.replace("_left", "_right").replace("rear_right", "rear_left"): size for part, size in LOADED.items()}
 MAIL = MailSender("localhost", sender="sprung@example.org", recipients=["anna@example.org"])
 #: Name of each vehicle with its verdict, and what makes it so.
 VEHICLES: list[tuple[str, str, dict[str, Any]]] = (
     [(f"changed-{k}", "change", {"change": {part: -0.15 - 0.05 * k}}) for k, part in enumerate(PARTS)]
     + [("growing", "change", {"change": {"front_left.spring": -0.03}, "n_windows": 16, "grows": True})]
     + [(f"healthy-{k}", "no_change_detected", {"n_windows": 12 + 3 * k}) for k in range(5)]
-    + [(f"few-{count}", "inconclusive", {"n_windows": count}) for count in (0, 2, 5)]
+    + [(f"few-{count}", "no_change_detected", {"n_windows": count}) for count in (1, 2, 5)]
+    + [("none", "inconclusive", {"n_windows": 0})]
     + [
         ("stood", "inconclusive", {"n_windows": 12, "status": {"note": "the vehicle stood still"}}),
         ("learning", "learning", {"n_windows": 0, "status": {"is_learning": True, "n_learnt": 3}}),
@@ -39,12 +50,13 @@ VEHICLES: list[tuple[str, str, dict[str, Any]]] = (
         ("silent", "stale", {"n_windows": 12, "age": 5 * HOUR}),
         ("parked", "stale", {"n_windows": 12, "age": 48 * HOUR}),
         ("parked today", "no_change_detected", {"n_windows": 12, "age": 20 * HOUR}),
+        ("loaded", "inconclusive", {"n_windows": 30, "change": LOADED, "model_error": 0.08}),
         ("sensor", "fault", {"n_windows": 12, "fault": SensorFault("acc_fl", "dead", "it is constant")}),
     ]
 )
 
 
-def fill(store, name, *, n_windows=12, change=None, grows=False, status=None, age=0, fault=None):
+def fill(store, name, *, n_windows=12, change=None, grows=False, model_error=0.0, status=None, age=0, fault=None):
     """Store a vehicle as its monitor would."""
     seen = NOW - age
     store.inbox.put_vehicle(name, configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
@@ -57,6 +69,10 @@ def fill(store, name, *, n_windows=12, change=None, grows=False, status=None, ag
     taught = [drawn_window(generator, begin + 600.0 * k) for k in range(TAUGHT)]
     sizes = [{part: size * (k if grows else 1) for part, size in (change or {}).items()} for k in range(n_windows)]
     after = [drawn_window(generator, begin + 600.0 * (TAUGHT + k), one) for k, one in enumerate(sizes)]
+    taught, after = (
+        [replace(one, conditions=one.conditions | {"model_error": model_error}) for one in each]
+        for each in (taught, after)
+    )
     baseline = learn(taught)
     progress = {"share": 0.0, "n_learnt": TAUGHT, "n_needed": TAUGHT, "window": 600.0, "until": seen}
     diagnosis = diagnose(after, baseline) if after else None
@@ -67,7 +83,8 @@ def fill(store, name, *, n_windows=12, change=None, grows=False, status=None, ag
             1,
             done_seq=0,
             observations=tuple(
-                (k, round(1e9 * window.time), observation_document(window)) for k, window in enumerate(taught + after)
+                (k, round(1e9 * window.time), window_document(window, diagnosis if k >= TAUGHT else None))
+                for k, window in enumerate(taught + after)
             ),
             findings=tuple((TAUGHT, seen, finding_document(finding)) for finding in findings),
             baselines=((1, seen, "first learning", baseline_document(baseline).as_json()),),
@@ -109,6 +126,8 @@ def test_all_renderings_of_twenty_vehicles_agree(fleet, sqlite_url, sprung, monk
     for name, verdict, _ in VEHICLES:
         state = client.get(f"/api/v1/vehicles/{name}/changes").json()
         assert state["verdict"] == verdict, (name, state["sentence"])
+        if name.startswith(("healthy", "few", "loaded")) and state["n_windows"]:
+            assert_the_diagnosis_says(store, name, state)
         sentence, page = state["sentence"], client.get(f"/vehicles/{name}", headers={"accept": "text/html"}).text
         report = report_document(read_history(store, name, Period(), now=NOW), now=NOW).as_json()
         heading = re.search(r"<h1>(.*?)</h1>", page, re.DOTALL)
@@ -132,6 +151,19 @@ def test_all_renderings_of_twenty_vehicles_agree(fleet, sqlite_url, sprung, monk
         for part in parts.values():
             assert part["interval"][0] < part["change"] < part["interval"][1]
         assert_alerts_agree(store, client, name, parts, sentence)
+
+
+def assert_the_diagnosis_says(store, name, state):
+    """Compare the state of a vehicle without an alert with the diagnosis of its windows, as a command makes it."""
+    windows = [observation_from_document(entry.document) for entry in store.results.observations(name)]
+    found = diagnose(windows[TAUGHT:], baseline_from_document(store.results.baselines(name)[0].document))
+    assert state["sentence"].rstrip(".").lower() == describe_diagnosis(found)[0].lower()
+    assert state["verdict"] == found.verdict
+    assert {part["part"]: part["detectable"] for part in state["parts"]} == {
+        str(part): pytest.approx(least) for part, least in found.detectable.items()
+    }
+    if name == "loaded":
+        assert {part["verdict"] for part in state["parts"]} == {"inconclusive"}
 
 
 def assert_alerts_agree(store, client, name, parts, sentence):

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from tests.online.site.conftest import HOUR, NOW, PASSWORD, raise_alert
 
-from sprung.diagnosis import Observation, SensorFault, learn
+from sprung.diagnosis import Observation, SensorFault, diagnose, learn
 from sprung.errors import ParameterError
 from sprung.online.monitor.histories import vehicle_state
+from sprung.online.monitor.ledger import window_document
 from sprung.online.site.accounts import Person, Role
 from sprung.online.site.shared import require_vehicle, require_window
 from sprung.online.site.vehicles.baselines import baseline
@@ -75,6 +76,7 @@ def observed(store, windows):
     store.inbox.put_vehicle(NAME, configuration="c", description=vehicle_text(vehicle), channels=channels, now=NOW)
     store.inbox.add_frames([StoredFrame(NAME, 1, 0, NOW, b"x")], now=NOW)
     baseline = learn([window for _, window in windows[:12]])
+    test = diagnose([window for _, window in windows[13:]], baseline)
     since = windows[13][0] / 1e9
     sentence = "front-left spring 20 % (19 to 21 %) softer; inspect at the next service"
     finding = {"sentence": sentence, "change": -0.2, "interval": [-0.19, -0.21], "since": since}
@@ -83,7 +85,7 @@ def observed(store, windows):
             NAME,
             1,
             done_seq=0,
-            observations=tuple((k, t0, observation_document(window)) for k, (t0, window) in enumerate(windows)),
+            observations=tuple((k, t0, window_document(window, test)) for k, (t0, window) in enumerate(windows)),
             modes=((0, FIRST, {"modes": []}), (1, FIRST, {"modes": identified()}), (2, NOW - HOUR, {"modes": None})),
             findings=((22, windows[-1][0], finding),),
             baselines=((1, FIRST + 13 * MINUTES, "first learning", baseline_document(baseline).as_json()),),

@@ -31,6 +31,8 @@ from sprung.state import (
     LAST_WINDOWS,
     WINDOWS_SINCE_ONSET,
     AlertState,
+    AssessedWindow,
+    Conclusion,
     Reference,
     VehicleState,
     VehicleStatus,
@@ -106,7 +108,7 @@ def vehicle_state(
     entries = store.results.observations(vehicle, since=period.since, until=period.until, limit=limit)
     return state_of(
         vehicle,
-        [(entry.t0, window) for entry, window in observations_of(entries)],
+        [AssessedWindow(entry.t0, window, _conclusion(entry)) for entry, window in observations_of(entries)],
         reference_of(store.results.baselines(vehicle) if baselines is None else baselines),
         alerts,
         status=None if stored is None else VehicleStatus(**stored),
@@ -141,6 +143,12 @@ def observations_of(entries: Iterable[Entry]) -> list[tuple[Entry, Observation]]
         except FormatError:
             continue
     return read
+
+
+def _conclusion(entry: Entry) -> Conclusion | None:
+    """Return what the diagnosis after a window says; None without one."""
+    stored = entry.document.get("conclusion")
+    return None if stored is None else Conclusion(**stored)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

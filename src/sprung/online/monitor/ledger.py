@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from sprung.diagnosis import Baseline
+from sprung.diagnosis import Baseline, Diagnosis, Observation
 from sprung.errors import FormatError, SprungError
 from sprung.link import Every, Key, checked_map
 from sprung.link.archive import write_archive
@@ -18,7 +18,9 @@ from sprung.online.monitor.events import Event, Identified, Observed, Restored
 from sprung.online.monitor.jobs import Outcome
 from sprung.online.store import Progress, RefusedError, StoredFrame, StoreError
 from sprung.recording import Recording
-from sprung.results.documents import baseline_document, finding_document, observation_document
+from sprung.results.documents import baseline_document, detectable_document, finding_document, observation_document
+from sprung.results.tables import describe_diagnosis
+from sprung.state import Conclusion
 
 #: Longest wait of a window, and of all after a failure [s].
 _WAIT = 600.0
@@ -233,7 +235,9 @@ class Ledger:
             boot,
             done_seq=done,
             delete_through_seq=done,
-            observations=tuple(_numbered(event, observation_document(event.observation)) for event in windows),
+            observations=tuple(
+                _numbered(event, window_document(event.observation, event.diagnosis)) for event in windows
+            ),
             modes=modes,
             findings=tuple(_numbered(event, finding) for event in windows for finding in _findings(event)),
             baselines=tuple(_baseline(change.baseline, now) for change in changes if change.baseline is not None),
@@ -412,6 +416,15 @@ class Ledger:
 def _numbered(event: Observed, document: dict[str, Any]) -> tuple[int, int, dict[str, Any]]:
     """Return number, time and a document of a window."""
     return event.number, event.recording.start or 0, rounded(document, _OF_WINDOWS)
+
+
+def window_document(observation: Observation, diagnosis: Diagnosis | None) -> dict[str, Any]:
+    """Return the document of a window, with the conclusion of the diagnosis after it."""
+    document = observation_document(observation)
+    if diagnosis is None or diagnosis.detection is None:
+        return document
+    sentence, detectable = describe_diagnosis(diagnosis)[0], detectable_document(diagnosis.detectable)
+    return {**document, "conclusion": Conclusion(diagnosis.verdict, sentence, detectable)._asdict()}
 
 
 def _modes(event: Identified) -> tuple[int, int, dict[str, Any]]:

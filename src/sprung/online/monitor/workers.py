@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import pickle
 import queue
+import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -139,7 +140,8 @@ def work(connection: Connection, progress: Any, limits: Limits) -> None:
     def report(n_consumed: int) -> None:
         progress.value = n_consumed
 
-    with suppress(EOFError, KeyboardInterrupt, OSError):  # the monitor is gone; its successor continues from the store
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to this process, too: the monitor ends it
+    with suppress(EOFError, OSError):  # the monitor is gone; its successor continues from the store
         _start_libraries()
         connection.send(None)
         while (request := connection.recv()) is not None:
