@@ -103,8 +103,7 @@ NOTHING, REAR, FRONT_LEFT = (0.0,) * 4, (0.0, 0.0, 0.25, 0.25), (0.05, 0.0, 0.0,
 @pytest.mark.parametrize(
     ("change", "rises", "attributed"),
     [
-        ({"rear_right.spring": 0.5}, REAR, "rear corners meet their bump stops more than in the baseline"),
-        ({"front_left.spring": -0.2}, REAR, "rear corners meet their bump stops more than in the baseline"),
+        ({"rear_right.spring": 0.3}, REAR, "would not have been found in every part"),
         (
             {"front_left.spring": 0.12},
             FRONT_LEFT,
@@ -123,8 +122,20 @@ def test_a_spring_that_a_load_brings_on_its_bump_stop_is_not_named(healthy, faul
     result = diagnose(stiffer(faulty(5, change, before=0), rises, generator), learnt)
     named = [finding.hypothesis for finding in result.findings]
     assert (result.verdict, named) == (("inconclusive", []) if attributed else ("change", list(change)))
-    assert [attributed in doubt for doubt in result.doubts] == [True] * bool(attributed)
-    assert "no change detected" not in describe_diagnosis(result)[0]
+    assert any(attributed in doubt for doubt in result.doubts) or not attributed
+
+
+@pytest.mark.parametrize("change", [{}, {"front_left.spring": -0.2}, {"rear_right.spring": 0.25}])
+def test_windows_on_bump_stops_neither_name_a_spring_nor_hide_one_in_others(healthy, faulty, change) -> None:
+    """A third with the rear axle on its stops, where a linear fit is wrong at all springs by chance: 180 kg did so."""
+    generator = np.random.default_rng(5)
+    learnt = learn(stiffer(healthy(12), NOTHING, generator))
+    windows = stiffer(faulty(5, change, before=0), NOTHING, generator)
+    for number, window in enumerate(stiffer(windows[::3], REAR, generator)):
+        wrong = 0.3 * generator.standard_normal(4) + np.array([0.0, 0.0, 0.4, 0.4])
+        of_parts = [wrong[CORNERS.index(part.corner)] * (part.kind == "spring") for part in window.components]
+        windows[3 * number] = replace(window, log_ratios=window.log_ratios + of_parts)
+    assert [finding.hypothesis for finding in diagnose(windows, learnt).findings] == list(change)
 
 
 @pytest.mark.parametrize(

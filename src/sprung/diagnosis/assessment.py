@@ -24,7 +24,7 @@ from sprung.diagnosis.findings import (
 )
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.learning import learn
-from sprung.diagnosis.loads import Stops, in_doubt, on_bump_stop, on_loaded_stops, stops_of
+from sprung.diagnosis.loads import Stops, in_doubt, on_bump_stop, stops_of
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import RESIDUALS, ResidualTest, residual_test
 from sprung.diagnosis.trends import PhaseShift, current_sizes, phase_shift, trend
@@ -265,8 +265,7 @@ def _diagnosis(
         detection = replace(detection, candidates=stated)
         findings = _findings(named, second, compared, baseline) if detection.is_alert else ()
         stops = stops_of(every, baseline)
-        attributed = on_loaded_stops(findings, stops, detection.threshold)
-        if attributed := attributed or _attributed(findings, every, baseline, stops, detection.threshold):
+        if attributed := _attributed(findings, every, baseline, stops, detection.threshold):
             findings = ()
             doubts.append(attributed)
         findings = findings or on_bump_stop(stops, detection.threshold, compared, baseline)
@@ -412,10 +411,13 @@ def _attributed(
 ) -> str:
     """Return why findings are not stated: loads and roads that the baseline has not met may explain them; else empty.
 
-    They are not what is found with a baseline that allows for these.
+    They are not what is found with a baseline that allows for these. Dampers and tyres alone have nothing to do with
+    bump stops.
     """
+    if all(one.component.endswith(("damper", "tyre")) for one in findings):
+        return ""
     wider = in_doubt(baseline, stops, findings)
-    if not findings or wider is baseline:
+    if wider is baseline:
         return ""
     again = detect(wider, observations, false_alarms=float(np.exp(-threshold)), windows_per_day=1.0)
     if again is not None and again.is_alert:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -45,6 +46,10 @@ class BaselineSettings:
     imperfect: float = 0.25
     #: Model error up to which values can be compared with the vehicle file itself.
     trusted: float = 0.15
+    #: Least standard deviation over the corners of the rise of their stiffening off their bump stops, and multiple of
+    #: its variance that is usual.
+    stiffening: float = 0.02
+    usual: float = 1.5
     #: Stiffness of a spring or tyre over that of the baseline that no fault explains: the fit did not determine it.
     stiffest: float = 2.5
 
@@ -264,11 +269,20 @@ class Baseline(Tabular, Savable):
         return np.asarray(self.nuisance + shared_covariance(self.components, FRONT_REAR_STD), dtype=np.float64)
 
     def scatter_of(self, observation: Observation) -> Real:
-        """Return the covariance of a window's scatter alone, which may be correlated with that of the one before."""
-        if self.n_windows == 0:
-            return observation.covariance
-        own = np.sqrt(np.maximum(np.diag(observation.covariance) / np.diag(self.reported), 1.0))
-        return np.asarray(self.covariance * np.outer(own, own), dtype=np.float64)
+        """Return the covariance of a window's scatter alone, which may be correlated with that of the one before.
+
+        Notes
+        -----
+        Where some corners meet their bump stops more than others, beyond what is usual, the linear fit is wrong at all
+        springs: each is less certain by the standard deviation of the rises of their stiffening inwards.
+        """
+        scatter = observation.covariance
+        if self.n_windows:
+            own = np.sqrt(np.maximum(np.diag(observation.covariance) / np.diag(self.reported), 1.0))
+            scatter = self.covariance * np.outer(own, own)
+        is_spring = np.array([part.kind == "spring" for part in self.components])
+        by_stops = unequal_stiffening(self.stiffenings, observation) * np.diag(is_spring)
+        return np.asarray(scatter + by_stops, dtype=np.float64)
 
     def units(self, observation: Observation) -> Real:
         """Return the conditions of a window in units away from the middle, at most 5, shape (conditions,).
@@ -363,6 +377,33 @@ def slope_covariances(components: tuple[Component, ...], model_error: float = 0.
     for name, rows in moved.items():
         covariances[list(CONDITIONS).index(name)] += model_error**2 * rows.T @ rows
     return covariances
+
+
+def unequal_stiffening(usual: tuple[Observation, ...], observation: Observation) -> float:
+    """Return the variance over the corners of the rise of their stiffening, less that of usual windows, at least 0.
+
+    Parameters
+    ----------
+    usual
+        Stiffening of usual windows, see `Observation.of_stiffening`; fewer than two: that of springs off their stops.
+    observation
+        Window.
+    """
+    own = observation.of_stiffening()
+    if own is None or len(own.components) < 2:
+        return 0.0
+    alike = tuple(window for window in usual if window.components == own.components)
+    mean, variance = _usual_stiffening(alike) if len(alike) > 1 else (0.0, 0.0)
+    usual_variance = SETTINGS.usual * max(variance, SETTINGS.stiffening**2)
+    return max(0.0, float(np.var(own.log_ratios - mean, ddof=1)) - usual_variance)
+
+
+@lru_cache(maxsize=16)
+def _usual_stiffening(usual: tuple[Observation, ...]) -> tuple[Real, float]:
+    """Return the mean stiffening of each corner in windows, and the variance over corners about it."""
+    values = np.array([window.log_ratios for window in usual])
+    mean = values.mean(axis=0)
+    return mean, float(np.var(values - mean, axis=1, ddof=1).sum() / (len(values) - 1))
 
 
 def units_of(conditions: Mapping[str, float], centre: Mapping[str, float]) -> Real:

@@ -46,7 +46,8 @@ class Stops:
         Corners, axles and all corners, the most probable first, by the change test of the parts; none where the
         stiffening of the windows or of the baseline is unknown.
     rises
-        Mean rise of the stiffening over the baseline's at each component, at least 0, shape (components,).
+        Rise of the stiffening over the baseline's at each component above the mean of all corners, at least 0, in the
+        mean of the windows by what they show of springs, shape (components,).
     """
 
     candidates: tuple[Candidate, ...]
@@ -64,14 +65,17 @@ def stops_of(observations: Sequence[Observation], baseline: Baseline) -> Stops:
         Baseline of the vehicle.
     """
     windows = [window for window in observations if window.is_valid and baseline.has_sensors_of(window)]
-    later = [one for one in (window.of_stiffening() for window in windows) if one is not None]
+    stiffenings = [(one, window) for window in windows if (one := window.of_stiffening()) is not None]
+    later = [one for one, _ in stiffenings]
     nothing = Stops((), np.zeros(len(baseline.components)))
     first = _learnt(baseline.stiffenings)
     detection = None if first is None else detect(first, later)
     if first is None or detection is None:
         return nothing
-    risen = np.maximum(np.mean([first.residual(one) for one in later], axis=0), 0.0)
-    by_part = dict(zip(first.components, risen.tolist(), strict=True))
+    is_spring = [part.kind == "spring" for part in baseline.components]
+    weights = [1 / np.diag(baseline.scatter_of(window))[is_spring].mean() for _, window in stiffenings]
+    risen = np.average([first.residual(one) for one in later], axis=0, weights=weights)
+    by_part = dict(zip(first.components, np.maximum(risen - risen.mean(), 0.0).tolist(), strict=True))
     return Stops(
         tuple(one for one in detection.candidates if one.hypothesis.scope in {"single", "axle", "all"}),
         np.array([by_part.get(part, 0.0) for part in baseline.components]),
@@ -101,9 +105,9 @@ def in_doubt(baseline: Baseline, stops: Stops, findings: Sequence[Finding]) -> B
 
     Notes
     -----
-    The mean of springs that stiffen inwards is higher, and all the less certain. Where no single part explains the
-    change, or an anti-roll bar is named, the mean is less certain by the error of the vehicle file, too: parts that a
-    load or road moves together by a share of it are no change of the vehicle.
+    The mean of springs that stiffen inwards more than others is higher, and all the less certain. Where no single part
+    explains the change, or an anti-roll bar is named, the mean is less certain by the error of the vehicle file, too:
+    parts that a load or road moves together by a share of it are no change of the vehicle.
     """
     size = len(baseline.components)
     doubt = np.diag((SETTINGS.excess_std * stops.rises) ** 2)
@@ -119,33 +123,6 @@ def in_doubt(baseline: Baseline, stops: Stops, findings: Sequence[Finding]) -> B
     covariance[:size, :size] += doubt
     mean = baseline.mean + SETTINGS.excess * stops.rises
     return replace(baseline, information=np.linalg.inv(covariance), mean=mean)
-
-
-def on_loaded_stops(findings: Sequence[Finding], stops: Stops, threshold: float) -> str:
-    """Return why findings that name a spring are not stated: both corners of an axle on their stops; else empty.
-
-    Parameters
-    ----------
-    findings
-        Findings of the test of the parts.
-    stops
-        How springs stiffen inwards.
-    threshold
-        ln evidence of an alert.
-
-    Notes
-    -----
-    The linear fit is then wrong at the springs of the other corners, too.
-    """
-    best = stops.candidates[0] if stops.candidates else None
-    if best is None or best.hypothesis.scope != "axle" or (best.change or 0.0) < 0 or best.log_evidence < threshold:
-        return ""
-    if not any(one.component == "spring" for one in findings):
-        return ""
-    return (
-        f"the {best.hypothesis.corner} corners meet their bump stops more than in the baseline, as under a load: "
-        "springs then read differently, and none is named"
-    )
 
 
 def on_bump_stop(
