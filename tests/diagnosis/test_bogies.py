@@ -10,7 +10,7 @@ from sprung.errors import ParameterError
 from sprung.recording import Channel, Recording
 from sprung.results.figures import corner_changes_figure, trends_figure
 from sprung.simulation import RailDrive, simulate_drive
-from sprung.vehicles import read_vehicle, structure
+from sprung.vehicles import Component, read_vehicle, structure
 
 METRO = structure(read_vehicle("metro"))
 PARTS = tuple(component for component in METRO.components() if component.kind.startswith(("primary", "secondary")))
@@ -56,6 +56,20 @@ def test_both_sides_of_a_stage_have_one_finding_in_words(baseline) -> None:
 
 def test_an_unchanged_vehicle_is_called_so(baseline) -> None:
     assert diagnose(windows(6, first=12, seed=4), baseline).verdict == "no_change_detected"
+
+
+def test_two_sensors_on_one_bogie_find_its_soft_secondary_spring() -> None:
+    """Its springs are known to 3 and 6 % by a drive, those of the other bogie hardly, and no temperature is known."""
+    near = {"secondary_spring": 0.03, "secondary_damper": 0.015, "primary_spring": 0.01, "primary_damper": 0.03}
+    stds = [near[p.kind] * (1 if "left" in p.corner else 2) * (1 if p.corner[:6] == "bogie1" else 6) for p in PARTS]
+    values, C = np.random.default_rng(5).standard_normal((16, len(PARTS))) * stds, np.diag(np.square(stds))
+    values[14:, PARTS.index(Component("bogie1_left", "secondary_spring"))] += np.log(0.75)
+    drives = [Observation(600.0 * k, PARTS, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    known = learn(drives[:12])
+    assert diagnose(drives[12:14], known).findings == ()
+    (finding,) = diagnose(drives[14:], known).findings
+    assert (finding.hypothesis, finding.change) == ("bogie1_left.secondary_spring", pytest.approx(-0.25, abs=0.04))
+    assert finding.runner_up == ""
 
 
 def test_without_a_baseline_left_is_compared_with_right() -> None:

@@ -55,6 +55,35 @@ def components(*names):
     return tuple(map(Component.parse, names))
 
 
+#: Secondary springs and dampers of two bogies, of which sensors on the first one see that one ten times as well.
+BOGIES = [f"bogie{number}_{side}.secondary" for number in (1, 2) for side in ("left", "right")]
+STAGE = components(*(f"{place}_{kind}" for kind in ("spring", "damper") for place in BOGIES))
+FAR = np.diag(np.array([0.02, 0.02, 0.2, 0.2] * 2) ** 2)
+
+
+@pytest.mark.parametrize(
+    ("common", "ends"),
+    [
+        (0.0, 0.015),  # by plain means 0.03
+        (0.05, 0.1),  # what only the first bogie shows may be its own change, too
+    ],
+)
+def test_secondary_springs_change_together_as_the_known_bogie_shows_whatever_the_temperature(common, ends) -> None:
+    """Forty baselines of 60 windows: within 0.01 of the truth in the mean; plain means of the four scatter by 0.06."""
+    usual, generator = Scatter.typical(STAGE, FAR, with_temperature=False), np.random.default_rng(4)
+    springs = np.array([float(part.kind == "secondary_spring") for part in STAGE])
+    root = np.linalg.cholesky(FAR + (common**2 + 1e-12) * np.outer(springs, springs))
+    learnt = [
+        usual.learnt(Deviations(generator.standard_normal((60, 8)) @ root.T, np.ones((60, 1)), usual.whole, []))
+        for _ in range(40)
+    ]
+    found = [one.common_std["secondary_spring"] for one in learnt]
+    assert np.mean(found) == pytest.approx(common, abs=0.01)
+    assert np.std(found) < 0.01
+    assert {one.common_std["secondary_damper"] for one in learnt} == {0.25}
+    assert np.mean([one.front_rear_std["secondary_spring"] for one in learnt]) < ends
+
+
 SPRINGS = ("front_left.spring", "front_right.spring", "rear_left.spring", "rear_right.spring")
 
 
