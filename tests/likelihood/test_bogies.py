@@ -76,6 +76,21 @@ def test_two_accelerometers_suffice_with_speed_and_load_unmeasured() -> None:
         assert values[name][1] < 0.2
 
 
+@pytest.mark.slow  # a fit of 90 s
+def test_a_weak_primary_spring_does_not_hide_the_speed() -> None:
+    """To the nominal vehicle no wheelset repeats another one, in 0 of 22 segments; the speeds are right still."""
+    metro, fault = with_two_sensors(), parse_fault("bogie1_rear_left.primary_spring=-0.4")
+    drive = RailDrive(duration=90.0, sampling_rate=60.0, snr=30.0, welded=True, faults=(fault,))
+    run = simulate_drive(metro, drive, seed=2).recording
+    fit = fit_corners(run.select(["bogie1_fl", "body_fl"]), metro)
+    assert fit.n_segments >= 20
+    assert fit.log_ratios[fit.components.index(fault.component)] == pytest.approx(np.log(0.6), abs=0.1)
+    speed = run.samples[run.index("speed")]
+    assert float(np.average(fit.model.spectra.speeds, weights=fit.model.spectra.counts)) == pytest.approx(
+        speed.mean(), rel=0.03
+    )
+
+
 @pytest.mark.slow
 def test_joints_are_found_in_the_default_band() -> None:
     """Their lines lie between the modes of body and frames and 25 Hz."""

@@ -262,7 +262,8 @@ def fit_windows(
         return replace(fit, from_modes=check, speed_delay=delay, notes=(*layout, *fit.notes, *late))
     parameters = None
     for _ in range(RULES.rounds):
-        known = with_estimated_speeds(segments, partial(setup.at_speeds, segments), parameters)
+        at_speeds = partial(setup.at_speeds, segments)
+        known = with_estimated_speeds(segments, at_speeds, parameters, is_tentative=parameters is None)
         setup = replace(setup, nominal=structure(setup.vehicle, speed=float(known.speeds.mean())))
         fit = _fit(known, setup, starts)
         parameters = fit.parameters

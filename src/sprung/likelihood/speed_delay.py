@@ -71,7 +71,11 @@ def speed_grid() -> Real:
 
 
 def with_estimated_speeds(
-    segments: SegmentSpectra, model_at: Callable[[Real], Model], parameters: Real | None = None
+    segments: SegmentSpectra,
+    model_at: Callable[[Real], Model],
+    parameters: Real | None = None,
+    *,
+    is_tentative: bool = False,
 ) -> SegmentSpectra:
     """Return the segments whose speed can be estimated from the delay between the axles, with that speed.
 
@@ -84,6 +88,8 @@ def with_estimated_speeds(
     parameters
         Parameters of an earlier fit, of which those of the free parts and the first ones of the surface are used; None:
         nominal ones.
+    is_tentative
+        Whether another estimate follows, with parameters of a fit.
 
     Raises
     ------
@@ -96,7 +102,8 @@ def with_estimated_speeds(
     random walk: a hidden Markov model, whose posterior the forward and backward recursion gives. Its mean and standard
     deviation are the speed and its spread. A segment counts only if its likelihood is larger than that of axles with
     inputs that are independent of each other, at any speed: the shape of a spectrum alone, of noise or of a rig, would
-    fit one speed better than others, too.
+    fit one speed better than others, too. A weak spring or a load may hide that from a nominal vehicle: where too few
+    segments count in a tentative estimate, all of a sharp speed do, and the one after the fit decides.
 
     References
     ----------
@@ -117,8 +124,11 @@ def with_estimated_speeds(
     mean = posterior @ np.log(speeds)
     deviation = np.sqrt(np.maximum(posterior @ np.log(speeds) ** 2 - mean**2, 0.0))
     inside = (mean > np.log(speeds[2])) & (mean < np.log(speeds[-3]))
-    is_good = (deviation < LIMITS.sharp) & inside & (gain > LIMITS.repeated)
-    if np.count_nonzero(is_good) < min(LIMITS.min_segments, is_good.size):
+    is_sharp = (deviation < LIMITS.sharp) & inside
+    is_good, enough = is_sharp & (gain > LIMITS.repeated), min(LIMITS.min_segments, is_sharp.size)
+    if is_tentative and np.count_nonzero(is_good) < enough <= np.count_nonzero(is_sharp):
+        is_good = is_sharp
+    if np.count_nonzero(is_good) < enough:
         raise DataError(
             f"the recording has no speed channel, and the delay between the axles gives the speed of only "
             f"{np.count_nonzero(is_good)} of {is_good.size} segments: add the speed [m/s]"
