@@ -97,6 +97,28 @@ def test_what_the_error_of_the_file_may_make_of_a_load_is_not_named(healthy, fau
     assert any("the error of the vehicle file (8 %)" in doubt for doubt in result.doubts) == (not named)
 
 
+@pytest.mark.parametrize(
+    ("later", "before", "named", "others"),
+    [
+        ({"front_left": (2e-4, 1e-5), "rear_right": (3e-5, 1e-5)}, 4e-5, ["front_left.wheel"], ""),
+        ({"front_left": (2e-4, 2e-5), "rear_right": (1.8e-4, 2e-5)}, 4e-5, ["front_left.wheel"], "rear-right wheel"),
+        ({"front_left": (2e-4, 1e-5)}, 0.0, ["front_left.wheel"], ""),
+        ({"front_left": (2e-4, 1e-5)}, 1.3e-4, [], ""),  # uneven since long
+        ({"front_left": (2e-4, 7e-5)}, 0.0, [], ""),  # known too little
+    ],
+)
+def test_a_wheel_that_becomes_uneven_is_a_finding_against_the_baseline(healthy, later, before, named, others) -> None:
+    worn = [replace(window, run_outs={"front_left": (before, 0.0)} if before else {}) for window in healthy(12)]
+    learnt = learn(worn)
+    assert learnt.run_outs == ({"front_left": before} if before else {})
+    windows = healthy(5, seed=7)
+    result = diagnose([*windows[:2], *(replace(window, run_outs=later) for window in windows[2:])], learnt)
+    assert [finding.hypothesis for finding in result.findings] == named
+    assert [finding.runner_up for finding in result.findings] == [others] * len(named)
+    assert [finding.since for finding in result.findings] == [windows[2].time] * len(named)
+    assert not diagnose([replace(windows[0], run_outs=later), *windows[1:]], learnt).findings  # once
+
+
 NOTHING, REAR, FRONT_LEFT = (0.0,) * 4, (0.0, 0.0, 0.25, 0.25), (0.05, 0.0, 0.0, 0.0)
 
 

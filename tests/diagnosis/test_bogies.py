@@ -9,7 +9,7 @@ from sprung.diagnosis import observe_window
 from sprung.errors import ParameterError
 from sprung.recording import Channel, Recording
 from sprung.results.figures import corner_changes_figure, trends_figure
-from sprung.simulation import RailDrive, simulate_drive
+from sprung.simulation import RailDrive, WheelOrders, simulate_drive
 from sprung.vehicles import Component, read_vehicle, structure
 
 METRO = structure(read_vehicle("metro"))
@@ -70,6 +70,23 @@ def test_two_sensors_on_one_bogie_find_its_soft_secondary_spring() -> None:
     (finding,) = diagnose(drives[14:], known).findings
     assert (finding.hypothesis, finding.change) == ("bogie1_left.secondary_spring", pytest.approx(-0.25, abs=0.04))
     assert finding.runner_up == ""
+
+
+@pytest.mark.slow  # a fit of 200 s
+def test_a_window_names_the_wheel_that_is_not_round() -> None:
+    frames = ("bogie1_fl", "bogie1_rr", "bogie2_fl", "bogie2_rr")
+    metro = read_vehicle("metro")
+    metro = metro.model_copy(update={"sensor": tuple(one for one in metro.sensor if one.channel in frames)})
+    worn = WheelOrders(run_out=(3e-4, 2e-4), wheels=("bogie2_front_left",), radius=0.46)
+    drive = RailDrive(duration=200.0, sampling_rate=100.0, snr=30.0, welded=True, wheel_orders=worn)
+    simulated = simulate_drive(metro, drive, seed=3)
+    lines = simulated.truth["conditions"]["wheel_orders"]["bogie2_front_left"]
+    true = np.sqrt(sum(line["amplitude"] ** 2 for line in lines) / 2)
+    found = observe_window(simulated.recording.select([*frames, "speed"]), metro).run_outs
+    (worst, (value, std)), (_, (second, _)) = sorted(found.items(), key=lambda one: -one[1][0])[:2]
+    assert worst == "bogie2_front_left"
+    assert value == pytest.approx(true, abs=2 * std)
+    assert second < value / 2
 
 
 def test_without_a_baseline_left_is_compared_with_right() -> None:

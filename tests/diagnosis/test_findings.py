@@ -44,6 +44,11 @@ FINDING = Finding(
             "both rear dampers 1 % (-3 to +1 %) weaker, since 20 min; inspect before the next 500 km",
         ),
         (
+            {"component": "wheel", "change": None, "interval": None, "run_out": (1.9e-4, 1.7e-4, 2.1e-4, 4e-5)},
+            "rear-left wheel out of round: run-out 0.19 mm RMS (0.17 to 0.21; up to 0.04 in the baseline), since "
+            "20 min; inspect before the next 500 km",
+        ),
+        (
             {"component": "damper", "change": -0.86, "interval": (-0.92, -0.77), "runner_up": "rear-left tyre by -9 %"},
             "rear-left damper 86 % (77 to 92 %) weaker (or its mount or rear-left tyre by -9 %), since 20 min; "
             "inspect before the next 500 km",

@@ -21,6 +21,7 @@ from sprung.diagnosis.findings import (
     Diagnosis,
     Finding,
     format_time,
+    out_of_round,
 )
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.learning import learn
@@ -269,6 +270,7 @@ def _diagnosis(
             findings = ()
             doubts.append(attributed)
         findings = findings or on_bump_stop(stops, detection.threshold, compared, baseline)
+        findings = (*findings, *out_of_round(compared, baseline))
     if detection is not None and baseline.n_windows == 0:
         doubts.append("no baseline: compared with the vehicle file, and left with right, with wide limits")
         if any(finding.component == "unmodelled" for finding in findings):
@@ -280,7 +282,7 @@ def _diagnosis(
     elif detection is not None and doubt_about(detection.detectable):
         doubts.append(doubt_about(detection.detectable))
     tests = _residual_tests(every, baseline)
-    opinion, is_contradicted = _second_opinion(tests, is_changed=bool(findings))
+    opinion, is_contradicted = _second_opinion(tests, is_changed=any(one.run_out is None for one in findings))
     notes = (
         *notes,
         *_exclusion_notes(every, baseline),

@@ -119,6 +119,9 @@ class Baseline(Tabular, Savable):
         Degrees of freedom of these sums, shape (rows,); empty: 0.
     stiffenings
         Stiffening of the springs in its windows, see `Observation.of_stiffening`.
+    run_outs
+        Largest run-out of each wheel of a rail vehicle in its windows, with two standard deviations [m]; empty where no
+        line of the wheels stood out.
 
     Raises
     ------
@@ -151,6 +154,7 @@ class Baseline(Tabular, Savable):
     squares: Real = field(default_factory=lambda: np.zeros((0, 0)))
     degrees: Real = field(default_factory=lambda: np.zeros(0))
     stiffenings: tuple[Observation, ...] = ()
+    run_outs: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         size, more = len(self.components), 1 + len(CONDITIONS)

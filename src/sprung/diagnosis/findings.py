@@ -15,7 +15,7 @@ from sprung.diagnosis.observation import Observation, Observations
 from sprung.diagnosis.residuals import ResidualTest
 from sprung.diagnosis.trends import PhaseShift, Trend
 from sprung.likelihood.plate_test import PLATE
-from sprung.modal import mac, unit_shapes
+from sprung.modal import INTERVAL_95, mac, unit_shapes
 from sprung.vehicles import Component, Vehicle, structure
 from sprung.vehicles.channel_faults import SensorFault
 from sprung.vehicles.labels import MOTIONS
@@ -62,10 +62,11 @@ class Finding(Tabular):
     corner
         "front_left", "front" for both sides of an axle, "all" for all corners; "vehicle" for an unmodelled change.
     component
-        "spring", "damper" or "tyre"; "anti_roll" of "front_axle"; "unmodelled".
+        "spring", "damper" or "tyre"; "anti_roll" of "front_axle"; "wheel", one of a rail vehicle that is out of round;
+        "unmodelled".
     change, interval
         Relative change after the last window, -0.2 for a loss of a fifth, and its 95 % interval; None for an unmodelled
-        change, which has no single size, and for a spring that lets its corner down on its bump stop.
+        change, which has no single size, for a spring that lets its corner down on its bump stop, and for a wheel.
     score
         Size over its standard deviation; None without a size.
     severity, severity_number, advice
@@ -78,6 +79,8 @@ class Finding(Tabular):
         Course of the change after its onset; None with too few windows.
     phase_shift
         What a suspension tester would measure at a weaker damper; None where that is far above its limit or unknown.
+    run_out
+        Run-out of a wheel, ends of its 95 % interval, and the largest in the baseline [m, RMS]; None of other parts.
     """
 
     corner: str
@@ -93,6 +96,7 @@ class Finding(Tabular):
     runner_up: str
     trend: Trend | None
     phase_shift: PhaseShift | None = None
+    run_out: tuple[float, float, float, float] | None = None
 
     def __repr__(self) -> str:
         """Return the finding in plain words."""
@@ -116,6 +120,14 @@ class Finding(Tabular):
             return (
                 f"{corner} corner meets its bump stop more than before: its spring has sagged or is broken (or only "
                 f"that corner is overloaded), since {format_time(self.since)}; {self.advice}"
+            )
+        if self.run_out is not None:
+            size, least, most, before = (f"{1e3 * value:.2f}" for value in self.run_out)
+            known = f"up to {before} in the baseline" if self.run_out[-1] else "none seen in the baseline"
+            others = f" (or {self.runner_up})" if self.runner_up else ""
+            return (
+                f"{self._what} out of round{others}: run-out {size} mm RMS ({least} to {most}; {known}), since "
+                f"{format_time(self.since)}; {self.advice}"
             )
         if self.change is None or self.interval is None:
             return f"the suspension differs from the baseline in a way that no single part explains: {self.advice}"
@@ -154,6 +166,41 @@ class Finding(Tabular):
         if self.corner == "all" or self.component in LATERAL_PARTS:
             return f"{self.corner} {part}s"
         return f"{corner} {part}" if Component(self.corner, self.component).side else f"both {corner} {part}s"
+
+
+def out_of_round(
+    windows: Sequence[Observation], baseline: Baseline, *, grown: float = 1.5, certain: float = 3.0
+) -> tuple[Finding, ...]:
+    """Return a finding of the worst of the wheels that have become uneven; others that may be it are its runner-up.
+
+    Parameters
+    ----------
+    windows
+        Windows compared, in the order of time.
+    baseline
+        Normal state before the change.
+    grown, certain
+        In most windows since the first such one, the run-out less `certain` standard deviations is above `grown` times
+        the largest of the baseline.
+    """
+    since: dict[str, tuple[float, list[float]]] = {}
+    for wheel in dict.fromkeys(wheel for window in windows for wheel in window.run_outs):
+        each = [(window.time, *window.run_outs.get(wheel, (0.0, 0.0))) for window in windows]
+        limit = grown * baseline.run_outs.get(wheel, 0.0)
+        uneven = [(time, value, std) for time, value, std in each if value - certain * std > limit]
+        if uneven and 2 * len(uneven) > sum(time >= uneven[0][0] for time, *_ in each):
+            since[wheel] = uneven[0][0], np.median([own for _, *own in uneven], axis=0).tolist()
+    if not since or baseline.n_windows == 0:
+        return ()
+    worst = max(since, key=lambda wheel: since[wheel][1][0])
+    onset, (value, std) = since[worst]
+    alike = [name for name, (_, (size, _)) in since.items() if name != worst and size > value - certain * std]
+    words = " or ".join(f"{wheel.replace('_', '-')} wheel" for wheel in alike)
+    size = value, max(value - INTERVAL_95 * std, 0.0), value + INTERVAL_95 * std, baseline.run_outs.get(worst, 0.0)
+    last = max((window.time for window in windows if window.time < onset), default=onset)
+    return (
+        Finding(worst, "wheel", None, None, None, *SEVERITIES[2][1:], onset, (last, onset), words, None, run_out=size),
+    )
 
 
 class Findings(tuple[Finding, ...], Tabular):

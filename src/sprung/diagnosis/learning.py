@@ -161,6 +161,10 @@ def learn(
         reason=reason,
         residuals=_residual_reference(common),
         stiffenings=tuple(filter(None, (window.of_stiffening() for window in common))),
+        run_outs={
+            wheel: max(value + 2 * std for value, std in (window.run_outs.get(wheel, (0.0, 0.0)) for window in common))
+            for wheel in dict.fromkeys(wheel for window in common for wheel in window.run_outs)
+        },
     )
 
 

@@ -14,7 +14,7 @@ from sprung.diagnosis.residuals import RESIDUALS, ResidualStatistics, residual_s
 from sprung.diagnosis.sensors import exchanged_opposites, valid_part
 from sprung.errors import DataError, IdentificationError, ParameterError
 from sprung.identification import IdentificationSettings, cov_ssi
-from sprung.likelihood import CornerFit, CornerSettings, fit_corners
+from sprung.likelihood import CornerFit, CornerSettings, fit_corners, run_out
 from sprung.likelihood.bump_stops import Stiffening, stiffening
 from sprung.likelihood.elements import log_of_bars
 from sprung.likelihood.fitting import fit_windows
@@ -116,6 +116,9 @@ class Observation(Tabular):
     stiffening
         How much stiffer the springs of corners become inwards, see `sprung.likelihood.bump_stops`; None where it is
         unknown or a sensor fails.
+    run_outs
+        Run-out of each wheel of a rail vehicle and its standard deviation [m], see `sprung.likelihood.run_out`; empty
+        where no line of its turns stands out.
     """
 
     time: float
@@ -132,6 +135,7 @@ class Observation(Tabular):
     notes: tuple[str, ...] = ()
     phase_shifts: dict[str, tuple[float, float]] = field(default_factory=dict)
     stiffening: Stiffening | None = None
+    run_outs: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         # Row by row, as when it is read from a document: the order in memory shows in the last digit of sums.
@@ -383,6 +387,7 @@ def observe_window(
         residuals=None if motion is None else _residuals(motion),
         phase_shifts=low_phase_shifts(fit),
         stiffening=None if motion is None else stiffening(motion, fit.model.layout, window.structure),
+        run_outs=_run_outs(fit) if window.vehicle.kind == "rail" else {},
     )
 
 
@@ -408,6 +413,16 @@ def _parts(fit: CornerFit) -> dict[Component, int]:
         bars = (element for element in fit.model.structure.elements if element.part == "anti_roll")
         known |= {f"{element.owner}_stiffness": element.components[0] for element in bars}
     return {known[name]: row for row, name in enumerate(fit.model.names) if name in known}
+
+
+def _run_outs(fit: CornerFit) -> dict[str, tuple[float, float]]:
+    """Return run-out and standard deviation of each wheel; empty where no line of the wheels stands out."""
+    found = run_out(fit)
+    return (
+        {}
+        if found is None
+        else dict(zip(found.wheels, zip(found.values.tolist(), found.stds.tolist(), strict=True), strict=True))
+    )
 
 
 def _lateral_fit(window: Window, fit: CornerFit) -> LateralFit | None:

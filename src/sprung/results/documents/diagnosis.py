@@ -59,7 +59,7 @@ Window = Annotated[
     Observation,
     Published(
         *("time", "components", "log_ratios", "covariance", "conditions", "modes", "sensor_faults", "reason"),
-        *("missing", "notes", "phase_shifts", "stiffening"),
+        *("missing", "notes", "phase_shifts", "stiffening", "run_outs"),
     ),
     BeforeValidator(_restored),
 ]
@@ -98,6 +98,7 @@ class BaselineDocument(Document):
     squares: Real = Field(default_factory=lambda: np.zeros((0, 0)))
     degrees: Real = Field(default_factory=lambda: np.zeros(0))
     stiffenings: tuple[Window, ...] = ()
+    run_outs: dict[str, float] = Field(default_factory=dict)
     conditions: dict[str, ConditionDocument]
     residuals: ResidualReference | None = None
     detectable: dict[str, dict[str, float]] = Field(default_factory=dict)

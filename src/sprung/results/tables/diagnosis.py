@@ -130,7 +130,8 @@ def describe_diagnosis(diagnosis: Diagnosis) -> list[str]:
     sentences += [f"sensor {fault.statement}: {fault.detail}" for fault in diagnosis.sensor_faults]
     if diagnosis.detection is None:
         return sentences
-    of_parts = " of sizes of parts" if any(finding.is_on_bump_stop for finding in diagnosis.findings) else ""
+    is_beside = any(finding.is_on_bump_stop or finding.run_out for finding in diagnosis.findings)
+    of_parts = " of sizes of parts" if is_beside else ""
     numbers = f"ln evidence{of_parts} {diagnosis.detection.evidence[-1]:.1f}"
     numbers += f"; alarm threshold {diagnosis.detection.threshold:.1f}"
     if diagnosis.findings:
