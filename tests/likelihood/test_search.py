@@ -1,12 +1,12 @@
 """The search for the largest likelihood: where it ends, and what it costs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares as scipy_least_squares
 
-from sprung.likelihood.search import Differenced, descent, least_squares, minimised, preconditioner
+from sprung.likelihood.search import DescentSettings, Differenced, descent, least_squares, minimised, preconditioner
 
 
 @pytest.fixture
@@ -28,6 +28,15 @@ def test_every_step_makes_the_model_more_likely(drawn) -> None:
     values = [drawn.objective(point)[0] for point in (start, *descent(drawn, start))]
     assert np.all(np.diff(values) < 0)
     assert len(values) < 100
+
+
+def test_noise_that_starts_too_low_takes_few_steps_as_a_power(drawn) -> None:
+    """Steps of its logarithm alone are more than forty."""
+    ends = DescentSettings(slope=0.15, has_last_step=True)
+    points = list(descent(replace(drawn, every=3), drawn.scaled_start(), ends, powers=drawn.powers))
+    best = minimised(drawn, points[-1])
+    assert len(points) < 20
+    assert drawn.objective(points[-1])[0] - drawn.objective(best)[0] < 0.01
 
 
 def test_the_preconditioner_makes_the_information_the_unit_matrix(drawn) -> None:

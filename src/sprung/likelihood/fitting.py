@@ -16,7 +16,7 @@ from sprung.likelihood.corners import CornerFit, corners_from_modes
 from sprung.likelihood.joints import repetitions
 from sprung.likelihood.masked_lines import SpectralLine, lines_of_turns, residual_lines, with_lines, without_lines
 from sprung.likelihood.rig import RigInputs
-from sprung.likelihood.search import DESCENT, DescentSettings, minimised
+from sprung.likelihood.search import DescentSettings, minimised
 from sprung.likelihood.spectra import (
     CLASS_WIDTH,
     ClassSpectra,
@@ -70,10 +70,13 @@ class FitRules:
     #: Smallest roughness of a class over the common one at the start; its inverse is the largest.
     min_level: float = 1e-3
     #: Ends of the first search and of later ones of a window whose vehicle is known, and which therefore begins near
-    #: its end: no part is left farther from it than a fiftieth of a standard deviation. Those of the first one also end
-    #: a search from a broken spring, whose result is compared and at most the start of the full fits.
-    first_of_known: DescentSettings = field(default_factory=lambda: DescentSettings(slope=0.1, gain=1e-4))
-    of_known: DescentSettings = field(default_factory=lambda: DescentSettings(slope=0.05))
+    #: its end: no part is left farther from it than a twentieth of a standard deviation.
+    first_of_known: DescentSettings = field(
+        default_factory=lambda: DescentSettings(slope=0.2, gain=1e-4, has_last_step=True)
+    )
+    of_known: DescentSettings = field(default_factory=lambda: DescentSettings(slope=0.15, has_last_step=True))
+    #: Those of a search from a broken spring, whose result is compared and at most the start of the full fits.
+    from_broken: DescentSettings = field(default_factory=lambda: DescentSettings(slope=0.1, gain=1e-4))
     #: Number of alternating fits and estimates of the speed, if it is missing.
     rounds: int = 3
     #: Relative misfit of the spectra above which a note states an error of the model.
@@ -391,8 +394,7 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
         model = _weighted(untempered, tempering=power, lines=lines)
         if lines == last_lines and abs(power - last_power) < RULES.settled * last_power:
             break
-        ends = DESCENT if setup.settings.expected is None else RULES.of_known
-        parameters = minimised(model.searched, parameters, ends)
+        parameters = _end(model, parameters, None if setup.settings.expected is None else RULES.of_known)
     covariance = parameter_covariance(model, parameters, limited)
     misfit, excess = power_misfit(model, parameters)
     counts, error = (model.spectra.n_segments, segments.n_rejected), float(np.sqrt(max(0.0, excess)))
@@ -407,7 +409,7 @@ def _start(
 ) -> tuple[Model, Real]:
     """Return the model with speed classes of full width, tempered as at first, and where its search starts."""
     coarse = setup.at_classes(segments, width=RULES.coarse)
-    rough = _weighted(coarse, tempering=RULES.first, lines=lines).searched
+    rough = _weighted(coarse, tempering=RULES.first, lines=lines)
     end = _rough_fit(rough, _weighted(coarse, tempering=1.0, lines=lines), starts, setup.settings.expected)
     model = _weighted(setup.at_classes(segments, width=CLASS_WIDTH), tempering=RULES.first)
     parameters = _carried_over(rough, end, model)
@@ -416,14 +418,14 @@ def _start(
 
 def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real], expected: Expected | None) -> Real:
     """Return the parameters of the first fit; if it is doubtful, a search from a broken spring is compared."""
-    ends = DESCENT if expected is None else RULES.first_of_known
     if expected is not None:
         starts = [*starts, np.array([expected.log_ratios.get(part, 0.0) for part in rough.components])]
 
     def misfit(parameters: Real) -> float:
         return rough.objective(parameters)[0]
 
-    end = minimised(rough, min((rough.scaled_start(start) for start in (None, *starts)), key=misfit), ends)
+    start = min((rough.scaled_start(start) for start in (None, *starts)), key=misfit)
+    end = _end(rough, start, None if expected is None else RULES.first_of_known)
     if tempering(untempered, end) >= RULES.doubtful:
         return end
     if expected is not None and power_misfit(untempered, end)[1] <= (RULES.worse * expected.model_error) ** 2:
@@ -431,7 +433,14 @@ def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real], expected
     broken = RULES.broken * np.eye(len(rough.components))
     springs = [row for row, component in enumerate(rough.components) if component.kind in SPRINGS]
     start = min((rough.scaled_start(broken[row]) for row in springs), key=misfit)
-    return min((end, minimised(rough, start, RULES.first_of_known)), key=misfit)
+    return min((end, minimised(rough.searched, start, RULES.from_broken)), key=misfit)
+
+
+def _end(model: Model, start: Real, known: DescentSettings | None) -> Real:
+    """Return the end of a search; with the ends for a known vehicle in a rougher metric, and noise by its power."""
+    if known is None:
+        return minimised(model.searched, start)
+    return minimised(replace(model, every=3), start, known, model.powers)
 
 
 def _weighted(model: Model, *, tempering: float, lines: tuple[SpectralLine, ...] = ()) -> Model:

@@ -8,7 +8,7 @@ from typing import Protocol, Self, TypeVar
 
 import numpy as np
 
-from sprung._arrays import Complex, Real
+from sprung._arrays import Booleans, Complex, Real
 from sprung.likelihood.spectra import ClassSpectra
 from sprung.likelihood.whittle import TOO_FAR
 
@@ -21,12 +21,16 @@ class DescentSettings:
     max_steps: int = 300
     #: Length of a step, in standard deviations, after which the information is computed again.
     far: float = 3.0
+    #: Change of ln of a power after which it is, too.
+    far_of_power: float = 2.0
     #: Largest number of times that a long step calls for new information.
     max_far: int = 5
     #: Steps after which the information is computed again in any case.
     stale: int = 25
     #: Slope at which the search ends, in standard deviations.
     slope: float = 1e-2
+    #: Whether a last step from there is taken without another likelihood.
+    has_last_step: bool = False
     #: Share of the total gain below which a step ends the search.
     gain: float = 1e-8
     #: Share of the gain by the slope that a step must reach.
@@ -205,7 +209,9 @@ class SpectralLikelihood(Likelihood, Protocol):
         """Return sqrt(n) L^-1 (dS/dp) L^-H for each parameter p, in real coordinates; S = L L^H."""
 
 
-def minimised(model: Likelihood, start: Real, settings: DescentSettings = DESCENT) -> Real:
+def minimised(
+    model: Likelihood, start: Real, settings: DescentSettings = DESCENT, powers: Booleans | None = None
+) -> Real:
     """Return the parameters at which the likelihood is largest.
 
     Parameters
@@ -214,8 +220,8 @@ def minimised(model: Likelihood, start: Real, settings: DescentSettings = DESCEN
         Model with its data.
     start
         Parameters at which the search starts, shape (parameters,).
-    settings
-        Ends of the search.
+    settings, powers
+        As for `descent`.
 
     Raises
     ------
@@ -230,7 +236,7 @@ def minimised(model: Likelihood, start: Real, settings: DescentSettings = DESCEN
     ----------
     J. Nocedal and S. J. Wright, Numerical Optimization, 2nd edition, Springer, 2006, chapter 6.
     """
-    return [start, *descent(model, start, settings)][-1]
+    return [start, *descent(model, start, settings, powers)][-1]
 
 
 def scored(model: Likelihood, start: Real, *, is_vain: Callable[[Real], bool] | None = None) -> tuple[Real, bool]:
@@ -290,7 +296,9 @@ def _score_step(model: Likelihood, parameters: Real, slope: Real) -> tuple[Real,
     return step, float(-slope @ step)
 
 
-def descent(model: Likelihood, start: Real, settings: DescentSettings = DESCENT) -> Iterator[Real]:
+def descent(
+    model: Likelihood, start: Real, settings: DescentSettings = DESCENT, powers: Booleans | None = None
+) -> Iterator[Real]:
     """Yield the parameters after each step of a search for the largest likelihood.
 
     Parameters
@@ -301,6 +309,8 @@ def descent(model: Likelihood, start: Real, settings: DescentSettings = DESCENT)
         Parameters at which the search starts, shape (parameters,).
     settings
         Ends of the search.
+    powers
+        Which parameters are ln of powers whose start may be far too low, such as noise; None: none.
 
     Raises
     ------
@@ -313,34 +323,48 @@ def descent(model: Likelihood, start: Real, settings: DescentSettings = DESCENT)
     first step is one of Fisher scoring, later ones learn how the curvature differs from the information, as it does
     where the model fits badly. A long step calls for new information, as do 25 steps with the same one.
 
+    A step x > 0 of ln of a power is one of ln(1 + x): that of the power itself. The information about ln of a noise
+    that starts too low is nearly nothing, and its step so long that all others would be shortened with it.
+
     References
     ----------
     J. Nocedal and S. J. Wright, Numerical Optimization, 2nd edition, Springer, 2006, chapter 6 (BFGS), section 3.1
     (sufficient decrease, backtracking by interpolation).
     """
-    parameters, n_renewed, age = start, 0, 0
+    parameters, known_at, n_renewed, age = start, start, 0, 0
     value, slope = model.objective(parameters)
     first = value
     factor, inverse = preconditioner(model, parameters), np.eye(start.size)
     for _ in range(DESCENT.max_steps):
-        direction = -inverse @ (factor.T @ slope)
-        descent_rate = -float((factor.T @ slope) @ direction)
-        if descent_rate < settings.slope**2:
+        step = -factor @ (inverse @ (factor.T @ slope))
+        if -float(slope @ step) < settings.slope**2:
+            if settings.has_last_step:
+                yield parameters + step
             return
-        length, new_value, new_slope = _shortened(model, parameters, factor @ direction, value, descent_rate)
+        step = step if powers is None else _of_powers(step, slope, powers)
+        length, new_value, new_slope = _shortened(model, parameters, step, value, -float(slope @ step))
         if length == 0.0:
             return
-        step, change = length * direction, factor.T @ (new_slope - slope)
-        parameters = parameters + factor @ step
+        whitened = np.asarray(np.linalg.solve(factor, length * step), dtype=np.float64)
+        change = factor.T @ (new_slope - slope)
+        parameters = parameters + length * step
         gain, value, slope, age = value - new_value, new_value, new_slope, age + 1
         yield parameters
         if gain < settings.gain * (first - value):
             return
-        is_far = bool(np.linalg.norm(step) > DESCENT.far) and n_renewed < DESCENT.max_far
-        if is_far or age == DESCENT.stale:
+        is_far = bool(np.linalg.norm(whitened) > DESCENT.far) and n_renewed < DESCENT.max_far
+        moved = 0.0 if powers is None else np.abs(parameters - known_at)[powers].max(initial=0.0)
+        if is_far or moved > DESCENT.far_of_power or age == DESCENT.stale:
             factor, inverse, age, n_renewed = preconditioner(model, parameters), np.eye(start.size), 0, n_renewed + 1
+            known_at = parameters
         else:
-            inverse = _updated(inverse, step, change, is_first=age == 1)
+            inverse = _updated(inverse, whitened, change, is_first=age == 1)
+
+
+def _of_powers(step: Real, slope: Real, powers: Booleans) -> Real:
+    """Return a step with the rise of each power in place of that of its logarithm, unless that leads uphill."""
+    of_powers = np.where(powers, np.log1p(np.maximum(step, 0.0)) + np.minimum(step, 0.0), step)
+    return of_powers if slope @ of_powers < 0 else step
 
 
 def _shortened(

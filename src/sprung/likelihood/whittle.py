@@ -6,7 +6,7 @@ from itertools import chain
 
 import numpy as np
 
-from sprung._arrays import Complex, Indices, Real
+from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import freeze
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.components import FreeComponents
@@ -72,6 +72,11 @@ class Model:
         return replace(self, every=3) if len(self.layout.rows) > 6 else self
 
     @property
+    def powers(self) -> Booleans:
+        """Whether each parameter is ln of a power, such as roughness and noise."""
+        return np.concatenate([block.is_log_power for block in self.blocks])
+
+    @property
     def components(self) -> tuple[Component, ...]:
         """Springs, dampers and tyres that are fitted."""
         return tuple(part for block in self.blocks if isinstance(block, FreeComponents) for part in block.components)
@@ -91,7 +96,7 @@ class Model:
         if components is not None:
             parameters[self.rows("components")] = components
         power = np.average(self.relative_power(parameters), axis=0, weights=self.spectra.counts)
-        return parameters + np.log(np.median(power)) * np.concatenate([block.is_log_power for block in self.blocks])
+        return parameters + np.log(np.median(power)) * self.powers
 
     def relative_power(self, parameters: Real) -> Real:
         """Return tr(S^-1 S^) / coordinates: the power of the data over the model's, shape (classes, frequencies)."""
