@@ -7,7 +7,7 @@ import pytest
 
 from sprung.errors import DataError
 from sprung.likelihood import SegmentSpectra, fit_corners
-from sprung.likelihood.speed_delay import DELAYS, speed_delay, speed_grid, with_estimated_speeds
+from sprung.likelihood.speed_delay import DELAYS, log_likelihoods, speed_delay, speed_grid, with_estimated_speeds
 from sprung.simulation import RoadDrive, simulate_drive
 
 SEGMENT = 5.12
@@ -52,6 +52,18 @@ def test_the_delay_of_drawn_segments_comes_back(model_at, true_delay) -> None:
     delay = speed_delay(segments, speeds, spreads, model_at)
     assert delay.value == pytest.approx(true_delay, abs=max(0.05, 4 * delay.std) if true_delay else 0.0)
     assert delay.std < 0.1
+
+
+def test_no_frequency_counts_beyond_fifty_times_the_median() -> None:
+    """Segments of plain noise, with a line, and with nothing but a few lines."""
+    values = np.random.default_rng(1).standard_normal((3, 40, 2)).astype(np.complex128)
+    values[1:, 7] *= 100
+    values[2, 8:] *= 1e-3
+    power = np.mean(np.abs(values) ** 2, axis=2)
+    level = np.minimum(power, 50 * np.median(power, axis=1, keepdims=True)).mean(axis=1)
+    assert np.sum(level < 0.9 * power.mean(axis=1)) == 2
+    unit = np.broadcast_to(np.eye(2, dtype=np.complex128), (1, 40, 2, 2))
+    assert log_likelihoods(values, unit)[:, 0] == pytest.approx(-80 * np.log(level), rel=1e-12)
 
 
 @pytest.mark.parametrize("true_delay", [0.0, 1.0])

@@ -283,9 +283,10 @@ def delayed_speeds(
         n_samples = round(segment_length * rate)
         weights = _hann(n_samples) ** 2
         weights /= weights.sum()
-        earlier = np.array([_earlier(values, delay * rate) for delay in delays])
-        mean = _windows(earlier, n_samples) @ weights
-        variance = np.maximum(_windows(earlier**2, n_samples) @ weights - mean**2, 0.0)
+        earlier = (_windows(_earlier(values, delay * rate), n_samples) for delay in delays)
+        moments = np.array([(segments @ weights, segments**2 @ weights) for segments in map(np.copy, earlier)])
+        mean = moments[:, 0]
+        variance = np.maximum(moments[:, 1] - mean**2, 0.0)
         means.append(mean)
         spreads.append(np.sqrt(variance) / np.maximum(np.abs(mean), 1e-9))
     return np.concatenate(means, axis=1), np.concatenate(spreads, axis=1)
@@ -294,9 +295,9 @@ def delayed_speeds(
 def _earlier(values: Real, shift: float) -> Real:
     """Return samples at times later by `shift` samples, on straight lines; the first and the last go on."""
     whole = int(np.floor(shift))
-    part, places = shift - whole, np.arange(values.size + 1) + whole
-    held = values[np.clip(places, 0, values.size - 1)]
-    return np.asarray(held[:-1] + part * np.diff(held))
+    first, last = max(-whole, 0), max(whole + 1, 0)
+    held = np.pad(values, (first, last), mode="edge")[first + whole :][: values.size + 1]
+    return np.asarray(held[:-1] + (shift - whole) * np.diff(held) if shift > whole else held[:-1])
 
 
 def between_updates(values: Real, sampling_rate: float) -> Real:

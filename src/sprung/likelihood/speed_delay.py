@@ -183,9 +183,19 @@ def log_likelihoods(values: Complex, matrices: Complex) -> Real:
     factors = np.linalg.cholesky(matrices)
     logdet = 2 * np.log(np.einsum("vfii->vfi", factors).real).sum(axis=(1, 2))
     by_frequency = np.ascontiguousarray(values.transpose(1, 2, 0))
-    powers = (np.mean(np.abs(L @ by_frequency) ** 2, axis=1) for L in np.linalg.inv(factors))
-    level = np.array([np.minimum(power, LIMITS.power * np.median(power, axis=0)).mean(axis=0) for power in powers])
+    level = np.array([_levels(L @ by_frequency) for L in np.linalg.inv(factors)])
     return -logdet - np.prod(matrices.shape[1:3]) * np.log(level.T)
+
+
+def _levels(whitened: Complex) -> Real:
+    """Mean power of segments, (frequencies, coordinates, segments), where none counts beyond fifty times the median."""
+    power = np.mean(whitened.real**2 + whitened.imag**2, axis=1)
+    level = np.asarray(power.mean(axis=0), dtype=np.float64)
+    # Medians only where not more than half of the powers are above a fiftieth of the largest.
+    may_exceed = 2 * np.count_nonzero(LIMITS.power * power >= power.max(axis=0), axis=0) <= len(power)
+    most = LIMITS.power * np.median(power[:, may_exceed], axis=0)
+    level[may_exceed] = np.minimum(power[:, may_exceed], most).mean(axis=0)
+    return level
 
 
 def _smoothed(evidence: Real, places: Real) -> Real:
