@@ -67,6 +67,13 @@ def test_friction_and_unlike_valves_on_the_plate_are_those_of_the_integrated_veh
     assert np.degrees(abs(np.angle(at_twice * 1j**-2 / second))) < 5.0
 
 
+def test_friction_that_vanishes_leaves_the_linear_corner() -> None:
+    vehicle, frequencies = structure(CAR), np.linspace(1.0, 25.0, 9)
+    tyre = tyres(vehicle)["front_left"]
+    rubbing = Corner(vehicle, tyre, friction=dict.fromkeys(tyres(vehicle), 1e-6))
+    assert np.allclose(Corner(vehicle, tyre).forces(frequencies), rubbing.forces(frequencies), rtol=1e-6)
+
+
 def test_the_limit_is_that_of_the_specification(conforms) -> None:
     source, clause = "SPECSUS2018 (EGEA), EUSAMA TS-02-76", "limits"
     conforms(source, clause, "smallest phase shift that passes", PLATE.phase_limit, 35.0, absolute=0, unit="degrees")

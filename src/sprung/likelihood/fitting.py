@@ -389,9 +389,9 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
         limited = replace(segments, values=segments.values * limits)
         if setup.settings.has_lines_masked:
             lines = with_lines(of_wheels, residual_lines(model, parameters, lowest=lowest))
-        untempered = _weighted(setup.at_classes(limited, width=CLASS_WIDTH), tempering=1.0, lines=lines)
+        untempered = _weighted(model, class_spectra(limited, width=CLASS_WIDTH), tempering=1.0, lines=lines)
         power = tempering(untempered, parameters)
-        model = _weighted(untempered, tempering=power, lines=lines)
+        model = _weighted(model, untempered.spectra, tempering=power, lines=lines)
         if lines == last_lines and abs(power - last_power) < RULES.settled * last_power:
             break
         parameters = _end(model, parameters, None if setup.settings.expected is None else RULES.of_known)
@@ -409,9 +409,11 @@ def _start(
 ) -> tuple[Model, Real]:
     """Return the model with speed classes of full width, tempered as at first, and where its search starts."""
     coarse = setup.at_classes(segments, width=RULES.coarse)
-    rough = _weighted(coarse, tempering=RULES.first, lines=lines)
-    end = _rough_fit(rough, _weighted(coarse, tempering=1.0, lines=lines), starts, setup.settings.expected)
-    model = _weighted(setup.at_classes(segments, width=CLASS_WIDTH), tempering=RULES.first)
+    rough = _weighted(coarse, coarse.spectra, tempering=RULES.first, lines=lines)
+    untempered = _weighted(coarse, coarse.spectra, tempering=1.0, lines=lines)
+    end = _rough_fit(rough, untempered, starts, setup.settings.expected)
+    fine = setup.at_classes(segments, width=CLASS_WIDTH)
+    model = _weighted(fine, fine.spectra, tempering=RULES.first)
     parameters = _carried_over(rough, end, model)
     return model, model.scaled_start() if model.objective(parameters)[0] == TOO_FAR else parameters
 
@@ -443,9 +445,8 @@ def _end(model: Model, start: Real, known: DescentSettings | None) -> Real:
     return minimised(replace(model, every=3), start, known, model.powers)
 
 
-def _weighted(model: Model, *, tempering: float, lines: tuple[SpectralLine, ...] = ()) -> Model:
-    """Return the model with a tempered likelihood and without lines; its blocks do not depend on these weights."""
-    spectra = model.spectra
+def _weighted(model: Model, spectra: ClassSpectra, *, tempering: float, lines: tuple[SpectralLine, ...] = ()) -> Model:
+    """Return the model with spectra of the same classes, tempered and without lines; its blocks depend on no more."""
     weights = tempering * spectra.counts[:, None] * without_lines(spectra, lines)
     return replace(model, spectra=replace(spectra, weights=weights))
 

@@ -274,12 +274,16 @@ class Corner:
         """
         s = np.asarray(2j * np.pi * frequencies, dtype=np.complex128)
         tyre = self._tyre.dynamic_stiffness(s)
+        driven = (tyre[:, None] * self._tyre.elongation)[..., None]
+        if not (self._friction.any() or self._uneven.any()):
+            motion = np.linalg.solve(self._stiffness(s), driven)[..., 0]
+            return np.asarray(tyre * (1 - motion @ self._tyre.elongation)), np.zeros(s.size, dtype=np.complex128)
         pulled = np.broadcast_to(self._suspensions.T, (s.size, *self._suspensions.T.shape))
         by_valves = np.linalg.solve(self._stiffness(2 * s), pulled)
         mobility = 2 * s[:, None] * np.einsum("sn,fns->fs", self._suspensions, by_valves)
         lost = 8 / (3 * np.pi**2) * self._uneven**2 * (mobility - mobility.conj() / 3)
         A = self._stiffness(s) - (self._suspensions.T * (s[:, None] * lost)[:, None]) @ self._suspensions
-        by_plate = np.linalg.solve(A, (tyre[:, None] * self._tyre.elongation)[..., None])[..., 0]
+        by_plate = np.linalg.solve(A, driven)[..., 0]
         by_friction = np.linalg.solve(A, pulled)
         elongations, compliance = by_plate @ self._suspensions.T, self._suspensions @ by_friction
         free, mobility = PLATE.amplitude * s[:, None] * elongations, s[:, None, None] * compliance

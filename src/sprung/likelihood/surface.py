@@ -148,9 +148,10 @@ class SurfaceInputs(ParameterBlock):
         form, lags = self.form(parameters[1:-1]), self._scaled_lags(parameters)
         density = self._patch * np.exp(parameters[0] + form.log_density) / self.spectra.speeds[:, None]
         delayed = self._between_axles(np.exp(-1j * lags - self._blur(lags) / 2), itself=1.0)
-        by_side = [delayed * level[..., None, None] for level in (density, density * np.exp(form.log_coherence))]
-        inputs = np.where(self._is_across(), self._at_wheels(by_side[1]), self._at_wheels(by_side[0]))
-        return replace(terms, inputs=inputs)
+        levels = np.array([density.T, (density * np.exp(form.log_coherence)).T])
+        by_side = levels[:, None, None] * delayed.T
+        inputs = by_side[self._is_across().astype(np.intp), self._axles[:, None], self._axles]
+        return replace(terms, inputs=inputs.T)
 
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
         """Return the gradient of the objective: all parameters act on ln S_ij."""
