@@ -328,6 +328,9 @@ class RunningSummary(RunningRecords):
         records = self.correlated
         return steps.sort_by_level(steps.Draft(steps.averaged(self._method, self._settings, records), records)).summary
 
+    def _note(self, record: Recording) -> None:
+        """A summary has no notes."""
+
 
 @one_thread
 def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:

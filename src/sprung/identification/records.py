@@ -265,9 +265,8 @@ class RunningRecords:
             If a setting does not suit the record, or it lacks a sensor of the vehicle file.
         """
         self._n_records += 1
-        if self._n_records == 1 and self._vehicle is not None:
-            self._notes.update(dict.fromkeys(plausibility_notes(self._vehicle)))
         try:
+            self._note(record)
             usable_part, faults = self._usable(record)
             self._faults.append(faults)
             if self._parts:
@@ -277,13 +276,20 @@ class RunningRecords:
         except DataError as error:
             self._left_out[self._n_records] = error
 
-    def _usable(self, record: Recording) -> tuple[Recording, tuple[ChannelFault, ...]]:
-        """Return the usable part of a record and the faults of its channels; note the layout of its sensors."""
+    def _note(self, record: Recording) -> None:
+        """Note what is unusual in a record as read, in the layout of its sensors, and in the vehicle file."""
         vehicle = self._vehicle
+        if self._n_records == 1 and vehicle is not None:
+            self._notes.update(dict.fromkeys(plausibility_notes(vehicle)))
         self._notes.update(dict.fromkeys(doubts_of(record)))
         if vehicle is not None:
-            check_present(record.names, vehicle.sensor, allow_missing=self._settings.allow_missing)
             self._notes.update(dict.fromkeys(layout_notes(record, vehicle)))
+
+    def _usable(self, record: Recording) -> tuple[Recording, tuple[ChannelFault, ...]]:
+        """Return the usable part of a record and the faults of its channels."""
+        vehicle = self._vehicle
+        if vehicle is not None:
+            check_present(record.names, vehicle.sensor, allow_missing=self._settings.allow_missing)
         outputs = [name for name in output_channels(record, vehicle) if name in record.names]
         has_sensors = vehicle is not None and bool(vehicle.sensor)
         left_out = [] if has_sensors else [name for name in channels_without_motion(record) if name not in outputs]

@@ -649,7 +649,8 @@ def _projections(poles: Complex, mode_shapes: Complex, correlations: Correlation
             n_same = np.where(np.arange(gains.shape[1]) % (gains.shape[1] - 1) == 0, 1, 2)
             densities = n_same * (spectra[others] * spectra[reference])[:, : gains.shape[1]]
             densities /= spectra.shape[1] * correlations.n_products
-            chance = np.einsum("ofj,of,ofk->jk", gains.conj(), densities, gains, optimize=True).real
+            weighted = (gains.conj() * densities[..., None]).reshape(-1, len(triangle))
+            chance = (weighted.T @ gains.reshape(weighted.shape)).real
         weights = weights.reshape(-1, len(triangle))
         own = changes[:, others, reference, 1:].reshape(len(changes), len(weights))
         average = lagged[others, reference].ravel() @ weights

@@ -7,6 +7,7 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -400,6 +401,7 @@ def _runs(is_wanted: Booleans) -> list[slice]:
     return [slice(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
 
 
+@lru_cache(maxsize=32)
 def _stages(ratio: Fraction) -> list[tuple[Fraction, Real]]:
     """Return the stages of a resampling ratio with their filters: a coarse one first if that saves work."""
     if ratio == 1:
