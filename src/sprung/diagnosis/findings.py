@@ -171,7 +171,7 @@ class Finding(Tabular):
 def out_of_round(
     windows: Sequence[Observation], baseline: Baseline, *, grown: float = 1.5, certain: float = 3.0
 ) -> tuple[Finding, ...]:
-    """Return a finding of the worst of the wheels that have become uneven; others that may be it are its runner-up.
+    """Return a finding about the wheel with the largest new run-out; its runner-up names wheels that may be it instead.
 
     Parameters
     ----------

@@ -58,7 +58,10 @@ def assert_same_baseline(baseline, saved):
     if saved is None:
         assert baseline is None
         return
-    baseline, saved = dict(baseline), {"weights": LASTING.prior.tolist(), "stiffenings": []} | dict(saved)
+    baseline, saved = (
+        dict(baseline),
+        {"weights": LASTING.prior.tolist(), "stiffenings": [], "run_outs": {}} | dict(saved),
+    )
     if "coordinates" not in saved:  # of a version that did not learn them
         coordinates = baseline.pop("coordinates")
         assert baseline.pop("degrees") == [0.0] * len(coordinates)
@@ -79,7 +82,7 @@ def test_every_kept_state_is_continued(path, car, drive) -> None:
     continued = read_state(write_state(monitor.state()))
     assert_same_baseline(continued.pop("baseline"), saved["baseline"])
     saved_windows = [  # some are of an earlier version
-        {"phase_shifts": {}, "stiffening": None, **window} for window in saved["observations"]
+        {"phase_shifts": {}, "stiffening": None, "run_outs": {}, **window} for window in saved["observations"]
     ]
     assert continued == {key: value for key, value in saved.items() if key != "baseline"} | {
         "observations": saved_windows
