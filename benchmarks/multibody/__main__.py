@@ -4,8 +4,9 @@
     python -m benchmarks.multibody car van --healthy 40 --faulty 8 --jobs 2 --out results.md
 
 A vehicle file is written from the data sheet (`described`) and completed on five drives; the baseline is learnt from
-twelve. Then it drives healthy, under conditions it never met and under those that it met, and with faults. Shares have
-exact 95 % intervals (Clopper and Pearson). Drives and observations are kept in a folder, each by the code that made it.
+twelve. Then it drives healthy, under conditions it never met and under those that it met, and with faults, under those
+that it met or (`--unmet`) never met. Shares have exact 95 % intervals (Clopper and Pearson). Drives and observations
+are kept in a folder, each by the code that made it.
 """
 
 import argparse
@@ -366,9 +367,10 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
             yield from throughout(study, vehicle, learning, arguments.healthy, work)
     for row, fault in enumerate(faults(design) if arguments.faulty else ()):
         first = 30_000 + 1000 * row
+        drive_of, where = (unmet, ", conditions never met") if arguments.unmet else (ordinary, "")
         groups = [
             [
-                replace(ordinary(design, first + TOGETHER * number + k), faults=Faults(fault.factors))
+                replace(drive_of(design, first + TOGETHER * number + k), faults=Faults(fault.factors))
                 for k in range(TOGETHER)
             ]
             for number in range(arguments.faulty)
@@ -379,7 +381,8 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
         alone = sum(bool(names := set(named(each))) and names <= fault.names for each in found)
         wrong = sum(bool(set(named(each)) - fault.names) for each in found)
         verdicts = dict(Counter(str(each.verdict) for each in found))
-        text = f"| {fault.label} | {verdicts}, named alone {share(alone, len(found))}, a healthy part named in {wrong}"
+        counts = f"named alone {share(alone, len(found))}, a healthy part named in {wrong}"
+        text = f"| {fault.label}{where} | {verdicts}, {counts}"
         has_size = [f for each in found for f in each.findings if f.interval is not None]
         if fault.size is not None and has_size:
             sizes = [f for f in has_size if f"{f.corner}.{f.component}" in fault.names]
@@ -399,6 +402,7 @@ def main() -> None:
     parser.add_argument("vehicles", nargs="+", choices=sorted(SHEETS))
     parser.add_argument("--healthy", type=int, default=12, help="healthy windows")
     parser.add_argument("--faulty", type=int, default=2, help="half hours of each fault")
+    parser.add_argument("--unmet", action="store_true", help="faults under conditions that the baseline has not met")
     parser.add_argument(
         "--without", nargs="+", default=[], metavar="EFFECT", choices=sorted(asdict(Effects())), help="effects left out"
     )
