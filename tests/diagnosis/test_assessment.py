@@ -157,7 +157,9 @@ def test_windows_on_bump_stops_neither_name_a_spring_nor_hide_one_in_others(heal
         wrong = 0.3 * generator.standard_normal(4) + np.array([0.0, 0.0, 0.4, 0.4])
         of_parts = [wrong[CORNERS.index(part.corner)] * (part.kind == "spring") for part in window.components]
         windows[3 * number] = replace(window, log_ratios=window.log_ratios + of_parts)
-    assert [finding.hypothesis for finding in diagnose(windows, learnt).findings] == list(change)
+    result = diagnose(windows, learnt)
+    assert [finding.hypothesis for finding in result.findings] == list(change)
+    assert any(note.startswith("in 2 of 6 windows some corners meet their bump stops") for note in result.notes)
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from sprung.diagnosis.findings import (
 )
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.learning import learn
-from sprung.diagnosis.loads import Stops, in_doubt, on_bump_stop, stops_of
+from sprung.diagnosis.loads import Stops, in_doubt, on_bump_stop, stop_notes, stops_of
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import RESIDUALS, ResidualTest, residual_test
 from sprung.diagnosis.trends import PhaseShift, current_sizes, phase_shift, trend
@@ -288,6 +288,7 @@ def _diagnosis(
         *_exclusion_notes(every, baseline),
         *baseline.notes,
         *_condition_notes(baseline, compared),
+        *stop_notes(baseline, compared),
         *([] if detection is None or named is None else _evidence_notes(detection, named)),
         *([_OF_STIFFENING] if any(one.is_on_bump_stop for one in findings) else []),
         *opinion,
@@ -416,10 +417,8 @@ def _attributed(
     They are not what is found with a baseline that allows for these. Dampers and tyres alone have nothing to do with
     bump stops.
     """
-    if all(one.component.endswith(("damper", "tyre")) for one in findings):
-        return ""
     wider = in_doubt(baseline, stops, findings)
-    if wider is baseline:
+    if wider is baseline or all(one.component.endswith(("damper", "tyre")) for one in findings):
         return ""
     again = detect(wider, observations, false_alarms=float(np.exp(-threshold)), windows_per_day=1.0)
     if again is not None and again.is_alert:

@@ -7,7 +7,8 @@ from functools import lru_cache
 import numpy as np
 
 from sprung._arrays import Real
-from sprung.diagnosis.baseline import Baseline
+from sprung._display import counted
+from sprung.diagnosis.baseline import Baseline, unequal_stiffening
 from sprung.diagnosis.changes import Candidate, detect
 from sprung.diagnosis.findings import SEVERITIES, Finding
 from sprung.diagnosis.learning import learn
@@ -31,6 +32,8 @@ class LoadSettings:
     left_right: float = 0.5
     front_rear: float = 1.0
     bars: float = 2.0
+    #: Standard deviation over the corners of the rise of their stiffening above which a note states it.
+    noted: float = 0.1
 
 
 SETTINGS = LoadSettings()
@@ -123,6 +126,25 @@ def in_doubt(baseline: Baseline, stops: Stops, findings: Sequence[Finding]) -> B
     covariance[:size, :size] += doubt
     mean = baseline.mean + SETTINGS.excess * stops.rises
     return replace(baseline, information=np.linalg.inv(covariance), mean=mean)
+
+
+def stop_notes(baseline: Baseline, observations: Sequence[Observation]) -> list[str]:
+    """Return a note on windows that say little about springs, as some corners meet their bump stops more than others.
+
+    Parameters
+    ----------
+    baseline
+        Baseline of the vehicle.
+    observations
+        Windows compared.
+    """
+    count = sum(unequal_stiffening(baseline.stiffenings, window) > SETTINGS.noted**2 for window in observations)
+    if not count:
+        return []
+    return [
+        f"in {count} of {counted(len(observations), 'window')} some corners meet their bump stops more than others, as "
+        "under a load: such a window says little about springs"
+    ]
 
 
 def on_bump_stop(
