@@ -33,8 +33,12 @@ from sprung.results.tables.wording import Period
 PARTS = [f"{corner}.{kind}" for corner in ("front_left", "rear_right") for kind in ("spring", "damper", "tyre")]
 TAUGHT = 12
 #: Change that no part explains, and that is within the error of the vehicle file under another load.
-LOADED = {part: size for name in PARTS for part, size in ((name, 0.04 if name.startswith("front") else -0.04),)}
-LOADED |= {part.replace("_left", "_right").replace("rear_right", "rear_left"): size for part, size in LOADED.items()}
+LOADED = {
+    f"{end}_{side}.{kind}": size
+    for end, size in (("front", 0.04), ("rear", -0.04))
+    for side in ("left", "right")
+    for kind in ("spring", "damper", "tyre")
+}
 MAIL = MailSender("localhost", sender="sprung@example.org", recipients=["anna@example.org"])
 #: Name of each vehicle with its verdict, and what makes it so.
 VEHICLES: list[tuple[str, str, dict[str, Any]]] = (
@@ -50,13 +54,26 @@ VEHICLES: list[tuple[str, str, dict[str, Any]]] = (
         ("silent", "stale", {"n_windows": 12, "age": 5 * HOUR}),
         ("parked", "stale", {"n_windows": 12, "age": 48 * HOUR}),
         ("parked today", "no_change_detected", {"n_windows": 12, "age": 20 * HOUR}),
+        ("uneven", "change", {"run_outs": {"front_left": (2e-4, 1e-5)}}),
         ("loaded", "inconclusive", {"n_windows": 30, "change": LOADED, "model_error": 0.08}),
         ("sensor", "fault", {"n_windows": 12, "fault": SensorFault("acc_fl", "dead", "it is constant")}),
     ]
 )
 
 
-def fill(store, name, *, n_windows=12, change=None, grows=False, model_error=0.0, status=None, age=0, fault=None):
+def fill(
+    store,
+    name,
+    *,
+    n_windows=12,
+    change=None,
+    grows=False,
+    model_error=0.0,
+    run_outs=None,
+    status=None,
+    age=0,
+    fault=None,
+):
     """Store a vehicle as its monitor would."""
     seen = NOW - age
     store.inbox.put_vehicle(name, configuration="c", description="", channels=[["acc_fl", "m/s^2"]], now=seen)
@@ -73,6 +90,7 @@ def fill(store, name, *, n_windows=12, change=None, grows=False, model_error=0.0
         [replace(one, conditions=one.conditions | {"model_error": model_error}) for one in each]
         for each in (taught, after)
     )
+    after = [replace(one, run_outs=run_outs or {}) for one in after]
     baseline = learn(taught)
     progress = {"share": 0.0, "n_learnt": TAUGHT, "n_needed": TAUGHT, "window": 600.0, "until": seen}
     diagnosis = diagnose(after, baseline) if after else None
