@@ -167,6 +167,13 @@ def test_windows_on_bump_stops_neither_name_a_spring_nor_hide_one_in_others(heal
     assert any(note.startswith("in 2 of 6 windows some corners meet their bump stops") for note in result.notes)
 
 
+@pytest.mark.parametrize(("rises", "named"), [(NOTHING, ["rear_left.damper"]), ((0.25, 0.05, 0.0, 0.0), [])])
+def test_without_a_baseline_a_damper_is_not_named_where_a_corner_is_on_its_bump_stop(faulty, rises, named) -> None:
+    """A sunk front-left spring of a multibody car read as a rear-left damper 20 % weaker."""
+    windows = stiffer(faulty(5, {"rear_left.damper": -0.3}, before=0, after=3), rises, np.random.default_rng(5))
+    assert [finding.hypothesis for finding in diagnose(windows).findings] == named
+
+
 @pytest.mark.parametrize(
     ("change", "found"),
     [

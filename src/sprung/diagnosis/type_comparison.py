@@ -8,7 +8,7 @@ from scipy.special import chdtrc, fdtrc, ndtr, ndtri, stdtr, stdtrit
 
 from sprung._arrays import Indices, Real
 from sprung._checks import check_each, check_number, check_type
-from sprung.diagnosis.baseline import slope_covariances
+from sprung.diagnosis.baseline import slope_covariances, unequal_stiffening
 from sprung.diagnosis.changes import Candidate, Detection, Size, detect
 from sprung.diagnosis.detectability import POWER, losses
 from sprung.diagnosis.hypotheses import PRIORS, Hypothesis, hypotheses_of, log_prior
@@ -39,6 +39,8 @@ class TypeTest:
     faulty: float = 0.1
     #: Widening of the deviations between vehicles where changes are sought between the windows of one vehicle.
     wide: float = 3.0
+    #: Usual standard deviation over the corners of a vehicle of the rise of their springs' stiffening inwards.
+    stiffening: float = 0.05
 
 
 TEST = TypeTest()
@@ -300,7 +302,8 @@ def _size(size: float, std: float, half: float) -> Size:
 def _mean_residual(of_type: TypeBaseline, windows: Sequence[Observation]) -> tuple[Real, Real]:
     """Return the mean of the windows' residuals and its covariance, at least as wide as they scatter.
 
-    A common change with an unknown temperature, or beyond the conditions of the type, is the same in all windows.
+    A common change with an unknown temperature, or beyond the conditions of the type, is the same in all windows. So is
+    the error of a linear fit at any part where some corners meet their bump stops more than is usual.
     """
     baseline = of_type.baseline(windows)
     away = np.array([baseline.residual(window) for window in windows])
@@ -316,4 +319,7 @@ def _mean_residual(of_type: TypeBaseline, windows: Sequence[Observation]) -> tup
     beyond = baseline.beyond(np.mean([baseline.units(window) for window in windows], axis=0))
     for distance, slope in zip(beyond, slope_covariances(baseline.components, of_type.model_error), strict=True):
         covariance = covariance + distance**2 * slope
+    on_stops = [np.sqrt(max(unequal_stiffening((), window) - TEST.stiffening**2, 0.0)) for window in windows]
+    others = np.diag([float(part.kind != "spring") for part in baseline.components])  # springs: in `covariance_of`
+    covariance = covariance + np.mean(on_stops) ** 2 * others
     return away.mean(axis=0), np.asarray(covariance, dtype=np.float64)
