@@ -285,6 +285,11 @@ class ChangeDetector:
             detectable=dict(zip(self.baseline.components, losses(found), strict=True)),
         )
 
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Those of `detection`, without what else it takes; none before the first window that can be compared."""
+        return self._candidates(self._table_of(len(self._compared))) if self._compared else ()
+
     def _candidates(self, table: Ratios) -> tuple[Candidate, ...]:
         """Return the candidates, the most probable first."""
         values = self._hypotheses.values
@@ -301,10 +306,11 @@ class ChangeDetector:
         sizes, covariances = table.sizes(row, hypothesis.directions(self.baseline.components))
         stds = np.sqrt(np.diagonal(covariances[best]))
         # The onset may lie anywhere after the start of the window before.
-        first, last = np.searchsorted(np.cumsum(np.exp(logs - logsumexp(logs))), [0.025, 0.975])
+        total = np.logaddexp.reduce(logs)
+        first, last = np.searchsorted(np.cumsum(np.exp(logs - total)), [0.025, 0.975])
         return Candidate(
             hypothesis,
-            float(np.logaddexp.reduce(logs) - np.log(len(times))),
+            float(total - np.log(len(times))),
             float(table.explained[best, row]),
             tuple(
                 size_of(change.component, float(size), float(std), model_error)

@@ -9,7 +9,7 @@ import numpy as np
 from sprung._arrays import Real
 from sprung._display import counted
 from sprung.diagnosis.baseline import Baseline, unequal_stiffening
-from sprung.diagnosis.changes import Candidate, detect
+from sprung.diagnosis.changes import Candidate, ChangeDetector
 from sprung.diagnosis.findings import SEVERITIES, Finding
 from sprung.diagnosis.learning import learn
 from sprung.diagnosis.observation import Observation
@@ -72,15 +72,16 @@ def stops_of(observations: Sequence[Observation], baseline: Baseline) -> Stops:
     later = [one for one, _ in stiffenings]
     nothing = Stops((), np.zeros(len(baseline.components)))
     first = _learnt(baseline.stiffenings)
-    detection = None if first is None else detect(first, later)
-    if first is None or detection is None:
+    # The evidence after earlier windows, which takes longest, is not asked for.
+    candidates = () if first is None else ChangeDetector.resumed(first, later, np.zeros(len(later))).candidates
+    if first is None or not candidates:
         return nothing
     is_spring = [part.kind == "spring" for part in baseline.components]
     weights = [1 / np.diag(baseline.scatter_of(window))[is_spring].mean() for _, window in stiffenings]
     risen = np.average([first.residual(one) for one in later], axis=0, weights=weights)
     by_part = dict(zip(first.components, np.maximum(risen - risen.mean(), 0.0).tolist(), strict=True))
     return Stops(
-        tuple(one for one in detection.candidates if one.hypothesis.scope in {"single", "axle", "all"}),
+        tuple(one for one in candidates if one.hypothesis.scope in {"single", "axle", "all"}),
         np.array([by_part.get(part, 0.0) for part in baseline.components]),
     )
 
