@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 
+from sprung._threads import one_thread
 from sprung.bounce_tests.results import RULES, Bounce, BounceChange, BounceTest, CornerValue, bounce_changes
 from sprung.bounce_tests.swings import corners_of, fitted_together, pooled, size_of, tested
 from sprung.errors import DataError
@@ -15,6 +16,7 @@ from sprung.vehicles.sensor_layout import AnyVehicle, output_channels, usable
 __all__ = ["Bounce", "BounceChange", "BounceTest", "CornerValue", "bounce", "bounce_changes"]
 
 
+@one_thread
 def bounce(
     recordings: Recording | Iterable[Recording],
     *,

@@ -9,6 +9,7 @@ from scipy.special import logsumexp
 
 from sprung._arrays import Real
 from sprung._checks import check_number
+from sprung._threads import one_thread
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.detectability import detectable_changes, losses
 from sprung.diagnosis.hypotheses import Hypothesis
@@ -221,6 +222,7 @@ class ChangeDetector:
         self._table: Ratios | None = None
 
     @classmethod
+    @one_thread
     def resumed(
         cls,
         baseline: Baseline,
@@ -267,6 +269,7 @@ class ChangeDetector:
         return bool(self._evidence and self._evidence[-1] >= self.threshold)
 
     @property
+    @one_thread
     def detection(self) -> Detection | None:
         """Evidence after the last window; None before the first window that can be compared."""
         if not self._compared:
@@ -286,6 +289,7 @@ class ChangeDetector:
         )
 
     @property
+    @one_thread
     def candidates(self) -> tuple[Candidate, ...]:
         """Those of `detection`, without what else it takes; none before the first window that can be compared."""
         return self._candidates(self._table_of(len(self._compared))) if self._compared else ()
@@ -320,6 +324,7 @@ class ChangeDetector:
             (float(times[max(min(first, len(times) - 1) - 1, 0)]), float(times[min(last, len(times) - 1)])),
         )
 
+    @one_thread
     def update(self, observation: Observation) -> None:
         """Add the next window; one that cannot be compared with the baseline adds no evidence.
 

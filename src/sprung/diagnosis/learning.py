@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import betaincinv
 
 from sprung._checks import check_each, check_number, check_type
+from sprung._threads import one_thread
 from sprung.diagnosis.baseline import (
     Baseline,
     medians,
@@ -42,6 +43,7 @@ class LearningSettings:
 SETTINGS = LearningSettings()
 
 
+@one_thread
 def learn(
     observations: Iterable[Observation],
     *,

@@ -7,6 +7,7 @@ import numpy as np
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import freeze
+from sprung._threads import one_thread
 from sprung.errors import DataError
 from sprung.likelihood.free_poles import FreePoles
 from sprung.likelihood.free_response import FreeLines, FreeResponse, free_lines, poles_of, realised_poles
@@ -111,6 +112,7 @@ class FreeFit:
         return np.asarray((self.modes.mode_shapes.T @ waves).real, dtype=np.float64)
 
 
+@one_thread
 def fit_free_response(
     recordings: Recording | Sequence[Recording],
     *,

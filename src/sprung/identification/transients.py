@@ -7,6 +7,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung._checks import check_type
+from sprung._threads import one_thread
 from sprung.identification.free_response import unexplained
 from sprung.recording import Recording
 
@@ -136,6 +137,7 @@ def _running_mean(values: Real, n: int) -> Real:
     return np.asarray((sums[:, n:] - sums[:, :-n]) / n)
 
 
+@one_thread
 def find_transients(recording: Recording) -> tuple[Transient, ...]:
     """Return the motions of a recording that begin suddenly and die away, with the parts in which they are free.
 

@@ -11,6 +11,7 @@ import numpy as np
 from sprung._arrays import Real
 from sprung._checks import check_number, check_one_of, check_type
 from sprung._display import in_short
+from sprung._threads import one_thread
 from sprung.errors import ParameterError
 from sprung.excitation import (
     GRAVITY,
@@ -359,6 +360,7 @@ class SimulatedDrive:
         return in_short("SimulatedDrive: " + repr(self.recording), f"faults: {faults or 'none'}")
 
 
+@one_thread
 def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | list[int] = 0) -> SimulatedDrive:
     """Simulate a drive on a road or a track, or a run on a rig.
 
