@@ -414,11 +414,10 @@ def _attributed(
 ) -> str:
     """Return why findings are not stated: loads and roads that the baseline has not met may explain them; else empty.
 
-    They are not what is found with a baseline that allows for these. Dampers and tyres alone have nothing to do with
-    bump stops.
+    They are not what is found with a baseline that allows for these.
     """
     wider = in_doubt(baseline, stops, findings)
-    if wider is baseline or all(one.component.endswith(("damper", "tyre")) for one in findings):
+    if wider is baseline:
         return ""
     again = detect(wider, observations, false_alarms=float(np.exp(-threshold)), windows_per_day=1.0)
     if again is not None and again.is_alert:

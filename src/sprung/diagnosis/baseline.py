@@ -182,7 +182,7 @@ class Baseline(Tabular, Savable):
     def doubt(self) -> Real:
         """Covariance of `mean` about the vehicle's own one, shape (components, components)."""
         size = len(self.components)
-        return np.asarray(np.linalg.inv(self.information)[:size, :size], dtype=np.float64)
+        return np.asarray(_inverse_information(self)[:size, :size], dtype=np.float64)
 
     @property
     def expected(self) -> Expected:
@@ -258,13 +258,15 @@ class Baseline(Tabular, Savable):
         the baseline's windows had, all components of a kind may have changed as much as is usual without one. Beyond
         the conditions that these met, the effect of a condition need not be linear: each window has its own.
         """
-        covariance = self.scatter_of(observation) + self.nuisance_of(observation)
+        around = self.nuisance_of(observation) + self.unmet_of(observation)
+        return np.asarray(self.scatter_of(observation) + around, dtype=np.float64)
+
+    def unmet_of(self, observation: Observation) -> Real:
+        """Return the covariance of a window beyond the conditions of its windows, shape (components, components)."""
         if self.n_windows == 0:
-            return covariance
-        slopes = slope_covariances(self.components, self.model_error)
-        for distance, slope in zip(self.beyond(self.units(observation)), slopes, strict=True):
-            covariance = covariance + distance**2 * slope
-        return np.asarray(covariance, dtype=np.float64)
+            return np.zeros_like(self.nuisance)
+        slopes = np.array(slope_covariances(self.components, self.model_error))
+        return np.asarray(np.tensordot(self.beyond(self.units(observation)) ** 2, slopes, 1), dtype=np.float64)
 
     def nuisance_of(self, observation: Observation) -> Real:
         """Return the covariance of what moves components of a window together, shape (components, components)."""
@@ -297,10 +299,7 @@ class Baseline(Tabular, Savable):
 
     def beyond(self, units: Real) -> Real:
         """Return how far conditions in units are outside of those of its windows, shape (conditions,); inside 0."""
-        lowest, highest = (
-            units_of({name: met[side] for name, met in self.ranges.items()}, self.centre) for side in (0, 1)
-        )
-        return np.asarray(units - np.clip(units, lowest, highest), dtype=np.float64)
+        return np.asarray(units - np.clip(units, *_ends(self)), dtype=np.float64)
 
     def doubt_beyond(self, correlation: float = 0.0) -> Real:
         """Return the covariance of the mean, the slopes, and their changes beyond the conditions of its windows.
@@ -318,7 +317,21 @@ class Baseline(Tabular, Savable):
         is_own = self.n_windows > 0 and self.version > 0
         share = (1 - correlation * (1 - 2 / self.n_windows)) / (1 + correlation) if is_own else 1.0
         beyond = slope_covariances(self.components, self.model_error)
-        return np.asarray(block_diag(np.linalg.inv(self.information) / share, *beyond), dtype=np.float64)
+        return np.asarray(block_diag(_inverse_information(self) / share, *beyond), dtype=np.float64)
+
+
+@lru_cache(maxsize=16)
+def _inverse_information(baseline: Baseline) -> Real:
+    """Return the covariance of mean and slopes, shape as `Baseline.information`."""
+    return frozen_array("information", np.linalg.inv(baseline.information), ndim=2)
+
+
+@lru_cache(maxsize=16)
+def _ends(baseline: Baseline) -> tuple[Real, Real]:
+    """Return the lowest and highest conditions of the windows of a baseline in units, shape (conditions,) each."""
+    low, high = zip(*baseline.ranges.values(), strict=True) if baseline.ranges else ((), ())
+    lowest, highest = (dict(zip(baseline.ranges, ends, strict=True)) for ends in (low, high))
+    return units_of(lowest, baseline.centre), units_of(highest, baseline.centre)
 
 
 def freeze_shapes(value: object, what: str, **shapes: tuple[int, ...]) -> None:
@@ -364,7 +377,8 @@ def prior_information(
     return np.asarray(block_diag(of_mean, *slopes), dtype=np.float64)
 
 
-def slope_covariances(components: tuple[Component, ...], model_error: float = 0.0) -> list[Real]:
+@lru_cache(maxsize=64)
+def slope_covariances(components: tuple[Component, ...], model_error: float = 0.0) -> tuple[Real, ...]:
     """Return the covariance of the slopes with each condition before any window, each (components, components).
 
     Notes
@@ -380,7 +394,7 @@ def slope_covariances(components: tuple[Component, ...], model_error: float = 0.
     moved = {"payload": ends, "roughness": ends, "payload_x_moment": ends, "payload_y_moment": pairs / 2}
     for name, rows in moved.items():
         covariances[list(CONDITIONS).index(name)] += model_error**2 * rows.T @ rows
-    return covariances
+    return tuple(frozen_array("slopes", covariance, ndim=2) for covariance in covariances)
 
 
 def unequal_stiffening(usual: tuple[Observation, ...], observation: Observation) -> float:
@@ -396,16 +410,17 @@ def unequal_stiffening(usual: tuple[Observation, ...], observation: Observation)
     own = observation.of_stiffening()
     if own is None or len(own.components) < 2:
         return 0.0
-    alike = tuple(window for window in usual if window.components == own.components)
-    mean, variance = _usual_stiffening(alike) if len(alike) > 1 else (0.0, 0.0)
+    mean, variance = _usual_stiffening(usual, own.components)
     usual_variance = SETTINGS.usual * max(variance, SETTINGS.stiffening**2)
     return max(0.0, float(np.var(own.log_ratios - mean, ddof=1)) - usual_variance)
 
 
 @lru_cache(maxsize=16)
-def _usual_stiffening(usual: tuple[Observation, ...]) -> tuple[Real, float]:
+def _usual_stiffening(usual: tuple[Observation, ...], components: tuple[Component, ...]) -> tuple[Real, float]:
     """Return the mean stiffening of each corner in windows, and the variance over corners about it."""
-    values = np.array([window.log_ratios for window in usual])
+    values = np.array([window.log_ratios for window in usual if window.components == components])
+    if len(values) < 2:
+        return np.zeros(len(components)), 0.0
     mean = values.mean(axis=0)
     return mean, float(np.var(values - mean, axis=1, ddof=1).sum() / (len(values) - 1))
 

@@ -152,20 +152,28 @@ class _Series:
         start = start / widened[:, None, None]
         y = whitened(residuals @ rows.T * deviations, correlation).T
         X = whitened(u[:, None, met] * deviations[..., None], correlation).swapaxes(0, 1)
-        step = np.tril(np.ones((count, count)))  # windows x onsets
-        D = whitened(step[:, None] * deviations[..., None], correlation).swapaxes(0, 1)
+        # A change from a window on has its whole innovation there, and those of a constant change after it.
+        later = whitened(deviations, correlation).T
+        first = deviations.T / np.append(1.0, np.full(count - 1, np.sqrt(1 - correlation**2))) - later
+
+        def since(values: Real, power: int = 1) -> Real:
+            """Sums over windows from each one on, along the last axis but one, with the innovations of its change."""
+            sums = (later**power)[..., None] * values
+            at = ((first + later) ** power - later**power)[..., None] * values
+            return np.asarray(sums[:, ::-1].cumsum(axis=1)[:, ::-1] + at, dtype=np.float64)
+
         J = np.linalg.inv(start) + X.swapaxes(-1, -2) @ X
         pulled = (X.swapaxes(-1, -2) @ y[..., None])[..., 0]
         errors = np.linalg.solve(J, pulled[..., None])[..., 0]
-        crossed = X.swapaxes(-1, -2) @ D
+        crossed = since(X).swapaxes(-1, -2)
         volume = (np.linalg.slogdet(start)[1] + np.linalg.slogdet(J)[1]) / 2
         volume = volume + (count - 1) / 2 * np.log1p(-(correlation**2)) - np.sum(np.log(deviations), axis=0)
         return cls(
             -volume,
             count,
             np.sum(y**2, axis=1) - np.sum(pulled * errors, axis=1),
-            (D.swapaxes(-1, -2) @ y[..., None])[..., 0] - (crossed.swapaxes(-1, -2) @ errors[..., None])[..., 0],
-            np.sum(D**2, axis=1) - np.sum(crossed * np.linalg.solve(J, crossed), axis=1),
+            since(y[..., None])[..., 0] - (crossed.swapaxes(-1, -2) @ errors[..., None])[..., 0],
+            since(np.ones((1, count, 1)), 2)[..., 0] - np.sum(crossed * np.linalg.solve(J, crossed), axis=1),
             hypotheses.directions @ rows.T,
         )
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class LoadSettings:
 SETTINGS = LoadSettings()
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class Stops:
     """How springs stiffen inwards, as on their bump stops, compared with the baseline.
 
@@ -48,13 +48,31 @@ class Stops:
     candidates
         Corners, axles and all corners, the most probable first, by the change test of the parts; none where the
         stiffening of the windows or of the baseline is unknown.
-    rises
-        Rise of the stiffening over the baseline's at each component above the mean of all corners, at least 0, in the
-        mean of the windows by what they show of springs, shape (components,).
+    windows
+        Windows with a known stiffening.
+    baseline
+        Baseline of the vehicle.
     """
 
     candidates: tuple[Candidate, ...]
-    rises: Real
+    windows: Sequence[Observation]
+    baseline: Baseline
+
+    @cached_property
+    def rises(self) -> Real:
+        """Rise of the stiffening over the baseline's at each component above the mean of all corners, at least 0.
+
+        Shape (components,): in the mean of the windows by what they show of springs.
+        """
+        first, parts = _learnt(self.baseline.stiffenings), self.baseline.components
+        if first is None or not self.candidates:
+            return np.zeros(len(parts))
+        is_spring = [part.kind == "spring" for part in parts]
+        weights = [1 / np.diag(self.baseline.scatter_of(window))[is_spring].mean() for window in self.windows]
+        later = (window.of_stiffening() for window in self.windows)
+        risen = np.average([first.residual(one) for one in later if one is not None], axis=0, weights=weights)
+        by_part = dict(zip(first.components, np.maximum(risen - risen.mean(), 0.0).tolist(), strict=True))
+        return np.array([by_part.get(part, 0.0) for part in parts])
 
 
 def stops_of(observations: Sequence[Observation], baseline: Baseline) -> Stops:
@@ -68,22 +86,13 @@ def stops_of(observations: Sequence[Observation], baseline: Baseline) -> Stops:
         Baseline of the vehicle.
     """
     windows = [window for window in observations if window.is_valid and baseline.has_sensors_of(window)]
-    stiffenings = [(one, window) for window in windows if (one := window.of_stiffening()) is not None]
-    later = [one for one, _ in stiffenings]
-    nothing = Stops((), np.zeros(len(baseline.components)))
+    known = [(window, one) for window in windows if (one := window.of_stiffening()) is not None]
     first = _learnt(baseline.stiffenings)
     # The evidence after earlier windows, which takes longest, is not asked for.
+    later = [one for _, one in known]
     candidates = () if first is None else ChangeDetector.resumed(first, later, np.zeros(len(later))).candidates
-    if first is None or not candidates:
-        return nothing
-    is_spring = [part.kind == "spring" for part in baseline.components]
-    weights = [1 / np.diag(baseline.scatter_of(window))[is_spring].mean() for _, window in stiffenings]
-    risen = np.average([first.residual(one) for one in later], axis=0, weights=weights)
-    by_part = dict(zip(first.components, np.maximum(risen - risen.mean(), 0.0).tolist(), strict=True))
-    return Stops(
-        tuple(one for one in candidates if one.hypothesis.scope in {"single", "axle", "all"}),
-        np.array([by_part.get(part, 0.0) for part in baseline.components]),
-    )
+    chosen = tuple(one for one in candidates if one.hypothesis.scope in {"single", "axle", "all"})
+    return Stops(chosen, [window for window, _ in known], baseline)
 
 
 @lru_cache(maxsize=16)
@@ -111,8 +120,11 @@ def in_doubt(baseline: Baseline, stops: Stops, findings: Sequence[Finding]) -> B
     -----
     The mean of springs that stiffen inwards more than others is higher, and all the less certain. Where no single part
     explains the change, or an anti-roll bar is named, the mean is less certain by the error of the vehicle file, too:
-    parts that a load or road moves together by a share of it are no change of the vehicle.
+    parts that a load or road moves together by a share of it are no change of the vehicle. Dampers and tyres alone have
+    nothing to do with bump stops.
     """
+    if all(finding.component.endswith(("damper", "tyre")) for finding in findings):
+        return baseline
     size = len(baseline.components)
     doubt = np.diag((SETTINGS.excess_std * stops.rises) ** 2)
     if any(finding.component in {"unmodelled", "anti_roll"} for finding in findings):

@@ -61,7 +61,8 @@ def compare(baseline: Baseline, observation: Observation) -> Compared:
     """
     units, scales = baseline.units(observation), np.sqrt(np.diag(baseline.covariance) / np.diag(baseline.reported))
     # Beyond the conditions of the baseline windows need not scatter more, which a smaller common scale would answer.
-    alike = baseline.scatter_of(observation) / np.outer(scales, scales) + baseline.nuisance_of(observation)
+    scatter, nuisance = baseline.scatter_of(observation), baseline.nuisance_of(observation)
+    alike = scatter / np.outer(scales, scales) + nuisance
     of_window, of_usual = (
         np.einsum("ki,ij,kj->k", baseline.coordinates, each, baseline.coordinates)
         for each in (alike, baseline.reported + baseline.nuisance)
@@ -71,7 +72,7 @@ def compare(baseline: Baseline, observation: Observation) -> Compared:
         observation.conditions.get("model_error", 0.0),
         baseline.residual(observation),
         np.concatenate([[1.0], units, baseline.beyond(units)]),
-        np.asarray(np.linalg.inv(baseline.covariance_of(observation)), dtype=np.float64),
+        np.asarray(np.linalg.inv(scatter + nuisance + baseline.unmet_of(observation)), dtype=np.float64),
         of_window / of_usual,
     )
 
