@@ -42,9 +42,11 @@ class _TransientRules:
     min_share: float = 0.02
     #: Fall of the level, from the first sixth to the last, of a record that is one decay.
     fall_of_record: float = 5.0
-    #: Lower quartile of the amplitudes of a line in parts of a record, over their median, from which it is hum.
+    #: Lower quartile of the amplitudes of a line in parts of a record, over their median and that of the whole record,
+    #: from which it is hum; most parts, and least periods in each.
     steady: float = 0.8
     parts: int = 24
+    periods: float = 2.0
     #: Least power of hum over the mean on either side of it, and number of values of the spectrum in each mean.
     over_sides: float = 30.0
     beside: int = 8
@@ -226,14 +228,28 @@ def _narrow_lines(recording: Recording) -> list[float]:
 
 
 def _is_steady(recording: Recording, frequency: float) -> bool:
-    """Return whether the amplitude at a frequency [Hz] lasts, in the channel where it is largest."""
+    """Return whether the amplitude at a frequency [Hz] lasts, in the channel where it is largest.
+
+    Notes
+    -----
+    The amplitude of parts is that of the whole for hum; lines of pushes at even intervals belong to the few parts with
+    pushes. Parts hold two periods, so that neither slow motion nor what sensors read at rest leaks into them.
+    """
+    if frequency < _EVENTS.swings[0]:
+        return False
     times = np.arange(recording.n_samples) / recording.sampling_rate
-    turned = recording.samples * np.exp(-2j * np.pi * frequency * times)
-    parts = np.array_split(turned, min(_EVENTS.parts, turned.shape[1]), axis=1)
-    amplitudes = np.abs([part @ np.hanning(part.shape[1]) for part in parts])
+    centred = recording.samples - recording.samples.mean(axis=1, keepdims=True)
+    turned = centred * np.exp(-2j * np.pi * frequency * times)
+    n_parts = int(np.clip(recording.duration * frequency / _EVENTS.periods, 3, _EVENTS.parts))
+    parts = np.array_split(turned, n_parts, axis=1)
+    amplitudes, whole = (
+        np.abs([part @ np.hanning(part.shape[1]) / np.hanning(part.shape[1]).sum() for part in each])
+        for each in (parts, [turned])
+    )
     medians = np.median(amplitudes, axis=0)
     channel = int(np.argmax(medians))
-    return bool(np.quantile(amplitudes[:, channel], 0.25) > _EVENTS.steady * medians[channel])
+    lasting = _EVENTS.steady * max(medians[channel], whole[0, channel])
+    return bool(np.quantile(amplitudes[:, channel], 0.25) > lasting)
 
 
 def _events(level: Real, edge: float, width: int) -> list[tuple[int, int]]:
