@@ -40,6 +40,8 @@ class _FreeRules:
     forced_misfit: float = 2.0
     #: Misfit around a mode from which it may be a mixture of several, in several records too.
     mixed_misfit: float = 1.25
+    #: Normal quantile of misfits, beyond which chance does not explain them: that of 0.001.
+    beyond_chance: float = 3.09
     #: Largest distance of a further mode, in ln of the frequency, that may be hidden beside another.
     nearby: float = 0.5
     #: Loss of the log likelihood below which two modes a damping ratio above and below one, in ln of the frequency, are
@@ -178,14 +180,14 @@ def fit_free_response(
     if best is None:
         raise DataError("no motion swings freely in these records: give the part after the push, or a wider band")
     free, forced = best, []
-    if _misfits(best).max() > _FIT.forced_misfit:
+    if np.any(_misfits(best) > np.maximum(_FIT.forced_misfit, _by_chance(best))):
         forced = _forced(lines, realised)
         best = min([free, *forced], key=lambda fitted: fitted.criterion)
     doubts = _doubts(best)
     if forced and _misfits(best).max() > _FIT.forced_misfit:
         rival = min(forced, key=lambda fitted: fitted.criterion) if best is free else free
         doubts = np.sqrt(doubts**2 + _moved(best, rival)[0] ** 2 / _variances(best))
-    return _result(best, doubts, _unresolved(best), channels=runs[0].names)
+    return _result(best, doubts, _unresolved(best, was_forced=bool(forced)), channels=runs[0].names)
 
 
 def unexplained(recording: Recording, *, band: tuple[float, float], max_modes: int) -> float:
@@ -338,7 +340,18 @@ def _with_forces(fitted: _Fitted) -> _Fitted:
 
 
 def _misfits(fitted: _Fitted) -> Real:
-    """Return the power of the residuals around each mode over that of the model, shape (modes,).
+    """Return the power of the residuals around each mode over that of the model, shape (modes,)."""
+    powers, expected, everywhere = _around(fitted)
+    return np.maximum(powers / expected, everywhere)
+
+
+def _by_chance(fitted: _Fitted) -> Real:
+    """Return the largest misfit around each mode that chance explains, shape (modes,)."""
+    return np.asarray(1 + _FIT.beyond_chance / np.sqrt(_around(fitted)[1]))
+
+
+def _around(fitted: _Fitted) -> tuple[Real, Real, float]:
+    """Return the power of the residuals around each mode, that by the model, (modes,), and one over the other of all.
 
     Notes
     -----
@@ -348,13 +361,13 @@ def _misfits(fitted: _Fitted) -> Real:
     values, powers = fit.values, np.abs(fit.whitened) ** 2
     expected = 1 - model.leverages(fitted.parameters)
     everywhere = expected.size / max(np.sum(expected), expected.size / 4)
-    misfits = np.empty(model.modal.n_modes)
+    around = np.empty((2, model.modal.n_modes))
     for k, (f, xi) in enumerate(zip(values.natural_frequency, values.damping_ratio, strict=True)):
         distance = np.abs(model.data.frequencies - f)
         reach = max(_FIT.judged_widths * f * xi, np.partition(distance, min(7, distance.size - 1))[7 % distance.size])
         near = distance <= reach
-        misfits[k] = np.sum(powers[near]) / max(np.sum(expected[near]), expected[near].size / 4)
-    return np.maximum(misfits, everywhere)
+        around[:, k] = np.sum(powers[near]), max(np.sum(expected[near]), expected[near].size / 4)
+    return around[0], around[1], everywhere
 
 
 def _doubts(fitted: _Fitted) -> Real:
@@ -412,19 +425,39 @@ def _variances(fitted: _Fitted) -> Real:
     return np.where(variances > 0, variances, np.inf)
 
 
-def _unresolved(fitted: _Fitted) -> Booleans:
-    """Return which modes of a single record, or that do not explain the motion around them, may as well be two.
+def _unresolved(fitted: _Fitted, *, was_forced: bool) -> Real:
+    """Return up to which distance each mode may as well be two, in damping ratios above and below it, 0 to 1, (modes,).
 
-    One a damping ratio above and one below; shape (modes,).
+    Notes
+    -----
+    A mode of a single record, one that does not explain the motion around it, or one beside a mode that is not clear,
+    may be two where these are as likely a damping ratio away as close by. Where free modes do not explain the motion
+    and random forces are tried, one with a misfit is a mixture: the loss of likelihood, over the misfit
+    (quasi-likelihood) and as the square of the distance, tells how far apart the two may be.
     """
-    data, poles = fitted.model.data, poles_of(fitted.model.modal.unpacked(fitted.parameters))
-    losses, misfits = np.full(poles.size, np.inf), _misfits(fitted)
-    for k, xi in enumerate(-poles.real / np.abs(poles)):
-        if (data.n_records == 1 and not fitted.model.has_forces) or misfits[k] > _FIT.mixed_misfit:
-            pairs = (np.append(np.delete(poles, k), poles[k] * np.exp(d * np.array([-xi, xi]))) for d in (1.0, 0.1))
+    data, values = fitted.model.data, fitted.model.modal.unpacked(fitted.parameters)
+    poles, f, xi = poles_of(values), values.natural_frequency, values.damping_ratio
+    distances, misfits, is_clear = np.zeros(poles.size), _misfits(fitted), _are_clear(fitted)
+    mixed_from = np.maximum(_FIT.mixed_misfit, np.where(was_forced, 0.0, _by_chance(fitted)))
+    reach = np.maximum(xi * f, data.frequencies.min())
+    for k in range(poles.size):
+        is_mixed = bool(misfits[k] > mixed_from[k])
+        is_beside = bool(np.any(~is_clear & (np.abs(f - f[k]) < reach + xi[k] * f[k])))
+        if is_mixed or is_beside or (data.n_records == 1 and not fitted.model.has_forces):
+            pairs = (np.append(np.delete(poles, k), poles[k] * np.exp(d * np.array([-xi[k], xi[k]]))) for d in (1, 0.1))
             far, near = (FreePoles(data, pair).criterion for pair in pairs)
-            losses[k] = far - near
-    return np.asarray(losses < _FIT.resolved_by)
+            if far - near < _FIT.resolved_by:
+                distances[k] = 1.0
+            elif is_mixed and was_forced:
+                distances[k] = min(1.0, np.sqrt(_FIT.resolved_by * misfits[k] / (far - near)))
+    return distances
+
+
+def _are_clear(fitted: _Fitted) -> Booleans:
+    """Return which modes the records determine, shape (modes,)."""
+    xi, variances = fitted.model.modal.unpacked(fitted.parameters).damping_ratio, _variances(fitted)
+    most = np.stack([_FIT.max_deviation * xi, np.full(xi.size, _FIT.max_deviation)])
+    return np.all(variances < most**2, axis=0) & (xi < _FIT.max_damping)
 
 
 def _covariance(fitted: _Fitted) -> Real:
@@ -457,7 +490,7 @@ def _mode_of_each(model: FreeResponse) -> Indices:
     )
 
 
-def _result(fitted: _Fitted, doubts: Real, unresolved: Booleans, *, channels: tuple[str, ...]) -> FreeFit:
+def _result(fitted: _Fitted, doubts: Real, unresolved: Real, *, channels: tuple[str, ...]) -> FreeFit:
     """Return the clear modes of a fit."""
     model, parameters = fitted.model, fitted.parameters
     fit, n = model.fitted(parameters), model.modal.n_modes
@@ -466,7 +499,7 @@ def _result(fitted: _Fitted, doubts: Real, unresolved: Booleans, *, channels: tu
     of_mode = _mode_of_each(model)
     covariance = _covariance(fitted)
     spread = np.stack([xi, np.full(n, _FIT.unresolved_damping)]) * unresolved
-    hidden = (doubts.max(axis=0) > _FIT.doubled) & ~unresolved
+    hidden = (doubts.max(axis=0) > _FIT.doubled) & (unresolved == 0)
     doubts = np.sqrt(doubts**2 + spread**2 / np.maximum(np.diag(covariance)[: 2 * n].reshape(2, n), 1e-300))
     factors = np.concatenate([doubts.ravel(), doubts.max(axis=0)[of_mode[2 * n :]]])
     covariance = covariance * np.outer(factors, factors)
@@ -488,8 +521,8 @@ def _result(fitted: _Fitted, doubts: Real, unresolved: Booleans, *, channels: tu
     durations = 2 / (gains * model.data.sampling_rate) ** 2
     amplitudes = 2 * fit.amplitudes / (1 - np.exp(np.outer(durations, poles)))
     order = np.argsort(f)
-    certain = (stds[: 2 * n] / doubts.ravel()).reshape(2, n)
-    is_clear = (certain[0] < _FIT.max_deviation * xi) & (certain[1] < _FIT.max_deviation) & (xi < _FIT.max_damping)
+    is_known = (stds[:n] < _FIT.max_deviation) | (model.data.n_records == 1)  # of one, a rough mode is better than none
+    is_clear = _are_clear(fitted) & is_known
     kept = order[is_clear[order]]
     rows = np.concatenate([kept, n + kept, *(np.flatnonzero(of_mode[2 * n :] == k) + 2 * n for k in kept)])
     return FreeFit(
@@ -500,5 +533,5 @@ def _result(fitted: _Fitted, doubts: Real, unresolved: Booleans, *, channels: tu
         information_criterion=fitted.criterion,
         has_forces=model.has_forces,
         hidden=tuple(float(f[k]) for k in kept if hidden[k]),
-        unresolved=tuple((float(f[k]), float(2 * xi[k] * f[k])) for k in kept if unresolved[k]),
+        unresolved=tuple((float(f[k]), float(2 * unresolved[k] * xi[k] * f[k])) for k in kept if unresolved[k]),
     )
