@@ -182,6 +182,18 @@ def drop(seed=0, *, hum=0.0) -> np.ndarray:
 ACCELERATIONS = (Channel("acc_f", "acceleration"), Channel("acc_r", "acceleration"))
 
 
+def test_travels_of_two_linear_modes_show_no_friction() -> None:
+    """One travel alone, as a swing with friction, stuck at 1 count: bounce and pitch together leave the noise."""
+    poles = 2 * np.pi * np.array([1.274, 1.468]) * np.exp(1j * (np.pi / 2 + np.arcsin([0.237, 0.276])))
+    waves = np.exp(np.outer(poles, np.arange(300) / 100))
+    motion = 60 * (np.array([[1.0, 0.5], [0.95, 0.45], [0.8, -0.6], [0.75, -0.5]]) @ (np.array([[1], [1]]) * waves)).real
+    press = motion[:, :1] * np.sin(np.linspace(0, np.pi / 2, 30))
+    travels = np.round(np.hstack([np.zeros((4, 150)), press, motion, np.zeros((4, 60))]))
+    (test,) = bounce(Recording(travels, 100.0, tuple(Channel(name, "unknown") for name in "abcd"))).tests
+    assert set(test.frictions) == {None}
+    assert test.residual < 0.01
+
+
 @pytest.mark.slow
 def test_a_drop_beside_hum() -> None:
     """With mains hum, a record is nowhere quiet: no drop was found, and `identify --kind free` found none either."""

@@ -145,7 +145,8 @@ def tested(run: Recording, number: int, transient: Transient) -> BounceTest:
         beside = _beside_faster(run, number, transient, *free) if free is not None else None
         is_better = with_friction is None or (beside is not None and beside.residual < with_friction.residual)
         with_friction = beside if is_better else with_friction
-    if with_friction is not None and with_friction.is_significant:
+    explains = free is not None and 1 - free[1].explained < of_noise**2
+    if with_friction is not None and with_friction.is_significant and not explains:
         return with_friction
     try:
         linear = _linear(number, transient, *(free or _free(run, transient)))
