@@ -186,7 +186,9 @@ def test_travels_of_two_linear_modes_show_no_friction() -> None:
     """One travel alone, as a swing with friction, stuck at 1 count: bounce and pitch together leave the noise."""
     poles = 2 * np.pi * np.array([1.274, 1.468]) * np.exp(1j * (np.pi / 2 + np.arcsin([0.237, 0.276])))
     waves = np.exp(np.outer(poles, np.arange(300) / 100))
-    motion = 60 * (np.array([[1.0, 0.5], [0.95, 0.45], [0.8, -0.6], [0.75, -0.5]]) @ (np.array([[1], [1]]) * waves)).real
+    motion = (
+        60 * (np.array([[1.0, 0.5], [0.95, 0.45], [0.8, -0.6], [0.75, -0.5]]) @ (np.array([[1], [1]]) * waves)).real
+    )
     press = motion[:, :1] * np.sin(np.linspace(0, np.pi / 2, 30))
     travels = np.round(np.hstack([np.zeros((4, 150)), press, motion, np.zeros((4, 60))]))
     (test,) = bounce(Recording(travels, 100.0, tuple(Channel(name, "unknown") for name in "abcd"))).tests
@@ -273,6 +275,16 @@ def test_without_a_push_there_is_no_answer() -> None:
     noise = np.random.default_rng(6).standard_normal((2, 3000))
     with pytest.raises(DataError, match="push and let go"):
         bounce(Recording(noise, 100.0, (Channel("a", "acceleration"), Channel("b", "acceleration"))))
+
+
+@pytest.mark.slow
+def test_tests_without_a_clear_mode_say_so() -> None:
+    """With the engine running, tests and an empty table were all that was shown."""
+    run, time = pushes(), np.arange(1800) / 100
+    engine = np.sin(2 * np.pi * (25.3 * time + 0.3 * np.sin(0.8 * time))) * [[0.3], [0.4], [0.5], [0.6]]
+    result = bounce(Recording(run.samples + engine, 100.0, run.channels))
+    assert len(result.modes) == 0
+    assert "no mode is clear" in result.notes[-1]
 
 
 @pytest.mark.slow

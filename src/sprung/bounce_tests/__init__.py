@@ -98,6 +98,11 @@ def bounce(
     modes = fit.modes if fit is not None else pooled(with_friction)
     modes = labelled(modes, runs[0].channels, vehicle=vehicle)
     notes += () if fit is None else fit.notes
+    if not len(modes):
+        notes.append(
+            "no mode is clear: damping is too high (above about 60 %), the tests differ, or something else moved the"
+            " sensors: record with the engine off, and leave out their handling with --from and --to"
+        )
     corners: tuple[CornerValue, ...] = ()
     sides: tuple[BounceChange, ...] = ()
     if isinstance(vehicle, Vehicle) and vehicle.bogie:
