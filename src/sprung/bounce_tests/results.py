@@ -62,8 +62,9 @@ class BounceRules:
     body_reach: float = 1.6
     #: Mean square deviation of modes from those of the vehicle, over that by chance, that is noted.
     poor_fit: float = 4.0
-    #: Largest relative difference of the frequencies of one mode before and after.
+    #: Largest relative difference of the frequencies of one mode before and after, and what another shape adds to it.
     same_mode: float = 0.3
+    other_shape: float = 0.1
     #: Size of a change over its standard deviation from which it is significant: 1 % by chance.
     significant: float = 2.58
 
@@ -219,18 +220,21 @@ def bounce_changes(before: Bounce, after: Bounce) -> tuple[BounceChange, ...]:
     Returns
     -------
     tuple of BounceChange
-        Frequency and damping of each mode that both have, matched by frequency and shape, and identifiable components.
+        Frequency and damping of each mode that both have, matched one by one by frequency and shape, and identifiable
+        components.
     """
     changes = []
     old, new = before.modes, after.modes
-    is_comparable = old.channels == new.channels
-    for k, frequency in enumerate(new.natural_frequency):
-        distance = np.abs(np.log(old.natural_frequency / frequency))
-        if is_comparable:
-            distance = distance + (mac(new.mode_shapes[k : k + 1], old.mode_shapes)[0] < 0.5)
-        j = int(np.argmin(distance)) if distance.size else -1
-        if j < 0 or distance[j] > RULES.same_mode:
-            continue
+    distances = np.abs(np.log(new.natural_frequency[:, None] / old.natural_frequency))
+    if old.channels == new.channels:
+        distances = distances + RULES.other_shape * (mac(new.mode_shapes, old.mode_shapes) < 0.5)
+    pairs = {}
+    while distances.min(initial=np.inf) < RULES.same_mode:
+        row, column = (int(each) for each in np.unravel_index(np.argmin(distances), distances.shape))
+        distances[row], distances[:, column] = np.inf, np.inf
+        pairs[row] = column
+    for k, j in sorted(pairs.items()):
+        frequency = new.natural_frequency[k]
         part = new.labels[k] or f"{frequency:.3g} Hz"
         for name in ("natural_frequency", "damping_ratio"):
             was, now = float(getattr(old, name)[j]), float(getattr(new, name)[k])
