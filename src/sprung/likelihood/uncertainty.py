@@ -74,7 +74,9 @@ def segment_weights(
     return np.minimum(1.0, SETTINGS.max_power * np.median(power) / power)
 
 
-def parameter_covariance(model: SpectralLikelihood, parameters: Real, segments: SegmentSpectra) -> Real:
+def parameter_covariance(
+    model: SpectralLikelihood, parameters: Real, segments: SegmentSpectra, *, width: float = CLASS_WIDTH
+) -> Real:
     """Return the covariance of the fitted parameters, larger where the scores of the segments scatter more.
 
     Parameters
@@ -85,6 +87,8 @@ def parameter_covariance(model: SpectralLikelihood, parameters: Real, segments: 
         Parameters at the optimum.
     segments
         Spectra of the segments, in the order of time.
+    width
+        Width of the speed classes of the model's data, as for `class_spectra`.
 
     Returns
     -------
@@ -111,7 +115,7 @@ def parameter_covariance(model: SpectralLikelihood, parameters: Real, segments: 
     rows = whitened.reshape(parameters.size, -1)
     information = rows @ rows.T
     expected = expected_covariance(information, model.prior_std)
-    scores = _scores(model, parameters, segments, whitened)
+    scores = _scores(model, parameters, segments, whitened, width)
     bread = np.linalg.inv(information + np.diag(1 / model.prior_std**2))
     centred = scores - scores.mean(axis=0)
     neighbours = centred[1:].T @ centred[:-1] / 2
@@ -291,7 +295,9 @@ def whitened_segments(
     return np.einsum("sfij,sfj->sfi", factor[numbers], segments.values)
 
 
-def _scores(model: SpectralLikelihood, parameters: Real, segments: SegmentSpectra, whitened: Real) -> Real:
+def _scores(
+    model: SpectralLikelihood, parameters: Real, segments: SegmentSpectra, whitened: Real, width: float
+) -> Real:
     """Gradient of each segment's minus log likelihood, tr(S^-1 dS) - y^H S^-1 dS S^-1 y, (segments, parameters).
 
     `whitened` are the whitened derivatives of the model at the parameters.
@@ -299,10 +305,10 @@ def _scores(model: SpectralLikelihood, parameters: Real, segments: SegmentSpectr
     spectra = model.spectra
     of_one_segment = (np.sqrt(spectra.weights) / spectra.counts[:, None])[..., None]
     whitened = whitened * of_one_segment
-    values = whitened_segments(model, parameters, segments)
+    values = whitened_segments(model, parameters, segments, width)
     excess = np.eye(values.shape[-1]) - values[..., :, None] * values[..., None, :].conj()
     coordinates = real_coordinates(excess)
-    numbers = speed_classes(segments.speeds)
+    numbers = speed_classes(segments.speeds, width=width)
     scores = np.empty((values.shape[0], len(parameters)))
     for number in range(spectra.counts.size):
         members = np.flatnonzero(numbers == number)
