@@ -53,6 +53,12 @@ def test_the_changed_part_is_named(baseline, part, change, words) -> None:
     assert f") {end.rpartition(' ')[2]}" in finding.sentence
 
 
+def test_two_windows_tell_a_soft_lateral_spring_from_a_stiff_one_of_the_other_bogie(baseline) -> None:
+    """Springs of steel hardly change together from day to day, whatever the temperature."""
+    (finding,) = diagnose(windows(2, first=12, seed=2, bogie2__lateral_spring=-0.25), baseline).findings
+    assert (finding.corner, finding.component, finding.runner_up) == ("bogie2", "lateral_spring", "")
+
+
 def test_modes_of_the_body_change_with_parts_that_it_rolls_on(baseline) -> None:
     for part, labels in (
         ("bogie1__primary_longitudinal_spring", set()),

@@ -91,11 +91,11 @@ def learn(
     scatters about the regression, more or less than reported: a fit that is uncertain because the vehicle file lacks
     something errs alike in every window. Pairs are shrunk to the ratio of all pairs. (2) Front against rear and (3) all
     components of a kind together, beyond (1), regularised by usual values. The third is learnt only if the temperature
-    of all windows is known: otherwise a cold day has still to come, and the usual one stays, but for secondary springs
-    of rail vehicles, which are of steel. Sizes of (2) and (3) are plain means, of two stages by generalised least
-    squares, as sensors may hardly see one bogie. Degrees of freedom are n - tr[(X^T X + L)^-1 X^T X], with L the
-    variance of a window over that of a slope, and variances with few of them are widened to what their Student's t
-    implies, in J too: means and slopes are no more certain than the windows.
+    of all windows is known: otherwise a cold day has still to come, and the usual one stays, but for secondary and
+    lateral springs of rail vehicles, which are of steel. Sizes of (2) and (3) are plain means, of vehicles on bogies by
+    generalised least squares, as sensors may hardly see one bogie. Degrees of freedom are n - tr[(X^T X + L)^-1 X^T X],
+    with L the variance of a window over that of a slope, and variances with few of them are widened to what their
+    Student's t implies, in J too: means and slopes are no more certain than the windows.
 
     With the baseline of a type, the vehicle's mean is drawn from N(mean of the type, covariance between its vehicles)
     and its slopes and scatter are shrunk to those of the type (empirical Bayes): a few windows are enough.

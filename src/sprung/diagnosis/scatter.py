@@ -12,17 +12,21 @@ from sprung._arrays import Real
 from sprung._checks import frozen_array
 from sprung.diagnosis.hypotheses import typical_directions
 from sprung.vehicles import Component
-from sprung.vehicles.structure import DAMPERS, SPRINGS
+from sprung.vehicles.structure import DAMPERS
 
+#: Kinds of parts by what they are of: steel, rubber of mounts and axle guides, and oil.
+STEEL = ("secondary_spring", "lateral_spring")
+RUBBER = ("spring", "primary_spring", "primary_longitudinal_spring", "primary_lateral_spring")
+OIL = (*DAMPERS, "lateral_damper", "yaw_damper")
 #: Common change of all components of a kind from window to window (payload, temperature, road), ln values, where the
-#: temperature is unknown. Secondary springs are of steel, which 40 K change by 1 %, and their load is fitted.
-COMMON = {"tyre": 0.06, "anti_roll": 0.08, "conicity": 0.1, **dict.fromkeys(DAMPERS, 0.25)}
-COMMON |= {"spring": 0.08, "primary_spring": 0.08, "secondary_spring": 0.02}
+#: temperature is unknown. Steel changes by 1 % over 40 K, and the load of secondary springs is fitted.
+COMMON = {"tyre": 0.06, "anti_roll": 0.08, "conicity": 0.1, **dict.fromkeys(OIL, 0.25)}
+COMMON |= dict.fromkeys(RUBBER, 0.08) | dict.fromkeys(STEEL, 0.02)
 #: The part of it that is left where the temperature is known.
-COMMON_AT_A_TEMPERATURE = COMMON | {"tyre": 0.03, **dict.fromkeys(DAMPERS, 0.06)}
-COMMON_AT_A_TEMPERATURE |= dict.fromkeys(("spring", "primary_spring", "anti_roll"), 0.04)
+COMMON_AT_A_TEMPERATURE = COMMON | {"tyre": 0.03, **dict.fromkeys(OIL, 0.06)}
+COMMON_AT_A_TEMPERATURE |= dict.fromkeys((*RUBBER, "anti_roll"), 0.04)
 #: Common change of front against rear, ln values.
-FRONT_REAR_STD = {"tyre": 0.005, "anti_roll": 0.008, **dict.fromkeys(SPRINGS, 0.008), **dict.fromkeys(DAMPERS, 0.012)}
+FRONT_REAR_STD = {"tyre": 0.005, **dict.fromkeys((*STEEL, *RUBBER, "anti_roll"), 0.008), **dict.fromkeys(OIL, 0.012)}
 
 
 def shared_covariance(
@@ -266,19 +270,20 @@ class Scatter:
             deviations, scaled._as_known(ends, ends), self.front_rear_std, WEIGHTS.front_rear, is_widened
         )
         scaled = replace(scaled, front_rear_std=ends_std)
-        usual = {k: std for k, std in self.common_std.items() if self.has_temperature or k == "secondary_spring"}
+        usual = {kind: std for kind, std in self.common_std.items() if self.has_temperature or kind in STEEL}
         means = scaled._as_known(together, together / together.sum(axis=1, keepdims=True))
         common_std = scaled._beyond_chance(deviations, means, usual, WEIGHTS.common, is_widened)
         return replace(scaled, common_std=self.common_std | common_std)
 
     def _as_known(self, directions: Real, plain: Real) -> Real:
-        """Return rows by which deviations give sizes along directions: generalised least squares for two stages.
+        """Return rows by which deviations give sizes along directions: generalised least squares on bogies.
 
         Two sensors hardly see the far bogie of a rail vehicle, and plain means would be its errors.
         """
         weighted = directions @ np.linalg.inv(self.whole)
         weighted /= np.sum(weighted * directions, axis=1, keepdims=True)
-        is_staged = [kind.startswith(("primary_", "secondary_")) for kind in kinds_of(directions, self.components)]
+        kinds = kinds_of(directions, self.components)
+        is_staged = [kind.startswith(("primary_", "secondary_", "lateral_", "yaw_")) for kind in kinds]
         return np.where(np.array(is_staged, dtype=np.bool_)[:, None], weighted, plain)
 
     def _beyond_chance(
