@@ -2,11 +2,14 @@
 
 The coach has four lateral accelerometers on its frames, lateral parts that differ from its file by production scatter,
 loads up to 4 t, speeds up to 33 to 44 m/s, and tracks of ERRI B176 low and high with joints. Its baseline is learnt
-from drives of five minutes; then drives with a fault, and healthy ones, are diagnosed three together.
+from drives of five minutes; then drives with a fault, and healthy ones, are diagnosed three together. At the end stands
+how many of the faults and of the healthy sets came to what; 15 % of conicity are the wear of wheels, which need not be
+named but must not be called a spring.
 """
 
 import argparse
 import os
+from collections import Counter
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -26,7 +29,9 @@ ROWS = (
     {"bogie2_rear_left.primary_spring": -0.2},
     {"bogie1_left.secondary_damper": -0.4},
     {},
+    {"wheelsets.conicity": 0.15},
 )
+OUTCOMES = ("right part", "wrong part", "inconclusive", "no change detected")
 #: Drives that are diagnosed together; production scatter of lateral parts.
 TOGETHER, SCATTER = 3, 0.06
 
@@ -36,6 +41,7 @@ def main():
     parser.add_argument("--learning", type=int, default=8, help="drives of the baseline")
     parser.add_argument("--minutes", type=float, default=5.0, help="length of a drive")
     parser.add_argument("--car", type=int, default=5, help="number of the coach")
+    parser.add_argument("--healthy", type=int, default=0, help="further healthy sets")
     given = parser.parse_args()
     coach = with_lateral_sensors(read_vehicle("coach"))
     parts = [str(part) for part in lateral_parts(coach)][1:]
@@ -46,8 +52,12 @@ def main():
         return observe_window(run, coach, time=600.0 * number)
 
     baseline = learn([observed(number, {}) for number in range(given.learning)])
-    for row, faults in enumerate(ROWS):
+    counts = {"faults": Counter(), "healthy": Counter()}
+    for row, faults in enumerate((*ROWS, *({},) * given.healthy)):
         found = diagnose([observed(100 + 10 * row + k, faults) for k in range(TOGETHER)], baseline)
+        named = {f"{finding.corner}.{finding.component}" for finding in found.findings}
+        outcome = found.verdict.replace("_", " ") if not named else OUTCOMES[named != set(faults)]
+        counts["faults" if faults else "healthy"][outcome] += 1
         print(
             faults or "healthy",
             found.verdict,
@@ -55,6 +65,9 @@ def main():
             *found.doubts,
             flush=True,
         )
+    print("", *OUTCOMES, sep=" | ")
+    for drives, count in counts.items():
+        print(drives, *(count[outcome] for outcome in OUTCOMES), sep=" | ")
 
 
 def with_lateral_sensors(coach):
