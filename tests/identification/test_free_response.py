@@ -73,6 +73,42 @@ def test_the_first_record_of_random_motion_ends_the_search(monkeypatch: pytest.M
     assert not list(cleaned)
 
 
+def pushes(background: np.ndarray) -> Recording:
+    """Return four decays of five seconds after three seconds of rest on top of other motion, shape (2, 2300)."""
+    motion = np.concatenate([np.zeros((2, 300)), *[decay(level=0.0, n_samples=500).samples] * 4], axis=1)
+    return Recording(motion + background, 100.0, CHANNELS)
+
+
+def test_pushes_in_the_noise_of_a_phone_are_free_motion() -> None:
+    """A car pushed by hand had no mode: the level of the noise at rest was a fifth of the largest swing."""
+    found = cov_ssi(pushes(0.05 * np.random.default_rng(2).standard_normal((2, 2300))))
+    assert any(note.startswith("the records are free motion") for note in found.notes)
+    errors = np.abs(found.modes.natural_frequency - FREQUENCY)
+    assert np.all(errors < 3 * found.modes.natural_frequency_std)
+    assert np.all(found.modes.natural_frequency_std < 0.03)
+
+
+def test_pushes_on_a_drive_are_no_free_motion() -> None:
+    """Potholes: between them the body moves, with far more power at its own frequencies than above."""
+    masses = chain()
+    road = simulate(masses, usual_excitation(masses), duration=23.0, sampling_rate=100.0, seed=4).samples[:2]
+    slow = np.repeat(road[:, :460], 5, axis=1)  # modes from 1.4 Hz on
+    potholes = pushes(0.2 * slow / slow.std())
+    assert methods.free_fit([potholes], IdentificationSettings(), None) is None
+
+
+def test_motion_that_dies_away_otherwise_than_freely_is_stated() -> None:
+    """Friction stops each swing: 80 % of the motion is no sum of modes."""
+    time = np.arange(500) / 100
+    stopped = np.maximum(1 - time, 0.0) * np.sin(2 * np.pi * 1.4 * time**1.5)
+    motion = np.concatenate([np.zeros(300), *[stopped] * 4])[None] * np.ones((2, 1))
+    run = Recording(motion + 0.01 * np.random.default_rng(2).standard_normal(motion.shape), 100.0, CHANNELS)
+    assert methods.free_fit([run], IdentificationSettings(), None) == (
+        None,
+        ("motion dies away as after a push in 4 places, which free modes do not explain: see sprung bounce",),
+    )
+
+
 def test_repeats_reduce_the_deviations() -> None:
     one = fit_free_response(decay(level=0.02)).modes
     four = fit_free_response([decay(level=0.02, seed=seed) for seed in range(4)]).modes

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from sprung._checks import check_one_of, check_type, settings_of
+from sprung._display import counted
 from sprung._threads import one_thread
 from sprung.errors import DataError, IdentificationError, ParameterError
 from sprung.identification import steps
@@ -404,39 +405,45 @@ def _identified(
         return identify_setups(
             METHODS[method.name], setups, references=references, settings=own, vehicle=vehicle, on_progress=on_progress
         )
-    free = free_fit(given, wanted, vehicle)
+    fit, notes = free_fit(given, wanted, vehicle) or (None, ())
     draft = steps.correlate(method, given, settings=wanted, vehicle=vehicle, report=report)
-    for step in _STEPS if free is None else ():
+    for step in _STEPS if fit is None else ():
         draft = step(draft)
-    return steps.finished(draft if free is None else steps.fit_free_motion(draft, *free))
+    return steps.finished(draft.noted(*notes) if fit is None else steps.fit_free_motion(draft, fit, notes))
 
 
 def free_fit(
     given: Iterable[Recording], settings: IdentificationSettings, vehicle: AnyVehicle | None
-) -> tuple[FreeFit, tuple[str, ...]] | None:
-    """Return the fit of records of free motion, and notes; None for random motion, or an iterator (read only once)."""
+) -> tuple[FreeFit | None, tuple[str, ...]] | None:
+    """Return the fit of records of free motion, and notes; None for random motion, or an iterator (read only once).
+
+    The fit is None where motions die away and free modes do not explain them.
+    """
     if settings.kind == "random" or not isinstance(given, Sequence):
         return None
     is_certain = settings.kind == "free"
     if not is_certain and any(is_drive(each) for each in given):
         return None
+    parts: list[Recording] = []
+    fit, least = None, 0.0 if is_certain else _FREE
     try:
         whole = [usable(each, vehicle=vehicle, allow_missing=settings.allow_missing) for each in given]
         runs = [run.select(output_channels(run, vehicle)) for run in whole]
         clean = () if any(run.gaps for run in runs) else map(without_hum, runs)
         parts = free_parts(clean, is_certain=is_certain)
-        least = 0.0 if is_certain else _FREE
         fit = fit_free_response(parts, band=settings.band, least_explained=least) if parts else None
     except DataError:
         if is_certain:
             raise
-        return None
-    if fit is not None and (is_certain or fit.explained >= _FREE):
+    if fit is not None and fit.explained >= least:
         changed = [after for before, after in zip(runs, map(without_hum, runs), strict=True) if after is not before]
         return fit, (*dict.fromkeys(f"hum: {run.history[-1]}" for run in changed), *fit.notes)
     if is_certain:
         raise DataError("no motion that dies away was found: --kind random, or see sprung bounce")
-    return None
+    if not parts:
+        return None
+    places = counted(len(parts), "place")
+    return None, (f"motion dies away as after a push in {places}, which free modes do not explain: see sprung bounce",)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -380,8 +380,9 @@ def fit_free_motion(draft: Draft, fit: FreeFit, notes: Sequence[str]) -> Draft:
         " (--kind random for modes of random motion)",
         *notes,
     )
-    draft = _with_modes_alone(draft, fit.modes)
-    return replace(draft, sources=("free_response",) * len(fit.modes)).noted(*_notes_on_modes(draft.modes, None))
+    modes = fit.modes.take(np.flatnonzero(fit.modes.damping_ratio <= draft.settings.criteria.max_damping))
+    draft = _with_modes_alone(draft, modes)
+    return replace(draft, sources=("free_response",) * len(modes)).noted(*_notes_on_modes(draft.modes, None))
 
 
 def _with_modes_alone(draft: Draft, modes: Modes) -> Draft:

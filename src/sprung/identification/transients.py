@@ -38,6 +38,12 @@ class _TransientRules:
     #: Level below which a record is quiet, over its peak, and least share of such samples of a record of free motion.
     quiet: float = 0.08
     min_quiet: float = 0.4
+    #: Level below which it is as quiet as its sensors, over that of its quietest tenth.
+    over_floor: float = 1.25
+    #: Windows on either side of the quietest sample in which that tenth is of sensors, and largest power density there
+    #: at the frequencies of the swings over the median of those above.
+    at_rest: float = 2.0
+    white: float = 20.0
     #: Least share of a record of free motion that is free: one pothole of a drive is no push.
     min_share: float = 0.02
     #: Fall of the level, from the first sixth to the last, of a record that is one decay.
@@ -289,7 +295,7 @@ def free_parts(recordings: Iterable[Recording], *, is_certain: bool = False) -> 
         level, window = motion_level(recording)
         blocks = np.array([np.mean(block) for block in np.array_split(level, 6)])
         falls = bool(np.all(np.diff(blocks) < 0)) and blocks[0] > _EVENTS.fall_of_record * blocks[-1]
-        if not is_certain and np.mean(level < _EVENTS.quiet) < _EVENTS.min_quiet and not falls:
+        if not is_certain and not falls and not _is_mostly_quiet(recording, level, window):
             return []
         found = find_transients(recording)
         if not 0 < len(found) <= _EVENTS.max_motions:
@@ -304,6 +310,25 @@ def free_parts(recordings: Iterable[Recording], *, is_certain: bool = False) -> 
             begin = 0.0 if each.onset == 0 else each.begin  # the record begins with free motion
             parts.append(recording.part(round(begin * rate), round(until * rate)))
     return parts
+
+
+def _is_mostly_quiet(recording: Recording, level: Real, window: float) -> bool:
+    """Return whether most of a record is motion that has died away, or noise of its sensors as large as that.
+
+    The noise of sensors has as much power at the frequencies of the swings as above; motion of a drive has not.
+    """
+    if np.mean(level < _EVENTS.quiet) >= _EVENTS.min_quiet:
+        return True
+    floor = float(np.quantile(level, 0.1))
+    if floor > 1 / _EVENTS.min_fall or np.mean(level < _EVENTS.over_floor * floor) < _EVENTS.min_quiet:
+        return False
+    middle, reach = int(np.argmin(level)), round(_EVENTS.at_rest * window * recording.sampling_rate)
+    resting = recording.samples[:, max(middle - reach, 0) : middle + reach + 1]
+    tapered = (resting - resting.mean(axis=1, keepdims=True)) * np.hanning(resting.shape[1])
+    powers = np.abs(np.fft.rfft(tapered, axis=1)) ** 2
+    swings = np.fft.rfftfreq(resting.shape[1], 1 / recording.sampling_rate) < 2 / window
+    above = np.median(powers[:, ~swings], axis=1) / np.log(2)
+    return bool(np.all(powers[:, swings][:, 1:].mean(axis=1) < _EVENTS.white * above))
 
 
 def _left_over(recording: Recording, begin: int, end: int, scale: Real, window: float) -> float:
