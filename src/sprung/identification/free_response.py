@@ -26,6 +26,8 @@ class _FreeRules:
     #: Most block rows, and share of the real parts of the lines that they may use: the rest averages noise.
     max_block_rows: int = 24
     lines_of_block_rows: float = 0.25
+    #: Share of the motion that starts explain at least, over that of the refined modes: noise hides modes from them.
+    of_starts: float = 0.9
     #: Largest damping ratio of a pole that swings.
     max_damping: float = 0.9
     #: Numbers of modes that are refined: those whose least squares come nearest to the data; one where modes are known.
@@ -173,7 +175,7 @@ def fit_free_response(
     most = max_modes or _FIT.max_modes
     realised = list(_realised(lines, most=most))
     starts = _grown(lines, [poles for poles, _ in realised], most=most, begins=begins)
-    if starts and all(_explained(start) < least_explained for start in starts):
+    if starts and all(_explained(start) < _FIT.of_starts * least_explained for start in starts):
         raise DataError(f"free modes explain less than {100 * least_explained:.0f} % of the motion in these records")
     nearest = sorted(starts, key=lambda start: start.criterion)[: 1 if begins else _FIT.n_refined]
     best = min(map(_refined, nearest), key=lambda fitted: fitted.criterion, default=None)

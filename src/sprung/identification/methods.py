@@ -428,9 +428,12 @@ def free_fit(
     fit, least = None, 0.0 if is_certain else _FREE
     try:
         whole = [usable(each, vehicle=vehicle, allow_missing=settings.allow_missing) for each in given]
-        runs = [run.select(output_channels(run, vehicle)) for run in whole]
-        clean = () if any(run.gaps for run in runs) else map(without_hum, runs)
-        parts = free_parts(clean, is_certain=is_certain)
+        longest = [max(run.stretches(), key=lambda stretch: stretch.stop - stretch.start) for run in whole]
+        runs = [
+            run.select(output_channels(run, vehicle)).part(stretch.start, stretch.stop)
+            for run, stretch in zip(whole, longest, strict=True)
+        ]
+        parts = free_parts(map(without_hum, runs), is_certain=is_certain)
         fit = fit_free_response(parts, band=settings.band, least_explained=least) if parts else None
     except DataError:
         if is_certain:
