@@ -375,7 +375,7 @@ def _at_present(best: Candidate, observations: Sequence[Observation], baseline: 
     for change, size in zip(best.hypothesis.changes, current_sizes(best, observations, baseline), strict=True):
         low, high = size.interval
         if change.component == "tyre" and change.scope == "single" and size.change >= STIFFER_TYRE:
-            low = (1 + low) * LIGHTEST_WHEEL - 1
+            low = max((1 + low) * LIGHTEST_WHEEL - 1, 0.0)
         sizes.append(replace(size, interval=(low, high)))
     return replace(best, sizes=tuple(sizes))
 
