@@ -435,7 +435,7 @@ def _unresolved(fitted: _Fitted, *, was_forced: bool) -> Real:
     A mode of a single record, one that does not explain the motion around it, or one beside a mode that is not clear,
     may be two where these are as likely a damping ratio away as close by. Where free modes do not explain the motion
     and random forces are tried, one with a misfit is a mixture: the loss of likelihood, over the misfit
-    (quasi-likelihood) and as the square of the distance, tells how far apart the two may be.
+    (quasi-likelihood) and as the square of the distance, bounds how far apart the two may be.
     """
     data, values = fitted.model.data, fitted.model.modal.unpacked(fitted.parameters)
     poles, f, xi = poles_of(values), values.natural_frequency, values.damping_ratio
