@@ -522,13 +522,31 @@ def test_what_a_fit_withholds_from_a_lost_bar_is_no_stiffer_bar_at_the_other_axl
     assert {one.corner for one in both} == {"front_axle", "rear_axle"}
 
 
+@pytest.mark.parametrize("change", [{"front_left.spring": -0.2}, {"front_right.tyre": -0.25}])
+def test_the_interval_of_a_size_allows_for_the_error_of_the_file(faulty, baseline, change) -> None:
+    halves, sizes = [], []
+    for error in (0.0, 0.1):
+        windows = [replace(one, conditions=one.conditions | {"model_error": error}) for one in faulty(3, change)]
+        (finding,) = diagnose(windows, baseline).findings
+        assert finding.interval is not None
+        assert finding.change is not None
+        halves.append(np.diff(np.log1p(finding.interval))[0] / 2)
+        sizes.append(np.log1p(finding.change))
+    assert halves[1] ** 2 - halves[0] ** 2 == pytest.approx((1.96 * 1.5 * 0.1 * sizes[1]) ** 2, rel=0.1)
+
+
 def test_a_much_stiffer_tyre_may_be_another_wheel(faulty, baseline) -> None:
     """A tyre +30 % with 18 % less mass reads as ln(1.3 / 0.82): its interval has the tyre's own change."""
-    (finding,) = diagnose(faulty(3, {"rear_right.tyre": 1.3 / 0.82 - 1}), baseline).findings
+    windows = faulty(3, {"rear_right.tyre": 1.3 / 0.82 - 1})
+    (finding,) = diagnose(windows, baseline).findings
     assert (finding.corner, finding.component) == ("rear_right", "tyre")
     assert finding.interval is not None
     assert finding.interval[0] < 0.3 < finding.interval[1]
     assert "or another wheel, up to 30 % lighter" in finding.sentence
+    wrong = [replace(one, conditions=one.conditions | {"model_error": 0.15}) for one in windows]
+    (same,) = diagnose(wrong, baseline).findings
+    assert same.interval is not None
+    assert same.interval[0] == 0.0  # the same tyre on a lighter wheel, not a softer one
     (one,) = diagnose(faulty(3, {"rear_right.tyre": 0.2}), baseline).findings
     assert one.interval is not None
     assert one.interval[0] > 0.15
