@@ -23,6 +23,8 @@ LOOKS = (6, 12, 24, 48)
 ONSET = 3
 N_VEHICLES = 100
 RATE = 0.05
+#: Evidence by three correlations at and above which that by all is computed, ln: a list of one needs 6.9.
+ABOVE = 0.0
 #: Vehicles that are simulated together.
 AT_ONCE = 100
 #: Serial correlation, logarithmic standard deviation of the scatter of parts, whether conditions leave those met.
@@ -73,7 +75,7 @@ def simulated(world, n_learning, change, count, seed):
         units, values = drawn(world, n_learning, change, generator)
         for which, learnt in baselines(units[:, :n_learning], values[:, :n_learning]):
             if len(which):
-                found.append(evidence(learnt, units[which, n_learning:], values[which, n_learning:], LOOKS))
+                found.append(evidence(learnt, units[which, n_learning:], values[which, n_learning:], LOOKS, ABOVE))
                 n_found += len(which)
     return np.concatenate(found)[:count]
 

@@ -244,18 +244,17 @@ def _extended(values, along):
 
 
 def _scales(baseline, j):
-    """Return groups of coordinates with one variance, sums of squares of each and degrees of freedom; of each row."""
+    """Return groups of coordinates with one variance, their sums of squares and degrees; those of changes."""
     squares, own = baseline.squares[:, j], baseline.own_degrees
     n_windows = np.sum(own[:, :6], axis=1)
     before = np.maximum(baseline.degrees - n_windows, WEIGHTS.reported)[:, None]
     common = (np.sum(squares[:, :6], axis=1)[:, None] + before) / (n_windows[:, None] + before)
-    spreads = np.full(own.shape[1], LASTING.spread)
-    spreads[9:12] = WEIGHTS.common
+    spreads = np.where(np.arange(own.shape[1]) < 12, WEIGHTS.common, LASTING.spread)
     squares_of, degrees_of = squares + spreads * common, own + spreads
     groups = np.vstack([np.arange(12) < 9, np.eye(12)[9:]]).astype(float)
     alike = [np.concatenate([np.sum(each[:, :9], axis=1, keepdims=True) + before, other[:, 9:12]], axis=1)
              for each, other in ((squares, squares_of), (own, degrees_of))]  # fmt: skip
-    return (groups, *alike), (squares_of, degrees_of)
+    return (groups, *alike), (squares_of[:, 12:], degrees_of[:, 12:])
 
 
 def _variances(nuisance):
@@ -303,10 +302,15 @@ MOVED = HYPOTHESES.directions @ ROWS.T
 PRIOR = HYPOTHESES.log_prior[: len(MOVED)] - logsumexp(HYPOTHESES.log_prior[: len(MOVED)])
 NODES, NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
 SPREAD = 1.2
+#: Correlations by which evidence is judged at first, as indices of `CORRELATIONS`.
+ROUGHLY = (0, 3, 6)
 
 
-def evidence(baseline, units, values, looks):
-    """Return ln of the e-detector of vehicles at each look, as `lasting_evidence`, shape (vehicles, looks)."""
+def evidence(baseline, units, values, looks, above=-np.inf):
+    """Return ln of the e-detector of vehicles at each look, as `lasting_evidence`, shape (vehicles, looks).
+
+    A vehicle of which it is below `above` by three of the correlations has that instead.
+    """
     at = baseline.units(units)
     beyond = baseline.beyond(at)
     away, variances = baseline.residuals(at, values), baseline.variances
@@ -317,24 +321,46 @@ def evidence(baseline, units, values, looks):
     y = np.concatenate([np.squeeze(away[0], -1), away[1] @ ENDS, away[1] @ TOGETHER], axis=-1)
     y = _extended(y / np.sqrt(variances)[:, None], along)
     moved = MOVED / np.sqrt(variances)[:, None]
-    start = _starts(baseline, variances, along, slopes)
+    share = np.sum(along[:, :, :9] ** 2, axis=-1)
+    start = np.linalg.inv(_starts(baseline, variances, along, slopes))
+    weights = np.log(np.maximum(baseline.weights, np.finfo(float).tiny))
+    counted = np.where(LASTING.counts_as_certain, 0.0, weights)
     found = np.empty((len(units), len(looks)))
+
+    def both(which, look, j):
+        """Return ln of the likelihoods without a change, and of the ratios: alike and unequal, vehicles, hypotheses."""
+        n_learning, correlation = baseline.n_windows, CORRELATIONS[j]
+        known = start[which]
+        known[..., :5, :5] *= (1 - correlation * (1 - 2 / n_learning)) / (1 + correlation)
+        series = _series(rows[which, :look, None], y[which, :look], known, correlation)
+        (groups, *alike), own = _scales(baseline, j)
+        alike, own = [each[which] for each in alike], [each[which] for each in own]
+        first, alone = ([each[:, part] for each in series] for part in (slice(12), slice(12, None)))
+        likelihood, ratios = _likelihoods(*first, groups, *alike, look, moved[which])
+        ratios_alone = _ratios_alone(*alone[1:], own[0], own[1] + look, np.linalg.norm(moved[which], axis=-1))
+        rest, taken = first[1][:, :9].sum(axis=1)[:, None], share[which] * alone[1]
+        one = [each[:, :1] for each in alike]
+        apart = _student(*one, look * 8, np.maximum(rest - taken, 0.0)) - _student(*one, look * 9, rest)
+        apart = np.where(share[which] > 0.5, apart + _student(*own, look, taken), -np.inf)
+        return np.array([np.zeros_like(apart), apart]) + likelihood[:, None], np.array([ratios, ratios_alone])
+
+    def weighed(which, tables):
+        with_change, without = [], []
+        for j, (likelihoods, ratios) in tables.items():
+            without.append(counted[which, :, j].T[..., None] + likelihoods)
+            with_change.append((weights[which, :, j].T[..., None] + likelihoods)[..., None] + ratios)
+        each = logsumexp(with_change, axis=(0, 1)) - logsumexp(without, axis=(0, 1))[..., None]
+        return logsumexp(each + PRIOR[:, None], axis=(1, 2))
+
     for column, look in enumerate(looks):
-        tables = np.empty((2, len(units), *LASTING.prior.shape))
-        for j, correlation in enumerate(CORRELATIONS):
-            share = (1 - correlation * (1 - 2 / baseline.n_windows)) / (1 + correlation)
-            known = start.copy()
-            known[..., :5, :5] /= share
-            series = _series(rows[:, :look, None], y[:, :look], known, correlation)
-            alike, (squares, degrees) = _scales(baseline, j)
-            first, alone = ([each[:, part] for each in series] for part in (slice(12), slice(12, None)))
-            tables[:, :, 0, j] = _likelihoods(*first, *alike, look, moved)
-            tables[0, :, 1, j] = _without(first[0], first[1], np.eye(12), squares[:, :12], degrees[:, :12], look)[0]
-            ratios = _ratios_alone(*alone[1:], squares[:, 12:], degrees[:, 12:] + look, np.linalg.norm(moved, axis=-1))
-            tables[1, :, 1, j] = tables[0, :, 1, j] + logsumexp(ratios + PRIOR[:, None], axis=(1, 2))
-        known = np.log(np.maximum(baseline.weights, np.finfo(float).tiny))
-        counted = np.where(LASTING.counts_as_certain, 0.0, known)
-        found[:, column] = logsumexp(tables[1] + known, axis=(1, 2)) - logsumexp(tables[0] + counted, axis=(1, 2))
+        every = np.arange(len(units))
+        some = {j: both(every, look, j) for j in ROUGHLY}
+        found[:, column] = weighed(every, some)
+        which = np.flatnonzero(found[:, column] >= above)
+        if len(which):
+            tables = {j: [each[:, which] for each in some[j]] if j in some else both(which, look, j)
+                      for j in range(len(CORRELATIONS))}  # fmt: skip
+            found[which, column] = weighed(which, tables)
     return found
 
 
@@ -363,26 +389,27 @@ def _starts(baseline, variances, along, slopes):
     return known / of_rows[1][..., None, None]
 
 
-def _series(X, y, start, correlation):
+def _series(X, y, known, correlation):
     step = np.tril(np.ones((y.shape[1],) * 2))[None, :, None]
     X, y, step = (whitened(each.swapaxes(0, 1), correlation) for each in (X, y, step))
     X, y, D = X.transpose(1, 2, 0, 3), y.transpose(1, 2, 0), step.transpose(1, 2, 0, 3)
-    J = np.linalg.inv(start) + X.swapaxes(-1, -2) @ X
+    J = known + X.swapaxes(-1, -2) @ X
     pulled = (X.swapaxes(-1, -2) @ y[..., None])[..., 0]
-    errors = np.linalg.solve(J, pulled[..., None])[..., 0]
+    doubt = np.linalg.inv(J)
+    errors = (doubt @ pulled[..., None])[..., 0]
     crossed = X.swapaxes(-1, -2) @ D
-    volume = (np.linalg.slogdet(start)[1] + np.linalg.slogdet(J)[1]) / 2
+    volume = (np.linalg.slogdet(J)[1] - np.linalg.slogdet(known)[1]) / 2
     volume += (y.shape[-1] - 1) / 2 * np.log1p(-(correlation**2))
     scores = (D.swapaxes(-1, -2) @ y[..., None])[..., 0] - np.einsum("vkao,vka->vko", crossed, errors)
-    informations = np.sum(D**2, axis=-2) - np.sum(crossed * np.linalg.solve(J, crossed), axis=-2)
+    informations = np.sum(D**2, axis=-2) - np.sum(crossed * (doubt @ crossed), axis=-2)
     return -volume, np.sum(y**2, axis=-1) - np.sum(pulled * errors, axis=-1), scores, informations
 
 
-def _without(volume, rest, groups, squares, degrees, n_windows):
-    """Return ln of the likelihood without a change, and rest and degrees of freedom of groups."""
-    after, rest = degrees + n_windows * groups.sum(axis=1), squares + rest @ groups.T
-    each = gammaln(after / 2) - gammaln(degrees / 2) + degrees / 2 * np.log(squares) - after / 2 * np.log(rest)
-    return np.sum(volume, axis=1) + np.sum(each, axis=1), rest, after
+def _student(squares, degrees, count, rest):
+    """Return ln of the density of values by their count and their sum of squares, up to a constant."""
+    after = degrees + count
+    each = gammaln(after / 2) - gammaln(degrees / 2) + degrees / 2 * np.log(squares)
+    return each - after / 2 * np.log(squares + rest)
 
 
 def _ratios_alone(rest, scores, informations, squares, after, moved):
@@ -393,8 +420,10 @@ def _ratios_alone(rest, scores, informations, squares, after, moved):
 
 
 def _likelihoods(volume, rest, scores, informations, groups, squares, degrees, n_windows, moved):
-    """Return ln of the likelihoods without a change, and with one, each of shape (vehicles,)."""
-    without, rest, after = _without(volume, rest, groups, squares, degrees, n_windows)
+    """Return ln of the likelihoods without a change, shape (vehicles,), and of the ratios of changes."""
+    count, rest = n_windows * groups.sum(axis=1), rest @ groups.T
+    without = np.sum(volume, axis=1) + np.sum(_student(squares, degrees, count, rest), axis=1)
+    after, rest = degrees + count, squares + rest
     weights, prior = (after / rest) @ groups, 1 / PRIORS.size**2
     known = moved**2 @ (weights[..., None] * informations) + prior
     centre, std = moved @ (weights[..., None] * scores) / known, SPREAD / np.sqrt(known)
@@ -409,5 +438,4 @@ def _likelihoods(volume, rest, scores, informations, groups, squares, degrees, n
             explained = sizes[:, at] * (twice[:, g, at] - sizes[:, at] * squared[:, g, at]) / rest[:, g, None, None]
             log[:, at] -= after[:, g, None, None] / 2 * np.log1p(-explained)
         logs.append(log)
-    ratios = logsumexp(logs, axis=0) + np.log(std) + np.log(prior / (2 * np.pi)) / 2
-    return without, without + logsumexp(ratios + PRIOR[:, None], axis=(1, 2))
+    return without, logsumexp(logs, axis=0) + np.log(std) + np.log(prior / (2 * np.pi)) / 2

@@ -42,3 +42,14 @@ def test_evidence_of_vectors_is_that_of_windows(world, n_learning) -> None:
                 detection = sprung.diagnosis.detect(baseline, every[n_learning : n_learning + look])
                 assert detection is not None
                 assert value == pytest.approx(detection.e_value + np.log(48 * PATIENCE_DAYS), abs=1e-6)
+
+
+def test_a_part_that_alone_scatters_more_is_no_evidence_of_a_change() -> None:
+    """Of 1,500 vehicles with unequal scatter, lasting deviations and new conditions: one whose rear left damper had an
+    evidence of 11.6 where the likelihood of no change took its deviations as those of three unlike coordinates."""
+    generator = np.random.default_rng([11, 12])
+    every = [patience.drawn(patience.WORLDS["all three, correlation of 0.6"], 12, 0.0, generator) for _ in range(12)]
+    windows = windows_of(*(each[71] for each in every[-1]))
+    detection = sprung.diagnosis.detect(sprung.learn(windows[:12]), windows[12:36])
+    assert detection is not None
+    assert detection.e_value + np.log(48 * PATIENCE_DAYS) < np.log(48 / patience.RATE)

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.special import gammaln
 from scipy.stats import multivariate_t
 
 from sprung.diagnosis import Observation, learn
@@ -66,13 +67,8 @@ def log_t(values, covariance, squares, degrees):
 def test_likelihoods_are_those_of_students_t(compared) -> None:
     learnt, windows = compared
     series, size = _Series.of(windows, learnt, Hypotheses.of(learnt.components), 0.3), len(learnt.components)
-    alike, each = _Scales.of(learnt, COLUMN)
-    parts = joint(learnt, windows, range(size))
-    scales = zip(each.squares[:size], each.degrees[:size], strict=True)
-    logs = [log_t(own[0], own[1], *scale) for own, scale in zip(parts, scales, strict=True)]
-    expected = float(sum(logs))
-    assert series.part(slice(size)).log_likelihood(each.part(slice(size))) == pytest.approx(expected)
-    expected = 0.0
+    alike, _ = _Scales.of(learnt, COLUMN)
+    parts, expected = joint(learnt, windows, range(size)), 0.0
     for group, squares, degrees in zip(alike.groups, alike.squares, alike.degrees, strict=True):
         own = [parts[k] for k in np.flatnonzero(group)]
         whole = np.zeros((5 * len(own), 5 * len(own)))
@@ -82,20 +78,51 @@ def test_likelihoods_are_those_of_students_t(compared) -> None:
     assert series.part(slice(size)).log_likelihood(alike) == pytest.approx(expected)
 
 
+@pytest.mark.parametrize("hypothesis", [0, 7])
+def test_a_change_that_scatters_by_itself_leaves_the_rest_of_its_group(compared, hypothesis) -> None:
+    """By quadrature over ln of both variances, from sums of squares by the joint density of windows."""
+    learnt, windows = compared
+    hypotheses, size = Hypotheses.of(learnt.components), len(learnt.components)
+    series, (alike, own) = _Series.of(windows, learnt, hypotheses, 0.3), _Scales.of(learnt, COLUMN)
+    sums = [y @ np.linalg.solve(C, y) for y, C in joint(learnt, windows, [*range(size), size + hypothesis])]
+    moved = (learnt.coordinates[:size] @ hypotheses.directions[hypothesis]) ** 2
+    share, rest = moved @ alike.groups[0] / moved.sum(), alike.groups[0] @ sums[:size]
+    count, taken = 5 * alike.groups[0].sum(), share * sums[-1]
+
+    def marginal(squares, degrees, count, rest):
+        def density(x):
+            return -(degrees + count) / 2 * x - (squares + rest) / 2 * np.exp(-x)
+
+        middle = np.log((squares + rest) / (degrees + count))
+        integral, _ = quad(lambda x: np.exp(density(x) - density(middle)), middle - 3, middle + 3)
+        usual = degrees / 2 * np.log(squares / 2) - gammaln(degrees / 2)
+        return np.log(integral) + density(middle) + usual + count / 2 * np.log(2)
+
+    scale, of_change = (alike.squares[0], alike.degrees[0]), (own.squares[hypothesis], own.degrees[hypothesis])
+    expected = (
+        marginal(*scale, count - 5, rest - taken) + marginal(*of_change, 5, taken) - marginal(*scale, count, rest)
+    )
+    found = series.part(slice(size)).log_apart(alike, own, series.part(slice(size, None)))
+    assert found[hypothesis] == pytest.approx(expected)
+    of_kinds = [k for k, row in enumerate(hypotheses.directions) if np.count_nonzero(row) == 4]
+    assert of_kinds
+    assert np.all(found[of_kinds] == -np.inf)
+
+
 @pytest.mark.parametrize(("hypothesis", "onset"), [(0, 0), (7, 3), (13, 1), (20, 4)])
 def test_ratios_are_means_over_the_size_of_a_change(compared, hypothesis, onset) -> None:
     """Of its estimate alone by the joint density of windows, and of uncorrelated coordinates by quadrature."""
     learnt, windows = compared
     hypotheses, size = Hypotheses.of(learnt.components), len(learnt.components)
-    series, (alike, each) = _Series.of(windows, learnt, hypotheses, 0.3), _Scales.of(learnt, COLUMN)
+    series, (alike, own) = _Series.of(windows, learnt, hypotheses, 0.3), _Scales.of(learnt, COLUMN)
     step = (np.arange(5) >= onset).astype(float)
 
     row = size + hypothesis
     ((values, covariance),) = joint(learnt, windows, [row])
     move = learnt.coordinates[row] @ hypotheses.directions[hypothesis] * step
     moved = covariance + PRIORS.size**2 * np.outer(move, move)
-    scale = each.squares[row], each.degrees[row]
-    found = series.part(slice(size, None)).own_log_ratios(each.part(slice(size, None)))
+    scale = own.squares[hypothesis], own.degrees[hypothesis]
+    found = series.part(slice(size, None)).own_log_ratios(own)
     assert found[hypothesis, onset] == pytest.approx(log_t(values, moved, *scale) - log_t(values, covariance, *scale))
 
     parts, moves = joint(learnt, windows, range(size)), learnt.coordinates[:size] @ hypotheses.directions[hypothesis]

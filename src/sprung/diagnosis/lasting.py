@@ -37,15 +37,14 @@ def lasting_evidence(windows: Sequence[Compared], baseline: Baseline, hypotheses
 
     Notes
     -----
-    Coordinates of a window are uncorrelated, and each is as Student's t: where parts scatter alike with one variance in
-    common, else with its own one, drawn about the common one. With p the probability of the scatter and of a
-    correlation by the baseline, and f and f0 the likelihoods with and without a change, each ratio is
-    sum p f / sum q f0. Where parts scatter alike and the correlation is at most 0.3, q is p: the mean is at most 1
-    without a change if both are drawn from p. Elsewhere q is 1: it is at most 1 for each of them, however improbable
-    the baseline makes it (universal inference).
-
-    Where parts scatter unequally, left and right of an axle are not uncorrelated with their sum: f / f0 is then that of
-    the estimate of the change alone, whose variance is its own.
+    Coordinates of a window are uncorrelated, and each is as Student's t: all but those of a whole kind have one
+    variance in common where parts scatter alike. Where they scatter unequally, the estimate of the change alone has a
+    variance of its own, drawn about the common one; what that leaves of the coordinates is in both cases the same, so
+    that their unequal scatter decides nothing. With p the probability of the scatter and of a correlation by the
+    baseline, and f and f0 the likelihoods with and without a change, each ratio is sum p f / sum q f0. Where parts
+    scatter alike and the correlation is at most 0.3, q is p: the mean is at most 1 without a change if both are drawn
+    from p. Elsewhere q is 1: it is at most 1 for each of them, however improbable the baseline makes it (universal
+    inference).
 
     References
     ----------
@@ -53,20 +52,22 @@ def lasting_evidence(windows: Sequence[Compared], baseline: Baseline, hypotheses
     (2020) 16880-16890.
     """
     prior = hypotheses.log_prior[: len(hypotheses.directions)]
-    prior = prior - logsumexp(prior)
     known = np.log(np.maximum(baseline.weights, np.finfo(float).tiny))
-    with_change, without = np.empty(known.shape), np.empty(known.shape)
+    counted = np.where(LASTING.counts_as_certain, 0.0, known)
+    with_change: list[Real] = []
+    without: list[Real] = []
     for column, correlation in enumerate(LASTING.correlations):
         series = _Series.of(windows, baseline, hypotheses, correlation)
-        alike, each = _Scales.of(baseline, column)
+        alike, own = _Scales.of(baseline, column)
         size = len(baseline.components)
         first, alone = series.part(slice(size)), series.part(slice(size, None))
-        ratios = first.log_ratios(alike), alone.own_log_ratios(each.part(slice(size, None)))
-        for row, scales in enumerate((alike, each.part(slice(size)))):
-            without[row, column] = first.log_likelihood(scales)
-            with_change[row, column] = without[row, column] + logsumexp(ratios[row] + prior[:, None])
-    counted = np.where(LASTING.counts_as_certain, 0.0, known)
-    return float(logsumexp(known + with_change) - logsumexp(counted + without))
+        likelihood = first.log_likelihood(alike)
+        likelihoods = np.array([np.full(len(prior), likelihood), likelihood + first.log_apart(alike, own, alone)])
+        ratios = np.array([first.log_ratios(alike), alone.own_log_ratios(own)])
+        with_change.append((known[:, column, None] + likelihoods)[..., None] + ratios)
+        without.append(counted[:, column, None] + likelihoods)
+    each = logsumexp(with_change, axis=(0, 1)) - logsumexp(without, axis=(0, 1))[:, None]
+    return float(logsumexp(each + (prior - logsumexp(prior))[:, None]))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -89,7 +90,7 @@ class _Scales:
 
     @classmethod
     def of(cls, baseline: Baseline, column: int) -> tuple["_Scales", "_Scales"]:
-        """Return the variances of uncorrelated coordinates where parts scatter alike, and of each row by itself.
+        """Return the variances of uncorrelated coordinates where parts scatter alike, and of each change by itself.
 
         Of all of a kind together, which common changes move, each has a variance by itself in either case.
         """
@@ -97,19 +98,14 @@ class _Scales:
         n_pairs, (_, n_alike) = len(directions(baseline.components)[0]), independent_directions(baseline.components)
         before = max(baseline.degrees_of_freedom - float(np.sum(own[:n_pairs])), WEIGHTS.reported)
         common = (float(np.sum(squares[:n_pairs])) + before) / (float(np.sum(own[:n_pairs])) + before)
-        spreads = np.full(len(own), LASTING.spread)
-        spreads[n_alike:size] = WEIGHTS.common
+        spreads = np.where(np.arange(len(own)) < size, WEIGHTS.common, LASTING.spread)
         each = cls(np.eye(len(own)), squares + spreads * common, own + spreads)
         alike = (np.arange(size) < n_alike).astype(np.float64)
         return cls(
             np.vstack([alike, np.eye(size)[n_alike:]]),
             np.concatenate([[alike @ squares[:size] + before], each.squares[n_alike:size]]),
             np.concatenate([[alike @ own[:size] + before], each.degrees[n_alike:size]]),
-        ), each
-
-    def part(self, rows: slice) -> "_Scales":
-        """Return the variances of some coordinates, each by itself."""
-        return _Scales(self.groups[rows, rows], self.squares[rows], self.degrees[rows])
+        ), cls(each.groups[size:, size:], each.squares[size:], each.degrees[size:])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -190,10 +186,21 @@ class _Series:
 
     def log_likelihood(self, scales: _Scales) -> float:
         """Return ln of the likelihood without any change, up to a constant."""
-        before, after = scales.degrees, scales.degrees + self.n_windows * np.sum(scales.groups, axis=1)
-        each = gammaln(after / 2) - gammaln(before / 2) + before / 2 * np.log(scales.squares)
-        rest = scales.squares + scales.groups @ self.rest
-        return float(np.sum(self.volume) + np.sum(each - after / 2 * np.log(rest)))
+        count = self.n_windows * np.sum(scales.groups, axis=1)
+        return float(np.sum(self.volume) + np.sum(_student(scales, count, scales.groups @ self.rest)))
+
+    def log_apart(self, scales: _Scales, own: _Scales, alone: "_Series") -> Real:
+        """Return ln of the likelihood if the estimate of a change scatters by itself over that if alike, per change.
+
+        The first group loses one coordinate then. A change of all of a kind does not lie in it: -inf.
+        """
+        inside, count = scales.groups[0], self.n_windows
+        share = self.moved**2 @ inside / np.sum(self.moved**2, axis=1)
+        taken, rest, size = share * alone.rest, inside @ self.rest, np.sum(inside)
+        first = _Scales(scales.groups[:1], scales.squares[0], scales.degrees[0])
+        left = _student(first, count * (size - 1), np.maximum(rest - taken, 0.0))
+        apart = left + _student(own, count, taken) - _student(first, count * size, rest)
+        return np.where(share > 0.5, apart, -np.inf)
 
     def own_log_ratios(self, scales: _Scales) -> Real:
         """Return ln of the ratios of a change by its estimate alone, shape (hypotheses, windows): row by row.
@@ -232,3 +239,10 @@ class _Series:
         nodes = np.log(_WEIGHTS) + _NODES**2 / 2
         every = logsumexp(logs + nodes[:, None, None], axis=0) + np.log(std) + np.log(prior / (2 * np.pi)) / 2
         return np.asarray(every, dtype=np.float64)
+
+
+def _student(scales: _Scales, count: Real, rest: Real) -> Real:
+    """Return ln of the density of values by their count and their sum of squares, Student's t, up to a constant."""
+    before, after = scales.degrees, scales.degrees + count
+    each = gammaln(after / 2) - gammaln(before / 2) + before / 2 * np.log(scales.squares)
+    return np.asarray(each - after / 2 * np.log(scales.squares + rest), dtype=np.float64)
