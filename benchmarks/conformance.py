@@ -36,8 +36,8 @@ NOT_IMPLEMENTED = {
     "validation of a recording car. Longitudinal level is computed.",
     "ISO 8608:2016": "fits of a spectrum by straight lines over octave bands (clause 5.2): roughness and waviness are "
     "estimated by least squares over 0.05 to 1 cycles per metre instead.",
-    "ISO 2631-1:1997": "effects on health (clause 7) and motion sickness dose (clause 9): the weighting Wf is there, "
-    "the dose is not computed.",
+    "ISO 2631-1:1997": "factors of feet and of other axes of a backrest; effects on health by RMS (equation B.1): the "
+    "dose of B.2 and B.3.1 is used, no printed figure of it or of the motion sickness dose was compared.",
     "EN 12299": "complete method on seats, comfort on curve transitions and at discrete events. Of the words for "
     "comfort, no printed table was compared.",
     "EN 14363": "assessment over sections of a test route: exceedances of the limit by the running RMS are counted.",

@@ -1,10 +1,10 @@
 """Ride comfort: frequency weightings, ISO 2631-1, EN 12299, Sperling, EN 14363, travel of suspensions."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -13,7 +13,7 @@ from scipy.fft import next_fast_len
 from sprung._arrays import Complex, Real
 from sprung._checks import check_number, check_one_of
 from sprung._display import counted
-from sprung.errors import DataError
+from sprung.errors import DataError, ParameterError
 from sprung.recording import Channel, Recording, each_recording
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "Travel",
     "Weighting",
     "assess_ride",
+    "comfort_in_words",
     "mean_comfort_in_words",
     "response_of",
     "weighted",
@@ -86,7 +87,7 @@ class _Weightings(Enum):
 WEIGHTINGS = MappingProxyType({weighting.name: weighting.value for weighting in _Weightings})
 
 
-def weighted(samples: Real, *, sampling_rate: float, weighting: str) -> Real:
+def weighted(samples: Real, *, sampling_rate: float, weighting: str, are_velocities: bool = False) -> Real:
     """Return weighted accelerations.
 
     Parameters
@@ -97,6 +98,8 @@ def weighted(samples: Real, *, sampling_rate: float, weighting: str) -> Real:
         Sampling rate [Hz], above 0.
     weighting
         A key of `WEIGHTINGS`, or "Sperling vertical", "Sperling lateral".
+    are_velocities
+        Whether the samples are velocities, such as angular ones, whose derivative is weighted.
 
     Returns
     -------
@@ -126,6 +129,8 @@ def weighted(samples: Real, *, sampling_rate: float, weighting: str) -> Real:
     frequencies = np.asarray(np.fft.rfftfreq(padded, 1 / sampling_rate), dtype=np.float64)
     spectrum = np.fft.rfft(samples - samples.mean(axis=-1, keepdims=True), padded)
     spectrum = np.multiply(spectrum, response_of(weighting, frequencies))
+    if are_velocities:
+        spectrum = 2j * np.pi * frequencies * spectrum
     return np.asarray(np.fft.irfft(spectrum, padded)[..., :n])
 
 
@@ -151,6 +156,7 @@ def _sperling(frequencies: Real) -> Real:
 
 Axis = Literal["x", "y", "z"]
 _AXES: tuple[Axis, ...] = ("x", "y", "z")
+Weight = Literal["Wk", "Wd", "Wf", "Wc", "We", "Wj"]
 Standard = Literal["iso2631", "en12299", "sperling", "en14363"]
 #: Standards by name.
 STANDARDS: tuple[Standard, ...] = ("iso2631", "en12299", "sperling", "en14363")
@@ -167,6 +173,11 @@ class _Settings:
     peaks: tuple[float, float] = (3.0, 9.0)  # where that peak may lie [Hz]
     heaviest: float = 50e3  # largest mass of a bogie; at 60 t its limit would be 0 [kg]
     bins: int = 30  # of histograms
+    doses: tuple[float, float] = (8.5, 17.0)  # VDV of a day between which ISO 2631-1, B.3.1, advises caution
+    on_health: float = 1.4  # factor of horizontal vibration on health (7.2.3); on comfort it is 1
+    of_sick: float = 1 / 3  # per cent of people who may vomit, per m/s^1.5 of the motion sickness dose (annex D)
+    of_rotation: tuple[float, ...] = (0.63, 0.4, 0.2)  # factors of rotation about x, y and z on comfort [m]
+    of_back: float = 0.8  # factor of the backrest (8.2.2.1)
     comfort: tuple[tuple[float, float, str], ...] = (  # overlapping ranges of ISO 2631-1 [m/s^2]
         (0.0, 0.315, "not uncomfortable"),
         (0.315, 0.63, "a little uncomfortable"),
@@ -222,12 +233,17 @@ class RidePoint:
     crest_factor
         Largest weighted acceleration over the RMS.
     value
-        Value that the rating is about: RMS of ISO 2631-1; 95 % of the 5-s values of EN 12299 [m/s^2]; Wz of Sperling;
-        largest running RMS of EN 14363 [m/s^2].
+        Value that the rating is about: RMS of ISO 2631-1 times the factor of its axis, or the motion sickness dose
+        [m/s^1.5]; 95 % of the 5-s values of EN 12299 [m/s^2]; Wz of Sperling; largest running RMS of EN 14363 [m/s^2].
     rating
         The standard's words; None where it has none for this axis.
     n_exceedances
         Number of times that the running RMS of EN 14363 rose above its limit; None where that is not known.
+    health
+        Hours a day of such vibration until ISO 2631-1 advises caution, and until risks are likely, in words; None by
+        other standards and weightings.
+    continuous
+        Weighted RMS of each 5 s [m/s^2], the continuous comfort of EN 12299; parts without values are left out.
     """
 
     channel: str
@@ -241,6 +257,8 @@ class RidePoint:
     value: float
     rating: str | None
     n_exceedances: int | None = None
+    health: str | None = None
+    continuous: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -307,12 +325,15 @@ class Ride:
         N_MV of EN 12299 by the place of three axes; None without vertical and two horizontal channels at one place.
     notes
         Limits, one sentence each.
+    vibration_total
+        The same of ISO 2631-1, the root of the sum of the squares [m/s^2].
     """
 
     points: tuple[RidePoint, ...]
     travel: tuple[Travel, ...]
     mean_comfort: float | None
     notes: tuple[str, ...]
+    vibration_total: float | None = None
 
 
 def assess_ride(
@@ -320,6 +341,7 @@ def assess_ride(
     *,
     standards: Sequence[Standard] = ("iso2631",),
     channels: Sequence[str] | None = None,
+    weighting: Weight | None = None,
     available_travel: float | None = None,
     bogie_mass: float | None = None,
 ) -> Ride:
@@ -333,6 +355,9 @@ def assess_ride(
         "iso2631" (ISO 2631-1, seated, comfort), "en12299" (floor), "sperling", "en14363" (lateral, of bogie frames).
     channels
         Accelerations and travel to judge; None: all of them.
+    weighting
+        Weighting of ISO 2631-1; None: Wk vertical and Wd horizontal, on a seat. "Wc": x on a backrest; "We": rotation
+        [rad/s]; "Wj": under the head of a person who lies; "Wf": vertical, motion sickness.
     available_travel
         Travel of a suspension between its stops [m], above 0; None: not known.
     bogie_mass
@@ -345,15 +370,18 @@ def assess_ride(
     Raises
     ------
     DataError
-        If no channel is an acceleration or a displacement, or the recordings are too short.
+        If no channel is one that the standards judge, or the recordings are too short.
     ParameterError
-        If a standard is unknown.
+        If a standard or the weighting is unknown.
 
     Notes
     -----
     Axes follow from the direction of a channel, or the last letter of its name, and are vertical without either.
-    ISO 2631-1: Wk vertical, Wd horizontal; MTVV by a running RMS over 1 s, VDV = (integral of a_w^4)^(1/4). A crest
+    ISO 2631-1: MTVV by a running RMS over 1 s, VDV = (integral of a_w^4)^(1/4). A crest
     factor above 9, MTVV above 1.5 RMS, or VDV above 1.75 RMS T^(1/4) mean that RMS alone understates the vibration.
+    Comfort by the RMS, times 0.8 on a backrest, and 0.63, 0.4 and 0.2 m/rad for rotation about x, y and z. Health:
+    the VDV, times 1.4 if horizontal, is 8.5 to 17 m/s^1.75 in a day where caution is advised. Motion sickness:
+    RMS T^(1/2) / 3 per cent may vomit.
     EN 12299: 95 % of RMS over blocks of 5 s, Wb vertical, Wd horizontal; N_MV = 6 sqrt(a_x^2 + a_y^2 + a_z^2).
     Sperling: Wz = 4.42 a_w^0.3. EN 14363: RMS over 100 m (1 s without the speed) in 2 Hz to either side of the largest
     peak from 3 to 9 Hz; its limit is (12 - m / 5) / 2 m/s^2 with the mass of the bogie m in t.
@@ -370,41 +398,87 @@ def assess_ride(
     >>> shaking = 0.5 * np.sqrt(2) * np.sin(2 * np.pi * 5 * np.arange(12000) / 200)
     >>> seat = Recording(shaking[None], 200.0, (Channel("seat_z", "acceleration", direction=(0.0, 0.0, 1.0)),))
     >>> point = assess_ride(seat).points[0]
-    >>> point.weighting, round(point.rms, 2), point.rating
-    ('Wk', 0.52, 'a little to fairly uncomfortable')
+    >>> point.weighting, round(point.rms, 2), point.rating, point.health
+    ('Wk', 0.52, 'a little to fairly uncomfortable', 'caution after 13 h a day')
     """
     if bogie_mass is not None:
         check_number("bogie_mass", bogie_mass, above=0, at_most=_SETTINGS.heaviest)
     for standard in standards:
         check_one_of("standard", standard, STANDARDS)
+    if weighting is not None:
+        check_one_of("weighting", weighting, tuple(_WEIGHTED))
+        if "iso2631" not in standards:
+            raise ParameterError(f"weighting {weighting!r} is of iso2631: leave it out, or judge by that standard")
     parts = [
         record.part(stretch.start, stretch.stop)
         for record in each_recording(recordings)
         for stretch in record.stretches()
     ]
-    first = max(parts, key=lambda part: part.n_samples)
-    names = list(first.names if channels is None else channels)
-    judged = [first.channels[first.index(name)] for name in names]
-    accelerations = [channel for channel in judged if channel.quantity == "acceleration"]
-    displacements = [channel for channel in judged if channel.quantity == "displacement"]
-    if not accelerations and not displacements:
-        raise DataError("no channel is an acceleration or a travel: name the channels, and state their units")
-    long = [part for part in parts if part.duration >= _SETTINGS.block]
-    if not long:
+    known: dict[str, Channel] = {}
+    for channel in (channel for part in parts for channel in part.channels):
+        known.setdefault(channel.name, channel)
+    for name in channels or ():
+        check_one_of("channel", name, tuple(known))
+    judged = [channel for name, channel in known.items() if channels is None or name in channels]
+    shaken = "angular_velocity" if weighting == "We" else "acceleration"
+    moving = [channel for channel in judged if channel.quantity in {shaken, "displacement"}]
+    if not moving:
+        measured = ", ".join(f"{channel.name}: {channel.quantity}" for channel in judged)
+        raise DataError(
+            f"no channel is of {shaken.replace('_', ' ')} or travel ({measured}): give the vehicle file, whose sensors"
+            " state it, or the units in the recording"
+        )
+    pieces = {channel.name: list(_pieces(parts, channel.name)) for channel in moving}
+    if not any(pieces.values()):
         raise DataError(f"no part without a gap is {_SETTINGS.block:g} s long: give a longer recording")
+    usable = [(channel, pieces[channel.name]) for channel in moving if pieces[channel.name]]
     points = [
         point
         for standard in standards
-        for channel in accelerations
-        if (point := _point(long, channel, standard, bogie_mass)) is not None
+        for channel, own in usable
+        if channel.quantity == shaken
+        if (point := _point(own, channel, standard, weighting, bogie_mass)) is not None
     ]
-    notes = _shock_notes(points, sum(part.duration for part in long))
+    travel = [_travel(own, channel, available_travel) for channel, own in usable if channel.quantity == "displacement"]
+    if not points and not travel:
+        axes = ", ".join(f"{channel.name} is {axis_of(channel)}" for channel in moving)
+        raise DataError(
+            f"{weighting or standards[0]} judges none of these axes ({axes}): record the axis, or state the directions"
+            " in the vehicle file"
+        )
     return Ride(
         tuple(points),
-        tuple(_travel(long, channel, available_travel) for channel in displacements),
-        _mean_comfort(points) if "en12299" in standards else None,
-        tuple(notes),
+        tuple(travel),
+        None if (norm := _of_three_axes(points, "en12299")) is None else 6 * norm,
+        tuple(_notes(parts, points, pieces)),
+        _of_three_axes(points, "iso2631") if weighting is None else None,
     )
+
+
+class _Piece(NamedTuple):
+    """Values of a channel without a gap, their sampling rate [Hz], and the mean speed if it is known [m/s]."""
+
+    values: Real
+    rate: float
+    speed: float | None
+
+    @property
+    def duration(self) -> float:
+        return self.values.size / self.rate
+
+
+def _pieces(parts: Sequence[Recording], name: str) -> Iterator[_Piece]:
+    """Yield the values of a channel in pieces without a gap that are at least as long as a block."""
+    for part in parts:
+        if name not in part.names:
+            continue
+        row, rate = part.samples[part.index(name)], part.sampling_rate
+        speeds = [part.samples[k] for k, each in enumerate(part.channels) if each.quantity == "speed"]
+        speed = float(np.nanmean(speeds[0])) if speeds and np.isfinite(speeds[0]).any() else None
+        ends = np.flatnonzero(np.diff(np.isfinite(row), prepend=False, append=False))
+        for first, last in ends.reshape(-1, 2).tolist():
+            if last - first >= _SETTINGS.block * rate:
+                yield _Piece(row[first:last], rate, speed)
 
 
 def axis_of(channel: Channel) -> Axis:
@@ -415,88 +489,113 @@ def axis_of(channel: Channel) -> Axis:
     return next((axis for axis in _AXES if ending in {f"_{axis}", f"-{axis}", f" {axis}"}), "z")
 
 
+#: Axes that each weighting of ISO 2631-1 is for.
+_WEIGHTED = MappingProxyType({"Wk": "xyz", "Wd": "xyz", "Wf": "z", "Wc": "x", "We": "xyz", "Wj": "xyz"})
+
+
 def _point(
-    parts: Sequence[Recording], channel: Channel, standard: Standard, bogie_mass: float | None
+    pieces: Sequence[_Piece], channel: Channel, standard: Standard, weighting: Weight | None, bogie_mass: float | None
 ) -> RidePoint | None:
     """Return the vibration of a channel by a standard; None where it does not concern the axis."""
     axis = axis_of(channel)
     if standard == "en14363":
-        return _stability(parts, channel, bogie_mass) if axis == "y" else None
-    weighting = {
-        "iso2631": "Wk" if axis == "z" else "Wd",
+        return _stability(pieces, channel, bogie_mass) if axis == "y" else None
+    if standard == "iso2631" and weighting is not None and axis not in _WEIGHTED[weighting]:
+        return None
+    name = {
+        "iso2631": weighting or ("Wk" if axis == "z" else "Wd"),
         "en12299": "Wb" if axis == "z" else "Wd",
         "sperling": "Sperling vertical" if axis == "z" else "Sperling lateral",
     }[standard]
-    rate = parts[0].sampling_rate
-    rating: str | None
-    pieces = [
-        weighted(part.samples[part.index(channel.name)], sampling_rate=rate, weighting=weighting) for part in parts
+    are_velocities = channel.quantity == "angular_velocity"
+    shaken = [
+        each._replace(
+            values=weighted(each.values, sampling_rate=each.rate, weighting=name, are_velocities=are_velocities)
+        )
+        for each in pieces
     ]
-    values = np.concatenate(pieces)
-    rms = float(np.sqrt(np.mean(values**2)))
+    point = _measured(shaken, RidePoint(channel.name, axis, standard, name, *(float("nan"),) * 5, rating=None))
+    duration = sum(each.duration for each in pieces)
     if standard == "iso2631":
-        value, rating = rms, _comfort(rms)
-    elif standard == "sperling":
-        value = 4.42 * rms**0.3
-        rating = _words(value, _SETTINGS.sperling)
-    else:
-        value = _ninety_five(pieces, rate)
-        rating = _words(value, _SETTINGS.continuous) if axis != "x" else None
-    return RidePoint(channel.name, axis, standard, weighting, rms, *_peaks(pieces, rms, rate), value, rating)
+        return _by_iso2631(point, duration)
+    if standard == "sperling":
+        value = 4.42 * point.rms**0.3
+        return replace(point, value=value, rating=_words(value, _SETTINGS.sperling))
+    value = float(np.quantile(point.continuous, 0.95))
+    return replace(point, value=value, rating=_words(value, _SETTINGS.continuous) if axis != "x" else None)
 
 
-def _peaks(pieces: Sequence[Real], rms: float, rate: float) -> tuple[float, float, float]:
-    """Return MTVV, VDV and crest factor."""
-    n = max(1, round(_SETTINGS.running * rate))
-    running = [np.sqrt(np.maximum(ndimage.uniform_filter1d(piece**2, n, mode="constant"), 0.0)) for piece in pieces]
-    dose = float(sum(np.sum(piece**4) for piece in pieces) / rate) ** 0.25
-    crest = max(float(np.abs(piece).max()) for piece in pieces) / max(rms, 1e-300)
-    return max(float(each.max()) for each in running), dose, crest
+def _measured(pieces: Sequence[_Piece], point: RidePoint) -> RidePoint:
+    """Return a point with RMS, MTVV, VDV, crest factor and the RMS of each block of weighted accelerations."""
+    duration = sum(each.duration for each in pieces)
+    rms = float(np.sqrt(sum(np.sum(each.values**2) / each.rate for each in pieces) / duration))
+    blocks = []
+    for each in pieces:
+        n = round(_SETTINGS.block * each.rate)
+        rows = each.values[: each.values.size // n * n].reshape(-1, n)
+        blocks += np.sqrt(np.mean(rows**2, axis=1)).tolist()
+    return replace(
+        point,
+        rms=rms,
+        mtvv=max(float(_running(each, _SETTINGS.running, mode="constant").max()) for each in pieces),
+        vdv=float(sum(np.sum(each.values**4) / each.rate for each in pieces)) ** 0.25,
+        crest_factor=max(float(np.abs(each.values).max()) for each in pieces) / max(rms, 1e-300),
+        continuous=tuple(blocks),
+    )
 
 
-def _ninety_five(pieces: Sequence[Real], rate: float) -> float:
-    """Return 95 % of the RMS over blocks."""
-    n = round(_SETTINGS.block * rate)
-    blocks = np.concatenate([piece[: piece.size // n * n].reshape(-1, n) for piece in pieces])
-    return float(np.quantile(np.sqrt(np.mean(blocks**2, axis=1)), 0.95))
+def _running(piece: _Piece, length: float, *, mode: Literal["constant", "reflect"] = "reflect") -> Real:
+    """Return the running RMS over a length of time [s]."""
+    n = max(1, round(length * piece.rate))
+    return np.asarray(np.sqrt(np.maximum(ndimage.uniform_filter1d(piece.values**2, n, mode=mode), 0.0)))
 
 
-def _stability(parts: Sequence[Recording], channel: Channel, bogie_mass: float | None) -> RidePoint:
+def _by_iso2631(point: RidePoint, duration: float) -> RidePoint:
+    """Return a point with what ISO 2631-1 says on comfort and health, or on motion sickness."""
+    if point.weighting == "Wf":
+        dose = point.rms * duration**0.5
+        return replace(point, value=dose, rating=f"{_SETTINGS.of_sick * dose:.2g} % may vomit")
+    of_rotation = _SETTINGS.of_rotation[_AXES.index(point.axis)]
+    value = point.rms * {"Wc": _SETTINGS.of_back, "We": of_rotation}.get(point.weighting, 1.0)
+    point = replace(point, value=value, rating=comfort_in_words(value))
+    if point.weighting not in {"Wk", "Wd"}:
+        return point
+    dose = max(point.vdv * (1.0 if point.axis == "z" else _SETTINGS.on_health), 1e-12)
+    caution, likely = (duration / 3600 * (limit / dose) ** 4 for limit in _SETTINGS.doses)
+    words = f"caution after {caution:.2g} h a day" if caution < 24 else "no caution within a day"
+    return replace(point, health=words + f", risk likely after {likely:.2g} h" * (likely < 24))
+
+
+def _stability(pieces: Sequence[_Piece], channel: Channel, bogie_mass: float | None) -> RidePoint:
     """Return the running RMS of a lateral acceleration around its largest peak, and how often it exceeds the limit."""
-    rate = parts[0].sampling_rate
-    rows = [part.samples[part.index(channel.name)] for part in parts]
-    longest = max(rows, key=len)
-    frequencies = np.fft.rfftfreq(longest.size, 1 / rate)
-    spectrum = np.abs(np.fft.rfft(longest - longest.mean())) ** 2
+    longest = max(pieces, key=lambda each: each.duration)
+    frequencies = np.fft.rfftfreq(longest.values.size, 1 / longest.rate)
+    spectrum = np.abs(np.fft.rfft(longest.values - longest.values.mean())) ** 2
     low, high = _SETTINGS.peaks
-    smooth = ndimage.gaussian_filter1d(spectrum, 0.2 * longest.size / rate)
+    smooth = ndimage.gaussian_filter1d(spectrum, 0.2 * longest.duration)
     peak = float(frequencies[np.argmax(np.where((frequencies >= low) & (frequencies <= high), smooth, 0.0))])
-    pieces = []
-    for row in rows:
-        transform = np.fft.rfft(row - row.mean())
-        inside = np.abs(np.fft.rfftfreq(row.size, 1 / rate) - peak) <= _SETTINGS.stability_band
-        pieces.append(np.fft.irfft(transform * inside, row.size))
-    speeds = [part.samples[k] for part in parts for k, each in enumerate(part.channels) if each.quantity == "speed"]
-    mean = float(np.mean([np.mean(speed) for speed in speeds])) if speeds else _SETTINGS.stability_length
-    n = max(1, round(_SETTINGS.stability_length / max(mean, 1.0) * rate))
-    levels = [np.sqrt(np.maximum(ndimage.uniform_filter1d(piece**2, n), 0.0)) for piece in pieces]
-    running = max(float(level.max()) for level in levels)
+    passed = []
+    for each in pieces:
+        transform = np.fft.rfft(each.values - each.values.mean())
+        inside = np.abs(np.fft.rfftfreq(each.values.size, 1 / each.rate) - peak) <= _SETTINGS.stability_band
+        passed.append(each._replace(values=np.fft.irfft(transform * inside, each.values.size)))
+    length = _SETTINGS.stability_length
+    levels = [_running(each, 1.0 if each.speed is None else length / max(each.speed, 1.0)) for each in passed]
     words, count = None, None
     if bogie_mass is not None:
         limit = (12 - bogie_mass / 5000) / 2
         count = sum(int(np.count_nonzero(np.diff(level > limit, prepend=False) & (level > limit))) for level in levels)
         words = f"{'unstable' if count else 'stable'}: {counted(count, 'time')} above {limit:.3g} m/s²"
-    rms = float(np.sqrt(np.mean(np.concatenate(pieces) ** 2)))
     name = f"{max(peak - _SETTINGS.stability_band, 0):.1f} to {peak + _SETTINGS.stability_band:.1f} Hz"
-    return RidePoint(channel.name, "y", "en14363", name, rms, *_peaks(pieces, rms, rate), running, words, count)
+    value = max(float(level.max()) for level in levels)
+    point = RidePoint(channel.name, "y", "en14363", name, *(float("nan"),) * 4, value, words, count)
+    return _measured(passed, point)
 
 
-def _travel(parts: Sequence[Recording], channel: Channel, available: float | None) -> Travel:
+def _travel(pieces: Sequence[_Piece], channel: Channel, available: float | None) -> Travel:
     """Return the use of the travel of a suspension."""
-    rate = parts[0].sampling_rate
-    rows = [part.samples[part.index(channel.name)] for part in parts]
-    values = np.concatenate(rows)
-    speeds = np.concatenate([np.gradient(row, 1 / rate) for row in rows])
+    values = np.concatenate([each.values for each in pieces])
+    speeds = np.concatenate([np.gradient(each.values, 1 / each.rate) for each in pieces])
     low, high = float(values.min()), float(values.max())
     share, n_bottomed = float("nan"), 0
     if available is not None:
@@ -528,26 +627,36 @@ def _histogram(values: Real) -> Histogram:
     return Histogram(tuple(edges.tolist()), tuple((counts / values.size).tolist()))
 
 
-def _mean_comfort(points: Sequence[RidePoint]) -> float | None:
-    """Return N_MV of the first channel of each axis; None without all three."""
-    by_axis = {point.axis: point.value for point in reversed(points) if point.standard == "en12299"}
-    return 6 * float(np.sqrt(sum(value**2 for value in by_axis.values()))) if len(by_axis) == 3 else None
+def _of_three_axes(points: Sequence[RidePoint], standard: Standard) -> float | None:
+    """Return the root of the sum of squares of the first channel of each axis; None without all three."""
+    by_axis = {point.axis: point.value for point in reversed(points) if point.standard == standard}
+    return float(np.sqrt(sum(value**2 for value in by_axis.values()))) if len(by_axis) == 3 else None
 
 
-def _shock_notes(points: Sequence[RidePoint], duration: float) -> list[str]:
-    """Return a note on the channels whose RMS understates shocks or changes of the vibration."""
-    names = [
+def _notes(
+    parts: Sequence[Recording], points: Sequence[RidePoint], pieces: Mapping[str, Sequence[_Piece]]
+) -> list[str]:
+    """Return a note on channels whose RMS understates shocks, and on each without values for a tenth of the time."""
+    covered = {name: sum(each.duration for each in own) for name, own in pieces.items()}
+    total = sum(part.duration for part in parts)
+    shocks = [
         point.channel
         for point in points
-        if point.standard == "iso2631"
-        and (point.crest_factor > 9 or point.mtvv > 1.5 * point.rms or point.vdv > 1.75 * point.rms * duration**0.25)
+        if point.standard == "iso2631" and point.weighting != "Wf"
+        if point.crest_factor > 9
+        or point.mtvv > 1.5 * point.rms
+        or point.vdv > 1.75 * point.rms * covered[point.channel] ** 0.25
     ]
-    if not names:
-        return []
-    return [f"{', '.join(names)}: shocks or changes of the vibration that RMS understates: see MTVV and VDV"]
+    words = f"shocks or changes of the vibration, which RMS understates: see MTVV and VDV of {', '.join(shocks)}"
+    gaps = [
+        f"{name} has values for {own:.0f} of {total:.0f} s" if own else f"{name} has no values and is left out"
+        for name, own in covered.items()
+        if own < 0.9 * total
+    ]
+    return [words, *gaps] if shocks else gaps
 
 
-def _comfort(value: float) -> str:
+def comfort_in_words(value: float) -> str:
     """Return the words of ISO 2631-1 for an RMS; those of two overlapping ranges as one."""
     words = [word for low, high, word in _SETTINGS.comfort if low <= value < high]
     if len(words) < 2:

@@ -188,7 +188,7 @@ def test_figures_of_roads_rides_and_curves() -> None:
         for k in range(2)
     )
     event = RoadEvent(50.0, 2.5, "left", "pothole", 0.03, 0.6)
-    point = RidePoint("seat_z", "z", "iso2631", "Wk", 0.5, 0.6, 1.0, 3.0, 0.5, "fairly uncomfortable")
+    point = RidePoint(*("seat_z", "z", "iso2631", "Wk", 0.5, 0.6, 1.0, 3.0, 0.5, "fairly"), continuous=(0.4, 0.6))
     frequencies, times = np.linspace(0.1, 20, 50), np.linspace(0, 1, 101)
     low_pass = np.asarray(1 / (1 + 1j * frequencies / 2), dtype=np.complex128)
     values = np.array([[1.4, 1.5, np.nan], [1.6, 1.5, 1.7]])

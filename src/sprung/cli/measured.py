@@ -283,6 +283,15 @@ def ride(
             panel=INPUT,
         ),
     ] = "iso2631",
+    weighting: Annotated[
+        Literal["Wk", "Wd", "Wf", "Wc", "We", "Wj"] | None,
+        option(
+            None,
+            "Weighting of ISO 2631-1. Default: Wk vertical and Wd horizontal (seat). Wc: backrest (x), We: rotation,"
+            " Wj: under the head of a lying person, Wf: motion sickness (z).",
+            panel=INPUT,
+        ),
+    ] = None,
     vehicle: Annotated[
         Path | None, option("V.toml|NAME", "Vehicle file, for units and directions of the sensors.", panel=INPUT)
     ] = None,
@@ -306,7 +315,13 @@ def ride(
         if vehicle is not None:
             description = read_vehicle(vehicle)
             recordings = [window_of(run, description, allow_missing=True).recording for run in recordings]
-        result = assess_ride(recordings, standards=(standard,), available_travel=travel, bogie_mass=bogie_mass)
+        result = assess_ride(
+            recordings,
+            standards=(standard,),
+            weighting=weighting,
+            available_travel=travel,
+            bogie_mass=bogie_mass,
+        )
     source = ", ".join(path.name for path in files)
     output.draw(lambda drawn: {"ride": drawn.ride_figure(result, source=source)})
     sentences, shown = tables.describe_ride(result), tables.ride_tables(result)

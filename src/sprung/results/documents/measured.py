@@ -112,6 +112,7 @@ class RideDocument(Document):
     points: tuple[RidePoint, ...]
     travel: tuple[TravelDocument, ...]
     mean_comfort: float | None
+    vibration_total: float | None
     notes: tuple[str, ...]
 
 

@@ -126,7 +126,7 @@ def _of_stretches(survey: RoadSurvey, side: str, name: str) -> Real:
 
 
 def ride_figure(ride: Ride, *, source: str = "") -> Figure:
-    """Draw the weighted RMS of each channel with the limits of ISO 2631-1, and how the travel was used.
+    """Draw the weighted RMS of each channel with the limits of ISO 2631-1, that of each 5 s, and the travel used.
 
     Examples
     --------
@@ -136,12 +136,12 @@ def ride_figure(ride: Ride, *, source: str = "") -> Figure:
     'Weighted RMS [m/s²]'
     """
     where = "Light: largest running value (MTVV). Lines: limits of comfort of ISO 2631-1 for the RMS"
-    n_rows = bool(ride.points) + len(ride.travel)
-    height = (1.6 + 0.35 * max(len(ride.points), 3)) * bool(ride.points) + 2.0 * len(ride.travel)
+    n_rows = 2 * bool(ride.points) + len(ride.travel)
+    height = (3.2 + 0.7 * max(len(ride.points), 3)) * bool(ride.points) + 2.0 * len(ride.travel)
     where = where if ride.points else "Share of the time over travel and speed; rebound is positive"
     figure = draw.new_figure("Ride", where, width=8.0, height=max(height, 3.0), source=source)
     grid = figure.subfigures(n_rows, 1, squeeze=False)[:, 0]
-    for row, travel in zip(grid[bool(ride.points) :], ride.travel, strict=True):
+    for row, travel in zip(grid[2 * bool(ride.points) :], ride.travel, strict=True):
         _draw_travel(draw.panels(row, 1, 2)[0], travel)
     if not ride.points:
         return figure
@@ -156,6 +156,11 @@ def ride_figure(ride: Ride, *, source: str = "") -> Figure:
         if limit < reach:
             axes.axvline(limit, color=STYLE.faint, linewidth=0.8, linestyle=":")
     axes.set_xlabel("Weighted RMS [m/s²]")
+    axes = draw.panels(grid[1])[0, 0]
+    for point in ride.points:
+        axes.stairs(point.continuous, np.arange(len(point.continuous) + 1) / 12, baseline=None, label=point.channel)
+    axes.set(ylim=(0, axes.get_ylim()[1]), xlabel="Time with values [min]", ylabel="RMS of 5 s [m/s²]")
+    draw.legend(axes)
     return figure
 
 

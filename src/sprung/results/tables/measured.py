@@ -133,22 +133,22 @@ def events_table(survey: "RoadSurvey") -> Table:
 
 def ride_tables(ride: "Ride") -> list[Table]:
     """Return the tables of a ride: vibration, and travel where there is any."""
-    columns = ("channel", "standard", "weighting", "RMS [m/s²]", "MTVV [m/s²]", "VDV", "crest", "value", "rating")
+    columns = ("channel", "weighting", "RMS [m/s²]", "MTVV [m/s²]", "VDV", "crest", "value", "rating")
     rows = tuple(
         (
             f"{point.channel} ({point.axis})",
-            point.standard,
             point.weighting,
             f"{point.rms:.3g}",
             f"{point.mtvv:.3g}",
             f"{point.vdv:.3g}",
             f"{point.crest_factor:.1f}",
             f"{point.value:.3g}",
-            point.rating or "",
+            "; ".join(words for words in (point.rating, point.health) if words),
         )
         for point in ride.points
     )
-    tables = [Table("Ride", columns, rows, n_words=3, caption="VDV in m/s^1.75")] if rows else []
+    title = f"Ride by {listed(tuple(dict.fromkeys(point.standard for point in ride.points)))}"
+    tables = [Table(title, columns, rows, n_words=2, caption="VDV in m/s^1.75")] if rows else []
     if ride.travel:
         heads = ("channel", "from [mm]", "to [mm]", "5 % [mm]", "95 % [mm]", "used [%]", "bottomed", "rebound", "bump")
         used = tuple(
@@ -169,13 +169,16 @@ def ride_tables(ride: "Ride") -> list[Table]:
 
 
 def describe_ride(ride: "Ride") -> list[str]:
-    """Return the mean comfort, and the limits of a ride."""
-    from sprung.ride import mean_comfort_in_words
+    """Return the comfort by three axes together, and the limits of a ride."""
+    from sprung.ride import comfort_in_words, mean_comfort_in_words
 
-    if ride.mean_comfort is None:
-        return list(ride.notes)
-    words = mean_comfort_in_words(ride.mean_comfort)
-    return [f"mean comfort N_MV {ride.mean_comfort:.2f} (EN 12299): {words}", *ride.notes]
+    sentences = []
+    if ride.mean_comfort is not None:
+        words = mean_comfort_in_words(ride.mean_comfort)
+        sentences.append(f"mean comfort N_MV {ride.mean_comfort:.2f} (EN 12299): {words}")
+    if (total := ride.vibration_total) is not None:
+        sentences.append(f"vibration total value {total:.3g} m/s² (ISO 2631-1): {comfort_in_words(total)}")
+    return [*sentences, *ride.notes]
 
 
 def stability_tables(fit: "LateralFit") -> list[Table]:
