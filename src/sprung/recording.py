@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from types import MappingProxyType
@@ -12,7 +13,7 @@ import numpy as np
 from sprung._arrays import Real
 from sprung._checks import check_each, check_number, check_one_of, check_type, freeze
 from sprung._display import Drawable, Tabular, counted, in_short, listed
-from sprung.errors import ParameterError
+from sprung.errors import DataError, ParameterError
 
 #: Quantities that a channel may measure, with their SI units. An unknown quantity has no unit.
 QUANTITIES = MappingProxyType(
@@ -107,6 +108,8 @@ class Recording(Tabular, Drawable):
         Processing steps since reading, one line each, oldest first.
     comment
         Comment on the measurement, as in the file.
+    source
+        File that it was read from, which errors name; empty for none.
 
     Raises
     ------
@@ -121,6 +124,7 @@ class Recording(Tabular, Drawable):
     gaps: tuple[Gap, ...] = ()
     history: tuple[str, ...] = ()
     comment: str = ""
+    source: str = ""
 
     def __post_init__(self) -> None:
         freeze(self, samples=2)
@@ -169,7 +173,8 @@ class Recording(Tabular, Drawable):
             If the recording has no channel of that name.
         """
         if name not in self.names:
-            raise ParameterError(f"there is no channel {name!r}: the recording has {', '.join(self.names)}")
+            with naming(self):
+                raise ParameterError(f"there is no channel {name!r}: the recording has {', '.join(self.names)}")
         return self.names.index(name)
 
     def __getitem__(self, name: str) -> Real:
@@ -201,6 +206,17 @@ class Recording(Tabular, Drawable):
     def changed(self, step: str, **fields: Any) -> "Recording":
         """Return a copy with other `fields` and `step` added to the history."""
         return replace(self, history=(*self.history, step), **fields)
+
+
+@contextmanager
+def naming(recording: Recording) -> Iterator[None]:
+    """Begin the message of an error with the file that the recording was read from."""
+    try:
+        yield
+    except (DataError, ParameterError) as error:
+        if recording.source and recording.source not in str(error):
+            error.args = (f"{recording.source}: {error}", *error.args[1:])
+        raise
 
 
 def each_recording(recordings: Recording | Iterable[Recording]) -> Iterable[Recording]:

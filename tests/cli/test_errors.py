@@ -1,7 +1,13 @@
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from sprung.cli import explained
 from sprung.errors import DataError, FormatError, IdentificationError, MissingPackageError, ParameterError
+from sprung.formats import write
+from sprung.simulation import RoadDrive, simulate_drive
+from sprung.vehicles import read_vehicle
 
 
 @pytest.fixture
@@ -79,6 +85,24 @@ def test_simulate_explains_what_it_cannot_do(sprung, tmp_path, monkeypatch, word
     assert outcome.err.count("\n") == 1
     assert part in outcome.err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("lacking", "command"),
+    [(lacking, command) for lacking in ("speed", "acc_rl", "values") for command in ("road", "corners", "calibrate")]
+    + [("acc_rl", "baseline")],
+)
+def test_the_bad_one_of_several_files_is_named(sprung, tmp_path, monkeypatch, command, lacking):
+    monkeypatch.chdir(tmp_path)
+    drive = simulate_drive(read_vehicle("zafira"), RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0)).recording
+    write(drive, "good one.npz")
+    dead = replace(drive, samples=np.vstack([np.full_like(drive.samples[:1], np.nan), drive.samples[1:]]))
+    less = drive.select([name for name in drive.names if name != lacking])
+    write(dead if lacking == "values" else less, "bad one.npz")
+    out = ["--out", "out.toml"] if command in {"calibrate", "baseline"} else []
+    outcome = sprung(command, "good one.npz", "bad one.npz", "--vehicle", "zafira", *out)
+    said = outcome.err + outcome.out  # a road goes on with the other drive, and notes why not with this one
+    assert (said.count("bad one.npz: "), "good one.npz: " in said) == (1, False)
 
 
 def test_unknown_commands_are_refused(sprung):

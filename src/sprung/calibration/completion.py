@@ -39,7 +39,7 @@ from sprung.calibration.joint import DELAY, WindowSpectra, window_spectra
 from sprung.errors import DataError, ParameterError
 from sprung.likelihood import CornerSettings
 from sprung.likelihood.spectra import OVERCOUNT
-from sprung.recording import Recording, each_recording
+from sprung.recording import Recording, each_recording, naming
 from sprung.vehicles import Component, Vehicle, check_on_axles, corner_names
 from sprung.vehicles.sections import FlexibleMode, LearntNumber
 from sprung.vehicles.sensor_checks import refuse_wrong_sensors
@@ -633,10 +633,11 @@ def _check_alike(windows: Sequence[Window]) -> None:
     first = windows[0]
     for window in windows[1:]:
         if window.outputs != first.outputs:
-            raise ParameterError(
-                f"a window has the channels {', '.join(window.outputs)}, the first one {', '.join(first.outputs)}: "
-                "give windows with the same channels"
-            )
+            with naming(window.recording):
+                raise ParameterError(
+                    f"a window has the channels {', '.join(window.outputs)}, the first one {', '.join(first.outputs)}: "
+                    "give windows with the same channels"
+                )
 
 
 def _mean_misfit(misfits: Sequence[Real], frequencies: Sequence[Real], n_segments: Sequence[int]) -> Real:

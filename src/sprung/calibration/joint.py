@@ -31,6 +31,7 @@ from sprung.likelihood.transfer import TermGradients, Transfer
 from sprung.likelihood.uncertainty import expected_covariance
 from sprung.likelihood.vehicle import Kind, default_choices, with_sensors
 from sprung.likelihood.whittle import TOO_FAR
+from sprung.recording import naming
 from sprung.vehicles import Structure, Vehicle, structure
 from sprung.vehicles.window import Window
 
@@ -472,10 +473,11 @@ def window_spectra(window: Window, settings: CornerSettings) -> WindowSpectra:
     """
     kind: Kind = settings.kind or window.vehicle.kind
     if window.speed is None and kind != "rig":
-        raise DataError(
-            f"calibration needs the speed, but the channel {window.vehicle.speed_channel!r} is missing or wrong: "
-            "record it"
-        )
+        with naming(window.recording):
+            raise DataError(
+                f"calibration needs the speed, but the channel {window.vehicle.speed_channel!r} is missing or wrong: "
+                "record it"
+            )
     motion = window.motion
     layout, rigid = window_layouts(window.vehicle, motion.names)
     band, length = default_choices(window.vehicle, window.structure, settings, motion.sampling_rate)

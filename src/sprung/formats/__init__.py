@@ -17,7 +17,7 @@ from sprung.formats.grid import assemble, survey
 from sprung.formats.isolation import isolated_groups
 from sprung.formats.registry import ENDINGS, FOREIGN, FORMATS, WRITERS, format_of, writer_of
 from sprung.formats.settings import ReadSettings
-from sprung.formats.table import Group, join, rebatch, reported
+from sprung.formats.table import Block, Group, join, rebatch, reported
 from sprung.recording import Recording
 
 __all__ = ["ENDINGS", "FORMATS", "WRITERS", "ReadSettings", "groups", "read", "read_blocks", "read_records", "write"]
@@ -146,12 +146,13 @@ def _recordings(
         blocks = list(table.blocks())
         if not blocks:
             raise DataError(f"{path} holds no samples: it ends after the column names")
-        whole = [join(blocks)]
+        whole: Iterable[Block] = [join(blocks)]
         facts = survey(table, whole, sampling_rate=settings.sampling_rate)
-        yield from assemble(table, whole, facts, bridge=settings.bridge)
     else:
         facts = survey(table, table.blocks(), sampling_rate=settings.sampling_rate)
-        yield from assemble(table, rebatch(table.blocks(), block_samples), facts, bridge=settings.bridge)
+        whole = rebatch(table.blocks(), block_samples)
+    for recording in assemble(table, whole, facts, bridge=settings.bridge):
+        yield replace(recording, source=str(path))
 
 
 def read_records(

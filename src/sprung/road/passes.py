@@ -75,7 +75,9 @@ def survey_passes(
         try:
             surveys.append(survey_road(drive, vehicle, stretch=stretch, ways=ways, allow_missing=allow_missing))
         except DataError as error:
-            reasons.append(f"drive {number + 1}: {error}" if len(passes) > 1 else str(error))
+            is_named = any(record.source and record.source in str(error) for record in drive)
+            name = drive[0].source or f"drive {number + 1}" * (len(passes) > 1)
+            reasons.append(str(error) if is_named or not name else f"{name}: {error}")
     if not surveys:
         raise DataError("; ".join(reasons))
     mean = surveys[0] if len(passes) == 1 else averaged(surveys)

@@ -10,7 +10,7 @@ from sprung._arrays import Booleans, Real
 from sprung._checks import freeze
 from sprung.errors import DataError
 from sprung.likelihood.spectra import between_updates
-from sprung.recording import Recording
+from sprung.recording import Recording, naming
 from sprung.vehicles.window import Window
 
 #: Names of the channels with latitude and longitude [degrees].
@@ -90,7 +90,8 @@ def track_of(windows: Sequence[Window]) -> Track:
     for window in windows:
         recording, rate = window.recording, window.recording.sampling_rate
         if window.speed is None:
-            raise DataError("the road needs the speed of the vehicle: give recordings with the speed channel")
+            with naming(recording):
+                raise DataError("the road needs the speed of the vehicle: give recordings with the speed channel")
         held = filled(recording.samples[recording.index(window.speed)])
         speed = np.concatenate([between_updates(held[stretch], rate) for stretch in recording.stretches()])
         steps = np.diff(speed, prepend=speed[0])

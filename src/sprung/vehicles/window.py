@@ -9,7 +9,7 @@ import numpy as np
 from sprung._arrays import Real
 from sprung.channel_names import corner_of, rule_of
 from sprung.errors import ParameterError
-from sprung.recording import Channel, Recording
+from sprung.recording import Channel, Recording, naming
 from sprung.signals.conditioning import advanced_linearly
 from sprung.vehicles.description import Vehicle
 from sprung.vehicles.labels import plausibility_notes
@@ -70,7 +70,8 @@ class Window:
         DataError
             If an output is dead, or nothing is left.
         """
-        return usable_motion(self.recording, self.outputs, self.speed)
+        with naming(self.recording):
+            return usable_motion(self.recording, self.outputs, self.speed)
 
     def without(self, names: Collection[str]) -> "Window":
         """Return the window without the channels in `names`, and without conditions from the speed if it is one."""
@@ -113,12 +114,13 @@ def window_of(recording: Recording, vehicle: Vehicle, *, allow_missing: bool = F
     ParameterError
         If the recording lacks a sensor of the vehicle file, or has one with another quantity.
     """
-    placed = with_layout(recording, vehicle.sensor, allow_missing=allow_missing)
-    speed = speed_channel(placed, vehicle)
-    outputs = output_channels(placed, vehicle)
-    if speed is None:
-        placed, speed = _with_speed_of_wheels(placed, vehicle)
-    speed_notes = () if speed is None else _check_speed(placed, placed.index(speed))
+    with naming(recording):
+        placed = with_layout(recording, vehicle.sensor, allow_missing=allow_missing)
+        speed = speed_channel(placed, vehicle)
+        outputs = output_channels(placed, vehicle)
+        if speed is None:
+            placed, speed = _with_speed_of_wheels(placed, vehicle)
+        speed_notes = () if speed is None else _check_speed(placed, placed.index(speed))
     if speed is not None and (vehicle.speed_scale != 1 or vehicle.speed_delay != 0):
         placed = _with_speed_corrected(placed, vehicle, placed.index(speed))
     notes = (*plausibility_notes(vehicle), *layout_notes(recording, vehicle), *speed_notes)
