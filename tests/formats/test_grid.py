@@ -1,5 +1,6 @@
 """Reading block by block must give what reading at once gives."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -116,6 +117,20 @@ def test_dead_channel_stays_and_costs_no_rows() -> None:
     assert np.isnan(samples[1, 400:]).all()
     assert gaps == []
     assert any("c1: dead, values in 400 of 1000 rows" in line for line in parts[0].history)
+
+
+def test_places_of_a_slow_receiver_cost_no_rows() -> None:
+    """Fixes once a second, none for 30 s: on lines between them, and the last one where they are far apart."""
+    times = np.arange(6000) / 100
+    fixes = np.full(6000, np.nan)
+    fixes[::100] = 50 + 1e-4 * times[::100]
+    fixes[2000:5000] = np.nan
+    made = table(times, np.vstack([sine(times), fixes]))
+    columns = (*made.columns[:2], Column("latitude", "latitude"))
+    (recording,) = recordings(replace(made, columns=columns))
+    assert recording.n_samples == 6000
+    assert recording.samples[-1, :1900] == pytest.approx(50 + 1e-4 * times[:1900])
+    assert recording.samples[-1, 1950:4999] == pytest.approx(fixes[1900], abs=6e-5)
 
 
 def test_rows_of_other_channels_only_are_left_out_without_a_gap() -> None:

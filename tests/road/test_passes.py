@@ -97,6 +97,35 @@ def test_passes_of_one_road_agree_by_place(passes) -> None:
     assert sum(stretch.n_passes for stretch in by_place.stretches) > 30
 
 
+def test_lost_satellites_leave_no_places_and_no_ways(passes) -> None:
+    """A receiver holds its last place for 30 s under way; the ways are those of the places before and after."""
+    placed = with_places(passes[0])
+    samples = placed.samples.copy()
+    samples[-2:, 3000:6000] = samples[-2:, 3000:3001]
+    lost = replace(placed, samples=samples)
+    track, whole = (track_of([window_of(each, CAR)]) for each in (lost, placed))
+    assert (track.place(31.0), track.place(59.0)) == (None, None)
+    assert track.place(29.0) == pytest.approx(whole.place(29.0), abs=1e-6)
+    ways = Ways(stretch=100.0)
+    ways.add(whole)
+    begins = [section.begin for section in ways.sections(track)]
+    at = np.interp([30.0, 60.0], whole.times, whole.distances)
+    assert begins
+    assert not [begin for begin in begins if at[0] < begin + 50 < at[1]]
+    assert set(begins) <= {section.begin for section in ways.sections(whole)}
+
+
+def test_places_in_radians_are_the_same(passes) -> None:
+    """Channels whose unit is stated as degrees are angles, in radians."""
+    placed = with_places(passes[0])
+    names = {"latitude", "longitude"}
+    channels = [sprung.Channel(each.name, "angle") if each.name in names else each for each in placed.channels]
+    samples = np.vstack([placed.samples[:-2], np.radians(placed.samples[-2:])])
+    angles = replace(placed, samples=samples, channels=tuple(channels))
+    of_angles, given = (track_of([window_of(each, CAR)]) for each in (angles, placed))
+    np.testing.assert_allclose(of_angles.places, given.places)
+
+
 def test_the_other_direction_is_another_way(passes) -> None:
     track = track_of([window_of(with_places(passes[0]), CAR)])
     assert track.places is not None

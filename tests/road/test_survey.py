@@ -9,6 +9,7 @@ import pytest
 import sprung
 from sprung.errors import DataError, ParameterError
 from sprung.excitation import surface
+from sprung.formats import write
 from sprung.road import averaged, roughness_index, survey_road, write_survey
 from sprung.simulation import RoadConditions, RoadDrive, simulate_drive
 from sprung.vehicles import read_vehicle
@@ -130,6 +131,19 @@ def test_places_lead_to_maps(tmp_path) -> None:
     assert latitude == pytest.approx(50 + 1e-4 * survey.stretches[0].begin_time)
     write_survey(survey, tmp_path / "road.gpx")
     assert (tmp_path / "road.gpx").read_text().startswith("<?xml")
+
+
+def test_what_has_no_road_or_place_is_refused_at_once(tmp_path, request) -> None:
+    rig = CAR.model_copy(update={"kind": "rig"})
+    short = simulate_drive(CAR, RoadDrive(duration=20.0, sampling_rate=60.0)).recording
+    with pytest.raises(ParameterError, match="no road is"):
+        survey_road(short, rig)
+    write(short, tmp_path / "short.npz")
+    run, drawn = request.getfixturevalue("sprung"), tmp_path / "drawn"
+    for name, code in (("road.geojson", 3), ("road.kml", 2)):
+        out = ("--out", tmp_path / name, "--figures", drawn)
+        assert run("road", tmp_path / "short.npz", "--vehicle", "zafira", *out).code == code
+        assert not (drawn / "road.png").exists()
 
 
 @pytest.mark.slow

@@ -32,6 +32,28 @@ def run(car):
     return Recording(samples, 100.0, channels)
 
 
+@pytest.mark.parametrize(
+    ("factor", "offset", "unit", "is_noted"),
+    [
+        (1.0, 0.0, "unknown", False),
+        (1.0, 9.81, "unknown", False),
+        (0.05, 0.0, "unknown", True),  # in g
+        (0.3, 1.0, "unknown", True),  # in g, with gravity
+        (300.0, 0.0, "unknown", True),  # counts
+        (0.05, 0.0, "acceleration", False),  # stated: a smooth ride
+    ],
+)
+def test_accelerations_without_unit_that_are_hardly_in_si_are_noted(factor, offset, unit, is_noted) -> None:
+    car = read_vehicle("zafira")
+    names = [sensor.channel for sensor in car.sensor]
+    shaken = offset + factor * np.random.default_rng(1).standard_normal((len(names), 1000))
+    samples = np.vstack([shaken, np.repeat([0.0, 12.0], [700, 300])])
+    samples[:-1, :700] = offset
+    channels = (*(Channel(name, unit) for name in names), Channel("speed", "speed"))
+    notes = window_of(Recording(samples, 100.0, channels), car).notes
+    assert any("no unit is stated" in note for note in notes) == is_noted
+
+
 def test_sensors_are_placed_in_si_units(car, run) -> None:
     window = window_of(run, car)
     assert window.outputs == tuple(sensor.channel for sensor in car.sensor)

@@ -221,7 +221,7 @@ def road(
     """
     from sprung.results import tables
     from sprung.results.documents import road_document
-    from sprung.road import drives_of, survey_passes, write_survey
+    from sprung.road import check_survey_file, drives_of, has_places, survey_passes, write_survey
     from sprung.vehicles import read_vehicle
 
     output.check(*files, vehicle)
@@ -230,7 +230,9 @@ def road(
     description = read_vehicle(vehicle)
     may_lack = reading.may_lack(description, allow_missing=allow_missing)
     with progress_bar() as report:
-        drives = drives_of(reading.records([path], report) for path in files)
+        drives = list(drives_of(reading.records([path], report) for path in files))
+        if out is not None:
+            check_survey_file(out, are_placed=any(has_places(record) for drive in drives for record in drive))
         survey = survey_passes(drives, description, stretch=stretch, allow_missing=may_lack, on_progress=report)
     source = ", ".join(path.name for path in files)
     output.draw(lambda drawn: {"road": drawn.road_figure(survey, source=source)})

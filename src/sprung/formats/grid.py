@@ -18,8 +18,8 @@ from sprung._display import counted
 from sprung.errors import DataError, FormatError, MixedRatesError, ParameterError
 from sprung.formats.clock import Clock, ClockFit, TimeScale, find_gaps, interpolate, time_scale, uncrowded
 from sprung.formats.columns import stated_rate
-from sprung.formats.table import Block, Table
-from sprung.recording import Channel, Gap, Recording
+from sprung.formats.table import Block, Column, Table
+from sprung.recording import LONGEST_LINE, PLACES, Channel, Gap, Recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +177,7 @@ def _values_present(table: Table, values: Real) -> Booleans:
     shared = present[:, present.any(axis=0)]
     for column, has_value in zip(table.columns, shared, strict=True):
         rows = np.flatnonzero(has_value)
-        if 10 <= rows.size < 0.6 * shared.shape[1] and np.median(np.diff(rows)) >= 2:
+        if not _is_place(column) and 10 <= rows.size < 0.6 * shared.shape[1] and np.median(np.diff(rows)) >= 2:
             reason = f"a value in one of {np.median(np.diff(rows)):.0f} rows only"
             raise MixedRatesError(
                 f"{table.path}: channel {column.name!r} has {reason} (another rate): keep the channels of one rate "
@@ -186,6 +186,21 @@ def _values_present(table: Table, values: Real) -> Booleans:
                 ((column.name, reason),),
             )
     return present
+
+
+def _is_place(column: Column) -> bool:
+    """Whether a channel is a latitude or longitude, whose receiver is slow and may lose its satellites."""
+    return any(column.name.lower() in names for names in PLACES)
+
+
+def _followed(fixes: Real, longest: float) -> Real:
+    """Return places between fixes: on straight lines, or through more than `longest` rows at the last one."""
+    known, rows = np.flatnonzero(np.isfinite(fixes)), np.arange(fixes.size)
+    if not known.size:
+        return fixes
+    last = np.maximum(np.searchsorted(known, rows, side="right") - 1, 0)
+    is_near = np.diff(known, append=known[-1])[last] <= longest
+    return np.where(is_near, np.interp(rows, known, fixes[known]), fixes[known[last]])
 
 
 def _alive(table: Table, counts: Indices, n_rows: int) -> Booleans:
@@ -349,6 +364,9 @@ class _Assembler:
     def _append(self, block: Block) -> None:
         """Add the rows in which every live channel has a value."""
         values = without_fillers(_measured(block.values), self._facts.fillers)
+        if places := [row for row, column in enumerate(self._table.columns) if _is_place(column)]:
+            values = values.copy()
+            values[places] = [_followed(values[row], LONGEST_LINE * self._clock.sampling_rate) for row in places]
         present = ~np.isnan(values)
         whole = present[self._facts.alive].all(axis=0)
         self._n_cut += int(present.any(axis=0).sum() - whole.sum())

@@ -1,5 +1,6 @@
 from sprung.road.level import TrackLevel as TrackLevel
 from sprung.road.passes import averaged as averaged
+from sprung.road.passes import check_survey_file as check_survey_file
 from sprung.road.passes import survey_passes as survey_passes
 from sprung.road.passes import write_survey as write_survey
 from sprung.road.profile import RoadProfile as RoadProfile
@@ -17,4 +18,5 @@ from sprung.road.survey import suspension_slope as suspension_slope
 from sprung.road.tracks import Track as Track
 from sprung.road.tracks import Ways as Ways
 from sprung.road.tracks import drives_of as drives_of
+from sprung.road.tracks import has_places as has_places
 from sprung.road.tracks import track_of as track_of

@@ -177,7 +177,7 @@ def _merged(events: Sequence[RoadEvent]) -> tuple[RoadEvent, ...]:
 
 
 #: Columns of a table of stretches of a road, and of a track, for either side.
-_OF_ROAD = ("iri", "iri_std", "iri_scatter", "class")
+_OF_ROAD = ("iri", "iri_std", "iri_scatter", "class", "roughness_m3", "waviness")
 _OF_TRACK = ("d1_mm", "d1_std_mm", "d1_scatter_mm", "d2_mm", "d2_std_mm")
 #: Colours of the classes A to H on a map, from green to violet.
 _COLOURS = ("#1A9850", "#91CF60", "#F2D43D", "#FC8D59", "#D73027", "#A50026", "#7A0177", "#49006A")
@@ -205,11 +205,7 @@ def write_survey(survey: RoadSurvey, path: str | Path) -> None:
     """
     check_type("survey", survey, RoadSurvey, advice="sprung.survey_road(recording, vehicle)")
     target = Path(path)
-    ending = target.suffix.lower()
-    if ending not in {".geojson", ".gpx", ".csv"}:
-        raise ParameterError(f"{target.name} ends in {ending!r}: give a file that ends in .geojson, .gpx or .csv")
-    if ending != ".csv" and not all(stretch.begin_place and stretch.end_place for stretch in survey.stretches):
-        raise DataError("the recordings have no latitude and longitude for a map: write .csv, or record them [degrees]")
+    ending = check_survey_file(target, are_placed=any(stretch.begin_place for stretch in survey.stretches))
     if ending == ".csv":
         with target.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
@@ -220,6 +216,22 @@ def write_survey(survey: RoadSurvey, path: str | Path) -> None:
         target.write_text(json.dumps(collection, indent=1), encoding="utf-8")
     else:
         target.write_text(_way_points(survey), encoding="utf-8")
+
+
+def check_survey_file(path: Path, *, are_placed: bool) -> str:
+    """Return the ending of the file of a survey, where it can be written.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `write_survey`, before there is a survey.
+    """
+    ending = path.suffix.lower()
+    if ending not in {".geojson", ".gpx", ".csv"}:
+        raise ParameterError(f"{path.name} ends in {ending!r}: give a file that ends in .geojson, .gpx or .csv")
+    if ending != ".csv" and not are_placed:
+        raise DataError("the recordings have no latitude and longitude for a map: write .csv, or record them [degrees]")
+    return ending
 
 
 def _rows(survey: RoadSurvey) -> Iterator[tuple[Any, ...]]:
@@ -244,10 +256,11 @@ def _lines(survey: RoadSurvey) -> list[str]:
 
 def _cells(track: TrackRoughness | TrackLevel | None) -> tuple[Any, ...]:
     if track is None:
-        return (None,) * len(_OF_TRACK)
+        return (None,) * len(_OF_TRACK)  # the alignment of a track
     if isinstance(track, TrackRoughness):
         scatter = None if track.iri_scatter is None else round(track.iri_scatter, 3)
-        return (round(track.iri, 3), round(track.iri_std, 3), scatter, track.road_class)
+        level = float(f"{track.roughness:.3g}"), round(track.waviness, 2)
+        return (round(track.iri, 3), round(track.iri_std, 3), scatter, track.road_class, *level)
     lengths = track.d1, track.d1_std, track.d1_scatter, track.d2, track.d2_std
     return tuple(None if length is None else round(1000 * length, 3) for length in lengths)
 
@@ -265,6 +278,8 @@ def _features(survey: RoadSurvey) -> Iterator[dict[str, Any]]:
     """Yield the features of a map; coordinates are longitude and latitude."""
     for stretch, row in zip(survey.stretches, _rows(survey), strict=True):
         ends = [list(reversed(place)) for place in (stretch.begin_place, stretch.end_place) if place]
+        if len(ends) < 2:
+            continue
         line = {"type": "LineString", "coordinates": ends}
         properties = {**dict(zip(_columns(survey), row, strict=True)), "stroke": _colour(stretch), "stroke-width": 4}
         yield {"type": "Feature", "geometry": line, "properties": properties}

@@ -9,7 +9,7 @@ import numpy as np
 from sprung._arrays import Booleans, Complex, Real
 from sprung._checks import check_number, check_type
 from sprung._display import counted
-from sprung.errors import DataError
+from sprung.errors import DataError, ParameterError
 from sprung.likelihood import CornerFit
 from sprung.likelihood.fitting import fit_windows
 from sprung.likelihood.lateral import fit_lateral_under
@@ -377,6 +377,10 @@ def survey_road(
     ('C', True)
     """
     is_track = vehicle.kind == "rail"
+    if vehicle.kind == "rig":
+        raise ParameterError(
+            f"vehicle {vehicle.name!r} is on a rig, under which no road is: state its kind, road or rail"
+        )
     stretch = default_stretch(vehicle) if stretch is None else check_number("stretch", stretch, at_least=20)
     records = list(each_recording(recordings))
     windows = [window_of(record, vehicle, allow_missing=allow_missing) for record in records]
@@ -410,7 +414,9 @@ def survey_road(
     if ways is not None:
         events = [replace(event, at=at) for event in events for at in _addresses(event.at, sections)]
     notes = (f"too slow: {counted(slow, 'stretch', 'es')}",) * (slow > 0)
-    return RoadSurvey(tuple(stretches), tuple(events), (*notes, *_vehicle_notes(vehicle, fit.model_error), *reasons))
+    of_windows = dict.fromkeys(note for window in windows for note in window.notes)
+    notes = (*of_windows, *notes, *_vehicle_notes(vehicle, fit.model_error), *reasons)
+    return RoadSurvey(tuple(stretches), tuple(events), notes)
 
 
 def _part(profile: RoadProfile, section: Section) -> slice | None:

@@ -10,11 +10,9 @@ from sprung._arrays import Booleans, Real
 from sprung._checks import freeze
 from sprung.errors import DataError
 from sprung.likelihood.spectra import between_updates
-from sprung.recording import Recording, naming
+from sprung.recording import LONGEST_LINE, PLACES, Recording, naming
 from sprung.vehicles.window import Window
 
-#: Names of the channels with latitude and longitude [degrees].
-_PLACES = (("latitude", "lat", "gnss_latitude", "gps_lat"), ("longitude", "lon", "lng", "gnss_longitude", "gps_lon"))
 _EARTH = 6_371_000.0  # radius [m]
 
 
@@ -30,6 +28,8 @@ class WaySettings:
     along: float = 0.7
     #: Length of the part of a drive that is compared with the earlier parts of the same drive at once [m].
     block: float = 500.0
+    #: Distance that a vehicle goes while its places stand still, from which they are lost [m].
+    lost: float = 50.0
     #: Time between two recordings of one drive [s].
     pause: float = 1.0
 
@@ -48,7 +48,8 @@ class Track:
     distances
         Distance from there by the speed, gaps included [m], shape (points,).
     places
-        Latitude and longitude [degrees], shape (2, points); None where the recordings lack them.
+        Latitude and longitude [degrees], shape (2, points), NaN without satellites; None where the recordings lack
+        them.
     """
 
     times: Real
@@ -74,7 +75,7 @@ class Track:
         if self.places is None:
             return None
         latitude, longitude = (float(np.interp(time, self.times, row)) for row in self.places)
-        return latitude, longitude
+        return None if np.isnan(latitude + longitude) else (latitude, longitude)
 
 
 def track_of(windows: Sequence[Window]) -> Track:
@@ -101,7 +102,7 @@ def track_of(windows: Sequence[Window]) -> Track:
             steps[gap.index] = speed[gap.index - 1 : gap.index + 1].mean() * gap.duration
         distances.append(travelled + np.cumsum(np.maximum(steps, 0.0)))
         times.append(clock + np.arange(recording.n_samples) / rate)
-        places.append(_places(recording))
+        places.append(_places(recording, distances[-1]))
         travelled, clock = float(distances[-1][-1] + speed[-1] / rate), clock + recording.duration
     known = [each for each in places if each is not None]
     where = np.concatenate(known, axis=1) if len(known) == len(places) else None
@@ -117,14 +118,30 @@ def filled(values: Real) -> Real:
     return np.interp(at, at[known], values[known])
 
 
-def _places(recording: Recording) -> Real | None:
-    """Return the latitude and longitude of each sample; None where the recording lacks them."""
+def _places(recording: Recording, distances: Real) -> Real | None:
+    """Return the latitude and longitude of each sample, NaN while they stood still and the vehicle did not.
+
+    None where the recording lacks them.
+    """
     lower = {name.lower(): name for name in recording.names}
-    names = [next((lower[name] for name in alike if name in lower), None) for alike in _PLACES]
-    rows = [recording.samples[recording.index(name)] for name in names if name is not None]
-    if len(rows) < len(_PLACES) or not all(np.isfinite(row).any() for row in rows):
+    names = [next((lower[name] for name in alike if name in lower), None) for alike in PLACES]
+    found = [recording.index(name) for name in names if name is not None]
+    factors = [np.degrees(1.0) if recording.channels[row].quantity == "angle" else 1.0 for row in found]
+    rows = [factor * filled(recording.samples[row]) for row, factor in zip(found, factors, strict=True)]
+    if len(rows) < len(PLACES) or not all(np.isfinite(row).any() for row in rows):
         return None
-    return np.array([filled(between_updates(filled(row), recording.sampling_rate)) for row in rows])
+    rate = recording.sampling_rate
+    places = np.array([filled(between_updates(row, rate)) for row in rows])
+    fixes = np.flatnonzero(np.any(np.diff(rows, prepend=np.nan, append=np.nan) != 0, axis=0))
+    for k in np.flatnonzero(np.diff(fixes) > LONGEST_LINE * rate):
+        if distances[fixes[k + 1] - 1] - distances[fixes[k]] > WAYS.lost:
+            places[:, fixes[k] + 1 : fixes[k + 1]] = np.nan
+    return places
+
+
+def has_places(recording: Recording) -> bool:
+    """Whether a recording has channels of latitude and longitude."""
+    return all({name.lower() for name in recording.names} & set(alike) for alike in PLACES)
 
 
 def drives_of(files: Iterable[Iterable[Recording]]) -> Iterator[list[Recording]]:
@@ -196,7 +213,7 @@ class Ways:
         if thin.places is None or thin.distances.size < 3:
             return
         points = _directed(thin.places)
-        is_new = ~np.isfinite(self._addresses(points))
+        is_new = ~np.isfinite(self._addresses(points)) & np.isfinite(points).all(axis=1)
         n_block = round(WAYS.block / WAYS.spacing)
         own: list[Real] = []
         for first in range(0, len(points), n_block):  # a drive may come back to where it was
@@ -251,7 +268,8 @@ class _Near:
 
     def addresses(self, points: Real) -> Real:
         """Return the address of each directed point [m]; NaN where it is on no way."""
-        _, nearest = self._tree.query(points)
+        is_known = np.isfinite(points).all(axis=1, keepdims=True)
+        _, nearest = self._tree.query(np.where(is_known, points, 0.0))
         other = self._points[nearest]
         offset, direction = points[:, :3] - other[:, :3], other[:, 3:6] / WAYS.aside
         along = np.sum(offset * direction, axis=1)

@@ -10,7 +10,7 @@ from sprung._checks import nearest_name
 from sprung._display import counted
 from sprung.channel_names import rule_of
 from sprung.errors import DataError, ParameterError
-from sprung.recording import Channel, Recording
+from sprung.recording import PLACES, Channel, Recording
 from sprung.signals.conditioning import advanced, while_moving, without_missing
 from sprung.signals.data_faults import CONDITIONS, ROUNDING, constant_value, moving_samples
 from sprung.vehicles.description import Chain, Description, Quarter, Vehicle
@@ -134,7 +134,8 @@ def layout_notes(recording: Recording, vehicle: Description) -> tuple[str, ...]:
     others = _left_over(recording.names, vehicle.sensor)
     conditions = {channel.name for channel in recording.channels if _is_known_condition(channel)}
     speed = vehicle.speed_channel.casefold()
-    left_over = [name for name in others if name not in conditions and name.casefold() != speed]
+    known = conditions | {name for name in others if any(name.casefold() in alike for alike in PLACES)}
+    left_over = [name for name in others if name not in known and name.casefold() != speed]
     absent = [sensor.channel for sensor in vehicle.sensor if sensor.channel not in recording.names]
     notes = []
     if absent:

@@ -120,10 +120,12 @@ def window_of(recording: Recording, vehicle: Vehicle, *, allow_missing: bool = F
         outputs = output_channels(placed, vehicle)
         if speed is None:
             placed, speed = _with_speed_of_wheels(placed, vehicle)
-        speed_notes = () if speed is None else _check_speed(placed, placed.index(speed))
+        unit_notes = () if speed is None else _check_speed(placed, placed.index(speed))
+        if speed is not None and vehicle.kind == "road":
+            unit_notes += _check_accelerations(recording, placed, speed)
     if speed is not None and (vehicle.speed_scale != 1 or vehicle.speed_delay != 0):
         placed = _with_speed_corrected(placed, vehicle, placed.index(speed))
-    notes = (*plausibility_notes(vehicle), *layout_notes(recording, vehicle), *speed_notes)
+    notes = (*plausibility_notes(vehicle), *layout_notes(recording, vehicle), *unit_notes)
     motion = [sensor.channel for sensor in vehicle.sensor if not sensor.is_condition]
     return Window(
         recording=replace(placed, history=(*placed.history, *notes)),
@@ -150,6 +152,25 @@ def _check_speed(recording: Recording, row: int, *, fast: float = 35.0) -> tuple
     return (
         f"channel {channel.name!r} states no unit and is taken in m/s, {3.6 * mean:.0f} km/h on average: if it is in "
         "km/h, state that in the recording",
+    )
+
+
+def _check_accelerations(
+    recording: Recording, placed: Recording, speed: str, *, calm: float = 0.1, wild: float = 20.0
+) -> tuple[str, ...]:
+    """Note accelerations without unit that are hardly in m/s^2: too small or large for a car, or 1 by gravity."""
+    unstated = {channel.name for channel in recording.channels if channel.quantity == "unknown"}
+    rows = [k for k, each in enumerate(placed.channels) if each.quantity == "acceleration" and each.name in unstated]
+    moving = placed.samples[np.ix_(rows, placed[speed] > _STANDING)]
+    if not np.isfinite(moving).any(axis=0).any():
+        return ()
+    level, gravity = float(np.sqrt(np.nanvar(moving))), float(np.abs(np.nanmean(moving)))
+    if not 0 < level < calm and level < wild and not (abs(gravity - 1) < calm and level < 1):
+        return ()
+    names = ", ".join(placed.names[row] for row in rows)
+    return (
+        f"{names}: no unit is stated, and {level:.2g} about a mean of {gravity:.2g} m/s² is hardly that of a car on a "
+        "road: state the unit in the recording or the vehicle file",
     )
 
 

@@ -84,7 +84,7 @@ def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
     """
     is_track = survey.is_of_track
     measures = (("d1", "D1 [mm]"), ("d2", "D2 [mm]")) if is_track else (("iri", "IRI [m/km]"),)
-    has_map = all(stretch.begin_place for stretch in survey.stretches)
+    has_map = any(stretch.begin_place for stretch in survey.stretches)
     sides = dict.fromkeys(name for stretch in survey.stretches for name in stretch.lines)
     head = (
         ("Track", "Standard deviations of level and alignment; bands: 95 % intervals")
@@ -110,12 +110,16 @@ def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
         axes.plot(event.at, axes.get_ylim()[1], marker, color=STYLE.ink, markersize=4, clip_on=False)
     draw.legend(axes)
     for (name, label), panel in zip(measures, grid[:, 1] if has_map else (), strict=has_map):
-        places = np.array([stretch.begin_place for stretch in survey.stretches])
+        places = np.array([stretch.begin_place or (np.nan, np.nan) for stretch in survey.stretches])
+        ends = np.array([np.nanmin(places, axis=0), np.nanmax(places, axis=0)])
+        middle, narrow = ends.mean(axis=0), np.cos(np.radians(ends[:, 0].mean()))
+        half = 0.55 * max(float(np.max((ends[1] - ends[0]) * (1.0, narrow))), 1e-3)
         mean = (_of_stretches(survey, "left", name) + _of_stretches(survey, "right", name)) / 2
         marks = panel.scatter(places[:, 1], places[:, 0], c=mean, s=12, cmap="viridis")
         figure.colorbar(marks, ax=panel, label=label)
-        panel.set(xlabel="Longitude [°]", ylabel="Latitude [°]")
-        panel.set_aspect(1 / np.cos(np.radians(places[:, 0].mean())))
+        panel.set(xlabel="Longitude [°]", xlim=middle[1] + np.array([-half, half]) / narrow)
+        panel.set(ylabel="Latitude [°]", ylim=(middle[0] - half, middle[0] + half), aspect=1 / narrow)
+        panel.locator_params(axis="x", nbins=4)
     return figure
 
 
