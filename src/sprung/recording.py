@@ -35,8 +35,6 @@ QUANTITIES = MappingProxyType(
 
 #: Names of the channels with latitude and longitude [degrees], in lower case.
 PLACES = (("latitude", "lat", "gnss_latitude", "gps_lat"), ("longitude", "lon", "lng", "gnss_longitude", "gps_lon"))
-#: Longest time between two fixes of a receiver through which its vehicle is taken to go straight [s].
-LONGEST_LINE = 10.0
 #: Largest relative difference of the sampling rates of pieces of one measurement: clocks of loggers drift.
 _SAME_RATE = 1e-3
 

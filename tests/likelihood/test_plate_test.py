@@ -128,6 +128,20 @@ def test_an_axle_that_carries_no_body_has_figures() -> None:
 
 
 @pytest.mark.slow
+def test_corners_that_one_accelerometer_leaves_unknown_have_no_figures() -> None:
+    """The damper of the other side is unknown, so that its phase shift would be 12 +- 83 degrees, near the limit."""
+    settings = RoadDrive(duration=300.0, sampling_rate=60.0, snr=50.0)
+    run = simulate_drive(CAR, settings, seed=4).recording.select(["acc_fl", "speed"])
+    fit = fit_corners(run, CAR, allow_missing=True)
+    known = dict(zip(map(str, fit.components), fit.is_identifiable.tolist(), strict=True))
+    tests = plate_tests(fit)
+    assert 0 < len(tests) < 4
+    assert set(tests) == {corner for corner in tyres(fit.model.structure) if known[f"{corner}.damper"]}
+    assert np.isnan(tests["front_left"].asymmetry)
+    assert max(test.phase_shift_std for test in tests.values()) < 30
+
+
+@pytest.mark.slow
 def test_a_window_states_the_phase_shift_of_weak_corners_alone() -> None:
     settings = RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0, faults=(parse_fault("rear_left.damper=-0.7"),))
     weak = fit_corners(simulate_drive(CAR, settings, seed=2).recording, CAR)

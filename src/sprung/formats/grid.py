@@ -19,7 +19,7 @@ from sprung.errors import DataError, FormatError, MixedRatesError, ParameterErro
 from sprung.formats.clock import Clock, ClockFit, TimeScale, find_gaps, interpolate, time_scale, uncrowded
 from sprung.formats.columns import stated_rate
 from sprung.formats.table import Block, Column, Table
-from sprung.recording import LONGEST_LINE, PLACES, Channel, Gap, Recording
+from sprung.recording import PLACES, Channel, Gap, Recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +31,7 @@ class _Limits:
     slow: float = 0.5  # rate [Hz] below which a clock is doubted
     min_rows: int = 20  # fewer rows may well be slow
     alive_share: float = 0.5  # a channel with values in fewer rows is dead
+    longest_line: float = 10.0  # between two fixes of a receiver [s]; through longer times the last one is held
     min_fillers: int = 3  # fewer equal values are no filler
     max_filler_share: float = 0.5  # numbers in more of the values may be what a channel measures
     filler_distance: float = 3.0  # distance of a filler from all other values, over their range
@@ -365,8 +366,8 @@ class _Assembler:
         """Add the rows in which every live channel has a value."""
         values = without_fillers(_measured(block.values), self._facts.fillers)
         if places := [row for row, column in enumerate(self._table.columns) if _is_place(column)]:
-            values = values.copy()
-            values[places] = [_followed(values[row], LONGEST_LINE * self._clock.sampling_rate) for row in places]
+            values, longest = values.copy(), _LIMITS.longest_line * self._clock.sampling_rate
+            values[places] = [_followed(values[row], longest) for row in places]
         present = ~np.isnan(values)
         whole = present[self._facts.alive].all(axis=0)
         self._n_cut += int(present.any(axis=0).sum() - whole.sum())

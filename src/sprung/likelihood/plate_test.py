@@ -99,7 +99,8 @@ def plate_tests(fit: CornerFit, *, friction: Friction | None = None) -> dict[str
     Returns
     -------
     dict
-        By corner; empty on rails and rigs, or where masses are not known.
+        By corner, without those whose damper the drive does not determine; empty on rails and rigs, or where masses are
+        not known.
 
     Notes
     -----
@@ -174,9 +175,13 @@ def plate_tests(fit: CornerFit, *, friction: Friction | None = None) -> dict[str
         derivatives[:, :, n + row] = (figures(vehicle, forces | {rubbing: forces[rubbing] + step}) - values) / step
     softness = (figures(vehicle, forces, sliding=2 * PLATE.sliding) - values) / 2
     stds = np.sqrt(np.einsum("cfp,pq,cfq->cf", derivatives, apart.covariance, derivatives) + softness**2)
-    dampings = dict(zip(standing, values[:, 2].tolist(), strict=True))
+    known = zip(fit.components, fit.is_identifiable.tolist(), strict=True)
+    unknown = {part.corner for part, is_known in known if part.kind == "damper" and not is_known}
+    dampings = {name: ratio for name, ratio in zip(standing, values[:, 2].tolist(), strict=True) if name not in unknown}
     tests = {}
     for corner, own, own_stds in zip(standing, values.tolist(), stds.tolist(), strict=True):
+        if corner in unknown:
+            continue
         test = PlateTest(*(number for pair in zip(own, own_stds, strict=True) for number in pair))
         if corner in forces:
             row = apart.friction.corners.index(corner)

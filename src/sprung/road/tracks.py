@@ -10,7 +10,7 @@ from sprung._arrays import Booleans, Real
 from sprung._checks import freeze
 from sprung.errors import DataError
 from sprung.likelihood.spectra import between_updates
-from sprung.recording import LONGEST_LINE, PLACES, Recording, naming
+from sprung.recording import PLACES, Recording, naming
 from sprung.vehicles.window import Window
 
 _EARTH = 6_371_000.0  # radius [m]
@@ -28,7 +28,8 @@ class WaySettings:
     along: float = 0.7
     #: Length of the part of a drive that is compared with the earlier parts of the same drive at once [m].
     block: float = 500.0
-    #: Distance that a vehicle goes while its places stand still, from which they are lost [m].
+    #: Time for which places stand still [s], and the distance gone meanwhile [m], from which they are lost.
+    still: float = 10.0
     lost: float = 50.0
     #: Time between two recordings of one drive [s].
     pause: float = 1.0
@@ -133,7 +134,7 @@ def _places(recording: Recording, distances: Real) -> Real | None:
     rate = recording.sampling_rate
     places = np.array([filled(between_updates(row, rate)) for row in rows])
     fixes = np.flatnonzero(np.any(np.diff(rows, prepend=np.nan, append=np.nan) != 0, axis=0))
-    for k in np.flatnonzero(np.diff(fixes) > LONGEST_LINE * rate):
+    for k in np.flatnonzero(np.diff(fixes) > WAYS.still * rate):
         if distances[fixes[k + 1] - 1] - distances[fixes[k]] > WAYS.lost:
             places[:, fixes[k] + 1 : fixes[k + 1]] = np.nan
     return places
