@@ -26,19 +26,28 @@ def test_a_fit_reports_what_was_expected() -> None:
 
 @pytest.mark.slow
 def test_fits_to_one_sensor_report_what_is_expected_where_their_estimates_are() -> None:
-    """At the nominal vehicle alone, ratios of the rear dampers and tyres are expected at 1.2 to 1.4 times of it."""
+    """At the nominal vehicle alone, ratios of the rear dampers and tyres are expected at 1.2 to 1.4 times of it.
+
+    Without the cornering that the fits allow for, as they do not see that there is none, the spring under the sensor is
+    expected at 0.84 times of it.
+    """
     one = CAR.model_copy(update={"sensor": CAR.sensor[:1]})
     drive = RoadDrive(duration=600.0, sampling_rate=100.0, speed=(6.0, 20.0), road=RoadConditions("C"), snr=50.0)
     conditions = ExpectedDrive(speed=(6.0, 20.0), roughness=256e-6, sampling_rate=100.0, driving=1e-5)
     expected = expected_fit(one, conditions, n_pairs=4)
-    stds = []
-    for seed in range(8):
+    reported = []
+    for seed in range(12):
         fit = fit_corners(simulate_drive(one, drive, seed=seed).recording, one)
         rows = fit.model.rows("components")
-        stds.append(list(ExpectedFit(fit.components, fit.covariance[np.ix_(rows, rows)], 0.7).contrast_std.values()))
-    ratios = np.median(stds, axis=0) / list(expected.contrast_std.values())
-    assert np.all(np.abs(ratios - 1) < 0.3)
-    assert np.all(np.abs(ratios[6:] - 1) < 0.15)  # the rear axle's
+        reported.append(ExpectedFit(fit.components, fit.covariance[np.ix_(rows, rows)], 0.7))
+    stds, contrasts = (
+        np.median([list(getattr(each, name).values()) for each in reported], axis=0)
+        / list(getattr(expected, name).values())
+        for name in ("std", "contrast_std")
+    )
+    assert np.all(np.abs(contrasts - 1) < 0.3)
+    assert np.all(np.abs(contrasts[6:] - 1) < 0.15)  # the rear axle's
+    assert np.all(np.abs(stds[list(expected.is_identifiable.values())] - 1) < 0.15)
 
 
 @pytest.mark.parametrize("part", range(8))
