@@ -1,5 +1,7 @@
 """Plans of kits of sensors."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -70,6 +72,16 @@ def test_a_part_that_one_sensor_hardly_sees_is_not_found_at_once() -> None:
     parts = {str(part.component): part for part in plan(one, drive=conditions).components}
     assert not parts["front_right.tyre"].is_identifiable
     assert set(parts["front_right.tyre"].minutes.values()) == {None}
+
+
+def test_a_plan_begins_with_when_a_loss_is_found_and_takes_the_rate_of_the_sensors(sprung) -> None:
+    """A spring is as well known at 25 Hz; the wheel hops at 12 Hz, near the end of what that rate shows."""
+    slow, fast = (sprung("plan", "zafira", "--kit", "imu", "--sampling-rate", str(rate)) for rate in (25, 200))
+    for outcome in (slow, fast):
+        first = next(line for line in outcome.out.splitlines() if line.startswith("- "))
+        assert re.match(r"- a loss of 10 % of each part is found after \d+ min", first)
+    of_tyre = [outcome.out.split("front left tyre")[1].split()[1] for outcome in (slow, fast)]
+    assert float(of_tyre[0]) > 1.2 * float(of_tyre[1])
 
 
 def test_one_sensor_is_planned_and_none_is_refused() -> None:

@@ -162,6 +162,7 @@ def plan(
         bool, option(None, "Whether the speed will be recorded.", "--with-speed/--without-speed", panel=INPUT)
     ] = True,
     false_alarms: Annotated[float, option("RATE", "False alarms per vehicle and day of driving.", panel=INPUT)] = 1e-3,
+    sampling_rate: Annotated[float, option("HZ", "Sampling rate of the sensors.", panel=INPUT)] = 200.0,
     noise: Annotated[
         float | None,
         option("UG", "Noise density of the accelerometers, in micro-g per root of Hz. Default: 102.", panel=INPUT),
@@ -181,7 +182,9 @@ def plan(
 
     output.check(vehicle)
     description = read_vehicle(vehicle)
-    drive = ExpectedDrive(minutes=minutes, speed=speed, roughness=road_mix(road), has_speed=has_speed)
+    drive = ExpectedDrive(
+        minutes=minutes, speed=speed, roughness=road_mix(road), sampling_rate=sampling_rate, has_speed=has_speed
+    )
     if noise is not None:
         drive = replace(drive, accelerometer_noise=noise * conversion("ug")[1])
     with_kit = description if kit is None else kits.kit_of(description, kit)
@@ -239,14 +242,14 @@ def road(
     if out is not None:
         write_survey(survey, out)
         output.paths.append(out)
-    shown = tables.road_tables(survey)
+    sentences, shown = tables.describe_road(survey), tables.road_tables(survey)
     output.report(
-        lambda pages, inputs: pages.plain_report(f"Road of {inputs.title}", survey.notes, shown, survey, inputs),
+        lambda pages, inputs: pages.plain_report(f"Road of {inputs.title}", sentences, shown, survey, inputs),
         files,
         reading,
         vehicle=vehicle,
     )
-    output.show(road_document(survey), *shown, notes=survey.notes)
+    output.show(road_document(survey), *shown, notes=sentences)
 
 
 @shares_options

@@ -255,7 +255,9 @@ def _model(
     """Return the model of a vehicle with classes of planned speeds and no data, and its parameters on each road."""
     nominal = structure(vehicle, speed=sum(drive.speed) / 2)
     if not any(sensor.quantity in QUANTITIES for sensor in vehicle.sensor):
-        raise ParameterError(f"vehicle {vehicle.name!r} has no sensor of its motion: state one, or give a kit")
+        raise ParameterError(
+            f"vehicle {vehicle.name!r} has no sensor of its motion, an accelerometer or a gyroscope: state one or a kit"
+        )
     layout = rigid_layout(nominal)
     kind = settings.kind or vehicle.kind
     (low, high), length = default_choices(vehicle, nominal, settings, drive.sampling_rate)

@@ -230,7 +230,10 @@ def check_survey_file(path: Path, *, are_placed: bool) -> str:
     if ending not in {".geojson", ".gpx", ".csv"}:
         raise ParameterError(f"{path.name} ends in {ending!r}: give a file that ends in .geojson, .gpx or .csv")
     if ending != ".csv" and not are_placed:
-        raise DataError("the recordings have no latitude and longitude for a map: write .csv, or record them [degrees]")
+        raise DataError(
+            "the recordings have no latitude and longitude for a map: write .csv, or record them in channels of these "
+            "names [degrees]"
+        )
     return ending
 
 

@@ -161,7 +161,7 @@ def _check_accelerations(
     """Note accelerations without unit that are hardly in m/s^2: too small or large for a car, or 1 by gravity."""
     unstated = {channel.name for channel in recording.channels if channel.quantity == "unknown"}
     rows = [k for k, each in enumerate(placed.channels) if each.quantity == "acceleration" and each.name in unstated]
-    moving = placed.samples[np.ix_(rows, placed[speed] > _STANDING)]
+    moving = placed.samples[rows][:, placed[speed] > _STANDING]
     if not np.isfinite(moving).any(axis=0).any():
         return ()
     level, gravity = float(np.sqrt(np.nanvar(moving))), float(np.abs(np.nanmean(moving)))

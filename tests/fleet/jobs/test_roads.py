@@ -121,6 +121,7 @@ def test_the_command_prints_and_writes(sprung, fleet, tmp_path, monkeypatch, spa
     monkeypatch.setattr("sprung.fleet.jobs.spark_session", lambda *_: spark)
     monkeypatch.setattr(type(spark), "stop", lambda _: None)
     words = ("fleet", "road", fleet.lake.location, "--vehicles", fleet.vehicles, "--out", tmp_path / "results")
-    document = sprung(*words, "--map", tmp_path / "roads.geojson", "--json", "-").document()
+    document = sprung(*words, "--map", tmp_path / "roads.geojson", "--figures", tmp_path, "--json", "-").document()
+    assert (tmp_path / "road.png").is_file()
     assert {stretch["n_passes"] for stretch in document["stretches"]} >= {3}
     assert "LineString" in (tmp_path / "roads.geojson").read_text()

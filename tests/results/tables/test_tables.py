@@ -1,7 +1,9 @@
 """Tables and the words in them."""
 
 import math
+from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,16 +11,21 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import Trend
+from sprung.recording import Channel, Recording
 from sprung.results.tables import (
     alert_history_table,
     alerts_table,
     describe_payload,
+    describe_ride,
+    describe_road,
     describe_shapes,
     describe_trend,
     format_orders,
     vehicles_table,
 )
 from sprung.results.tables.wording import format_estimate
+from sprung.ride import assess_ride
+from sprung.road import RoadEvent, RoadSurvey, Stretch, TrackRoughness
 
 MINUTE = 60 * 10**9
 NOON = round(datetime(2026, 11, 21, 12, tzinfo=UTC).timestamp()) * 10**9
@@ -112,3 +119,19 @@ def test_a_trend_in_words(trend, words):
 def test_numbers_that_round_to_nothing_have_no_sign() -> None:
     fit: Any = SimpleNamespace(payload={"payload_mass": {"value": -0.4, "std": 3.0}})
     assert describe_payload(fit) == ["payload: 0 ± 3 kg"]
+
+
+def test_surveys_and_rides_begin_with_what_was_found() -> None:
+    tracks = [TrackRoughness(iri, 0.1, 6e-5, 2.0, "B") for iri in (3.0, 4.0, 5.0)]
+    pairs = pairwise(tracks)
+    stretches = tuple(Stretch(100.0 * k, 100.0 * k + 100, 0.0, 5.0, *pair) for k, pair in enumerate(pairs))
+    survey = RoadSurvey(stretches, (RoadEvent(50.0, 2.5, "left", "pothole", 0.03, 0.6),), ("a note",))
+    head = "2 stretches of 100 m: IRI 3.00 to 5.00 m/km, median 4.00; potholes, bumps and joints: 1"
+    assert describe_road(survey) == [head, "a note"]
+    run = np.sin(2 * np.pi * 5 * np.arange(4000) / 200)
+    shaken = Recording(np.array([run, 2 * run, 0.03 * run]), 200.0, (*map(Channel, ("a", "b")), Channel("fork")))
+    quantities = ("acceleration", "acceleration", "displacement")
+    channels = tuple(replace(each, quantity=kind) for each, kind in zip(shaken.channels, quantities, strict=True))
+    said = describe_ride(assess_ride(replace(shaken, channels=channels)))
+    assert said[0].startswith("most at b (z), Wk: 1.4")
+    assert said[1] == "travel from -30 to 30 mm"

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from sprung.cli.options import INPUT, AllowMissing, Json, Since, Until, check_file, names, option
-from sprung.cli.output import LogFormat, log_to, progress_bar, show, stop_on_signals, write_result, written
+from sprung.cli.options import INPUT, AllowMissing, Figures, Json, Since, Until, check_file, names, option
+from sprung.cli.output import LogFormat, Output, log_to, progress_bar, show, stop_on_signals, write_result, written
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -234,6 +234,7 @@ def road(
         Path | None, option("F.geojson|F.gpx|F.csv", "Write stretches and events for maps or tables.", "--map")
     ] = None,
     master: Master = "local[*]",
+    figures: Figures = None,
     json: Json = None,
 ) -> None:
     """Measure the roads under a fleet. Passes of all vehicles over each stretch, averaged, with their scatter."""
@@ -244,7 +245,9 @@ def road(
     from sprung.results.tables.wording import parse_period
     from sprung.road import write_survey
 
-    check_file("--json", json)
+    output = Output(figures, json=json)
+    output.check()
+    output.paths.append(Path(out))
     check_file("--map", map_file)
     period = parse_period(since, until)
     settings = jobs.RoadSettings(stretch, by, period.since, period.until, allow_missing)
@@ -253,10 +256,9 @@ def road(
         survey = jobs.survey_fleet(session, Lake(lake), vehicles, jobs.Results(out), settings=settings, report=report)
     if map_file is not None:
         write_survey(survey, map_file)
-    if write_result(road_document(survey), json):
-        shown = tables.road_tables(survey)
-        files = [Path(out), *([] if map_file is None else [map_file])]
-        show(*shown, [*survey.notes, *written(files, json)])
+        output.paths.append(map_file)
+    output.draw(lambda drawn: {"road": drawn.road_figure(survey, source=out)})
+    output.show(road_document(survey), *tables.road_tables(survey), notes=tables.describe_road(survey))
 
 
 @takes_settings("since", "until", "false_discoveries")

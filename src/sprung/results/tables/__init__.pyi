@@ -47,6 +47,7 @@ from sprung.results.tables.identification import tracks_table as tracks_table
 from sprung.results.tables.identification import why_none as why_none
 from sprung.results.tables.measured import describe_plan as describe_plan
 from sprung.results.tables.measured import describe_ride as describe_ride
+from sprung.results.tables.measured import describe_road as describe_road
 from sprung.results.tables.measured import describe_stability as describe_stability
 from sprung.results.tables.measured import events_table as events_table
 from sprung.results.tables.measured import plan_tables as plan_tables

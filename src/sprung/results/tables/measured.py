@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sprung._display import listed
+from sprung._display import counted, listed
 from sprung.modal import INTERVAL_95
 from sprung.results.tables.wording import Table, format_estimate, format_name
 
@@ -54,7 +54,14 @@ def describe_plan(plan: "KitPlan") -> list[str]:
         f"G(n0) = {1e6 * roughness:.0f}e-6 m³" + (f" for {100 * share:.0f} % of the time" if share < 1 else "")
         for roughness, share in plan.drive.roads
     )
+    unknown = [format_name(str(part.component)) for part in plan.components if not part.is_identifiable]
+    times = [_minutes(part.minutes[0.1], plan) for part in plan.components if part.is_identifiable]
+    latest = max(times, key=lambda words: (words.startswith(">"), float(words.lstrip("> "))), default="never")
+    named = f"a loss of 10 % of each {'other ' * bool(unknown)}part is found after {latest} min".replace(
+        "> ", "more than "
+    )
     return [
+        named + f"; not determined: {', '.join(unknown)}" * bool(unknown),
         f"{drive}, {roads}{speed}",
         *(repeated * bool(redundant)),
         *plan.notes,
@@ -66,6 +73,18 @@ def road_tables(survey: "RoadSurvey") -> list[Table]:
     has_alignment = any(stretch.alignment for stretch in survey.stretches)
     aligned = [road_table(survey, lines=("alignment",))] if has_alignment else []
     return [road_table(survey), *aligned, *([events_table(survey)] if survey.events else [])]
+
+
+def describe_road(survey: "RoadSurvey") -> list[str]:
+    """Return the range of the index or level of a survey with the number of events, and its notes."""
+    name, factor, unit = ("d1", 1000.0, "mm in D1") if survey.is_of_track else ("iri", 1.0, "m/km")
+    tracks = [each for stretch in survey.stretches for each in (stretch.left, stretch.right)]
+    values = sorted(factor * getattr(track, name) for track in tracks)
+    first, what = survey.stretches[0], "level" if survey.is_of_track else "IRI"
+    head = f"{counted(len(survey.stretches), 'stretch', 'es')} of {first.end - first.begin:.0f} m"
+    events = f"; potholes, bumps and joints: {len(survey.events)}" * bool(survey.events)
+    sizes = f"{values[0]:.2f} to {values[-1]:.2f} {unit}, median {values[len(values) // 2]:.2f}"
+    return [f"{head}: {what} {sizes}{events}", *survey.notes]
 
 
 def road_table(survey: "RoadSurvey", *, lines: Sequence[str] = ("left", "right")) -> Table:
@@ -173,6 +192,14 @@ def describe_ride(ride: "Ride") -> list[str]:
     from sprung.ride import comfort_in_words, mean_comfort_in_words
 
     sentences = []
+    if ride.points:
+        worst = max(ride.points, key=lambda point: point.value)
+        rated = "; ".join(words for words in (worst.rating, worst.health) if words)
+        place = f"most at {worst.channel} ({worst.axis}), {worst.weighting}"
+        sentences.append(f"{place}: {worst.value:.3g}" + f", {rated}" * bool(rated))
+    if ride.travel:
+        ends = min(each.lowest for each in ride.travel), max(each.highest for each in ride.travel)
+        sentences.append("travel from {:.0f} to {:.0f} mm".format(*(1000 * end for end in ends)))
     if ride.mean_comfort is not None:
         words = mean_comfort_in_words(ride.mean_comfort)
         sentences.append(f"mean comfort N_MV {ride.mean_comfort:.2f} (EN 12299): {words}")
