@@ -36,7 +36,7 @@ QUANTITIES = MappingProxyType(
 #: Names of the channels with latitude and longitude [degrees], in lower case.
 PLACES = (
     ("latitude", "lat", "gnss_latitude", "gps_latitude", "gps_lat"),
-    ("longitude", "lon", "long", "lng", "gnss_longitude", "gps_longitude", "gps_lon"),
+    ("longitude", "lon", "lng", "gnss_longitude", "gps_longitude", "gps_lon"),
 )
 #: Largest relative difference of the sampling rates of pieces of one measurement: clocks of loggers drift.
 _SAME_RATE = 1e-3

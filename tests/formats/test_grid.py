@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sprung.errors import DataError
 from sprung.formats import read, read_blocks
 from sprung.formats.grid import assemble, survey
 from sprung.formats.table import Block, Column, Table, rebatch, within
@@ -125,9 +126,11 @@ def test_places_of_a_slow_receiver_cost_no_rows() -> None:
     fixes = np.full(6000, np.nan)
     fixes[::100] = 50 + 1e-4 * times[::100]
     fixes[2000:5000] = np.nan
-    made = table(times, np.vstack([sine(times), fixes]))
-    columns = (*made.columns[:2], Column("latitude", "latitude"))
+    made = table(times, np.vstack([sine(times), fixes, fixes]))
+    columns = (*made.columns[:2], Column("latitude", "latitude"), Column("lon", "lon"))
     (recording,) = recordings(replace(made, columns=columns))
+    with pytest.raises(DataError, match="another rate"):  # lateral motion
+        recordings(replace(made, columns=(*columns[:2], Column("lat", "lat"), Column("long", "long"))))
     assert recording.n_samples == 6000
     assert recording.samples[-1, :1900] == pytest.approx(50 + 1e-4 * times[:1900])
     assert recording.samples[-1, 1950:4999] == pytest.approx(fixes[1900], abs=6e-5)

@@ -176,9 +176,10 @@ def _values_present(table: Table, values: Real) -> Booleans:
     """Return which values are present, shape (channels, rows); raise on other rates in rows that hold any value."""
     present = ~np.isnan(values)
     shared = present[:, present.any(axis=0)]
-    for column, has_value in zip(table.columns, shared, strict=True):
+    places = _places(table.columns)
+    for number, (column, has_value) in enumerate(zip(table.columns, shared, strict=True)):
         rows = np.flatnonzero(has_value)
-        if not _is_place(column) and 10 <= rows.size < 0.6 * shared.shape[1] and np.median(np.diff(rows)) >= 2:
+        if number not in places and 10 <= rows.size < 0.6 * shared.shape[1] and np.median(np.diff(rows)) >= 2:
             reason = f"a value in one of {np.median(np.diff(rows)):.0f} rows only"
             raise MixedRatesError(
                 f"{table.path}: channel {column.name!r} has {reason} (another rate): keep the channels of one rate "
@@ -189,9 +190,17 @@ def _values_present(table: Table, values: Real) -> Booleans:
     return present
 
 
-def _is_place(column: Column) -> bool:
-    """Whether a channel is a latitude or longitude, whose receiver is slow and may lose its satellites."""
-    return any(column.name.lower() in names for names in PLACES)
+def _places(columns: Sequence[Column]) -> list[int]:
+    """Return the rows of latitude and longitude, if both are there: their receiver is slow and may lose satellites."""
+    found = [
+        [
+            row
+            for row, each in enumerate(columns)
+            if each.name.lower() in names and each.quantity in {"unknown", "angle"}
+        ]
+        for names in PLACES
+    ]
+    return list(itertools.chain(*found)) if all(found) else []
 
 
 def _followed(fixes: Real, longest: float) -> Real:
@@ -365,7 +374,7 @@ class _Assembler:
     def _append(self, block: Block) -> None:
         """Add the rows in which every live channel has a value."""
         values = without_fillers(_measured(block.values), self._facts.fillers)
-        if places := [row for row, column in enumerate(self._table.columns) if _is_place(column)]:
+        if places := _places(self._table.columns):
             values, longest = values.copy(), _LIMITS.longest_line * self._clock.sampling_rate
             values[places] = [_followed(values[row], longest) for row in places]
         present = ~np.isnan(values)
