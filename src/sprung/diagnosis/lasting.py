@@ -241,7 +241,7 @@ class _Series:
         return np.asarray(every, dtype=np.float64)
 
 
-def _student(scales: _Scales, count: Real, rest: Real) -> Real:
+def _student(scales: _Scales, count: Real | float, rest: Real) -> Real:
     """Return ln of the density of values by their count and their sum of squares, Student's t, up to a constant."""
     before, after = scales.degrees, scales.degrees + count
     each = gammaln(after / 2) - gammaln(before / 2) + before / 2 * np.log(scales.squares)
