@@ -562,8 +562,12 @@ def _by_iso2631(point: RidePoint, duration: float) -> RidePoint:
         return point
     dose = max(point.vdv * (1.0 if point.axis == "z" else _SETTINGS.on_health), 1e-12)
     caution, likely = (duration / 3600 * (limit / dose) ** 4 for limit in _SETTINGS.doses)
-    words = f"caution after {caution:.2g} h a day" if caution < 24 else "no caution within a day"
-    return replace(point, health=words + f", risk likely after {likely:.2g} h" * (likely < 24))
+    words = f"caution after {_time(caution)} a day" if caution < 24 else "no caution within a day"
+    return replace(point, health=words + f", risk likely after {_time(likely)}" * (likely < 24))
+
+
+def _time(hours: float) -> str:
+    return f"{60 * hours:.2g} min" if hours < 1 else f"{hours:.2g} h"
 
 
 def _stability(pieces: Sequence[_Piece], channel: Channel, bogie_mass: float | None) -> RidePoint:

@@ -208,6 +208,7 @@ def test_missing_values_are_left_out() -> None:
         ("z", 4.0, "caution after 4 h a day"),
         ("seat_y", 4.0, "caution after 4 h a day"),
         ("z", 1.0, "caution after 1 h a day, risk likely after 16 h"),
+        ("z", 0.5, "caution after 30 min a day, risk likely after 8 h"),
         ("z", 25.0, "no caution within a day"),
     ],
 )

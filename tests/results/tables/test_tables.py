@@ -134,4 +134,6 @@ def test_surveys_and_rides_begin_with_what_was_found() -> None:
     channels = tuple(replace(each, quantity=kind) for each, kind in zip(shaken.channels, quantities, strict=True))
     said = describe_ride(assess_ride(replace(shaken, channels=channels)))
     assert said[0].startswith("most at b (z), Wk: 1.4")
-    assert said[1] == "travel from -30 to 30 mm"
+    assert said[1].startswith("health (ISO 2631-1) at b: caution after ")
+    assert said[1].endswith(" h")
+    assert said[2] == "travel from -30 to 30 mm"

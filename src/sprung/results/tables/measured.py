@@ -152,22 +152,21 @@ def events_table(survey: "RoadSurvey") -> Table:
 
 def ride_tables(ride: "Ride") -> list[Table]:
     """Return the tables of a ride: vibration, and travel where there is any."""
-    columns = ("channel", "weighting", "RMS [m/s²]", "MTVV [m/s²]", "VDV", "crest", "value", "rating")
+    columns = ("channel", "RMS [m/s²]", "MTVV [m/s²]", "VDV", "crest", "value", "rating")
     rows = tuple(
         (
-            f"{point.channel} ({point.axis})",
-            point.weighting,
+            f"{point.channel} ({point.axis}, {point.weighting})",
             f"{point.rms:.3g}",
             f"{point.mtvv:.3g}",
             f"{point.vdv:.3g}",
             f"{point.crest_factor:.1f}",
             f"{point.value:.3g}",
-            "; ".join(words for words in (point.rating, point.health) if words),
+            point.rating or "",
         )
         for point in ride.points
     )
     title = f"Ride by {listed(tuple(dict.fromkeys(point.standard for point in ride.points)))}"
-    tables = [Table(title, columns, rows, n_words=2, caption="VDV in m/s^1.75")] if rows else []
+    tables = [Table(title, columns, rows, caption="VDV in m/s^1.75")] if rows else []
     if ride.travel:
         heads = ("channel", "from [mm]", "to [mm]", "5 % [mm]", "95 % [mm]", "used [%]", "bottomed", "rebound", "bump")
         used = tuple(
@@ -194,9 +193,10 @@ def describe_ride(ride: "Ride") -> list[str]:
     sentences = []
     if ride.points:
         worst = max(ride.points, key=lambda point: point.value)
-        rated = "; ".join(words for words in (worst.rating, worst.health) if words)
         place = f"most at {worst.channel} ({worst.axis}), {worst.weighting}"
-        sentences.append(f"{place}: {worst.value:.3g}" + f", {rated}" * bool(rated))
+        sentences.append(f"{place}: {worst.value:.3g}" + f", {worst.rating}" * bool(worst.rating))
+        if worst.health:
+            sentences.append(f"health (ISO 2631-1) at {worst.channel}: {worst.health}")
     if ride.travel:
         ends = min(each.lowest for each in ride.travel), max(each.highest for each in ride.travel)
         sentences.append("travel from {:.0f} to {:.0f} mm".format(*(1000 * end for end in ends)))
