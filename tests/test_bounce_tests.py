@@ -9,9 +9,9 @@ import pytest
 from benchmarks.bounce import paired, pushed
 
 from sprung.bounce_tests import bounce, bounce_changes
-from sprung.bounce_tests.begins import delayed, free_from
 from sprung.errors import DataError, ParameterError
 from sprung.formats import read
+from sprung.identification.begins import delayed, free_from
 from sprung.identification.free_response import fit_free_response
 from sprung.identification.friction import swing_with_friction
 from sprung.identification.methods import cov_ssi
@@ -66,12 +66,21 @@ def test_pushes_are_found_where_they_are() -> None:
 @pytest.mark.slow
 def test_free_motion_begins_where_the_hands_let_go(healthy) -> None:
     run = pushes()
-    spans = [delayed(test, run) for test in healthy.tests]
+    spans = [delayed(run, test.transient) for test in healthy.tests]
     fit = fit_free_response([run.part(*span) for span in spans], band=(0.0, 20.0))
-    firsts = [free_from(fit, k, run, spans[k], test) for k, test in enumerate(healthy.tests)]
+    firsts = [free_from(fit, k, run, spans[k], test.transient) for k, test in enumerate(healthy.tests)]
     late = np.array(firsts) - (134 + 400 * np.arange(4))
     assert np.all(late >= 0)
     assert np.all(late <= 8)
+
+
+def test_identification_takes_pushes_as_bounce_tests_do() -> None:
+    """Files of one push, of which three seconds are swings: they were random motion, without a mode."""
+    runs, exact = pushed("zafira-printed", 0)
+    modes = cov_ssi(runs).modes
+    np.testing.assert_allclose(modes.natural_frequency, exact.natural_frequency[:3], rtol=5e-3)
+    np.testing.assert_allclose(modes.damping_ratio, exact.damping_ratio[:3], rtol=0.02)
+    assert np.all(modes.natural_frequency_std < 5e-3 * modes.natural_frequency)
 
 
 def test_a_car_pushed_at_its_corners(healthy) -> None:

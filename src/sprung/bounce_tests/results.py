@@ -19,9 +19,7 @@ from sprung.vehicles import Component
 class BounceRules:
     """Which motions count as tests, and which model describes them."""
 
-    #: Frequencies that are fitted, over that of the windows of the level.
-    reach: float = 8.0
-    #: The same, without a search, above which modes cannot describe a motion.
+    #: RMS of what free modes leave without a search, over that of the motion, above which they cannot describe it.
     hopeless: float = 0.3
     #: Most modes of a test.
     max_modes: int = 4

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from sprung._arrays import Booleans, Complex, Indices, Real
-from sprung.bounce_tests.begins import delayed, free_from
 from sprung.bounce_tests.results import RULES, BounceChange, BounceTest, CornerValue, relative_change
 from sprung.errors import DataError, ParameterError
+from sprung.identification.begins import fit_from_begins
 from sprung.identification.free_response import FreeFit, fit_free_response
 from sprung.identification.friction import FrictionFit, beyond_one_swing, correlated_samples, fit_friction
-from sprung.identification.transients import Transient, motion_level
+from sprung.identification.transients import Transient, motion_level, top_of_swings
 from sprung.likelihood import corners_from_modes, rigid_layout
 from sprung.likelihood.search import Differenced, least_squares
 from sprung.modal import Modes, join_modes, mac, unit_shapes
@@ -124,11 +124,6 @@ def size_of(run: Recording, transient: Transient) -> float:
     return float(np.max(ranges))
 
 
-def _band(run: Recording, transient: Transient) -> tuple[float, float]:
-    """Return the frequencies to fit [Hz]."""
-    return 0.0, float(min(RULES.reach / transient.window, 0.45 * run.sampling_rate))
-
-
 def tested(run: Recording, number: int, transient: Transient) -> BounceTest:
     """Return the test of one motion, by linear modes or with friction."""
     of_noise = max(RULES.nonlinear, RULES.tried_beyond_noise * transient.noise)
@@ -181,9 +176,9 @@ def _linear(number: int, transient: Transient, part: Recording, fit: FreeFit) ->
 def _free(run: Recording, transient: Transient) -> tuple[Recording, FreeFit]:
     """Return the free part of a motion, and its linear modes."""
     part = run.part(*(round(each * run.sampling_rate) for each in (transient.begin, transient.end)))
-    fit = fit_free_response(part, band=_band(run, transient), max_modes=RULES.max_modes)
+    fit = fit_free_response(part, band=(0.0, top_of_swings(run, transient)), max_modes=RULES.max_modes)
     if not len(fit.modes):  # several that a short motion does not resolve: one, whose deviations hold the others
-        fit = fit_free_response(part, band=_band(run, transient), max_modes=1)
+        fit = fit_free_response(part, band=(0.0, top_of_swings(run, transient)), max_modes=1)
     return part, fit
 
 
@@ -335,29 +330,16 @@ def _at_stop(values: Real, samples: Real) -> Booleans:
 
 
 def fitted_together(tests: Sequence[BounceTest], runs: Sequence[Recording]) -> FreeFit | None:
-    """Return the free responses of linear tests of the same channels, fitted together.
-
-    Notes
-    -----
-    First from where they are free beyond doubt, then from where on the modes found predict them.
-    """
+    """Return the free responses of linear tests of the same channels, fitted together."""
     tests = [test for test in tests if test.part.channels == tests[0].part.channels]
     if not tests:
         return None
-    band = _band(runs[tests[0].recording], tests[0].transient)
-    each = [(test, runs[test.recording]) for test in tests]
+    band = 0.0, top_of_swings(runs[tests[0].recording], tests[0].transient)
     begins = [test.modes for test in tests]
-    spans = [delayed(test, run) for test, run in each]
     try:
-        parts = [run.part(*span) for (_, run), span in zip(each, spans, strict=True)]
-        fit = fit_free_response(parts, band=band, begins=begins)
+        return fit_from_begins([(runs[test.recording], test.transient) for test in tests], band=band, begins=begins)
     except DataError:
-        fit = None
-    if fit is None or not len(fit.modes):
         return fit_free_response([test.part for test in tests], band=band, begins=begins)
-    firsts = [free_from(fit, k, run, spans[k], test) for k, (test, run) in enumerate(each)]
-    parts = [run.part(first, span[1]) for (_, run), first, span in zip(each, firsts, spans, strict=True)]
-    return fit_free_response(parts, band=band, begins=[fit.modes, *begins])
 
 
 def pooled(tests: Sequence[BounceTest]) -> Modes:

@@ -9,14 +9,15 @@ from sprung._display import counted
 from sprung._threads import one_thread
 from sprung.errors import DataError, IdentificationError, ParameterError
 from sprung.identification import steps
-from sprung.identification.free_response import FreeFit, fit_free_response
+from sprung.identification.begins import fit_from_begins
+from sprung.identification.free_response import FreeFit
 from sprung.identification.records import Progress, RunningRecords
 from sprung.identification.results import CorrelationSummary, Identification
 from sprung.identification.roving import group_by_setup
 from sprung.identification.settings import ACS, COSS, COV, FDD, KINDS, PLSCF, IdentificationSettings, Method
 from sprung.identification.setups import identify_setups
 from sprung.identification.stabilisation import StabilityCriteria
-from sprung.identification.transients import free_parts, without_hum
+from sprung.identification.transients import Transient, free_motions, top_of_swings, without_hum
 from sprung.modal import Modes
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Chain, Quarter, Vehicle
@@ -424,8 +425,8 @@ def free_fit(
     is_certain = settings.kind == "free"
     if not is_certain and any(is_drive(each) for each in given):
         return None
-    parts: list[Recording] = []
-    fit, least = None, 0.0 if is_certain else _FREE
+    motions: list[tuple[Recording, Transient]] = []
+    fit = None
     try:
         whole = [usable(each, vehicle=vehicle, allow_missing=settings.allow_missing) for each in given]
         longest = [max(run.stretches(), key=lambda stretch: stretch.stop - stretch.start) for run in whole]
@@ -433,20 +434,31 @@ def free_fit(
             run.select(output_channels(run, vehicle)).part(stretch.start, stretch.stop)
             for run, stretch in zip(whole, longest, strict=True)
         ]
-        parts = free_parts(map(without_hum, runs), is_certain=is_certain)
-        fit = fit_free_response(parts, band=settings.band, least_explained=least) if parts else None
+        motions = free_motions(map(without_hum, runs), is_certain=is_certain)
+        fit = _fit_of_motions(motions, settings.band, 0.0 if is_certain else _FREE) if motions else None
     except DataError:
         if is_certain:
             raise
-    if fit is not None and fit.explained >= least:
-        changed = [after for before, after in zip(runs, map(without_hum, runs), strict=True) if after is not before]
-        return fit, (*dict.fromkeys(f"hum: {run.history[-1]}" for run in changed), *fit.notes)
+    if fit is not None:
+        return fit, (*dict.fromkeys(f"hum: {run.history[-1]}" for run, _ in motions if run not in runs), *fit.notes)
     if is_certain:
         raise DataError("no motion that dies away was found: --kind random, or see sprung bounce")
-    if not parts:
+    if not motions:
         return None
-    places = counted(len(parts), "place")
+    places = counted(len(motions), "place")
     return None, (f"motion dies away as after a push in {places}, which free modes do not explain: see sprung bounce",)
+
+
+def _fit_of_motions(
+    motions: Sequence[tuple[Recording, Transient]], band: tuple[float, float] | None, least: float
+) -> FreeFit:
+    """Return the fit, of the frequencies of the swings alone where noise above them hides the motion in all."""
+    try:
+        return fit_from_begins(motions, band=band, least_explained=least)
+    except DataError:
+        if band is not None or not least:
+            raise
+        return fit_from_begins(motions, band=(0.0, top_of_swings(*motions[0])), least_explained=least)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

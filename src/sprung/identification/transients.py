@@ -1,7 +1,7 @@
 """Pushes, drops and releases in a recording, and from where on their motion is free."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -167,12 +167,12 @@ def find_transients(recording: Recording) -> tuple[Transient, ...]:
     check_type("recording", recording, Recording)
     level, window = motion_level(recording)
     rate, width = recording.sampling_rate, round(window * recording.sampling_rate)
-    edge = max(_EVENTS.edge, min(_EVENTS.edge_over_quiet * float(np.quantile(level, 0.1)), 1 / _EVENTS.min_fall))
+    edge = _edge(level)
     scale = np.maximum(np.std(recording.samples, axis=1, keepdims=True), 1e-300)
     quietest = int(np.argmin(level))
     reach = _EVENTS.around_quietest * width
     resting = recording.samples[:, max(quietest - reach, 0) : quietest + reach + 1] / scale
-    at_rest = _rms_up_to(resting, _top(recording, window) / rate)
+    at_rest = _rms_up_to(resting, _top(rate, window) / rate)
     events = _events(level, edge, width)
     found = []
     for first, last in events:
@@ -258,6 +258,11 @@ def _is_steady(recording: Recording, frequency: float) -> bool:
     return bool(np.quantile(amplitudes[:, channel], 0.25) > lasting)
 
 
+def _edge(level: Real) -> float:
+    """Return the level at which a motion begins and ends."""
+    return max(_EVENTS.edge, min(_EVENTS.edge_over_quiet * float(np.quantile(level, 0.1)), 1 / _EVENTS.min_fall))
+
+
 def _events(level: Real, edge: float, width: int) -> list[tuple[int, int]]:
     """Return first and last sample of each motion above the edge; one that rises again is another one."""
     events: list[tuple[int, int]] = []
@@ -279,8 +284,8 @@ def _events(level: Real, edge: float, width: int) -> list[tuple[int, int]]:
     return [*events, (first, level.size - 1)] if first >= 0 else events
 
 
-def free_parts(recordings: Iterable[Recording], *, is_certain: bool = False) -> list[Recording]:
-    """Return the parts of records in which motion is free; none where they are records of random motion.
+def free_motions(recordings: Iterable[Recording], *, is_certain: bool = False) -> list[tuple[Recording, Transient]]:
+    """Return records and their motions that die away; none where they are records of random motion.
 
     Parameters
     ----------
@@ -290,7 +295,7 @@ def free_parts(recordings: Iterable[Recording], *, is_certain: bool = False) -> 
         Whether the records are known to be of free motion; otherwise most of each must be quiet, or its level must fall
         from the beginning to the end.
     """
-    parts = []
+    motions: list[tuple[Recording, Transient]] = []
     for recording in recordings:
         level, window = motion_level(recording)
         blocks = np.array([np.mean(block) for block in np.array_split(level, 6)])
@@ -300,7 +305,6 @@ def free_parts(recordings: Iterable[Recording], *, is_certain: bool = False) -> 
         found = find_transients(recording)
         if not 0 < len(found) <= _EVENTS.max_motions:
             return []
-        rate = recording.sampling_rate
         longest = _EVENTS.max_windows * window
         free = sum(each.end - each.begin for each in found)
         if not is_certain and not falls and free < _EVENTS.min_share * recording.duration:
@@ -308,16 +312,20 @@ def free_parts(recordings: Iterable[Recording], *, is_certain: bool = False) -> 
         for each in found:
             until = min(each.end, each.begin + longest) if not falls else recording.duration
             begin = 0.0 if each.onset == 0 else each.begin  # the record begins with free motion
-            parts.append(recording.part(round(begin * rate), round(until * rate)))
-    return parts
+            motions.append((recording, replace(each, begin=begin, end=until)))
+    return motions
 
 
 def _is_mostly_quiet(recording: Recording, level: Real, window: float) -> bool:
     """Return whether most of a record is motion that has died away, or noise of its sensors as large as that.
 
-    The noise of sensors has as much power at the frequencies of the swings as above; motion of a drive has not.
+    Of a record that begins at rest, what is outside of its motions counts. The noise of sensors has as much power at
+    the frequencies of the swings as above; motion of a drive has not.
     """
-    if np.mean(level < _EVENTS.quiet) >= _EVENTS.min_quiet:
+    is_quiet, outside = level < _EVENTS.quiet, np.ones(level.size, dtype=bool)
+    for first, last in _events(level, _edge(level), round(window * recording.sampling_rate)):
+        outside[first : last + 1] = False
+    if np.mean(is_quiet) >= _EVENTS.min_quiet or (is_quiet[0] and np.mean(is_quiet[outside]) >= _EVENTS.min_quiet):
         return True
     floor = float(np.quantile(level, 0.1))
     if floor > 1 / _EVENTS.min_fall or np.mean(level < _EVENTS.over_floor * floor) < _EVENTS.min_quiet:
@@ -334,12 +342,17 @@ def _is_mostly_quiet(recording: Recording, level: Real, window: float) -> bool:
 def _left_over(recording: Recording, begin: int, end: int, scale: Real, window: float) -> float:
     """Return what free modes leave of a part, over the scale of each channel."""
     part = Recording(recording.samples[:, begin:end] / scale, recording.sampling_rate, recording.channels)
-    return unexplained(part, band=(0.0, _top(recording, window)), max_modes=_EVENTS.max_modes)
+    return unexplained(part, band=(0.0, _top(recording.sampling_rate, window)), max_modes=_EVENTS.max_modes)
 
 
-def _top(recording: Recording, window: float) -> float:
-    """Return the highest frequency that is fitted [Hz]."""
-    return float(min(_EVENTS.reach / window, 0.45 * recording.sampling_rate))
+def top_of_swings(recording: Recording, motion: Transient) -> float:
+    """Return the highest frequency of the modes that a motion shows [Hz]."""
+    return _top(recording.sampling_rate, motion.window)
+
+
+def _top(sampling_rate: float, window: float) -> float:
+    """Return the highest frequency that is fitted [Hz], for the length of the windows [s]."""
+    return float(min(_EVENTS.reach / window, 0.45 * sampling_rate))
 
 
 def _rms_up_to(samples: Real, top: float) -> float:

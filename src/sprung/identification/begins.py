@@ -1,12 +1,15 @@
 """Where the free motion of pushes begins: as early as the modes of the motion after it predict the samples before."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from sprung._arrays import Real
-from sprung.bounce_tests.results import BounceTest
-from sprung.identification.free_response import FreeFit
+from sprung.errors import DataError
+from sprung.identification.free_response import FreeFit, fit_free_response
+from sprung.identification.transients import Transient
+from sprung.modal import Modes
 from sprung.recording import Recording
 
 
@@ -29,25 +32,69 @@ class _BeginRules:
 _RULES = _BeginRules()
 
 
-def delayed(test: BounceTest, run: Recording) -> tuple[int, int]:
-    """Return first and last sample of a motion that is free beyond doubt."""
-    rate, window = run.sampling_rate, test.transient.window
-    begin, end = (round(each * rate) for each in (test.transient.begin, test.transient.end))
+def fit_from_begins(
+    motions: Sequence[tuple[Recording, Transient]],
+    *,
+    band: tuple[float, float] | None = None,
+    begins: Sequence[Modes] = (),
+    least_explained: float = 0.0,
+) -> FreeFit:
+    """Return the modes of several motions, each from where on it is free; as `fit_free_response`.
+
+    Parameters
+    ----------
+    motions
+        Recordings of the same channels and rate without gaps, and a motion of each.
+    band, begins, least_explained
+        As for `fit_free_response`.
+
+    Raises
+    ------
+    DataError
+        As for `fit_free_response`, and if the modes explain less than demanded.
+
+    Notes
+    -----
+    First from where they are free beyond doubt, then from where on the modes found predict them.
+    """
+    runs, spans = [run for run, _ in motions], [delayed(*each) for each in motions]
+
+    def fitted(begins: Sequence[Modes]) -> FreeFit:
+        parts = [run.part(*span) for run, span in zip(runs, spans, strict=True)]
+        return fit_free_response(parts, band=band, begins=begins, least_explained=least_explained)
+
+    fit = fitted(begins)
+    if any(first for first, _ in spans):
+        for k, (run, motion) in enumerate(motions):
+            begin = round(motion.begin * run.sampling_rate)
+            spans[k] = free_from(fit, k, run, spans[k], motion) if len(fit.modes) else begin, spans[k][1]
+        fit = fitted([fit.modes, *begins])
+    if fit.explained < least_explained:
+        raise DataError(f"free modes explain less than {100 * least_explained:.0f} % of the motion in these records")
+    return fit
+
+
+def delayed(run: Recording, motion: Transient) -> tuple[int, int]:
+    """Return first and last sample of a motion that is free beyond doubt; a record that begins free is so at once."""
+    rate, window = run.sampling_rate, motion.window
+    begin, end = (round(each * rate) for each in (motion.begin, motion.end))
+    if begin == 0:
+        return begin, end
     latest = end - round(_RULES.min_windows * window * rate)
     return max(begin, min(begin + round(_RULES.delay * window * rate), latest)), end
 
 
-def free_from(fit: FreeFit, record: int, run: Recording, span: tuple[int, int], test: BounceTest) -> int:
+def free_from(fit: FreeFit, record: int, run: Recording, span: tuple[int, int], motion: Transient) -> int:
     """Return the first sample from which on a motion is free.
 
     Parameters
     ----------
     fit
-        Modes of the motions of all tests.
+        Modes of all motions.
     record
-        Number of the test in the fit.
-    run, span, test
-        Its recording, first and last sample of the motion that was fitted, and the test.
+        Number of the motion in the fit.
+    run, span, motion
+        Its recording, first and last sample that were fitted, and the motion.
 
     Notes
     -----
@@ -61,19 +108,18 @@ def free_from(fit: FreeFit, record: int, run: Recording, span: tuple[int, int], 
     (1931), 684-688.
     """
     begin, end = span
-    motion = _Linearised(fit, record, run, begin)
-    left = motion.left(begin, end)
-    motion = _Linearised(fit, record, run, begin, noise=np.std(left, axis=0))
-    design, left = motion.design(begin, end), motion.left(begin, end).ravel()
-    information = design.T @ design + motion.prior(len(fit.amplitudes))
+    near = _Linearised(fit, record, run, begin)
+    near = _Linearised(fit, record, run, begin, noise=np.std(near.left(begin, end), axis=0))
+    design, left = near.design(begin, end), near.left(begin, end).ravel()
+    information = design.T @ design + near.prior(len(fit.amplitudes))
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
     covariance = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)
     state = covariance @ (design.T @ left)
-    block = max(1, round(_RULES.block * test.transient.window * run.sampling_rate))
+    block = max(1, round(_RULES.block * motion.window * run.sampling_rate))
     first, worse, size = begin, 0.0, 0
-    while first - block >= round(test.transient.onset * run.sampling_rate):
-        rows = motion.design(first - block, first)
-        errors = motion.left(first - block, first).ravel() - rows @ state
+    while first - block >= round(motion.onset * run.sampling_rate):
+        rows = near.design(first - block, first)
+        errors = near.left(first - block, first).ravel() - rows @ state
         gain = np.linalg.solve(np.eye(len(rows)) + rows @ covariance @ rows.T, np.column_stack([rows, errors]))
         power = float(errors @ gain[:, -1])
         worse, size = worse + power, size + errors.size
