@@ -298,6 +298,22 @@ def test_without_a_push_there_is_no_answer() -> None:
         bounce(Recording(noise, 100.0, (Channel("a", "acceleration"), Channel("b", "acceleration"))))
 
 
+def test_linear_modes_of_two_travels_are_no_friction_of_one() -> None:
+    """A drop whose second travel no swing with friction describes: "sticks below 0.11 mm" of the first."""
+    time = np.arange(1600) / 200
+    after = np.clip(time - 2, 0, None)
+    decays = [
+        (time > 2) * np.exp(-xi * 2 * np.pi * f * after) * np.cos(2 * np.pi * f * np.sqrt(1 - xi**2) * after)
+        for f, xi in ((1.9, 0.18), (2.9, 0.22))
+    ]
+    travels = np.array([[20e-3, 6e-3], [12e-3, -15e-3]]) @ decays
+    travels += 2e-4 * np.random.default_rng(0).standard_normal(travels.shape)
+    channels = tuple(Channel(name, "displacement") for name in ("fork", "shock"))
+    result = bounce(Recording(travels, 200.0, channels))
+    np.testing.assert_allclose(result.modes.natural_frequency, [1.9, 2.9], rtol=0.01)
+    assert result.tests[0].frictions == (None, None)
+
+
 @pytest.mark.slow
 def test_tests_without_a_clear_mode_say_so() -> None:
     """With the engine running, tests and an empty table were all that was shown."""

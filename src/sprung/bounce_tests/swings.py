@@ -221,11 +221,13 @@ def _beside_faster(
 
 
 def _is_likelier(linear: BounceTest, with_friction: BounceTest) -> bool:
-    """Return whether linear modes are likelier than swings with friction, by the Bayesian information criterion."""
+    """Return whether linear modes are likelier than swings with friction, by the Bayesian information criterion.
+
+    Swings of single travels leave the others as they are.
+    """
     n = min(linear.part.n_samples, with_friction.part.n_samples)
-    left = [(test.part.samples - test.fitted)[:, -n:] for test in (linear, with_friction)]
-    left = [each[~np.isnan(left[1]).any(axis=1)] for each in left]
-    powers = [np.sum(each**2, axis=1) for each in left]
+    left = [test.part.samples[:, -n:] - np.nan_to_num(test.fitted[:, -n:]) for test in (linear, with_friction)]
+    powers = [np.sum((each - each.mean(axis=1, keepdims=True)) ** 2, axis=1) for each in left]
     n_free = n / correlated_samples(left[int(np.argmin([np.sum(np.log(power)) for power in powers]))])
     n_channels = len(left[0])
     n_more = len(linear.modes) * (2 + 2 * n_channels) - len(with_friction.modes) * 4 - n_channels
