@@ -19,6 +19,7 @@ from sprung.identification.settings import IdentificationSettings
 from sprung.identification.transients import find_transients, without_hum
 from sprung.modal import INTERVAL_95
 from sprung.recording import Channel, Recording
+from sprung.results.tables.corners import bounce_tables
 from sprung.vehicles import Sensor, Structure, parse_fault, read_vehicle, structure, with_faults
 
 CAR = read_vehicle("zafira")
@@ -335,6 +336,8 @@ def test_rebound_clicks_of_a_bicycle(real_file) -> None:
     viscous = [fit.damping_ratio for fit in fits]
     assert len(viscous) == 5
     assert viscous == sorted(viscous)
+    shown = [bounce_tables(result)[1].rows[-len(result.tests[-1].modes)][4] for result in results]
+    assert [float(each.split()[0]) for each in shown] == pytest.approx(100 * np.array(viscous), abs=0.5)
     damping = [float(results[k].modes.damping_ratio[0]) for k in (0, 2, 3)]
     assert damping == sorted(damping)
     frequency = [float(result.modes.natural_frequency[0]) for result in results]

@@ -273,10 +273,10 @@ def _tests_table(bounce: "Bounce") -> Table:
         modes = test.modes
         for k, fit in enumerate(test.frictions):
             friction = ("", "")
-            if fit is not None and fit.is_significant:
-                sticking = float(np.max(fit.sticking))
+            if fit is not None:
+                largest = float(np.max(np.abs(fit.amplitudes)))
                 viscous = format_estimate(100 * fit.damping_ratio, 100 * fit.damping_ratio_std)
-                friction = viscous, format_estimate(sticking, sticking * fit.friction_std / fit.friction)
+                friction = viscous, format_estimate(largest * fit.friction, largest * fit.friction_std)
             rows.append(
                 (
                     str(number) if k == 0 else "",
