@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import DataError, FormatError
+from sprung.formats import read
 from sprung.formats.clock import Clock, ClockFit, find_gaps, interpolate, resolution, time_scale, uncrowded
 
 
@@ -112,7 +113,7 @@ def test_stalled_logger_that_catches_up_lost_nothing() -> None:
 
 STEADY = np.arange(100) / 10
 BACKWARDS = np.where(np.arange(100) == 40, 3.8, STEADY)
-REPEATED = np.where(np.arange(100) == 40, 3.9, STEADY) + 1e-4 * np.sin(np.arange(100)) * (np.arange(100) > 50)
+REPEATED = np.where(np.arange(100) % 40 == 20, STEADY - 0.1, STEADY) + 1e-4 * np.sin(np.arange(100)) * (STEADY > 7)
 MIXED = np.cumsum(np.tile([0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.5], 200))
 
 
@@ -121,7 +122,7 @@ MIXED = np.cumsum(np.tile([0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.5], 200))
     [
         (BACKWARDS, 1, FormatError, r"run.csv, line 42: time runs backwards"),
         (BACKWARDS, 40, FormatError, "line 42: time runs backwards"),
-        (REPEATED, 1, FormatError, "line 42 repeats the time"),
+        (REPEATED, 1, FormatError, "line 22 repeats the time"),
         (np.append(np.arange(5000) / 100, 60 + np.arange(5000) / 200), 1, DataError, "changes from 200 to 100 Hz"),
         (MIXED, 1, DataError, "rates are mixed"),
         (np.zeros(1), 1, DataError, "two samples"),
@@ -131,6 +132,24 @@ MIXED = np.cumsum(np.tile([0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.5], 200))
 def test_doubtful_stamps_are_refused(seconds, pieces, error, message) -> None:
     with pytest.raises(error, match=message):
         fitted(seconds, pieces=pieces)
+
+
+def test_few_repeated_stamps_are_read_and_noted(tmp_path) -> None:
+    """A logger that writes a row twice, and one whose clock stood still for a sample: the whole file was refused."""
+    rng = np.random.default_rng(1)
+    time = np.arange(400) / 100 + 4e-4 * rng.uniform(size=400)
+    motion = np.sin(2 * np.pi * 2 * np.arange(400) / 100)
+    rows = [f"{t:.5f},{value:.4f}" for t, value in zip(time, motion, strict=True)]
+    (tmp_path / "double.csv").write_text(
+        "\n".join(["time [s],acc [m/s^2]", *rows[:151], rows[150], *rows[151:]]) + "\n"
+    )
+    late = [*rows[:150], f"{time[149]:.5f},{motion[150]:.4f}", *rows[151:]]
+    (tmp_path / "late.csv").write_text("\n".join(["time [s],acc [m/s^2]", *late]) + "\n")
+    for name, word in (("double", "1 row left out that repeats the row before"), ("late", "1 row with the stamp of")):
+        run = read(tmp_path / f"{name}.csv")
+        assert any(word in line for line in run.history)
+        assert run.sampling_rate == pytest.approx(100, rel=1e-4)
+        np.testing.assert_allclose(run.samples[0, :390], motion[:390], atol=0.01)
 
 
 @pytest.mark.parametrize(("step", "expected"), [(0.01, 0.01), (0.25, 0.01), (1e-6, 1e-6), (20.0, 10.0), (1 / 3, 0.0)])

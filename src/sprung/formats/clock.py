@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sprung._arrays import Indices, Real
+from sprung._display import counted
 from sprung.errors import DataError, FormatError, ParameterError
 from sprung.formats.table import PIECE_ROWS, Block, Table, rebatch
 
@@ -42,6 +43,7 @@ class _Limits:
     min_off: int = 3  # a few uneven steps are late stamps
     samples_per_gap: int = 20  # more gaps than one in this number of samples are a mixture of rates
     burst_share: float = 0.1  # share of rows with the stamp of the row before from which stamps come in bursts
+    few: float = 0.01  # the same up to which single stamps are wrong
     min_bursts: int = 30  # fewer bursts give no rate
     piece: int = 1 << 16  # samples within which the drift of a clock does not matter; over a day it does
     line: int = 1000  # stamps that show a rate and its jitter
@@ -157,6 +159,8 @@ class Clock:
         Whether the samples must be brought onto a uniform grid.
     is_coarse
         Whether many rows have the stamp of the row before.
+    n_repeated
+        Number of rows that have the stamp of the row before, where these are few.
     """
 
     sampling_rate: float
@@ -168,6 +172,7 @@ class Clock:
     in_bursts: bool = False
     is_resampled: bool = False
     is_coarse: bool = False
+    n_repeated: int = 0
 
     @property
     def interval(self) -> float:
@@ -182,6 +187,9 @@ class Clock:
     def describe(self) -> str:
         """Return the line for the history."""
         fate = "resampled onto a uniform grid by cubic splines" if self.is_resampled else "samples left as they are"
+        between = ", placed evenly up to the next stamp" if self.is_resampled else ""
+        if self.n_repeated:
+            fate += f"; {counted(self.n_repeated, 'row')} with the stamp of the row before{between}"
         if self.in_bursts:
             fate = f"time taken from a straight line, {fate}"
         pace = f"time stamps advance at {self.sampling_rate:.8g} Hz{' in bursts' * self.in_bursts}"
@@ -229,8 +237,12 @@ def _outlasts_backlog(offset: Real, index: int, clock: Clock) -> bool:
 def uncrowded(seconds: Real, interval: float) -> Real:
     """Return stamps that are at least half an interval apart.
 
-    A stamp can be late but not early: of two that are too close, the first is moved back.
+    Rows of one stamp are placed evenly up to the next one. A stamp can be late but not early: of two that are too
+    close, the first is moved back.
     """
+    firsts = np.flatnonzero(np.diff(seconds, prepend=-np.inf) > 0)
+    if firsts.size < seconds.size:
+        seconds = np.interp(np.arange(seconds.size), firsts, seconds[firsts])
     ramp = _LIMITS.crowding * interval * np.arange(seconds.size)
     apart: Real = np.minimum.accumulate((seconds - ramp)[::-1])[::-1] + ramp
     return apart
@@ -336,7 +348,7 @@ class ClockFit:
         DataError
             If there are fewer than two stamps, or rates are mixed.
         FormatError
-            If a stamp is repeated although stamps do not come in bursts.
+            If more than a few stamps are repeated although they do not come in bursts.
         """
         pace = self._pace
         if pace is None or self._n_stamps < 2:
@@ -345,10 +357,9 @@ class ClockFit:
             )
         self._check_rate()
         interval = self._moment / self._spread if self._spread else pace.interval
-        rms = float(np.sqrt(self._squares / max(1, self._n_fitted)))
+        rms, is_coarse = self.rms, self.is_coarse
         is_uniform = rms <= max(_LIMITS.jitter * interval, _LIMITS.rounding * self._resolution)
-        is_coarse = self._n_repeated >= _LIMITS.burst_share * self._n_stamps
-        if self._n_repeated and not is_uniform and not is_coarse:
+        if self._n_repeated > _LIMITS.few * self._n_stamps and not is_uniform and not is_coarse:
             raise FormatError(
                 f"{self._place} {self._first_repeated} repeats the time of the row before: give every row its own "
                 "time, or state --sampling-rate"
@@ -371,7 +382,18 @@ class ClockFit:
             in_bursts=is_coarse and not is_uniform,
             is_resampled=not is_uniform and not is_coarse,
             is_coarse=is_coarse,
+            n_repeated=0 if is_coarse else self._n_repeated,
         )
+
+    @property
+    def rms(self) -> float:
+        """Deviation of the stamps from straight lines [s], RMS."""
+        return float(np.sqrt(self._squares / max(1, self._n_fitted)))
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether many rows have the stamp of the row before."""
+        return self._n_repeated >= _LIMITS.burst_share * self._n_stamps
 
     def _check_rate(self) -> None:
         """Raise if the stamps do not advance at one rate."""

@@ -5,6 +5,7 @@ are fillers and how time advances. The second pass turns blocks of rows into rec
 only.
 """
 
+import copy
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -58,7 +59,8 @@ class Survey:
     """Facts about all rows: live channels, scale and advance of time, and the first lines of the history.
 
     `is_overruled` says that the stated sampling rate takes the place of an inconsistent clock; `fillers` are
-    the numbers of each channel that stand for missing values.
+    the numbers of each channel that stand for missing values; `has_doubles` says that rows which repeat the stamp and
+    all values of the row before are left out.
     """
 
     alive: Booleans
@@ -67,6 +69,27 @@ class Survey:
     history: tuple[str, ...]
     is_overruled: bool = False
     fillers: tuple[tuple[float, ...], ...] = ()
+    has_doubles: bool = False
+
+
+class _Doubles:
+    """Finds the rows that repeat the stamp and all values of the row before, block by block."""
+
+    def __init__(self) -> None:
+        self._last: Block | None = None
+
+    def update(self, block: Block) -> Booleans:
+        """Add the next rows; return which are repeated, shape (rows,)."""
+        is_double = np.zeros(block.n_rows, dtype=bool)
+        if block.stamps is not None and block.n_rows:
+            last = self._last or replace(block, stamps=block.stamps[:0], values=block.values[:, :0])
+            stamps = np.concatenate([np.asarray(last.stamps), block.stamps])
+            values = np.concatenate([last.values, block.values], axis=1)
+            same = 1 + np.flatnonzero(stamps[1:] == stamps[:-1])
+            double = same[[np.array_equal(values[:, k], values[:, k - 1], equal_nan=True) for k in same]]
+            is_double[double - last.n_rows] = True
+            self._last = replace(block, stamps=block.stamps[-1:], values=block.values[:, -1:])
+        return is_double
 
 
 def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None) -> Survey:
@@ -87,6 +110,7 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
     scale = None
     doubts: list[str] = []
     fit = ClockFit(f"{table.path}, {table.row_word}")
+    doubles, distinct, n_doubles = _Doubles(), None, 0
     count = FillerCount(len(table.columns))
     unmeasured: dict[str, tuple[str, int]] = {}
     for block in blocks:
@@ -109,14 +133,20 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
                     f"{table.path}, {table.row_word} {numbers[np.argmin(np.isfinite(seconds))]}: column "
                     f"{table.time_heading!r} holds no time: fill it in or remove the row"
                 )
+            is_double = doubles.update(block)[rows]
+            n_doubles += int(is_double.sum())
+            distinct = copy.deepcopy(fit) if distinct is None and n_doubles else distinct
             fit.update(seconds, numbers, rounding=scale.rounding(stamps))
+            if distinct is not None:
+                distinct.update(seconds[~is_double], numbers[~is_double], rounding=scale.rounding(stamps))
     fillers = [count.fillers(channel) for channel in range(len(table.columns))]
     counts -= np.array([sum(numbers.values()) for numbers in fillers], dtype=int)
     alive = _alive(table, counts, n_rows)
     clock = Clock(stated, 1 / stated)
+    has_doubles = distinct is not None and not fit.is_coarse and distinct.rms < fit.rms
     if scale and not doubts:
         with _doubted(doubts, sampling_rate):
-            clock = fit.clock()
+            clock = distinct.clock() if distinct is not None and has_doubles else fit.clock()
             if sampling_rate is not None:
                 _check_agreement(table, clock, sampling_rate)
     if doubts:
@@ -131,8 +161,9 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
         f"{name}: {first}{f', the first of {n} values,' if n > 1 else ''} {UNMEASURED}"
         for name, (first, n) in unmeasured.items()
     )
-    history = (*_history(table, of_clock, counts, n_rows, fillers), *infinite)
-    return Survey(alive, scale, clock, history, bool(doubts), tuple(tuple(numbers) for numbers in fillers))
+    left_out = f"{counted(n_doubles, 'row')} left out that repeat{'s' * (n_doubles == 1)} the row before, its time too"
+    history = (*_history(table, of_clock, counts, n_rows, fillers), *infinite, *[left_out] * has_doubles)
+    return Survey(alive, scale, clock, history, bool(doubts), tuple(map(tuple, fillers)), has_doubles and not doubts)
 
 
 @contextmanager
@@ -336,6 +367,7 @@ class _Assembler:
             Channel(each.name, each.quantity, None, each.direction, each.comment, each.calibration)
             for each in table.columns
         )
+        self._doubles = _Doubles()
         self._factors = np.array([[column.factor] for column in table.columns])
         self._n_rows = 0
         self._seconds: Real = np.empty(0)
@@ -380,6 +412,8 @@ class _Assembler:
         present = ~np.isnan(values)
         whole = present[self._facts.alive].all(axis=0)
         self._n_cut += int(present.any(axis=0).sum() - whole.sum())
+        if self._facts.has_doubles:
+            whole &= ~self._doubles.update(block)
         if self._facts.scale and block.stamps is not None and not self._facts.is_overruled:
             seconds = self._facts.scale.seconds(block.stamps[whole])
         else:
