@@ -181,7 +181,8 @@ def fit_free_response(
     best = min(map(_refined, nearest), key=lambda fitted: fitted.criterion, default=None)
     if best is None:
         raise DataError("no motion swings freely in these records: give the part after the push, or a wider band")
-    free, forced = best, []
+    free = best = _pruned(best)
+    forced: list[_Fitted] = []
     if np.any(_misfits(best) > np.maximum(_FIT.forced_misfit, _by_chance(best))):
         forced = _forced(lines, realised)
         best = min([free, *forced], key=lambda fitted: fitted.criterion)
@@ -318,6 +319,26 @@ def _refined(fitted: _Fitted) -> _Fitted:
         return _Fitted(again, scored(again, again.start)[0])
     except np.linalg.LinAlgError:
         return fitted
+
+
+def _pruned(fitted: _Fitted) -> _Fitted:
+    """Return the fit without modes that the criterion does not want, least squares having taken noise for them."""
+    model, n = fitted.model, fitted.model.modal.n_modes
+    values, fewer = model.modal.unpacked(fitted.parameters), []
+    for k in range(n if n > 1 else 0):
+        kept = np.delete(np.arange(n), k)
+        begin = replace(
+            values,
+            natural_frequency=values.natural_frequency[kept],
+            damping_ratio=values.damping_ratio[kept],
+            force_exponents=values.force_exponents[kept],
+            mode_shapes=values.mode_shapes[kept],
+            forces=values.forces[np.ix_(kept, kept)],
+        )
+        less = replace(model, begin=begin)
+        fewer.append(_Fitted(less, less.start))
+    best = min(fewer, key=lambda each: each.criterion, default=fitted)
+    return _pruned(_refined(best)) if best.criterion < fitted.criterion else fitted
 
 
 def _forced(lines: FreeLines, realised: Sequence[tuple[Complex, Complex]]) -> list[_Fitted]:
