@@ -21,6 +21,8 @@ class _PoleRules:
     further: tuple[float, ...] = (0.03, 0.1, 0.2, 0.4)
     #: Longest step of a logarithm.
     longest: float = 0.5
+    #: Gain of the log likelihood at which the search ends: another one begins from the poles.
+    gain: float = 0.01
 
 
 _RULES = _PoleRules()
@@ -70,7 +72,7 @@ class FreePoles:
 
     def refined(self) -> "FreePoles":
         """Return the poles of largest likelihood near these."""
-        return least_squares(self)
+        return least_squares(self, gain=_RULES.gain)
 
     @cached_property
     def criterion(self) -> float:
