@@ -19,7 +19,7 @@ from sprung._display import counted
 from sprung.errors import DataError, FormatError, MixedRatesError, ParameterError
 from sprung.formats.clock import Clock, ClockFit, TimeScale, find_gaps, interpolate, time_scale, uncrowded
 from sprung.formats.columns import stated_rate
-from sprung.formats.table import Block, Column, Table
+from sprung.formats.table import Block, Column, Doubles, Table
 from sprung.recording import PLACES, Channel, Gap, Recording
 
 
@@ -72,26 +72,6 @@ class Survey:
     has_doubles: bool = False
 
 
-class _Doubles:
-    """Finds the rows that repeat the stamp and all values of the row before, block by block."""
-
-    def __init__(self) -> None:
-        self._last: Block | None = None
-
-    def update(self, block: Block) -> Booleans:
-        """Add the next rows; return which are repeated, shape (rows,)."""
-        is_double = np.zeros(block.n_rows, dtype=bool)
-        if block.stamps is not None and block.n_rows:
-            last = self._last or replace(block, stamps=block.stamps[:0], values=block.values[:, :0])
-            stamps = np.concatenate([np.asarray(last.stamps), block.stamps])
-            values = np.concatenate([last.values, block.values], axis=1)
-            same = 1 + np.flatnonzero(stamps[1:] == stamps[:-1])
-            double = same[[np.array_equal(values[:, k], values[:, k - 1], equal_nan=True) for k in same]]
-            is_double[double - last.n_rows] = True
-            self._last = replace(block, stamps=block.stamps[-1:], values=block.values[:, -1:])
-        return is_double
-
-
 def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None) -> Survey:
     """Return the facts about all rows of a table; `sampling_rate` as stated by the caller [Hz], None: of the file.
 
@@ -110,7 +90,7 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
     scale = None
     doubts: list[str] = []
     fit = ClockFit(f"{table.path}, {table.row_word}")
-    doubles, distinct, n_doubles = _Doubles(), None, 0
+    doubles, distinct, n_doubles = Doubles(), None, 0
     count = FillerCount(len(table.columns))
     unmeasured: dict[str, tuple[str, int]] = {}
     for block in blocks:
@@ -367,7 +347,7 @@ class _Assembler:
             Channel(each.name, each.quantity, None, each.direction, each.comment, each.calibration)
             for each in table.columns
         )
-        self._doubles = _Doubles()
+        self._doubles = Doubles()
         self._factors = np.array([[column.factor] for column in table.columns])
         self._n_rows = 0
         self._seconds: Real = np.empty(0)

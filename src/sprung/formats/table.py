@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sprung._arrays import Real
+from sprung._arrays import Booleans, Real
 from sprung.errors import FormatError, ParameterError, SprungError
 from sprung.formats.settings import TIME_UNITS
 from sprung.recording import Recording
@@ -72,6 +72,26 @@ class Block:
     def n_rows(self) -> int:
         """Number of rows."""
         return int(self.values.shape[1])
+
+
+class Doubles:
+    """Finds the rows that repeat the stamp and all values of the row before, block by block."""
+
+    def __init__(self) -> None:
+        self._last: Block | None = None
+
+    def update(self, block: Block) -> Booleans:
+        """Add the next rows; return which are repeated, shape (rows,)."""
+        is_double = np.zeros(block.n_rows, dtype=bool)
+        if block.stamps is not None and block.n_rows:
+            last = self._last or replace(block, stamps=block.stamps[:0], values=block.values[:, :0])
+            stamps = np.concatenate([np.asarray(last.stamps), block.stamps])
+            values = np.concatenate([last.values, block.values], axis=1)
+            same = 1 + np.flatnonzero(stamps[1:] == stamps[:-1])
+            double = same[[np.array_equal(values[:, k], values[:, k - 1], equal_nan=True) for k in same]]
+            is_double[double - last.n_rows] = True
+            self._last = replace(block, stamps=block.stamps[-1:], values=block.values[:, -1:])
+        return is_double
 
 
 class Rows(Protocol):
