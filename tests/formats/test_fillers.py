@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sprung.formats import read, read_blocks
-from sprung.formats.grid import FillerCount, without_fillers
+from sprung.formats.table import FillerCount, without_fillers
 
 RNG = np.random.default_rng(2)
 

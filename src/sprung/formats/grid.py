@@ -19,7 +19,7 @@ from sprung._display import counted
 from sprung.errors import DataError, FormatError, MixedRatesError, ParameterError
 from sprung.formats.clock import Clock, ClockFit, TimeScale, find_gaps, interpolate, time_scale, uncrowded
 from sprung.formats.columns import stated_rate
-from sprung.formats.table import Block, Column, Doubles, Table
+from sprung.formats.table import Block, Column, Doubles, FillerCount, Table, without_fillers
 from sprung.recording import PLACES, Channel, Gap, Recording
 
 
@@ -33,25 +33,17 @@ class _Limits:
     min_rows: int = 20  # fewer rows may well be slow
     alive_share: float = 0.5  # a channel with values in fewer rows is dead
     longest_line: float = 10.0  # between two fixes of a receiver [s]; through longer times the last one is held
-    min_fillers: int = 3  # fewer equal values are no filler
-    max_filler_share: float = 0.5  # numbers in more of the values may be what a channel measures
-    filler_distance: float = 3.0  # distance of a filler from all other values, over their range
     margin: int = 64  # rows around the end of a block that are used again: the reach of splines and medians
     reach: int = 1000  # samples on either side of a gap that give its duration
     min_gap: float = 0.25  # a shorter gap [intervals] is none
     bridge_reach: int = 16  # samples on either side from which those in a gap are interpolated
     min_bridge: int = 4  # fewer samples do not carry a bridge
     bridge_fraction: float = 0.25  # difference of a bridged gap from whole sample intervals
-    fillers: tuple[float, ...] = (  # numbers that loggers write, as in the file, those of the first line also negative
-        *(999.0, 999.9, 9999.0, 9999.9, 99999.0, 999999.0, 1e30, 1e31),
-        *(-32768.0, 32767.0, 65535.0, -2147483648.0, 2147483647.0, 4294967295.0),
-    )
 
 
 _LIMITS = _Limits()
 #: What the history says of a value that is infinite or too large, after its place.
 UNMEASURED = "cannot be measured: taken as missing"
-_FILLERS = np.array([*_LIMITS.fillers, *(-number for number in _LIMITS.fillers[:8])])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -268,58 +260,6 @@ def _history_of_clock(clock: Clock, scale: TimeScale | None, doubts: Sequence[st
         yield clock.describe() if scale else f"no time column: {clock.sampling_rate:g} Hz as stated"
     if scale and n_rows >= _LIMITS.min_rows and clock.sampling_rate < _LIMITS.slow:
         yield f"is {clock.sampling_rate:.3g} Hz right? if not, state the sampling rate or the unit of the time column"
-
-
-class FillerCount:
-    """Counts the fillers in channels block by block."""
-
-    def __init__(self, n_channels: int) -> None:
-        self._counts = np.zeros((n_channels, _FILLERS.size), dtype=np.intp)
-        self._others = np.zeros(n_channels, dtype=np.intp)
-        self._lowest = np.full(n_channels, np.inf)
-        self._highest = np.full(n_channels, -np.inf)
-
-    def update(self, values: Real) -> None:
-        """Add the next rows, shape (channels, rows), missing values as NaN."""
-        is_other = np.isfinite(values)
-        is_large = np.abs(values) >= np.abs(_FILLERS).min()
-        for row in np.flatnonzero(is_large.any(axis=1)):
-            matches = values[row] == _FILLERS[:, None]
-            self._counts[row] += np.count_nonzero(matches, axis=1)
-            is_other[row] &= ~matches.any(axis=0)
-        self._others += np.count_nonzero(is_other, axis=1)
-        lowest = np.min(values, axis=1, where=is_other, initial=np.inf)
-        highest = np.max(values, axis=1, where=is_other, initial=-np.inf)
-        self._lowest = np.minimum(self._lowest, lowest)
-        self._highest = np.maximum(self._highest, highest)
-
-    def fillers(self, channel: int) -> dict[float, int]:
-        """Return the fillers of a channel, each with the number of its values.
-
-        A filler occurs at least three times and is farther from all other values than three times their range; a
-        channel of which it is more than half has none, as it may be what the channel measures.
-        """
-        n_others = int(self._others[channel])
-        low, high = self._lowest[channel], self._highest[channel]
-        counts = self._counts[channel]
-        if not n_others or counts.sum() > _LIMITS.max_filler_share * (n_others + counts.sum()):
-            return {}
-        distance = np.maximum(low - _FILLERS, _FILLERS - high)
-        is_filler = (
-            (counts >= _LIMITS.min_fillers) & (distance > _LIMITS.filler_distance * (high - low)) & (distance > 0)
-        )
-        return {float(_FILLERS[k]): int(counts[k]) for k in np.flatnonzero(is_filler)}
-
-
-def without_fillers(values: Real, fillers: tuple[tuple[float, ...], ...]) -> Real:
-    """Return values (channels, rows) with NaN for the fillers of each channel."""
-    if not any(fillers):
-        return values
-    cleaned = values.copy()
-    for row, numbers in enumerate(fillers):
-        if numbers:
-            cleaned[row, np.isin(cleaned[row], numbers)] = np.nan
-    return cleaned
 
 
 def assemble(table: Table, blocks: Iterable[Block], facts: Survey, *, bridge: float = 0.0) -> Iterator[Recording]:

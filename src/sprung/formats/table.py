@@ -94,6 +94,75 @@ class Doubles:
         return is_double
 
 
+@dataclass(frozen=True, slots=True)
+class _FillerLimits:
+    """Which numbers stand for missing values."""
+
+    min_count: int = 3  # fewer equal values are no filler
+    max_share: float = 0.5  # numbers in more of the values may be what a channel measures
+    distance: float = 3.0  # of a filler from all other values, over their range
+    numbers: tuple[float, ...] = (  # that loggers write, as in the file, those of the first line also negative
+        *(999.0, 999.9, 9999.0, 9999.9, 99999.0, 999999.0, 1e30, 1e31),
+        *(-32768.0, 32767.0, 65535.0, -2147483648.0, 2147483647.0, 4294967295.0),
+    )
+
+
+_FILLER_LIMITS = _FillerLimits()
+_FILLERS = np.array([*_FILLER_LIMITS.numbers, *(-number for number in _FILLER_LIMITS.numbers[:8])])
+
+
+class FillerCount:
+    """Counts the fillers in channels block by block."""
+
+    def __init__(self, n_channels: int) -> None:
+        self._counts = np.zeros((n_channels, _FILLERS.size), dtype=np.intp)
+        self._others = np.zeros(n_channels, dtype=np.intp)
+        self._lowest = np.full(n_channels, np.inf)
+        self._highest = np.full(n_channels, -np.inf)
+
+    def update(self, values: Real) -> None:
+        """Add the next rows, shape (channels, rows), missing values as NaN."""
+        is_other = np.isfinite(values)
+        is_large = np.abs(values) >= np.abs(_FILLERS).min()
+        for row in np.flatnonzero(is_large.any(axis=1)):
+            matches = values[row] == _FILLERS[:, None]
+            self._counts[row] += np.count_nonzero(matches, axis=1)
+            is_other[row] &= ~matches.any(axis=0)
+        self._others += np.count_nonzero(is_other, axis=1)
+        lowest = np.min(values, axis=1, where=is_other, initial=np.inf)
+        highest = np.max(values, axis=1, where=is_other, initial=-np.inf)
+        self._lowest = np.minimum(self._lowest, lowest)
+        self._highest = np.maximum(self._highest, highest)
+
+    def fillers(self, channel: int) -> dict[float, int]:
+        """Return the fillers of a channel, each with the number of its values.
+
+        A filler occurs at least three times and is farther from all other values than three times their range; a
+        channel of which it is more than half has none, as it may be what the channel measures.
+        """
+        n_others = int(self._others[channel])
+        low, high = self._lowest[channel], self._highest[channel]
+        counts = self._counts[channel]
+        if not n_others or counts.sum() > _FILLER_LIMITS.max_share * (n_others + counts.sum()):
+            return {}
+        distance = np.maximum(low - _FILLERS, _FILLERS - high)
+        is_filler = (
+            (counts >= _FILLER_LIMITS.min_count) & (distance > _FILLER_LIMITS.distance * (high - low)) & (distance > 0)
+        )
+        return {float(_FILLERS[k]): int(counts[k]) for k in np.flatnonzero(is_filler)}
+
+
+def without_fillers(values: Real, fillers: tuple[tuple[float, ...], ...]) -> Real:
+    """Return values (channels, rows) with NaN for the fillers of each channel."""
+    if not any(fillers):
+        return values
+    cleaned = values.copy()
+    for row, numbers in enumerate(fillers):
+        if numbers:
+            cleaned[row, np.isin(cleaned[row], numbers)] = np.nan
+    return cleaned
+
+
 class Rows(Protocol):
     """Function that yields the rows of a table."""
 
