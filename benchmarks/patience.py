@@ -23,8 +23,8 @@ LOOKS = (6, 12, 24, 48)
 ONSET = 3
 N_VEHICLES = 100
 RATE = 0.05
-#: Evidence by three correlations at and above which that by all is computed, ln: a list of one needs 6.9.
-ABOVE = 0.0
+#: Evidence by three correlations and one size at and above which it is computed, ln: a list of one needs 6.9.
+ABOVE = 1.5
 #: Vehicles that are simulated together.
 AT_ONCE = 100
 #: Serial correlation, logarithmic standard deviation of the scatter of parts, whether conditions leave those met.

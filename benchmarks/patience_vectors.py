@@ -300,16 +300,15 @@ HYPOTHESES = Hypotheses.of(PARTS)
 #: Change of each coordinate by each hypothesis with one size, and ln of their prior probabilities.
 MOVED = HYPOTHESES.directions @ ROWS.T
 PRIOR = HYPOTHESES.log_prior[: len(MOVED)] - logsumexp(HYPOTHESES.log_prior[: len(MOVED)])
-NODES, NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
 SPREAD = 1.2
-#: Correlations by which evidence is judged at first, as indices of `CORRELATIONS`.
-ROUGHLY = (0, 3, 6)
+#: Correlations by which evidence is judged at first, as indices of `CORRELATIONS`, and nodes of the mean over sizes.
+ROUGHLY, FEW, ALL = (0, 3, 6), 1, 9
 
 
 def evidence(baseline, units, values, looks, above=-np.inf):
     """Return ln of the e-detector of vehicles at each look, as `lasting_evidence`, shape (vehicles, looks).
 
-    A vehicle of which it is below `above` by three of the correlations has that instead.
+    A vehicle of which it is below `above` by three of the correlations and one size has that instead.
     """
     at = baseline.units(units)
     beyond = baseline.beyond(at)
@@ -327,7 +326,7 @@ def evidence(baseline, units, values, looks, above=-np.inf):
     counted = np.where(LASTING.counts_as_certain, 0.0, weights)
     found = np.empty((len(units), len(looks)))
 
-    def both(which, look, j):
+    def both(which, look, j, n_nodes=ALL):
         """Return ln of the likelihoods without a change, and of the ratios: alike and unequal, vehicles, hypotheses."""
         n_learning, correlation = baseline.n_windows, CORRELATIONS[j]
         known = start[which]
@@ -336,7 +335,7 @@ def evidence(baseline, units, values, looks, above=-np.inf):
         (groups, *alike), own = _scales(baseline, j)
         alike, own = [each[which] for each in alike], [each[which] for each in own]
         first, alone = ([each[:, part] for each in series] for part in (slice(12), slice(12, None)))
-        likelihood, ratios = _likelihoods(*first, groups, *alike, look, moved[which])
+        likelihood, ratios = _likelihoods(*first, groups, *alike, look, moved[which], n_nodes)
         ratios_alone = _ratios_alone(*alone[1:], own[0], own[1] + look, np.linalg.norm(moved[which], axis=-1))
         rest, taken = first[1][:, :9].sum(axis=1)[:, None], share[which] * alone[1]
         one = [each[:, :1] for each in alike]
@@ -354,13 +353,10 @@ def evidence(baseline, units, values, looks, above=-np.inf):
 
     for column, look in enumerate(looks):
         every = np.arange(len(units))
-        some = {j: both(every, look, j) for j in ROUGHLY}
-        found[:, column] = weighed(every, some)
+        found[:, column] = weighed(every, {j: both(every, look, j, FEW) for j in ROUGHLY})
         which = np.flatnonzero(found[:, column] >= above)
         if len(which):
-            tables = {j: [each[:, which] for each in some[j]] if j in some else both(which, look, j)
-                      for j in range(len(CORRELATIONS))}  # fmt: skip
-            found[which, column] = weighed(which, tables)
+            found[which, column] = weighed(which, {j: both(which, look, j) for j in range(len(CORRELATIONS))})
     return found
 
 
@@ -419,7 +415,7 @@ def _ratios_alone(rest, scores, informations, squares, after, moved):
     return -after[..., None] / 2 * np.log1p(-explained) - np.log1p(known / prior) / 2
 
 
-def _likelihoods(volume, rest, scores, informations, groups, squares, degrees, n_windows, moved):
+def _likelihoods(volume, rest, scores, informations, groups, squares, degrees, n_windows, moved, n_nodes):
     """Return ln of the likelihoods without a change, shape (vehicles,), and of the ratios of changes."""
     count, rest = n_windows * groups.sum(axis=1), rest @ groups.T
     without = np.sum(volume, axis=1) + np.sum(_student(squares, degrees, count, rest), axis=1)
@@ -430,7 +426,7 @@ def _likelihoods(volume, rest, scores, informations, groups, squares, degrees, n
     twice, squared = (np.einsum("gk,vhk,vko->vgho", groups, *each, optimize=True)
                       for each in ((2 * moved, scores), (moved**2, informations)))  # fmt: skip
     logs = []
-    for node, weight in zip(NODES, NODE_WEIGHTS, strict=True):
+    for node, weight in zip(*np.polynomial.hermite_e.hermegauss(n_nodes), strict=True):
         sizes = centre + std * node
         log = np.log(weight) + node**2 / 2 - sizes**2 * prior / 2
         for g in range(len(groups)):
