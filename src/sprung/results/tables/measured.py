@@ -22,8 +22,8 @@ def plan_tables(plan: "KitPlan") -> tuple[Table, Table]:
     """Return the tables of the components and of the sensors of a plan."""
     from sprung.kits import CHANGES
 
-    minutes = tuple(f"{100 * change:.0f} % [min]" for change in CHANGES)
-    columns = ("component", "std [%]", "left/right [%]", "front/rear [%]", *minutes)
+    sizes = tuple(f"{100 * change:.0f} %" for change in CHANGES)
+    columns = ("component", "std [%]", "left/right", "front/rear", *sizes)
     rows = []
     for part in plan.components:
         ratios = ["" if std is None else f"{100 * std:.1f}" for std in (part.contrast_std, part.axle_std)]
@@ -31,8 +31,8 @@ def plan_tables(plan: "KitPlan") -> tuple[Table, Table]:
         values = (f"{100 * part.std:.1f}", *ratios, *times) if part.is_identifiable else ("–",) * 6
         rows.append((format_name(str(part.component)), *values))
     caption = (
-        "std and std of the ratios left/right and front/rear: of one window; median times until a change of that size "
-        "is found; –: not determined; >: not within 64 windows"
+        f"std [%], also of the ratios left/right and front/rear: of one window; {', '.join(sizes)}: median time [min] "
+        "until a change of that size is found; –: not determined; >: not within 64 windows"
     )
     components = Table("What the kit will see", columns, tuple(rows), ends_in_words=False, caption=caption)
     sensors = tuple((sensor.channel, f"{100 * sensor.gain:.0f}") for sensor in plan.sensors)
