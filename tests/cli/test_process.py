@@ -12,6 +12,8 @@ from tests.test_bounce_tests import pushes
 from typer.utils import get_params_from_function
 
 from sprung.formats import read, write
+from sprung.simulation import RoadDrive, simulate_drive
+from sprung.vehicles import read_vehicle
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs the streams of POSIX")
 
@@ -25,7 +27,8 @@ def python(code):
 #: Packages that cost time, and what each command may import of them.
 ROOMS = ("calibration", "diagnosis", "identification", "kits", "likelihood", "road", "simulation", "vehicles")
 OTHERS = ("h5py", "jinja2", "matplotlib", "numpy", "pandas", "pyarrow", "pydantic", "rich", "scipy", "sqlalchemy")
-HEAVY = {"pyarrow.compute", "scipy.signal", "scipy.stats", *OTHERS, *(f"sprung.{room}" for room in ROOMS)}
+OF_SCIPY = {f"scipy.{name}" for name in ("interpolate", "optimize", "signal", "stats")}
+HEAVY = {"pyarrow.compute", *OF_SCIPY, *OTHERS, *(f"sprung.{room}" for room in ROOMS)}
 ARROW = {"numpy", "pyarrow", "pydantic", "rich"}
 OF_MODES = {"scipy", "sprung.identification", "sprung.likelihood", "sprung.vehicles"}
 MAY_IMPORT = {
@@ -40,6 +43,7 @@ MAY_IMPORT = {
     | {"pandas", "pyarrow.compute"},  # Arrow's writing imports pandas where it is installed
     "identify {run} --json -": ARROW | OF_MODES,
     "bounce {pushes} --vehicle zafira": ARROW | OF_MODES - {"scipy"},
+    "corners {drive} --vehicle zafira": ARROW | OF_MODES | {"sprung.calibration", "sprung.diagnosis"},
 }
 
 
@@ -50,7 +54,12 @@ def test_commands_import_what_they_use(words, chain, tmp_path):
     write(read(chain), parquet)
     if "{pushes}" in words:
         write(pushes(), tmp_path / "pushes.csv")
-    paths = {"run": chain, "parquet": parquet, "pushes": tmp_path / "pushes.csv", "out": tmp_path / "out"}
+    if "{drive}" in words:
+        write(
+            simulate_drive(read_vehicle("zafira"), RoadDrive(duration=120.0), seed=1).recording, tmp_path / "drive.npz"
+        )
+    paths = {"run": chain, "parquet": parquet, "out": tmp_path / "out"}
+    paths |= {"pushes": tmp_path / "pushes.csv", "drive": tmp_path / "drive.npz"}
     given = words.format(**paths).split()
     code = (
         f"import sys; from sprung.cli import main; code = main({given!r}); print(sorted(sys.modules)); sys.exit(code)"

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from sprung.likelihood import ClassRoughness, RailInputs, RoadInputs, rigid_layout
 from sprung.likelihood.surface import road_deviations
@@ -87,7 +88,10 @@ def test_deviations_of_a_road_are_a_smooth_process_without_a_straight_part() -> 
     expected = curved @ (0.49 * np.exp(-(distance**2) / 2 / 1.2**2)) @ curved
     assert deviations.T @ deviations == pytest.approx(expected, abs=1e-9)
     assert road_deviations(np.array([0.001, 100.0])) == pytest.approx(deviations[:, [0, -1]])
-    between = road_deviations(np.geomspace(0.02, 8.0, 200))
+    n = np.geomspace(0.02, 8.0, 200)
+    between = road_deviations(n)
+    spline = CubicSpline(np.log(knots), deviations, axis=1, bc_type="natural")
+    assert between == pytest.approx(spline(np.log(n)), abs=1e-12)
     assert np.abs(np.diff(between, axis=1)).max() < 0.05
 
 

@@ -382,8 +382,6 @@ def road_deviations(n: Real) -> Real:
     C. E. Rasmussen and C. K. I. Williams, Gaussian Processes for Machine Learning, MIT Press, 2006, section 4.3
     (eigenfunctions of kernels).
     """
-    from scipy.interpolate import CubicSpline
-
     lowest, highest = np.log(DEVIATIONS.knots)
     knots = np.linspace(lowest, highest, DEVIATIONS.n_knots)
     covariance = DEVIATIONS.size**2 * np.exp(-(np.subtract.outer(knots, knots) ** 2) / (2 * DEVIATIONS.reach**2))
@@ -391,8 +389,15 @@ def road_deviations(n: Real) -> Real:
     curved = np.eye(len(knots)) - line @ np.linalg.pinv(line)
     variances, components = np.linalg.eigh(curved @ covariance @ curved)
     at_knots = (components * np.sqrt(np.maximum(variances, 0.0)) * np.sign(components[-1]))[:, :1:-1]
-    spline = CubicSpline(knots, at_knots, bc_type="natural")
-    return np.moveaxis(spline(np.clip(np.log(n), knots[0], knots[-1])), -1, 0)
+    # A natural cubic spline; that of scipy.interpolate costs a fifth of a second to import.
+    places = (np.clip(np.log(n), knots[0], knots[-1]) - knots[0]) / (knots[1] - knots[0])
+    curvature, size = np.zeros_like(at_knots), len(knots) - 2
+    tridiagonal = 4 * np.eye(size) + np.eye(size, k=1) + np.eye(size, k=-1)
+    curvature[1:-1] = np.linalg.solve(tridiagonal, np.diff(at_knots, 2, axis=0))
+    before = np.minimum(places.astype(np.intp), size)
+    after = (places - before)[..., None]
+    ends = ((1 - after, before), (after, before + 1))
+    return np.moveaxis(sum(x * at_knots[k] + (x**3 - x) * curvature[k] for x, k in ends), -1, 0)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

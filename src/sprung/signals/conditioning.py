@@ -361,12 +361,9 @@ def over_distance(
 
 def _spline_values(samples: Real, places: Real) -> Real:
     """Return the values of the spline of degree 5 through samples, which goes on as their mirror image, at places."""
-    from scipy import interpolate, ndimage
+    from scipy import ndimage
 
-    n_samples = samples.shape[1]
-    coefficients = np.pad(ndimage.spline_filter1d(samples, 5, axis=1, mode="mirror"), ((0, 0), (2, 3)), mode="reflect")
-    spline = interpolate.BSpline.construct_fast(np.arange(-5.0, n_samples + 6), coefficients.T, 5)
-    return np.ascontiguousarray(spline(places).T)
+    return np.array([ndimage.map_coordinates(row, places[None], order=5, mode="mirror") for row in samples])
 
 
 def _stretches_with_onset(recording: Recording) -> list[tuple[float, slice]]:
