@@ -53,3 +53,20 @@ def test_a_part_that_alone_scatters_more_is_no_evidence_of_a_change() -> None:
     detection = sprung.diagnosis.detect(sprung.learn(windows[:12]), windows[12:36])
     assert detection is not None
     assert detection.e_value + np.log(48 * PATIENCE_DAYS) < np.log(48 / patience.RATE)
+
+
+def test_evidence_that_is_not_computed_is_below_that_of_any_list() -> None:
+    """Of 100 vehicles, half of them with a fault: what is computed is the same, and what is not is below 6.9."""
+    units, values = patience.drawn(patience.WORLDS["all three, correlation of 0.6"], 12, 0.0, np.random.default_rng(4))
+    values[:50, 15:, 0] -= 0.25
+    for which, learnt in vectors.baselines(units[:, :12], values[:, :12]):
+        rough, full = (
+            vectors.evidence(learnt, units[which, 12:], values[which, 12:], (24,), above)
+            for above in (patience.ABOVE, -np.inf)
+        )
+        is_computed = rough >= patience.ABOVE
+        assert rough[is_computed & (full >= patience.ABOVE)] == pytest.approx(
+            full[is_computed & (full >= patience.ABOVE)]
+        )
+        assert np.all(full[~is_computed] < np.log(48 / patience.RATE))
+        assert 0 < np.sum(full > np.log(48 / patience.RATE)) < len(which)
