@@ -515,9 +515,8 @@ def _point(
         for each in pieces
     ]
     point = _measured(shaken, RidePoint(channel.name, axis, standard, name, *(float("nan"),) * 5, rating=None))
-    duration = sum(each.duration for each in pieces)
     if standard == "iso2631":
-        return _by_iso2631(point, duration)
+        return _by_iso2631(point, sum(each.duration for each in pieces))
     if standard == "sperling":
         value = 4.42 * point.rms**0.3
         return replace(point, value=value, rating=_words(value, _SETTINGS.sperling))
@@ -555,15 +554,19 @@ def _by_iso2631(point: RidePoint, duration: float) -> RidePoint:
     if point.weighting == "Wf":
         dose = point.rms * duration**0.5
         return replace(point, value=dose, rating=f"{_SETTINGS.of_sick * dose:.2g} % may vomit")
-    of_rotation = _SETTINGS.of_rotation[_AXES.index(point.axis)]
-    value = point.rms * {"Wc": _SETTINGS.of_back, "We": of_rotation}.get(point.weighting, 1.0)
+    factors = {"Wc": _SETTINGS.of_back, "We": _SETTINGS.of_rotation[_AXES.index(point.axis)]}
+    value = point.rms * factors.get(point.weighting, 1.0)
     point = replace(point, value=value, rating=comfort_in_words(value))
     if point.weighting not in {"Wk", "Wd"}:
         return point
-    dose = max(point.vdv * (1.0 if point.axis == "z" else _SETTINGS.on_health), 1e-12)
-    caution, likely = (duration / 3600 * (limit / dose) ** 4 for limit in _SETTINGS.doses)
+    caution, likely = (duration / 3600 * (limit / health_dose(point)) ** 4 for limit in _SETTINGS.doses)
     words = f"caution after {_time(caution)} a day" if caution < 24 else "no caution within a day"
     return replace(point, health=words + f", risk likely after {_time(likely)}" * (likely < 24))
+
+
+def health_dose(point: RidePoint) -> float:
+    """Return the vibration dose of a point for health by ISO 2631-1 [m/s^1.75]: that of horizontal axes counts more."""
+    return max(point.vdv * (1.0 if point.axis == "z" else _SETTINGS.on_health), 1e-12)
 
 
 def _time(hours: float) -> str:

@@ -1,6 +1,7 @@
 """Plans, roads, rides, running stability and plate tests as tables and sentences."""
 
 from collections.abc import Mapping, Sequence
+from statistics import median
 from typing import TYPE_CHECKING
 
 from sprung._display import counted, listed
@@ -79,11 +80,11 @@ def describe_road(survey: "RoadSurvey") -> list[str]:
     """Return the range of the index or level of a survey with the number of events, and its notes."""
     name, factor, unit = ("d1", 1000.0, "mm in D1") if survey.is_of_track else ("iri", 1.0, "m/km")
     tracks = [each for stretch in survey.stretches for each in (stretch.left, stretch.right)]
-    values = sorted(factor * getattr(track, name) for track in tracks)
+    values = [factor * getattr(track, name) for track in tracks]
     first, what = survey.stretches[0], "level" if survey.is_of_track else "IRI"
     head = f"{counted(len(survey.stretches), 'stretch', 'es')} of {first.end - first.begin:.0f} m"
     events = f"; potholes, bumps and joints: {len(survey.events)}" * bool(survey.events)
-    sizes = f"{values[0]:.2f} to {values[-1]:.2f} {unit}, median {values[len(values) // 2]:.2f}"
+    sizes = f"{min(values):.2f} to {max(values):.2f} {unit}, median {median(values):.2f}"
     return [f"{head}: {what} {sizes}{events}", *survey.notes]
 
 
@@ -188,15 +189,16 @@ def ride_tables(ride: "Ride") -> list[Table]:
 
 def describe_ride(ride: "Ride") -> list[str]:
     """Return the comfort by three axes together, and the limits of a ride."""
-    from sprung.ride import comfort_in_words, mean_comfort_in_words
+    from sprung.ride import comfort_in_words, health_dose, mean_comfort_in_words
 
     sentences = []
     if ride.points:
         worst = max(ride.points, key=lambda point: point.value)
         place = f"most at {worst.channel} ({worst.axis}), {worst.weighting}"
         sentences.append(f"{place}: {worst.value:.3g}" + f", {worst.rating}" * bool(worst.rating))
-        if worst.health:
-            sentences.append(f"health (ISO 2631-1) at {worst.channel}: {worst.health}")
+        if rated := [point for point in ride.points if point.health]:
+            harshest = max(rated, key=health_dose)
+            sentences.append(f"health (ISO 2631-1) at {harshest.channel} ({harshest.axis}): {harshest.health}")
     if ride.travel:
         ends = min(each.lowest for each in ride.travel), max(each.highest for each in ride.travel)
         sentences.append("travel from {:.0f} to {:.0f} mm".format(*(1000 * end for end in ends)))
