@@ -3,11 +3,13 @@
 Baselines of 6 and 12 windows; parts of unequal scatter, serial correlation, conditions beyond those of the baseline.
 Somebody looks at a fleet after 6, 12, 24 and 48 windows and stops at the first look that names a healthy vehicle: the
 worst for the promise, which is proportional to the patience; here that is the simulated time. Power is over a year.
-Estimates of windows are drawn, not recordings: `patience_vectors.py` computes their evidence as `sprung` does.
+A fleet is 100 vehicles of one type. Estimates of windows are drawn, not recordings: `patience_vectors.py` computes
+their evidence as `sprung` does.
 """
 
 import argparse
 import os
+from dataclasses import replace
 from itertools import pairwise
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -18,15 +20,15 @@ from scipy.stats import binomtest
 
 from sprung.diagnosis import false_discoveries
 from sprung.diagnosis.changes import PATIENCE_DAYS
+from sprung.diagnosis.scatter import pooled
 
 LOOKS = (6, 12, 24, 48)
 ONSET = 3
 N_VEHICLES = 100
 RATE = 0.05
-#: Evidence by three correlations and one size at and above which it is computed, ln: a list of one needs 6.9.
-ABOVE = 1.5
-#: Vehicles that are simulated together.
-AT_ONCE = 100
+#: Evidence by some of the correlations and one size at and above which it is computed, ln, of vehicles whose fleet is
+#: known and of others: a list of one needs 6.9.
+ABOVE, ABOVE_ALONE = 6.0, 1.5
 #: Serial correlation, logarithmic standard deviation of the scatter of parts, whether conditions leave those met.
 WORLDS = {
     "as the model says": (0.0, 0.0, False),
@@ -48,6 +50,7 @@ def main():
     arguments.add_argument("--worlds", nargs="*", default=list(WORLDS), choices=list(WORLDS))
     arguments.add_argument("--windows", type=int, nargs="*", default=[6, 12], help="windows of a baseline")
     arguments.add_argument("--loss", type=float, default=0.05, help="share of its stiffness that a spring loses")
+    arguments.add_argument("--alone", action="store_true", help="know nothing of the other vehicles of a fleet")
     arguments.add_argument("--seed", type=int, default=1)
     given = arguments.parse_args()
     heads = (
@@ -60,30 +63,39 @@ def main():
     for name in given.worlds:
         for n_learning in given.windows:
             seed = [given.seed, list(WORLDS).index(name), n_learning]
-            healthy = simulated(WORLDS[name], n_learning, 0.0, N_VEHICLES * given.fleets, [*seed, 0])
-            faulty = simulated(WORLDS[name], n_learning, -given.loss, given.faulty, [*seed, 1])
+            cases = (0.0, N_VEHICLES * given.fleets), (-given.loss, given.faulty)
+            healthy, faulty = (
+                simulated(WORLDS[name], n_learning, change, count, [*seed, k], alone=given.alone)
+                for k, (change, count) in enumerate(cases)
+            )
             print(row(f"{name} | {n_learning}", healthy, faulty), flush=True)
 
 
-def simulated(world, n_learning, change, count, seed):
+def simulated(world, n_learning, change, count, seed, *, alone=False):
     """Return ln of the e-detector of vehicles at each look, shape (vehicles, looks).
 
+    The scatter of parts and the correlation are those of a fleet, or of each vehicle alone.
     Of a vehicle of which too few windows are alike no baseline is learnt; there is another one in its place.
     """
     generator, found, n_found = np.random.default_rng(seed), [], 0
     while n_found < count:
         units, values = drawn(world, n_learning, change, generator)
-        for which, learnt in baselines(units[:, :n_learning], values[:, :n_learning]):
-            if len(which):
-                found.append(evidence(learnt, units[which, n_learning:], values[which, n_learning:], LOOKS, ABOVE))
-                n_found += len(which)
+        learnt = [each for each in baselines(units[:, :n_learning], values[:, :n_learning]) if len(each[0])]
+        together = pooled([own for _, baseline in learnt for own in baseline.weights])
+        of_fleet, above = np.full((N_VEHICLES, len(LOOKS)), np.nan), ABOVE_ALONE if alone else ABOVE
+        for which, baseline in learnt:
+            weights = baseline.weights if alone else np.broadcast_to(together, baseline.weights.shape)
+            own = replace(baseline, weights=weights)
+            of_fleet[which] = evidence(own, units[which, n_learning:], values[which, n_learning:], LOOKS, above)
+        found.append(of_fleet[np.isfinite(of_fleet[:, 0])])
+        n_found += len(found[-1])
     return np.concatenate(found)[:count]
 
 
 def drawn(world, n_learning, change, generator):
     """Return conditions in units, shape (vehicles, windows, conditions), and ln values, (vehicles, windows, parts)."""
     correlation, unequal, is_beyond = world
-    count, n_windows = AT_ONCE, n_learning + LOOKS[-1]
+    count, n_windows = N_VEHICLES, n_learning + LOOKS[-1]
     alike = np.array([[part.kind == kind for part in PARTS] for kind in KINDS], dtype=float)
     slopes = np.sqrt(OWN) * generator.standard_normal((count, len(CONDITIONS), len(PARTS)))
     slopes += np.sqrt(COMMON)[:, None] * generator.standard_normal((count, len(CONDITIONS), len(KINDS))) @ alike

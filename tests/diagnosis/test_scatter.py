@@ -2,8 +2,21 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.special import gammaln
 
-from sprung.diagnosis.scatter import Deviations, Scatter, directions, kinds_of, regression, shared_covariance
+from sprung.diagnosis.scatter import (
+    LASTING,
+    Deviations,
+    Scatter,
+    coordinates,
+    directions,
+    kinds_of,
+    own_scatter,
+    pooled,
+    regression,
+    shared_covariance,
+)
 from sprung.vehicles import Component, read_vehicle, structure
 
 COMPONENTS = tuple(structure(read_vehicle("zafira")).components())
@@ -49,6 +62,52 @@ def test_many_windows_give_their_own_scatter(ratio) -> None:
     unknown = Scatter.typical(COMPONENTS, reported, with_temperature=False)
     kept = unknown.learnt(Deviations(away, np.ones((2000, 1)), usual.whole, []))
     assert kept.common_std == unknown.common_std
+
+
+def of_six_pairs(y, X, slope, spread, correlation):
+    """Return ln of the marginal likelihood of six series, by the covariance of windows and quadrature over ln c."""
+    n, f = len(y), spread
+    V = correlation ** abs(np.subtract.outer(np.arange(n), np.arange(n))) + slope * np.outer(X, X)
+    J, one = np.linalg.inv(V), np.ones(n)
+    rest = y.T @ (J - np.outer(J @ one, one @ J) / (one @ J @ one)) @ y
+    S, m = np.diag(rest), n - 1
+
+    def log(t):
+        each = gammaln((f + m) / 2) - gammaln(f / 2) + f / 2 * np.log(f * np.exp(t))
+        return np.sum(each - (f + m) / 2 * np.log(f * np.exp(t) + S))
+
+    middle, std = np.log(np.sum(S) / (6 * m)), np.sqrt((2 / m + 2 / f) / 6)
+    top = max(log(middle + k * std) for k in np.linspace(-4, 4, 81))
+    area, _ = quad(lambda t: np.exp(log(t) - top), middle - 12 * std, middle + 12 * std, limit=400)
+    return top + np.log(area) - 3 * (np.linalg.slogdet(V)[1] + np.log(one @ J @ one))
+
+
+@pytest.mark.parametrize("n_windows", [3, 6, 40])
+def test_scatter_and_correlation_have_their_marginal_likelihood(n_windows) -> None:
+    generator = np.random.default_rng(2)
+    X, slope, std = generator.uniform(-1, 1, n_windows), 0.25, 0.02
+    values = std * generator.standard_normal((n_windows, 12)) + 0.5 * std * np.outer(X, generator.standard_normal(12))
+    covariance = std**2 * np.eye(12)
+    deviations = Deviations(values, np.column_stack([np.ones(n_windows), X]), covariance, [slope * covariance])
+    rows = coordinates(COMPONENTS, covariance)
+    weights, _, degrees = own_scatter(deviations, rows, 6)
+    expected = np.log(LASTING.prior)
+    for row, spread in enumerate((LASTING.same, LASTING.spread)):
+        for column, correlation in enumerate(LASTING.correlations):
+            expected[row, column] += of_six_pairs(values @ rows[:6].T, X, slope, spread, correlation)
+    found = np.log(weights) - np.log(weights[0, 0])
+    np.testing.assert_allclose(found, expected - expected[0, 0], rtol=1e-5, atol=1e-4)
+    np.testing.assert_array_equal(degrees, n_windows - 1)
+
+
+def test_windows_of_vehicles_that_are_alike_have_one_likelihood() -> None:
+    generator = np.random.default_rng(3)
+    likelihoods = generator.uniform(0.1, 1, (5, 2, 8))
+    each = [LASTING.prior * one / np.sum(LASTING.prior * one) for one in likelihoods]
+    together = LASTING.prior * np.prod(likelihoods, axis=0)
+    np.testing.assert_allclose(pooled(each), together / together.sum())
+    np.testing.assert_allclose(pooled(each[:1]), each[0])
+    np.testing.assert_allclose(pooled([]), LASTING.prior)
 
 
 def components(*names):

@@ -10,7 +10,7 @@ from scipy.special import entr
 from sprung._arrays import Real
 from sprung._checks import check_each, check_number, check_type
 from sprung._display import counted
-from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
+from sprung.diagnosis.baseline import CONDITIONS, Baseline, of_one_type, vehicle_of
 from sprung.diagnosis.baseline import SETTINGS as BASELINE
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, detect, false_discoveries
 from sprung.diagnosis.findings import (
@@ -647,10 +647,12 @@ def rank_fleet(
     Notes
     -----
     The evidence is that of the diagnosis of each vehicle: the e-value e of its change test, or -ln p of the comparison
-    with the type of the others, as by `compare_with_type`. Where all have a baseline, the rate holds at whatever moment
+    with the type of the others, as by `compare_with_type`. Whether parts scatter unequally, and how consecutive windows
+    are correlated, is taken from the baselines of all vehicles together: these are supposed to be alike in both, as
+    vehicles of a type on the same routes are. Where all have a baseline, the rate holds at whatever moment
     one looks, in proportion to the time until then over a year, under any dependence (`false_discoveries`). As 1 / e is
     a p-value, with others it is the procedure of Benjamini and Hochberg: for independent vehicles and one look. A run
-    over an archive (`sprung fleet run`) chooses in the same way.
+    over an archive (`sprung fleet run`) chooses in the same way, each vehicle's scatter by its own baseline alone.
 
     References
     ----------
@@ -677,7 +679,7 @@ def rank_fleet(
     """
     check_number("rate", rate, above=0, at_most=1)
     check_type("windows", windows, Mapping, advice="{'bus-17': sprung.observe(recordings, vehicle), ..}")
-    known, every = baselines or {}, {vehicle: tuple(own) for vehicle, own in windows.items()}
+    known, every = of_one_type(baselines or {}), {vehicle: tuple(own) for vehicle, own in windows.items()}
     found = {vehicle: detect(known[vehicle], own) for vehicle, own in every.items() if vehicle in known}
     detections = {vehicle: detection for vehicle, detection in found.items() if detection is not None}
     # Estimates of a vehicle whose file a calibration completed are relative to that file.

@@ -1,7 +1,7 @@
 """Normal state of one vehicle: means of its components, their scatter, and their dependence on conditions."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -12,7 +12,7 @@ from sprung._checks import freeze, frozen_array
 from sprung._display import Savable, Tabular, counted, in_short, listed
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import ResidualReference
-from sprung.diagnosis.scatter import FRONT_REAR_STD, LASTING, coordinates, directions, shared_covariance
+from sprung.diagnosis.scatter import FRONT_REAR_STD, LASTING, coordinates, directions, pooled, shared_covariance
 from sprung.errors import ParameterError
 from sprung.likelihood import Expected
 from sprung.vehicles import Component
@@ -450,6 +450,12 @@ def units_of(conditions: Mapping[str, float], centre: Mapping[str, float]) -> Re
 def model_error_of(observations: Sequence[Observation]) -> float:
     """Return the median model error of windows; 0 where it is unknown."""
     return float(np.median([window.conditions.get("model_error", 0.0) for window in observations]))
+
+
+def of_one_type(baselines: Mapping[str, Baseline]) -> dict[str, Baseline]:
+    """Return the baselines of vehicles of a type with `weights` that all of them show together."""
+    weights = pooled(baseline.weights for baseline in baselines.values())
+    return {vehicle: replace(baseline, weights=weights) for vehicle, baseline in baselines.items()}
 
 
 def medians(observations: Sequence[Observation]) -> dict[str, float]:

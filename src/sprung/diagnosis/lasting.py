@@ -41,10 +41,12 @@ def lasting_evidence(windows: Sequence[Compared], baseline: Baseline, hypotheses
     variance in common where parts scatter alike. Where they scatter unequally, the estimate of the change alone has a
     variance of its own, drawn about the common one; what that leaves of the coordinates is in both cases the same, so
     that their unequal scatter decides nothing. With p the probability of the scatter and of a correlation by the
-    baseline, and f and f0 the likelihoods with and without a change, each ratio is sum p f / sum q f0. Where parts
-    scatter alike and the correlation is at most 0.3, q is p: the mean is at most 1 without a change if both are drawn
-    from p. Elsewhere q is 1: it is at most 1 for each of them, however improbable the baseline makes it (universal
-    inference).
+    baseline, p0 that before any window, and f and f0 the likelihoods with and without a change, each ratio is
+    sum p f / sum q f0, where q is c p / p0, between 0.001 and 1.
+
+    Whichever of them is true, the mean of a ratio without a change is at most that of 1 / q over baselines: up to
+    1 + E[p0 / (c p)] = 1 + 1 / c, by which ratios are divided. For p / p0 is the likelihood of the true one over that
+    of a mixture of all, whose inverse has the mean 1 (universal inference; what the baseline excludes is left out).
 
     References
     ----------
@@ -53,7 +55,7 @@ def lasting_evidence(windows: Sequence[Compared], baseline: Baseline, hypotheses
     """
     prior = hypotheses.log_prior[: len(hypotheses.directions)]
     known = np.log(np.maximum(baseline.weights, np.finfo(float).tiny))
-    counted = np.where(LASTING.counts_as_certain, 0.0, known)
+    counted = np.clip(np.log(LASTING.caution / LASTING.prior) + known, np.log(LASTING.rare), 0.0)
     with_change: list[Real] = []
     without: list[Real] = []
     for column, correlation in enumerate(LASTING.correlations):
@@ -67,7 +69,7 @@ def lasting_evidence(windows: Sequence[Compared], baseline: Baseline, hypotheses
         with_change.append((known[:, column, None] + likelihoods)[..., None] + ratios)
         without.append(counted[:, column, None] + likelihoods)
     each = logsumexp(with_change, axis=(0, 1)) - logsumexp(without, axis=(0, 1))[:, None]
-    return float(logsumexp(each + (prior - logsumexp(prior))[:, None]))
+    return float(logsumexp(each + (prior - logsumexp(prior))[:, None]) - np.log1p(1 / LASTING.caution))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

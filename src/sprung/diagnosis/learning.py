@@ -192,7 +192,9 @@ def _estimated(windows: Sequence[Observation], of_type: TypeBaseline | None) -> 
         deviations = Deviations(values - rows @ coefficients, rows, scatter.whole, before)
         scatter = typical.learnt(deviations)
     of_coordinates = coordinates(components, reported + scatter.nuisance)
-    weights, squares, degrees = own_scatter(deviations, of_coordinates, len(directions(components)[0]))
+    known = 0.0 if prior_mean is None else rows[:, 1:] @ prior_mean[1:]
+    whole = replace(deviations, values=values - known)
+    weights, squares, degrees = own_scatter(whole, of_coordinates, len(directions(components)[0]))
     scatter = typical.learnt(deviations, is_widened=True)
     # Means and slopes are as uncertain as the windows that they are from: by the widened scatter.
     _, information = regression(rows, values, scatter.whole, prior, prior_mean)

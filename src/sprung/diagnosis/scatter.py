@@ -1,12 +1,11 @@
 """Scatter of windows about their mean: as they report it, as they show it, and common changes of a kind."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import gammaln, stdtrit
+from scipy.special import gammaln, logsumexp, stdtrit
 
 from sprung._arrays import Real
 from sprung._checks import frozen_array
@@ -139,8 +138,11 @@ class LastingSettings:
     #: equally probable.
     alike: float = 0.7
     independent: float = 0.7
-    #: Correlation from which on each counts as if it were certain, when weighed against a change.
-    strong: float = 0.4
+    #: Ratio of probability after to before any window below which one of these counts for less against a change: a
+    #: ninth. All ratios are less by a tenth in return.
+    caution: float = 9.0
+    #: Least that each of these counts for against a change: a vehicle may be unlike the others of its type.
+    rare: float = 1e-3
 
     @property
     def prior(self) -> Real:
@@ -148,11 +150,6 @@ class LastingSettings:
         others = len(self.correlations) - 1
         serial = [self.independent, *[(1 - self.independent) / others] * others]
         return np.outer([self.alike, 1 - self.alike], serial)
-
-    @property
-    def counts_as_certain(self) -> NDArray[np.bool_]:
-        """Whether each counts without a change as if it were certain, shape (2, 8)."""
-        return np.array([[False], [True]]) | (np.array(self.correlations) >= self.strong)
 
 
 LASTING = LastingSettings()
@@ -353,7 +350,7 @@ def own_scatter(deviations: Deviations, rows: Real, n_pairs: int) -> tuple[Real,
     Parameters
     ----------
     deviations
-        Deviations of windows in the order of time.
+        Values of windows in the order of time, less those of slopes that were known before any window.
     rows
         Coordinates, from `coordinates`, shape (rows, components).
     n_pairs
@@ -369,31 +366,46 @@ def own_scatter(deviations: Deviations, rows: Real, n_pairs: int) -> tuple[Real,
     Notes
     -----
     With windows whitened by rho, x_w - rho x_(w - 1), over (1 - rho^2)^(1/2) after the first, the rest S_k of the
-    regression of coordinate k has m = n - 1 degrees of freedom. Its variance is drawn about the common one c, an
-    inverse gamma variable with f degrees of freedom: the marginal likelihood is the product over left against right of
-    (1 - rho^2)^(-m / 2) |J_k|^(-1/2) Gamma((f + m) / 2) / Gamma(f / 2) (f c)^(f / 2) (f c + S_k)^(-(f + m) / 2).
+    regression of coordinate k, with what is known of its slopes, has m = n - 1 degrees of freedom. Its variance is
+    drawn about a common one c, an inverse gamma variable with f degrees of freedom: the marginal likelihood is the
+    integral over ln c of the product over left against right of (1 - rho^2)^(-m / 2) |J_k|^(-1/2) Gamma((f + m) / 2) /
+    Gamma(f / 2) (f c)^(f / 2) (f c + S_k)^(-(f + m) / 2).
     """
     slopes = np.array([np.einsum("ki,ij,kj->k", rows, each, rows) for each in deviations.slope_covariances])
     known = np.zeros((len(rows), *2 * (deviations.rows.shape[1],)))
     at = np.arange(known.shape[-1] - len(slopes), known.shape[-1])
     known[:, at, at] = 1 / slopes.T
     m, logs, squares = len(deviations.rows) - 1, [], []
-    gram = deviations.rows.T @ deviations.rows
-    degrees = np.maximum(m + 1 - np.trace(np.linalg.solve(gram + known, gram), axis1=-2, axis2=-1), 1.0)
+    f = np.array([LASTING.same, LASTING.spread])[:, None, None]
+    # Nodes of ln c about that of all, in its standard deviation: steps of a half, as long for each rho.
+    nodes = np.sqrt((2 / max(m, 1) + 2 / f) / n_pairs) * np.arange(-6, 6.5, 0.5)[:, None]
     for correlation in LASTING.correlations:
         X, y = whitened(deviations.rows, correlation), whitened(deviations.values, correlation) @ rows.T
         J, pulled = X.T @ X + known, (X.T @ y).T
         rest = np.sum(y**2, axis=0) - np.sum(pulled * np.linalg.solve(J, pulled[..., None])[..., 0], axis=-1)
         squares.append(rest)
         volume = np.sum(np.linalg.slogdet(J[:n_pairs])[1]) + n_pairs * m * np.log1p(-(correlation**2))
-        f = np.array([[LASTING.same], [LASTING.spread]])
-        common = (np.sum(rest[:n_pairs]) + WEIGHTS.reported) / (np.sum(degrees[:n_pairs]) + WEIGHTS.reported)
-        each = gammaln((f + m) / 2) - gammaln(f / 2) + f / 2 * np.log(f * common)
-        each = each - (f + m) / 2 * np.log(f * common + rest[:n_pairs])
-        logs.append(np.sum(each, axis=1) - volume / 2)
+        common = (np.sum(rest[:n_pairs]) + WEIGHTS.reported) / (n_pairs * m + WEIGHTS.reported)
+        scaled = f * common * np.exp(nodes)
+        each = gammaln((f + m) / 2) - gammaln(f / 2) + f / 2 * np.log(scaled)
+        each = np.sum(each - (f + m) / 2 * np.log(scaled + rest[:n_pairs]), axis=-1)
+        logs.append(logsumexp(each, axis=1) + np.log(np.ptp(nodes, axis=1)[:, 0]) - volume / 2)
     likelihoods = np.array(logs).T
     weights = LASTING.prior * np.exp(likelihoods - likelihoods.max())
-    return weights / np.sum(weights), np.array(squares), degrees
+    return weights / np.sum(weights), np.array(squares), np.full(len(rows), float(m))
+
+
+def pooled(weights: Iterable[Real]) -> Real:
+    """Return the probabilities of `own_scatter` by the windows of vehicles that are alike in both, shape (2, 8).
+
+    Parameters
+    ----------
+    weights
+        Probabilities by the windows of each vehicle alone.
+    """
+    logs = np.log(LASTING.prior)
+    logs = logs + np.sum([np.log(np.maximum(own, np.finfo(float).tiny)) - logs for own in weights], axis=0)
+    return np.asarray(np.exp(logs - logsumexp(logs)), dtype=np.float64)
 
 
 def whitened(rows: Real, correlation: float) -> Real:
