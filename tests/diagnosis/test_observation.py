@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sprung import identification
 from sprung.diagnosis import (
     diagnose,
     learn,
@@ -20,7 +21,7 @@ from sprung.diagnosis import observation as observation_module
 from sprung.diagnosis.observation import fit_drive
 from sprung.errors import IdentificationError, ParameterError
 from sprung.identification import IdentificationSettings, cov_ssi
-from sprung.likelihood import fit_corners
+from sprung.likelihood import fit_corners, fitting
 from sprung.recording import Channel, Recording
 from sprung.ride import assess_ride
 from sprung.simulation import RailDrive, RoadConditions, RoadDrive, dead, simulate_drive
@@ -238,18 +239,23 @@ def test_conditions_of_an_inconclusive_window(car) -> None:
 
 
 @pytest.mark.slow
-def test_modes_of_a_drive_are_a_start_of_its_fit_and_a_check(car, run, monkeypatch) -> None:
+def test_modes_of_a_drive_are_a_start_of_its_fit_and_a_check_where_the_fit_is_doubtful(car, run, monkeypatch) -> None:
     part = run.part(0, run.n_samples // 5)
     modes = cov_ssi(part, settings=IdentificationSettings(has_road_modes=False, refine=False), vehicle=car).modes
-    expected, fit = fit_corners(part, car, modes=modes), fit_drive(part, car)
-    np.testing.assert_array_equal(fit.log_ratios, expected.log_ratios)
-    np.testing.assert_array_equal(fit.from_modes, expected.from_modes)
-    assert fit.from_modes is not None
 
     def no_modes(*_, **__):
         raise IdentificationError("no mode")
 
-    monkeypatch.setattr(observation_module, "cov_ssi", no_modes)
-    without = fit_drive([part], car)
-    np.testing.assert_array_equal(without.log_ratios, fit_corners(part, car).log_ratios)
-    assert without.from_modes is None
+    with monkeypatch.context() as patched:
+        patched.setattr(identification, "cov_ssi", no_modes)
+        certain = fit_drive([part], car)
+    assert certain.from_modes is None
+    np.testing.assert_array_equal(certain.log_ratios, fit_corners(part, car).log_ratios)
+
+    monkeypatch.setattr(fitting, "RULES", replace(fitting.RULES, doubtful=2.0))
+    expected, fit = fit_corners(part, car, modes=modes), fit_drive(part, car)
+    np.testing.assert_array_equal(fit.log_ratios, expected.log_ratios)
+    np.testing.assert_array_equal(fit.from_modes, expected.from_modes)
+    assert fit.from_modes is not None
+    monkeypatch.setattr(identification, "cov_ssi", no_modes)
+    assert fit_drive([part], car).from_modes is None

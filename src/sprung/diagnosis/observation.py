@@ -4,7 +4,6 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from sprung._arrays import Real
 from sprung._checks import check_type, freeze
@@ -13,13 +12,13 @@ from sprung._threads import one_thread
 from sprung.diagnosis.residuals import RESIDUALS, ResidualStatistics, residual_statistics
 from sprung.diagnosis.sensors import exchanged_opposites, valid_part
 from sprung.errors import DataError, IdentificationError, ParameterError
-from sprung.identification import IdentificationSettings, cov_ssi
-from sprung.likelihood import CornerFit, CornerSettings, fit_corners, run_out
+from sprung.likelihood import CornerFit, CornerSettings, run_out
 from sprung.likelihood.bump_stops import Stiffening, stiffening
 from sprung.likelihood.elements import log_of_bars
 from sprung.likelihood.fitting import fit_windows
 from sprung.likelihood.lateral import LateralFit, fit_lateral_under
 from sprung.likelihood.plate_test import low_phase_shifts
+from sprung.modal import Modes
 from sprung.recording import Recording, each_recording
 from sprung.ride import response_of
 from sprung.signals.conditioning import decimate
@@ -27,7 +26,7 @@ from sprung.vehicles import Component, Vehicle
 from sprung.vehicles.channel_faults import MISSING, SensorFault
 from sprung.vehicles.labels import MOTIONS
 from sprung.vehicles.lateral import lateral_parts
-from sprung.vehicles.sensor_checks import CONTRADICTIONS, describe_contradictions
+from sprung.vehicles.sensor_checks import CONTRADICTIONS, describe_contradictions, refuse_wrong_sensors
 from sprung.vehicles.window import Window, window_of
 
 #: Length of a window [s].
@@ -376,12 +375,14 @@ def observe_window(
     bars = np.array([part.kind == "anti_roll" for part in parts])
     ratios[bars], slopes[bars] = log_of_bars(ratios[bars])
     lateral, lateral_ratios, lateral_covariance = _lateral_parts(sideways)
+    own = fit.covariance[np.ix_(rows, rows)] * np.outer(slopes, slopes)
+    apart = np.zeros((len(own), len(lateral_covariance)))
     motion = None if check.faults else _slow_motion(window)
     return replace(
         _observation(time, window, check.faults),
         components=(*parts, *lateral),
         log_ratios=np.concatenate([ratios, lateral_ratios]),
-        covariance=block_diag(fit.covariance[np.ix_(rows, rows)] * np.outer(slopes, slopes), lateral_covariance),
+        covariance=np.block([[own, apart], [apart.T, lateral_covariance]]),
         conditions=window.conditions | _fitted_conditions(fit) | _ride(window),
         modes={label: (frequency, damping) for label, frequency, damping in body if label in MOTIONS},
         residuals=None if motion is None else _residuals(motion),
@@ -550,7 +551,7 @@ def fit_drive(
     settings: CornerSettings | None = None,
     allow_missing: bool = False,
 ) -> CornerFit:
-    """Fit springs, dampers and tyres of every corner to a drive, with a second start from identified modes.
+    """Fit springs, dampers and tyres of every corner to a drive; where that is doubtful, from identified modes, too.
 
     Parameters
     ----------
@@ -566,7 +567,7 @@ def fit_drive(
     Returns
     -------
     CornerFit
-        With the estimates by modes alone in `from_modes`, where the recordings have modes.
+        With the estimates by modes alone in `from_modes`, where the first fit is doubtful and there are modes.
 
     Raises
     ------
@@ -574,9 +575,17 @@ def fit_drive(
         As from `sprung.likelihood.fit_corners`.
     """
     records = list(each_recording(recordings))
-    own = IdentificationSettings(has_road_modes=False, refine=False, allow_missing=allow_missing, kind="random")
-    try:
-        modes = cov_ssi(records, settings=own, vehicle=vehicle).modes
-    except (DataError, IdentificationError):
-        modes = None
-    return fit_corners(records, vehicle, settings=settings, modes=modes, allow_missing=allow_missing)
+    windows = [window_of(record, vehicle, allow_missing=allow_missing) for record in records]
+    notes = refuse_wrong_sensors(windows)
+
+    def modes() -> Modes | None:
+        from sprung.identification import IdentificationSettings, cov_ssi
+
+        own = IdentificationSettings(has_road_modes=False, refine=False, allow_missing=allow_missing, kind="random")
+        try:
+            return cov_ssi(records, settings=own, vehicle=vehicle).modes
+        except (DataError, IdentificationError):
+            return None
+
+    fit = fit_windows(windows, settings=settings, modes=modes)
+    return replace(fit, notes=(*notes, *fit.notes))

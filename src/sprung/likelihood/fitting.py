@@ -1,8 +1,8 @@
 """Fit of springs, dampers and tyres of every corner to the spectra of a drive."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -178,7 +178,8 @@ def fit_corners(
     settings
         Choices of the fit; None: all from the vehicle.
     modes
-        Modes identified in the same recordings, as another start of the search (see `corners_from_modes`).
+        Modes identified in the same recordings, as a check, and another start of the search where the first fit is
+        doubtful (see `corners_from_modes`).
     allow_missing
         Whether the recordings may lack sensors of the vehicle file; a note then says which.
 
@@ -230,7 +231,10 @@ def fit_corners(
 
 @one_thread
 def fit_windows(
-    windows: Sequence[Window], *, settings: CornerSettings | None = None, modes: Modes | None = None
+    windows: Sequence[Window],
+    *,
+    settings: CornerSettings | None = None,
+    modes: Modes | Callable[[], Modes | None] | None = None,
 ) -> CornerFit:
     """Fit springs, dampers and tyres of every corner to windows of one vehicle.
 
@@ -238,8 +242,10 @@ def fit_windows(
     ----------
     windows
         Windows of one condition and one vehicle, at least one, with the same channels.
-    settings, modes
+    settings
         As for `fit_corners`.
+    modes
+        As for `fit_corners`, or a function that identifies them where the first fit is doubtful.
 
     Raises
     ------
@@ -251,8 +257,16 @@ def fit_windows(
     As for `fit_corners`.
     """
     setup, segments, has_speed, delay = _prepare(windows, settings_of(CornerSettings, settings))
-    check = None if modes is None else setup.components_of(modes)
-    starts = [] if check is None else [check]
+    checks: list[Real | None] = []
+
+    @cache
+    def starts() -> Sequence[Real]:
+        found = modes() if callable(modes) else modes
+        checks.append(None if found is None else setup.components_of(found))
+        return [check for check in checks if check is not None]
+
+    if not callable(modes):
+        starts()
     layout = dict.fromkeys(note for window in windows for note in window.notes)
     if has_speed:
         fit = _fit(segments, setup, starts)
@@ -262,7 +276,7 @@ def fit_windows(
             late = (
                 f"the speed channel is {abs(delay.value):.1f} s {direction} (± {delay.std:.1f} s), which is corrected",
             )
-        return replace(fit, from_modes=check, speed_delay=delay, notes=(*layout, *fit.notes, *late))
+        return replace(fit, from_modes=next(iter(checks), None), speed_delay=delay, notes=(*layout, *fit.notes, *late))
     parameters = None
     for _ in range(RULES.rounds):
         at_speeds = partial(setup.at_speeds, segments)
@@ -272,7 +286,7 @@ def fit_windows(
         parameters = fit.parameters
     low, high = known.speeds.min(), known.speeds.max()
     note = f"the speed was not recorded: {low:.3g} to {high:.3g} m/s, from the delay between the axles"
-    return replace(fit, notes=(*layout, *fit.notes, note), from_modes=check)
+    return replace(fit, notes=(*layout, *fit.notes, note), from_modes=next(iter(checks), None))
 
 
 def _prepare(
@@ -294,7 +308,7 @@ def _prepare(
     return setup, steady_segments(segments, speeds, spreads), True, delay
 
 
-def _fit(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) -> CornerFit:
+def _fit(segments: SegmentSpectra, setup: FitSetup, starts: Callable[[], Sequence[Real]]) -> CornerFit:
     """Return the fit to segments; singular matrices in the search mean a recording of another vehicle."""
     try:
         return fit_segments(segments, setup, starts=starts)
@@ -304,7 +318,9 @@ def _fit(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) -> C
         ) from None
 
 
-def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[Real] = ()) -> CornerFit:
+def fit_segments(
+    segments: SegmentSpectra, setup: FitSetup, *, starts: Callable[[], Sequence[Real]] = tuple
+) -> CornerFit:
     """Fit springs, dampers and tyres to the spectra of segments.
 
     Parameters
@@ -314,8 +330,8 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
     setup
         Vehicle, layout and settings.
     starts
-        Further starts of the search next to the nominal values: ln(value / nominal value) of each component. The best
-        one is taken.
+        Function that returns further starts of the search where the first fit is doubtful: ln(value / nominal value) of
+        each component.
 
     Returns
     -------
@@ -333,9 +349,9 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
 
     1. *Rough*: speed classes twice as wide and a likelihood to the power of 0.1 (tempering), which flattens local
        minima. If its error is so large that its own tempering is below 0.3, and larger than in other windows of
-       the vehicle, the search is repeated from the most likely vehicle with one spring broken, to a rougher end, and
-       the better result is taken. Where other windows of the vehicle are known, its searches and those of the full fits
-       end earlier.
+       the vehicle, the search is repeated from the most likely of the further starts and of the vehicles with one
+       spring broken, to a rougher end, and the better result is taken. Where other windows of the vehicle are known,
+       its searches and those of the full fits end earlier.
     2. *Full*: classes 5 % wide. Each fit is followed by three choices for the next one, until they no longer change:
 
        - the amplitude of a segment is limited to that at 1.2 times the median power, a winsorised residual as
@@ -405,7 +421,10 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
 
 
 def _start(
-    segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real], lines: tuple[SpectralLine, ...]
+    segments: SegmentSpectra,
+    setup: FitSetup,
+    starts: Callable[[], Sequence[Real]],
+    lines: tuple[SpectralLine, ...],
 ) -> tuple[Model, Real]:
     """Return the model with speed classes of full width, tempered as at first, and where its search starts."""
     coarse = setup.at_classes(segments, width=RULES.coarse)
@@ -418,23 +437,26 @@ def _start(
     return model, model.scaled_start() if model.objective(parameters)[0] == TOO_FAR else parameters
 
 
-def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real], expected: Expected | None) -> Real:
-    """Return the parameters of the first fit; if it is doubtful, a search from a broken spring is compared."""
+def _rough_fit(
+    rough: Model, untempered: Model, starts: Callable[[], Sequence[Real]], expected: Expected | None
+) -> Real:
+    """Return the parameters of the first fit; if it is doubtful, a search from another start is compared."""
+    usual: list[Real | None] = [None]
     if expected is not None:
-        starts = [*starts, np.array([expected.log_ratios.get(part, 0.0) for part in rough.components])]
+        usual.append(np.array([expected.log_ratios.get(part, 0.0) for part in rough.components]))
 
     def misfit(parameters: Real) -> float:
         return rough.objective(parameters)[0]
 
-    start = min((rough.scaled_start(start) for start in (None, *starts)), key=misfit)
+    start = min((rough.scaled_start(start) for start in usual), key=misfit)
     end = _end(rough, start, None if expected is None else RULES.first_of_known)
     if tempering(untempered, end) >= RULES.doubtful:
         return end
     if expected is not None and power_misfit(untempered, end)[1] <= (RULES.worse * expected.model_error) ** 2:
         return end
     broken = RULES.broken * np.eye(len(rough.components))
-    springs = [row for row, component in enumerate(rough.components) if component.kind in SPRINGS]
-    start = min((rough.scaled_start(broken[row]) for row in springs), key=misfit)
+    springs = [broken[row] for row, component in enumerate(rough.components) if component.kind in SPRINGS]
+    start = min((rough.scaled_start(start) for start in (*springs, *starts())), key=misfit)
     return min((end, minimised(rough.searched, start, RULES.from_broken)), key=misfit)
 
 
