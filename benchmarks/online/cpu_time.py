@@ -18,8 +18,8 @@ from sampling import ANALYSIS, STATION, Sampler, reference
 
 #: Hours of driving of a vehicle in a year, and vehicles that a core is to serve.
 YEAR, GOAL = 2000, 2000
-#: Seconds of a minute, and between two reports of a box.
-_MINUTE, _REPORT = 60, 5
+#: Seconds between two identifications, and between two reports of a box.
+_STEP, _REPORT = 120, 5
 
 
 def measure_cpu(given: argparse.Namespace, folder: Path) -> None:
@@ -98,7 +98,7 @@ def print_parts(title: str, columns: Mapping[str, Mapping[str, float]]) -> None:
 
 @dataclass(frozen=True)
 class Recorded:
-    """Outcomes of a vehicle with a baseline: of a minute within a window, and of the one that completes it."""
+    """Outcomes of a vehicle with a baseline: of an identification within a window, and of the one that completes it."""
 
     minute: Any
     window: Any
@@ -112,7 +112,7 @@ def analysed(given: argparse.Namespace, folder: Path) -> tuple[dict[str, float],
     sampler, inline = Sampler(), Inline()
     station = here(folder / "analysed", inline, learning_windows=n_learning)
     describe(station, prepared, 1)
-    per_minute, n_frames = round(_MINUTE / prepared.length), round(WINDOW / prepared.length)
+    per_step, n_frames = round(_STEP / prepared.length), round(WINDOW / prepared.length)
     begun = time.process_time()
     for number in range(n_learning):
         drive(station, prepared, range(number * n_frames, (number + 1) * n_frames))
@@ -121,8 +121,8 @@ def analysed(given: argparse.Namespace, folder: Path) -> tuple[dict[str, float],
     inline.kept.clear()
     with sampler.running():
         for number in range(n_learning, n_learning + n_windows):
-            for seq in range(number * n_frames, (number + 1) * n_frames, per_minute):
-                drive(station, prepared, range(seq, seq + per_minute))
+            for seq in range(number * n_frames, (number + 1) * n_frames, per_step):
+                drive(station, prepared, range(seq, seq + per_step))
     station.close()
     minutes = [outcome for outcome in inline.kept if len(outcome.events) == 1 and outcome.state is None]
     windows = [outcome for outcome in inline.kept if outcome.state is not None]
@@ -218,7 +218,7 @@ def bytes_stored(recorded: Recorded, folder: Path, *, hours: int = 50) -> dict[s
     store = open_store(f"sqlite:///{file}")
     site = Site.model_validate({"store": f"sqlite:///{file}", "keep": {"raw_days": 0}})
     ledger = Ledger(Context(site, store))
-    per_window = WINDOW // _MINUTE
+    per_window = WINDOW // _STEP
 
     def sizes() -> dict[str, int]:
         with sqlite3.connect(file) as connection:
@@ -242,14 +242,14 @@ def _numbered(outcome: Any, number: int) -> Any:
     """Return an outcome at the place of an identification of a number, without frames."""
     from sprung.online.monitor import Identified
 
-    start = time.time_ns() + number * _MINUTE * 10**9
+    start = time.time_ns() + number * _STEP * 10**9
     events = []
     for event in outcome.events:
         if isinstance(event, Identified):
             events.append(replace(event, number=number, start=start))
         else:
             recording = replace(event.recording, start=start)
-            events.append(replace(event, number=number * _MINUTE // WINDOW, recording=recording))
+            events.append(replace(event, number=number * _STEP // WINDOW, recording=recording))
     return replace(outcome, events=tuple(events), state=None if outcome.state is None else b"")
 
 
@@ -302,7 +302,7 @@ class Echo(Inline):
     def __init__(self, recorded: Recorded, length: float, phases: dict[str, int]) -> None:
         super().__init__()
         self._recorded, self._given = recorded, phases
-        self._minute, self._window = round(_MINUTE / length), round(WINDOW / length)
+        self._step, self._window = round(_STEP / length), round(WINDOW / length)
 
     def open(self, opening: Any) -> None:
         self.watched[opening.vehicle] = opening
@@ -315,9 +315,9 @@ class Echo(Inline):
         before, after = self._given[vehicle], self._given[vehicle] + n_frames
         self._given[vehicle] = after
         if after // self._window > before // self._window:
-            base, number = self._recorded.window, after // self._minute - 1
-        elif after // self._minute > before // self._minute:
-            base, number = self._recorded.minute, after // self._minute - 1
+            base, number = self._recorded.window, after // self._step - 1
+        elif after // self._step > before // self._step:
+            base, number = self._recorded.minute, after // self._step - 1
         else:
             base, number = replace(self._recorded.minute, events=()), 0
         numbered = _numbered(base, number) if base.events else base

@@ -68,7 +68,7 @@ def identified(events: Iterable[Identified | Observed]) -> list[Identified]:
 def test_each_minute_is_a_record_of_the_modes_so_far(car, drive, alike) -> None:
     """The batch of the same records gives the same modes, and so does a monitor continued from its state."""
     run = drive(0)
-    whole, stopped = (VehicleMonitor(car, settings=MonitorSettings()) for _ in range(2))
+    whole, stopped = (VehicleMonitor(car, settings=MonitorSettings(identify_every=60.0)) for _ in range(2))
     seconds = [run.part(200 * k, 200 * (k + 1)) for k in range(300)]
     events = identified(event for second in seconds for event in whole.update(second))
     assert [event.reason for event in events] == ["the window is shorter than 120 s", *[""] * 4]

@@ -1,4 +1,4 @@
-"""Monitoring of one vehicle: blocks of samples in, modes every minute and a diagnosis every ten minutes out."""
+"""Monitoring of one vehicle: blocks of samples in, modes every two minutes and a diagnosis every ten minutes out."""
 
 import zlib
 from collections.abc import Iterator, Mapping, Sequence

@@ -36,7 +36,7 @@ class MonitorSettings:
     """
 
     window: float = 600.0
-    identify_every: float = 60.0
+    identify_every: float = 120.0
     method: str = "cov"
     learning_windows: int = LEARNING_WINDOWS
     false_alarms: float = 1e-3
