@@ -266,20 +266,21 @@ def _edge(level: Real) -> float:
 def _events(level: Real, edge: float, width: int) -> list[tuple[int, int]]:
     """Return first and last sample of each motion above the edge; one that rises again is another one."""
     events: list[tuple[int, int]] = []
+    step = max(1, width // 8)
+    values = level[::step].tolist()
     first, lowest, highest = -1, 0, 0.0
-    for k in range(0, level.size, max(1, width // 8)):
-        value = level[k]
+    for k, value in zip(range(0, level.size, step), values, strict=True):
         if first < 0:
             first, lowest, highest = (k, k, value) if value > edge else (first, lowest, highest)
             continue
         highest = max(highest, value)
-        lowest = k if value < level[lowest] or value == highest else lowest
-        is_again = (
-            value > _EVENTS.rise * level[lowest] and value > _EVENTS.min_peak and highest > _EVENTS.rise * level[lowest]
-        )
-        is_over = level[k : k + width].max() <= edge
+        least = values[lowest // step]
+        if value < least or value == highest:
+            lowest, least = k, value
+        is_again = value > _EVENTS.rise * least and value > _EVENTS.min_peak and highest > _EVENTS.rise * least
+        is_over = value <= edge and level[k : k + width].max() <= edge
         if is_over or is_again:
-            events.append((first, int(lowest if is_again else k)))
+            events.append((first, lowest if is_again else k))
             first, lowest, highest = (lowest, k, value) if is_again else (-1, 0, 0.0)
     return [*events, (first, level.size - 1)] if first >= 0 else events
 
@@ -323,10 +324,13 @@ def _is_mostly_quiet(recording: Recording, level: Real, window: float) -> bool:
     the frequencies of the swings as above; motion of a drive has not.
     """
     is_quiet, outside = level < _EVENTS.quiet, np.ones(level.size, dtype=bool)
-    for first, last in _events(level, _edge(level), round(window * recording.sampling_rate)):
-        outside[first : last + 1] = False
-    if np.mean(is_quiet) >= _EVENTS.min_quiet or (is_quiet[0] and np.mean(is_quiet[outside]) >= _EVENTS.min_quiet):
+    if np.mean(is_quiet) >= _EVENTS.min_quiet:
         return True
+    if is_quiet[0]:
+        for first, last in _events(level, _edge(level), round(window * recording.sampling_rate)):
+            outside[first : last + 1] = False
+        if np.mean(is_quiet[outside]) >= _EVENTS.min_quiet:
+            return True
     floor = float(np.quantile(level, 0.1))
     if floor > 1 / _EVENTS.min_fall or np.mean(level < _EVENTS.over_floor * floor) < _EVENTS.min_quiet:
         return False

@@ -123,18 +123,16 @@ def spectral_matrix(recording: Recording, *, segment_length: float) -> SpectralM
     """
     n_per_segment = _n_per_segment(recording, segment_length)
     n_channels = len(recording.channels)
-    total = np.zeros((n_channels, n_channels, n_per_segment // 2 + 1), dtype=np.complex128)
+    total = np.zeros((n_per_segment // 2 + 1, n_channels, n_channels), dtype=np.complex128)
     n_segments = 0
     for block in _short_time_spectra(recording, n_per_segment):
-        for p, spectra in enumerate(block):
-            # Products with the channels from this one on: the other half of the matrix is their conjugate.
-            total[p, p:] += np.sum(spectra * block[p:].conj(), axis=1)
+        by_frequency = np.ascontiguousarray(block.transpose(2, 0, 1))
+        total += by_frequency @ by_frequency.conj().swapaxes(1, 2)
         n_segments += block.shape[1]
-    below, above = np.tril_indices(n_channels, -1)
-    total[below, above] = total[above, below].conj()
+    matrix = (total + total.conj().swapaxes(1, 2)).transpose(1, 2, 0) / (2 * n_segments)
     frequencies = np.arange(n_per_segment // 2 + 1, dtype=np.float64)
     frequencies *= recording.sampling_rate / n_per_segment
-    return SpectralMatrix(frequencies, total / n_segments, recording.names, segment_length, n_segments)
+    return SpectralMatrix(frequencies, matrix, recording.names, segment_length, n_segments)
 
 
 def _short_time_spectra(recording: Recording, n_per_segment: int) -> Iterator[Complex]:
@@ -142,10 +140,8 @@ def _short_time_spectra(recording: Recording, n_per_segment: int) -> Iterator[Co
     check_complete(recording.names, recording.samples)
     step = max(1, round(n_per_segment / 2))
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_per_segment) / n_per_segment)
-    factors = np.full(n_per_segment // 2 + 1, 2 / (recording.sampling_rate * np.sum(window**2)))
-    factors[0] /= 2
-    if n_per_segment % 2 == 0:
-        factors[-1] /= 2
+    window *= np.sqrt(2 / (recording.sampling_rate * np.sum(window**2)))
+    one_sided = [0, -1] if n_per_segment % 2 == 0 else [0]
     per_block = max(1, BLOCK_SIZE // (n_per_segment * len(recording.channels)))
     for stretch in recording.stretches():
         samples = recording.samples[:, stretch]
@@ -154,8 +150,11 @@ def _short_time_spectra(recording: Recording, n_per_segment: int) -> Iterator[Co
         segments = np.lib.stride_tricks.sliding_window_view(samples, n_per_segment, axis=1)[:, ::step]
         for first in range(0, segments.shape[1], per_block):
             block = segments[:, first : first + per_block]
-            block = (block - block.mean(axis=-1, keepdims=True)) * window
-            yield np.fft.rfft(block, axis=-1) * np.sqrt(factors)
+            block = block - block.mean(axis=-1, keepdims=True)
+            block *= window
+            spectra = np.fft.rfft(block, axis=-1)
+            spectra[..., one_sided] /= np.sqrt(2)
+            yield spectra
 
 
 def singular_values(spectra: SpectralMatrix) -> Real:
