@@ -11,7 +11,7 @@ from os import PathLike
 from pathlib import Path
 
 from sprung._checks import check_number, check_path, check_type, settings_of
-from sprung.errors import DataError, ParameterError
+from sprung.errors import DataError, ParameterError, SprungError
 from sprung.formats.columns import wanted_table
 from sprung.formats.grid import assemble, survey
 from sprung.formats.isolation import isolated_groups
@@ -22,7 +22,7 @@ from sprung.recording import Recording
 
 __all__ = ["ENDINGS", "FORMATS", "WRITERS", "ReadSettings", "groups", "read", "read_blocks", "read_records", "write"]
 
-#: Total size [bytes] above which files are read in blocks, each a record of its own.
+#: Total size [bytes], unpacked, above which files are read in blocks, each a record of its own.
 LARGE = 256 * 2**20
 #: Samples in such a block.
 BLOCK_SAMPLES = 1 << 19
@@ -182,7 +182,7 @@ def read_records(
     SprungError
         As `read`; where the files are large together, once the record is reached.
     """
-    sizes = [path.stat().st_size if path.is_file() else 0 for path in paths]
+    sizes = [_unpacked_size(path) for path in paths]
 
     def records() -> Iterator[Recording]:
         for path, size in zip(paths, sizes, strict=True):
@@ -193,6 +193,16 @@ def read_records(
                 yield read(path, settings=settings)
 
     return records() if sum(sizes) > LARGE else list(records())
+
+
+def _unpacked_size(path: Path) -> int:
+    """Return the size of a file [bytes], of a packed one that of its rows where they can be read; 0: there is none."""
+    size = path.stat().st_size if path.is_file() else 0
+    try:
+        unpacked = getattr(format_of(path), "unpacked_size", None)
+        return size if unpacked is None else int(unpacked(path, LARGE))
+    except SprungError:
+        return size
 
 
 def groups(path: str | PathLike[str], settings: ReadSettings | None = None) -> tuple[Group, ...]:

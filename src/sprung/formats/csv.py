@@ -56,6 +56,7 @@ class _Limits:
     first: int = 1 << 20  # bytes of the first piece: short, for those who want the first rows only
     piece: int = 1 << 23  # bytes of all others, and of the longest line
     tail: int = 1 << 16  # last bytes, in which a last line that was cut off is found
+    packing: int = 1032  # largest size over that of packed text (deflate)
 
 
 _LIMITS = _Limits()
@@ -211,6 +212,18 @@ def _open(path: Path) -> Iterator[IO[bytes]]:
         head = file.read(2)
         file.seek(0)
         yield cast(IO[bytes], codecs.EncodedFile(file, "utf-8", "utf-16")) if head in _UTF_16 else file
+
+
+def unpacked_size(path: Path, most: int) -> int:
+    """Return the size of a text [bytes], that of packed text once it is unpacked, up to more than the most."""
+    size = path.stat().st_size
+    if not path.name.lower().endswith((".gz", ".zip")) or size * _LIMITS.packing <= most:
+        return size
+    unpacked = 0
+    with reported(path, "text"), _open(path) as file:
+        while unpacked <= most and (piece := file.read(_LIMITS.head)):
+            unpacked += len(piece)
+    return max(size, unpacked)
 
 
 def _first_lines(path: Path) -> list[bytes]:

@@ -87,6 +87,10 @@ def recognises(head: bytes) -> bool:
     return _RECORDS.match(head) is not None
 
 
+#: Size of a file, and of a table that is alone in an archive; of several the members are limited.
+unpacked_size = csv.unpacked_size
+
+
 def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     """Return the sensors of a phone, those with the same times in one group when they are read together.
 

@@ -88,8 +88,9 @@ class Doubles:
             stamps = np.concatenate([np.asarray(last.stamps), block.stamps])
             values = np.concatenate([last.values, block.values], axis=1)
             same = 1 + np.flatnonzero(stamps[1:] == stamps[:-1])
-            double = same[[np.array_equal(values[:, k], values[:, k - 1], equal_nan=True) for k in same]]
-            is_double[double - last.n_rows] = True
+            own, before = values[:, same], values[:, same - 1]
+            is_same = np.all((own == before) | (np.isnan(own) & np.isnan(before)), axis=0)
+            is_double[same[is_same] - last.n_rows] = True
             self._last = replace(block, stamps=block.stamps[-1:], values=block.values[:, -1:])
         return is_double
 
