@@ -28,7 +28,7 @@ def python(code):
 ROOMS = ("calibration", "diagnosis", "identification", "kits", "likelihood", "road", "simulation", "vehicles")
 OTHERS = ("h5py", "jinja2", "matplotlib", "numpy", "pandas", "pyarrow", "pydantic", "rich", "scipy", "sqlalchemy")
 OF_SCIPY = {f"scipy.{name}" for name in ("interpolate", "optimize", "signal", "stats")}
-HEAVY = {"pyarrow.compute", *OF_SCIPY, *OTHERS, *(f"sprung.{room}" for room in ROOMS)}
+HEAVY = {"pyarrow.compute", "scipy.cluster", *OF_SCIPY, *OTHERS, *(f"sprung.{room}" for room in ROOMS)}
 ARROW = {"numpy", "pyarrow", "pydantic", "rich"}
 OF_MODES = {"scipy", "sprung.identification", "sprung.likelihood", "sprung.vehicles"}
 MAY_IMPORT = {
@@ -41,7 +41,7 @@ MAY_IMPORT = {
     "info {parquet}": ARROW | {"pyarrow.compute"},
     "convert {run} {out}.csv": ARROW
     | {"pandas", "pyarrow.compute"},  # Arrow's writing imports pandas where it is installed
-    "identify {run} --json -": ARROW | OF_MODES,
+    "identify {run} --json -": ARROW | OF_MODES | {"scipy.cluster"},
     "bounce {pushes} --vehicle zafira": ARROW | OF_MODES - {"scipy"},
     "corners {drive} --vehicle zafira": ARROW | OF_MODES | {"sprung.calibration", "sprung.diagnosis"},
 }
