@@ -16,6 +16,7 @@ from sprung.simulation import (
     FEW_POTHOLES,
     REALISTIC_SUSPENSION,
     Payload,
+    RailDrive,
     RoadConditions,
     RoadDrive,
     clipped,
@@ -288,3 +289,16 @@ def test_inspection_and_identification_agree_with_the_sensor_checks(car, run, wh
     _, noted = without_dead_parts(broken, [name for name in broken.names if name != "speed"])
     expected = {name for name, kind in checked.items() if kind in {"stuck", "clipped"} or "throughout" not in what}
     assert {fault.channel for fault in noted} == {name for name in expected if checked[name] != "spiking"}
+
+
+@pytest.mark.parametrize(("name", "channels"), [("metro", ("bogie1_fl", "bogie1_rr")), ("y25", ("acc_fl", "acc_al"))])
+def test_rail_joints_are_no_spikes(name, channels) -> None:
+    """They hit one wheelset after another, and what they excite rings, which a spike of the electronics does not."""
+    vehicle = read_vehicle(name)
+    sensors = tuple(sensor for sensor in vehicle.sensor if sensor.channel in channels)
+    vehicle = vehicle.model_copy(update={"kind": "rail", "sensor": sensors})
+    drive = simulate_drive(vehicle, RailDrive(duration=120.0, sampling_rate=100.0, snr=50.0), seed=2).recording
+    assert sensor_faults(drive, vehicle) == ()
+    height = 20 * float(drive.samples[drive.index(channels[0])].std())
+    broken = spiking(drive, channel=channels[0], rate=0.1, height=height, generator=np.random.default_rng(2))
+    assert [(fault.channel, fault.kind) for fault in sensor_faults(broken, vehicle)] == [(channels[0], "spiking")]

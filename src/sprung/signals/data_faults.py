@@ -313,14 +313,28 @@ def count_spikes(values: Real) -> int:
     size = np.abs(bend)
     is_spike = (np.abs(sizes[1:-1]) > SPIKE) & returns(sizes) & (size[1:-1] > NO_BODY * finite.std())
     places = np.flatnonzero(is_spike) + 1
-    return count_apart(places[[_is_isolated(size, int(place)) for place in places]]) if places.size else 0
+    return count_apart(places[are_isolated(bend, places)])
 
 
-def _is_isolated(sizes: Real, place: int) -> bool:
-    """Return whether the bend at a place is far above all around it: what rings after an impact is not a spike."""
-    reach = _LIMITS.around
-    around = np.concatenate([sizes[max(0, place - reach) : place - 1], sizes[place + 2 : place + reach + 1]])
-    return bool(around.max(initial=0.0) < _LIMITS.isolated * sizes[place])
+def are_isolated(bends: Real, places: Indices) -> Booleans:
+    """Return whether the bends at places are far above all around them: what rings after an impact is no spike.
+
+    Parameters
+    ----------
+    bends
+        Distances of samples from the mean of their neighbours, shape (samples,).
+    places
+        Indices of bends, shape (places,).
+    """
+    reach, sizes = _LIMITS.around, np.abs(bends)
+    largest = [
+        max(
+            sizes[max(0, place - reach) : place - 1].max(initial=0.0),
+            sizes[place + 2 : place + reach + 1].max(initial=0.0),
+        )
+        for place in places.tolist()
+    ]
+    return np.asarray(np.array(largest) < _LIMITS.isolated * sizes[places])
 
 
 def filler(values: Real) -> tuple[float, int] | None:

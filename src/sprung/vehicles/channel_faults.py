@@ -110,11 +110,14 @@ class Channels:
         Whether the vehicle moves at each sample, shape (samples,).
     carriers
         What each channel is on: "body", "wheel", "suspension" or another part.
+    has_impacts
+        Whether joints of rails or rollers hit one wheelset after another, and so some sensors before others.
     """
 
     recording: Recording
     is_moving: Booleans
     carriers: tuple[str, ...]
+    has_impacts: bool = False
 
     @classmethod
     def of(cls, window: Window) -> "Channels":
@@ -129,7 +132,7 @@ class Channels:
             "suspension" if sensor.between else "wheel" if sensor.on.startswith("wheel") else sensor.on
             for sensor in (sensors[name] for name in window.outputs)
         )
-        return cls(recording.select(window.outputs), is_moving, carriers)
+        return cls(recording.select(window.outputs), is_moving, carriers, window.vehicle.kind in {"rail", "rig"})
 
     def fault(self, row: int, kind: str, detail: str) -> SensorFault:
         """Return a fault of a channel."""
@@ -138,7 +141,8 @@ class Channels:
     def take(self, rows: Sequence[int]) -> "Channels":
         """Return only some rows."""
         names = [self.recording.names[row] for row in rows]
-        return Channels(self.recording.select(names), self.is_moving, tuple(self.carriers[row] for row in rows))
+        carriers = tuple(self.carriers[row] for row in rows)
+        return Channels(self.recording.select(names), self.is_moving, carriers, self.has_impacts)
 
     @cached_property
     def rows_with_runs(self) -> list[int]:
@@ -242,6 +246,8 @@ def spiking(channels: Channels) -> Iterator[SensorFault]:
             is_alone = (largest < 0.5 * np.abs(size[places])) & (jump > LIMITS.spike)
         else:
             is_alone = jump > data_faults.NO_BODY
+        if channels.has_impacts:
+            is_alone &= data_faults.are_isolated(bend, places)
         count = data_faults.count_apart(places[is_alone])
         if count >= data_faults.FEWEST_SPIKES:
             yield channels.fault(row, "spiking", f"{count} spikes")
