@@ -44,7 +44,9 @@ from sprung.errors import IdentificationError as IdentificationError
 from sprung.errors import MissingPackageError as MissingPackageError
 from sprung.errors import ParameterError as ParameterError
 from sprung.errors import SprungError as SprungError
+from sprung.excitation import Crossings as Crossings
 from sprung.excitation import Excitation as Excitation
+from sprung.excitation import Joints as Joints
 from sprung.excitation import Potholes as Potholes
 from sprung.excitation import SpeedChanges as SpeedChanges
 from sprung.excitation import SpeedProfile as SpeedProfile

@@ -8,6 +8,7 @@ from scipy.signal import csd
 
 from sprung.errors import FormatError
 from sprung.excitation import (
+    Crossings,
     Joints,
     Potholes,
     Road,
@@ -124,6 +125,16 @@ def test_joints_come_every_rail_length() -> None:
     found = Joints(rail_length=18.0, depth=0.003).heights(places, np.random.default_rng(1))[0]
     dips = places[1:-1][(found[1:-1] < found[:-2]) & (found[1:-1] < found[2:]) & (found[1:-1] < -0.002)]
     assert dips == pytest.approx([-18, 0, 18, 36, 54, 72, 90], abs=0.011)
+
+
+def test_crossings_come_as_often_as_stated_on_one_rail_or_both() -> None:
+    places = np.arange(0.0, 200_000.0, 0.02)
+    found = Crossings(per_kilometre=3.0, depth=0.003, share_of_both_rails=0.3).heights(places, np.random.default_rng(1))
+    dips = (found[:, 1:-1] < np.minimum(found[:, :-2], found[:, 2:])) & (found[:, 1:-1] < -0.001)
+    both, either = np.count_nonzero(dips.all(axis=0)), np.count_nonzero(dips.any(axis=0))
+    assert either == pytest.approx(600, abs=75)
+    assert both / either == pytest.approx(0.3, abs=0.06)
+    assert found.min() == pytest.approx(-0.0045, rel=0.02)
 
 
 @pytest.mark.slow

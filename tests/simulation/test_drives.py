@@ -3,7 +3,7 @@ import pickle
 import numpy as np
 import pytest
 
-from sprung.excitation import rail_quality, road_class
+from sprung.excitation import Crossings, Joints, rail_quality, road_class
 from sprung.signals.conditioning import while_moving
 from sprung.signals.spectrum import spectral_matrix
 from sprung.simulation import (
@@ -125,6 +125,19 @@ def test_bogies_meet_the_track_one_after_another_and_faults_are_in_the_truth() -
     assert found.truth["components"]["bogie1_left"]["secondary_spring"]["value"] == pytest.approx(0.8 * 290e3)
     assert found.truth["components"]["bogie2_rear_right"]["primary_damper"]["value"] == 11e3
     assert found.truth["conditions"]["track"] == {"quality": "bad", "welded": False}
+
+
+def test_joints_and_crossings_of_a_track_are_in_the_truth() -> None:
+    settings = {"kind": RailDrive, "duration": 20.0, "sampling_rate": 100.0}
+    joints, crossings = Joints(rail_length=12.5), Crossings(per_kilometre=5.0)
+    found = drive(read_vehicle("y25").model_copy(update={"kind": "rail"}), joints=joints, **settings)
+    assert found.truth["conditions"]["track"] == {
+        "quality": "good",
+        "welded": False,
+        "joints": {"rail_length": 12.5, "depth": 0.002, "length": 0.3},
+    }
+    found = drive(read_vehicle("metro"), welded=True, crossings=crossings, **settings)
+    assert found.truth["conditions"]["track"]["crossings"]["per_kilometre"] == 5.0
 
 
 def test_a_bad_track_has_2_7_times_the_power_of_a_good_one() -> None:

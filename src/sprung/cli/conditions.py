@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from sprung.errors import FormatError, ParameterError
+from sprung.excitation import Crossings, Joints
 from sprung.simulation import (
     REALISTIC_FORCE_LAWS,
     Deviations,
@@ -154,13 +155,19 @@ class RailDriveConditions(DriveConditions):
     quality
         Level of the track's irregularity by ERRI B176: "good" (low) or "bad" (high).
     welded
-        Whether the rails are welded; otherwise they have dipped joints every 18 m.
+        Whether the rails are welded; otherwise they have joints.
+    joints
+        Distance, depth and length of the dipped joints; default: every 18 m.
+    crossings
+        Crossings and single bad joints at random places.
     wheel_orders
         Unbalance and run-out of the wheels, whose radius is to be stated.
     """
 
     quality: Literal["good", "bad"] = "good"
     welded: bool = False
+    joints: Joints = Joints()
+    crossings: Crossings | None = None
     wheel_orders: WheelOrders | None = None
 
 

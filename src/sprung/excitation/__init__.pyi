@@ -22,6 +22,7 @@ from sprung.excitation.route import random_cross_slope as random_cross_slope
 from sprung.excitation.route import random_curvature as random_curvature
 from sprung.excitation.route import random_speed as random_speed
 from sprung.excitation.surface import ROAD_CLASSES as ROAD_CLASSES
+from sprung.excitation.surface import Crossings as Crossings
 from sprung.excitation.surface import Joints as Joints
 from sprung.excitation.surface import MeasuredSurface as MeasuredSurface
 from sprung.excitation.surface import Potholes as Potholes

@@ -417,6 +417,48 @@ class Joints:
         return np.broadcast_to(-self.depth * np.exp(-3 * distance / self.length), (2, positions.size))
 
 
+@dataclass(frozen=True, slots=True)
+class Crossings:
+    """Dips of crossing noses and single bad joints at random places of the rails.
+
+    Parameters
+    ----------
+    per_kilometre
+        Mean number per kilometre.
+    depth, length
+        Depth and length of a dip [m], of the shape of `Joints`; its depth is 0.5 to 1.5 times that.
+    share_of_both_rails
+        Share that are on both rails, 0 to 1; the others are on one of them at random.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
+    """
+
+    per_kilometre: float = 3.0
+    depth: float = 0.003
+    length: float = 0.3
+    share_of_both_rails: float = 0.3
+
+    def __post_init__(self) -> None:
+        check_number("per_kilometre", self.per_kilometre, at_least=0)
+        check_number("share_of_both_rails", self.share_of_both_rails, at_least=0, at_most=1)
+        for name in ("depth", "length"):
+            check_number(name, getattr(self, name), above=0)
+
+    def heights(self, positions: Real, generator: np.random.Generator) -> Real:
+        """Return the heights of left and right at rising positions [m], shape (2, points) [m]."""
+        heights = np.zeros((2, positions.size))
+        span = positions[-1] - positions[0]
+        for _ in range(generator.poisson(self.per_kilometre * span / 1000)):
+            place, depth = positions[0] + generator.uniform(0, span), self.depth * generator.uniform(0.5, 1.5)
+            rails = [0, 1] if generator.random() < self.share_of_both_rails else [int(generator.integers(2))]
+            near = slice(*np.searchsorted(positions, [place - 4 * self.length, place + 4 * self.length]))
+            heights[rails, near] -= depth * np.exp(-3 * np.abs(positions[near] - place) / self.length)
+        return heights
+
+
 def random_profile(
     surface: Surface | MeasuredSurface,
     *,

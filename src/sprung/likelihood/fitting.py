@@ -395,7 +395,7 @@ def fit_segments(
     if setup.kind == "rail" and setup.joint_pitch is None:
         smooth = setup.at_classes(segments, width=RULES.coarse)
         turn, pitch = repetitions(smooth, smooth.scaled_start(), segments, width=RULES.coarse)
-        setup = replace(setup, joint_pitch=pitch)
+        setup = replace(setup, joint_pitch=np.inf if pitch is None else pitch)
         lines = of_wheels = () if turn is None else lines_of_turns(turn, smooth.spectra)
     model, parameters = _start(segments, setup, starts, lines)
     limited, power, lowest = segments, RULES.first, lowest_of_lines(setup.nominal, setup.kind)
@@ -416,7 +416,8 @@ def fit_segments(
     counts, error = (model.spectra.n_segments, segments.n_rejected), float(np.sqrt(max(0.0, excess)))
     driven = DrivenSegments(setup.model(beyond(model.spectra)), limited) if setup.kind == "road" else None
     fit = CornerFit(model, parameters, covariance, misfit, error, *counts, notes=(), driven=driven, lines=lines)
-    joints = () if setup.joint_pitch is None else (f"rail joints every {setup.joint_pitch:.1f} m are part of the fit",)
+    pitch = np.inf if setup.joint_pitch is None else setup.joint_pitch
+    joints = (f"rail joints every {pitch:.1f} m are part of the fit",) if np.isfinite(pitch) else ()
     return replace(fit, notes=(*_notes(fit), *joints))
 
 

@@ -41,7 +41,7 @@ def comb(spectra: ClassSpectra, pitch: float) -> Real:
     spectra
         Grid, speeds and spreads.
     pitch
-        Distance between the impulses [m].
+        Distance between the impulses [m]; infinite: they are at random places themselves.
 
     Notes
     -----

@@ -281,7 +281,7 @@ class RailInputs(SurfaceInputs):
     spectra, positions, sides, contact_length
         As for `SurfaceInputs`.
     pitch
-        Distance between rail joints [m]; None: there are none.
+        Distance between rail joints [m]; infinite: impacts are at random places, as of crossings; None: there are none.
 
     Notes
     -----

@@ -16,6 +16,7 @@ from sprung.errors import ParameterError
 from sprung.excitation import (
     GRAVITY,
     BodyAccelerations,
+    Crossings,
     CrossSlope,
     Excitation,
     Joints,
@@ -266,7 +267,11 @@ class RailDrive(DriveSettings):
     quality
         Level of the track's irregularity by ERRI B176: "good" (low) or "bad" (high).
     welded
-        Whether the rails are welded; otherwise they have dipped joints every 18 m.
+        Whether the rails are welded; otherwise they have joints.
+    joints
+        Distance, depth and length of the dipped joints.
+    crossings
+        Crossings and single bad joints; None: there are none.
 
     Raises
     ------
@@ -278,6 +283,8 @@ class RailDrive(DriveSettings):
     speed: tuple[float, float] = (15.0, 30.0)
     quality: Literal["good", "bad"] = "good"
     welded: bool = False
+    joints: Joints = field(default_factory=Joints)
+    crossings: Crossings | None = None
 
     def __post_init__(self) -> None:
         DriveSettings.__post_init__(self)
@@ -285,21 +292,26 @@ class RailDrive(DriveSettings):
 
     def excitation(self, vehicle: Vehicle, route: Route) -> Excitation:
         """Return the height of the rails under the wheels."""
+        obstacles = (None if self.welded else self.joints, self.crossings)
         track = SurfaceMotion(
             rail_quality(self.quality),
             _axle_positions(vehicle),
             route.speed,
             contact_length=0.01,
-            obstacles=() if self.welded else (Joints(),),
+            obstacles=tuple(one for one in obstacles if one is not None),
         )
         lines = self._lines(vehicle, route)
         return Sum((track, *lines)) if lines else track
 
     def own_conditions(self, vehicle: Vehicle, route: Route) -> dict[str, Any]:
         """Return track and wheel orders."""
-        track = {"track": {"quality": self.quality, "welded": self.welded}}
+        track: dict[str, Any] = {"quality": self.quality, "welded": self.welded}
+        if not self.welded and self.joints != Joints():
+            track["joints"] = plain(self.joints)
+        if self.crossings is not None:
+            track["crossings"] = plain(self.crossings)
         lines = self._lines(vehicle, route)
-        return track | ({"wheel_orders": wheel_order_facts(lines, vehicle)} if lines else {})
+        return {"track": track} | ({"wheel_orders": wheel_order_facts(lines, vehicle)} if lines else {})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
