@@ -9,6 +9,7 @@ from sprung.diagnosis import observe_window
 from sprung.errors import ParameterError
 from sprung.recording import Channel, Recording
 from sprung.results.figures import corner_changes_figure, trends_figure
+from sprung.results.tables.diagnosis import describe_diagnosis
 from sprung.simulation import RailDrive, WheelOrders, simulate_drive
 from sprung.vehicles import Component, read_vehicle, structure
 
@@ -56,6 +57,22 @@ def test_both_sides_of_a_stage_have_one_finding_in_words(baseline) -> None:
 
 def test_an_unchanged_vehicle_is_called_so(baseline) -> None:
     assert diagnose(windows(6, first=12, seed=4), baseline).verdict == "no_change_detected"
+
+
+def test_a_healthy_bogie_is_called_so_although_its_longitudinal_springs_are_not_seen() -> None:
+    """Vertical motion does not determine them: the sentence names them, as it does hidden anti-roll bars."""
+    bogie = read_vehicle("y25").model_copy(update={"kind": "rail", "sensor": read_vehicle("y25").sensor[:4]})
+    settings = RailDrive(duration=180.0, sampling_rate=100.0, snr=50.0)
+    drives = (simulate_drive(bogie, settings, seed=seed).recording for seed in range(7))
+    *before, now = (observe_window(run, bogie, time=180.0 * k) for k, run in enumerate(drives))
+    result = diagnose([now], learn(before))
+    assert result.verdict == "no_change_detected"
+    hidden = {part.kind for part, least in result.detectable.items() if least > 0.2}
+    assert hidden == {"longitudinal_spring"}
+    (sentence, _) = describe_diagnosis(result)
+    assert sentence.endswith(
+        "% of any other part would have been found, one of 20 % of a longitudinal spring would not"
+    )
 
 
 def test_two_sensors_on_one_bogie_find_its_soft_secondary_spring() -> None:

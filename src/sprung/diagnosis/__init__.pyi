@@ -3,7 +3,6 @@ from sprung.diagnosis.assessment import compare as compare
 from sprung.diagnosis.assessment import diagnose as diagnose
 from sprung.diagnosis.assessment import diagnosis_of as diagnosis_of
 from sprung.diagnosis.assessment import doubt_about as doubt_about
-from sprung.diagnosis.assessment import max_undetected as max_undetected
 from sprung.diagnosis.assessment import rank_fleet as rank_fleet
 from sprung.diagnosis.assessment import to_inspect as to_inspect
 from sprung.diagnosis.baseline import Baseline as Baseline
@@ -21,6 +20,7 @@ from sprung.diagnosis.findings import Findings as Findings
 from sprung.diagnosis.findings import ModeChange as ModeChange
 from sprung.diagnosis.findings import Verdict as Verdict
 from sprung.diagnosis.findings import detectable_in_words as detectable_in_words
+from sprung.diagnosis.findings import max_undetected as max_undetected
 from sprung.diagnosis.findings import mode_changes as mode_changes
 from sprung.diagnosis.hypotheses import Hypothesis as Hypothesis
 from sprung.diagnosis.learning import LEARNING_WINDOWS as LEARNING_WINDOWS

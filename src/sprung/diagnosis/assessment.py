@@ -15,7 +15,8 @@ from sprung.diagnosis.baseline import SETTINGS as BASELINE
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, detect, false_discoveries
 from sprung.diagnosis.findings import (
     LIGHTEST_WHEEL,
-    LOST_BAR,
+    MAX_UNDETECTED,
+    MAY_HIDE,
     SEVERITIES,
     STIFFER_TYRE,
     Diagnosis,
@@ -68,9 +69,6 @@ class NamingRules:
 
 
 RULES = NamingRules()
-
-#: Change of a spring, damper or tyre that must be detectable for "no change detected" to be said.
-MAX_UNDETECTED = 0.2
 
 
 def diagnose(
@@ -304,19 +302,14 @@ _OF_STIFFENING = (
 )
 
 
-def max_undetected(part: Component) -> float:
-    """Return the change of a part that must be detectable for "no change detected" to be said of it."""
-    return LOST_BAR if part.kind == "anti_roll" else MAX_UNDETECTED
-
-
 def doubt_about(detectable: Mapping[Component, float]) -> str:
     """Return why a change of some part may have gone undetected; empty if a fifth of any would have been found.
 
     Notes
     -----
-    Anti-roll bars raise no doubt about the others: sensors on the body hardly see a weak one. What is said of a vehicle
-    without changes names those whose loss is hidden (`detectable_in_words`). Nor does the conicity of wheels, which
-    follows the gauge of the rails.
+    Anti-roll bars and longitudinal springs raise no doubt about the others: sensors hardly see a weak one. What is said
+    of a vehicle without changes names those whose change is hidden (`detectable_in_words`). Nor does the conicity of
+    wheels, which follows the gauge of the rails.
 
     Examples
     --------
@@ -324,7 +317,7 @@ def doubt_about(detectable: Mapping[Component, float]) -> str:
     >>> doubt_about({Component("front_left", "spring"): 0.2, Component("rear_axle", "anti_roll"): 0.9})
     ''
     """
-    parts = {part: least for part, least in detectable.items() if part.kind not in {"anti_roll", "conicity"}}
+    parts = {part: least for part, least in detectable.items() if part.kind not in {*MAY_HIDE, "conicity"}}
     hidden = {part: least for part, least in parts.items() if least > MAX_UNDETECTED}
     if not hidden:
         return ""

@@ -38,6 +38,11 @@ LIGHTEST_WHEEL = 0.7
 STIFFER_TYRE = 0.3
 #: Change of an anti-roll bar that must be detectable for its loss to be found: all of it reads as 82 % (`log_of_bars`).
 LOST_BAR = 0.8
+#: Change of a spring, damper or tyre that must be detectable for "no change detected" to be said.
+MAX_UNDETECTED = 0.2
+#: Kinds of parts that motion may hardly show, and whose hidden change raises no doubt about the others: what is said of
+#: a vehicle without changes names them. Vertical motion of a bogie needs no longitudinal spring, and steering little.
+MAY_HIDE = ("anti_roll", "longitudinal_spring", "primary_longitudinal_spring")
 #: What else at a corner reads as a large change of a part: kind, least change and name, in words for cars, rails and
 #: rigs. The motion of the body does not separate them.
 LOOK_ALIKES = (
@@ -288,6 +293,11 @@ class Diagnosis(Tabular, Savable, Drawable):
         return {} if self.detection is None else self.detection.detectable
 
 
+def max_undetected(part: Component) -> float:
+    """Return the change of a part that must be detectable for "no change detected" to be said of it."""
+    return LOST_BAR if part.kind == "anti_roll" else MAX_UNDETECTED
+
+
 def detectable_in_words(detectable: Mapping[Component, float]) -> str:
     """Return a clause about the smallest changes that would have been found; empty if they are unknown.
 
@@ -298,22 +308,23 @@ def detectable_in_words(detectable: Mapping[Component, float]) -> str:
     'a change of 7 to 12 % of any part would have been found'
     >>> detectable_in_words({Component("front_left", "spring"): 0.07, Component("rear_axle", "anti_roll"): 0.9})
     'a change of 7 % of any other part would have been found, the loss of the rear-axle anti-roll bar would not'
+    >>> detectable_in_words({Component("front", "spring"): 0.07, Component("front", "longitudinal_spring"): 0.5})
+    'a change of 7 % of any other part would have been found, one of 20 % of a longitudinal spring would not'
     """
-    kinds = {part: part.kind for part in detectable if part.kind != "conicity"}
-    parts = [detectable[part] for part, kind in kinds.items() if kind != "anti_roll" or detectable[part] <= LOST_BAR]
+    known = {part: least for part, least in detectable.items() if part.kind != "conicity"}
+    hidden = {part for part, least in known.items() if part.kind in MAY_HIDE and least > max_undetected(part)}
+    parts = [least for part, least in known.items() if part not in hidden]
     if not parts:
         return ""
-    bars = [
-        part.corner.replace("_", "-")
-        for part, least in detectable.items()
-        if part.kind == "anti_roll" and least > LOST_BAR
-    ]
     low, high = (100 * limit(parts) for limit in (min, max))
     span = f"{high:.0f}" if round(low) == round(high) else f"{low:.0f} to {high:.0f}"
-    if not bars:
+    if not hidden:
         return f"a change of {span} % of any part would have been found"
-    hidden = f"the loss of the {' or '.join(bars)} anti-roll bar would not"
-    return f"a change of {span} % of any other part would have been found, {hidden}"
+    bars = " or ".join(part.corner.replace("_", "-") for part in known if part in hidden and part.kind == "anti_roll")
+    missed = [f"the loss of the {bars} anti-roll bar"] if bars else []
+    if any(part.kind != "anti_roll" for part in hidden):
+        missed.append(f"one of {100 * MAX_UNDETECTED:.0f} % of a longitudinal spring")
+    return f"a change of {span} % of any other part would have been found, {' or '.join(missed)} would not"
 
 
 def format_time(time: float) -> str:
