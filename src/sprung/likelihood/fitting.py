@@ -28,6 +28,7 @@ from sprung.likelihood.spectra import (
     steady_segments,
 )
 from sprung.likelihood.speed_delay import DELAYS, SpeedDelay, speed_delay, with_estimated_speeds
+from sprung.likelihood.surface import RailInputs
 from sprung.likelihood.suspension_forces import DrivenSegments, beyond
 from sprung.likelihood.uncertainty import parameter_covariance, power_misfit, segment_weights, tempering
 from sprung.likelihood.vehicle import (
@@ -494,11 +495,16 @@ def _notes(fit: CornerFit) -> tuple[str, ...]:
         verb, stay = ("is", "its estimate stays") if len(weak) == 1 else ("are", "their estimates stay")
         notes.append(f"{', '.join(weak)} {verb} not identifiable from this run and these sensors; {stay} near nominal")
     if fit.model_error > RULES.imperfect:
-        cause = "the vehicle has a moving part that the vehicle file lacks"
+        cause = "a moving part that the vehicle file lacks"
+        if fit.parameters[fit.model.rows("noise")].size > len(fit.model.layout.coordinates):
+            cause += ", or leakage between frequencies, which channels beyond the motions show,"
+        if any(isinstance(block, RailInputs) for block in fit.model.blocks):
+            cause += " or dips of one rail alone"
+        elif any(isinstance(block, RigInputs) for block in fit.model.blocks):
+            cause += ', or a track, and not a rig as its kind = "rig" states,'
+        cause += " may be why"
         if _is_noiseless(fit):
             cause = "its channels have no noise, as simulated ones, so that leakage between frequencies counts"
-        elif any(isinstance(block, RigInputs) for block in fit.model.blocks):
-            cause += ', or ran on a track, and not on a rig as its kind = "rig" states'
         notes.append(
             f"the fitted spectra deviate {100 * fit.model_error:.0f} % more than chance allows: {cause}; differences "
             "between corners and from a baseline are more reliable than the values"
