@@ -69,7 +69,7 @@ def test_an_inconclusive_drive_is_not_called_healthy(sprung, drives, baseline, t
     outcome = sprung("diagnose", tmp_path / "short.parquet", *words)
     assert outcome.code == 3
     assert "inconclusive: no window was usable" in outcome.out
-    assert "segments of steady speed are too few" in outcome.err
+    assert "segments of steady speed are too few, 40 are needed: give longer windows" in outcome.err
     assert json.loads((tmp_path / "d.json").read_text())["verdict"] == "inconclusive"
 
 

@@ -398,7 +398,8 @@ def _reason(fit: CornerFit, disagreement: float) -> str:
         apart = f"sensors disagree by {100 * disagreement:.0f} % and no single one explains it"
         return f"{apart}: check signs, gains, places and delays"
     if fit.n_segments < LIMITS.min_segments:
-        return f"{fit.n_segments} segments of steady speed are too few"
+        needed = f"{LIMITS.min_segments} are needed: give longer windows"
+        return f"{fit.n_segments} segments of steady speed are too few, {needed}"
     has_many_lines = fit.share_of_lines > LIMITS.many_lines
     if fit.model_error > (LIMITS.model_error_between_lines if has_many_lines else LIMITS.model_error):
         badly = f"the vehicle file explains the window poorly: model error {100 * fit.model_error:.0f} %"
