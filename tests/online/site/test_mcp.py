@@ -2,23 +2,29 @@
 
 import asyncio
 import json
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
 from typing import Any
 
 import pytest
 
+from sprung.cli import main
 from sprung.errors import DataError
 
 pytest.importorskip("mcp", reason="needs the extra mcp")
 from mcp.client.client import Client
 
-from sprung.online.commands.mcp import server
+from sprung.online.commands.mcp import fetched, server
 
 
 @pytest.fixture
 def ask(serve, tmp_path):
     """Function of a tool and its arguments that returns its text, and whether it is an error."""
-    _, client = serve()
-    (tmp_path / "drive.csv").write_text("time [s],acc [m/s^2]\n" + "".join(f"{k / 100},{k % 7}\n" for k in range(500)))
+    _, client = serve(advice=("inspect bus-2 next",))
+    drives = tmp_path / "drives"
+    drives.mkdir()
+    (drives / "notes.txt").write_text("no numbers")
+    (drives / "drive.csv").write_text("time [s],acc [m/s^2]\n" + "".join(f"{k / 100},{k % 7}\n" for k in range(500)))
 
     def get(path):
         answer = client.get(f"/api/v1{path}")
@@ -26,7 +32,7 @@ def ask(serve, tmp_path):
             raise DataError(answer.text)
         return answer.json()
 
-    tools = server(get, files=tmp_path)
+    tools = server(get, files=drives)
 
     def asked(tool, **arguments):
         async def call():
@@ -55,6 +61,8 @@ QUESTIONS: tuple[Any, ...] = (
     ("How many windows of bus-1 are there?", "vehicle", {"name": "bus-1"}, ("vehicle", "windows"), 5),
     ("What would have been found?", "vehicle", {"name": "bus-1"}, ("baseline", "detectable"), {}),
     ("What is to be inspected?", "report", {"alert": 1}, ("work_order", "vehicle"), "bus-1"),
+    ("Which vehicle is to be inspected next?", "advice", {}, ("advice", "sentences"), ["inspect bus-2 next"]),
+    ("Which recordings are there?", "recordings", {}, ("files",), ["drive.csv", "notes.txt"]),
     ("What is in this file?", "read", {"file": "drive.csv"}, ("files", 0, "channels", 0, "name"), "acc"),
 )
 
@@ -73,15 +81,45 @@ def test_a_question_is_answered_from_evidence(ask, question) -> None:
 
 @pytest.mark.slow
 def test_what_is_unknown_is_an_error_and_no_guess(ask) -> None:
-    asked: dict[str, dict[str, Any]] = {
-        "vehicle": {"name": "nobody"},
-        "evidence": {"alert": 77},
-        "read": {"file": "../x.csv"},
-    }
-    for (tool, arguments), said in zip(asked.items(), ("nobody", "77", "no file in the folder"), strict=True):
+    asked: tuple[tuple[str, dict[str, Any], str], ...] = (
+        ("vehicle", {"name": "nobody"}, "unknown vehicle 'nobody'"),
+        ("alerts", {"vehicle": "nobody"}, "unknown vehicle 'nobody'"),
+        ("evidence", {"alert": 77}, "unknown alert 77"),
+        ("read", {"file": "../store.sqlite"}, "no file in the folder"),
+        ("read", {"file": "notes.txt"}, "notes.txt holds no samples"),
+        ("identify", {"file": "notes.txt"}, "notes.txt holds no samples"),
+    )
+    for tool, arguments, said in asked:
         text, is_error = ask(tool, **arguments)
         assert is_error, (tool, text)
         assert said in text
+
+
+class _Words(BaseHTTPRequestHandler):
+    """Some page that is no interface of a monitor."""
+
+    def do_GET(self):
+        self.send_response(200)
+        self.end_headers()
+        self.wfile.write(b"<p>A page.</p>")
+
+    def log_message(self, *_):
+        pass
+
+
+def test_an_address_that_is_no_monitor_is_named() -> None:
+    with ThreadingHTTPServer(("127.0.0.1", 0), _Words) as other:
+        Thread(target=other.serve_forever, daemon=True).start()
+        addresses = (f"http://127.0.0.1:{other.server_port}", "http://127.0.0.1:1", "depot", "http://a depot")
+        for address in addresses:
+            with pytest.raises(DataError, match=f"{address} does not answer as a monitor: .*: check --url"):
+                fetched(address, "/counts")
+        other.shutdown()
+
+
+def test_a_folder_that_is_absent_is_refused_at_once(tmp_path, capsys) -> None:
+    assert main(["mcp", "--files", str(tmp_path / "nowhere")]) == 2
+    assert "nowhere is no folder" in capsys.readouterr().err
 
 
 def test_every_tool_reads_only(serve) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import quote, urlencode
 
 from sprung.cli.options import option
-from sprung.errors import DataError, SprungError
+from sprung.errors import DataError, ParameterError, SprungError
 
 if TYPE_CHECKING:
     from mcp.server.mcpserver import MCPServer
@@ -25,13 +25,8 @@ Say "no change detected", never that a vehicle is healthy, and name the smallest
 def mcp(
     *,
     url: Annotated[str, option("URL", "Address of the monitor's pages.")] = "http://127.0.0.1:8737",
-    token_file: Annotated[
-        Path | None,
-        option("FILE", "File with the secret of a token; omit on the monitor's machine."),
-    ] = None,
-    files: Annotated[
-        Path | None, option("FOLDER", "Folder whose recordings may be read and identified; omit for none.")
-    ] = None,
+    token_file: Annotated[Path | None, option("FILE", "Secret of a token; omit on the monitor's machine.")] = None,
+    files: Annotated[Path | None, option("FOLDER", "Recordings to read and identify; omit for none.")] = None,
 ) -> None:
     """Serve a monitor and recordings as read-only tools (MCP). Model Context Protocol on standard input and output."""
     secret = token_file.read_text(encoding="utf-8").strip() if token_file else ""
@@ -44,9 +39,10 @@ def fetched(url: str, path: str, secret: str = "") -> Any:
     Raises
     ------
     DataError
-        If the monitor refuses, or cannot be reached.
+        If the monitor refuses, cannot be reached, or something else answers.
     """
-    from urllib.error import HTTPError, URLError
+    from http.client import HTTPException
+    from urllib.error import HTTPError
     from urllib.request import Request, urlopen
 
     headers = {"Authorization": f"Bearer {secret}"} if secret else {}
@@ -55,8 +51,8 @@ def fetched(url: str, path: str, secret: str = "") -> Any:
             return json.load(answer)
     except HTTPError as error:
         raise DataError(f"{path}: {error.code} {error.read(500).decode(errors='replace')}") from None
-    except URLError as error:
-        raise DataError(f"{url} does not answer: {error.reason}") from None
+    except (OSError, HTTPException, ValueError) as error:
+        raise DataError(f"{url} does not answer as a monitor: {error}: check --url") from None
 
 
 def server(get: Get, *, files: Path | None = None) -> "MCPServer":
@@ -105,12 +101,13 @@ def _of_monitor(get: Get) -> tuple[Callable[..., str], ...]:
 
     def vehicle(name: str) -> str:
         """A vehicle: verdict, changes of its parts with 95 % intervals, and by its baseline the losses detectable."""
-        path = f"/vehicles/{quote(name, safe='')}"
-        return ask(vehicle=path, changes=f"{path}/changes", baseline=f"{path}/baseline")
+        return ask(vehicle=_vehicle(name), changes=f"{_vehicle(name)}/changes", baseline=f"{_vehicle(name)}/baseline")
 
     def alerts(vehicle: str = "") -> str:
-        """Alerts that are open, the most severe first, of one vehicle or all."""
-        return ask(alerts=f"/alerts?{urlencode({'vehicle': vehicle})}" if vehicle else "/alerts")
+        """Alerts that are open, the most severe first, of one vehicle (with its verdict) or all."""
+        if not vehicle:
+            return ask(alerts="/alerts")
+        return ask(vehicle=_vehicle(vehicle), alerts=f"/alerts?{urlencode({'vehicle': vehicle})}")
 
     def evidence(alert: int) -> str:
         """The evidence of an alert by its number: change, onset, other hypotheses, windows, and what was detectable."""
@@ -119,7 +116,7 @@ def _of_monitor(get: Get) -> tuple[Callable[..., str], ...]:
     def trends(vehicle: str, since: int | None = None, until: int | None = None) -> str:
         """Springs, dampers, tyres and modes of a vehicle over time (UTC ns)."""
         period = {name: value for name, value in {"since": since, "until": until}.items() if value is not None}
-        return ask(trends=f"/vehicles/{quote(vehicle, safe='')}/trends?{urlencode(period)}")
+        return ask(trends=f"{_vehicle(vehicle)}/trends?{urlencode(period)}")
 
     def report(alert: int) -> str:
         """The work order of an alert by its number: what to inspect, why, and how sure that is."""
@@ -127,23 +124,38 @@ def _of_monitor(get: Get) -> tuple[Callable[..., str], ...]:
 
     def sensors(vehicle: str) -> str:
         """Data quality of each channel of a vehicle over its last windows."""
-        return ask(channels=f"/vehicles/{quote(vehicle, safe='')}/data-quality")
+        return ask(channels=f"{_vehicle(vehicle)}/data-quality")
 
     def precision() -> str:
         """How many alerts the verdicts of the workshop have confirmed, and times to repair."""
         return ask(precision="/precision")
 
-    return fleet, vehicle, alerts, evidence, trends, report, sensors, precision
+    def advice() -> str:
+        """Of each type, the vehicle without a baseline whose inspection would teach most, and why; empty: none."""
+        return ask(advice="/advice")
+
+    return fleet, vehicle, alerts, evidence, trends, report, sensors, precision, advice
+
+
+def _vehicle(name: str) -> str:
+    """Return the path of a vehicle."""
+    return f"/vehicles/{quote(name, safe='')}"
 
 
 def _of_files(folder: Path) -> tuple[Callable[..., str], ...]:
     """Return the tools that read recordings of a folder."""
+    if not folder.is_dir():
+        raise ParameterError(f"--files {folder} is no folder: correct the path")
 
     def known(file: str) -> Path:
         path = (folder / file).resolve()
         if not path.is_relative_to(folder.resolve()) or not path.is_file():
             raise DataError(f"{file} is no file in the folder of recordings")
         return path
+
+    def recordings() -> str:
+        """Names of the files in the folder of recordings, for `read` and `identify`."""
+        return json.dumps({"files": sorted(str(one.relative_to(folder)) for one in folder.rglob("*") if one.is_file())})
 
     def read(file: str) -> str:
         """Facts of a recording in the folder: channels, units, rate, gaps, and dead, clipped and stuck channels."""
@@ -153,7 +165,7 @@ def _of_files(folder: Path) -> tuple[Callable[..., str], ...]:
         """Modes of a recording in the folder, with standard deviations, and notes on what could not be seen."""
         return _printed("identify", str(known(file)))
 
-    return read, identify
+    return recordings, read, identify
 
 
 def _printed(*words: str) -> str:
@@ -161,13 +173,8 @@ def _printed(*words: str) -> str:
     import subprocess
     import sys
 
-    done = subprocess.run(
-        [sys.executable, "-c", "from sprung.cli import main; main()", *words, "--json", "-"],
-        capture_output=True,
-        text=True,
-        check=False,
-        stdin=subprocess.DEVNULL,
-    )
+    command = [sys.executable, "-m", "sprung", *words, "--json", "-"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
     if done.returncode:
         raise SprungError(done.stderr.strip() or f"sprung {words[0]} failed")
     return done.stdout
