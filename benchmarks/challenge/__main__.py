@@ -5,6 +5,7 @@ import json
 import os
 import sys
 import time
+import zipfile
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
@@ -27,17 +28,22 @@ def _make(given: argparse.Namespace) -> None:
     source = Source(given.salt_file.read_text(encoding="utf-8").strip() if given.salt_file else "", given.seed)
     digest = truth_archive(given.truth or given.out.with_name(f"{given.out.name}-truth.zip"), source)
     print(f"SHA-256 of the truth: {digest}")
-    begin = time.monotonic()
-    make_set(
-        given.out,
-        source,
-        only=given.only,
-        report=lambda case: print(f"{time.monotonic() - begin:6.0f} s  {case}", flush=True),
-    )
+    begin, made = time.monotonic(), []
+
+    def report(case: str) -> None:
+        made.append(case)
+        print(f"{time.monotonic() - begin:6.0f} s  {case}", flush=True)
+
+    make_set(given.out, source, only=given.only, report=report)
+    if not made:
+        raise EntryError(f"{given.only} is the name of no case, such as chain-snr10, corners-01, road-01 or rail-01.")
 
 
 def _enter(given: argparse.Namespace) -> None:
     manifest, tasks = _manifest(given.data), given.tasks.split(",")
+    for task in tasks:
+        if task not in TASKS:
+            raise EntryError(f"--tasks: {task!r} is none of {', '.join(TASKS)}.")
     document: dict[str, Any] = {"schema": "sprung.challenge-entry/1", "entrant": given.entrant}
     if given.out.exists():
         document = json.loads(given.out.read_text(encoding="utf-8"))
@@ -57,8 +63,33 @@ def _enter(given: argparse.Namespace) -> None:
 
 
 def _manifest(folder: Path) -> dict[str, Any]:
-    document: dict[str, Any] = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    path = folder / "manifest.json"
+    if not path.exists():
+        raise EntryError(f"{folder} has no manifest.json: name a folder that `make --out FOLDER` wrote.")
+    document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return document
+
+
+def _truth(path: Path) -> dict[str, Any]:
+    try:
+        return read_truth(path)
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        raise EntryError(f"{path} is no archive of a truth: {error}.") from error
+
+
+def _counted(entry: Entry, cases: dict[str, Any]) -> str:
+    stated = [(len(getattr(entry, task)), len(cases[task]), task) for task in TASKS]
+    return f"{entry.entrant}: " + ", ".join(f"{some} of {all_} {task}" for some, all_, task in stated if some)
+
+
+def _scored(path: Path) -> dict[str, Any]:
+    try:
+        document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        if document["schema"] == "sprung.challenge-score/1":
+            return document
+    except (OSError, KeyError, TypeError, ValueError):
+        pass
+    raise EntryError(f"{path} is no file that `score --json` wrote.")
 
 
 def _check(given: argparse.Namespace) -> None:
@@ -67,8 +98,11 @@ def _check(given: argparse.Namespace) -> None:
 
 
 def _score(given: argparse.Namespace) -> None:
-    truth = read_truth(given.truth)
+    truth = _truth(given.truth)
     entry = read_entry(given.entry, truth)
+    if not given.data and any(0 < len(getattr(entry, task)) < len(truth[task]) for task in TASKS):
+        said = _counted(entry, truth)
+        print(f"{said}; what is left out is scored as silence (--data FOLDER: only its cases).", file=sys.stderr)
     if given.data:
         manifest = _manifest(given.data)
         truth |= {task: {name: truth[task][name] for name in manifest[task]} for task in TASKS}
@@ -80,8 +114,8 @@ def _score(given: argparse.Namespace) -> None:
 
 
 def _table(given: argparse.Namespace) -> None:
-    scored = [json.loads(path.read_text(encoding="utf-8")) for path in given.scores]
-    print(tables([*([_silent(read_truth(given.truth))] if given.truth else []), *scored]), end="")
+    scored = [_scored(path) for path in given.scores]
+    print(tables([*([_silent(_truth(given.truth))] if given.truth else []), *scored]), end="")
 
 
 def _silent(truth: dict[str, Any]) -> dict[str, Any]:
@@ -127,12 +161,16 @@ def _arguments() -> argparse.ArgumentParser:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command; return 2 with one sentence if an entry cannot be scored."""
+    """Run a command; return 2 with one sentence if it cannot be done."""
     given = _arguments().parse_args(arguments)
     try:
         given.run(given)
     except EntryError as error:
         print(error, file=sys.stderr)
+        return 2
+    except ModuleNotFoundError as error:
+        what = getattr(given, "entrant", "this")
+        print(f"{what} needs the package {error.name}: install benchmarks/requirements.lock.", file=sys.stderr)
         return 2
     return 0
 

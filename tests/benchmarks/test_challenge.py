@@ -216,6 +216,55 @@ def test_the_example_of_the_readme_enters(challenge: Any, small: Path, capsys: p
     assert capsys.readouterr().err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("command", "sentence"),
+    [
+        ("make --out {folder}/x --only raod-*", "raod-* is the name of no case, such as "),
+        ("check {folder}/entry.json --data {folder}/x", "x has no manifest.json"),
+        ("enter rms --data {folder}/x --out {folder}/y.json", "x has no manifest.json"),
+        ("enter rms --data {folder} --out {folder}/y.json --tasks lives,mode", "'mode' is none of modes, corners"),
+        ("score {folder}/entry.json --truth {folder}/no.zip", "no.zip is no archive of a truth"),
+        ("score {folder}/entry.json --truth {folder}/entry.json", "entry.json is no archive of a truth"),
+        ("table {folder}/entry.json", "entry.json is no file that `score --json` wrote"),
+        ("table {folder}/no.json", "no.json is no file that `score --json` wrote"),
+    ],
+)
+def test_a_wrong_path_or_name_is_said_in_one_sentence(
+    challenge: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, sentence: str
+) -> None:
+    document = {"schema": "sprung.challenge-entry/1", "entrant": "somebody"}
+    (tmp_path / "entry.json").write_text(json.dumps(document))
+    (tmp_path / "manifest.json").write_text(json.dumps({task: {} for task in ("modes", "corners", "lives", "order")}))
+    assert challenge.main.main(command.format(folder=tmp_path).split()) == 2
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert said.count("\n") == 1
+
+
+def test_a_package_that_an_entrant_needs_is_named(
+    challenge: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def absent(folder: Path, asked: Any) -> None:
+        raise ModuleNotFoundError("No module named 'koma'", name="koma")
+
+    (tmp_path / "manifest.json").write_text(json.dumps({task: {} for task in ("modes", "corners", "lives", "order")}))
+    monkeypatch.setitem(challenge.main.ENTRANTS, "koma", absent)
+    assert challenge.main.main(["enter", "koma", "--data", str(tmp_path), "--out", str(tmp_path / "e.json")]) == 2
+    assert capsys.readouterr().err == "koma needs the package koma: install benchmarks/requirements.lock.\n"
+
+
+def test_the_score_of_a_part_of_a_set_says_so(
+    challenge: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = {"schema": "sprung.challenge-entry/1", "entrant": "mine", "lives": {"road-01": {"healthy": 0.6}}}
+    (tmp_path / "entry.json").write_text(json.dumps(document))
+    truth = tmp_path / "truth.zip"
+    challenge.make.truth_archive(truth, challenge.make.Source("", 1))
+    assert challenge.main.main(["score", str(tmp_path / "entry.json"), "--truth", str(truth)]) == 0
+    said = capsys.readouterr().err
+    assert said == "mine: 1 of 40 lives; what is left out is scored as silence (--data FOLDER: only its cases).\n"
+
+
 @pytest.mark.slow
 def test_sprung_names_a_weak_damper(challenge: Any, small: Path) -> None:
     truth, scores = small.with_name("truth.zip"), small.with_name("scores.json")
