@@ -47,24 +47,14 @@ def test_signals_are_the_verdict_and_what_is_known_of_each_part() -> None:
 
 
 def merged(folder: Path, overlay: str) -> dict[str, Any]:
-    """Return the tree with an overlay as vss-tools merges them; empty where it refuses."""
-    files = {"tree.vspec": TREE, "quantities.yaml": QUANTITIES, "units.yaml": UNITS, "o.vspec": overlay}
-    for name, text in files.items():
+    """Return the tree with an overlay as vss-tools merge them by the command of the manual; empty where they refuse."""
+    files = {"quantities.yaml": QUANTITIES, "units.yaml": UNITS, "sprung.vspec": overlay}
+    for name, text in (files | {"VehicleSignalSpecification.vspec": TREE}).items():
         (folder / name).write_text(text, encoding="utf-8")
-    command = [
-        str(CHECKERS / "vspec"),
-        "export",
-        "json",
-        "--strict",
-        "-s",
-        "tree.vspec",
-        "-l",
-        "o.vspec",
-        "-o",
-        "out.json",
-    ]
-    done = subprocess.run(command, cwd=folder, capture_output=True, check=False)
-    return json.loads((folder / "out.json").read_text(encoding="utf-8")) if done.returncode == 0 else {}
+    manual = Path(DEPLOY.parent, "docs", "monitor.md").read_text(encoding="utf-8")
+    (command,) = re.findall(r"`vspec (export [^`]+)`", manual)
+    done = subprocess.run([str(CHECKERS / "vspec"), *command.split()], cwd=folder, capture_output=True, check=False)
+    return json.loads((folder / "merged.json").read_text(encoding="utf-8")) if done.returncode == 0 else {}
 
 
 @needs_checkers
