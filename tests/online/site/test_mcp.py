@@ -13,6 +13,7 @@ from sprung.errors import DataError
 
 pytest.importorskip("mcp", reason="needs the extra mcp")
 from mcp.client.client import Client
+from tests.online.site.conftest import raise_alert
 
 from sprung.online.commands.mcp import fetched, server
 
@@ -20,7 +21,9 @@ from sprung.online.commands.mcp import fetched, server
 @pytest.fixture
 def ask(serve, tmp_path):
     """Function of a tool and its arguments that returns its text, and whether it is an error."""
-    _, client = serve(advice=("inspect bus-2 next",))
+    context, client = serve(advice=("inspect bus-2 next",))
+    seen = {"change": -0.1, "interval": [-0.14, -0.06], "detectable": {"rear_left.damper": 0.08}}
+    raise_alert(context.store, "bus-1", "rear_left.damper", 300, evidence=seen)
     drives = tmp_path / "drives"
     drives.mkdir()
     (drives / "notes.txt").write_text("no numbers")
@@ -59,7 +62,8 @@ QUESTIONS: tuple[Any, ...] = (
     ("By how much has it changed?", "evidence", {"alert": 1}, ("evidence", "change"), -0.2),
     ("How sure is that?", "evidence", {"alert": 1}, ("evidence", "interval"), [-0.22, -0.18]),
     ("How many windows of bus-1 are there?", "vehicle", {"name": "bus-1"}, ("vehicle", "windows"), 5),
-    ("What would have been found?", "vehicle", {"name": "bus-1"}, ("baseline", "detectable"), {}),
+    ("What would have been found?", "evidence", {"alert": 3}, ("evidence", "detectable"), {"rear_left.damper": 0.08}),
+    ("And is that known of bus-3?", "vehicle", {"name": "bus-3"}, ("baseline", "detectable"), {}),
     ("What is to be inspected?", "report", {"alert": 1}, ("work_order", "vehicle"), "bus-1"),
     ("Which vehicle is to be inspected next?", "advice", {}, ("advice", "sentences"), ["inspect bus-2 next"]),
     ("Which recordings are there?", "recordings", {}, ("files",), ["drive.csv", "notes.txt"]),
