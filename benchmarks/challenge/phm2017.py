@@ -261,8 +261,11 @@ def judged(powers: Powers, speed: float, seen: np.ndarray, learnt: Learnt) -> di
 
 def read_rows(path: Path) -> list[tuple[float, np.ndarray]]:
     """Return speed and logarithms of the features of each row."""
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    except OSError as error:
+        raise SystemExit(f"{path} cannot be read: {error.strerror}") from error
     lacking = sorted({"speed", *FEATURES} - set(rows[0] if rows else ()))
     if lacking:
         raise SystemExit(
@@ -292,6 +295,8 @@ def make(given: argparse.Namespace) -> None:
 def fit(given: argparse.Namespace) -> None:
     """Write what each experiment after the learning ones shows."""
     rows = read_rows(given.file)
+    if not 2 <= given.learn < len(rows):
+        raise SystemExit(f"--learn {given.learn} must be 2 or more, and less than the {len(rows)} rows of {given.file}")
     powers = Powers(instrumented(read_vehicle(given.vehicle)), given.bands, given.seconds)
     learnt = learn(powers, rows[: given.learn])
     entry = [judged(powers, speed, seen, learnt) for speed, seen in rows[given.learn :]]

@@ -71,3 +71,17 @@ def test_a_file_without_features_is_refused(tmp_path):
     path.write_text("speed,f101\n20,1\n", encoding="utf-8")
     with pytest.raises(SystemExit, match=r"lacks the columns f102, f103, f104, f105, f106: give speed \[m/s\]"):
         phm.read_rows(path)
+
+
+def test_a_file_that_is_absent_or_too_short_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "few.csv"
+    words = ["phm2017", "fit", str(path), "--out", str(tmp_path / "entry.json"), "--learn"]
+    monkeypatch.setattr("sys.argv", [*words, "2"])
+    with pytest.raises(SystemExit, match=r"few\.csv cannot be read"):
+        phm.main()
+    row = ",".join(["20"] + ["1e-3"] * 90)
+    path.write_text("\n".join([",".join(["speed", *FEATURES]), row, row]), encoding="utf-8")
+    for learn in ("1", "2"):
+        monkeypatch.setattr("sys.argv", [*words, learn])
+        with pytest.raises(SystemExit, match=f"--learn {learn} must be 2 or more, and less than the 2 rows"):
+            phm.main()
