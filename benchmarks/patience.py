@@ -50,6 +50,7 @@ def main():
     arguments.add_argument("--worlds", nargs="*", default=list(WORLDS), choices=list(WORLDS))
     arguments.add_argument("--windows", type=int, nargs="*", default=[6, 12], help="windows of a baseline")
     arguments.add_argument("--loss", type=float, default=0.05, help="share of its stiffness that a spring loses")
+    arguments.add_argument("--among", choices=list(WORLDS), help="world of the other vehicles of each vehicle's fleet")
     arguments.add_argument("--alone", action="store_true", help="know nothing of the other vehicles of a fleet")
     arguments.add_argument("--seed", type=int, default=1)
     given = arguments.parse_args()
@@ -65,26 +66,41 @@ def main():
             seed = [given.seed, list(WORLDS).index(name), n_learning]
             cases = (0.0, N_VEHICLES * given.fleets), (-given.loss, given.faulty)
             healthy, faulty = (
-                simulated(WORLDS[name], n_learning, change, count, [*seed, k], alone=given.alone)
+                simulated(
+                    WORLDS[name],
+                    n_learning,
+                    change,
+                    count,
+                    [*seed, k],
+                    among=WORLDS.get(given.among),
+                    alone=given.alone,
+                )
                 for k, (change, count) in enumerate(cases)
             )
             print(row(f"{name} | {n_learning}", healthy, faulty), flush=True)
 
 
-def simulated(world, n_learning, change, count, seed, *, alone=False):
+def simulated(world, n_learning, change, count, seed, *, among=None, alone=False):
     """Return ln of the e-detector of vehicles at each look, shape (vehicles, looks).
 
-    The scatter of parts and the correlation are those of a fleet, or of each vehicle alone.
-    Of a vehicle of which too few windows are alike no baseline is learnt; there is another one in its place.
+    The scatter of parts and the correlation are those of a fleet, those of a fleet of another world to which each
+    vehicle belongs, or those of each vehicle alone. Of a vehicle of which too few windows are alike no baseline is
+    learnt; there is another one in its place.
     """
     generator, found, n_found = np.random.default_rng(seed), [], 0
     while n_found < count:
         units, values = drawn(world, n_learning, change, generator)
         learnt = [each for each in baselines(units[:, :n_learning], values[:, :n_learning]) if len(each[0])]
-        together = pooled([own for _, baseline in learnt for own in baseline.weights])
+        fleet = learnt
+        if among is not None:
+            others = [each[:, :n_learning] for each in drawn(among, n_learning, 0.0, generator)]
+            fleet = [each for each in baselines(*others) if len(each[0])]
+        together = pooled([own for _, baseline in fleet for own in baseline.weights])
         of_fleet, above = np.full((N_VEHICLES, len(LOOKS)), np.nan), ABOVE_ALONE if alone else ABOVE
         for which, baseline in learnt:
-            weights = baseline.weights if alone else np.broadcast_to(together, baseline.weights.shape)
+            weights = np.broadcast_to(together, baseline.weights.shape)
+            if alone or among is not None:
+                weights = np.array([pooled([own, *([] if alone else [together])]) for own in baseline.weights])
             own = replace(baseline, weights=weights)
             of_fleet[which] = evidence(own, units[which, n_learning:], values[which, n_learning:], LOOKS, above)
         found.append(of_fleet[np.isfinite(of_fleet[:, 0])])
