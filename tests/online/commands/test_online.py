@@ -15,6 +15,7 @@ import pytest
 from sprung.online.alerts import AlertSettings, Report, reported
 from sprung.online.monitor import Site
 from sprung.online.store import Progress, StoredFrame, open_store
+from sprung.vehicles import read_vehicle, vehicle_text
 
 NOW = 1_795_219_200_000_000_000
 
@@ -121,6 +122,20 @@ def test_what_an_inspection_found_is_stated_without_an_alert(sprung, store):
         ("bus-17", "anna", ""),
         ("bus-17", "anna", "front_left.spring"),
     ]
+
+
+def test_a_part_that_a_vehicle_does_not_have_is_not_what_an_inspection_found(sprung, store):
+    with open_store(store) as opened:
+        text = vehicle_text(read_vehicle("zafira"))
+        opened.inbox.put_vehicle("car-1", configuration="c", description=text, channels=[], now=NOW)
+    words = ("vehicles", "inspected", "car-1", "--store", store, "--who", "anna", "--found")
+    refused = sprung(*words, "front_left.sprin")
+    assert refused.code == 2
+    assert (
+        "car-1 has no part 'front_left.sprin': state one of its vehicle file, such as front_left.spring" in refused.err
+    )
+    assert sprung(*words, "front_left.spring").code == 0
+    assert "car-1: nothing was found" in plain(sprung(*words, "none"))
 
 
 @pytest.mark.parametrize("words", [("alerts",), ("alerts", "list"), ("vehicles",), ("vehicles", "list")])

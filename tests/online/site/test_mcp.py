@@ -59,6 +59,7 @@ QUESTIONS: tuple[Any, ...] = (
         ("alerts", "alerts", 0, "cause"),
         "front_left.spring",
     ),
+    ("Are there alerts after the last one?", "alerts", {"cursor": "0~0~0"}, ("alerts", "alerts"), []),
     ("By how much has it changed?", "evidence", {"alert": 1}, ("evidence", "change"), -0.2),
     ("How sure is that?", "evidence", {"alert": 1}, ("evidence", "interval"), [-0.22, -0.18]),
     ("How many windows of bus-1 are there?", "vehicle", {"name": "bus-1"}, ("vehicle", "windows"), 5),

@@ -103,11 +103,11 @@ def _of_monitor(get: Get) -> tuple[Callable[..., str], ...]:
         """A vehicle: verdict, changes of its parts with 95 % intervals, and by its baseline the losses detectable."""
         return ask(vehicle=_vehicle(name), changes=f"{_vehicle(name)}/changes", baseline=f"{_vehicle(name)}/baseline")
 
-    def alerts(vehicle: str = "") -> str:
-        """Alerts that are open, the most severe first, of one vehicle (with its verdict) or all."""
-        if not vehicle:
-            return ask(alerts="/alerts")
-        return ask(vehicle=_vehicle(vehicle), alerts=f"/alerts?{urlencode({'vehicle': vehicle})}")
+    def alerts(vehicle: str = "", cursor: str = "") -> str:
+        """Open alerts, the most severe first, of one vehicle (with its verdict) or all; `next`: cursor of more."""
+        wanted = {name: value for name, value in (("vehicle", vehicle), ("cursor", cursor)) if value}
+        of_vehicle = {"vehicle": _vehicle(vehicle)} if vehicle else {}
+        return ask(**of_vehicle, alerts=f"/alerts?{urlencode(wanted)}" if wanted else "/alerts")
 
     def evidence(alert: int) -> str:
         """The evidence of an alert by its number: change, onset, other hypotheses, windows, and what was detectable."""

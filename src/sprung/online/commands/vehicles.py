@@ -210,7 +210,7 @@ def inspected(
     """Store what an inspection without an alert found. The vehicle becomes a member of its type, or leaves it."""
     from sprung.online.monitor.operations import inspected
 
-    part = "" if found == "nothing" else found
+    part = "" if found in {"nothing", "none"} else found
     inspected(store, vehicle, part=part, who=who, now=time.time_ns())
     return _vehicles(store, f"{vehicle}: {part or 'nothing'} was found; rank the vehicles again")
 

@@ -12,7 +12,7 @@ from functools import partial
 from itertools import groupby
 from typing import Any
 
-from sprung._checks import check_number
+from sprung._checks import check_number, nearest_name
 from sprung._display import counted
 from sprung.errors import DataError, ParameterError
 from sprung.online.alerts import (
@@ -50,7 +50,7 @@ from sprung.results.documents.monitoring import HistoryEntry
 from sprung.results.tables import describe_diagnosis
 from sprung.results.tables.wording import format_span, format_time
 from sprung.state import AlertState
-from sprung.vehicles import Component
+from sprung.vehicles import Component, structure, vehicle_from_text
 
 #: Possible verdicts of the workshop on an alert.
 VERDICTS = ("confirmed", "another part", "nothing found", "not looked at")
@@ -327,11 +327,16 @@ def inspected(store: Store, vehicle: str, *, part: str, who: str, now: int) -> N
     Raises
     ------
     ParameterError
-        If the vehicle is unknown, or the part is no component.
+        If the vehicle is unknown, or has no such part.
     """
-    require_vehicle(store, vehicle)
+    described = require_vehicle(store, vehicle).description
     if part:
         Component.parse(part)
+        file = vehicle_from_text(described, source=f"the vehicle file of {vehicle}") if described else None
+        parts = [] if file is None else [str(one) for one in structure(file).components()]
+        if parts and part not in parts:
+            meant = nearest_name(part, parts) or parts[0]
+            raise ParameterError(f"{vehicle} has no part {part!r}: state one of its vehicle file, such as {meant}")
     store.requests.audit(who, INSPECTED, vehicle, part, now=now)
 
 
