@@ -306,8 +306,8 @@ HYPOTHESES = Hypotheses.of(PARTS)
 MOVED = HYPOTHESES.directions @ ROWS.T
 PRIOR = HYPOTHESES.log_prior[: len(MOVED)] - logsumexp(HYPOTHESES.log_prior[: len(MOVED)], axis=0)
 SPREAD = 1.2
-#: Correlations by which evidence is judged at first, as indices of `CORRELATIONS`, where more than so many have a
-#: probability of 2 %; nodes of the mean over sizes.
+#: Correlations of the first, rough evidence, as indices of `CORRELATIONS`, unless fewer have a probability above 2 %;
+#: nodes of the mean over sizes.
 ROUGHLY, FEW, ALL = (0, 3, 6), 1, 9
 
 

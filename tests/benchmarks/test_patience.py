@@ -67,6 +67,18 @@ def test_baselines_of_a_fleet_state_its_scatter_and_correlation(world, unequal, 
     assert LASTING.correlations[column] == pytest.approx(correlation, abs=0.11)
 
 
+@pytest.mark.slow
+def test_the_mean_of_the_e_detector_is_below_the_number_of_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 300 healthy vehicles by themselves, with baselines of six windows: 0.05 to 0.2 times that number.
+
+    It is 1.3 to 2.2 times where what the baseline excludes counts for more, 11 to 74 by a ninth of the probabilities.
+    """
+    monkeypatch.setattr(patience, "ABOVE_ALONE", -np.inf)
+    world = patience.WORLDS["all three, correlation of 0.6"]
+    found = patience.simulated(world, 6, 0.0, 300, [3, 6], alone=True)
+    assert np.all(np.mean(np.exp(found), axis=0) < patience.LOOKS)
+
+
 def test_a_part_that_alone_scatters_more_is_no_evidence_of_a_change() -> None:
     """Of 1,500 vehicles with unequal scatter, lasting deviations and new conditions: one whose rear left damper had an
     evidence of 11.6 where the likelihood of no change took its deviations as those of three unlike coordinates."""

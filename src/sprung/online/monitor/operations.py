@@ -14,6 +14,7 @@ from typing import Any
 
 from sprung._checks import check_number, nearest_name
 from sprung._display import counted
+from sprung.diagnosis.scatter import COMMON
 from sprung.errors import DataError, ParameterError
 from sprung.online.alerts import (
     AlertSettings,
@@ -50,7 +51,7 @@ from sprung.results.documents.monitoring import HistoryEntry
 from sprung.results.tables import describe_diagnosis
 from sprung.results.tables.wording import format_span, format_time
 from sprung.state import AlertState
-from sprung.vehicles import Component, structure, vehicle_from_text
+from sprung.vehicles import Component
 
 #: Possible verdicts of the workshop on an alert.
 VERDICTS = ("confirmed", "another part", "nothing found", "not looked at")
@@ -327,16 +328,14 @@ def inspected(store: Store, vehicle: str, *, part: str, who: str, now: int) -> N
     Raises
     ------
     ParameterError
-        If the vehicle is unknown, or has no such part.
+        If the vehicle is unknown, or the part is no component or a slip of one; parts of other kinds are taken.
     """
-    described = require_vehicle(store, vehicle).description
+    require_vehicle(store, vehicle)
     if part:
-        Component.parse(part)
-        file = vehicle_from_text(described, source=f"the vehicle file of {vehicle}") if described else None
-        parts = [] if file is None else [str(one) for one in structure(file).components()]
-        if parts and part not in parts:
-            meant = nearest_name(part, parts) or parts[0]
-            raise ParameterError(f"{vehicle} has no part {part!r}: state one of its vehicle file, such as {meant}")
+        found = Component.parse(part)
+        meant = nearest_name(found.kind, COMMON)
+        if meant not in {None, found.kind}:
+            raise ParameterError(f"{part} is not known: write {found.corner}.{meant}")
     store.requests.audit(who, INSPECTED, vehicle, part, now=now)
 
 
