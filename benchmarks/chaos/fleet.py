@@ -18,8 +18,9 @@ from sprung.vehicles import parse_fault, read_vehicle, vehicle_text
 FRAME, RATE, DRIVING_RATE, WINDOW = 5.0, 50.0, 200.0, 120.0
 NAMES = ("acc_fl", "acc_fr", "acc_rl", "acc_rr", "speed")
 QUANTITIES = {name: "speed" if name == "speed" else "acceleration" for name in NAMES}
-#: Time without progress after which a box sends everything again [s], and the most frames that it sends ahead.
-PATIENCE, AHEAD = 10.0, 12
+#: Time without progress after which a box sends everything again [s], and the most frames that it sends ahead, and
+#: so the most that one acknowledgement stands for, however slow the machine is.
+PATIENCE, AHEAD = 10.0, 6
 _PER_WINDOW = round(WINDOW / FRAME)
 
 

@@ -61,6 +61,11 @@ _HOLDER = (
     f" AND granted AND mode = 'ExclusiveLock' AND (classid::bigint << 32) + objid::bigint = {MONITOR_LOCK}"
     " AND pg_locks.database = (SELECT oid FROM pg_database WHERE datname = current_database())"
 )
+#: Names of all monitors that are connected.
+_MONITORS = (
+    "SELECT DISTINCT application_name FROM pg_stat_activity WHERE datname = current_database()"
+    " AND position('process' IN application_name) > 0"
+)
 _TIME = re.compile(r"\d{4}-\d\d-\d\d[T ][\d:.]+Z?")
 
 
@@ -94,7 +99,7 @@ class Result:
     messages: int = 0
     messages_missing: int = 0
     messages_repeated: int = 0
-    #: Times until another monitor, or the same one again, worked on the store [s].
+    #: Times until another monitor, or the same one again, worked on the store, where one stood by [s].
     takeovers: list[float] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     seconds_to_the_end: float = 0.0
@@ -186,7 +191,10 @@ def different(messages: Counter[tuple[str, str]]) -> Counter[str]:
 
 
 class Storm:
-    """Kills or ends the monitor that works, or cuts its reservation; it strikes again after the take-over."""
+    """Kills or ends the monitor that works, or cuts its reservation; it strikes again after the take-over.
+
+    The first event of each kind waits for a monitor that stands by. Later ones may come before that is up again.
+    """
 
     def __init__(self, one: Rig, plan: Plan, result: Result) -> None:
         self._rig = one
@@ -203,22 +211,38 @@ class Storm:
 
     def _strike(self, say: Callable[[str], None]) -> None:
         """Do something to the monitor that works, and wait until one works again."""
-        ((session, name),) = until(self._holder, timeout=60.0, what="a monitor that works")
-        program = next(one for one in self._rig.monitors if name.endswith(f"process {one.pid}"))
         # The first three are one of each kind.
         kinds = ["kill", "cut", "end"]
         n_events = sum(self._result.events.values())
+        if n_events < len(kinds):
+            until(self._stands_by, timeout=120.0, what="a monitor that stands by")
+        ((session, name),) = until(self._holder, timeout=60.0, what="a monitor that works")
+        program = next(one for one in self._rig.monitors if name.endswith(f"process {one.pid}"))
+        stood_by = self._stands_by()
         kind = kinds[n_events] if n_events < len(kinds) else self._random.choices(kinds, (6, 3, 1))[0]
         self._result.events[kind] += 1
         say(f"{kind} {program.name}")
+        number = signal.SIGKILL if kind == "kill" else signal.SIGTERM
         begun = time.monotonic()
         if kind == "cut":
             self._rig.database.rows("SELECT pg_terminate_backend(%s)", session)
         else:
-            program.end(signal.SIGKILL if kind == "kill" else signal.SIGTERM)
+            program.send(number)
+        if stood_by:
+            self._wait_for_other(session, name)
+            self._result.takeovers.append(round(time.monotonic() - begun, 1))
+        if kind != "cut":
+            program.end(number)
             program.start()
+        self._wait_for_other(session, name)
+
+    def _wait_for_other(self, session: int, name: str) -> None:
+        """Wait until another session, of another monitor or of the same one again, holds the reservation."""
         until(lambda: self._holder() not in ([], [(session, name)]), timeout=120.0, what="a take-over")
-        self._result.takeovers.append(round(time.monotonic() - begun, 1))
+
+    def _stands_by(self) -> bool:
+        """Return whether a monitor is connected besides the one that works."""
+        return len(self._rig.database.rows(_MONITORS)) > 1
 
     def _holder(self) -> list[tuple[Any, ...]]:
         return self._rig.database.rows(_HOLDER)
