@@ -43,6 +43,10 @@ RATES = {
     "sender takes a message and fails": 0.05,
     "monitor killed as it sends": 0.02,
 }
+#: Besides these, where a second monitor stands by and clocks are set.
+TAKEOVERS = {"reservation lost": 0.01, "reservation lost at once": 0.03, "clock set": 0.01}
+#: How far a clock is set [s].
+_STEP = 7200.0
 
 
 class Crash(BaseException):
@@ -69,6 +73,7 @@ class Chance:
         self.counts: Counter[str] = Counter()
         self.is_on = True
         self.now = 0.0
+        self._errors: dict[str, float] = {}
         self._poisoned: dict[bytes, bool] = {}
         self._on_line = on_line
         self._digest = hashlib.blake2b(digest_size=8)
@@ -85,6 +90,15 @@ class Chance:
         self.counts[fault] += 1
         self.note(f"FAULT {fault}", where)
         return True
+
+    def clock(self, where: str) -> float:
+        """Return the time of a process by its own clock [s]."""
+        return self.now + self._errors.get(where, 0.0)
+
+    def set_clock(self, where: str) -> None:
+        """Let the clock of a process step, perhaps."""
+        if self.happens("clock set", where):
+            self._errors[where] = self.random.uniform(-_STEP, _STEP)
 
     def is_poisoned(self, payload: bytes, where: str) -> bool:
         """Return whether a frame cannot be analysed, whenever it is tried."""

@@ -80,8 +80,8 @@ class Checker:
         self.reordered: set[str] = set()
         self._delivered: Counter[tuple[str, str]] = Counter()
         self._excused: Counter[tuple[str, str]] = Counter()
-        #: How often the present monitor failed on a frame, by vehicle and place; frames that it has quarantined.
-        self._failures: Counter[tuple[str, Place]] = Counter()
+        #: How often a monitor failed on a frame since it started, by monitor, vehicle and place; quarantined frames.
+        self._failures: dict[str, Counter[tuple[str, Place]]] = defaultdict(Counter)
         self._quarantined: dict[str, set[Place]] = defaultdict(set)
         #: Payload of each frame, by vehicle and by boot and sequence number.
         self.payloads: dict[tuple[str, Place], bytes] = {}
@@ -230,9 +230,9 @@ class Checker:
             self._fail(f"{vehicle} {boot}: loss of frames {concealed} is acknowledged, and the alert counts {counted}")
         box.acknowledged[boot] = last
 
-    def failed(self, vehicle: str, boot: int, seq: int) -> None:
-        """A job of the monitor failed on a frame."""
-        self._failures[vehicle, (boot, seq)] += 1
+    def failed(self, monitor: str, vehicle: str, boot: int, seq: int) -> None:
+        """A job of a monitor failed on a frame."""
+        self._failures[monitor][vehicle, (boot, seq)] += 1
 
     def look(self) -> None:
         """Check what the monitor has stored since the last call."""
@@ -264,7 +264,8 @@ class Checker:
             state = self._one("SELECT boot, seq FROM snapshots WHERE vehicle = ?", vehicle) or (-1, -1)
             is_of_window = any(state < place < (boot, last) for place in before)
             n_needed = 1 if is_of_window else 2
-            if self._failures[vehicle, (boot, last)] < n_needed or (len(numbers) > 1 and not is_of_window):
+            n_failures = max((each[vehicle, (boot, last)] for each in self._failures.values()), default=0)
+            if n_failures < n_needed or (len(numbers) > 1 and not is_of_window):
                 self._fail(f"{vehicle}: frames {numbers[:9]} of {boot} are quarantined, which nothing failed on")
             before.update((boot, seq) for seq in numbers)
 
@@ -280,10 +281,10 @@ class Checker:
         """A sender says that it failed with a message that people got: it may come once more."""
         self._excused[sender, _identity(message.document)] += 1
 
-    def monitor_ended(self) -> None:
-        """The monitor was killed: messages that it had not yet recorded as sent may come once more by that sender."""
+    def monitor_ended(self, monitor: str) -> None:
+        """A monitor was killed: messages that it had not yet recorded as sent may come once more by that sender."""
         self.look()
-        self._failures.clear()
+        self._failures.pop(monitor, None)
         recorded = set(self._settled())
         for key, count in self._delivered.items():
             if key not in recorded:

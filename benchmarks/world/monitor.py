@@ -1,8 +1,9 @@
-"""The real station on a real store, step by step: no threads, no processes, and faults at every statement."""
+"""The real stations on a real store, step by step: no threads, no processes, and faults at every statement."""
 
 import sqlite3
+from collections import defaultdict
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,7 +19,7 @@ from vehicle import BEGUN
 from sprung.online.alerts import Message, SendError
 from sprung.online.monitor import Site, Station, housekeeping, station
 from sprung.online.monitor.notifier import NotificationService
-from sprung.online.store import Store, StoreError, database, open_store
+from sprung.online.store import ReservationLostError, Store, StoreError, database, open_store
 
 SENDERS = ("mail", "webhook")
 _STATEMENT_FAULTS = {
@@ -29,8 +30,9 @@ _STATEMENT_FAULTS = {
 }
 
 
-#: Engines are kept, as they keep compiled statements; when a store is closed, they close their connections.
-_ENGINE = cache(database._engine)
+#: Engines of each monitor are kept, as they keep compiled statements; when a store is closed, they close their
+#: connections.
+_ENGINES: dict[str, Callable[..., Any]] = defaultdict(lambda: cache(database._engine))
 
 
 class Unthreaded:
@@ -80,11 +82,44 @@ class People:
             raise Crash("kill")
 
 
+class Reservations:
+    """The advisory lock of a database server: one session holds it, until it releases it or the server ends it."""
+
+    def __init__(self) -> None:
+        self.holder: Session | None = None
+
+
+class Session:
+    """What a monitor takes for the reservation of a store that a server keeps, as `sprung.online.store.Reservation`."""
+
+    def __init__(self, store: Store, reservations: Reservations, chance: Chance) -> None:
+        self._store, self._reservations, self._chance = store, reservations, chance
+
+    def take(self, monitor: str) -> bool:
+        self._reservations.holder = self._reservations.holder or self
+        return self._reservations.holder is self
+
+    def check(self, _transaction: object = None) -> None:
+        if self._reservations.holder is self and self._chance.happens("reservation lost", "session"):
+            self._reservations.holder = None
+        if self._reservations.holder is not self:
+            raise ReservationLostError("the session has ended")
+
+    def fenced(self) -> AbstractContextManager[None]:
+        return self._store.checked(self.check)
+
+    def release(self) -> None:
+        if self._reservations.holder is self:
+            self._reservations.holder = None
+
+
 class Monitor:
-    """One monitor, which is killed and starts again on the same store.
+    """A monitor, which is killed and starts again on the same store.
 
     Parameters
     ----------
+    name
+        Name of the monitor.
     path
         File of the store.
     broker
@@ -93,10 +128,22 @@ class Monitor:
         Decides what fails.
     checker
         Knows all messages to people.
+    reservations
+        Which monitor works on the store; None: there is no other.
     """
 
-    def __init__(self, path: Path, broker: Broker, chance: Chance, checker: Checker) -> None:
-        self._path, self._broker, self._chance, self._checker = path, broker, chance, checker
+    def __init__(
+        self,
+        name: str,
+        path: Path,
+        *,
+        broker: Broker,
+        chance: Chance,
+        checker: Checker,
+        reservations: Reservations | None,
+    ) -> None:
+        self.name, self._path, self._broker, self._chance, self._checker = name, path, broker, chance, checker
+        self._reservations = reservations
         self._station: Station | None = None
         self._store: Store | None = None
         self.free = 10**12
@@ -128,53 +175,68 @@ class Monitor:
 
     def kill(self) -> None:
         """End the monitor at once."""
-        self._chance.note("killed", "monitor")
-        self._checker.monitor_ended()
+        self._chance.note("killed", self.name)
+        self._checker.monitor_ended(self.name)
         self.end()
 
     def end(self) -> None:
         """Forget the process."""
         for link in list(self._broker.links):
-            if link.name == "monitor":
+            if link.name == self.name:
                 link.close()
         if self._store is not None:
             faultless(self._store)
-            self._store.close()
+            self._store.close()  # releases its reservation
         self._station = self._store = None
 
     def _start(self) -> None:
         url = f"sqlite:///{self._path}"
-        self._store = opened(url)
+        self._store = opened(url, self.name)
         vars(self._store)["free"] = lambda: self.free
         faulty(self._store, self._chance)
+        if self._reservations is not None:
+            vars(self._store)["reservation"] = Session(self._store, self._reservations, self._chance)
         self._station = new_station(
             self._store,
             url,
-            connect=partial(SimulatedLink, self._broker, "monitor"),
-            workers=InlineWorkers(self._chance, on_failed=self._checker.failed),
+            connect=partial(SimulatedLink, self._broker, self.name),
+            workers=InlineWorkers(self._chance, on_failed=partial(self._checker.failed, self.name)),
             senders=[People(name, self._chance, self._checker) for name in SENDERS],
             now=lambda: self._chance.now,
+            clock=lambda: self._chance.clock(self.name),
         )
         self._station.open()
 
     def _post(self, running: Station) -> None:
         for sender in SENDERS:
             running._heartbeats.on_heartbeat(f"post {sender}")
-        with suppress(StoreError):  # as the thread that does this otherwise
-            running._notifications.send()
+        if running._is_active:
+            with suppress(StoreError), running._store.reservation.fenced():  # as the thread that does this otherwise
+                running._notifications.send()
 
     def _guarded(self, act: Callable[[], None]) -> None:
         """Do something that may end the monitor."""
         try:
             act()
         except (Crash, StoreError) as end:  # a store that cannot be used at the start ends the program
-            self._chance.note(f"ends: {end}", "monitor")
+            self._chance.note(f"ends: {end}", self.name)
+            self.kill()
+        except ReservationLostError:
+            self._chance.note("stops working", self.name)
+            self._guarded(self.station.close)
             self.kill()
         self._checker.look()
 
 
 def new_station(
-    store: Store, url: str, *, connect: Callable[..., Any], workers: Any, senders: list[Any], now: Callable[[], float]
+    store: Store,
+    url: str,
+    *,
+    connect: Callable[..., Any],
+    workers: Any,
+    senders: list[Any],
+    now: Callable[[], float],
+    clock: Callable[[], float] | None = None,
 ) -> Station:
     """Return a station without threads."""
     with (
@@ -187,7 +249,7 @@ def new_station(
             store,
             connect=connect,
             workers=workers,
-            clock=lambda: BEGUN + round(1e9 * now()),
+            clock=lambda: BEGUN + round(1e9 * (clock or now)()),
             timer=now,
             sleep=lambda _seconds: None,
         )
@@ -199,9 +261,9 @@ def site(url: str) -> Site:
     return Site.model_validate({"store": url, "keep": {"raw_days": 0}, "alerts": {"silent_after_minutes": 0.5}})
 
 
-def opened(url: str) -> Store:
-    """Return a store."""
-    with patch.object(database, "_engine", _ENGINE):
+def opened(url: str, monitor: str = "") -> Store:
+    """Return a store, with the engine of a monitor."""
+    with patch.object(database, "_engine", _ENGINES[monitor]):
         return open_store(url)
 
 

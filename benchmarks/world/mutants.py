@@ -12,7 +12,7 @@ from sqlalchemy import delete
 from sprung.link import Key, Sending, Spool, checked_map, message, parse_topic, topic
 from sprung.link import spool as spool_module
 from sprung.link.windows import FrameOrder
-from sprung.online.monitor import failures
+from sprung.online.monitor import failures, station
 from sprung.online.monitor.alert_book import AlertBook, Context
 from sprung.online.monitor.dispatch import Dispatch, FrameCache
 from sprung.online.monitor.intake import Intake
@@ -281,6 +281,11 @@ def forgets_quarantined_frames() -> Patches:
 
 
 #: What the protocol does wrong, by the way in which it is broken.
+def checks_the_reservation_once_a_minute_alone() -> Patches:
+    yield patch.object(Store, "checked", lambda _self, _check: nullcontext())
+    yield patch.object(station, "_CHECK", 60.0)
+
+
 MUTANTS: dict[str, Callable[[], Patches]] = {
     function.__name__.replace("_", " "): function
     for function in (
@@ -310,6 +315,7 @@ MUTANTS: dict[str, Callable[[], Patches]] = {
         conceals_losses_from_people,
         quarantines_frames_at_the_first_failure,
         forgets_quarantined_frames,
+        checks_the_reservation_once_a_minute_alone,
     )
 }
 
@@ -323,7 +329,8 @@ RARE = {
     "takes an acknowledgement for all boots": 3,
     "forgets losses at a restart": 4,
     "quarantines frames at the first failure": 5,
-    "forgets quarantined frames": 26,
+    "forgets quarantined frames": 52,
+    "checks the reservation once a minute alone": 10,
 }
 
 

@@ -117,7 +117,6 @@ class SimulatedLink:
         self._broker, self.name, self._topics = broker, name, tuple(topics)
         self.on_message, self.on_connected = on_message, on_connected
         self.is_connected = self.is_cut = False
-        broker.add(self)
 
     @property
     def problem(self) -> str:
@@ -133,10 +132,11 @@ class SimulatedLink:
 
     def open(self, *, timeout: float = 0.0) -> None:
         """Connect, sooner or later."""
+        self._broker.add(self)
 
     def publish(self, topic: str, payload: bytes, *, is_retained: bool = False) -> bool:
         """Hand over a message, and return whether there seemed to be a connection."""
-        if self.name == "monitor":
+        if self.name.startswith("monitor"):
             if self._broker.chance.happens("monitor killed as it publishes", self.name):
                 raise Crash("kill")
         elif self._broker.chance.happens("box killed at a call", f"{self.name} publish"):

@@ -85,7 +85,7 @@ class Vehicle:
     @property
     def now(self) -> int:
         """Present time, UTC ns."""
-        return BEGUN + round(1e9 * self._chance.now)
+        return BEGUN + round(1e9 * self._chance.clock(self.name))
 
     def start(self) -> None:
         """Start the box."""

@@ -1,4 +1,4 @@
-"""A world of boxes, broker and monitor under one seed: it goes wrong for a while, then heals, and must be as if not."""
+"""A world of boxes, broker and one or two monitors under a seed: it goes wrong, heals, and must be as if it had not."""
 
 import sqlite3
 from collections.abc import Callable, Collection
@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from analysis import InlineWorkers
-from chance import RATES, Chance
+from chance import RATES, TAKEOVERS, Chance
 from checker import Checker, Place, ViolationError
-from monitor import SENDERS, Monitor, empty_store, new_station, opened
+from monitor import SENDERS, Monitor, Reservations, empty_store, new_station, opened
 from network import Broker, SimulatedLink
 from vehicle import CHANNEL, Vehicle, description
 
@@ -19,6 +19,8 @@ from sprung.online.monitor import Station
 
 #: Largest number of rounds without faults until all is delivered.
 _ROUNDS = 600
+#: Every so many seeds have two monitors, of which one stands by.
+_TWO = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,7 @@ class Report:
 
 
 class World:
-    """Boxes, a broker and a monitor.
+    """Boxes, a broker, and a monitor; with some seeds a second one that stands by, as on PostgreSQL.
 
     Parameters
     ----------
@@ -64,7 +66,9 @@ class World:
     """
 
     def __init__(self, seed: int, folder: Path, *, on_line: Callable[[str], None] | None = None) -> None:
-        self.chance = Chance(seed, rates=RATES, on_line=on_line)
+        self._reservations = Reservations() if seed % _TWO == _TWO // 2 else None
+        rates = RATES if self._reservations is None else RATES | TAKEOVERS
+        self.chance = Chance(seed, rates=rates, on_line=on_line)
         path = folder / "store.sqlite"
         for file in folder.glob("store.sqlite*"):
             file.unlink()
@@ -76,7 +80,18 @@ class World:
             Vehicle(f"car-{number}", self.broker, self.chance, self.checker)
             for number in range(1, self.chance.random.randint(1, 3) + 1)
         ]
-        self.monitor = Monitor(path, self.broker, self.chance, self.checker)
+        names = ("monitor",) if self._reservations is None else ("monitor", "monitor 2")
+        self.monitors = [
+            Monitor(
+                name,
+                path,
+                broker=self.broker,
+                chance=self.chance,
+                checker=self.checker,
+                reservations=self._reservations,
+            )
+            for name in names
+        ]
         self._folder = folder
         pace = self.chance.random.choice((0.05, 0.2, 1.0))
         self._pause = lambda: self.chance.random.expovariate(1 / pace)
@@ -100,22 +115,27 @@ class World:
 
     def close(self) -> None:
         """Release the files."""
-        if self.monitor.is_on:
-            self.monitor.end()
+        for monitor in self.monitors:
+            if monitor.is_on:
+                monitor.end()
         self.checker.close()
 
     def _act(self) -> None:
         """Let one of the processes do something."""
         random = self.chance.random
-        vehicle = random.choice(self.vehicles)
+        vehicle, monitor = random.choice(self.vehicles), self._one_monitor()
         acts: list[tuple[Callable[[], None], int]] = [
             (vehicle.produce, 4),
             (vehicle.step, 4),
             (self._deliver, 8),
-            (self.monitor.step, 4),
-            (self.monitor.post, 1),
+            (monitor.step, 4),
+            (monitor.post, 1),
         ]
         random.choices([act for act, _ in acts], [weight for _, weight in acts])[0]()
+
+    def _one_monitor(self) -> Monitor:
+        """Return a monitor, whichever works."""
+        return self.monitors[0] if self._reservations is None else self.chance.random.choice(self.monitors)
 
     def _deliver(self) -> None:
         for _ in range(self.chance.random.randint(1, 8)):
@@ -133,10 +153,16 @@ class World:
             vehicle.stop()
         vehicle.disk.is_full |= chance.happens("disk of a box full", vehicle.name)
         vehicle.disk.is_read_only |= chance.happens("disk of a box read-only", vehicle.name)
-        if self.monitor.is_on and chance.happens("monitor killed"):
-            self.monitor.kill()
+        monitor = self._one_monitor()
+        if monitor.is_on and chance.happens("monitor killed"):
+            monitor.kill()
+        if self._reservations is not None:
+            if chance.happens("reservation lost at once"):
+                self._reservations.holder = None
+            for name in (vehicle.name, monitor.name):
+                chance.set_clock(name)
         if chance.happens("disk of the store short"):
-            self.monitor.free = 10**6
+            self._set_free(10**6)
         if chance.happens("broker crashes"):
             self.broker.crash()
         if self.broker.links:
@@ -154,16 +180,22 @@ class World:
                 vehicle.start()
             if random.random() < probability / 2:
                 vehicle.disk.is_full = vehicle.disk.is_read_only = False
-        if not self.monitor.is_on and random.random() < probability:
-            self.monitor.start()
+        for monitor in self.monitors:
+            if not monitor.is_on and random.random() < probability:
+                monitor.start()
         if random.random() < probability / 2:
-            self.monitor.free = 10**12
+            self._set_free(10**12)
         for link in list(self.broker.links):
             if link.is_cut and random.random() < probability:
                 self.broker.lose(link)
             if not link.is_connected and random.random() < probability * 2:
                 self.chance.note("connected", link.name)
                 self.broker.connect(link)
+
+    def _set_free(self, n_bytes: int) -> None:
+        """Set the free space beside the store [bytes]."""
+        for monitor in self.monitors:
+            monitor.free = n_bytes
 
     def _heal(self) -> None:
         """End all faults, and go on until everything is delivered."""
@@ -176,9 +208,10 @@ class World:
                 vehicle.step()
             while self.broker.n_under_way:
                 self.broker.deliver()
-            self.monitor.step()
-            self.monitor.step()  # the boxes report in every round, and a station that has just taken that is not idle
-            self.monitor.post()
+            for monitor in self.monitors:
+                monitor.step()
+                monitor.step()  # the boxes report in every round, and a station that has just taken that is not idle
+                monitor.post()
             if number > 20 and self._is_done():
                 return
         raise ViolationError(f"all is well again, but not everything is done after {_ROUNDS} rounds: {self._left()}")
@@ -188,7 +221,9 @@ class World:
 
     def _left(self) -> dict[str, Any]:
         """Return what is still to be done."""
-        station = self.monitor.station
+        station = next((one.station for one in self.monitors if one.is_on and one.station._is_active), None)
+        if station is None:
+            return {"a monitor that works": True}
         return {
             "boxes that wait": [vehicle.name for vehicle in self.vehicles if not vehicle.is_drained],
             "frames that wait": station.figures()["sprung_backlog_frames"],

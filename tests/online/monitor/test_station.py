@@ -148,6 +148,31 @@ def test_a_monitor_that_stopped_unexpectedly_says_so(bench, tmp_path: Path) -> N
     assert "stopped unexpectedly" in row.text
 
 
+def test_a_monitor_that_cannot_read_the_store_as_it_takes_over_tries_again(bench, monkeypatch) -> None:
+    """It once worked on without a connection to the broker."""
+    from sprung.online.monitor.dispatch import Dispatch
+    from sprung.online.store import StoreError
+    from sprung.online.store.database import Reservation
+
+    takes = iter([False, True, True])
+    follow, failures = Dispatch.follow, [StoreError("the store does not answer")]
+    opened, released = [], []
+    monkeypatch.setattr(Reservation, "take", lambda _self, _monitor: next(takes))
+    monkeypatch.setattr(Reservation, "release", lambda self: released.extend([self]))
+    monkeypatch.setattr(Dispatch, "follow", lambda self: fail(failures.pop()) if failures else follow(self))
+    one = bench()
+    monkeypatch.setattr(one.link, "open", lambda **_: opened.append(one.seconds))
+    for one.seconds in (1.0, 2.1, 3.0, 4.2):
+        one.station.step()
+    assert opened == [4.2]
+    assert released == [one.store.reservation]
+    assert one.station.figures()["sprung_active"] == 1.0
+
+
+def fail(error):
+    raise error
+
+
 def test_vehicles_take_turns(bench, run_frames, monkeypatch: pytest.MonkeyPatch) -> None:
     one = bench(**WATCH)
     workers, served = one.workers, list[str]()

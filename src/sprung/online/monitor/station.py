@@ -209,12 +209,12 @@ class Station:
     def _begin(self, timeout: float) -> None:
         """Begin to work on the store."""
         self._housekeeping.open()
-        self._is_active = True
         self._follow()
         self._notifications.open()
         if self._lake is not None:
             self._lake.open()
         self._link.open(timeout=timeout)
+        self._is_active = True
         self._heartbeats.on_heartbeat("station")
         LOG.info("monitoring", extra={"vehicles": self.n_vehicles})
 
@@ -245,6 +245,7 @@ class Station:
             try:
                 self.open()
             except StoreError as error:
+                self._store.reservation.release()
                 LOG.warning(str(error))
         self._sleep(0.2)
 
