@@ -111,6 +111,7 @@ def sections_of(model: type, name: str = "") -> Iterator[tuple[str, type, list[S
         inner = next(_parts(field.annotation), None)
         if inner is not None:
             place = f"{name.strip('[]')}.{field.alias or key}".lstrip(".")
+            place += ".PART" if "dict[" in str(field.annotation) else ""
             is_list = re.search("tuple|list", str(field.annotation)) is not None
             below.append((f"[[{place}]]" if is_list else f"[{place}]", inner))
             continue

@@ -104,7 +104,7 @@ def test_defaults_of_a_drive_are_those_of_its_settings(options, settings):
     [(RoadDriveConditions, RoadDrive()), (RailDriveConditions, RailDrive()), (RigRunConditions, RigRun())],
 )
 def test_defaults_of_conditions_are_those_of_the_settings(model, settings):
-    stated = model().settings("speed")
+    stated = model().settings(read_vehicle("zafira"))
     assert stated.pop("payload") == ()
     assert sum(payload.mass for payload in settings.payloads) == 0
     assert stated == {name: getattr(settings, name) for name in stated}
@@ -170,6 +170,38 @@ def test_all_conditions_are_in_the_truth_and_none_in_the_vehicle_file(sprung, tm
     assert read_vehicle(f"{path}.vehicle.toml") == nominal
 
 
+@pytest.mark.parametrize(
+    "case",
+    [
+        ("y25", "nonlinear = true", {"front_left.spring", "front_left.damper"}),
+        ("metro", "nonlinear = true", {"bogie1_front_left.primary_spring", "bogie2_right.secondary_damper"}),
+        ("y25", "force_laws.suspension = { load_friction = 0.1 }", {"rear_right.spring", "rear_right.damper"}),
+        ("metro", 'force_laws."bogie1_left.secondary" = { gap = 0.01, stop_stiffness = 1e6 }', None),
+    ],
+)
+def test_force_laws_of_rail_vehicles_are_stated_with_the_values_nearest_to_them(sprung, tmp_path, conditions, case):
+    vehicle, text, parts = case
+    words = ("simulate", "rail", "--vehicle", vehicle, "--minutes", "0.05", "--out", tmp_path / "r.npz", "--json", "-")
+    suspension = sprung(*words, "--conditions", conditions(f"[suspension]\n{text}")).document()["conditions"][
+        "suspension"
+    ]
+    assert suspension["nonlinear"] is True
+    found = suspension["equivalents"]
+    if parts is None:
+        assert set(found) == {"bogie1_left.secondary_spring", "bogie1_left.secondary_damper"}
+    else:
+        assert parts <= set(found)
+    if vehicle == "y25":
+        assert 3500 < found["rear_right.damper"] < 20_000  # 3000 in the file
+
+
+def test_a_force_law_of_a_part_that_the_vehicle_lacks_is_refused(sprung, tmp_path, conditions):
+    file = conditions("[suspension.force_laws]\nprimary = { load_friction = 0.1 }")
+    outcome = sprung("simulate", "rail", "--minutes", "0.05", "--conditions", file, "--out", tmp_path / "a.npz")
+    assert outcome.code == 2
+    assert "force law of 'primary' is not one of" in outcome.err
+
+
 def test_the_road_of_the_command_line_is_rougher_than_that_of_the_file(sprung, tmp_path, conditions):
     file = conditions('[road]\nroad_class = "A"\nright_rougher_db = 1.0')
     words = ("simulate", "road", "--minutes", "0.05", "--conditions", file, "--out", tmp_path / "r.npz", "--json", "-")
@@ -200,6 +232,7 @@ def test_a_part_wears_from_record_to_record(sprung, tmp_path, conditions):
         ("road", "[raod]\nroad_class = 'C'", "did you mean road?"),
         ("rail", "[road]\nroad_class = 'C'", "road is not known here"),
         ("rail", "driven = 'front'", "driven is not known here"),
+        ("rail", "[suspension.force_laws]\nsuspension = { load_friction = -1 }", "load_friction=-1"),
         ("rail", "quality = 'low'", "quality='low' must be"),
         ("rig", "driven = 'rear'", "driven='rear'"),
         ("road", "n_stops = -1", "n_stops=-1"),

@@ -1,6 +1,7 @@
 """Tension of an element by hand, and one step of the integration against the exponential series."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,9 +14,9 @@ pytest.importorskip("numba")
 from sprung.simulation import kernel
 
 
-def tension(law: ForceLaw, *, elongation=0.0, rate=0.0, bushing=0.0, behind=0.0, rubber=0.0):
+def tension(law: ForceLaw, *, elongation=0.0, rate=0.0, bushing=0.0, behind=0.0, rubber=0.0, load=0.0):
     """Return tension and rates of an element of 1000 N/m and 50 N s/m."""
-    return kernel.forces.py_func(law, elongation, rate, behind, rubber, 1000.0, 50.0, bushing)
+    return kernel.forces.py_func(law, elongation, rate, behind, rubber, 1000.0, 50.0, bushing, load)
 
 
 @pytest.mark.parametrize(
@@ -31,6 +32,13 @@ def tension(law: ForceLaw, *, elongation=0.0, rate=0.0, bushing=0.0, behind=0.0,
         (ForceLaw(asymmetry=0.4, asymmetry_velocity=1e-9), {"rate": 0.3}, 50.0 * 0.3 * 1.4),
         (ForceLaw(asymmetry=0.4, asymmetry_velocity=1e-9), {"rate": -0.3}, -50.0 * 0.3 * 0.6),
         (ForceLaw(friction=7.0, friction_velocity=0.3), {"rate": 0.4}, 50.0 * 0.4 + 7.0 * 0.8),
+        (ForceLaw(load_friction=0.1, friction_velocity=0.3), {"rate": 0.4, "load": 90.0}, 50.0 * 0.4 + 9.0 * 0.8),
+        (
+            ForceLaw(load_friction=0.1, friction_velocity=0.3),
+            {"rate": -0.4, "load": 90.0, "elongation": -0.01},
+            -10.0 - 50.0 * 0.4 - 10.0 * 0.8,
+        ),
+        (ForceLaw(load_friction=0.1), {"rate": 0.4, "load": 90.0, "elongation": 0.1}, 100.0 + 50.0 * 0.4),
         (ForceLaw(), {"rate": 0.2, "rubber": 3.0}, 10.0 + 3.0),
         (ForceLaw(), {"elongation": 0.1, "rate": 9.0, "bushing": 2000.0, "behind": 0.04}, 100.0 + 120.0),
     ],
@@ -64,6 +72,7 @@ def test_what_a_law_adds_near_rest() -> None:
     law = ForceLaw(friction=30.0, friction_velocity=0.01, rubber_stiffness=2e4, rubber_force=50.0)
     step = 1e-7
     slope = law.friction * step / np.hypot(step, law.friction_velocity) / step
-    assert law.steepest == (2e4, pytest.approx(slope))
+    assert replace(law, load_friction=0.1).steepest(300.0)[1] == pytest.approx(2 * slope)
+    assert law.steepest(1e3) == (2e4, pytest.approx(slope))
     assert law.fastest == pytest.approx(400.0)
-    assert ForceLaw().steepest == (0.0, 0.0)
+    assert ForceLaw().steepest(1e4) == (0.0, 0.0)

@@ -11,6 +11,7 @@ from sprung.errors import ParameterError
 from sprung.excitation import Potholes, SurfaceMotion, random_speed, road_class
 from sprung.simulation import REALISTIC_FORCE_LAWS, ForceLaw, integrate, simulate, simulate_nonlinear
 from sprung.simulation.linear import response, with_derivatives, with_polynomial_inputs
+from sprung.simulation.nonlinear import steps_needed
 from sprung.vehicles import Component, chain, read_vehicle, structure
 
 RATE = 2000.0
@@ -162,3 +163,73 @@ def test_what_does_not_fit_is_refused(car) -> None:
     time_history = {Component("front_left", "spring"): ([0.0, 1.0], [1.0, -1.0])}
     with pytest.raises(ParameterError, match="must have rising times"):
         integrate(car, np.zeros((4, 10)), rate=100.0, time_histories=time_history)
+
+
+def test_wheels_that_creep_on_rails_are_the_exact_linear_response() -> None:
+    """Of a coach whose wheelsets steer: damping and stiffness of rolling wheels are not those of elements."""
+    coach = structure(read_vehicle("coach"), speed=30.0)
+    rate = 32_000.0
+    inputs = 1e-3 * np.sin(2 * math.pi * np.outer(np.arange(1.0, 9.0), np.arange(16_000) / rate))
+    discrete = with_polynomial_inputs(coach.state_space(), sampling_rate=rate)
+    expected = response(discrete, with_derivatives(inputs))
+    found = integrate(coach, inputs, rate=rate).outputs
+    assert found == pytest.approx(expected, abs=2e-6 * expected.std())
+
+
+def test_friction_of_the_load_follows_the_force_of_the_spring() -> None:
+    """A mass that slides down: friction of 10 % of what the spring carries, its weight less the pull of the spring."""
+    share, stiffness = 0.1, 400.0
+    law = {"suspension": ForceLaw(load_friction=share, friction_velocity=1e-4)}
+    _, place, _ = free(oscillator(), law, seconds=0.3, place=0.01)
+    turn = place.min()
+    # energy from turn to turn: k (a^2 - b^2) / 2 = friction over the way, load minus k e on average
+    weight = 9.80665
+    assert turn < 0
+    work = share * (weight - stiffness * (0.01 + turn) / 2) * (0.01 - turn)
+    assert stiffness * (0.01**2 - turn**2) / 2 == pytest.approx(work, rel=2e-3)
+
+
+def test_no_load_no_friction_of_the_load() -> None:
+    """A spring that is pulled further than its load pressed it has none: it swings as without."""
+    up = 1.2 * 9.80665 / 400.0
+    _, found, _ = free(oscillator(), {"suspension": ForceLaw(load_friction=0.3)}, seconds=0.02, place=up)
+    _, expected, _ = free(oscillator(), {}, seconds=0.02, place=up)
+    assert found.min() > 9.80665 / 400.0
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_equivalents_of_a_linear_law_are_the_parts_themselves(car, drive) -> None:
+    inputs = drive.samples(16_000, sampling_rate=4000.0, generator=np.random.default_rng(1))
+    found = integrate(car, inputs - inputs[:, :1], rate=4000.0, force_laws={"suspension": ForceLaw()}).equivalents
+    values = {str(part): value for part, value in car.components().items() if part.kind in {"spring", "damper"}}
+    assert found == pytest.approx(values, rel=1e-9)
+
+
+def test_equivalent_of_friction_is_that_of_a_sine() -> None:
+    """Coulomb friction F at a sine of velocity amplitude V: 4 F / (pi V); a spring of cubic b: k (1 + 3 b A^2 / 4)."""
+    steps, amplitude = round(2 * math.pi / 20.0 * RATE * 10), 0.02
+    for law, kind, expected in (
+        (ForceLaw(friction=0.5, friction_velocity=1e-5), "damper", 4 * 0.5 / (math.pi * 20.0 * amplitude)),
+        (ForceLaw(cubic=1.0), "spring", 4e8 * (1 + 0.75 * amplitude**2)),
+    ):
+        system = oscillator(mass=1e6, stiffness=4e8)
+        motion = integrate(
+            system, np.zeros((1, steps)), rate=RATE, force_laws={"suspension": law}, coordinates=[amplitude]
+        )
+        assert motion.equivalents[f"mass_1.{kind}"] == pytest.approx(expected, rel=1e-3 if kind == "damper" else 1e-6)
+
+
+def test_static_loads_are_the_weight_above_each_element() -> None:
+    metro = read_vehicle("metro")
+    loads = dict(zip(structure(metro).elements, structure(metro).static_loads, strict=True))
+    by_part = {part: [load for e, load in loads.items() if e.part == part] for part in ("secondary", "primary", "tyre")}
+    weight = 9.80665 * np.array([27000 / 4, (27000 / 2 + 4800) / 4, (27000 / 2 + 4800 + 2 * 1450) / 4])
+    for share, part in zip(weight, by_part.values(), strict=True):
+        np.testing.assert_allclose(part, share, rtol=1e-9)
+
+
+def test_friction_alone_damps_a_suspension_without_a_damper() -> None:
+    """The number of steps counts the friction of an element that has no damping of its own."""
+    system = oscillator(damping=0.0)
+    law = {"suspension": ForceLaw(load_friction=0.1, friction_velocity=1e-5)}
+    assert steps_needed(system, law) > 0.1 * 9.80665 / 1e-5

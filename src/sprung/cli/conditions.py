@@ -12,6 +12,7 @@ from sprung.simulation import (
     REALISTIC_FORCE_LAWS,
     Deviations,
     Driving,
+    ForceLaw,
     Imperfection,
     Payload,
     RoadConditions,
@@ -20,9 +21,11 @@ from sprung.simulation import (
     delayed,
     held,
     mems_accelerometers,
+    rail_force_laws,
     scaled,
 )
 from sprung.toml import checked, toml_fields
+from sprung.vehicles import Vehicle
 from sprung.vehicles.sections import NotNegative, Positive
 
 _FINEST_BITS = 32
@@ -46,12 +49,16 @@ class Suspension(Table):
     tyre_temperature
         Temperature of the air in the tyres [°C]; their stiffness is nominal at 20 °C.
     nonlinear
-        Asymmetric dampers, friction, progressive springs and bump stops.
+        Usual force laws. Of a car: asymmetric dampers, friction, progressive springs and bump stops. On a track:
+        friction by the load in the suspension of a bogie alone, and bump stops in every stage.
+    force_laws
+        Force laws by part ("suspension", "primary", "secondary" ..) or by owner and part, in place of the usual ones.
     """
 
     temperature: float = 20.0
     tyre_temperature: float = 20.0
     nonlinear: bool = False
+    force_laws: dict[str, ForceLaw] = {}
 
 
 class Accelerometers(Table):
@@ -106,19 +113,24 @@ class DriveConditions(Table):
     accelerometers: Accelerometers = Accelerometers()
     speed_channel: SpeedChannel = SpeedChannel()
 
-    def settings(self, speed_channel: str) -> dict[str, Any]:
-        """Return the settings of a drive that the file states; the vehicle names the channel of its speed."""
+    def settings(self, vehicle: Vehicle) -> dict[str, Any]:
+        """Return the settings of a drive of a vehicle that the file states."""
         suspension = self.suspension
-        laws = REALISTIC_FORCE_LAWS if suspension.nonlinear else {}
+        laws = (self.usual_laws(vehicle) if suspension.nonlinear else {}) | suspension.force_laws
         own = self.__class__.model_fields.keys() - DriveConditions.model_fields
         return {
             "n_stops": self.n_stops,
             "payload": self.payload,
             "suspension": SuspensionConditions(suspension.temperature, laws, suspension.tyre_temperature),
             "deviations": self.deviations,
-            "imperfections": (*self._accelerometer_imperfections(), *self._speed_imperfections(speed_channel)),
+            "imperfections": (*self._accelerometer_imperfections(), *self._speed_imperfections(vehicle.speed_channel)),
             **{name: getattr(self, name) for name in own},
         }
+
+    def usual_laws(self, vehicle: Vehicle) -> dict[str, ForceLaw]:
+        """Return the force laws of a nonlinear suspension of this kind of drive."""
+        del vehicle
+        return dict(REALISTIC_FORCE_LAWS)
 
     def _accelerometer_imperfections(self) -> tuple[Imperfection, ...]:
         sensors = self.accelerometers
@@ -169,6 +181,10 @@ class RailDriveConditions(DriveConditions):
     joints: Joints = Joints()
     crossings: Crossings | None = None
     wheel_orders: WheelOrders | None = None
+
+    def usual_laws(self, vehicle: Vehicle) -> dict[str, ForceLaw]:
+        """Return the force laws of the stages that the vehicle has."""
+        return rail_force_laws(vehicle)
 
 
 class RigRunConditions(DriveConditions):

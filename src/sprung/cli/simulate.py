@@ -164,7 +164,7 @@ class Drive(Run):
         if described.bogie and kind != "rail":
             raise self._wrong_kind("rail, on bogies", kind)
         vehicle = described.model_copy(update={"kind": kind})
-        stated = read_conditions(model, self.conditions).settings(vehicle.speed_channel)
+        stated = read_conditions(model, self.conditions).settings(vehicle)
         if road_class is not None:
             stated["road"] = replace(stated["road"], road_class=road_class)
         if surface is not None:

@@ -13,7 +13,6 @@ from sprung.likelihood.spectra import OVERCOUNT
 from sprung.likelihood.surface import RoadInputs
 from sprung.likelihood.suspension_forces import SuspensionForces, elongation_spectrum, friction_forces
 from sprung.likelihood.uncertainty import Optimum, expected_covariance
-from sprung.units import STANDARD_GRAVITY
 from sprung.vehicles import Structure
 
 
@@ -118,14 +117,8 @@ class DampingAndFriction:
 
 def static_loads(structure: Structure) -> dict[str, float]:
     """Return the static force under the tyre of each corner on the road [N]."""
-    upwards = [name == "bounce" or name.startswith(("wheel", "mass")) for name in structure.coordinates]
-    weight = STANDARD_GRAVITY * structure.mass @ np.array(upwards, dtype=np.float64)
-    at_rest = np.linalg.lstsq(structure.system.stiffness, -weight, rcond=1e-12)[0]  # sway has no spring
-    return {
-        element.owner: float(-element.stiffness * (element.elongation @ at_rest))
-        for element in structure.elements
-        if element.part == "tyre" and element.foot
-    }
+    loads = zip(structure.elements, structure.static_loads.tolist(), strict=True)
+    return {element.owner: load for element, load in loads if element.part == "tyre" and element.foot}
 
 
 def has_loads(fit: CornerFit) -> bool:

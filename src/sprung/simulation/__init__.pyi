@@ -8,6 +8,7 @@ from sprung.simulation.conditions import RoadConditions as RoadConditions
 from sprung.simulation.conditions import SuspensionConditions as SuspensionConditions
 from sprung.simulation.conditions import WheelOrders as WheelOrders
 from sprung.simulation.conditions import damping_factor as damping_factor
+from sprung.simulation.conditions import rail_force_laws as rail_force_laws
 from sprung.simulation.conditions import tyre_factor as tyre_factor
 from sprung.simulation.deviations import Deviations as Deviations
 from sprung.simulation.deviations import PartScatter as PartScatter

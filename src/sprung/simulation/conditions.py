@@ -58,6 +58,9 @@ class ForceLaw:
         Dry friction force [N] and its velocity scale [m/s]: friction e' / sqrt(e'^2 + friction_velocity^2).
     cubic
         Cubic hardening of the spring [1/m^2]: k (e + cubic e^3).
+    load_friction
+        Dry friction over the force that the spring carries [N/N], with the same velocity scale: of dampers that the
+        load presses together, such as the Lenoir links of freight bogies. Without a load on the spring there is none.
     gap, stop_stiffness
         Free travel [m] and stiffness [N/m] of the bump stops; the stiffness is added where abs(e) exceeds gap.
     rubber_stiffness, rubber_force
@@ -80,6 +83,7 @@ class ForceLaw:
     knee_slope: float = 1.0
     friction: float = 0.0
     friction_velocity: float = 0.005
+    load_friction: float = 0.0
     cubic: float = 0.0
     gap: float = math.inf
     stop_stiffness: float = 0.0
@@ -90,13 +94,13 @@ class ForceLaw:
         check_number("asymmetry", self.asymmetry, at_least=-1, at_most=1)
         for name in ("asymmetry_velocity", "friction_velocity", "rubber_force"):
             check_number(name, getattr(self, name), above=0)
-        for name in ("knee_slope", "friction", "stop_stiffness", "rubber_stiffness"):
+        for name in ("knee_slope", "friction", "load_friction", "stop_stiffness", "rubber_stiffness"):
             check_number(name, getattr(self, name), at_least=0)
 
-    @property
-    def steepest(self) -> tuple[float, float]:
-        """Largest stiffness [N/m] and damping [N s/m] that the law adds near rest."""
-        return self.rubber_stiffness + self.stop_stiffness, self.friction / self.friction_velocity
+    def steepest(self, load: float) -> tuple[float, float]:
+        """Return the largest stiffness [N/m] and damping [N s/m] that the law adds near rest, under a load [N]."""
+        friction = self.friction + self.load_friction * max(load, 0.0)
+        return self.rubber_stiffness + self.stop_stiffness, friction / self.friction_velocity
 
     @property
     def fastest(self) -> float:
@@ -158,6 +162,34 @@ def pressure_of(factor: float) -> float:
 REALISTIC_FORCE_LAWS = MappingProxyType(
     {"suspension": ForceLaw(asymmetry=0.35, friction=25.0, cubic=40.0, gap=0.07, stop_stiffness=100e3)}
 )
+
+
+def rail_force_laws(vehicle: Vehicle) -> dict[str, ForceLaw]:
+    """Return usual force laws of the stages of a rail vehicle.
+
+    Parameters
+    ----------
+    vehicle
+        Vehicle on bogies, or a bogie alone.
+
+    Notes
+    -----
+    A bogie alone, such as a Y25, has friction of 10 % of what its springs carry, as of friction coefficients of 0.3 and
+    Lenoir links 18 degrees from upright, and bump stops beyond 20 mm; a vehicle on bogies has bump stops beyond 30 mm
+    (primary) and 50 mm (secondary). All figures are assumed, of usual size.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle
+    >>> [(stage, law.load_friction, law.gap) for stage, law in rail_force_laws(read_vehicle("metro")).items()]
+    [('primary', 0.0, 0.03), ('secondary', 0.0, 0.05)]
+    """
+    if not vehicle.bogie:
+        return {"suspension": ForceLaw(load_friction=0.1, friction_velocity=0.002, gap=0.02, stop_stiffness=1e7)}
+    return {
+        "primary": ForceLaw(gap=0.03, stop_stiffness=5e6),
+        "secondary": ForceLaw(gap=0.05, stop_stiffness=2e6),
+    }
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,7 +50,7 @@ from sprung.simulation.deviations import WHEELS, Deviations, true_vehicle
 from sprung.simulation.fmu import Fmu, simulate_fmu
 from sprung.simulation.lateral import lateral_signals
 from sprung.simulation.linear import settling_time, simulate
-from sprung.simulation.nonlinear import TimeHistory, simulate_nonlinear
+from sprung.simulation.nonlinear import TimeHistory, nonlinear_drive
 from sprung.simulation.sensors import Imperfection, with_imperfections, with_noise
 from sprung.simulation.truth import plain, true_conditions, truth
 from sprung.vehicles import Component, Fault, Sensor, Structure, Vehicle, check_on_axles, structure, with_faults
@@ -418,7 +418,7 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
     route = _route(settings, seed, generator)
     sideways = lateral_parts(vehicle) if has_lateral_sensors(vehicle) else {}
     faults = tuple(f for f in (*settings.faults, *settings.deviations.worn) if f.component not in sideways)
-    ideal = _signals(true, healthy, settings, route, faults=faults, generator=generator)
+    ideal, equivalents = _signals(true, healthy, settings, route, faults=faults, generator=generator)
     lateral_faults = tuple(fault for fault in settings.faults if fault.component in sideways)
     if sideways and isinstance(settings, RailDrive):
         track = _stream(seed, _LATERAL)
@@ -455,6 +455,8 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
         deviations=settings.deviations,
         imperfections=imperfections,
     ) | settings.own_conditions(true, route)
+    if equivalents:
+        document["conditions"]["suspension"]["equivalents"] = equivalents
     if settings.fmu is not None:  # what its parts and modes are is not known here
         document |= {"modes": [], "components": {}, "fmu": settings.fmu.path.name}
     return SimulatedDrive(recording, document, route.speed)
@@ -502,8 +504,8 @@ def _signals(
     *,
     faults: tuple[Fault, ...],
     generator: np.random.Generator,
-) -> Recording:
-    """Return the signals of ideal sensors with their true places and axes."""
+) -> tuple[Recording, dict[str, float]]:
+    """Return the signals of ideal sensors with their true places and axes, and the parts nearest to force laws."""
     excitation = settings.excitation(vehicle, route)
     driven = with_gravity(healthy, vehicle)
     if not settings.driving.is_steady:
@@ -515,17 +517,18 @@ def _signals(
         "duration": settings.duration,
         "sampling_rate": settings.sampling_rate,
         "lead_in": settling_time(healthy),
-        "seed": generator,
     }
-    force_laws = settings.suspension.force_laws
+    force_laws, equivalents = settings.suspension.force_laws, dict[str, float]()
     if settings.fmu is not None:
-        recording = simulate_fmu(settings.fmu, driven, excitation, **options)
+        recording = simulate_fmu(settings.fmu, driven, excitation, **options, seed=generator)
     elif force_laws or changing:
-        histories = _time_histories(changing, healthy)
-        recording = simulate_nonlinear(faulty, excitation, force_laws=force_laws, time_histories=histories, **options)
+        suspension = force_laws, _time_histories(changing, healthy)
+        recording, equivalents = nonlinear_drive(
+            faulty, excitation, suspension=suspension, **options, generator=generator
+        )
     else:
-        recording = simulate(faulty, excitation, **options)
-    return with_driving_readings(recording, route)
+        recording = simulate(faulty, excitation, **options, seed=generator)
+    return with_driving_readings(recording, route), equivalents
 
 
 def _height(vehicle: Vehicle, driving: Driving) -> float:

@@ -24,10 +24,13 @@ class Loops(NamedTuple):
     by_acceleration: Any  # (channels, n)
     by_velocity: Any
     by_displacement: Any
+    rolling_damping: Any  # (n, n) of wheels that roll on rails, or (0, n) of none
+    rolling_stiffness: Any
+    loads: Any  # (m,): static load of each element
 
 
 @njit(cache=True, error_model="numpy")
-def forces(law: Any, e: Any, rate: Any, z: Any, r: Any, k: Any, c: Any, bushing: Any) -> Any:
+def forces(law: Any, e: Any, rate: Any, z: Any, r: Any, k: Any, c: Any, bushing: Any, load: Any) -> Any:
     """Return the tension of an element, and the rates of its damper's elongation and of its rubber's force."""
     tension = k * (e + law.cubic * e * e * e) + r
     if abs(e) > law.gap:
@@ -46,8 +49,9 @@ def forces(law: Any, e: Any, rate: Any, z: Any, r: Any, k: Any, c: Any, bushing:
         if law.asymmetry != 0:
             damping = c * (1 + law.asymmetry * rate / np.sqrt(rate * rate + law.asymmetry_velocity**2))
         tension += damping * bent
-    if law.friction > 0:
-        tension += law.friction * rate / np.sqrt(rate * rate + law.friction_velocity**2)
+    friction = law.friction + law.load_friction * max(load - k * e, 0.0)
+    if friction > 0:
+        tension += friction * rate / np.sqrt(rate * rate + law.friction_velocity**2)
     r_rate = 0.0
     if law.rubber_stiffness > 0:
         sign = 1.0 if rate > 0 else -1.0
@@ -65,21 +69,28 @@ def product(row: Any, values: Any) -> Any:
 
 
 @njit(cache=True, error_model="numpy")
-def rates(state: Any, u: Any, loops: Any, k: Any, c: Any) -> Any:
-    """Return the time derivative of the state for the inputs u, stiffnesses k and dampings c."""
+def rates(state: Any, u: Any, loops: Any, k: Any, c: Any, seen: Any) -> Any:
+    """Return the time derivative of the state for the inputs u, stiffnesses k and dampings c.
+
+    `seen` receives 1, elongation, its rate and tension of each element, (m, 4).
+    """
     m, n = loops.elongations.shape
     out = np.empty(state.size)
     force = np.empty(n)
     for i in range(n):
         force[i] = product(loops.input_forces[i], u)
         out[i] = state[n + i]
+    for i in range(loops.rolling_damping.shape[0]):
+        force[i] -= product(loops.rolling_stiffness[i], state[:n]) + product(loops.rolling_damping[i], state[n : 2 * n])
     for row in range(m):
         elongation = loops.elongations[row]
         e, rate = product(elongation, state[:n]), product(elongation, state[n:])
         if loops.feet[row] >= 0:
             e -= u[loops.feet[row]]
         z, r = state[2 * n + row], state[2 * n + m + row]
-        tension, z_rate, r_rate = forces(loops.force_laws[row], e, rate, z, r, k[row], c[row], loops.bushings[row])
+        law, bushing, load = loops.force_laws[row], loops.bushings[row], loops.loads[row]
+        tension, z_rate, r_rate = forces(law, e, rate, z, r, k[row], c[row], bushing, load)
+        seen[row, 1], seen[row, 2], seen[row, 3] = e, rate, tension
         out[2 * n + row] = z_rate
         out[2 * n + m + row] = r_rate
         for i in range(n):
@@ -93,12 +104,16 @@ def rates(state: Any, u: Any, loops: Any, k: Any, c: Any) -> Any:
 def integrate(
     loops: Any, knots: Any, factors: Any, inputs: Any, step: Any, start: Any, coordinates: Any, velocities: Any
 ) -> Any:
-    """Return outputs (steps, channels), coordinates and velocities (steps, n)."""
+    """Return outputs (steps, channels), coordinates and velocities (steps, n), and the moments of the elements.
+
+    Moments are the sums over times from 0 on of the products of 1, elongation, its rate and tension, (m, 4, 4).
+    """
     m, n = loops.elongations.shape
     n_steps, n_channels = inputs.shape[0], loops.by_acceleration.shape[0]
     outputs = np.zeros((n_steps, n_channels))
     places = np.zeros((n_steps, n))
     speeds = np.zeros((n_steps, n))
+    moments, seen = np.zeros((m, 4, 4)), np.ones((m, 4))
     state = np.zeros(2 * n + 2 * m)
     state[:n] = coordinates
     state[n : 2 * n] = velocities
@@ -113,7 +128,12 @@ def integrate(
             share = min(max((time - knots[knot]) / (knots[knot + 1] - knots[knot]), 0.0), 1.0)
             k = loops.stiffness * (factors[:, 0, knot] * (1 - share) + factors[:, 0, knot + 1] * share)
             c = loops.damping * (factors[:, 1, knot] * (1 - share) + factors[:, 1, knot + 1] * share)
-        first = rates(state, inputs[number], loops, k, c)
+        first = rates(state, inputs[number], loops, k, c, seen)
+        if start + number * step > -step / 2:
+            for row in range(m):
+                for i in range(4):
+                    for j in range(4):
+                        moments[row, i, j] += seen[row, i] * seen[row, j]
         for channel in range(n_channels):
             for i in range(n):
                 outputs[number, channel] += (
@@ -126,8 +146,8 @@ def integrate(
         if number == n_steps - 1:
             break
         between = (inputs[number] + inputs[number + 1]) / 2
-        second = rates(state + step / 2 * first, between, loops, k, c)
-        third = rates(state + step / 2 * second, between, loops, k, c)
-        fourth = rates(state + step * third, inputs[number + 1], loops, k, c)
+        second = rates(state + step / 2 * first, between, loops, k, c, seen)
+        third = rates(state + step / 2 * second, between, loops, k, c, seen)
+        fourth = rates(state + step * third, inputs[number + 1], loops, k, c, seen)
         state = state + step / 6 * (first + 2 * second + 2 * third + fourth)
-    return outputs, places, speeds
+    return outputs, places, speeds, moments

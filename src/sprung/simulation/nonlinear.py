@@ -1,7 +1,7 @@
 """Nonlinear and time-varying vehicles, integrated by a compiled Runge-Kutta method."""
 
 from collections.abc import Mapping
-from dataclasses import astuple, fields
+from dataclasses import astuple, fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,11 +27,17 @@ _STEP = 0.5
 
 
 class Motion(NamedTuple):
-    """Motion at every step: sensor signals (channels, steps), coordinates and velocities (n, steps)."""
+    """Motion at every step: sensor signals (channels, steps), coordinates and velocities (n, steps).
+
+    `equivalents` has the springs and dampers by component whose linear force is nearest to that of each force law, by
+    least squares over the times from 0 on: statistical linearisation (J. B. Roberts and P. D. Spanos, Random Vibration
+    and Statistical Linearization, Dover, 2003, chapter 5).
+    """
 
     outputs: Real
     coordinates: Real
     velocities: Real
+    equivalents: dict[str, float]
 
 
 def simulate_nonlinear(
@@ -97,16 +103,46 @@ def simulate_nonlinear(
     >>> bool(rough.samples.std() > 1.5 * linear.samples.std())
     True
     """
+    generator = np.random.default_rng(seed)
+    recording, _ = nonlinear_drive(
+        vehicle,
+        excitation,
+        duration=duration,
+        sampling_rate=sampling_rate,
+        suspension=(force_laws or {}, time_histories or {}),
+        lead_in=lead_in,
+        generator=generator,
+    )
+    return recording if snr is None else with_noise(recording, snr=snr, generator=generator)
+
+
+def nonlinear_drive(
+    vehicle: Structure,
+    excitation: Excitation,
+    *,
+    duration: float,
+    sampling_rate: float,
+    suspension: tuple[Mapping[str, ForceLaw], Mapping[Component, TimeHistory]],
+    lead_in: float | None,
+    generator: np.random.Generator,
+) -> tuple[Recording, dict[str, float]]:
+    """Return the recording of `simulate_nonlinear`, without noise, and the `Motion.equivalents` over its time.
+
+    Parameters
+    ----------
+    suspension
+        Force laws and time histories.
+    """
     check_number("duration", duration, above=0)
     check_number("sampling_rate", sampling_rate, above=0)
     check_fits(vehicle, excitation)
-    generator = np.random.default_rng(seed)
+    force_laws, time_histories = suspension
     drive = sampled_inputs(
         vehicle,
         excitation,
         duration=duration,
         sampling_rate=sampling_rate,
-        least_rate=max(SMOOTH_RATE, steps_needed(vehicle, force_laws or {}), linear_rate(vehicle)),
+        least_rate=max(SMOOTH_RATE, steps_needed(vehicle, force_laws), linear_rate(vehicle)),
         lead_in=lead_in,
         generator=generator,
     )
@@ -118,23 +154,20 @@ def simulate_nonlinear(
         time_histories=time_histories,
         start=-drive.n_lead / drive.rate,
     )
-    recording = drive.recorded(motion.outputs, vehicle, "integrated")
-    return recording if snr is None else with_noise(recording, snr=snr, generator=generator)
+    return drive.recorded(motion.outputs, vehicle, "integrated"), motion.equivalents
 
 
 def steps_needed(vehicle: Structure, force_laws: Mapping[str, ForceLaw]) -> float:
     """Return the steps per second that the integration of a vehicle with force laws needs."""
-    stiffest, fastest = vehicle, 0.0
-    for element in vehicle.elements:
+    elements, fastest = list(vehicle.elements), 0.0
+    for number, (element, load) in enumerate(zip(vehicle.elements, vehicle.static_loads.tolist(), strict=True)):
         force_law = _force_law(force_laws, element.owner, element.part)
         if force_law is not None:
             fastest = max(fastest, force_law.fastest)
-            stiffness, damping = force_law.steepest
-            spring, damper = element.components
-            factors = {spring: 1 + stiffness / max(element.stiffness, 1e-300)}
-            if damper is not None and element.damping > 0:
-                factors[damper] = 1 + force_law.asymmetry + damping / element.damping
-            stiffest = stiffest.changed(factors)
+            stiffness, damping = force_law.steepest(load)
+            damping = 0.0 if element.foot else element.damping * (1 + force_law.asymmetry) + damping
+            elements[number] = replace(element, stiffness=element.stiffness + stiffness, damping=damping)
+    stiffest = replace(vehicle, elements=tuple(elements))
     return max(float(np.max(np.abs(np.linalg.eigvals(stiffest.system.state_matrix())))), fastest) / _STEP
 
 
@@ -195,7 +228,8 @@ def integrate(
     if inputs.ndim != 2 or inputs.shape[0] != len(vehicle.inputs):
         raise ParameterError(f"inputs has shape {inputs.shape}, but must be ({len(vehicle.inputs)}, steps)")
     check_number("rate", rate, above=0)
-    elements = vehicle.elements
+    elements, none = vehicle.elements, np.zeros((0, n))
+    rolling_damping, rolling_stiffness = vehicle.rolling or (none, none)
     _check_force_laws(vehicle, force_laws or {})
     laws = [_force_law(force_laws or {}, e.owner, e.part) or ForceLaw() for e in elements]
     times, factors = _factors(vehicle, time_histories or {})
@@ -217,9 +251,26 @@ def integrate(
         by_acceleration=np.ascontiguousarray(vehicle.outputs.acceleration),
         by_velocity=np.ascontiguousarray(vehicle.outputs.velocity),
         by_displacement=np.ascontiguousarray(vehicle.outputs.displacement),
+        rolling_damping=np.ascontiguousarray(rolling_damping),
+        rolling_stiffness=np.ascontiguousarray(rolling_stiffness),
+        loads=vehicle.static_loads,
     )
-    results = kernel.integrate(loops, times, factors, np.ascontiguousarray(inputs.T), 1 / rate, start, *state)
-    return Motion(*(np.ascontiguousarray(result.T) for result in results))
+    outputs, places, speeds, moments = kernel.integrate(
+        loops, times, factors, np.ascontiguousarray(inputs.T), 1 / rate, start, *state
+    )
+    outputs, places, speeds = (np.ascontiguousarray(result.T) for result in (outputs, places, speeds))
+    return Motion(outputs, places, speeds, _equivalents(vehicle, force_laws or {}, moments))
+
+
+def _equivalents(vehicle: Structure, force_laws: Mapping[str, ForceLaw], moments: Real) -> dict[str, float]:
+    """Return stiffness and damping nearest to each force law, from the sums of products of 1, e, e' and the force."""
+    found: dict[str, float] = {}
+    for element, sums in zip(vehicle.elements, moments, strict=True):
+        if _force_law(force_laws, element.owner, element.part) is not None and sums[0, 0] > 0:
+            scatter = sums - np.outer(sums[0], sums[0]) / sums[0, 0]
+            values = np.linalg.lstsq(scatter[1:3, 1:3], scatter[1:3, 3])[0].tolist()
+            found |= {str(part): value for part, value in zip(element.components, values, strict=True) if part}
+    return found
 
 
 def _check_force_laws(vehicle: Structure, force_laws: Mapping[str, ForceLaw]) -> None:

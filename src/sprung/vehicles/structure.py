@@ -14,6 +14,7 @@ from sprung._arrays import Complex, Real
 from sprung._checks import check_number, check_one_of, freeze, frozen_array
 from sprung.errors import ParameterError
 from sprung.recording import Channel
+from sprung.units import STANDARD_GRAVITY
 from sprung.vehicles.system import ExactModes, MechanicalSystem, Outputs, StateSpace, discretised, modes, state_space
 
 if TYPE_CHECKING:
@@ -440,6 +441,16 @@ class Structure:
             arm_stiffness=np.array([arm.series_stiffness for arm in arms], dtype=np.float64),
             arm_damping=np.array([arm.damping for arm in arms], dtype=np.float64),
         )
+
+    @property
+    def static_loads(self) -> Real:
+        """Force with which the weight of all parts presses each element together [N], shape (elements,)."""
+        still = ("pitch", "roll", "yaw", "sway", "surge", "rolling", *FLEXIBLE_SHAPES)
+        upwards = np.array([float(name.rpartition("_")[2] not in still) for name in self.coordinates])
+        D, stiffness = self.elongations, np.array([element.stiffness for element in self.elements])
+        weight = STANDARD_GRAVITY * self.mass @ upwards
+        at_rest = np.linalg.lstsq(_weighted_gram(D, stiffness), -weight, rcond=1e-12)[0]  # sway may have no spring
+        return np.asarray(-stiffness * (D @ at_rest), dtype=np.float64)
 
     def rolling_at(self, s: Complex | complex) -> Complex:
         """Return the dynamic stiffness K + s C of rolling wheels at complex angular frequencies, shape (*s, n, n)."""
