@@ -30,7 +30,15 @@ import numpy as np
 from benchmarks.multibody.design import part
 from scipy.signal import resample_poly
 
-from sprung.excitation import Joints, Rail, SpeedChanges, SpeedProfile, SurfaceMotion, rail_quality, random_speed
+from sprung.excitation import (
+    Joints,
+    SpeedChanges,
+    SpeedProfile,
+    SurfaceMotion,
+    rail_alignment,
+    rail_quality,
+    random_speed,
+)
 from sprung.formats import read, write
 from sprung.likelihood import fit_corners, run_out
 from sprung.likelihood.fitting import fit_windows
@@ -39,7 +47,6 @@ from sprung.modal import INTERVAL_95
 from sprung.recording import Channel, Recording
 from sprung.road import road_profile, track_of
 from sprung.road.level import RANGES, Levels, in_range
-from sprung.simulation.lateral import ALIGNMENT
 from sprung.vehicles import Sensor, Vehicle, read_vehicle, state_space, structure, write_vehicle
 from sprung.vehicles.lateral import lateral_outputs, lateral_parts, lateral_system
 from sprung.vehicles.window import window_of
@@ -448,7 +455,7 @@ def track_below(
     motions = [
         SurfaceMotion(rail, places, profile, contact_length=0.01, obstacles=joints).at(time, generator)
         for rail, joints in (
-            (Rail(ALIGNMENT[drive.track]), ()),
+            (rail_alignment(drive.track), ()),
             (rail_quality(drive.track), (Joints(depth=JOINT),) * drive.has_joints),
         )
     ]

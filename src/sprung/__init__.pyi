@@ -44,6 +44,7 @@ from sprung.errors import IdentificationError as IdentificationError
 from sprung.errors import MissingPackageError as MissingPackageError
 from sprung.errors import ParameterError as ParameterError
 from sprung.errors import SprungError as SprungError
+from sprung.excitation import Corrugation as Corrugation
 from sprung.excitation import Crossings as Crossings
 from sprung.excitation import Excitation as Excitation
 from sprung.excitation import Joints as Joints

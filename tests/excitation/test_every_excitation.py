@@ -10,6 +10,7 @@ from sprung.excitation import (
     QUARTER_CASES,
     BaseMotion,
     BodyAccelerations,
+    Corrugation,
     Crossings,
     CrossSlope,
     Excitation,
@@ -58,7 +59,7 @@ EXCITATIONS: dict[str, Excitation] = FIXED | {
     "random lines": Lines(SPEED, (0.5,), (2.0,), (1.0,)),
     "random rig": RollerRig((True, False), SPEED, harmonics=(1e-5,)),
     "road": SurfaceMotion(road_class("D"), AXLES, SPEED, obstacles=(Potholes(),)),
-    "rail": SurfaceMotion(rail_quality("good"), AXLES, SPEED, obstacles=(Joints(), Crossings())),
+    "rail": SurfaceMotion(rail_quality("good"), AXLES, SPEED, obstacles=(Joints(), Crossings(), Corrugation())),
 }
 EXCITATIONS["sum"] = Sum((EXCITATIONS["road"], FIXED["slope"]))
 EXCITATIONS["stack"] = Stack((FIXED["slope"], FIXED["body"], EXCITATIONS["noise"]))

@@ -8,11 +8,15 @@ from scipy.signal import csd
 
 from sprung.errors import FormatError
 from sprung.excitation import (
+    Corrugation,
     Crossings,
     Joints,
     Potholes,
+    Rail,
     Road,
     SurfaceMotion,
+    constant_speed,
+    rail_alignment,
     rail_quality,
     random_speed,
     read_surface,
@@ -135,6 +139,44 @@ def test_crossings_come_as_often_as_stated_on_one_rail_or_both() -> None:
     assert either == pytest.approx(600, abs=75)
     assert both / either == pytest.approx(0.3, abs=0.06)
     assert found.min() == pytest.approx(-0.0045, rel=0.02)
+
+
+def test_corrugation_has_its_size_and_its_waves_on_each_rail() -> None:
+    places = np.arange(0.0, 4000.0, 0.02)
+    found = Corrugation(wavelength=0.1, amplitude=3e-5, bandwidth=0.05).heights(places, np.random.default_rng(1))
+    assert found.std(axis=1) == pytest.approx(3e-5, rel=0.02)
+    assert np.mean(found[0] * found[1]) == pytest.approx(0.0, abs=0.05 * 3e-5**2)
+    power = np.abs(np.fft.rfft(found[0])) ** 2
+    n = np.fft.rfftfreq(places.size, 0.02)
+    mean = np.average(n, weights=power)
+    assert mean == pytest.approx(10.0, rel=0.01)
+    assert np.sqrt(np.average((n - mean) ** 2, weights=power)) == pytest.approx(0.5, rel=0.05)
+
+
+def test_a_wheel_on_corrugation_moves_by_its_size() -> None:
+    """Through the points of the profile, and averaged over a contact of 1 cm: sin(pi / 10) / (pi / 10) of it."""
+    speed, time = constant_speed(20.0), np.arange(0, 20, 1e-4)
+    smooth = Rail(1e-12)
+    track = SurfaceMotion(smooth, (0.0,), speed, contact_length=0.01, obstacles=(Corrugation(0.1, 1e-4, 0.02),))
+    assert track.at(time, np.random.default_rng(2)).std(axis=1) == pytest.approx(1e-4 * np.sinc(0.1), rel=0.03)
+
+
+def test_classes_of_the_fra_have_the_printed_spectra() -> None:
+    """k A_v Wc^2 / (W^2 (W^2 + Wc^2)), cross level 4 k A_v Wc^2 / ((W^2 + Wc^2)(W^2 + Ws^2)), in cm^2 and rad/m."""
+    W, k, Wc = np.array([0.1, 0.7, 3.0]), 0.25, 0.8245
+    for name, A, Aa, Ws in (
+        ("fra4", 0.5376, 0.3027, 1.1312),
+        ("fra5", 0.2095, 0.0762, 0.8209),
+        ("fra6", 0.0339, 0.0339, 0.4380),
+    ):
+        track, over_cycles = rail_quality(name), 2 * np.pi
+        profile = over_cycles * 1e-4 * k * A * Wc**2 / (W**2 * (W**2 + Wc**2))
+        cross_level = over_cycles * 1e-4 * 4 * k * A * Wc**2 / ((W**2 + Wc**2) * (W**2 + Ws**2))
+        assert track.common(W / over_cycles) == pytest.approx(profile, rel=1e-3)
+        assert 4 * track.differing(W / over_cycles) == pytest.approx(cross_level, rel=1e-3)
+        alignment = over_cycles * 1e-4 * k * Aa * Wc**2 / (W**2 * (W**2 + Wc**2))
+        assert rail_alignment(name).common(W / over_cycles) == pytest.approx(alignment, rel=1e-3)
+    assert np.isfinite(heights(rail_quality("fra6"))).all()
 
 
 @pytest.mark.slow

@@ -37,6 +37,7 @@ from sprung.vehicles import (
     Sensor,
     frequency_response,
     parse_fault,
+    read_vehicle,
     structure,
 )
 
@@ -158,6 +159,23 @@ def test_unbalanced_wheels_turn_at_speed_over_circumference(hatchback):
             expected += (response[:, None] * wave).imag
     inner = slice(200, -200)
     assert difference[:, inner] == pytest.approx(expected[:, inner], abs=0.01 * np.abs(expected).max())
+
+
+def test_a_flat_drops_the_wheel_as_it_pivots_about_its_ends() -> None:
+    """(l / 2 - |x|)^2 / (2 R) from the middle of the flat, once in a turn, but for its mean and all above 400 Hz."""
+    metro, flat, radius = read_vehicle("metro"), 0.3, 0.4
+    orders = WheelOrders(radius=radius, flat=flat, wheels=("bogie1_rear_left",))
+    lines = orders.lines(metro, constant_speed(5.0), np.random.default_rng(1))
+    time = np.arange(0, 4.0, 1e-4)
+    moved = np.sum([line.at(time, np.random.default_rng(0)) for line in lines], axis=0)
+    assert np.flatnonzero(moved.any(axis=1)).tolist() == [2]
+    drop, turn = moved[2], 1 / next(line.orders[0] for line in lines if len(line.orders) > 1)
+    assert turn == pytest.approx(2 * math.pi * radius, rel=0.01)
+    deepest = time[np.argmin(drop[: round(turn / 5.0 * 1e4)])] * 5.0
+    x = (5.0 * time - deepest + turn / 2) % turn - turn / 2
+    expected = -(np.maximum(flat / 2 - np.abs(x), 0) ** 2) / (2 * radius)
+    assert np.ptp(drop) == pytest.approx(flat**2 / (8 * radius), rel=0.03)
+    assert drop - drop.mean() == pytest.approx(expected - expected.mean(), abs=0.03 * np.ptp(expected))
 
 
 def test_unbalance_grows_with_the_square_of_the_speed(hatchback):

@@ -2,8 +2,10 @@ import pickle
 
 import numpy as np
 import pytest
+from scipy.signal import welch
 
-from sprung.excitation import Crossings, Joints, rail_quality, road_class
+from sprung.errors import ParameterError
+from sprung.excitation import Corrugation, Crossings, Joints, rail_quality, road_class
 from sprung.signals.conditioning import while_moving
 from sprung.signals.spectrum import spectral_matrix
 from sprung.simulation import (
@@ -138,6 +140,32 @@ def test_joints_and_crossings_of_a_track_are_in_the_truth() -> None:
     }
     found = drive(read_vehicle("metro"), welded=True, crossings=crossings, **settings)
     assert found.truth["conditions"]["track"]["crossings"]["per_kilometre"] == 5.0
+
+
+def test_corrugation_is_in_the_truth_and_shakes_an_axle_box_at_speed_over_wavelength() -> None:
+    settings = {"kind": RailDrive, "duration": 30.0, "sampling_rate": 1000.0, "speed": (20.0, 20.0), "welded": True}
+    y25 = read_vehicle("y25").model_copy(update={"kind": "rail"})
+    corrugated = drive(y25, corrugation=Corrugation(wavelength=0.2, amplitude=1e-4), **settings)
+    assert corrugated.truth["conditions"]["track"]["corrugation"]["wavelength"] == 0.2
+    plain = drive(y25, **settings)
+    box = corrugated.recording.index("acc_al")
+    frequencies, power = welch(corrugated.recording.samples[box] - plain.recording.samples[box], 1000.0, nperseg=1024)
+    below = frequencies < 140  # of the resonance on the rail at 168 Hz
+    assert frequencies[below][np.argmax(power[below])] == pytest.approx(100.0, abs=15.0)
+    with pytest.raises(
+        ParameterError, match="waves of the corrugation in a second=500 must be at most 400: drive slow"
+    ):
+        RailDrive(speed=(10.0, 50.0), corrugation=Corrugation(wavelength=0.1))
+
+
+def test_a_class_of_the_fra_has_more_power_where_it_is_lower() -> None:
+    power = [
+        drive(read_vehicle("metro"), kind=RailDrive, quality=quality, welded=True, sampling_rate=100.0)
+        .recording.samples[:12]
+        .var()
+        for quality in ("fra4", "fra5", "fra6")
+    ]
+    assert power[0] > 2 * power[1] > 8 * power[2] > 0
 
 
 def test_a_bad_track_has_2_7_times_the_power_of_a_good_one() -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from sprung.errors import FormatError, ParameterError
-from sprung.excitation import Crossings, Joints
+from sprung.excitation import Corrugation, Crossings, Joints, RailQuality
 from sprung.simulation import (
     REALISTIC_FORCE_LAWS,
     Deviations,
@@ -165,21 +165,25 @@ class RailDriveConditions(DriveConditions):
     Parameters
     ----------
     quality
-        Level of the track's irregularity by ERRI B176: "good" (low) or "bad" (high).
+        Level of the track's irregularity: "good" (low) or "bad" (high) by ERRI B176; "fra4", "fra5" or "fra6" by class
+        of the FRA.
     welded
         Whether the rails are welded; otherwise they have joints.
     joints
         Distance, depth and length of the dipped joints; default: every 18 m.
     crossings
         Crossings and single bad joints at random places.
+    corrugation
+        Corrugation of the rails.
     wheel_orders
-        Unbalance and run-out of the wheels, whose radius is to be stated.
+        Unbalance, run-out and flats of the wheels, whose radius is to be stated.
     """
 
-    quality: Literal["good", "bad"] = "good"
+    quality: RailQuality = "good"
     welded: bool = False
     joints: Joints = Joints()
     crossings: Crossings | None = None
+    corrugation: Corrugation | None = None
     wheel_orders: WheelOrders | None = None
 
     def usual_laws(self, vehicle: Vehicle) -> dict[str, ForceLaw]:

@@ -22,14 +22,17 @@ from sprung.excitation.route import random_cross_slope as random_cross_slope
 from sprung.excitation.route import random_curvature as random_curvature
 from sprung.excitation.route import random_speed as random_speed
 from sprung.excitation.surface import ROAD_CLASSES as ROAD_CLASSES
+from sprung.excitation.surface import Corrugation as Corrugation
 from sprung.excitation.surface import Crossings as Crossings
 from sprung.excitation.surface import Joints as Joints
 from sprung.excitation.surface import MeasuredSurface as MeasuredSurface
 from sprung.excitation.surface import Potholes as Potholes
 from sprung.excitation.surface import Profile as Profile
 from sprung.excitation.surface import Rail as Rail
+from sprung.excitation.surface import RailQuality as RailQuality
 from sprung.excitation.surface import Road as Road
 from sprung.excitation.surface import SurfaceMotion as SurfaceMotion
+from sprung.excitation.surface import rail_alignment as rail_alignment
 from sprung.excitation.surface import rail_quality as rail_quality
 from sprung.excitation.surface import read_surface as read_surface
 from sprung.excitation.surface import road_class as road_class

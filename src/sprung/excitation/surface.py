@@ -30,6 +30,9 @@ SPACING, _SHORTEST = 0.02, 1000.0
 _MAX_POINTS = 2e8
 #: Smallest number of points of a measured surface.
 _SHORTEST_MEASURED = 51
+#: Qualities of tracks, and the corner [rad/m] of those whose long waves have none.
+RailQuality = Literal["good", "bad", "fra4", "fra5", "fra6"]
+_NO_CORNER = 1e-6
 #: Tracks in the order of their rows.
 _SIDES = ("left", "right")
 
@@ -166,23 +169,25 @@ def road_mix(text: str) -> tuple[tuple[float, float], ...]:
 
 @dataclass(frozen=True, slots=True)
 class Rail:
-    """Track with the irregularity spectra of ERRI B176.
+    """Track with the irregularity spectra of ERRI B176 or of a class of the Federal Railroad Administration (FRA).
 
     Parameters
     ----------
     roughness
         Scale factor A of the spectra [m rad], above 0: 4.032e-7 for a good track, 1.080e-6 for a bad one.
+    lowest, cross_level
+        Corners Wr of long waves and Ws of the cross level [rad/m], above 0.
 
     Raises
     ------
     ParameterError
-        If the scale factor is not above 0.
+        If a number is not above 0.
 
     Notes
     -----
     One-sided densities over the angular spatial frequency W [rad/m]: A Wc^2 / ((W^2 + Wr^2)(W^2 + Wc^2)) of the
     vertical irregularity, and W^2 / (W^2 + Ws^2) times that of half the cross level, with Wc = 0.8246, Wr = 0.0206
-    and Ws = 0.4380 rad/m. Over cycles/m they are 2 pi times larger.
+    and Ws = 0.4380 rad/m. Over cycles/m they are 2 pi times larger. Those of the FRA have the same form without Wr.
 
     References
     ----------
@@ -191,28 +196,42 @@ class Rail:
     """
 
     roughness: float
+    lowest: float = 0.0206
+    cross_level: float = 0.4380
 
     def __post_init__(self) -> None:
-        check_number("roughness", self.roughness, above=0)
+        for name in ("roughness", "lowest", "cross_level"):
+            check_number(name, getattr(self, name), above=0)
 
     def common(self, spatial_frequency: Real) -> Real:
         """Return the density of the vertical irregularity [m^3]."""
         squared = (2 * np.pi * spatial_frequency) ** 2
-        return 2 * np.pi * self.roughness * 0.8246**2 / ((squared + 0.0206**2) * (squared + 0.8246**2))
+        return 2 * np.pi * self.roughness * 0.8246**2 / ((squared + self.lowest**2) * (squared + 0.8246**2))
 
     def differing(self, spatial_frequency: Real) -> Real:
         """Return the density of half the cross level, as a height [m^3]."""
         squared = (2 * np.pi * spatial_frequency) ** 2
-        return self.common(spatial_frequency) * squared / (squared + 0.4380**2)
+        return self.common(spatial_frequency) * squared / (squared + self.cross_level**2)
 
 
 def rail_quality(name: str) -> Rail:
-    """Return a "good" or a "bad" track of ERRI B176, see `Rail`.
+    """Return a "good" or a "bad" track of ERRI B176, or "fra4" to "fra6" of the class 4 to 6 of the FRA, see `Rail`.
 
     Raises
     ------
     ParameterError
-        If the quality is neither "good" nor "bad".
+        If there is no such quality.
+
+    Notes
+    -----
+    FRA: A = k A_v with k = 0.25 and A_v = 0.5376, 0.2095 and 0.0339 cm^2 rad/m, Ws = 1.1312, 0.8209 and 0.4380 rad/m;
+    Wc is printed as 0.8245. Figures of the profile are those of Berawi; the corners of the cross level are of secondary
+    literature, and were not compared with a source.
+
+    References
+    ----------
+    A. R. B. Berawi, Improving railway track maintenance using power spectral density (PSD), doctoral thesis, University
+    of Porto (2013), as transcribed by D. Cantero, TTB-2D, SoftwareX 20 (2022).
 
     Examples
     --------
@@ -221,8 +240,23 @@ def rail_quality(name: str) -> Rail:
     >>> round(rail_quality("bad").common(0.1) / rail_quality("good").common(0.1), 3)  # at every spatial frequency
     2.679
     """
-    roughness = {"good": 4.032e-7, "bad": 1.080e-6}
-    return Rail(roughness[check_one_of("rail quality", name, roughness)])
+    tracks = {"good": Rail(4.032e-7), "bad": Rail(1.080e-6)}
+    for quality, scale, corner in (("fra4", 0.5376, 1.1312), ("fra5", 0.2095, 0.8209), ("fra6", 0.0339, 0.4380)):
+        tracks[quality] = Rail(0.25e-4 * scale, _NO_CORNER, corner)
+    return tracks[check_one_of("rail quality", name, tracks)]
+
+
+def rail_alignment(name: str) -> Rail:
+    """Return the track whose `common` part is the spectrum of the alignment of a quality as of `rail_quality`.
+
+    Notes
+    -----
+    FRA: A = k A_a with A_a = 0.3027, 0.0762 and 0.0339 cm^2 rad/m, of secondary literature, not compared with a source.
+    """
+    tracks = {"good": Rail(2.119e-7), "bad": Rail(6.125e-7)}
+    for quality, scale in (("fra4", 0.3027), ("fra5", 0.0762), ("fra6", 0.0339)):
+        tracks[quality] = Rail(0.25e-4 * scale, _NO_CORNER)
+    return tracks[check_one_of("rail quality", name, tracks)]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -457,6 +491,52 @@ class Crossings:
             near = slice(*np.searchsorted(positions, [place - 4 * self.length, place + 4 * self.length]))
             heights[rails, near] -= depth * np.exp(-3 * np.abs(positions[near] - place) / self.length)
         return heights
+
+
+@dataclass(frozen=True, slots=True)
+class Corrugation:
+    """Corrugation of both rails: unevenness in a narrow band of short waves.
+
+    Parameters
+    ----------
+    wavelength
+        Mean length of the waves [m], at least 0.06 m, three points of a profile.
+    amplitude
+        RMS of the height of each rail [m].
+    bandwidth
+        Standard deviation of the spatial frequency over its mean.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
+
+    Notes
+    -----
+    Gaussian noise of each rail, independent of the other, with a spectrum of the shape of Gauss's bell.
+
+    References
+    ----------
+    S. L. Grassie and J. Kalousek, Rail corrugation: characteristics, causes and treatments, Proceedings of the
+    Institution of Mechanical Engineers F 207 (1993), 57-68.
+    """
+
+    wavelength: float = 0.1
+    amplitude: float = 2e-5
+    bandwidth: float = 0.1
+
+    def __post_init__(self) -> None:
+        check_number("wavelength", self.wavelength, at_least=3 * SPACING)
+        check_number("amplitude", self.amplitude, at_least=0)
+        check_number("bandwidth", self.bandwidth, above=0, at_most=0.5)
+
+    def heights(self, positions: Real, generator: np.random.Generator) -> Real:
+        """Return the heights of left and right at rising positions [m], shape (2, points) [m]."""
+        noise = rfft(generator.standard_normal((2, positions.size)), axis=1)
+        n = np.arange(noise.shape[1]) / (positions.size * SPACING)
+        noise *= np.exp(-(((n * self.wavelength - 1) / (2 * self.bandwidth)) ** 2))
+        heights = irfft(noise, n=positions.size, axis=1)
+        return np.asarray(self.amplitude * heights / heights.std(), dtype=np.float64)
 
 
 def random_profile(

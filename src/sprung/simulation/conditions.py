@@ -21,6 +21,8 @@ from sprung.excitation import (
 )
 from sprung.vehicles import Vehicle
 
+#: Highest frequency of flats and corrugation [Hz]: motion is simulated at 1000 Hz or more.
+FASTEST = 400.0
 #: Gauge pressure of a tyre at 20 degrees Celsius [Pa].
 TYRE_PRESSURE = 2.2e5
 
@@ -346,7 +348,7 @@ class Driving:
 
 @dataclass(frozen=True, slots=True)
 class WheelOrders:
-    """Unbalance and run-out of the wheels, which excite the vehicle at the harmonics of their rotation.
+    """Unbalance, run-out and flats of the wheels, which excite the vehicle at the harmonics of their rotation.
 
     Parameters
     ----------
@@ -356,6 +358,8 @@ class WheelOrders:
         Usual radial run-out of a wheel at the first, second ... harmonic of its rotation, amplitudes [m].
     radius
         Rolling radius [m], above 0.
+    flat
+        Length of a flat on the tread of each wheel [m], at least 0, of a steel wheel on a rail.
     wheels
         Names of the wheels that have them, such as "front_left"; none given: all.
 
@@ -369,9 +373,11 @@ class WheelOrders:
     run_out: tuple[float, ...] = ()
     radius: float = 0.31
     wheels: tuple[str, ...] = ()
+    flat: float = 0.0
 
     def __post_init__(self) -> None:
         check_number("unbalance", self.unbalance, at_least=0)
+        check_number("flat", self.flat, at_least=0, at_most=self.radius)
         check_number("radius", self.radius, above=0)
         for amplitude in self.run_out:
             check_number("run_out", amplitude, at_least=0)
@@ -398,6 +404,12 @@ class WheelOrders:
         -----
         The radial force U (v / R)^2 of an unbalance U equals a motion of the road by U (v / R)^2 / k_t under a tyre of
         stiffness k_t, here the nominal one.
+
+        A wheel of radius R pivots about one end of a flat of length l, and then about the other: its centre falls by
+        (l / 2 - |x|)^2 / (2 R) at a distance x from the middle, l^2 / (8 R) at most (S. G. Newton and R. A. Clark, An
+        investigation into the dynamic effects on the track of wheelflats on railway vehicles, Journal of Mechanical
+        Engineering Science 21 (1979)). It is the sum of -2 (a - sin a) / (pi R^2 k^3) cos(k x), a = k l / 2, of
+        all k = 1 / R, 2 / R .. up to 400 Hz at the highest speed. The contact never opens.
         """
         lines = []
         names = [wheel.corner for wheel in vehicle.wheels]
@@ -432,6 +444,13 @@ class WheelOrders:
                     phases=tuple(phases[1:].tolist()),
                 ),
             ]
+            if self.flat and (not self.wheels or name in self.wheels):
+                order = turns * np.arange(1, int(FASTEST / (turns * float(speed.speeds.max()))) + 1)
+                k = 2 * math.pi * order
+                drop = 2 * (k * self.flat / 2 - np.sin(k * self.flat / 2)) / (math.pi * radius**2 * k**3)
+                phase = order / turns * generator.uniform(0, 2 * math.pi) - math.pi / 2
+                amplitudes = tuple(drop.tolist())
+                lines.append(Lines(speed, tuple(order.tolist()), amplitudes, shares, phases=tuple(phase.tolist())))
         return tuple(lines)
 
 

@@ -16,12 +16,14 @@ from sprung.errors import ParameterError
 from sprung.excitation import (
     GRAVITY,
     BodyAccelerations,
+    Corrugation,
     Crossings,
     CrossSlope,
     Excitation,
     Joints,
     Lines,
     MeasuredSurface,
+    RailQuality,
     RollerRig,
     Route,
     SpeedProfile,
@@ -35,6 +37,7 @@ from sprung.excitation import (
 )
 from sprung.recording import Channel, Recording
 from sprung.simulation.conditions import (
+    FASTEST,
     TYRE_PRESSURE,
     Driving,
     Payload,
@@ -265,34 +268,41 @@ class RailDrive(DriveSettings):
     Parameters
     ----------
     quality
-        Level of the track's irregularity by ERRI B176: "good" (low) or "bad" (high).
+        Level of the track's irregularity: "good" (low) or "bad" (high) by ERRI B176; "fra4", "fra5" or "fra6" by class
+        of the FRA.
     welded
         Whether the rails are welded; otherwise they have joints.
     joints
         Distance, depth and length of the dipped joints.
     crossings
         Crossings and single bad joints; None: there are none.
+    corrugation
+        Corrugation of the rails; None: there is none.
 
     Raises
     ------
     ParameterError
-        If a number is out of range, or the quality is neither "good" nor "bad".
+        If a number is out of range, or the corrugation is passed faster than motion is simulated.
     """
 
     sampling_rate: float = 500.0
     speed: tuple[float, float] = (15.0, 30.0)
-    quality: Literal["good", "bad"] = "good"
+    quality: RailQuality = "good"
     welded: bool = False
     joints: Joints = field(default_factory=Joints)
     crossings: Crossings | None = None
+    corrugation: Corrugation | None = None
 
     def __post_init__(self) -> None:
         DriveSettings.__post_init__(self)
         rail_quality(self.quality)
+        if self.corrugation is not None:
+            passed = max(self.speed) / self.corrugation.wavelength
+            check_number("waves of the corrugation in a second", passed, at_most=FASTEST, advice="drive slower")
 
     def excitation(self, vehicle: Vehicle, route: Route) -> Excitation:
         """Return the height of the rails under the wheels."""
-        obstacles = (None if self.welded else self.joints, self.crossings)
+        obstacles = (None if self.welded else self.joints, self.crossings, self.corrugation)
         track = SurfaceMotion(
             rail_quality(self.quality),
             _axle_positions(vehicle),
@@ -308,8 +318,9 @@ class RailDrive(DriveSettings):
         track: dict[str, Any] = {"quality": self.quality, "welded": self.welded}
         if not self.welded and self.joints != Joints():
             track["joints"] = plain(self.joints)
-        if self.crossings is not None:
-            track["crossings"] = plain(self.crossings)
+        for name in ("crossings", "corrugation"):
+            if getattr(self, name) is not None:
+                track[name] = plain(getattr(self, name))
         lines = self._lines(vehicle, route)
         return {"track": track} | ({"wheel_orders": wheel_order_facts(lines, vehicle)} if lines else {})
 

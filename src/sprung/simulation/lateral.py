@@ -7,15 +7,12 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.errors import ParameterError
-from sprung.excitation import Rail, SpeedProfile, SurfaceMotion, rail_quality
+from sprung.excitation import SpeedProfile, SurfaceMotion, rail_alignment, rail_quality
 from sprung.recording import Recording
 from sprung.signals.conditioning import decimate
 from sprung.simulation.linear import SMOOTH_RATE, response, with_derivatives, with_polynomial_inputs
 from sprung.vehicles import Vehicle, state_space
 from sprung.vehicles.lateral import critical_speed, lateral_outputs, lateral_system, with_lateral
-
-#: Scale factors of the alignment of a good and a bad track of ERRI B176 [m rad].
-ALIGNMENT = {"good": 2.119e-7, "bad": 6.125e-7}
 
 
 def lateral_signals(
@@ -38,7 +35,7 @@ def lateral_signals(
     log_ratios
         ln(true value / value of the file) of lateral components.
     quality
-        Track of ERRI B176, "good" or "bad".
+        Quality of the track, as of `rail_quality`.
     speed
         Speed over time.
     generator
@@ -89,7 +86,7 @@ def _irregularities(
     places = tuple(wheel.x for wheel in vehicle.wheels[::2])
     rails = [
         SurfaceMotion(track, places, speed, contact_length=0.01).at(time, generator).reshape(len(places), 2, -1)
-        for track in (Rail(ALIGNMENT[quality]), rail_quality(quality))
+        for track in (rail_alignment(quality), rail_quality(quality))
     ]
     return np.vstack(
         [rails[0].mean(axis=1), (rails[1][:, 0] - rails[1][:, 1]) / (2 * vehicle.bogie[0].contact_half_spacing)]
