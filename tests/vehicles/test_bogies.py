@@ -192,7 +192,7 @@ def test_sensors_on_frames_and_wheelsets_read_the_motion_of_their_own_body() -> 
     assert reading("box_level") == {**frame, "wheelset2": -1.0, "wheelset2_roll": 1.0}
 
 
-@pytest.mark.parametrize("name", ["coach", "metro"])
+@pytest.mark.parametrize("name", ["coach", "metro", "metro-b", "y25-wagon"])
 def test_shipped_vehicles_come_back_from_their_text(name) -> None:
     car = read_vehicle(name)
     assert vehicle_from_text(vehicle_text(car), source=name) == car
@@ -210,6 +210,30 @@ def test_coach_has_the_published_numbers() -> None:
         assert (bogie.primary_stiffness, bogie.primary_damping) == (1.22e6, 4e3)
         assert (bogie.secondary_stiffness, bogie.secondary_damping) == (430e3, 20e3)
         assert bogie.anti_roll_stiffness == 940e3
+
+
+def test_metro_of_type_b_has_the_published_numbers() -> None:
+    """Mathematical Problems in Engineering 2020, 1584624, table 6: trailer, personnel quota; t, t m^2 and MN/m."""
+    metro = read_vehicle("metro-b")
+    body = metro.body
+    assert (body.mass, body.roll_inertia, body.pitch_inertia, body.yaw_inertia) == (35.8e3, 29335, 1202387, 1192428)
+    for bogie in metro.bogie:
+        lateral = bogie.lateral
+        assert lateral is not None
+        assert (bogie.mass, bogie.roll_inertia, bogie.pitch_inertia, lateral.yaw_inertia) == (2560, 1050, 1750, 1980)
+        assert (bogie.wheelset_mass, bogie.wheelset_roll_inertia) == (1420, 739)
+        assert (lateral.wheelset_spin_inertia, lateral.wheelset_yaw_inertia) == (96, 751)
+        assert (*lateral.primary_stiffness, bogie.primary_stiffness) == (6.6e6, 5.2e6, 1.7e6)
+        assert lateral.secondary_stiffness[0] == 0.21e6
+
+
+def test_the_wagon_stands_on_the_bogies_of_the_thesis() -> None:
+    wagon, alone = read_vehicle("y25-wagon"), read_vehicle("y25")
+    axle = alone.axle[0]
+    for bogie in wagon.bogie:
+        assert (bogie.mass, bogie.pitch_inertia, bogie.roll_inertia) == (2219.0, 1557.0, 1976.0)
+        assert bogie.wheelset_mass == (axle.wheelset_mass or 0.0) + 2 * (axle.unsprung_mass or 0.0)
+        assert (bogie.primary_stiffness, bogie.primary_damping) == (axle.spring_stiffness, axle.damping)
 
 
 def test_modes_of_the_body_have_labels() -> None:

@@ -240,6 +240,19 @@ def test_a_file_keeps_its_lateral_tables(coach) -> None:
     assert vehicle_from_text(vehicle_text(coach), source="text") == coach
 
 
+def test_a_metro_car_hunts_beyond_its_speeds_and_sooner_with_worn_wheels() -> None:
+    """Bisection ends where the least damped of the exact eigenvalues crosses the axis."""
+    metro = read_vehicle("metro-b")
+    critical = critical_speed(metro)
+    assert critical is not None
+    assert critical > 3 * 80 / 3.6
+    assert lateral_modes(metro, speed=0.999 * critical).damping_ratio.min() > 0
+    assert lateral_modes(metro, speed=1.001 * critical).damping_ratio.min() < 0
+    worn = critical_speed(with_lateral(metro, {"conicity": np.log(3.0)}))
+    assert worn is not None
+    assert worn < critical
+
+
 def test_what_a_file_lacks_is_said(coach) -> None:
     with pytest.raises(ParameterError, match=r"'zafira' has no \[\[bogie\]\] tables"):
         lateral_system(read_vehicle("zafira"), speed=10.0)

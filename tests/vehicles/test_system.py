@@ -32,10 +32,12 @@ RATES = {
     "y25": 600.0,
     "coach": 600.0,
     "metro": 600.0,
+    "metro-b": 600.0,
+    "y25-wagon": 600.0,
 }
 # Without vehicles on bogies: 34 states between 1 and 170 Hz, pairs of them alike, are too many for these references,
 # which give bounce and pitch of a symmetric car a correlation of 5e-6. Their poles are tested in test_bogies.
-ON_AXLES = [name for name in VEHICLES if name not in {"coach", "metro"}]
+ON_AXLES = [name for name in VEHICLES if name not in {"coach", "metro", "metro-b", "y25-wagon"}]
 
 
 def oscillator(mass, damping, stiffness, quantity="acceleration"):

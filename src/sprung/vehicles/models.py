@@ -22,7 +22,10 @@ from sprung.vehicles.structure import SUSPENSIONS, BodyShape, Element, Structure
 from sprung.vehicles.system import Outputs
 
 #: Vehicles shipped with the package.
-VEHICLES = ("chain3", "coach", "metro", "plate", "quarter", "scale-bogie", "y25", "zafira", "zafira-printed")
+VEHICLES = (
+    *("chain3", "coach", "metro", "metro-b", "plate", "quarter", "scale-bogie"),
+    *("y25", "y25-wagon", "zafira", "zafira-printed"),
+)
 
 # A vehicle file is a page of text; anything larger is another file.
 _LARGEST_FILE = 1_000_000
