@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
+from sprung.diagnosis import observe_window
 from sprung.errors import ParameterError
 from sprung.excitation import Potholes, constant_speed
 from sprung.simulation import (
@@ -18,6 +19,7 @@ from sprung.simulation import (
     ForceLaw,
     PartScatter,
     Payload,
+    RailDrive,
     RigRun,
     RoadConditions,
     RoadDrive,
@@ -28,6 +30,7 @@ from sprung.simulation import (
     damping_factor,
     held,
     mems_accelerometers,
+    rail_force_laws,
     simulate_drive,
 )
 from sprung.vehicles import (
@@ -176,6 +179,30 @@ def test_a_flat_drops_the_wheel_as_it_pivots_about_its_ends() -> None:
     expected = -(np.maximum(flat / 2 - np.abs(x), 0) ** 2) / (2 * radius)
     assert np.ptp(drop) == pytest.approx(flat**2 / (8 * radius), rel=0.03)
     assert drop - drop.mean() == pytest.approx(expected - expected.mean(), abs=0.03 * np.ptp(expected))
+
+
+@pytest.mark.slow
+def test_the_soft_spring_of_a_bogie_that_slides_is_the_softest_in_a_linear_fit() -> None:
+    """Friction of a tenth of the load reads as damping: more than the file's, as the truth's equivalent is."""
+    y25 = read_vehicle("y25")
+    y25 = y25.model_copy(update={"kind": "rail", "sensor": y25.sensor[:4]})
+    drive = RailDrive(
+        duration=120.0,
+        sampling_rate=100.0,
+        snr=50.0,
+        suspension=SuspensionConditions(force_laws=rail_force_laws(y25)),
+        faults=(parse_fault("rear_left.spring=-0.2"),),
+    )
+    simulated = simulate_drive(y25, drive, seed=4)
+    equivalents = simulated.truth["conditions"]["suspension"]["equivalents"]
+    assert equivalents["rear_left.spring"] == pytest.approx(0.8 * 2.44e6, rel=0.02)
+    assert equivalents["front_right.damper"] > 1.5 * 3000
+    window = observe_window(simulated.recording, y25)
+    springs = [row for row, part in enumerate(window.components) if part.kind == "spring"]
+    softest = springs[int(np.argmin(window.log_ratios[springs]))]
+    assert str(window.components[softest]) == "rear_left.spring"
+    dampers = [row for row, part in enumerate(window.components) if part.kind == "damper"]
+    assert np.mean(window.log_ratios[dampers]) > 0.2
 
 
 def test_unbalance_grows_with_the_square_of_the_speed(hatchback):

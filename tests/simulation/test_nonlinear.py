@@ -206,11 +206,17 @@ def test_equivalents_of_a_linear_law_are_the_parts_themselves(car, drive) -> Non
 
 
 def test_equivalent_of_friction_is_that_of_a_sine() -> None:
-    """Coulomb friction F at a sine of velocity amplitude V: 4 F / (pi V); a spring of cubic b: k (1 + 3 b A^2 / 4)."""
-    steps, amplitude = round(2 * math.pi / 20.0 * RATE * 10), 0.02
+    """Describing functions at an amplitude A and that of velocity V.
+
+    Coulomb friction F: 4 F / (pi V); a spring of cubic b: k (1 + 3 b A^2 / 4); stops K beyond a gap r A, added to k:
+    K (1 - 2 / pi (asin r + r sqrt(1 - r^2))).
+    """
+    steps, amplitude, r = round(2 * math.pi / 20.0 * RATE * 10), 0.02, 0.6
+    stops = 1 - 2 / math.pi * (math.asin(r) + r * math.sqrt(1 - r**2))
     for law, kind, expected in (
         (ForceLaw(friction=0.5, friction_velocity=1e-5), "damper", 4 * 0.5 / (math.pi * 20.0 * amplitude)),
         (ForceLaw(cubic=1.0), "spring", 4e8 * (1 + 0.75 * amplitude**2)),
+        (ForceLaw(gap=r * amplitude, stop_stiffness=4e5), "spring", 4e8 + 4e5 * stops),
     ):
         system = oscillator(mass=1e6, stiffness=4e8)
         motion = integrate(
