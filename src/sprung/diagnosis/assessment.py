@@ -645,7 +645,7 @@ def rank_fleet(
     vehicles of a type on the same routes are. Where all have a baseline, the rate holds at whatever moment
     one looks, in proportion to the time until then over a year, under any dependence (`false_discoveries`). As 1 / e is
     a p-value, with others it is the procedure of Benjamini and Hochberg: for independent vehicles and one look. A run
-    over an archive (`sprung fleet run`) chooses in the same way, each vehicle's scatter by its own baseline alone.
+    over an archive (`sprung fleet run`) chooses in the same way.
 
     References
     ----------

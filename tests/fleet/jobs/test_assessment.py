@@ -10,22 +10,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sprung.diagnosis import diagnose, false_discoveries, learn
+from sprung.diagnosis import diagnose, false_discoveries, learn, rank_fleet
+from sprung.diagnosis.scatter import LASTING
 from sprung.fleet.jobs.analysis import WindowSettings, Work, analyse
 from sprung.fleet.jobs.assessment import (
     COMPARED,
     SCHEMA,
+    WEIGHTS,
     AssessmentSettings,
     Compared,
     WindowRow,
     assess,
+    common_scatter,
     discoveries,
     learnt,
     outline,
+    weights_of,
     without_overlaps,
 )
 from sprung.results.documents import (
     baseline_document,
+    baseline_from_document,
     diagnosis_document,
     observation_from_document,
     restored_statistics,
@@ -64,7 +69,13 @@ def outlined(vehicle, rows, settings=SETTINGS):
     found = outline(vehicle, [replace(row, document="", residuals=None) for row in windows], settings)
     first = [row for row in windows if found.learning and row.start <= found.learn_until]
     own = learnt(found, first, settings) if first else {"document": "", "reason": ""}
-    compared = {"baseline": own["document"], "no_baseline": own["reason"], "type_baseline": "", "type_state": ""}
+    compared = {
+        "baseline": own["document"],
+        "no_baseline": own["reason"],
+        "type_baseline": "",
+        "type_state": "",
+        "weights": None,
+    }
     since = found.since if own["document"] else found.since_alone
     return own, Compared(**asdict(found) | compared | {"since": since})
 
@@ -77,6 +88,36 @@ def assessed(vehicle, rows, settings=SETTINGS):
 
 
 class TestAssessment:
+    @pytest.mark.slow
+    def test_the_evidence_is_that_of_the_list_of_a_type(self, vehicle, rows):
+        """Its baselines show together how parts scatter: evidence is that of `rank_fleet` up to a rounding."""
+        own, compared = outlined(vehicle, rows)
+        names = [f"car{k}" for k in range(6)]
+        table = pa.Table.from_pylist([{"vehicle": name, "type": "t", "document": own["document"]} for name in names])
+        weights = pa.Table.from_batches(weights_of(iter(table.to_batches())))
+        (scatter,) = common_scatter(weights).to_pylist()
+        assert common_scatter(weights.take([3, 1, 5, 0, 4, 2])).to_pylist() == [scatter]
+        last = [row for row in typed(rows) if row.start >= compared.since]
+        alone, found = (assess(replace(compared, weights=one), last, SETTINGS) for one in (None, scatter["weights"]))
+        baseline = baseline_from_document(json.loads(own["document"]))
+        observed = {name: [row.observation("zafira") for row in last] for name in names}
+        ranked = rank_fleet(observed, baselines=dict.fromkeys(names, baseline))
+        assert found["e_value"] == pytest.approx(ranked[0].detection.e_value, abs=0.1)
+        assert abs(alone["e_value"] - found["e_value"]) > 0.3
+        assert {**found, "e_value": 0, "document": ""} == {**alone, "e_value": 0, "document": ""}
+
+    def test_a_common_scatter_is_unchanged_by_one_baseline_of_many(self):
+        """So that no vehicle need be assessed again."""
+        generator = np.random.default_rng(1)
+        weights = LASTING.prior * np.exp(generator.normal(np.linspace(2.0, -2.0, 16).reshape(2, 8), 0.5, (300, 2, 8)))
+        rows = [
+            {"vehicle": f"car{k:03d}", "type": "t", "weights": (one / one.sum()).ravel().tolist()}
+            for k, one in enumerate(weights)
+        ]
+        states = [common_scatter(pa.Table.from_pylist(rows[:n], schema=WEIGHTS)).to_pylist() for n in (299, 300)]
+        assert states[0] == states[1]
+        assert sum(states[0][0]["weights"]) == pytest.approx(1.0, abs=1e-12)
+
     @pytest.mark.slow
     def test_baseline_and_diagnosis_are_those_of_the_library(self, vehicle, rows):
         own, _ = outlined(vehicle, rows)

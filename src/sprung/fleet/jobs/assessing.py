@@ -17,17 +17,21 @@ from sprung.fleet.jobs.assessment import (
     COMPARED,
     LEARNT,
     OUTLINE,
+    SCATTER,
     SCHEMA,
+    WEIGHTS,
     AssessmentSettings,
     Compared,
     Outline,
     WindowRow,
     assess,
+    common_scatter,
     discoveries,
     findings_of,
     learnt,
     outline,
     type_of,
+    weights_of,
 )
 from sprung.fleet.jobs.results import KEY, SCHEMAS, Results
 from sprung.fleet.jobs.spark import filesystem, read, read_files, spark_schema, write, write_files
@@ -90,7 +94,11 @@ def assess_vehicles(
             baselines = keep(step.baselines(states, outlines, learnt), SCHEMAS["baselines"])
             types = keep(step.types(baselines), SCHEMAS["types"])
             report("diagnosing", 0.0)
-            compared = keep(step.compared(outlines, learnt, baselines, types, touched), COMPARED)
+            scatter = keep(step.scatter(baselines), SCATTER)
+            outlines = keep(outlines.unionByName(step.others(states, outlines, scatter)), OUTLINE)
+            compared = keep(
+                step.compared(outlines, learnt, baselines, types=types, scatter=scatter, touched=touched), COMPARED
+            )
             every = keep(step.kept(states, compared).unionByName(step.assessed(compared)), SCHEMA)
             report("writing baselines and diagnoses", 0.0)
             found = keep(_discoveries(every, rate), _FOUND)
@@ -149,7 +157,18 @@ class _Assessor:
     def outlines(self, states: DataFrame, touched: DataFrame) -> DataFrame:
         """Return outlines of the touched vehicles, and of those without a baseline, whose type may change."""
         settled = self.known("baselines", "vehicle").join(touched, "vehicle", "left_anti")
-        open_ones = states.select("vehicle", "state").join(settled, "vehicle", "left_anti")
+        return self._outlined(states.join(settled, "vehicle", "left_anti"))
+
+    def others(self, states: DataFrame, outlines: DataFrame, scatter: DataFrame) -> DataFrame:
+        """Return outlines of the other vehicles where the baselines of their type show another scatter than before."""
+        before = self.known("diagnoses", "vehicle", "type", f.col("type_state").alias("before"))
+        changed = before.join(scatter, "type").where(f.coalesce("before", f.lit("")) != f.col("scatter_state"))
+        others = changed.select("vehicle").join(outlines, "vehicle", "left_anti")
+        return self._outlined(states.join(others, "vehicle", "left_semi"))
+
+    def _outlined(self, states: DataFrame) -> DataFrame:
+        """Return outlines of vehicles."""
+        open_ones = states.select("vehicle", "state")
         texts = ("type", "type_name", "vehicle_file", "vehicle_text")
         named = open_ones.join(self.fleet, "vehicle", "left")
         vehicles = named.select("vehicle", "state", *(f.coalesce(name, f.lit("")).alias(name) for name in texts))
@@ -191,22 +210,29 @@ class _Assessor:
         learnt = self._per("type", fresh, rows, schema, of=dict, function=type_of)
         return before.join(kinds.select("type", "state"), ["type", "state"], "left_semi").unionByName(learnt)
 
+    def scatter(self, baselines: DataFrame) -> DataFrame:
+        """Return what the baselines of each type show together of the scatter of parts."""
+        own = baselines.select("vehicle", "type", "document").mapInArrow(weights_of, spark_schema(WEIGHTS))
+        return own.groupBy("type").applyInArrow(common_scatter, spark_schema(SCATTER))
+
     def compared(
         self,
         outlines: DataFrame,
         learnt: DataFrame,
         baselines: DataFrame,
+        *,
         types: DataFrame,
+        scatter: DataFrame,
         touched: DataFrame,
     ) -> DataFrame:
-        """Return the vehicles whose windows, or whose type where they have no baseline, are others than before."""
+        """Return the vehicles whose windows, or what they are compared with of their type, are others than before."""
 
         def or_empty(name: str) -> Column:
             return f.coalesce(name, f.lit(""))
 
         own = baselines.select("vehicle", f.col("document").alias("baseline"))
         of_type = types.select(
-            f.col("type").alias("alone"), f.col("document").alias("type_baseline"), f.col("state").alias("type_state")
+            f.col("type").alias("alone"), f.col("document").alias("type_baseline"), f.col("state").alias("alone_state")
         )
         failed = learnt.select("vehicle", f.col("reason").alias("no_baseline"))
         before = self.known("diagnoses", "vehicle", f.col("type_state").alias("type_before"))
@@ -219,12 +245,15 @@ class _Assessor:
         whole = (
             joined.withColumn("alone", f.when(is_alone, f.col("type")))
             .join(of_type, "alone", "left")
+            .join(scatter.withColumnRenamed("type", "known"), [~is_alone, f.col("type") == f.col("known")], "left")
             .withColumns(
                 {
+                    "type_state": f.when(is_alone, f.col("alone_state")).otherwise(f.col("scatter_state")),
                     "since": f.when(is_alone, f.col("since_alone")).otherwise(f.col("since")),
-                    **{name: or_empty(name) for name in ("baseline", "no_baseline", "type_baseline", "type_state")},
+                    **{name: or_empty(name) for name in ("baseline", "no_baseline", "type_baseline")},
                 }
             )
+            .withColumn("type_state", or_empty("type_state"))
         )
         is_of_other_type = or_empty("type_before") != f.col("type_state")
         return whole.where(f.col("is_touched").isNotNull() | is_of_other_type).select(*COMPARED.names)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields, replace
 from hashlib import blake2b
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from sprung.diagnosis import (
@@ -17,6 +18,7 @@ from sprung.diagnosis import (
     learn_type,
     mode_changes,
 )
+from sprung.diagnosis.scatter import LASTING, pooled
 from sprung.errors import SprungError
 from sprung.fleet.jobs.results import SCHEMAS
 from sprung.results.documents import (
@@ -32,7 +34,7 @@ from sprung.vehicles import vehicle_from_text
 
 #: Overlap of windows that does not count [ns]: clocks of loggers jitter.
 _OVERLAP = 10**9
-_ARROW = {str: pa.string(), int: pa.int64(), int | None: pa.int64()}
+_ARROW = {str: pa.string(), int: pa.int64(), int | None: pa.int64(), list[float] | None: pa.list_(pa.float64())}
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +89,7 @@ class Compared(Outline):
 
     baseline: str  # sprung.baseline/1 of the vehicle
     type_baseline: str  # sprung.type_baseline/1 of its type
+    weights: list[float] | None  # of the scatter of parts that the baselines of its type show together
     type_state: str
     no_baseline: str  # why it could not be learnt
 
@@ -95,6 +98,9 @@ OUTLINE = pa.schema([(field.name, _ARROW[field.type]) for field in fields(Outlin
 COMPARED = pa.schema([(field.name, _ARROW[field.type]) for field in fields(Compared)])  # type: ignore[index]
 #: Baselines as they are learnt; one without a document could not be, and `reason` states why.
 LEARNT = pa.schema([*SCHEMAS["baselines"], ("reason", pa.string())])
+#: What the baseline of a vehicle shows of the scatter of parts, and what all of a type show together.
+WEIGHTS = pa.schema([("vehicle", pa.string()), ("type", pa.string()), ("weights", pa.list_(pa.float64()))])
+SCATTER = pa.schema([("type", pa.string()), ("weights", pa.list_(pa.float64())), ("scatter_state", pa.string())])
 #: Assessments: diagnoses without what only all vehicles together state.
 SCHEMA = pa.schema([field for field in SCHEMAS["diagnoses"] if field.name != "is_discovery"])
 
@@ -262,6 +268,39 @@ def type_of(kind: Mapping[str, str], rows: Sequence[WindowRow], settings: Assess
     }
 
 
+def weights_of(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
+    """Yield what each baseline shows of the scatter of parts, as rows of `WEIGHTS`."""
+    for batch in batches:
+        rows = batch.to_pylist()
+        for row in rows:
+            row["weights"] = baseline_from_document(json.loads(row["document"])).weights.ravel().tolist()
+        yield pa.RecordBatch.from_pylist(rows, schema=WEIGHTS)
+
+
+def common_scatter(table: pa.Table) -> pa.Table:
+    """Return what the baselines of a type show together of the scatter of parts, as a row of `SCATTER`.
+
+    Parameters
+    ----------
+    table
+        Rows of `WEIGHTS` of one type, in any order.
+
+    Notes
+    -----
+    As by `sprung.rank_fleet`. Vehicles are assessed again where this changes: ln p / p0 of each probability p, with p0
+    before any window, is rounded to a tenth and not below that from which on it counts as the least, so that one
+    baseline more of many changes nothing.
+    """
+    rows = sorted(table.to_pylist(), key=lambda row: row["vehicle"])
+    prior = LASTING.prior
+    odds = np.log(np.maximum(pooled(np.reshape(row["weights"], prior.shape) for row in rows) / prior, 1e-300))
+    weights = prior * np.exp(np.round(np.maximum(odds, np.log(LASTING.rare / LASTING.caution)), 1))
+    weights /= np.sum(weights)
+    state = blake2b(repr(weights.tolist()).encode(), digest_size=6).hexdigest()
+    row = {"type": rows[0]["type"], "weights": weights.ravel().tolist(), "scatter_state": state}
+    return pa.Table.from_pylist([row], schema=SCATTER)
+
+
 def discoveries(table: pa.Table, *, rate: float, n_vehicles: int) -> pa.Table:
     """Return the vehicles that have changed at a rate of false discoveries in the fleet, as a table of names.
 
@@ -310,6 +349,8 @@ def _assessed(
     """Return verdict, diagnosis and what led to it."""
     own, of_type = vehicle.baseline, vehicle.type_baseline
     baseline = baseline_from_document(json.loads(own)) if own else None
+    if baseline is not None and vehicle.weights is not None:
+        baseline = replace(baseline, weights=np.reshape(vehicle.weights, baseline.weights.shape))
     known = type_baseline_from_document(json.loads(of_type)) if of_type and baseline is None else None
     compared = [row for row in windows if row.document][-settings.max_windows :]
     observations = [row.observation(vehicle.type_name) for row in compared]

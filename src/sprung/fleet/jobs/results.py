@@ -111,7 +111,7 @@ SCHEMAS: Mapping[str, pa.Schema] = {
         reason=_TEXT,  # why it is inconclusive, or has no baseline
         document=_TEXT,  # sprung.diagnosis/1
         state=_TEXT,  # digest of the vehicle's windows and the settings
-        type_state=_TEXT,  # of the type that the vehicle is compared with; empty for one with a baseline of its own
+        type_state=_TEXT,  # of the type that the vehicle is compared with, or of the scatter that its baselines show
     ),
     "findings": _schema(
         vehicle=_TEXT,
