@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, Protocol
@@ -322,7 +323,7 @@ def read_surface(path: str | Path, *, half_track: float) -> MeasuredSurface:
     return MeasuredSurface(Path(path).name, heights - heights[:, :1].mean())
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class Profile:
     """Heights of a left and a right track along the road.
 
@@ -336,13 +337,13 @@ class Profile:
 
     first: float
     heights: Real
-    _splines: "CubicSpline" = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def _splines(self) -> "CubicSpline":
         from scipy.interpolate import CubicSpline
 
         positions = self.first + SPACING * np.arange(self.heights.shape[1])
-        object.__setattr__(self, "_splines", CubicSpline(positions, self.heights, axis=1))
+        return CubicSpline(positions, self.heights, axis=1)
 
     def height(self, is_left: bool, position: ArrayLike) -> Real:
         """Return the height of a track at positions [m], by a cubic spline through its points."""
@@ -593,7 +594,9 @@ def random_profile(
         heights = irfft(np.stack([common + differing, right_over_left * (common - differing)]), n=n_points, axis=1)
     for obstacle in obstacles:
         heights = heights + obstacle.heights(positions, generator)
-    return Profile(first, irfft(rfft(heights, axis=1) * np.sinc(n * contact_length), n=n_points, axis=1))
+    if contact_length:
+        heights = irfft(rfft(heights, axis=1) * np.sinc(n * contact_length), n=n_points, axis=1)
+    return Profile(first, heights)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
