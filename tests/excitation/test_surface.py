@@ -6,7 +6,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import csd
 
-from sprung.errors import FormatError
+from sprung.errors import FormatError, ParameterError
 from sprung.excitation import (
     Corrugation,
     Crossings,
@@ -122,6 +122,18 @@ def test_potholes_have_the_number_and_depth_asked_for() -> None:
     assert lowest.sum() == pytest.approx(1000, abs=130)
     assert found.min() == pytest.approx(-0.02, rel=0.01)
     assert found.max() == 0
+
+
+def test_joints_are_on_one_rail_or_staggered() -> None:
+    places = np.arange(0, 36, 0.5)
+    left, right = Joints(18.0, 0.002, stagger=5.0).heights(places, np.random.default_rng(1))
+    assert places[left == -0.002].tolist() == [0.0, 18.0]
+    assert places[right == -0.002].tolist() == [5.0, 23.0]
+    left, right = Joints(18.0, 0.002, side="right").heights(places, np.random.default_rng(1))
+    assert not left.any()
+    assert places[right == -0.002].tolist() == [0.0, 18.0]
+    with pytest.raises(ParameterError):
+        Joints(side="both")  # type: ignore[arg-type]
 
 
 def test_joints_come_every_rail_length() -> None:

@@ -160,8 +160,8 @@ def whole_model() -> Callable[..., Model]:
         layout = rigid_layout(nominal)
         settings = CornerSettings(has_payload=True, has_free_sensors=True)
         spectra = _classes(len(layout.rows), n_classes=3)
-        pitch = 18.0 if kind == "rail" else None
-        usual = vehicle_model(spectra, layout, vehicle, nominal, settings=settings, kind=kind, joint_pitch=pitch)
+        joints = {"joint_pitch": 18.0, "joint_offset": 0.3} if kind == "rail" else {}
+        usual = vehicle_model(spectra, layout, vehicle, nominal, settings=settings, kind=kind, **joints)
         wheels = unsprung_masses(nominal)
         extra: tuple[ParameterBlock, ...] = (wheels,) if kind != "road" and wheels.parts else ()
         return replace(usual, blocks=(*usual.blocks[:-1], *extra, usual.blocks[-1]))

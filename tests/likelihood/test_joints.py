@@ -40,6 +40,42 @@ def test_lines_are_those_of_windowed_impulses_at_equal_distances() -> None:
     assert np.mean(lines - truth) == pytest.approx(0, abs=0.05)
 
 
+def test_lines_of_the_other_rail_have_the_phase_of_its_distance() -> None:
+    """Mean cross periodogram of a train of impulses and of one 5.4 m ahead, over that of impulses at random."""
+    spectra, generator = class_of(20.0, 0.01), np.random.default_rng(1)
+    power = np.zeros(spectra.frequencies.size, dtype=complex)
+    for speed in 20.0 * (1 + 0.01 * generator.standard_normal(4000)):
+        places = np.arange(0, 4.0 * speed + 60, 18.0) - generator.uniform(18, 36)
+        lines = []
+        for times in (places / speed, (places + 5.4) / speed):
+            inside = times[(times > 0) & (times < 4.0)]
+            window = np.sin(np.pi * inside / 4.0) ** 2
+            lines.append(np.exp(-2j * np.pi * spectra.frequencies[:, None] * inside) @ window)
+        power += lines[0] * lines[1].conj()
+    cross = through_window(comb(spectra, 18.0, 5.4 / 18)[..., None, None])[0, :, 0, 0]
+    truth = power / 4000 / (20.0 / 18.0 * (3 / 8 * 4.0))
+    assert np.abs(cross[40:] - truth[40:]).max() < 0.08
+    assert np.abs(cross[:40] - truth[:40]).max() < 0.4
+
+
+def test_joints_of_one_rail_are_under_its_wheels(classes) -> None:
+    """The left rail without any has the density of a smooth track, and both rails have its cross spectrum."""
+    nominal = structure(read_vehicle("zafira"))
+    spectra = classes(3, n_classes=2)
+    terms = nominal_terms(nominal, rigid_layout(nominal), spectra)
+    smooth = RailInputs(spectra, np.array([1.0, 1.0, -1.0, -1.0]), SIDES)
+    jointed = replace(smooth, pitch=18.0)
+    values = dict(zip(jointed.names, jointed.start, strict=True)) | {"joint_left": -60.0}
+    right = jointed.contribute(np.array(list(values.values())), terms).inputs
+    none = smooth.contribute(smooth.start, terms).inputs
+    left_and_cross = np.array([0, 0, 0, 2, 2, 2, 1, 3]), np.array([0, 1, 2, 0, 1, 3, 2, 0])
+    assert np.allclose(right[..., *left_and_cross], none[..., *left_and_cross], rtol=1e-9)
+    n = spectra.grid / spectra.speeds[:, None]
+    dips = 1e-6 * 1e-4 * np.exp(2) / (1 + n**2) ** 2 * np.sinc(0.1 * n) ** 2 / spectra.speeds[:, None]
+    lines = np.maximum(comb(spectra, 18.0).real, 1e-3)
+    assert (right - none)[..., 3, 3].real == pytest.approx(dips * lines, rel=1e-6)
+
+
 def test_a_smooth_track_is_that_of_erri_b176() -> None:
     """Auto and cross spectra of the rails, of the common and the differing part that simulations draw."""
     spectra = class_of(20.0, 0.0)
@@ -93,6 +129,30 @@ def test_impacts_without_a_distance_are_explained(bogie, track) -> None:
     assert np.all(fit.log_ratios_std[springs] < 0.01)
     assert np.all(np.abs(fit.log_ratios[springs]) < 4 * fit.log_ratios_std[springs])
     assert not any("joints" in note for note in fit.notes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("joints", "found"),
+    [
+        (Joints(18.0, side="right"), (18.0, None)),
+        (Joints(25.0, side="left"), (25.0, None)),
+        (Joints(18.0, stagger=9.0), (18.0, 0.5)),
+        (Joints(25.0, stagger=12.5), (25.0, 0.5)),
+        (Joints(18.0, stagger=5.4), (18.0, 0.3)),
+    ],
+)
+def test_joints_of_one_rail_or_not_at_once_on_both_are_explained(bogie, joints, found) -> None:
+    """Every 18 m of one rail 29 %, alternating 33 %, springs to 3 to 7 %, with joints on both rails at once."""
+    fit = fit_corners(drive(bogie, 1, minutes=3.0, joints=joints), bogie)
+    (track,) = (block for block in fit.model.blocks if isinstance(block, RailInputs))
+    assert track.pitch == pytest.approx(found[0], rel=0.002)
+    if found[1]:
+        assert track.offset == pytest.approx(found[1], abs=0.005)
+    springs = [row for row, component in enumerate(fit.components) if component.kind == "spring"]
+    assert fit.model_error < 0.1
+    assert np.all(fit.log_ratios_std[springs] < 0.015)
+    assert np.all(np.abs(fit.log_ratios[springs]) < 3 * fit.log_ratios_std[springs])
 
 
 @pytest.mark.slow

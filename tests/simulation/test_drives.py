@@ -136,7 +136,7 @@ def test_joints_and_crossings_of_a_track_are_in_the_truth() -> None:
     assert found.truth["conditions"]["track"] == {
         "quality": "good",
         "welded": False,
-        "joints": {"rail_length": 12.5, "depth": 0.002, "length": 0.3},
+        "joints": {"rail_length": 12.5, "depth": 0.002, "length": 0.3, "stagger": 0.0, "side": None},
     }
     found = drive(read_vehicle("metro"), welded=True, crossings=crossings, **settings)
     assert found.truth["conditions"]["track"]["crossings"]["per_kilometre"] == 5.0

@@ -170,7 +170,7 @@ class RailDriveConditions(DriveConditions):
     welded
         Whether the rails are welded; otherwise they have joints.
     joints
-        Distance, depth and length of the dipped joints; default: every 18 m.
+        Distance, depth, length and offset of the dipped joints, and their rail; default: every 18 m on both.
     crossings
         Crossings and single bad joints at random places.
     corrugation

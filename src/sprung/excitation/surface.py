@@ -418,7 +418,7 @@ class Potholes:
 
 @dataclass(frozen=True, slots=True)
 class Joints:
-    """Dipped rail joints at equal distances on both rails.
+    """Dipped rail joints at equal distances on both rails, or on one.
 
     Parameters
     ----------
@@ -426,11 +426,15 @@ class Joints:
         Distance between joints [m].
     depth, length
         Depth and length of a dip [m]; it decays exponentially to both sides, with a kink at the joint.
+    stagger
+        Distance of the joints of the right rail ahead of those of the left one [m].
+    side
+        The only rail that has joints, "left" or "right"; None: both have.
 
     Raises
     ------
     ParameterError
-        If a number is out of range.
+        If a number is out of range, or the side is neither "left" nor "right".
 
     Notes
     -----
@@ -440,16 +444,22 @@ class Joints:
     rail_length: float = 18.0
     depth: float = 0.002
     length: float = 0.3
+    stagger: float = 0.0
+    side: Literal["left", "right"] | None = None
 
     def __post_init__(self) -> None:
+        if self.side is not None:
+            check_one_of("side of the joints", self.side, _SIDES)
         for name in ("rail_length", "depth", "length"):
             check_number(name, getattr(self, name), above=0)
 
     def heights(self, positions: Real, generator: np.random.Generator) -> Real:
         """Return the heights of left and right at positions [m], shape (2, points) [m]."""
         del generator  # joints are regular
-        distance = np.abs((positions + self.rail_length / 2) % self.rail_length - self.rail_length / 2)
-        return np.broadcast_to(-self.depth * np.exp(-3 * distance / self.length), (2, positions.size))
+        places = np.subtract.outer([0.0, self.stagger], positions)  # of the left and of the right rail
+        distance = np.abs((places + self.rail_length / 2) % self.rail_length - self.rail_length / 2)
+        has_joints = np.array([[self.side in (None, side)] for side in _SIDES])
+        return -self.depth * np.exp(-3 * distance / self.length) * has_joints
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,7 @@ from sprung.likelihood.vehicle import (
     vehicle_model,
     with_sensors,
 )
-from sprung.likelihood.whittle import TOO_FAR, Model
+from sprung.likelihood.whittle import TOO_FAR, Model, minus_log_likelihood
 from sprung.modal import Modes
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Structure, Vehicle, structure
@@ -78,6 +78,10 @@ class FitRules:
     of_known: DescentSettings = field(default_factory=lambda: DescentSettings(slope=0.15, has_last_step=True))
     #: Those of a search from a broken spring, whose result is compared and at most the start of the full fits.
     from_broken: DescentSettings = field(default_factory=lambda: DescentSettings(slope=0.1, gain=1e-4))
+    #: Number of offsets of the joints of one rail from those of the other that are compared.
+    offsets: int = 64
+    #: Steps by which the distance of joints, relative to it, and this offset are then refined.
+    finer: tuple[float, ...] = (0.004, 0.002, 0.001, 0.0005)
     #: Number of alternating fits and estimates of the speed, if it is missing.
     rounds: int = 3
     #: Relative misfit of the spectra above which a note states an error of the model.
@@ -109,6 +113,8 @@ class FitSetup:
         Excitation of the wheels: "road", "rail" or "rig".
     joint_pitch
         Distance between the joints of a track [m]; None: none were found.
+    joint_offset
+        Distance over the pitch by which those of the right rail are ahead of the left one's.
     """
 
     vehicle: Vehicle
@@ -117,6 +123,7 @@ class FitSetup:
     settings: CornerSettings
     kind: Kind
     joint_pitch: float | None = None
+    joint_offset: float = 0.0
 
     def model(self, spectra: ClassSpectra) -> Model:
         """Return the model of the vehicle with the spectra that it is to explain."""
@@ -128,6 +135,7 @@ class FitSetup:
             settings=self.settings,
             kind=self.kind,
             joint_pitch=self.joint_pitch,
+            joint_offset=self.joint_offset,
         )
 
     def at_classes(self, segments: SegmentSpectra, *, width: float) -> Model:
@@ -398,7 +406,7 @@ def fit_segments(
         turn, pitch = repetitions(smooth, smooth.scaled_start(), segments, width=RULES.coarse)
         setup = replace(setup, joint_pitch=np.inf if pitch is None else pitch)
         lines = of_wheels = () if turn is None else lines_of_turns(turn, smooth.spectra)
-    model, parameters = _start(segments, setup, starts, lines)
+    setup, model, parameters = _start(segments, setup, starts, lines)
     limited, power, lowest = segments, RULES.first, lowest_of_lines(setup.nominal, setup.kind)
     for _ in range(RULES.max_fits):
         last_lines, last_power = lines, power
@@ -427,16 +435,49 @@ def _start(
     setup: FitSetup,
     starts: Callable[[], Sequence[Real]],
     lines: tuple[SpectralLine, ...],
-) -> tuple[Model, Real]:
-    """Return the model with speed classes of full width, tempered as at first, and where its search starts."""
+) -> tuple[FitSetup, Model, Real]:
+    """Return the set-up, its model with speed classes of full width, tempered, and where its search starts."""
     coarse = setup.at_classes(segments, width=RULES.coarse)
     rough = _weighted(coarse, coarse.spectra, tempering=RULES.first, lines=lines)
     untempered = _weighted(coarse, coarse.spectra, tempering=1.0, lines=lines)
     end = _rough_fit(rough, untempered, starts, setup.settings.expected)
+    if setup.joint_pitch is not None and np.isfinite(setup.joint_pitch):
+        setup, rough, end = _with_offset(setup, rough, end)
     fine = setup.at_classes(segments, width=CLASS_WIDTH)
     model = _weighted(fine, fine.spectra, tempering=RULES.first)
     parameters = _carried_over(rough, end, model)
-    return model, model.scaled_start() if model.objective(parameters)[0] == TOO_FAR else parameters
+    return setup, model, model.scaled_start() if model.objective(parameters)[0] == TOO_FAR else parameters
+
+
+def _with_offset(setup: FitSetup, rough: Model, end: Real) -> tuple[FitSetup, Model, Real]:
+    """Return set-up, model and end of its search with another offset of the rails' joints, where that is more likely.
+
+    It is sought where the joints of both rails look less coherent than before any data; and joints every p of both
+    together may be those of two rails that alternate, every 2 p of each.
+    """
+    coherent = np.where(np.equal(rough.names, "joint_loss"), rough.start, end)
+
+    def model(place: tuple[float, float]) -> Model:
+        return replace(setup, joint_pitch=place[0], joint_offset=place[1] % 1).model(rough.spectra)
+
+    @cache
+    def misfit(place: tuple[float, float]) -> float:
+        trial = model(place)
+        return minus_log_likelihood(trial.matrix(coherent), trial.spectra)[0]
+
+    pitch = setup.joint_pitch or np.inf
+    offsets = np.arange(1, RULES.offsets if np.any(end > coherent) else 1) / RULES.offsets
+    place = min([(2 * pitch, 0.5), *((pitch, offset) for offset in offsets.tolist())], key=misfit)
+    is_other = misfit(place) < minus_log_likelihood(rough.matrix(end), rough.spectra)[0]
+    place = place if is_other else (pitch, 0.0)
+    for finer in RULES.finer:
+        place = min(((place[0] * (1 + sign * finer), place[1]) for sign in (0, -1, 1)), key=misfit)
+        if is_other:
+            place = min(((place[0], place[1] + sign * finer) for sign in (0, -1, 1)), key=misfit)
+    setup = replace(setup, joint_pitch=place[0], joint_offset=place[1] % 1)
+    if not is_other:
+        return setup, rough, end
+    return setup, model(place), _end(model(place), coherent, None)
 
 
 def _rough_fit(
@@ -499,7 +540,7 @@ def _notes(fit: CornerFit) -> tuple[str, ...]:
         if fit.parameters[fit.model.rows("noise")].size > len(fit.model.layout.coordinates):
             cause += ", or leakage between frequencies, which channels beyond the motions show,"
         if any(isinstance(block, RailInputs) for block in fit.model.blocks):
-            cause += " or dips of one rail alone"
+            cause += ", or joints at distances that vary or are not found,"
         elif any(isinstance(block, RigInputs) for block in fit.model.blocks):
             cause += ', or a track, and not a rig as its kind = "rig" states,'
         cause += " may be why"

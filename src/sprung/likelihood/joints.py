@@ -5,13 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sprung._arrays import Real
+from sprung._arrays import Complex, Real
 from sprung.likelihood.spectra import OVERCOUNT, ClassSpectra, SegmentSpectra
 from sprung.likelihood.uncertainty import whitened_segments
 from sprung.likelihood.whittle import Model
-
-#: Least density between the lines: sharper than a bin of a segment, they would make it negative on its grid.
-_LEAST = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +30,7 @@ class RepetitionSettings:
 SETTINGS = RepetitionSettings()
 
 
-def comb(spectra: ClassSpectra, pitch: float) -> Real:
+def comb(spectra: ClassSpectra, pitch: float, offset: float = 0.0) -> Complex:
     """Return the density of a periodic track over that of the same impulses at random places, shape (classes, grid).
 
     Parameters
@@ -42,13 +39,15 @@ def comb(spectra: ClassSpectra, pitch: float) -> Real:
         Grid, speeds and spreads.
     pitch
         Distance between the impulses [m]; infinite: they are at random places themselves.
+    offset
+        Distance over the pitch by which the impulses of another rail are ahead of these: the cross spectrum of both.
 
     Notes
     -----
-    Lines at k v / pitch are, as a Fourier series over f, 1 + 2 sum_m cos(w m t) with the time t = pitch / v between two
-    joints. A Hann window of length T multiplies term m by its autocorrelation at u = m t / T < 1, divided here by
-    2/3 + cos(2 pi u) / 3, as `through_window` follows; the spread of the speed in a segment by
-    exp(-(w m t spread)^2 / 2), so that nothing is left of high lines. The mean over the segments of a class.
+    Lines at k v / pitch are, as a Fourier series over f, sum_m exp(i w s) with the time s = (m + offset) pitch / v
+    between two joints, m = ..., -1, 0, 1, ... A Hann window of length T multiplies each term by its autocorrelation at
+    u = |s| / T < 1, divided here by 2/3 + cos(2 pi u) / 3, as `through_window` follows; the spread of the speed in a
+    segment by exp(-(w s spread)^2 / 2), so that nothing is left of high lines. The mean over the segments of a class.
 
     References
     ----------
@@ -57,15 +56,15 @@ def comb(spectra: ClassSpectra, pitch: float) -> Real:
     """
     pulsation = 2 * np.pi * spectra.grid
     members = spectra.members or np.array([spectra.speeds, spectra.spreads]).T[:, :, None]
-    lines = np.ones((spectra.speeds.size, spectra.grid.size))
-    for row, (speeds, spreads) in enumerate(members):
-        seconds = pitch / speeds
-        m = np.arange(1, np.ceil(spectra.segment_length / seconds.min()))[:, None]
-        u = np.minimum(m * seconds / spectra.segment_length, 1.0)
+    lines = np.ones((spectra.speeds.size, spectra.grid.size), dtype=np.complex128)
+    for row, (speeds, spreads) in enumerate(members if np.isfinite(pitch) else ()):
+        count = np.ceil(spectra.segment_length * speeds.max() / pitch)
+        s = (np.arange(-count, count + 1)[:, None] + offset) * pitch / speeds
+        u = np.minimum(np.abs(s) / spectra.segment_length, 1.0)
         share = 1 - u + 3 * np.sin(2 * np.pi * u) / (2 * np.pi * (2 + np.cos(2 * np.pi * u)))
-        lag = pulsation[:, None, None] * m * seconds
-        lines[row] += 2 * np.sum(share * np.exp(-((lag * spreads) ** 2) / 2) * np.cos(lag), axis=(1, 2)) / speeds.size
-    return np.maximum(lines, _LEAST)
+        lag = pulsation[:, None, None] * s
+        lines[row] = np.sum(share * np.exp(-((lag * spreads) ** 2) / 2 + 1j * lag), axis=(1, 2)) / speeds.size
+    return lines
 
 
 def repetitions(

@@ -18,6 +18,8 @@ from sprung.likelihood.transfer import TermGradients, Transfer
 REFERENCE = 0.1
 #: Density of joints over the roughness for a level of 1.
 JOINT_DENSITY = 1e-4
+#: Least density of joints between their lines over that of joints at random places.
+LEAST = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,22 +41,19 @@ DEVIATIONS = DeviationPrior()
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SurfaceForm:
-    """Form of a surface's spectra over spatial frequency, shape (classes, grid) each.
+    """Form of a surface's spectra over spatial frequency.
 
     Parameters
     ----------
-    log_density
-        ln c, density of one track over its roughness.
-    log_coherence
-        ln g, cross spectrum of left and right over the density.
-    density_derivatives, coherence_derivatives
-        Derivatives of both with respect to each parameter of the form, shape (parameters, classes, grid).
+    logs
+        ln of the spectra over the roughness, shape (parts, classes, grid): that of one track and the cross spectrum of
+        left and right; or those of the left track, of the right one, and of left and right, real and imaginary part.
+    derivatives
+        Derivatives with respect to each parameter of the form, shape (parameters, parts, classes, grid).
     """
 
-    log_density: Real
-    log_coherence: Real
-    density_derivatives: Real
-    coherence_derivatives: Real
+    logs: Real
+    derivatives: Real
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -146,32 +145,33 @@ class SurfaceInputs(ParameterBlock):
     def contribute(self, parameters: Real, terms: Terms) -> Terms:
         """Return the terms with the spectral matrix of the surface as inputs."""
         form, lags = self.form(parameters[1:-1]), self._scaled_lags(parameters)
-        density = self._patch * np.exp(parameters[0] + form.log_density) / self.spectra.speeds[:, None]
         delayed = self._between_axles(np.exp(-1j * lags - self._blur(lags) / 2), itself=1.0)
-        levels = np.array([density.T, (density * np.exp(form.log_coherence)).T])
+        scale = self._patch * np.exp(parameters[0]) / self.spectra.speeds[:, None]
+        kinds, logs = self._pairs_of_sides()
+        levels = scale.T * np.exp(np.tensordot(logs, form.logs.swapaxes(1, 2), axes=(0, 0)))
         by_side = levels[:, None, None] * delayed.T
-        inputs = by_side[self._is_across().astype(np.intp), self._axles[:, None], self._axles]
+        inputs = by_side[kinds.T, self._axles[:, None], self._axles]
         return replace(terms, inputs=inputs.T)
 
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
         """Return the gradient of the objective: all parameters act on ln S_ij."""
         by_log, form = gradients.log_inputs, self.form(parameters[1:-1])
-        total, across = by_log.real.sum(axis=(-1, -2)), by_log.T[self._is_across()].real.sum(axis=0).T
-        by_form = np.einsum("pcf,cf->p", form.density_derivatives, total)
-        by_form += np.einsum("pcf,cf->p", form.coherence_derivatives, across)
+        at_wheels = by_log.T.reshape(-1, *by_log.T.shape[2:])
+        by_part = np.tensordot(self._masks().swapaxes(1, 2).reshape(-1, len(at_wheels)), at_wheels, axes=1).real
+        by_form = np.einsum("pkcf,kfc->p", form.derivatives, by_part)
         delay = 2 * np.sum((self._by_pair(by_log) * self._delay_derivative(parameters)).real)
-        return np.array([total.sum(), *by_form, delay])
+        return np.array([by_log.real.sum(), *by_form, delay])
 
     def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
         form, inputs = self.form(parameters[1:-1]), response.terms.inputs
-        whole, across = response.change_by_inputs(inputs), response.change_by_inputs(inputs * self._is_across())
+        by_part = [response.change_by_inputs(inputs * mask) for mask in self._masks()]
         delay = self._at_wheels(self._between_axles(self._delay_derivative(parameters), itself=0.0))
         by_form = [
-            density[..., None] * whole + coherence[..., None] * across
-            for density, coherence in zip(form.density_derivatives, form.coherence_derivatives, strict=True)
+            sum(derivative[..., None] * part for derivative, part in zip(each, by_part, strict=True))
+            for each in form.derivatives
         ]
-        return [whole, *by_form, response.change_by_inputs(inputs * delay)]
+        return [response.change_by_inputs(inputs), *by_form, response.change_by_inputs(inputs * delay)]
 
     def values(self, parameters: Real) -> dict[str, float]:
         """Return roughness [m^3], waviness, coherence or bends, and the ratio of the delays."""
@@ -212,9 +212,14 @@ class SurfaceInputs(ParameterBlock):
         """Matrices of the axles as matrices of the wheels, in Fortran order."""
         return matrices.T[self._axles[:, None], self._axles].T
 
-    def _is_across(self) -> Booleans:
-        """Whether two wheels are on different sides, shape (inputs, inputs)."""
-        return np.not_equal.outer(self.sides, self.sides)
+    def _pairs_of_sides(self) -> tuple[Indices, Complex]:
+        """Kind of each pair of wheels, shape (inputs, inputs), and factors of the logs in ln S, (parts, kinds)."""
+        return np.not_equal.outer(self.sides, self.sides).astype(np.intp), np.eye(2, dtype=np.complex128)
+
+    def _masks(self) -> Complex:
+        """Factors of the logs in ln S_ij, Hermitian, shape (parts, inputs, inputs)."""
+        kinds, logs = self._pairs_of_sides()
+        return np.asarray(logs[:, kinds], dtype=np.complex128)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -261,13 +266,13 @@ class RoadInputs(SurfaceInputs):
         log_ratio, power = np.log(self._n / REFERENCE), np.exp(log_power)
         log_waves = log_length + np.log(self._n)
         log_coherence, zero = -np.exp(power * log_waves), np.zeros_like(self._n)
-        zeros = np.zeros((1 + deviations.size, *self._n.shape))
+        log_density = np.tensordot(deviations, self._basis, axes=1).T - waviness * log_ratio
+        of_both = np.concatenate([-log_ratio[None], self._basis.swapaxes(1, 2)])
+        of_cross = np.stack([power * log_coherence, power * log_waves * log_coherence])
         return SurfaceForm(
-            log_density=np.tensordot(deviations, self._basis, axes=1).T - waviness * log_ratio,
-            log_coherence=log_coherence,
-            density_derivatives=np.concatenate([-log_ratio[None], self._basis.swapaxes(1, 2), np.stack([zero, zero])]),
-            coherence_derivatives=np.concatenate(
-                [zeros, np.stack([power * log_coherence, power * log_waves * log_coherence])]
+            logs=np.stack([log_density, log_density + log_coherence]),
+            derivatives=np.concatenate(
+                [np.stack([of_both, of_both], axis=1), np.stack([np.stack([zero, zero]), of_cross], axis=1)]
             ),
         )
 
@@ -282,13 +287,17 @@ class RailInputs(SurfaceInputs):
         As for `SurfaceInputs`.
     pitch
         Distance between rail joints [m]; infinite: impacts are at random places, as of crossings; None: there are none.
+    offset
+        Distance over the pitch by which the joints of the right rail are ahead of those of the left one.
 
     Notes
     -----
     The spectra of ERRI B176 (see `sprung.excitation.Rail`) above their lowest bend, whose wavelength is far longer than
-    a vehicle; `bend` and `cross` in cycles/m. Joints on both rails at the same places add j = joint_level c_1 K(n) /
-    (1 + (n / joint_bend)^2)^joint_power to c and to c g, with the lines K of the pitch (`comb`) and c_1 = 1e-4: a short
-    dip of unknown depth and shape, whose spectrum falls off beyond the inverse of its length.
+    a vehicle; `bend` and `cross` in cycles/m. Joints add j_i = joint_i c_1 K(n) / (1 + (n / joint_bend)^2)^joint_power
+    to c of each rail i, left and right, with the lines K of the pitch and c_1 = 1e-4: a short dip of unknown depth and
+    shape, whose spectrum falls off beyond the inverse of its length. They add sqrt(j_left j_right) / K C e^-joint_loss
+    to c g, with the lines C of the offset (`comb`): joints at varying distances, or impacts of one rail alone, lose
+    coherence.
 
     References
     ----------
@@ -298,10 +307,11 @@ class RailInputs(SurfaceInputs):
     """
 
     pitch: float | None = None
-    _comb: Real = field(init=False, repr=False)
+    offset: float = 0.0
+    _combs: Complex = field(init=False, repr=False)
 
     logarithms: ClassVar[frozenset[str]] = frozenset(
-        {"roughness", "bend", "cross", "joint_level", "joint_bend", "joint_power", "delay"}
+        {"roughness", "bend", "cross", "joint_bend", "joint_power", "joint_loss", "joint_left", "joint_right", "delay"}
     )
     _track: ClassVar[dict[str, tuple[float, float]]] = {
         "roughness": (np.log(1e-6), 10.0),
@@ -310,15 +320,22 @@ class RailInputs(SurfaceInputs):
         "cross": (np.log(0.4380 / (2 * np.pi)), 1.0),
     }
     _joints: ClassVar[dict[str, tuple[float, float]]] = {
-        "joint_level": (0.0, 5.0),
         "joint_bend": (0.0, 1.0),
         "joint_power": (np.log(2.0), 0.5),
+        "joint_loss": (np.log(0.05), 2.0),
+        "joint_left": (2.0, 5.0),
+        "joint_right": (2.0, 5.0),
     }
 
     def __post_init__(self) -> None:
         SurfaceInputs.__post_init__(self)
-        lines = np.zeros_like(self._n) if self.pitch is None else comb(self.spectra, self.pitch)
-        object.__setattr__(self, "_comb", np.asfortranarray(lines))
+        if self.pitch is None:
+            return
+        # Lines sharper than a bin of a segment would make the density between them negative on its grid.
+        lines = np.maximum(comb(self.spectra, self.pitch).real, LEAST)
+        across = comb(self.spectra, self.pitch, self.offset) if self.offset else lines
+        across = across * np.minimum(1, lines / np.maximum(np.abs(across), LEAST))
+        object.__setattr__(self, "_combs", np.stack([lines, lines, across]))
 
     @property
     def usual(self) -> dict[str, tuple[float, float]]:  # type: ignore[override]
@@ -328,39 +345,49 @@ class RailInputs(SurfaceInputs):
     def form(self, parameters: Real) -> SurfaceForm:
         """Return the form of a track."""
         n, (waviness, log_bend, log_cross) = self._n, parameters[:3]
-        log_ratio, zero = np.log(n / REFERENCE), np.zeros_like(n)
+        log_ratio = np.log(n / REFERENCE)
         bend, cross = (n / np.exp(log_bend)) ** 2, (n / np.exp(log_cross)) ** 2
+        log_cross = -waviness * log_ratio - np.log1p(bend) - np.log1p(cross)
+        common, loss = [-log_ratio, 2 * bend / (1 + bend)], 2 * cross / (1 + cross)
         smooth = SurfaceForm(
-            log_density=-waviness * log_ratio - np.log1p(bend) + np.log1p(2 * cross) - np.log1p(cross),
-            log_coherence=-np.log1p(2 * cross),
-            density_derivatives=np.stack(
-                [-log_ratio, 2 * bend / (1 + bend), -2 * cross / ((1 + cross) * (1 + 2 * cross))]
+            logs=np.stack([log_cross + np.log1p(2 * cross), log_cross]),
+            derivatives=np.stack(
+                [np.stack([*common, loss - 4 * cross / (1 + 2 * cross)]), np.stack([*common, loss])], axis=1
             ),
-            coherence_derivatives=np.stack([zero, zero, 4 * cross / (1 + 2 * cross)]),
         )
         return smooth if self.pitch is None else self._with_joints(smooth, parameters[3:])
 
     def _with_joints(self, smooth: SurfaceForm, parameters: Real) -> SurfaceForm:
-        """Add j to the density c of each rail and to the cross spectrum c g: ln (c + j), ln ((c g + j) / (c + j))."""
-        level, log_bend, log_power = parameters
-        waves, power = (self._n / np.exp(log_bend)) ** 2, np.exp(log_power)
-        joints = JOINT_DENSITY * self._comb * np.exp(level - power * np.log1p(waves))
-        by_joints = np.stack(
-            [np.ones_like(waves), 2 * power * waves / (1 + waves), -power * np.log1p(waves)]
-        )  # of ln j
-        density = np.exp(smooth.log_density)
-        cross = density * np.exp(smooth.log_coherence)
-        in_density, in_cross = joints / (density + joints), joints / (cross + joints)
-        by_density = np.concatenate([(1 - in_density) * smooth.density_derivatives, in_density * by_joints])
-        by_cross = np.concatenate(
-            [(1 - in_cross) * (smooth.density_derivatives + smooth.coherence_derivatives), in_cross * by_joints]
+        """Add joints to the spectrum of each rail and to the cross spectrum: ln (s + j), with all derivatives."""
+        log_bend, log_power, log_loss, left, right = parameters
+        waves, power, loss = (self._n / np.exp(log_bend)) ** 2, np.exp(log_power), np.exp(log_loss)
+        levels = np.array([left, right, (left + right) / 2 - loss])
+        by_level = np.array([[0, 0, -loss], [1, 0, 0.5], [0, 1, 0.5]])  # by loss, left and right
+        falls = -power * np.log1p(waves)
+        joints = JOINT_DENSITY * self._combs * np.exp(levels[:, None, None] + falls)
+        track = np.exp(smooth.logs)[[0, 0, 1]]
+        by_shape = np.stack([2 * power * waves / (1 + waves), falls])
+        by_joints = np.concatenate(
+            [
+                np.broadcast_to(by_shape[:, None], (2, *joints.shape)),
+                np.broadcast_to(by_level[..., None, None], (3, *joints.shape)),
+            ]
         )
+        share = joints / (track + joints)
+        derivatives = np.concatenate([(1 - share) * smooth.derivatives[:, [0, 0, 1]], share * by_joints])
+        logs = np.log(track + joints)
         return SurfaceForm(
-            log_density=np.log(density + joints),
-            log_coherence=np.log((cross + joints) / (density + joints)),
-            density_derivatives=by_density,
-            coherence_derivatives=by_cross - by_density,
+            logs=np.concatenate([logs.real, logs.imag[2:]]),
+            derivatives=np.concatenate([derivatives.real, derivatives.imag[:, 2:]], axis=1),
         )
+
+    def _pairs_of_sides(self) -> tuple[Indices, Complex]:
+        """Kind of each pair of wheels and factors of the logs; beside joints, of each rail, and of left and right."""
+        if self.pitch is None:
+            return SurfaceInputs._pairs_of_sides(self)
+        is_right = (self.sides < 0).astype(np.intp)
+        factors = np.array([[1, 0, 0, 0], [0, 0, 0, 1], [0, 1, 1, 0], [0, 1j, -1j, 0]])
+        return np.add.outer(2 * is_right, is_right), factors
 
 
 def road_deviations(n: Real) -> Real:

@@ -136,6 +136,7 @@ def vehicle_model(
     settings: CornerSettings,
     kind: Kind,
     joint_pitch: float | None = None,
+    joint_offset: float = 0.0,
 ) -> Model:
     """Return the model of a vehicle with the components, payload and sensor errors that the settings make free.
 
@@ -155,6 +156,8 @@ def vehicle_model(
         Excitation of the wheels: "road", "rail" or "rig".
     joint_pitch
         Distance between the joints of a track [m]; None: there are none.
+    joint_offset
+        Distance over the pitch by which those of the right rail are ahead of the left one's.
 
     Raises
     ------
@@ -193,12 +196,12 @@ def vehicle_model(
         blocks += [tyres] if tyres.names else []
     if settings.has_free_sensors:
         blocks += [sensor_positions(nominal, layout), SensorDelays(layout, layout.names)]
-    blocks += _inputs(spectra, vehicle, nominal, kind, joint_pitch)
+    blocks += _inputs(spectra, vehicle, nominal, kind, (joint_pitch, joint_offset))
     return Model(nominal, layout, spectra, (*blocks, SensorNoise(layout)))
 
 
 def _inputs(
-    spectra: ClassSpectra, vehicle: Vehicle, nominal: Structure, kind: Kind, joint_pitch: float | None
+    spectra: ClassSpectra, vehicle: Vehicle, nominal: Structure, kind: Kind, joints: tuple[float | None, float]
 ) -> list[ParameterBlock]:
     """Parameter blocks of the wheels' inputs."""
     if kind == "rig":
@@ -213,7 +216,7 @@ def _inputs(
             TrackLevels(sides),
             driving(nominal, positions[0] - positions[-1]),
         ]
-    rails = [RailInputs(spectra, positions, sides, DEFAULTS.rail_contact, joint_pitch), by_class]
+    rails = [RailInputs(spectra, positions, sides, DEFAULTS.rail_contact, *joints), by_class]
     return [*rails, *(Alignment(spectra, vehicle, nominal) for _ in range(vehicle.sways_on_bogies))]
 
 
