@@ -186,3 +186,21 @@ def test_a_jointed_track_is_explained_and_the_springs_are_right(bogie) -> None:
     assert np.all(np.abs(fit.log_ratios[springs]) < 4 * fit.log_ratios_std[springs])
     assert any("rail joints every 18.0 m" in note for note in fit.notes)
     assert not any(component.kind == "tyre" for component in fit.components)
+
+
+@pytest.mark.slow
+def test_joints_sharpen_a_speed_that_was_not_recorded() -> None:
+    """Refused (the speed of only 8 of 77 segments) where joints are no part of the estimate of the speed."""
+    metro = read_vehicle("metro")
+    names = ("bogie1_fl", "body_fl")
+    metro = metro.model_copy(update={"sensor": tuple(one for one in metro.sensor if one.channel in names)})
+    settings = RailDrive(duration=300.0, sampling_rate=100.0, speed=(14.5, 18.5), snr=30.0)
+    fit = fit_corners(simulate_drive(metro, settings, seed=4).recording.select(names), metro)
+    assert fit.model_error < 0.1
+    near = [
+        row
+        for row, part in enumerate(fit.components)
+        if part.corner.startswith("bogie1_f") and part.kind == "primary_spring"
+    ]
+    assert np.abs(fit.log_ratios[near]).max() < 0.05
+    assert np.abs(fit.log_ratios / fit.log_ratios_std)[fit.is_identifiable].max() < 3.5

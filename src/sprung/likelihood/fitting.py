@@ -27,7 +27,7 @@ from sprung.likelihood.spectra import (
     segment_speeds,
     steady_segments,
 )
-from sprung.likelihood.speed_delay import DELAYS, SpeedDelay, speed_delay, with_estimated_speeds
+from sprung.likelihood.speed_delay import DELAYS, FINE, SpeedDelay, speed_delay, speed_grid, with_estimated_speeds
 from sprung.likelihood.surface import RailInputs
 from sprung.likelihood.suspension_forces import DrivenSegments, beyond
 from sprung.likelihood.uncertainty import parameter_covariance, power_misfit, segment_weights, tempering
@@ -82,7 +82,7 @@ class FitRules:
     offsets: int = 64
     #: Steps by which the distance of joints, relative to it, and this offset are then refined.
     finer: tuple[float, ...] = (0.004, 0.002, 0.001, 0.0005)
-    #: Number of alternating fits and estimates of the speed, if it is missing.
+    #: Number of alternating fits and estimates of the speed, if it is missing; one more on a track, for its joints.
     rounds: int = 3
     #: Relative misfit of the spectra above which a note states an error of the model.
     imperfect: float = 0.1
@@ -149,7 +149,7 @@ class FitSetup:
             frequencies=frequencies,
             counts=np.ones(speeds.size),
             speeds=speeds,
-            spreads=np.full(speeds.size, 0.01),
+            spreads=np.full(speeds.size, np.log(speeds[1] / speeds[0]) / 2),
             matrices=np.broadcast_to(np.eye(size, dtype=np.complex128), (speeds.size, frequencies.size, size, size)),
             segment_length=segments.segment_length,
             weights=np.ones((speeds.size, frequencies.size)),
@@ -287,12 +287,17 @@ def fit_windows(
             )
         return replace(fit, from_modes=next(iter(checks), None), speed_delay=delay, notes=(*layout, *fit.notes, *late))
     parameters = None
-    for _ in range(RULES.rounds):
-        at_speeds = partial(setup.at_speeds, segments)
-        known = with_estimated_speeds(segments, at_speeds, parameters, is_tentative=parameters is None)
+    speeds = speed_grid()
+    for _ in range(RULES.rounds + (setup.kind == "rail")):
+        at_speeds, is_tentative = partial(setup.at_speeds, segments), parameters is None
+        known = with_estimated_speeds(segments, at_speeds, parameters, speeds=speeds, is_tentative=is_tentative)
         setup = replace(setup, nominal=structure(setup.vehicle, speed=float(known.speeds.mean())))
-        fit = _fit(known, setup, starts)
+        fit = _fit(known, replace(setup, joint_pitch=None, joint_offset=0.0), starts)
         parameters = fit.parameters
+        for track in fit.model.blocks:
+            if isinstance(track, RailInputs):
+                setup = replace(setup, joint_pitch=track.pitch, joint_offset=track.offset)
+                speeds = speed_grid((known.speeds.min(), known.speeds.max()), step=FINE)
     low, high = known.speeds.min(), known.speeds.max()
     note = f"the speed was not recorded: {low:.3g} to {high:.3g} m/s, from the delay between the axles"
     return replace(fit, notes=(*layout, *fit.notes, note), from_modes=next(iter(checks), None))

@@ -11,9 +11,10 @@ from sprung.likelihood.spectra import OVERCOUNT, SLOWEST, UNSTEADIEST, SegmentSp
 from sprung.likelihood.surface import SurfaceInputs
 from sprung.likelihood.whittle import Model
 
-#: Highest speed of the grid [m/s], and ratio of neighbouring speeds.
+#: Highest speed of the grid [m/s], and ratio of neighbouring speeds; and that of a grid for the lines of rail joints.
 FASTEST = 45.0
 STEP = 1.02
+FINE = 1.002
 #: Delays that are compared [s].
 DELAYS = np.linspace(-0.5, 3.0, 15)
 
@@ -30,6 +31,10 @@ class SpeedLimits:
     any_speed: float = 100.0
     #: Typical change of ln speed from one half-overlapping segment to the next.
     change: float = 0.08
+    #: Ratio of the ends of a second grid of speeds and of the speeds found by the first.
+    beyond: float = 1.1
+    #: Standard deviation of a time within a Hann-squared segment over the time between two segments.
+    within: float = 0.28
     #: Largest standard deviation of ln speed in a segment that is used, and fewest such segments.
     sharp: float = 0.06
     min_segments: int = 12
@@ -64,10 +69,11 @@ class SpeedDelay:
     std: float = LIMITS.prior
 
 
-def speed_grid() -> Real:
-    """Return the speeds at which the likelihood is computed [m/s], shape (speeds,)."""
-    count = int(np.log(FASTEST / SLOWEST) / np.log(STEP)) + 1
-    return np.asarray(SLOWEST * STEP ** np.arange(count), dtype=np.float64)
+def speed_grid(found: tuple[float, float] = (SLOWEST, FASTEST), *, step: float = STEP) -> Real:
+    """Return the speeds at which the likelihood is computed [m/s], some beyond those found, shape (speeds,)."""
+    lowest, highest = max(found[0] / LIMITS.beyond, SLOWEST), min(found[1] * LIMITS.beyond, FASTEST)
+    count = int(np.log(highest / lowest) / np.log(step)) + 1
+    return np.asarray(lowest * step ** np.arange(count), dtype=np.float64)
 
 
 def with_estimated_speeds(
@@ -75,6 +81,7 @@ def with_estimated_speeds(
     model_at: Callable[[Real], Model],
     parameters: Real | None = None,
     *,
+    speeds: Real | None = None,
     is_tentative: bool = False,
 ) -> SegmentSpectra:
     """Return the segments whose speed can be estimated from the delay between the axles, with that speed.
@@ -88,6 +95,8 @@ def with_estimated_speeds(
     parameters
         Parameters of an earlier fit, of which those of the free parts and the first ones of the surface are used; None:
         nominal ones.
+    speeds
+        Speeds that are compared [m/s], in equal ratios; None: those of `speed_grid`.
     is_tentative
         Whether another estimate follows, with parameters of a fit.
 
@@ -110,7 +119,7 @@ def with_estimated_speeds(
     L. R. Rabiner, A tutorial on hidden Markov models and selected applications in speech recognition, Proceedings of
     the IEEE 77 (1989) 257-286.
     """
-    speeds = speed_grid()
+    speeds = speed_grid() if speeds is None else speeds
     model = model_at(speeds)
     start = model.start.copy()
     if parameters is not None:
@@ -133,11 +142,14 @@ def with_estimated_speeds(
             f"the recording has no speed channel, and the delay between the axles gives the speed of only "
             f"{np.count_nonzero(is_good)} of {is_good.size} segments: add the speed [m/s]"
         )
+    # Speeds of ever finer grids are no more certain than the step, and change within a segment.
+    changing = LIMITS.within * np.abs(np.gradient(mean)) if mean.size > 1 else np.zeros(1)
+    spreads = np.hypot(np.maximum(deviation, speeds[1] / speeds[0] - 1), changing)
     return replace(
         segments,
         values=segments.values[is_good],
         speeds=np.exp(mean[is_good]),
-        spreads=np.maximum(deviation[is_good], STEP - 1),
+        spreads=spreads[is_good],
         n_rejected=segments.n_rejected + int(np.count_nonzero(~is_good)),
     )
 
