@@ -1,5 +1,7 @@
 """Springs and dampers of both stages of a vehicle on bogies, from sensors on frames and body."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -137,3 +139,18 @@ def test_what_runs_on_a_track_only_has_no_other_excitation() -> None:
     run = simulate_drive(metro, RailDrive(duration=20.0, sampling_rate=50.0), seed=1).recording
     with pytest.raises(ParameterError, match=r"kind='road' of a vehicle on bogies must be \"rail\""):
         fit_corners(run, metro, settings=CornerSettings(kind="road"))
+
+
+@pytest.mark.slow
+def test_short_gaps_of_each_channel_cost_little() -> None:
+    """Refused ("no stretch without a gap ...") where each of 120 gaps of 25 ms is one of all channels."""
+    metro, generator = read_vehicle("metro"), np.random.default_rng(0)
+    run = simulate_drive(metro, RailDrive(duration=180.0, sampling_rate=200.0, snr=30.0), seed=3).recording
+    samples = run.samples.copy()
+    for row in range(12):
+        for first in generator.integers(100, samples.shape[1] - 100, 10):
+            samples[row, first : first + 5] = np.nan
+    fit = fit_corners(replace(run, samples=samples), metro)
+    assert fit.n_segments > 40
+    assert np.abs(fit.log_ratios / fit.log_ratios_std)[fit.is_identifiable].max() < 3
+    assert fit.log_ratios_std[fit.is_identifiable].max() < 0.05

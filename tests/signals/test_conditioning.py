@@ -12,6 +12,7 @@ from sprung.signals.conditioning import (
     over_distance,
     scale,
     while_moving,
+    with_short_gaps_filled,
     without_missing,
 )
 
@@ -225,3 +226,33 @@ def test_distance_goes_on_across_a_gap() -> None:
     assert distance_travelled(recording, "v")[-1] == pytest.approx(9.9 + 20.0)
     moving = while_moving(recording, "v")
     assert [(gap.index, round(gap.duration, 9)) for gap in moving.gaps] == [(50, 2.0)]
+
+
+def autoregressive(seed=1):
+    """x_k = 1.6 x_(k-1) - 0.8 x_(k-2) + e_k, and where every 200th sample is missing."""
+    values = signal.lfilter([1.0], [1.0, -1.6, 0.8], np.random.default_rng(seed).standard_normal(40_000))
+    return values, np.arange(200, 39_900, 200)
+
+
+def test_a_missing_sample_is_filled_as_its_neighbours_predict_it() -> None:
+    """Variance of the error of one sample between all others: 1 / (1 + 1.6^2 + 0.8^2) of the residuals'."""
+    values, missing = autoregressive()
+    holed = values.copy()
+    holed[missing] = np.nan
+    filled = with_short_gaps_filled(recorded(holed), ["c0"])
+    error = filled.samples[0] - values
+    assert np.array_equal(np.flatnonzero(error), missing)
+    assert np.var(error[missing]) == pytest.approx(1 / 4.2, rel=0.25)
+    assert filled.samples[0, 500] == values[500]
+    assert "199 gaps of channels filled" in str(filled.history[-1])
+
+
+@pytest.mark.parametrize(
+    "runs", [[slice(1000, 1010)], [slice(k, k + 4) for k in range(100, 39_900, 300)], [slice(0, 3)]]
+)
+def test_gaps_that_are_long_many_or_at_an_end_are_not_filled(runs) -> None:
+    """0.1 s at 100 Hz; 1.3 % of the time; no sample before it."""
+    values, _ = autoregressive()
+    for run in runs:
+        values[run] = np.nan
+    assert with_short_gaps_filled(recorded(values), ["c0"]).samples == pytest.approx(values[None], nan_ok=True)

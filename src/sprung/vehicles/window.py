@@ -10,7 +10,7 @@ from sprung._arrays import Real
 from sprung.channel_names import corner_of, rule_of
 from sprung.errors import ParameterError
 from sprung.recording import Channel, Recording, naming
-from sprung.signals.conditioning import advanced_linearly
+from sprung.signals.conditioning import advanced_linearly, with_short_gaps_filled
 from sprung.vehicles.description import Vehicle
 from sprung.vehicles.labels import plausibility_notes
 from sprung.vehicles.models import structure
@@ -63,7 +63,7 @@ class Window:
 
     @cached_property
     def motion(self) -> Recording:
-        """Outputs (and speed) while the vehicle moves and no value is missing.
+        """Outputs (and speed) while the vehicle moves and no value is missing, short gaps of single outputs filled.
 
         Raises
         ------
@@ -71,7 +71,8 @@ class Window:
             If an output is dead, or nothing is left.
         """
         with naming(self.recording):
-            return usable_motion(self.recording, self.outputs, self.speed)
+            filled = with_short_gaps_filled(self.recording, self.outputs)
+            return usable_motion(filled, self.outputs, self.speed)
 
     def without(self, names: Collection[str]) -> "Window":
         """Return the window without the channels in `names`, and without conditions from the speed if it is one."""
