@@ -156,8 +156,9 @@ class SurfaceInputs(ParameterBlock):
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
         """Return the gradient of the objective: all parameters act on ln S_ij."""
         by_log, form = gradients.log_inputs, self.form(parameters[1:-1])
-        at_wheels = by_log.T.reshape(-1, *by_log.T.shape[2:])
-        by_part = np.tensordot(self._masks().swapaxes(1, 2).reshape(-1, len(at_wheels)), at_wheels, axes=1).real
+        masks = self._masks().swapaxes(1, 2)
+        at_wheels = (by_log if np.iscomplexobj(masks) else by_log.real).T
+        by_part = np.tensordot(masks, at_wheels, axes=2).real
         by_form = np.einsum("pkcf,kfc->p", form.derivatives, by_part)
         delay = 2 * np.sum((self._by_pair(by_log) * self._delay_derivative(parameters)).real)
         return np.array([by_log.real.sum(), *by_form, delay])
@@ -212,14 +213,14 @@ class SurfaceInputs(ParameterBlock):
         """Matrices of the axles as matrices of the wheels, in Fortran order."""
         return matrices.T[self._axles[:, None], self._axles].T
 
-    def _pairs_of_sides(self) -> tuple[Indices, Complex]:
+    def _pairs_of_sides(self) -> tuple[Indices, Real | Complex]:
         """Kind of each pair of wheels, shape (inputs, inputs), and factors of the logs in ln S, (parts, kinds)."""
-        return np.not_equal.outer(self.sides, self.sides).astype(np.intp), np.eye(2, dtype=np.complex128)
+        return np.not_equal.outer(self.sides, self.sides).astype(np.intp), np.eye(2)
 
-    def _masks(self) -> Complex:
+    def _masks(self) -> Real | Complex:
         """Factors of the logs in ln S_ij, Hermitian, shape (parts, inputs, inputs)."""
         kinds, logs = self._pairs_of_sides()
-        return np.asarray(logs[:, kinds], dtype=np.complex128)
+        return logs[:, kinds]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -381,7 +382,7 @@ class RailInputs(SurfaceInputs):
             derivatives=np.concatenate([derivatives.real, derivatives.imag[:, 2:]], axis=1),
         )
 
-    def _pairs_of_sides(self) -> tuple[Indices, Complex]:
+    def _pairs_of_sides(self) -> tuple[Indices, Real | Complex]:
         """Kind of each pair of wheels and factors of the logs; beside joints, of each rail, and of left and right."""
         if self.pitch is None:
             return SurfaceInputs._pairs_of_sides(self)
