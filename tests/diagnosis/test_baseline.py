@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import SensorFault, diagnose, learn, nominal_type
-from sprung.diagnosis.baseline import mean_deviation, typical_std, units_of
+from sprung.diagnosis.baseline import mean_deviation, typical_std, unequal_stiffening, units_of
 from sprung.errors import ParameterError
+from sprung.likelihood.bump_stops import Stiffening
 
 
 def test_a_file_that_explains_its_windows_badly_is_noted(healthy, baseline) -> None:
@@ -98,6 +99,30 @@ def test_mean_and_deviations_are_those_of_the_windows(healthy) -> None:
     np.testing.assert_allclose(typical_std(baseline) ** 2, np.diag(baseline.covariance + baseline.nuisance))
     assert (mean.components, mean.n_windows) == (baseline.components, 18)
     assert np.all(np.abs(mean.log_ratios) < 3 * mean.std)
+
+
+STEADY = 0.01**2 * np.eye(6)
+#: Of the axles of a bus, the second and the third are hardly told apart.
+_APART = np.kron([0.0, 1.0, -1.0], [1.0, 1.0])
+HARDLY_APART = STEADY + 0.2**2 * np.outer(_APART, _APART) / 4
+
+
+@pytest.mark.parametrize(
+    ("stated", "rises", "expected"),
+    [
+        (STEADY, 0.0 * _APART, None),
+        (STEADY, 0.2 * _APART, (0.2**2 * 4 / 5, 0.01)),
+        (HARDLY_APART, 0.2 * _APART, None),
+        (HARDLY_APART, np.array([0.2, 0.2, -0.1, -0.1, -0.1, -0.1]), (0.12 / 5, 0.3)),
+    ],
+)
+def test_unequal_stiffening_is_that_of_corners_that_the_window_tells_apart(healthy, stated, rises, expected) -> None:
+    """Rises over six corners, of which the variance is exact where each is known well."""
+    corners = tuple(f"{axle}_{side}" for axle in ("front", "axle2", "rear") for side in ("left", "right"))
+    window = replace(healthy(1)[0], stiffening=Stiffening(corners, rises, stated))
+    value, tolerance = expected or (0.0, 0.0)
+    usual = 1.5 * 0.02**2
+    assert unequal_stiffening((), window) == pytest.approx(max(value - usual, 0.0), rel=tolerance, abs=1e-12)
 
 
 def test_no_window_has_no_mean(healthy) -> None:

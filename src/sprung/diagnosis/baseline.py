@@ -5,14 +5,22 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, helmert
 
 from sprung._arrays import Real
 from sprung._checks import freeze, frozen_array
 from sprung._display import Savable, Tabular, counted, in_short, listed
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import ResidualReference
-from sprung.diagnosis.scatter import FRONT_REAR_STD, LASTING, coordinates, directions, pooled, shared_covariance
+from sprung.diagnosis.scatter import (
+    FRONT_REAR_STD,
+    LASTING,
+    ROUNDS,
+    coordinates,
+    directions,
+    pooled,
+    shared_covariance,
+)
 from sprung.errors import ParameterError
 from sprung.likelihood import Expected
 from sprung.vehicles import Component
@@ -398,7 +406,7 @@ def slope_covariances(components: tuple[Component, ...], model_error: float = 0.
 
 
 def unequal_stiffening(usual: tuple[Observation, ...], observation: Observation) -> float:
-    """Return the variance over the corners of the rise of their stiffening, less that of usual windows, at least 0.
+    """Return the variance over the corners of the rise of their stiffening, beyond that of usual windows, at least 0.
 
     Parameters
     ----------
@@ -406,13 +414,25 @@ def unequal_stiffening(usual: tuple[Observation, ...], observation: Observation)
         Stiffening of usual windows, see `Observation.of_stiffening`; fewer than two: that of springs off their stops.
     observation
         Window.
+
+    Notes
+    -----
+    Contrasts of the corners are at least as uncertain as the window states: those that it hardly determines, as of two
+    axles near each other, count little. The variance that is added to that of each is found by Fisher scoring.
     """
     own = observation.of_stiffening()
     if own is None or len(own.components) < 2:
         return 0.0
     mean, variance = _usual_stiffening(usual, own.components)
-    usual_variance = SETTINGS.usual * max(variance, SETTINGS.stiffening**2)
-    return max(0.0, float(np.var(own.log_ratios - mean, ddof=1)) - usual_variance)
+    contrasts = helmert(len(mean))
+    stated, axes = np.linalg.eigh(contrasts @ own.covariance @ contrasts.T)
+    known = SETTINGS.usual * np.maximum(stated, max(variance, SETTINGS.stiffening**2))
+    squares = (axes.T @ contrasts @ (own.log_ratios - mean)) ** 2
+    risen = SETTINGS.stiffening**2
+    for _ in range(ROUNDS):
+        weights = 1 / (known + risen) ** 2
+        risen = max(0.0, float(np.sum(weights * (squares - known)) / np.sum(weights)))
+    return risen
 
 
 @lru_cache(maxsize=16)
