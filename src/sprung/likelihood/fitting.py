@@ -149,7 +149,7 @@ class FitSetup:
             frequencies=frequencies,
             counts=np.ones(speeds.size),
             speeds=speeds,
-            spreads=np.full(speeds.size, np.log(speeds[1] / speeds[0]) / 2),
+            spreads=np.full(speeds.size, (speeds[1] / speeds[0] - 1) / 2),
             matrices=np.broadcast_to(np.eye(size, dtype=np.complex128), (speeds.size, frequencies.size, size, size)),
             segment_length=segments.segment_length,
             weights=np.ones((speeds.size, frequencies.size)),

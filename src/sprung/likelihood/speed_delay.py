@@ -142,9 +142,11 @@ def with_estimated_speeds(
             f"the recording has no speed channel, and the delay between the axles gives the speed of only "
             f"{np.count_nonzero(is_good)} of {is_good.size} segments: add the speed [m/s]"
         )
-    # Speeds of ever finer grids are no more certain than the step, and change within a segment.
-    changing = LIMITS.within * np.abs(np.gradient(mean)) if mean.size > 1 else np.zeros(1)
-    spreads = np.hypot(np.maximum(deviation, speeds[1] / speeds[0] - 1), changing)
+    # No speed is more certain than the step of the grid; a fine one shows how it changes within a segment.
+    step = speeds[1] / speeds[0] - 1
+    is_fine = not np.isclose(step, STEP - 1) and mean.size > 1
+    changing = LIMITS.within * np.abs(np.gradient(mean)) if is_fine else np.zeros(mean.size)
+    spreads = np.hypot(np.maximum(deviation, step), changing)
     return replace(
         segments,
         values=segments.values[is_good],

@@ -80,9 +80,14 @@ def outlined(vehicle, rows, settings=SETTINGS):
     return own, Compared(**asdict(found) | compared | {"since": since})
 
 
-def assessed(vehicle, rows, settings=SETTINGS):
-    """The assessment of a vehicle, of no more windows than it takes."""
-    _, compared = outlined(vehicle, rows, settings)
+def assessed(vehicle, rows, settings=SETTINGS, *, by_type=False):
+    """The assessment of a vehicle, of no more windows than it takes; `by_type`: the only one of its type."""
+    own, compared = outlined(vehicle, rows, settings)
+    if by_type:
+        row = {"vehicle": "car0", "type": "t", "document": own["document"]}
+        batches = pa.Table.from_pylist([row]).to_batches()
+        (scatter,) = common_scatter(pa.Table.from_batches(weights_of(iter(batches)))).to_pylist()
+        compared = replace(compared, weights=scatter["weights"])
     last = [row for row in typed(rows) if compared.since is not None and row.start >= compared.since]
     return assess(compared, last, settings)
 

@@ -109,7 +109,7 @@ def test_an_interrupted_stream_continues_and_each_window_counts_once(
     stated = {name: text for name, text in vehicle.items() if name != "reason"} | {"state": ""}
     own, _ = outlined(stated, rows, ASSESSMENT)
     (diagnosis,) = rows_of(results, "diagnoses")
-    assert diagnosis["document"] == assessed(stated, rows, ASSESSMENT)["document"]
+    assert diagnosis["document"] == assessed(stated, rows, ASSESSMENT, by_type=True)["document"]
     assert [row["document"] for row in rows_of(results, "baselines")] == [own["document"]]
 
 
