@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from sprung.link import Key, Spool, SpoolError, message
+from sprung.link.spool import _record
 
 
 def filled(folder, count, *, max_bytes=1 << 20, size=100):
@@ -66,6 +67,22 @@ def lossy(folder, count):
     for _ in range(count):
         spool.append(frame)
     return spool
+
+
+def test_a_frame_in_two_files_is_lost_once(tmp_path: Path) -> None:
+    """Its record could neither be synced nor cut off, and was written into the next file once more."""
+    lossy(tmp_path, 60).close()
+    first, second = sorted(tmp_path.glob("*.spool"))[:2]
+    begin = int(second.stem.split("-")[1], 16)
+    with first.open("ab") as file:
+        file.write(_record(0, begin, frame(0, begin)))
+    again = Spool(tmp_path, max_bytes=8192)
+    assert [seq for _, seq in held(again)].count(begin) == 2
+    while [seq for boot, seq in held(again) if boot == 0][:1] <= [begin]:
+        again.append(frame)
+    (loss,) = again.losses
+    assert loss.n_frames == loss.last - loss.first + 1
+    assert loss.last >= begin
 
 
 def test_losses_of_several_starts_are_kept_apart(tmp_path: Path) -> None:

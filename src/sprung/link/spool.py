@@ -333,14 +333,16 @@ class Spool:
 
     def _drop_oldest(self) -> None:
         """Remove the oldest file and count what was not acknowledged in it."""
-        oldest = self._files[0]
+        oldest, following = self._files[0], self._files[1:2]
         first = max(oldest.first, self._acknowledged.get(oldest.boot, -1) + 1)
-        if first <= oldest.last:
-            self._dropped += oldest.last - first + 1
-            payloads = (payload for _, seq, payload in self._records(oldest.path) if seq >= first)
-            self._lose(loss_of(oldest.boot, first, oldest.last, payloads))
+        # A last frame that could neither be synced nor cut off is in the next file once more.
+        last = min([oldest.last, *(file.first - 1 for file in following if file.boot == oldest.boot)])
+        if first <= last:
+            self._dropped += last - first + 1
+            payloads = (payload for _, seq, payload in self._records(oldest.path) if first <= seq <= last)
+            self._lose(loss_of(oldest.boot, first, last, payloads))
         self._remove(oldest)
-        if first <= oldest.last:
+        if first <= last:
             self._write_losses()  # again, as there may have been no space for it before
 
         if not self._files:  # no file shows any more how many frames its boot had
