@@ -541,14 +541,14 @@ def _notes(fit: CornerFit) -> tuple[str, ...]:
         verb, stay = ("is", "its estimate stays") if len(weak) == 1 else ("are", "their estimates stay")
         notes.append(f"{', '.join(weak)} {verb} not identifiable from this run and these sensors; {stay} near nominal")
     if fit.model_error > RULES.imperfect:
-        cause = "a moving part that the vehicle file lacks"
+        causes = ["a moving part that the vehicle file lacks"]
         if fit.parameters[fit.model.rows("noise")].size > len(fit.model.layout.coordinates):
-            cause += ", or leakage between frequencies, which channels beyond the motions show,"
+            causes.append("leakage between frequencies, which channels beyond the motions show")
         if any(isinstance(block, RailInputs) for block in fit.model.blocks):
-            cause += ", or joints at distances that vary or are not found,"
+            causes.append("joints at distances that vary or are not found")
         elif any(isinstance(block, RigInputs) for block in fit.model.blocks):
-            cause += ', or a track, and not a rig as its kind = "rig" states,'
-        cause += " may be why"
+            causes.append('a track, and not a rig as its kind = "rig" states')
+        cause = ", or ".join(causes) + ("," if causes[1:] else "") + " may be why"
         if _is_noiseless(fit):
             cause = "its channels have no noise, as simulated ones, so that leakage between frequencies counts"
         notes.append(
