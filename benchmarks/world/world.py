@@ -19,7 +19,7 @@ from sprung.online.monitor import Station
 
 #: Largest number of rounds without faults until all is delivered.
 _ROUNDS = 600
-#: Every so many seeds have two monitors, of which one stands by.
+#: One seed of so many has a second monitor that stands by.
 _TWO = 4
 
 

@@ -102,7 +102,7 @@ def test_mean_and_deviations_are_those_of_the_windows(healthy) -> None:
 
 
 STEADY = 0.01**2 * np.eye(6)
-#: Of the axles of a bus, the second and the third are hardly told apart.
+#: The second and the third axle of a bus are hard to distinguish.
 _APART = np.kron([0.0, 1.0, -1.0], [1.0, 1.0])
 HARDLY_APART = STEADY + 0.2**2 * np.outer(_APART, _APART) / 4
 

@@ -111,6 +111,12 @@ class TestAssessment:
         assert abs(alone["e_value"] - found["e_value"]) > 0.3
         assert {**found, "e_value": 0, "document": ""} == {**alone, "e_value": 0, "document": ""}
 
+    def test_a_damaged_baseline_says_nothing_of_the_scatter_of_others(self, vehicle, rows):
+        own, _ = outlined(vehicle, rows)
+        documents = {"car0": own["document"], "car1": "{", "car2": json.dumps({"schema": "sprung.baseline/0"})}
+        table = pa.Table.from_pylist([{"vehicle": n, "type": "t", "document": text} for n, text in documents.items()])
+        assert pa.Table.from_batches(weights_of(iter(table.to_batches())))["vehicle"].to_pylist() == ["car0"]
+
     def test_a_common_scatter_is_unchanged_by_one_baseline_of_many(self):
         """So that no vehicle need be assessed again."""
         generator = np.random.default_rng(1)

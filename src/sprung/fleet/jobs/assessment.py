@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from hashlib import blake2b
 from typing import Any
@@ -269,11 +270,13 @@ def type_of(kind: Mapping[str, str], rows: Sequence[WindowRow], settings: Assess
 
 
 def weights_of(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
-    """Yield what each baseline shows of the scatter of parts, as rows of `WEIGHTS`."""
+    """Yield what each baseline that can be read shows of the scatter of parts, as rows of `WEIGHTS`."""
     for batch in batches:
-        rows = batch.to_pylist()
-        for row in rows:
-            row["weights"] = baseline_from_document(json.loads(row["document"])).weights.ravel().tolist()
+        rows = []
+        for row in batch.to_pylist():
+            with suppress(Exception):  # its own vehicle states the reason
+                baseline = baseline_from_document(json.loads(row["document"]))
+                rows.append(row | {"weights": baseline.weights.ravel().tolist()})
         yield pa.RecordBatch.from_pylist(rows, schema=WEIGHTS)
 
 
