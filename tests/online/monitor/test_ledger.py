@@ -72,6 +72,23 @@ def test_a_state_goes_with_the_modes_before_it(ledger, store) -> None:
     assert store.results.status("car-1")["n_learnt"] == 0
 
 
+def test_modes_after_a_restart_replace_those_before_it(ledger, store) -> None:
+    """Late frames of an earlier boot come first then, and take the numbers of those that were analysed before them."""
+    for boot, number, frequency in ((1, 0, 1.5), (3, 1, 1.7), (3, 2, 1.8)):
+        ledger.commit(modes_of("car-1", number, frequency), boot, 1)
+    ledger.commit(modes_of("car-2", 1, 1.5), 3, 1)
+    ledger.flush()
+    ledger.commit(modes_of("car-1", 3, 1.9), 3, 1)  # waits, and is identified again
+    ledger.reopen("car-1")
+    ledger.commit(outcome(state=b"state"), 1, 2)
+    assert stored(store, "car-1") == [(0, 1.5), (1, 1.7), (2, 1.8)]
+    ledger.commit(modes_of("car-1", 1, 1.6), 2, 1)
+    ledger.commit(modes_of("car-1", 2, 1.7), 3, 1)
+    ledger.flush()
+    assert stored(store, "car-1") == [(0, 1.5), (1, 1.6), (2, 1.7)]
+    assert stored(store, "car-2") == [(1, 1.5)]
+
+
 def test_modes_that_the_store_refuses_do_not_keep_others_out(ledger, store, caplog) -> None:
     ledger.commit(modes_of("car-1", 0, float("nan")), 1, 1)
     ledger.commit(modes_of("car-2", 0, 1.5), 1, 1)

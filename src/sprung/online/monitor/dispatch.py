@@ -441,6 +441,7 @@ class Dispatch:
         if self._is_learning(vehicle, known, has_state=snapshot is not None):
             opening = replace(opening, type_baseline=type_of_others(self._store, vehicle, types=self._types))
         self._workers.open(opening)
+        self._ledger.reopen(vehicle)
         known.description = (row.description, row.channels)
         return True
 

@@ -166,8 +166,8 @@ class Ledger:
 
     Notes
     -----
-    Modes of an incomplete window wait to be stored with those of other vehicles, until `flush`. A restart before that
-    analyses their frames again, and stores the same.
+    Modes of an incomplete window wait to be stored with those of other vehicles, until `flush`. After a restart their
+    frames are analysed again, perhaps with late ones of an earlier boot before them: the modes replace those stored.
     """
 
     def __init__(self, context: Context, *, lake: LakeWriter | None = None) -> None:
@@ -179,6 +179,7 @@ class Ledger:
         self._lake = lake
         self._warned: dict[tuple[str, str], str] = {}
         self._waiting: list[Progress] = []
+        self._reopened: set[str] = set()
         self._n_windows = 0
         self._n_identifications = 0
         self._n_frames_quarantined = 0
@@ -193,6 +194,11 @@ class Ledger:
             "sprung_frames_quarantined_total": self._n_frames_quarantined,
             "sprung_states_quarantined_total": self._n_states_quarantined,
         }
+
+    def reopen(self, vehicle: str) -> None:
+        """Let a vehicle continue from its stored state: modes since then will be identified again."""
+        self._waiting = [each for each in self._waiting if each.vehicle != vehicle]
+        self._reopened.add(vehicle)
 
     def commit(self, outcome: Outcome, boot: int, seq: int) -> bool:
         """Store the events of a job: those of a window in one transaction with the state after it, others at `flush`.
@@ -244,15 +250,19 @@ class Ledger:
             snapshot=outcome.state,
             status=outcome.status._asdict(),
             now=now,
+            modes_from=identified[0].number if identified and outcome.vehicle in self._reopened else None,
         )
         if not is_saved:
             self._waiting.append(progress)
+            self._reopened.discard(outcome.vehicle)
             if len(self._waiting) >= _MAX_WAITING:
                 self.flush()
             return False
         waiting = [each for each in self._waiting if each.vehicle == outcome.vehicle]
         self._store.results.commit(progress, *waiting)
         self._waiting = [each for each in self._waiting if each.vehicle != outcome.vehicle]
+        if identified:
+            self._reopened.discard(outcome.vehicle)
         for change in changes:
             if change.baseline is not None:
                 learnt = {"version": change.baseline.version, "windows": change.baseline.n_windows}

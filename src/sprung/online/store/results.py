@@ -63,6 +63,10 @@ class Results(Tables):
         with self._database.writing() as connection:
             for each in every:
                 _mark_done(connection, each)
+                if each.modes_from is not None:
+                    connection.execute(
+                        delete(MODES).where(MODES.c.vehicle == each.vehicle, MODES.c.number >= each.modes_from)
+                    )
             self._add(connection, OBSERVATIONS, [row for each in every for row in _rows(each, each.observations)])
             self._add(connection, MODES, [row for each in every for row in _rows(each, each.modes)])
             self._add(connection, FINDINGS, [row for each in every for row in _placed(_rows(each, each.findings))])

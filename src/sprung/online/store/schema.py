@@ -242,6 +242,8 @@ class Progress:
         Progress of the analysis for people, any JSON; None: not stored.
     now
         Present time, from which the age of the results counts; 0: from their t0 on.
+    modes_from
+        Number from which stored modes are of an attempt before a restart, and are removed; None: none are.
 
     Raises
     ------
@@ -260,6 +262,7 @@ class Progress:
     snapshot: bytes | None = None
     status: Document | None = None
     now: int = 0
+    modes_from: int | None = None
 
     def __post_init__(self) -> None:
         check_count("boot", self.boot)
