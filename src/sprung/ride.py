@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy import ndimage
+import scipy
 from scipy.fft import next_fast_len
 
 from sprung._arrays import Complex, Real
@@ -546,7 +546,7 @@ def _measured(pieces: Sequence[_Piece], point: RidePoint) -> RidePoint:
 def _running(piece: _Piece, length: float, *, mode: Literal["constant", "reflect"] = "reflect") -> Real:
     """Return the running RMS over a length of time [s]."""
     n = max(1, round(length * piece.rate))
-    return np.asarray(np.sqrt(np.maximum(ndimage.uniform_filter1d(piece.values**2, n, mode=mode), 0.0)))
+    return np.asarray(np.sqrt(np.maximum(scipy.ndimage.uniform_filter1d(piece.values**2, n, mode=mode), 0.0)))
 
 
 def _by_iso2631(point: RidePoint, duration: float) -> RidePoint:
@@ -579,7 +579,7 @@ def _stability(pieces: Sequence[_Piece], channel: Channel, bogie_mass: float | N
     frequencies = np.fft.rfftfreq(longest.values.size, 1 / longest.rate)
     spectrum = np.abs(np.fft.rfft(longest.values - longest.values.mean())) ** 2
     low, high = _SETTINGS.peaks
-    smooth = ndimage.gaussian_filter1d(spectrum, 0.2 * longest.duration)
+    smooth = scipy.ndimage.gaussian_filter1d(spectrum, 0.2 * longest.duration)
     peak = float(frequencies[np.argmax(np.where((frequencies >= low) & (frequencies <= high), smooth, 0.0))])
     passed = []
     for each in pieces:

@@ -27,8 +27,9 @@ def python(code):
 #: Packages that cost time, and what each command may import of them.
 ROOMS = ("calibration", "diagnosis", "identification", "kits", "likelihood", "road", "simulation", "vehicles")
 OTHERS = ("h5py", "jinja2", "matplotlib", "numpy", "pandas", "pyarrow", "pydantic", "rich", "scipy", "sqlalchemy")
-OF_SCIPY = {f"scipy.{name}" for name in ("interpolate", "optimize", "signal", "stats")}
-HEAVY = {"pyarrow.compute", "scipy.cluster", *OF_SCIPY, *OTHERS, *(f"sprung.{room}" for room in ROOMS)}
+OF_SCIPY = {f"scipy.{name}" for name in ("cluster", "interpolate", "ndimage", "optimize", "signal", "stats")}
+OF_LIKELIHOOD = {f"sprung.likelihood.{name}" for name in ("fitting", "vehicle")}
+HEAVY = {"pyarrow.compute", *OF_SCIPY, *OF_LIKELIHOOD, *OTHERS, *(f"sprung.{room}" for room in ROOMS)}
 ARROW = {"numpy", "pyarrow", "pydantic", "rich"}
 OF_MODES = {"scipy", "sprung.identification", "sprung.likelihood", "sprung.vehicles"}
 MAY_IMPORT = {
@@ -43,7 +44,7 @@ MAY_IMPORT = {
     | {"pandas", "pyarrow.compute"},  # Arrow's writing imports pandas where it is installed
     "identify {run} --json -": ARROW | OF_MODES | {"scipy.cluster"},
     "bounce {pushes} --vehicle zafira": ARROW | OF_MODES - {"scipy"},
-    "corners {drive} --vehicle zafira": ARROW | OF_MODES | {"sprung.calibration", "sprung.diagnosis"},
+    "corners {drive} --vehicle zafira": ARROW | OF_MODES | OF_LIKELIHOOD | {"sprung.calibration", "sprung.diagnosis"},
 }
 
 

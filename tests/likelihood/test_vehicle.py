@@ -7,7 +7,7 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.likelihood import CornerSettings, rigid_layout, vehicle_model
-from sprung.likelihood.payload import payload
+from sprung.likelihood.masses import payload
 from sprung.likelihood.search import minimised
 from sprung.likelihood.vehicle import default_choices
 from sprung.vehicles import read_vehicle, structure

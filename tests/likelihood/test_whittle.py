@@ -8,8 +8,8 @@ import pytest
 from sprung._arrays import Complex
 from sprung.likelihood import MassParameter
 from sprung.likelihood.hermitian import real_coordinates
-from sprung.likelihood.search import minimised
-from sprung.likelihood.whittle import TOO_FAR, inverse_and_logdet, minus_log_likelihood
+from sprung.likelihood.search import TOO_FAR, minimised
+from sprung.likelihood.whittle import inverse_and_logdet, minus_log_likelihood
 from sprung.signals.spectrum import spectral_matrix
 from sprung.simulation import RoadDrive, simulate_drive
 

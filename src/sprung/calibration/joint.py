@@ -24,13 +24,13 @@ from sprung.likelihood import (
     vehicle_model,
 )
 from sprung.likelihood.fitting import FitSetup
+from sprung.likelihood.search import TOO_FAR
 from sprung.likelihood.spectra import OVERCOUNT, delayed_speeds, segment_speeds, steady_segments
 from sprung.likelihood.speed_delay import DELAYS, speed_delay
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 from sprung.likelihood.uncertainty import expected_covariance
 from sprung.likelihood.vehicle import Kind, default_choices, with_sensors
-from sprung.likelihood.whittle import TOO_FAR
 from sprung.recording import naming
 from sprung.vehicles import Structure, Vehicle, structure
 from sprung.vehicles.window import Window

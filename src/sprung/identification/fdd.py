@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy import ndimage, special
+import scipy
+from scipy import special
 
 from sprung._arrays import Complex, Indices, Real
 from sprung._checks import freeze
@@ -199,7 +200,7 @@ def _beside(
         return peak, None
     weights = own * bells.scale
     power = np.einsum("p,pqf,q->f", weights.conj(), spectra.matrix, weights, optimize=True).real
-    power = ndimage.uniform_filter1d(power, n_smoothed, mode="nearest")
+    power = scipy.ndimage.uniform_filter1d(power, n_smoothed, mode="nearest")
     start = -1
     while start != peak:
         start, low = peak, max(peak - n_smoothed, 1)
@@ -268,7 +269,7 @@ def _decomposed(spectra: SpectralMatrix, n_smoothed: int) -> tuple[Real, Complex
     scale = 1 / np.sqrt(np.maximum(variance, np.finfo(float).tiny))
     matrices = (spectra.matrix * np.outer(scale, scale)[:, :, None]).transpose(2, 0, 1)
     matrices[0] = matrices[1]
-    smooth = ndimage.uniform_filter1d(matrices, n_smoothed, axis=0, mode="nearest")
+    smooth = scipy.ndimage.uniform_filter1d(matrices, n_smoothed, axis=0, mode="nearest")
     values, vectors = np.linalg.eigh(smooth)
     return np.maximum(values[:, ::-1], np.finfo(float).tiny), vectors[:, :, ::-1], scale
 

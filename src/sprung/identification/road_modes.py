@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +12,6 @@ from sprung.errors import DataError, ParameterError
 from sprung.identification.records import CorrelatedRecords, Progress
 from sprung.identification.settings import IdentificationSettings
 from sprung.identification.stabilisation import StabilityCriteria
-from sprung.likelihood.corners import CornerFit
-from sprung.likelihood.fitting import fit_windows
-from sprung.likelihood.vehicle import CornerSettings
 from sprung.modal import Modes, join_modes, mac, unit_shapes
 from sprung.recording import Channel, Recording
 from sprung.signals.spectrum import SpectralMatrix
@@ -21,6 +19,9 @@ from sprung.vehicles import Vehicle
 from sprung.vehicles.labels import MOTIONS, body_range, rigid_body_participation
 from sprung.vehicles.sensor_layout import AnyVehicle
 from sprung.vehicles.window import Window, window_of
+
+if TYPE_CHECKING:
+    from sprung.likelihood.corners import CornerFit
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +123,7 @@ def has_road(vehicle: AnyVehicle | None, settings: IdentificationSettings) -> bo
     return bool(vehicle.sensor) and all(axle.tyre_stiffness is not None for axle in vehicle.axle)
 
 
-def fit_of_road(recordings: Sequence[Recording], vehicle: Vehicle) -> CornerFit:
+def fit_of_road(recordings: Sequence[Recording], vehicle: Vehicle) -> "CornerFit":
     """Return the vehicle that explains the spectra of drives on a road best.
 
     Parameters
@@ -139,6 +140,9 @@ def fit_of_road(recordings: Sequence[Recording], vehicle: Vehicle) -> CornerFit:
     ParameterError
         If the recordings have none of the sensors of the vehicle file, or one with another quantity.
     """
+    from sprung.likelihood.fitting import fit_windows
+    from sprung.likelihood.vehicle import CornerSettings
+
     windows = [window for record in recordings for window in _windows(record, vehicle)]
     if not windows:
         raise DataError("no recording has the speed of the vehicle: record it")
@@ -149,7 +153,7 @@ def fit_of_road(recordings: Sequence[Recording], vehicle: Vehicle) -> CornerFit:
     return fit
 
 
-def doubts(fit: CornerFit) -> str:
+def doubts(fit: "CornerFit") -> str:
     """Return why a fitted vehicle is not that of the file; empty if it may be.
 
     Parameters
@@ -190,7 +194,7 @@ def _windows(recording: Recording, vehicle: Vehicle) -> Iterator[Window]:
         yield window
 
 
-def modes_of_fit(fit: CornerFit, channels: Sequence[str]) -> Modes:
+def modes_of_fit(fit: "CornerFit", channels: Sequence[str]) -> Modes:
     """Return the modes of a fitted vehicle on channels, as far as the drives determine them.
 
     Parameters
@@ -244,7 +248,7 @@ def modes_of_fit(fit: CornerFit, channels: Sequence[str]) -> Modes:
 
 def with_road_modes(
     modes: Modes,
-    fit: CornerFit,
+    fit: "CornerFit",
     channels: Sequence[Channel],
     spectra: SpectralMatrix,
     *,
@@ -283,7 +287,7 @@ def with_road_modes(
     )
 
 
-def unexplained(modes: Modes, fit: CornerFit, channels: Sequence[Channel], spectra: SpectralMatrix) -> Booleans:
+def unexplained(modes: Modes, fit: "CornerFit", channels: Sequence[Channel], spectra: SpectralMatrix) -> Booleans:
     """Return which modes by SSI are none of a fitted vehicle on its road, shape (modes,).
 
     Parameters
@@ -313,7 +317,7 @@ def unexplained(modes: Modes, fit: CornerFit, channels: Sequence[Channel], spect
     return np.asarray(is_flexible | np.array(is_real, dtype=np.bool_))
 
 
-def _exceeds(frequency: float, damping: float, fit: CornerFit) -> bool:
+def _exceeds(frequency: float, damping: float, fit: "CornerFit") -> bool:
     """Return whether measured over fitted power of a motion has a peak at a mode."""
     frequencies = fit.model.spectra.frequencies
     ratios = [_over_sides(frequency, damping, frequencies, 1 + misfit) for misfit in fit.misfit]
@@ -355,7 +359,7 @@ def _replaced(road: Modes, modes: Modes, candidates: Indices) -> Indices:
     return replaced
 
 
-def note_on_road(modes: CombinedModes, fit: CornerFit, *, n_ssi: int) -> str:
+def note_on_road(modes: CombinedModes, fit: "CornerFit", *, n_ssi: int) -> str:
     """Return which modes are those of the fitted vehicle, in a sentence.
 
     Parameters

@@ -16,7 +16,7 @@ from sprung.likelihood.corners import CornerFit, corners_from_modes
 from sprung.likelihood.joints import repetitions
 from sprung.likelihood.masked_lines import SpectralLine, lines_of_turns, residual_lines, with_lines, without_lines
 from sprung.likelihood.rig import RigInputs
-from sprung.likelihood.search import DescentSettings, minimised
+from sprung.likelihood.search import TOO_FAR, DescentSettings, minimised
 from sprung.likelihood.spectra import (
     CLASS_WIDTH,
     ClassSpectra,
@@ -40,7 +40,7 @@ from sprung.likelihood.vehicle import (
     vehicle_model,
     with_sensors,
 )
-from sprung.likelihood.whittle import TOO_FAR, Model, minus_log_likelihood
+from sprung.likelihood.whittle import Model, minus_log_likelihood
 from sprung.modal import Modes
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Structure, Vehicle, structure

@@ -11,7 +11,7 @@ from sprung._arrays import Complex, Indices, Real
 from sprung._checks import freeze
 from sprung.likelihood.modal import ModalModel, ModalParameters
 from sprung.likelihood.modal_spectra import LineSpectra
-from sprung.likelihood.whittle import TOO_FAR
+from sprung.likelihood.search import TOO_FAR
 from sprung.modal import unit_shapes
 from sprung.recording import Recording
 

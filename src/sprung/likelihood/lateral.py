@@ -15,10 +15,10 @@ from sprung._threads import one_thread
 from sprung.errors import DataError
 from sprung.likelihood.coordinates import TYPICAL_NOISE, RigidLayout
 from sprung.likelihood.corners import CornerFit
-from sprung.likelihood.driving import track_densities
+from sprung.likelihood.excitations import track_densities
 from sprung.likelihood.fitting import RULES
 from sprung.likelihood.hermitian import real_coordinates
-from sprung.likelihood.search import minimised
+from sprung.likelihood.search import TOO_FAR, minimised
 from sprung.likelihood.spectra import (
     ClassSpectra,
     SegmentSpectra,
@@ -28,7 +28,7 @@ from sprung.likelihood.spectra import (
     through_window,
 )
 from sprung.likelihood.uncertainty import parameter_covariance, power_misfit, segment_weights, tempering
-from sprung.likelihood.whittle import TOO_FAR, minus_log_likelihood
+from sprung.likelihood.whittle import minus_log_likelihood
 from sprung.modal import INTERVAL_95
 from sprung.recording import Recording, each_recording
 from sprung.vehicles import Vehicle

@@ -10,7 +10,7 @@ import numpy as np
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung.likelihood.hermitian import hermitian, real_coordinates
 from sprung.likelihood.modal_spectra import LineSpectra
-from sprung.likelihood.whittle import TOO_FAR
+from sprung.likelihood.search import TOO_FAR
 
 
 @dataclass(frozen=True, slots=True)

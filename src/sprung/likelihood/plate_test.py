@@ -16,7 +16,7 @@ from sprung.vehicles.structure import Element
 
 #: Step of the numerical derivatives of the figures, over the standard deviation of a parameter before any data.
 _STEP = 1e-3
-#: Rounds in which friction follows the velocities.
+#: Most rounds in which friction follows the velocities.
 _ROUNDS = 20
 
 
@@ -347,5 +347,7 @@ def _friction_forces(free: Complex, mobility: Complex, friction: Real, sliding: 
     for _ in range(_ROUNDS if friction.any() else 0):
         dampings = friction / sliding * _slope(np.abs(velocities) / sliding)
         A: Complex = np.eye(friction.size) + mobility * dampings[:, None, :]
-        velocities = np.asarray(np.linalg.solve(A, free[..., None])[..., 0], dtype=np.complex128)
+        before, velocities = velocities, np.asarray(np.linalg.solve(A, free[..., None])[..., 0], dtype=np.complex128)
+        if np.allclose(velocities, before, rtol=1e-10, atol=0.0):
+            break
     return np.asarray(dampings * velocities, dtype=np.complex128)

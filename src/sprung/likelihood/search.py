@@ -4,13 +4,17 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
-from typing import Protocol, Self, TypeVar
+from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 
 import numpy as np
 
 from sprung._arrays import Booleans, Complex, Real
-from sprung.likelihood.spectra import ClassSpectra
-from sprung.likelihood.whittle import TOO_FAR
+
+if TYPE_CHECKING:
+    from sprung.likelihood.spectra import ClassSpectra
+
+#: Value of an objective that is not finite, or of parameters that no vehicle has.
+TOO_FAR = 1e100
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +203,7 @@ class SpectralLikelihood(Likelihood, Protocol):
     """A likelihood of spectra by speed class, whose fit can be judged: see `sprung.likelihood.uncertainty`."""
 
     @property
-    def spectra(self) -> ClassSpectra:
+    def spectra(self) -> "ClassSpectra":
         """Mean spectral matrices of the data, and their weights."""
 
     def matrix(self, parameters: Real) -> Complex:

@@ -11,10 +11,10 @@ from sprung.errors import ParameterError
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.components import FreeComponents, free_components
 from sprung.likelihood.coordinates import RigidLayout
-from sprung.likelihood.driving import Alignment, driving
 from sprung.likelihood.elements import BarStiffness, CorneringStiffness
+from sprung.likelihood.excitations import Alignment, driving
+from sprung.likelihood.masses import SeatLoads, payload, unsprung_masses
 from sprung.likelihood.noise import SensorNoise
-from sprung.likelihood.payload import SeatLoads, payload, unsprung_masses
 from sprung.likelihood.rig import RigInputs
 from sprung.likelihood.sensor_errors import SensorDelays, sensor_positions
 from sprung.likelihood.spectra import ClassSpectra

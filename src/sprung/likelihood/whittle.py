@@ -12,13 +12,11 @@ from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.components import FreeComponents
 from sprung.likelihood.coordinates import RigidLayout
 from sprung.likelihood.hermitian import transformed
+from sprung.likelihood.search import TOO_FAR
 from sprung.likelihood.spectra import ClassSpectra, onto_grid, through_window
 from sprung.likelihood.terms import Terms, nominal_terms
 from sprung.likelihood.transfer import term_gradients, transfer
 from sprung.vehicles import Component, Structure
-
-#: Value of the objective if it is not finite, or the mass matrix is not positive definite.
-TOO_FAR = 1e100
 
 
 @dataclass(frozen=True, eq=False, slots=True)

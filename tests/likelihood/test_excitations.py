@@ -7,7 +7,7 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.likelihood import rigid_layout
-from sprung.likelihood.driving import Driving, driving
+from sprung.likelihood.excitations import Driving, driving
 from sprung.likelihood.terms import nominal_terms
 from sprung.likelihood.transfer import transfer
 from sprung.vehicles import chain, structure

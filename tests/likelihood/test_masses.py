@@ -5,7 +5,7 @@ import pytest
 
 from sprung.likelihood import CornerSettings, rigid_layout, vehicle_model
 from sprung.likelihood.corners import CornerFit
-from sprung.likelihood.payload import SeatLoads, payload, unsprung_masses
+from sprung.likelihood.masses import SeatLoads, payload, unsprung_masses
 from sprung.likelihood.search import minimised
 from sprung.likelihood.spectra import OVERCOUNT
 from sprung.vehicles import MountedMass, Seat, read_vehicle, structure
