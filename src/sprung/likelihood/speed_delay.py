@@ -217,14 +217,20 @@ def _smoothed(evidence: Real, places: Real) -> Real:
     from scipy.special import logsumexp
 
     step = -0.5 * (np.subtract.outer(places, places) / LIMITS.change) ** 2
-    step -= logsumexp(step, axis=1, keepdims=True)
+    moves = np.exp(step - logsumexp(step, axis=1, keepdims=True))
     forward, backward = evidence.copy(), np.zeros_like(evidence)
     for k in range(1, len(evidence)):
-        forward[k] += logsumexp(forward[k - 1][:, None] + step, axis=0)
+        forward[k] += _after(forward[k - 1], moves)
     for k in range(len(evidence) - 2, -1, -1):
-        backward[k] = logsumexp(step + evidence[k + 1] + backward[k + 1], axis=1)
+        backward[k] = _after(evidence[k + 1] + backward[k + 1], moves.T)
     total = forward + backward
     return np.exp(total - logsumexp(total, axis=1, keepdims=True))
+
+
+def _after(logs: Real, moves: Real) -> Real:
+    """Return ln of the probabilities of the places after a move with those before it, shape (places,)."""
+    most = logs.max()
+    return np.asarray(most + np.log(np.exp(logs - most) @ moves), dtype=np.float64)
 
 
 def speed_delay(segments: SegmentSpectra, speeds: Real, spreads: Real, model_at: Callable[[Real], Model]) -> SpeedDelay:
