@@ -1,11 +1,11 @@
 """Faults of a metro car on bogies, found with two accelerometers, speed and load unmeasured, over simulated drives.
 
-One accelerometer is on the frame of the first bogie above an axle box, one on the car body above its secondary spring.
-Each car differs from its vehicle file by production scatter, mass and inertias. Its baseline is learnt from drives on
-tracks of ERRI B176 low and high, with a random load and random speeds; then drives with one weaker spring of the first
-bogie, and healthy ones, are diagnosed one by one or some together. Printed are the shares of drives of which the most
-likely change is of the right stage and of the right part, of all parts and of the six springs of that bogie, of those
-with a finding, and the mean absolute error of the size, with 95 % intervals.
+Unless `--sensors` names others, one accelerometer is on the frame of the first bogie above an axle box, one on the car
+body above its secondary spring. Each car differs from its vehicle file by production scatter, mass and inertias. Its
+baseline is learnt from drives on tracks of ERRI B176 low and high, with a random load and random speeds; then drives
+with one weaker spring of the first bogie, and healthy ones, are diagnosed one by one or some together. Printed are the
+shares of drives of which the most likely change is of the right stage and of the right part, of all parts and of the
+six springs of that bogie, of those with a finding, and the mean absolute error of the size, with 95 % intervals.
 
 Beside them are bounds by the information in the same drives (Fisher, Whittle's likelihood, load, speed and track
 unknown) if all other parts are exactly as they were. The error: no unbiased estimate has a smaller one. The right part:
@@ -55,6 +55,9 @@ def main():
     arguments.add_argument("--together", type=int, default=1, help="drives that are diagnosed together")
     arguments.add_argument("--minutes", type=float, default=5.0, help="length of a drive")
     arguments.add_argument("--sizes", type=float, nargs=2, default=(0.1, 0.4), help="range of the loss of stiffness")
+    arguments.add_argument(
+        "--sensors", nargs="+", default=SENSORS, metavar="CHANNEL", help="sensors of the metro's file"
+    )
     arguments.add_argument("--joints", action="store_true", help="rails have joints every 18 m")
     arguments.add_argument("--exact", action="store_true", help="cars are as in the vehicle file")
     arguments.add_argument("--first", type=int, default=0, help="number of the first car")
@@ -72,7 +75,7 @@ def main():
 def lives_of(given, number):
     """Return what the diagnosis says of each simulated drive of a car, and of each drawn one."""
     metro = read_vehicle("metro")
-    metro = metro.model_copy(update={"sensor": tuple(one for one in metro.sensor if one.channel in SENSORS)})
+    metro = metro.model_copy(update={"sensor": tuple(one for one in metro.sensor if one.channel in given.sensors)})
     generator = np.random.default_rng([number, 1])
     car = Car(number, metro, generator, given)
     healthy = [simulated(car, count) for count in range(LEARNING)]
@@ -137,7 +140,7 @@ def simulated(car, count, fault=None):
         deviations=Deviations() if given.exact else Deviations(values, scatter=PartScatter(), individual=car.number),
     )
     run = simulate_drive(car.file, settings, seed=[car.number, 2, count]).recording
-    return observe_window(run.select(list(SENSORS)), car.file, time=60 * given.minutes * count)
+    return observe_window(run.select(list(given.sensors)), car.file, time=60 * given.minutes * count)
 
 
 def drawn(car, pool, truth, count, fault=None):

@@ -1,13 +1,21 @@
 """Speed by the delay between the axles: where it was not recorded, and where its channel is late."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
 from sprung.errors import DataError
 from sprung.likelihood import SegmentSpectra, fit_corners
-from sprung.likelihood.speed_delay import DELAYS, log_likelihoods, speed_delay, speed_grid, with_estimated_speeds
+from sprung.likelihood.speed_delay import (
+    DELAYS,
+    _smoothed,
+    log_likelihoods,
+    speed_delay,
+    speed_grid,
+    with_estimated_speeds,
+)
 from sprung.simulation import RoadDrive, simulate_drive
 
 SEGMENT = 5.12
@@ -106,6 +114,19 @@ def test_the_grid_rises_by_two_per_cent_between_its_ends() -> None:
     assert grid[0] == 3.0
     assert 45.0 / 1.02 < grid[-1] <= 45.0
     assert grid[1:] / grid[:-1] == pytest.approx(np.full(grid.size - 1, 1.02))
+
+
+@pytest.mark.parametrize("scale", [1.0, 400.0])
+def test_smoothed_speeds_are_the_sum_over_all_ways_through_the_grid(scale) -> None:
+    """Also where single segments exclude the speeds of their neighbours by hundreds of nepers."""
+    evidence, places = scale * np.random.default_rng(4).standard_normal((4, 5)), np.log(1.02) * np.arange(5)
+    moves = np.exp(-0.5 * (np.subtract.outer(places, places) / 0.08) ** 2)
+    moves = np.log(moves / moves.sum(axis=1, keepdims=True))
+    ways = np.array(list(product(range(5), repeat=4)))
+    logs = evidence[np.arange(4), ways].sum(axis=1) + moves[ways[:, :-1], ways[:, 1:]].sum(axis=1)
+    weights = np.exp(logs - logs.max())
+    expected = [[weights[ways[:, segment] == place].sum() for place in range(5)] for segment in range(4)]
+    assert _smoothed(evidence, places) == pytest.approx(np.array(expected) / weights.sum(), abs=1e-12)
 
 
 def test_speeds_of_segments_drawn_from_the_model_come_back(model_at) -> None:

@@ -38,8 +38,9 @@ def looped(discrete, inputs):
 
 @pytest.mark.parametrize("name", RATES)
 def test_response_agrees_with_the_plain_recursion(name) -> None:
+    """Over more samples than are computed together."""
     discrete = structure(read_description(name)).discretised(RATES[name])
-    inputs = np.random.default_rng(3).standard_normal((discrete.input_matrix.shape[1], 800))
+    inputs = np.random.default_rng(3).standard_normal((discrete.input_matrix.shape[1], 5000))
     expected = looped(discrete, inputs)
     assert response(discrete, inputs) == pytest.approx(expected, abs=1e-10 * np.abs(expected).max())
 
