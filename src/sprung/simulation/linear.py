@@ -19,8 +19,6 @@ from sprung.vehicles import StateSpace, Structure
 SMOOTH_RATE = 1000.0
 #: Samples per period of the fastest natural mode from which a smooth excitation may be linear between them.
 LINEAR_PER_PERIOD = 30.0
-#: Samples whose states are computed together: few enough for a processor's cache.
-_BLOCK = 2048
 
 
 def response(discrete: StateSpace, inputs: Real) -> Real:
@@ -71,8 +69,9 @@ def response(discrete: StateSpace, inputs: Real) -> Real:
     T, Q = schur(balanced, output="complex")
     drive, read = Q.conj().T @ (discrete.input_matrix / scale[:, None]), discrete.output_matrix * scale @ Q
     outputs, last = discrete.feedthrough @ inputs, np.zeros((len(T), 1), dtype=np.complex128)
-    for first in range(0, inputs.shape[1], _BLOCK):
-        block = slice(first, first + _BLOCK)
+    size = 2**11  # samples whose states a processor's cache holds
+    for first in range(0, inputs.shape[1], size):
+        block = slice(first, first + size)
         states = drive @ inputs[:, block]
         for row in reversed(range(len(T))):
             states[row] += T[row, row + 1 :] @ states[row + 1 :]
