@@ -64,6 +64,20 @@ def test_conditions_of_a_conclusive_window(observations) -> None:
     assert conditions["roughness"] == pytest.approx(256e-6, rel=0.2)  # G(n0) of class C, ISO 8608, geometric mean
 
 
+def test_gaps_of_single_channels_cost_no_segments(car, run, observations) -> None:
+    """Each of four accelerometers is missing for 20 of 120 s, at another time: one gap of all lasted 80 s."""
+    samples = run.part(0, run.n_samples // 5).samples.copy()
+    rate = run.sampling_rate
+    for row in range(4):
+        samples[row, round((5 + 28 * row) * rate) : round((25 + 28 * row) * rate)] = np.nan
+    cut = observe_window(replace(run.part(0, run.n_samples // 5), samples=samples), car)
+    whole = observations[0]
+    assert cut.is_valid
+    assert cut.conditions["segments"] == whole.conditions["segments"]
+    assert cut.log_ratios == pytest.approx(whole.log_ratios, abs=0.02)
+    assert np.diag(cut.covariance) == pytest.approx(np.diag(whole.covariance), rel=0.1)
+
+
 def test_the_ride_of_a_window_is_that_of_its_accelerometers(run, observations) -> None:
     first = run.part(0, run.n_samples // 5).select(["acc_fl", "acc_fr", "acc_rl", "acc_rr"])
     expected = np.sqrt(np.mean([point.rms**2 for point in assess_ride(first).points]))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sprung.diagnosis.sensors import sensor_faults
 from sprung.errors import ParameterError
 from sprung.likelihood import CornerSettings, fit_corners
 from sprung.simulation import Payload, RailDrive, simulate_drive
@@ -152,5 +153,21 @@ def test_short_gaps_of_each_channel_cost_little() -> None:
             samples[row, first : first + 5] = np.nan
     fit = fit_corners(replace(run, samples=samples), metro)
     assert fit.n_segments > 40
+    assert np.abs(fit.log_ratios / fit.log_ratios_std)[fit.is_identifiable].max() < 3
+    assert fit.log_ratios_std[fit.is_identifiable].max() < 0.05
+
+
+@pytest.mark.slow
+def test_long_gaps_of_each_channel_cost_little() -> None:
+    """Refused where a gap of one channel is one of all: each of twelve is missing for 13 of 180 seconds."""
+    metro = read_vehicle("metro")
+    run = simulate_drive(metro, RailDrive(duration=180.0, sampling_rate=100.0, snr=30.0), seed=3).recording
+    samples = run.samples.copy()
+    for row in range(12):
+        samples[row, 100 * (10 + 14 * row) : 100 * (23 + 14 * row)] = np.nan
+    cut = replace(run, samples=samples)
+    assert sensor_faults(cut, metro) == ()
+    whole, fit = fit_corners(run, metro), fit_corners(cut, metro)
+    assert fit.n_segments == whole.n_segments
     assert np.abs(fit.log_ratios / fit.log_ratios_std)[fit.is_identifiable].max() < 3
     assert fit.log_ratios_std[fit.is_identifiable].max() < 0.05

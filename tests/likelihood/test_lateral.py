@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,13 +10,14 @@ import pytest
 from sprung.errors import DataError, ParameterError
 from sprung.formats import write
 from sprung.likelihood import lateral
-from sprung.likelihood.lateral import LateralModel, fit_lateral
+from sprung.likelihood.lateral import LateralModel, fit_lateral, fit_lateral_under
 from sprung.likelihood.search import minimised
 from sprung.likelihood.spectra import ClassSpectra
-from sprung.recording import Recording
+from sprung.recording import Channel, Recording
 from sprung.simulation import RailDrive, simulate_drive
 from sprung.vehicles import Vehicle, critical_speed, lateral_modes, parse_fault, write_vehicle
 from sprung.vehicles.lateral import lateral_components, lateral_outputs, lateral_system, with_lateral
+from sprung.vehicles.window import window_of
 
 
 @pytest.fixture(scope="module")
@@ -126,6 +128,38 @@ def test_what_a_recording_lacks_is_said(coach) -> None:
     without = [name for name in recording.names if name != "bogie1_fy"]
     with pytest.raises(DataError, match="lacks the lateral channels bogie1_fy"):
         fit_lateral(recording.select(without), coach)
+
+
+@pytest.mark.slow
+def test_values_that_a_lateral_channel_lacks_are_a_gap(coach) -> None:
+    """They made all values NaN; a gap of a channel that is not lateral is none here."""
+    settings = RailDrive(speed=(30.0, 30.0), duration=60.0, sampling_rate=50.0, snr=20.0, welded=True)
+    run = simulate_drive(coach, settings, seed=1).recording
+    samples = run.samples.copy()
+    samples[run.index("bogie1_fy"), 1000:1500] = np.nan
+    samples[run.index("bogie1_fl"), 2000:2400] = np.nan
+    fit = fit_lateral(replace(run, samples=samples), coach)
+    pieces = fit_lateral([run.part(0, 1000), run.part(1500, run.n_samples)], coach)
+    assert fit.log_ratios == pytest.approx(pieces.log_ratios, rel=1e-9)
+    assert fit.n_segments == pieces.n_segments
+
+
+def test_gains_of_sensors_are_applied_once(coach, monkeypatch) -> None:
+    first, *others = lateral_outputs(coach).names
+    sensors = tuple(each.model_copy(update={"scale": 2.0 if each.channel == first else 1.0}) for each in coach.sensor)
+    vehicle = coach.model_copy(update={"sensor": sensors})
+    channels = (*(sensor.as_channel() for sensor in sensors), Channel("speed", "speed"))
+    window = window_of(Recording(np.full((len(channels), 100), 3.0), 100.0, channels), vehicle)
+
+    def kept(records, *_):
+        (record,) = records
+        assert record[first].tolist() == [6.0] * 100
+        assert record[others[0]].tolist() == [3.0] * 100
+        raise DataError("placed once")
+
+    monkeypatch.setattr(lateral, "_segments", kept)
+    with pytest.raises(DataError, match="placed once"):
+        fit_lateral_under(SimpleNamespace(payload={}), [window])  # type: ignore[arg-type]
 
 
 def test_a_lateral_fault_that_grows_is_refused(coach) -> None:

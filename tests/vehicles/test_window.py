@@ -7,7 +7,7 @@ import pytest
 
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Channel, Recording
-from sprung.vehicles import Sensor, read_vehicle
+from sprung.vehicles import Sensor, Vehicle, read_vehicle
 from sprung.vehicles.sensor_layout import usable
 from sprung.vehicles.window import window_of
 
@@ -243,3 +243,51 @@ def test_a_speed_of_another_quantity_is_refused_and_one_in_other_units_noted(car
         window_of(with_speed("acceleration", 1.0), car)
     assert window_of(with_speed("unknown", 1.0), car).notes == window_of(run, car).notes
     assert any("taken in m/s, 156 km/h" in note for note in window_of(with_speed("unknown", 3.6), car).notes)
+
+
+def test_a_gap_of_a_channel_is_filled_by_what_the_others_imply(car, run) -> None:
+    """Exact for a rigid body, whichever of four sensors is missing and whatever offset each has."""
+    own = with_rigid_motion(run, car)
+    samples = own.samples.copy()
+    for row in range(4):
+        samples[row, 300 + 100 * row : 380 + 100 * row] = np.nan
+    motion = window_of(replace(own, samples=samples), car).motion
+    assert motion.gaps == ()
+    whole = window_of(own, car).motion
+    assert motion.samples == pytest.approx(whole.samples, abs=1e-9)
+    samples[:2, 900:950] = np.nan  # two at once are implied by nothing
+    assert window_of(replace(own, samples=samples), car).motion.n_samples == whole.n_samples - 50
+
+
+def test_a_gap_of_a_body_that_twists_is_not_filled(car, run) -> None:
+    own = with_rigid_motion(run, car)
+    samples = own.samples.copy()
+    samples[:4] += 0.5 * np.outer([1, -1, -1, 1], np.random.default_rng(3).standard_normal(1000))
+    samples[0, 300:500] = np.nan
+    assert window_of(replace(own, samples=samples), car).motion.n_samples == 550
+
+
+def test_a_channel_that_is_mostly_missing_is_not_filled(car, run) -> None:
+    own = with_rigid_motion(run, car)
+    samples = own.samples.copy()
+    samples[0, 300:900] = np.nan
+    assert window_of(replace(own, samples=samples), car).motion.n_samples == 150
+
+
+def test_some_outputs_are_not_interrupted_by_gaps_of_others(car, run) -> None:
+    own = with_rigid_motion(run, car)
+    samples = own.samples.copy()
+    samples[4, 300:900] = np.nan
+    window = window_of(replace(own, samples=samples), car)
+    assert window.motion.n_samples == 150
+    assert window.motion_of(window.outputs[:4]).n_samples == 750
+
+
+def with_rigid_motion(run: Recording, car: Vehicle) -> Recording:
+    """Return the run with accelerometers that read bounce, pitch and roll of the body and offsets of their own."""
+    bounce, pitch, roll = np.random.default_rng(2).standard_normal((3, run.n_samples))
+    samples = run.samples.copy()
+    for row, sensor in enumerate(car.sensor[:4]):
+        x, y, _ = sensor.position or (0.0, 0.0, 0.0)
+        samples[row] = (bounce - x * pitch + y * roll + 0.1 * row) / (9.80665 if sensor.unit == "g" else 1.0)
+    return replace(run, samples=samples)

@@ -307,9 +307,10 @@ def _prepare(
     windows: Sequence[Window], settings: CornerSettings
 ) -> tuple[FitSetup, SegmentSpectra, bool, SpeedDelay | None]:
     """Return the set-up of all fits, the segments, whether their speeds are known or not needed, and the delay."""
-    first, records = windows[0], [window.motion for window in windows]
+    first = windows[0]
     kind: Kind = settings.kind or first.vehicle.kind
-    layout = rigid_layout(with_sensors(first.structure, records[0].names))
+    layout = rigid_layout(with_sensors(first.structure, first.outputs))
+    records = [window.motion_of(layout.names) for window in windows]
     speed = None if kind == "rig" else first.speed
     band, length = default_choices(first.vehicle, first.structure, settings, records[0].sampling_rate)
     segments = segment_spectra(records, layout, speed=None, band=band, segment_length=length)

@@ -31,6 +31,7 @@ from sprung.likelihood.uncertainty import parameter_covariance, power_misfit, se
 from sprung.likelihood.whittle import minus_log_likelihood
 from sprung.modal import INTERVAL_95
 from sprung.recording import Recording, each_recording
+from sprung.signals.conditioning import without_missing
 from sprung.vehicles import Vehicle
 from sprung.vehicles.lateral import (
     critical_speed,
@@ -428,13 +429,16 @@ def fit_lateral(recordings: Recording | Iterable[Recording], vehicle: Vehicle) -
     ----------
     As for `lateral_system` and `fit_segments`.
     """
-    records = list(each_recording(recordings))
+    return _fit([window_of(record, vehicle, allow_missing=True) for record in each_recording(recordings)], vehicle)
+
+
+def _fit(windows: Sequence[Window], vehicle: Vehicle) -> LateralFit:
+    """Return the fit of a vehicle to its windows."""
     outputs, width = lateral_outputs(vehicle), SETTINGS.class_width
-    windows = [window_of(record, vehicle, allow_missing=True) for record in records]
     speed = windows[0].speed
     if speed is None or any(window.speed is None for window in windows):
         raise DataError("a recording has no speed, without which creep is not known: record the speed")
-    segments = _segments([window.recording for window in windows], outputs, speed)
+    segments = _segments([window.filled for window in windows], outputs, speed)
     model = LateralModel(vehicle, outputs, class_spectra(segments, width=width))
     parameters, power, limited = model.start(), 0.0, segments
     for _ in range(RULES.max_fits):
@@ -476,11 +480,11 @@ def fit_lateral_under(fit: CornerFit, windows: Sequence[Window]) -> LateralFit |
     if any(window.speed is None or not names <= set(window.outputs) for window in windows):
         return None
     load = fit.payload["payload_mass"]["value"] if "payload_mass" in fit.payload else 0.0
-    return fit_lateral([window.recording for window in windows], with_load(vehicle, load))
+    return _fit(windows, with_load(vehicle, load))
 
 
 def _segments(records: Sequence[Recording], outputs: Outputs, speed: str) -> SegmentSpectra:
-    """Return the spectra of the lateral channels in segments of steady speed."""
+    """Return the spectra of the lateral channels in segments of steady speed without missing values."""
     missing = [name for name in outputs.names if any(name not in record.names for record in records)]
     if missing:
         raise DataError(
@@ -488,4 +492,5 @@ def _segments(records: Sequence[Recording], outputs: Outputs, speed: str) -> Seg
         )
     low, high = SETTINGS.band
     band = low, min(high, 0.4 * min(record.sampling_rate for record in records))
-    return segment_spectra(records, lateral_layout(outputs), speed=speed, band=band, segment_length=SETTINGS.segment)
+    complete = [without_missing(record.select([*outputs.names, speed])) for record in records]
+    return segment_spectra(complete, lateral_layout(outputs), speed=speed, band=band, segment_length=SETTINGS.segment)

@@ -170,7 +170,7 @@ def road_profile(windows: Sequence[Window], fit: CornerFit | LateralFit, track: 
 def _stretches(window: Window) -> Iterator[tuple[Recording, Real, float]]:
     """Yield the motion and the speed of each stretch without a gap or a missing value, and its start [s]."""
     recording = window.recording
-    motion = recording.select(window.outputs)
+    motion = window.filled.select(window.outputs)
     speed = filled(recording.samples[recording.index(window.speed or "")])
     is_known: Booleans = np.logical_and.reduce(np.isfinite(motion.samples))
     for stretch in recording.stretches():

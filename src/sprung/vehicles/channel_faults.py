@@ -14,7 +14,8 @@ from sprung._arrays import Booleans, Real
 from sprung.recording import Recording
 from sprung.signals import data_faults
 from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
-from sprung.vehicles.window import Window
+from sprung.vehicles.system import Outputs
+from sprung.vehicles.window import Window, with_implied_values
 
 #: Kind of a sensor whose channel the samples lack, which only the monitor takes for a fault.
 MISSING = "missing"
@@ -110,6 +111,8 @@ class Channels:
         Whether the vehicle moves at each sample, shape (samples,).
     carriers
         What each channel is on: "body", "wheel", "suspension" or another part.
+    outputs
+        Output matrices of the vehicle's structure, by which other channels imply missing values.
     has_impacts
         Whether joints of rails or rollers hit one wheelset after another, and so some sensors before others.
     """
@@ -117,6 +120,7 @@ class Channels:
     recording: Recording
     is_moving: Booleans
     carriers: tuple[str, ...]
+    outputs: Outputs
     has_impacts: bool = False
 
     @classmethod
@@ -132,7 +136,8 @@ class Channels:
             "suspension" if sensor.between else "wheel" if sensor.on.startswith("wheel") else sensor.on
             for sensor in (sensors[name] for name in window.outputs)
         )
-        return cls(recording.select(window.outputs), is_moving, carriers, window.vehicle.kind in {"rail", "rig"})
+        has_impacts = window.vehicle.kind in {"rail", "rig"}
+        return cls(recording.select(window.outputs), is_moving, carriers, window.structure.outputs, has_impacts)
 
     def fault(self, row: int, kind: str, detail: str) -> SensorFault:
         """Return a fault of a channel."""
@@ -142,7 +147,7 @@ class Channels:
         """Return only some rows."""
         names = [self.recording.names[row] for row in rows]
         carriers = tuple(self.carriers[row] for row in rows)
-        return Channels(self.recording.select(names), self.is_moving, carriers, self.has_impacts)
+        return replace(self, recording=self.recording.select(names), carriers=carriers)
 
     @cached_property
     def rows_with_runs(self) -> list[int]:
@@ -161,11 +166,12 @@ class Channels:
 
     @cached_property
     def complete(self) -> Real:
-        """Samples on the move with missing values on a straight line between their neighbours, 0 without any values."""
-        is_known = np.isfinite(self.samples)
-        if is_known.all():
+        """Samples on the move with missing values as others imply them or on a straight line, 0 without any values."""
+        if np.isfinite(self.samples).all():
             return self.samples
-        complete = np.where(is_known, self.samples, 0.0)
+        samples = with_implied_values(self.recording, self.outputs).samples[:, self.is_moving]
+        is_known = np.isfinite(samples)
+        complete = np.where(is_known, samples, 0.0)
         for values, known in zip(complete, is_known, strict=True):
             if known.any():
                 values[~known] = np.interp(np.flatnonzero(~known), np.flatnonzero(known), values[known])

@@ -6,12 +6,12 @@ from itertools import combinations
 import numpy as np
 
 from sprung._arrays import Complex, Real
-from sprung.recording import Channel
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles import Structure
 from sprung.vehicles.channel_faults import SensorFault
 from sprung.vehicles.labels import MOTIONS, highest_of_body
 from sprung.vehicles.structure import FLEXIBLE_SHAPES
+from sprung.vehicles.window import is_upright
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
     """
     outputs = structure.outputs
     places = {row: outputs.names.index(name) for row, name in enumerate(spectra.names)}
-    rows = [row for row, k in places.items() if np.any(outputs.acceleration[k]) and _is_upright(outputs.channels[k])]
+    rows = [row for row, k in places.items() if np.any(outputs.acceleration[k]) and is_upright(outputs.channels[k])]
     T = outputs.acceleration[[places[row] for row in rows]]
     null = _null_space(T)
     if not len(null):  # too few sensors for a flexible body's own shapes
@@ -123,11 +123,6 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
     if place > LIMITS.place:
         rest = residual
     return [], 0.0 if rest < LIMITS.disagreement * mean_power else float(np.sqrt(residual / mean_power))
-
-
-def _is_upright(channel: Channel) -> bool:
-    """Return whether a sensor measures upwards more than sideways, where the wheels and gravity move it, too."""
-    return channel.direction is None or abs(channel.direction[2]) >= max(map(abs, channel.direction))
 
 
 def _null_space(T: Real) -> Real:

@@ -1,26 +1,31 @@
 """A stretch of driving, interpreted by its vehicle file: sensors, speed, structure, conditions."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from sprung._arrays import Real
+from sprung._display import counted
 from sprung.channel_names import corner_of, rule_of
 from sprung.errors import ParameterError
 from sprung.recording import Channel, Recording, naming
-from sprung.signals.conditioning import advanced_linearly, with_short_gaps_filled
+from sprung.signals.conditioning import FILLING, advanced_linearly, with_short_gaps_filled
+from sprung.signals.data_faults import DEAD_SHARE, missing_share
 from sprung.vehicles.description import Vehicle
 from sprung.vehicles.labels import plausibility_notes
 from sprung.vehicles.models import structure
 from sprung.vehicles.sensor_layout import layout_notes, output_channels, speed_channel, usable_motion, with_layout
 from sprung.vehicles.structure import Structure
+from sprung.vehicles.system import Outputs
 
 #: Speed below which a vehicle stands [m/s].
 _STANDING = 1.0
 #: Cosine of the angle to the vertical within which a gyroscope measures the yaw rate.
 _UPRIGHT = 0.9
+#: Largest part of a channel's unit motion that others may leave unexplained where they imply it.
+_IMPLIED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,17 +67,26 @@ class Window:
     notes: tuple[str, ...] = ()
 
     @cached_property
+    def filled(self) -> Recording:
+        """The recording with short gaps of single outputs filled, and longer ones by what others imply."""
+        filled = with_short_gaps_filled(self.recording, self.outputs)
+        return with_implied_values(filled, self.structure.outputs)
+
+    @cached_property
     def motion(self) -> Recording:
-        """Outputs (and speed) while the vehicle moves and no value is missing, short gaps of single outputs filled.
+        """Outputs (and speed) while the vehicle moves and no value is missing after gaps of single outputs are filled.
 
         Raises
         ------
         DataError
             If an output is dead, or nothing is left.
         """
+        return self.motion_of(self.outputs)
+
+    def motion_of(self, names: Sequence[str]) -> Recording:
+        """Return some outputs (and the speed) as `motion` does, whatever the others lack."""
         with naming(self.recording):
-            filled = with_short_gaps_filled(self.recording, self.outputs)
-            return usable_motion(filled, self.outputs, self.speed)
+            return usable_motion(self.filled, names, self.speed)
 
     def without(self, names: Collection[str]) -> "Window":
         """Return the window without the channels in `names`, and without conditions from the speed if it is one."""
@@ -138,6 +152,67 @@ def window_of(recording: Recording, vehicle: Vehicle, *, allow_missing: bool = F
         missing=tuple(name for name in motion if name not in outputs),
         notes=notes,
     )
+
+
+def with_implied_values(recording: Recording, outputs: Outputs) -> Recording:
+    """Return a recording with values where channels miss them and others on rigid bodies imply them.
+
+    Parameters
+    ----------
+    recording
+        Recording in SI units.
+    outputs
+        Output matrices of a structure; channels that it lacks stay as they are, and so do those of which more than half
+        is missing, and accelerometers that are not upright.
+
+    Notes
+    -----
+    Readings of one kind are y = T q'' with q the motions of the bodies, more sensors than motions a redundancy: a
+    missing reading is w^T y of the others, T_missing = w^T T, of least norm; all about their means. Four accelerometers
+    on a body imply each other one by one. Their noise adds up, and so does what a body bends in the gap.
+
+    References
+    ----------
+    E. Y. Chow, A. S. Willsky, Analytical redundancy and the design of robust failure detection systems, IEEE
+    Transactions on Automatic Control 29 (1984) 603-614 (parity relations).
+    """
+    samples = recording.samples.copy()
+    n_known = np.count_nonzero(np.isfinite(samples))
+    if n_known == samples.size:
+        return recording
+    for matrix in (outputs.displacement, outputs.velocity, outputs.acceleration):
+        readings = {
+            channel.name: reading
+            for channel, reading in zip(outputs.channels, matrix, strict=True)
+            if reading.any() and (channel.quantity != "acceleration" or is_upright(channel))
+        }
+        usable = [row for row, values in enumerate(samples) if missing_share(values) <= DEAD_SHARE]
+        rows = [row for row in usable if recording.names[row] in readings]
+        if rows:
+            samples[rows] = _implied(samples[rows], np.array([readings[recording.names[row]] for row in rows]))
+    n_filled = np.count_nonzero(np.isfinite(samples)) - n_known
+    return recording.changed(f"{counted(n_filled, 'value')} of channels implied by others", samples=samples)
+
+
+def _implied(samples: Real, readings: Real) -> Real:
+    """Return samples whose missing ones are those that `readings` for unit motions imply, shape (channels, motions)."""
+    is_known, filled = np.isfinite(samples), samples.copy()
+    for known in np.unique(is_known, axis=1).T:
+        weights = readings @ np.linalg.pinv(readings * known[:, None])
+        unexplained = np.linalg.norm(weights @ readings - readings, axis=1)
+        at = (is_known == known[:, None]).all(axis=0)
+        for row in np.flatnonzero(~known & (unexplained < _IMPLIED * np.linalg.norm(readings, axis=1))):
+            by_others = weights[row, known] @ samples[known]
+            away = (samples[row] - by_others)[is_known[row] & is_known[known].all(axis=0)]
+            error = np.var(away) * missing_share(samples[row]) if away.size else np.inf
+            if error <= FILLING.share * np.var(samples[row, is_known[row]]):
+                filled[row, at] = by_others[at] + away.mean()
+    return filled
+
+
+def is_upright(channel: Channel) -> bool:
+    """Return whether a sensor measures upwards more than sideways, where the wheels and gravity move it, too."""
+    return channel.direction is None or abs(channel.direction[2]) >= max(map(abs, channel.direction))
 
 
 def _check_speed(recording: Recording, row: int, *, fast: float = 35.0) -> tuple[str, ...]:
