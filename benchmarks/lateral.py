@@ -42,8 +42,9 @@ def main():
     parser.add_argument("--minutes", type=float, default=5.0, help="length of a drive")
     parser.add_argument("--car", type=int, default=5, help="number of the coach")
     parser.add_argument("--healthy", type=int, default=0, help="further healthy sets")
+    parser.add_argument("--on-body", action="store_true", help="with a lateral accelerometer on the body, too")
     given = parser.parse_args()
-    coach = with_lateral_sensors(read_vehicle("coach"))
+    coach = with_lateral_sensors(read_vehicle("coach"), on_body=given.on_body)
     parts = [str(part) for part in lateral_parts(coach)][1:]
     own = dict(zip(parts, np.random.default_rng(given.car).normal(0, SCATTER, len(parts)), strict=True))
 
@@ -70,14 +71,16 @@ def main():
         print(drives, *(count[outcome] for outcome in OUTCOMES), sep=" | ")
 
 
-def with_lateral_sensors(coach):
-    """Return the coach with lateral accelerometers at both ends of its frames."""
+def with_lateral_sensors(coach, *, on_body=False):
+    """Return the coach with lateral accelerometers at both ends of its frames, and above the first one on the body."""
     common = {"quantity": "acceleration", "unit": "m/s^2", "direction": (0.0, 1.0, 0.0)}
     sensors = [
         Sensor(channel=f"bogie{number}_{end}y", position=(x, 0.0, 0.0), on=f"bogie{number}", **common)
         for number in (1, 2)
         for end, x in (("f", 1.28), ("r", -1.28))
     ]
+    if on_body:
+        sensors.append(Sensor(channel="body_fy", position=(9.5, 0.0, -0.7), **common))
     return coach.model_copy(update={"sensor": (*coach.sensor, *sensors)})
 
 

@@ -177,7 +177,7 @@ def with_implied_values(recording: Recording, outputs: Outputs) -> Recording:
     Transactions on Automatic Control 29 (1984) 603-614 (parity relations).
     """
     samples = recording.samples.copy()
-    n_known = np.count_nonzero(np.isfinite(samples))
+    n_known = int(np.count_nonzero(np.isfinite(samples)))
     if n_known == samples.size:
         return recording
     for matrix in (outputs.displacement, outputs.velocity, outputs.acceleration):
@@ -190,7 +190,7 @@ def with_implied_values(recording: Recording, outputs: Outputs) -> Recording:
         rows = [row for row in usable if recording.names[row] in readings]
         if rows:
             samples[rows] = _implied(samples[rows], np.array([readings[recording.names[row]] for row in rows]))
-    n_filled = np.count_nonzero(np.isfinite(samples)) - n_known
+    n_filled = int(np.count_nonzero(np.isfinite(samples))) - n_known
     return recording.changed(f"{counted(n_filled, 'value')} of channels implied by others", samples=samples)
 
 
