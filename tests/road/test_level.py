@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -10,12 +11,13 @@ from sprung.cli import main
 from sprung.excitation import surface
 from sprung.formats import write
 from sprung.likelihood.fitting import fit_windows
+from sprung.results.documents import road_document
 from sprung.results.figures import road_figure
 from sprung.results.tables import road_table, road_tables
 from sprung.road import RoadSurvey, Stretch, TrackLevel, averaged, road_profile, survey_road, track_of, write_survey
 from sprung.road.level import RANGES, in_range
-from sprung.simulation import RailDrive, simulate_drive
-from sprung.vehicles import read_vehicle, write_vehicle
+from sprung.simulation import RailDrive, WheelOrders, simulate_drive
+from sprung.vehicles import parse_fault, read_vehicle, write_vehicle
 from sprung.vehicles.window import window_of
 
 METRO = read_vehicle("metro")
@@ -61,6 +63,43 @@ def drive():
     """A drive on a jointed track, and the height of the rails along it [m]."""
     recording, (profile,) = driven(METRO, duration=120.0, speed=(20.0, 24.0))
     return recording, profile.height
+
+
+@dataclass(frozen=True)
+class Dip:
+    """A place of the right rail where its bed has sunk."""
+
+    place: float = 700.0
+    depth: float = 0.02
+    length: float = 6.0
+
+    def heights(self, positions, _generator):
+        return np.outer([0, -self.depth], np.exp(-np.pi * ((positions - self.place) / self.length) ** 2))
+
+
+@pytest.mark.slow
+def test_a_defect_of_the_track_is_where_every_vehicle_finds_it() -> None:
+    """The level of the Gaussian dip in D1 is that of the filter; spring and wheel of the second vehicle are its own."""
+    x = np.arange(0.0, 1400.0, 0.05)
+    seen = in_range(Dip().heights(x, None), RANGES[0], spacing=0.05)[1].min()
+    own = {
+        "faults": (parse_fault("bogie1_left.secondary_spring=-0.3"),),
+        "wheel_orders": WheelOrders(run_out=(2e-4,), radius=0.46),
+    }
+    surveys = []
+    for seed, settings in enumerate(({}, own), start=1):
+        settings |= {"duration": 60.0, "speed": (20.0, 24.0), "crossings": Dip(), "welded": True}
+        run = simulate_drive(METRO, RailDrive(sampling_rate=100.0, snr=30.0, **settings), seed=seed).recording
+        surveys.append(survey_road(run, METRO))
+    found = averaged(surveys, vehicles=["metro-1", "metro-2"])
+    (defect,) = found.events
+    assert (defect.side, defect.kind, defect.n_passes) == ("right", "dip", 2)
+    assert defect.at == pytest.approx(700.0, abs=2.0)
+    assert -defect.depth == pytest.approx(seen, rel=0.15)
+    tables = [table.title for table in road_tables(found)]
+    assert "Isolated defects" in tables
+    assert len(road_figure(found).axes) == 2
+    assert road_document(found).model_dump()["events"][0]["kind"] == "dip"
 
 
 @pytest.mark.slow

@@ -107,6 +107,10 @@ class Levels:
         is_fast = float(np.median(self._profile.speeds[part])) >= TRACK.lowest * RANGES[1][1]
         return TrackLevel(d1, d1_std, *(found if is_fast else (None, None)))
 
+    def d1(self, block: slice) -> Real:
+        """Return the level of both rails in D1 on a block of the profile [m], shape (2, points)."""
+        return np.asarray(self._filtered[0, :, block] * self._profile.is_valid[block])
+
     def _deviation(self, row: int, side: int, part: slice) -> tuple[float, float]:
         """Return the standard deviation of a level in a range, and its own, by the error, the vehicle and its model."""
         profile, wavelengths = self._profile, RANGES[row]

@@ -1,6 +1,6 @@
 """Roughness of a road (IRI, classes of ISO 8608) or level of a track from the profile under a vehicle, and potholes."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -187,6 +187,11 @@ class SurveySettings:
     depth: float = 0.008
     over_scatter: float = 5.0
     nearby: float = 50.0
+    #: Smallest depth of an isolated defect of a track, the distance between two of them, or of both rails, and the
+    #: length over which the scatter of the level counts [m].
+    defect: float = 0.003
+    apart: float = 3.0
+    along: float = 200.0
     #: Lengths of dips and bumps that are fitted [m], and the largest one of a joint, a dip across both tracks.
     lengths: tuple[float, ...] = (0.3, 0.4, 0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.0, 2.5, 3.0)
     joint: float = 0.8
@@ -259,7 +264,7 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class RoadEvent:
-    """A pothole, a bump or a joint.
+    """A pothole, a bump or a joint of a road; a dip or a hump of a track.
 
     Parameters
     ----------
@@ -268,9 +273,9 @@ class RoadEvent:
     side
         "left", "right" or "both".
     kind
-        "pothole", "bump", or "joint": a step, or a dip of at most 0.8 m across both tracks.
+        "pothole", "bump", or "joint": a step, or a dip of at most 0.8 m across both tracks. Of a track "dip" or "hump".
     depth, length
-        Depth or height, and length [m]; 0 for a step.
+        Depth or height, and length [m]; 0 for a step. Of a track those of its level in D1, the length at half depth.
     place
         Latitude and longitude [degrees]; None where the recordings do not have them.
     n_passes
@@ -280,7 +285,7 @@ class RoadEvent:
     at: float
     time: float
     side: Literal["left", "right", "both"]
-    kind: Literal["pothole", "bump", "joint"]
+    kind: Literal["pothole", "bump", "joint", "dip", "hump"]
     depth: float
     length: float
     place: tuple[float, float] | None = None
@@ -296,7 +301,7 @@ class RoadSurvey:
     stretches
         Stretches on which the vehicle was fast enough, in the order of the way.
     events
-        Potholes, bumps and joints.
+        Potholes, bumps and joints; of a track isolated defects.
     notes
         Limits, one sentence each.
     """
@@ -356,9 +361,10 @@ def survey_road(
     wavelengths of 0.3 to 3 m; its kind, place and size are those of the dip, bump or step that fits it best.
 
     Under a rail vehicle, stretches have the standard deviations of the longitudinal level of both rails in the ranges
-    D1 and D2 (`TrackLevel`) instead, which the density of the error increases likewise, and there are no events. Where
-    the vehicle has lateral tables and sensors, its lateral motion is fitted (`fit_lateral`) and inverted likewise, to
-    the alignment of the track's centre line.
+    D1 and D2 (`TrackLevel`) instead, which the density of the error increases likewise, and events are isolated
+    defects: peaks of the level in D1 of 3 mm and five times the scatter around them. What several vehicles find at one
+    place is of the track. Where the vehicle has lateral tables and sensors, its lateral motion is fitted
+    (`fit_lateral`) and inverted likewise, to the alignment of the track's centre line.
 
     References
     ----------
@@ -387,7 +393,8 @@ def survey_road(
     track = track_of(windows)
     fit = fit_windows(windows)
     profile = road_profile(windows, fit, track)
-    measure = Levels(profile, fit.model_error).at if is_track else _roughness_of(profile)
+    levels = Levels(profile, fit.model_error) if is_track else None
+    measure = _roughness_of(profile) if levels is None else levels.at
     aligned, reasons = _alignment(windows, fit, track)
     if ways is None:
         whole = np.array([0.0, track.distances[-1]])
@@ -410,7 +417,8 @@ def survey_road(
         if ways is not None and not sections:
             raise DataError(f"the drive is on no way for {stretch:g} m: give latitude and longitude [degrees]")
         raise DataError(f"no stretch of {stretch:g} m was driven fast enough: give a longer or faster drive")
-    events = [replace(event, place=track.place(event.time)) for event in (() if is_track else _events(profile))]
+    found = _events(profile) if levels is None else _defects(profile, levels)
+    events = [replace(event, place=track.place(event.time)) for event in found]
     if ways is not None:
         events = [replace(event, at=at) for event in events for at in _addresses(event.at, sections)]
     notes = (f"too slow: {counted(slow, 'stretch', 'es')}",) * (slow > 0)
@@ -530,26 +538,54 @@ def _events(profile: RoadProfile) -> tuple[RoadEvent, ...]:
 
     longest, shortest = 1 / SETTINGS.event[1], 1 / SETTINGS.event[0]
     sos = signal.butter(2, (longest, shortest), "bandpass", fs=1 / profile.spacing, output="sos")
-    n_nearby, apart = (round(length / profile.spacing) for length in (SETTINGS.nearby, SETTINGS.event[1]))
+
+    def filtered(block: slice) -> Real:
+        return np.asarray(signal.sosfiltfilt(sos, profile.heights[:, block], axis=1) * profile.is_valid[block])
+
     found: list[RoadEvent] = []
+    for block, side, row, peak in _peaks(
+        profile, filtered, least=SETTINGS.depth, apart=SETTINGS.event[1], nearby=SETTINGS.nearby
+    ):
+        speed = profile.speeds[block.start + peak]
+        length, size, offset = _shape(row, peak, profile.frequencies[-1] / speed, sos, profile.spacing)
+        place = block.start + min(max(peak + offset, 0), row.size - 1)
+        at, time = (float(each[place]) for each in (profile.distances, profile.times))
+        kind: Literal["pothole", "bump", "joint"] = "joint" if not length else "bump" if size > 0 else "pothole"
+        found.append(RoadEvent(at, time, _SIDES[side], kind, abs(size), length))
+    return tuple(_on_both_sides(found, within=SETTINGS.event[0]))
+
+
+def _defects(profile: RoadProfile, levels: Levels) -> tuple[RoadEvent, ...]:
+    """Return the isolated defects of a track: peaks of its level in D1, each with its length at half of the depth."""
+    from scipy import signal
+
+    found = []
+    for block, side, row, peak in _peaks(
+        profile, levels.d1, least=SETTINGS.defect, apart=SETTINGS.apart, nearby=SETTINGS.along
+    ):
+        [width], *_ = signal.peak_widths(np.abs(row), [peak])
+        at, time = (float(each[block.start + peak]) for each in (profile.distances, profile.times))
+        kind: Literal["dip", "hump"] = "hump" if row[peak] > 0 else "dip"
+        found.append(RoadEvent(at, time, _SIDES[side], kind, float(abs(row[peak])), float(width * profile.spacing)))
+    return tuple(_on_both_sides(found, within=SETTINGS.apart))
+
+
+def _peaks(
+    profile: RoadProfile, heights_of: Callable[[slice], Real], *, least: float, apart: float, nearby: float
+) -> Iterator[tuple[slice, int, Real, int]]:
+    """Yield block, side, heights of the block and place of each peak far above the scatter around it."""
+    from scipy import signal
+
+    n_nearby = round(nearby / profile.spacing)
     for block in profile.blocks():
         if block.stop - block.start < n_nearby:
             continue
-        heights = signal.sosfiltfilt(sos, profile.heights[:, block], axis=1) * profile.is_valid[block]
-        for side, row in enumerate(heights):
+        for side, row in enumerate(heights_of(block)):
             blocks = np.abs(row[: row.size // n_nearby * n_nearby]).reshape(-1, n_nearby)
             scatter = 1.4826 * np.repeat(np.median(blocks, axis=1), n_nearby)
-            scatter = np.pad(scatter, (0, row.size - scatter.size), "edge")
-            limits = np.maximum(SETTINGS.depth, SETTINGS.over_scatter * scatter)
-            peaks, _ = signal.find_peaks(np.abs(row), height=limits, distance=apart)
-            for peak in peaks.tolist():
-                speed = profile.speeds[block.start + peak]
-                length, size, offset = _shape(row, peak, profile.frequencies[-1] / speed, sos, profile.spacing)
-                place = block.start + min(max(peak + offset, 0), row.size - 1)
-                at, time = (float(each[place]) for each in (profile.distances, profile.times))
-                kind: Literal["pothole", "bump", "joint"] = "joint" if not length else "bump" if size > 0 else "pothole"
-                found.append(RoadEvent(at, time, _SIDES[side], kind, abs(size), length))
-    return tuple(_on_both_sides(sorted(found, key=lambda event: event.at)))
+            limits = np.maximum(least, SETTINGS.over_scatter * np.pad(scatter, (0, row.size - scatter.size), "edge"))
+            peaks, _ = signal.find_peaks(np.abs(row), height=limits, distance=round(apart / profile.spacing))
+            yield from ((block, side, row, peak) for peak in peaks.tolist())
 
 
 def _shape(row: Real, peak: int, highest: float, sos: Real, spacing: float) -> tuple[float, float, int]:
@@ -576,12 +612,15 @@ def _shape(row: Real, peak: int, highest: float, sos: Real, spacing: float) -> t
     return float(lengths[best[1]]), float(along[best] / energy[best]), int(offsets[best[0]])
 
 
-def _on_both_sides(events: Sequence[RoadEvent]) -> list[RoadEvent]:
-    """Return events, with those that both tracks have at one place as one; a short dip of both is a joint."""
+def _on_both_sides(events: Sequence[RoadEvent], *, within: float) -> list[RoadEvent]:
+    """Return events by distance, with those that both tracks have at one place as one; a short dip of both is a joint.
+
+    Two events are at one place if they are less than a distance apart [m].
+    """
     merged: list[RoadEvent] = []
-    for event in events:
+    for event in sorted(events, key=lambda event: event.at):
         last = merged[-1] if merged else None
-        is_same = last is not None and event.kind == last.kind and event.at - last.at < SETTINGS.event[0]
+        is_same = last is not None and event.kind == last.kind and event.at - last.at < within
         if last is not None and is_same and last.side not in {event.side, "both"}:
             depth, length = max(last.depth, event.depth), max(last.length, event.length)
             is_joint = last.kind == "joint" or (last.kind == "pothole" and length <= SETTINGS.joint)

@@ -155,7 +155,7 @@ SCHEMAS: Mapping[str, pa.Schema] = {
     "road_events": _schema(
         at=_NUMBER,  # address on the ways [m]
         side=_TEXT,
-        kind=_TEXT,  # pothole, bump or joint
+        kind=_TEXT,  # pothole, bump or joint; of a track dip or hump
         depth=_NUMBER,  # [m]
         length=_NUMBER,
         n_passes=_COUNT,

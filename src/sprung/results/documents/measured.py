@@ -70,11 +70,11 @@ class StretchDocument(Document):
 
 
 class EventDocument(Document):
-    """A pothole, bump or joint: distance, depth and length [m]; a step has the length 0."""
+    """A pothole, bump or joint, or a dip or hump of a track: distance, depth and length [m], 0 of a step."""
 
     at: float
     side: Literal["left", "right", "both"]
-    kind: Literal["pothole", "bump", "joint"]
+    kind: Literal["pothole", "bump", "joint", "dip", "hump"]
     depth: float
     length: float
     n_passes: int = 1

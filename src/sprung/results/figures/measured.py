@@ -106,7 +106,7 @@ def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
         axes.set(ylim=(0, axes.get_ylim()[1]), xlabel="Distance [m]", ylabel=label)
     axes = grid[0, 0]
     for event in survey.events:
-        marker = {"pothole": "v", "bump": "^", "joint": "|"}[event.kind]
+        marker = {"pothole": "v", "dip": "v", "bump": "^", "hump": "^", "joint": "|"}[event.kind]
         axes.plot(event.at, axes.get_ylim()[1], marker, color=STYLE.ink, markersize=4, clip_on=False)
     draw.legend(axes)
     for (name, label), panel in zip(measures, grid[:, 1] if has_map else (), strict=has_map):

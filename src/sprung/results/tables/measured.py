@@ -83,7 +83,7 @@ def describe_road(survey: "RoadSurvey") -> list[str]:
     values = [factor * getattr(track, name) for track in tracks]
     first, what = survey.stretches[0], "level" if survey.is_of_track else "IRI"
     head = f"{counted(len(survey.stretches), 'stretch', 'es')} of {first.end - first.begin:.0f} m"
-    events = f"; potholes, bumps and joints: {len(survey.events)}" * bool(survey.events)
+    events = f"; {_events_of(survey)}: {len(survey.events)}" * bool(survey.events)
     sizes = f"{min(values):.2f} to {max(values):.2f} {unit}, median {median(values):.2f}"
     return [f"{head}: {what} {sizes}{events}", *survey.notes]
 
@@ -133,7 +133,7 @@ def _in_mm(length: float, std: float) -> str:
 
 
 def events_table(survey: "RoadSurvey") -> Table:
-    """Return the table of potholes, bumps and joints, the deepest first."""
+    """Return the table of potholes, bumps and joints, or of isolated defects of a track, the deepest first."""
     is_of_one = all(event.n_passes == 1 for event in survey.events)
     deepest = sorted(survey.events, key=lambda event: -event.depth)[:_MOST_STRETCHES]
     rows = [
@@ -148,7 +148,11 @@ def events_table(survey: "RoadSurvey") -> Table:
         for event in deepest
     ]
     columns = ("event", "side", "at [m]", "depth [mm]", "length [m]", "passes")
-    return Table("Potholes, bumps and joints", columns, tuple(rows), n_words=2, ends_in_words=False)
+    return Table(_events_of(survey).capitalize(), columns, tuple(rows), n_words=2, ends_in_words=False)
+
+
+def _events_of(survey: "RoadSurvey") -> str:
+    return "isolated defects" if survey.is_of_track else "potholes, bumps and joints"
 
 
 def ride_tables(ride: "Ride") -> list[Table]:
