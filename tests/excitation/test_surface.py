@@ -177,6 +177,9 @@ def test_classes_of_the_fra_have_the_printed_spectra() -> None:
     """k A_v Wc^2 / (W^2 (W^2 + Wc^2)), cross level 4 k A_v Wc^2 / ((W^2 + Wc^2)(W^2 + Ws^2)), in cm^2 and rad/m."""
     W, k, Wc = np.array([0.1, 0.7, 3.0]), 0.25, 0.8245
     for name, A, Aa, Ws in (
+        ("fra1", 1.2107, 3.3634, 0.6046),
+        ("fra2", 1.0181, 1.2107, 0.9308),
+        ("fra3", 0.6816, 0.4128, 0.8520),
         ("fra4", 0.5376, 0.3027, 1.1312),
         ("fra5", 0.2095, 0.0762, 0.8209),
         ("fra6", 0.0339, 0.0339, 0.4380),

@@ -165,8 +165,8 @@ class RailDriveConditions(DriveConditions):
     Parameters
     ----------
     quality
-        Level of the track's irregularity: "good" (low) or "bad" (high) by ERRI B176; "fra4", "fra5" or "fra6" by class
-        of the FRA.
+        Level of the track's irregularity: "good" (low) or "bad" (high) by ERRI B176; "fra1" to "fra6" by class of the
+        FRA.
     welded
         Whether the rails are welded; otherwise they have joints.
     joints

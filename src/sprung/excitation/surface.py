@@ -32,7 +32,7 @@ _MAX_POINTS = 2e8
 #: Smallest number of points of a measured surface.
 _SHORTEST_MEASURED = 51
 #: Qualities of tracks, and the corner [rad/m] of those whose long waves have none.
-RailQuality = Literal["good", "bad", "fra4", "fra5", "fra6"]
+RailQuality = Literal["good", "bad", "fra1", "fra2", "fra3", "fra4", "fra5", "fra6"]
 _NO_CORNER = 1e-6
 #: Tracks in the order of their rows.
 _SIDES = ("left", "right")
@@ -216,7 +216,7 @@ class Rail:
 
 
 def rail_quality(name: str) -> Rail:
-    """Return a "good" or a "bad" track of ERRI B176, or "fra4" to "fra6" of the class 4 to 6 of the FRA, see `Rail`.
+    """Return a "good" or a "bad" track of ERRI B176, or "fra1" to "fra6" of the classes of the FRA, see `Rail`.
 
     Raises
     ------
@@ -225,9 +225,12 @@ def rail_quality(name: str) -> Rail:
 
     Notes
     -----
-    FRA: A = k A_v with k = 0.25 and A_v = 0.5376, 0.2095 and 0.0339 cm^2 rad/m, Ws = 1.1312, 0.8209 and 0.4380 rad/m;
-    Wc is printed as 0.8245. Figures of the profile are those of Berawi; the corners of the cross level are of secondary
-    literature, and were not compared with a source.
+    FRA: A = k A_v with k = 0.25; Wc is printed as 0.8245. Figures of the profile are those of Berawi; corners of the
+    cross level are of secondary literature, and were not compared with a source.
+
+    The gauge is that of straight rails: to first order a wheelset on rails that are wider by e does not move sideways,
+    as both of its wheels roll on radii smaller by the conicity times e / 2, and goes down by as much, 0.1 mm for a
+    conicity of 0.05 and 4 mm.
 
     References
     ----------
@@ -242,8 +245,8 @@ def rail_quality(name: str) -> Rail:
     2.679
     """
     tracks = {"good": Rail(4.032e-7), "bad": Rail(1.080e-6)}
-    for quality, scale, corner in (("fra4", 0.5376, 1.1312), ("fra5", 0.2095, 0.8209), ("fra6", 0.0339, 0.4380)):
-        tracks[quality] = Rail(0.25e-4 * scale, _NO_CORNER, corner)
+    for quality, (level, _, corner) in _classes_of_the_fra().items():
+        tracks[quality] = Rail(0.25e-4 * level, _NO_CORNER, corner)
     return tracks[check_one_of("rail quality", name, tracks)]
 
 
@@ -252,12 +255,24 @@ def rail_alignment(name: str) -> Rail:
 
     Notes
     -----
-    FRA: A = k A_a with A_a = 0.3027, 0.0762 and 0.0339 cm^2 rad/m, of secondary literature, not compared with a source.
+    FRA: A = k A_a, of secondary literature, not compared with a source.
     """
     tracks = {"good": Rail(2.119e-7), "bad": Rail(6.125e-7)}
-    for quality, scale in (("fra4", 0.3027), ("fra5", 0.0762), ("fra6", 0.0339)):
-        tracks[quality] = Rail(0.25e-4 * scale, _NO_CORNER)
+    for quality, (_, alignment, _) in _classes_of_the_fra().items():
+        tracks[quality] = Rail(0.25e-4 * alignment, _NO_CORNER)
     return tracks[check_one_of("rail quality", name, tracks)]
+
+
+def _classes_of_the_fra() -> dict[str, tuple[float, float, float]]:
+    """Return A_v and A_a of level and alignment [cm^2 rad/m], and the corner of the cross level [rad/m]."""
+    return {
+        "fra1": (1.2107, 3.3634, 0.6046),
+        "fra2": (1.0181, 1.2107, 0.9308),
+        "fra3": (0.6816, 0.4128, 0.8520),
+        "fra4": (0.5376, 0.3027, 1.1312),
+        "fra5": (0.2095, 0.0762, 0.8209),
+        "fra6": (0.0339, 0.0339, 0.4380),
+    }
 
 
 @dataclass(frozen=True, eq=False, slots=True)
