@@ -19,6 +19,7 @@ change. They try baseline, test and naming alone, thousands of times.
 
 import argparse
 import os
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -30,9 +31,14 @@ import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import beta
 
-from sprung.diagnosis import diagnose, learn, observe_window
+from sprung._arrays import Real
+from sprung.diagnosis import Baseline, Observation, diagnose, learn, observe_window
 from sprung.simulation import Deviations, PartScatter, Payload, RailDrive, simulate_drive
-from sprung.vehicles import parse_fault, read_vehicle
+from sprung.vehicles import Vehicle, parse_fault, read_vehicle
+
+#: What the diagnosis says of one set of drives; a part and its relative change.
+Row = dict[str, Any]
+Change = tuple[str, float]
 
 SENSORS = ("bogie1_fl", "body_fl")
 SIDES = ("left", "right")
@@ -47,7 +53,7 @@ GOALS = {"primary": 0.97, "secondary": 0.99}
 TOGETHER = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 24)
 
 
-def main():
+def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--cars", type=int, default=10)
     arguments.add_argument("--drives", type=int, default=12, help="drives of each stage and healthy ones, of each car")
@@ -72,7 +78,7 @@ def main():
             summarise(every, given)
 
 
-def lives_of(given, number):
+def lives_of(given: argparse.Namespace, number: int) -> tuple[list[Row], list[Row]]:
     """Return what the diagnosis says of each simulated drive of a car, and of each drawn one."""
     metro = read_vehicle("metro")
     metro = metro.model_copy(update={"sensor": tuple(one for one in metro.sensor if one.channel in given.sensors)})
@@ -90,14 +96,22 @@ class Car(NamedTuple):
     """A car with its vehicle file, the random numbers of its drives, and the options of the benchmark."""
 
     number: int
-    file: Any
-    generator: Any
-    given: Any
+    file: Vehicle
+    generator: np.random.Generator
+    given: argparse.Namespace
 
 
-def watched(car, healthy, drive, n_drives, *, has_bounds=False):
+def watched(
+    car: Car,
+    healthy: Sequence[Observation],
+    drive: Callable[[int, Change | None], Observation],
+    n_drives: int,
+    *,
+    has_bounds: bool = False,
+) -> list[Row]:
     """Return what the diagnosis says of drives after a baseline of healthy ones."""
-    given, generator, rows = car.given, car.generator, []
+    given, generator = car.given, car.generator
+    rows: list[Row] = []
     baseline = learn(healthy)
     for stage in [*PARTS, "healthy"]:
         for _ in range(n_drives):
@@ -112,7 +126,8 @@ def watched(car, healthy, drive, n_drives, *, has_bounds=False):
                 rows[-1]["reason"] = reasons[0]
                 continue
             result = diagnose(windows, baseline)
-            single = [one for one in result.detection.candidates if one.hypothesis.scope == "single"]
+            candidates = result.detection.candidates if result.detection else ()
+            single = [one for one in candidates if one.hypothesis.scope == "single"]
             spring = next(one for one in single if one.hypothesis.name in SPRINGS)
             rows[-1] |= {"is_found": bool(result.findings), "best": single[0].hypothesis.name}
             rows[-1] |= {"spring": spring.hypothesis.name, "size": spring.sizes[0].change}
@@ -122,7 +137,7 @@ def watched(car, healthy, drive, n_drives, *, has_bounds=False):
     return rows
 
 
-def simulated(car, count, fault=None):
+def simulated(car: Car, count: int, fault: Change | None = None) -> Observation:
     """Return the observation of a simulated drive of a car, with a change of a part or without."""
     given, generator = car.given, car.generator
     low = float(generator.uniform(12.0, 20.0))
@@ -132,7 +147,7 @@ def simulated(car, count, fault=None):
         duration=60 * given.minutes,
         sampling_rate=100.0,
         speed=(low, low + float(generator.uniform(4.0, 10.0))),
-        quality=str(generator.choice(["good", "bad"])),
+        quality="bad" if generator.choice(["good", "bad"]) == "bad" else "good",
         welded=not given.joints,
         payload=Payload(*(float(generator.uniform(*ends)) for ends in ((0.0, 6000.0), (-2.0, 2.0), (-0.2, 0.2)))),
         snr=30.0,
@@ -143,16 +158,22 @@ def simulated(car, count, fault=None):
     return observe_window(run.select(list(given.sensors)), car.file, time=60 * given.minutes * count)
 
 
-def drawn(car, pool, truth, count, fault=None):
+def drawn(car: Car, pool: Sequence[Observation], truth: Real, count: int, fault: Change | None = None) -> Observation:
     """Return a drive with estimates drawn about the truth and a change by the covariance of a drive of the pool."""
-    part, change = fault or (None, 0.0)
-    window = pool[car.generator.integers(len(pool))]
+    part, change = fault or ("", 0.0)
+    window = pool[int(car.generator.integers(len(pool)))]
     moved = np.array([np.log1p(change) * (str(component) == part) for component in window.components])
     values = car.generator.multivariate_normal(truth + moved, window.covariance)
     return replace(window, time=window.time + 1e5 * count, log_ratios=values, residuals=None)
 
 
-def bounds(windows, healthy, baseline, fault, sizes):
+def bounds(
+    windows: Sequence[Observation],
+    healthy: Sequence[Observation],
+    baseline: Baseline,
+    fault: Change,
+    sizes: tuple[float, float],
+) -> dict[str, Any]:
     """Return the least error of the size, and the shares named right by numbers of drives and sets of parts."""
     part, change = fault
     names = list(map(str, baseline.components))
@@ -160,12 +181,12 @@ def bounds(windows, healthy, baseline, fault, sizes):
     used, usual = ([window.covariance for window in each if window.is_valid] for each in (windows, healthy))
     known = [sum(np.linalg.inv(covariance)[row, row] for covariance in each) for each in (used, usual)]
 
-    def information(count, nuisance):
+    def information(count: int, nuisance: Real | float) -> Real:
         """Information about a change in a number of drives such as these after the baseline."""
-        now, before = (sum(np.linalg.inv(each + nuisance) for each in each_set) for each_set in (used, usual))
-        return np.linalg.inv(np.linalg.inv(now * count / len(used)) + np.linalg.inv(before))
+        now, before = (np.sum([np.linalg.inv(each + nuisance) for each in own], axis=0) for own in (used, usual))
+        return np.asarray(np.linalg.inv(np.linalg.inv(now * count / len(used)) + np.linalg.inv(before)))
 
-    of_sets = [(springs, 0.0), (every, 0.0), (every, baseline.nuisance)]
+    of_sets: list[tuple[list[int], Real | float]] = [(springs, 0.0), (every, 0.0), (every, baseline.nuisance)]
     rates = np.empty((len(of_sets), len(TOGETHER)))
     for place, (parts, nuisance) in enumerate(of_sets):
         for column, count in enumerate(TOGETHER):
@@ -174,7 +195,7 @@ def bounds(windows, healthy, baseline, fault, sizes):
     return {"bound": (1 + change) * float(np.sqrt(2 / np.pi * sum(1 / one for one in known))), "rates": rates}
 
 
-def named_right(information, row, change, sizes):
+def named_right(information: Real, row: int, change: float, sizes: tuple[float, float]) -> float:
     """Return the probability that a part that changed is the most likely one, sizes being uniform in a range.
 
     With the information I about a change the score of part k after a change d of part j is d I_kj and chance of the
@@ -182,12 +203,12 @@ def named_right(information, row, change, sizes):
     """
     chance = np.random.default_rng(0).standard_normal((1000, len(information)))
     scores = np.log1p(change) * information[row] + chance @ np.linalg.cholesky(information).T
-    losses = np.log1p(-np.linspace(*sizes, 31))[:, None, None]
+    losses = np.log1p(-np.linspace(sizes[0], sizes[1], 31))[:, None, None]
     likelihoods = logsumexp(losses * scores - losses**2 / 2 * np.diag(information), axis=0)
     return float(np.mean(np.argmax(likelihoods, axis=1) == row))
 
 
-def summarise(rows, given):
+def summarise(rows: Sequence[Row], given: argparse.Namespace) -> None:
     """Print how faults of either stage were found, and what healthy drives were called."""
     for stage in PARTS:
         report(stage, [row for row in rows if row["stage"] == stage])
@@ -197,7 +218,7 @@ def summarise(rows, given):
     print(f"inconclusive: {sum(row['reason'] != '' for row in rows)} of {len(rows)}")
 
 
-def report(stage, rows):
+def report(stage: str, rows: Sequence[Row]) -> None:
     """Print how faults of a stage were found."""
     usable = [row for row in rows if "best" in row]
     print(f"{stage} springs, {len(rows)} drives, {len(rows) - len(usable)} of them inconclusive")
@@ -218,7 +239,7 @@ def report(stage, rows):
             print(f"    {parts:22} {100 * each[0]:.1f} % by such a drive, {100 * GOALS[stage]:.0f} % by {needed}")
 
 
-def share(flags):
+def share(flags: Sequence[bool]) -> str:
     """Return a share in per cent with its 95 % interval (Clopper and Pearson) and its count."""
     k, n = sum(flags), len(flags)
     low = 0.0 if k == 0 else beta.ppf(0.025, k, n - k + 1)
