@@ -128,9 +128,8 @@ def rigid_layout(structure: Structure) -> RigidLayout:
     matrices = (outputs.displacement, outputs.velocity, outputs.acceleration)
     sizes = np.array([np.abs(matrix).sum(axis=1) for matrix in matrices])
     orders = np.argmax(sizes, axis=0)
-    upright = [
-        channel.direction is None or abs(channel.direction[2]) >= LIMITS.vertical for channel in outputs.channels
-    ]
+    directions = [channel.direction or (0.0, 0.0, 1.0) for channel in outputs.channels]
+    upright = np.abs(np.reshape(directions, (-1, 3))[:, 2]) >= LIMITS.vertical
     observed = np.flatnonzero((sizes.max(axis=0, initial=0.0) > 0) & (upright | (orders < 2)))
     if not observed.size:
         raise ParameterError(
