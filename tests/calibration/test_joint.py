@@ -1,8 +1,12 @@
 """Joint models: exact spectra of windows with different payloads in, what the windows share out."""
 
+from dataclasses import replace
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 
+from sprung.calibration import joint as module
 from sprung.calibration.draft import (
     channel_responses,
     component_numbers,
@@ -12,7 +16,7 @@ from sprung.calibration.draft import (
     sensor_numbers,
     with_widths,
 )
-from sprung.calibration.joint import fitted, scaled_start
+from sprung.calibration.joint import fitted, joint_of, scaled_start
 from sprung.vehicles.sections import LearntNumber
 
 CHANNELS = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
@@ -86,6 +90,26 @@ def test_gradient_is_the_slope_of_the_objective(car, request, exact_windows) -> 
         direction = joint.prior_std * generator.standard_normal(point.size)
         above, below = (joint.objective(point + step * direction)[0] for step in (1e-6, -1e-6))
         assert gradient @ direction == pytest.approx((above - below) / 2e-6, rel=1e-4)
+
+
+def test_windows_at_other_speeds_share_the_derivatives_of_the_file(on_tyres, window_of_data, monkeypatch) -> None:
+    """Their frequencies differ in the last digits, as those of resampled records do."""
+    draft = explicit(on_tyres)
+    numbers = file_numbers(draft, CHANNELS)
+    first = window_of_data(None, draft, numbers)
+    spectra = first.spectra
+    faster = replace(spectra, frequencies=spectra.frequencies * (1 + 4e-16), speeds=1.5 * spectra.speeds)
+    windows = joint_of([first, window_of_data(faster, draft, numbers)])
+    change = Mock(side_effect=module._structural_change)
+    monkeypatch.setattr(module, "_structural_change", change)
+    gradient = windows.objective(windows.start)[1]
+    assert sorted(call.args[2].name for call in change.call_args_list) == sorted(
+        number.name for number in numbers if number.group != "sensors"
+    )
+    for row in map(windows.names.index, ("front.cornering_stiffness", "rear.half_track", "body.height")):
+        step = 1e-4 * np.eye(gradient.size)[row]
+        above, below = (windows.objective(windows.start + sign * step)[0] for sign in (1, -1))
+        assert gradient[row] == pytest.approx((above - below) / 2e-4, rel=1e-4)
 
 
 def test_information_is_the_curvature_at_the_truth(places_and_lags) -> None:

@@ -29,17 +29,14 @@ class Draft:
         Vehicle with all its masses and inertias stated.
     factors
         Value of a corner's component over that of its axle; 1 for those that are absent.
-    speed
-        Speed at which the vehicle is driven [m/s]; None: not known.
     """
 
     vehicle: Vehicle
     factors: Mapping[Component, float] = field(default_factory=dict)
-    speed: float | None = None
 
     def structure(self) -> Structure:
-        """Return the vehicle as a structure, its sides unlike."""
-        nominal = structure(self.vehicle, speed=self.speed)
+        """Return the vehicle as a structure at the usual speed, its sides unlike."""
+        nominal = structure(self.vehicle)
         return nominal.changed(self.factors) if self.factors else nominal
 
     def value_at(self, place: Place) -> float:

@@ -32,7 +32,8 @@ from sprung.likelihood.transfer import TermGradients, Transfer
 from sprung.likelihood.uncertainty import expected_covariance
 from sprung.likelihood.vehicle import Kind, default_choices, with_sensors
 from sprung.recording import naming
-from sprung.vehicles import Structure, Vehicle, structure
+from sprung.vehicles import Element, Structure, Vehicle, structure
+from sprung.vehicles.models import ROLLING
 from sprung.vehicles.window import Window
 
 #: Step of the numerical derivatives over the standard deviation of the prior.
@@ -42,11 +43,24 @@ _STILL = frozenset({"scale", "delay"})
 
 
 class _Change(NamedTuple):
-    """Change of dynamic stiffness, drive and readings per unit of a parameter; None where it is 0 throughout."""
+    """Change of dynamic stiffness, drive and readings per unit of a parameter; None where it is 0 throughout.
+
+    Side forces of tyres, whose damping falls with the speed, are apart: elements whose weighted sum is their change.
+    """
 
     stiffness: Complex | None
     drive: Complex | None
     readings: Complex | None
+    side_forces: tuple[tuple[float, Element], ...] = ()
+
+    def at_speed(self, speed: float, s: Complex) -> "_Change":
+        """Return the change with that of the side forces at a speed [m/s]."""
+        if not self.side_forces:
+            return self
+        rows = np.array([element.elongation for _, element in self.side_forces])
+        weighted = [weight * _at_speed(element, speed).dynamic_stiffness(s) for weight, element in self.side_forces]
+        stiffness = np.asarray(np.einsum("ef,ei,ej->fij", weighted, rows, rows), dtype=np.complex128)
+        return self._replace(stiffness=stiffness if self.stiffness is None else self.stiffness + stiffness)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -61,6 +75,8 @@ class FileNumbers(ParameterBlock):
         Numbers to learn.
     layout
         Channels of the data.
+    speed
+        Mean speed of the window [m/s], which the side forces of tyres depend on.
 
     Notes
     -----
@@ -72,6 +88,7 @@ class FileNumbers(ParameterBlock):
     draft: Draft
     numbers: tuple[VehicleNumber, ...]
     layout: RigidLayout
+    speed: float = ROLLING.speed
 
     group: ClassVar[str] = "vehicle"
 
@@ -87,15 +104,14 @@ class FileNumbers(ParameterBlock):
 
     def contribute(self, parameters: Real, terms: Terms) -> Terms:
         """Return the terms of the vehicle with the numbers."""
-        draft = moved(self.draft, self.numbers, parameters)
-        vehicle = draft.structure()
+        draft, vehicle = _built(self.draft, self.numbers, parameters.tobytes())
         s = terms.s
         responses = channel_responses(draft, self.draft, self.layout.names, terms.frequencies)
         return replace(
             terms,
             elongations=vehicle.elongations,
             feet=vehicle.feet,
-            stiffness=np.array([element.dynamic_stiffness(s) for element in vehicle.elements]),
+            stiffness=np.array([_at_speed(element, self.speed).dynamic_stiffness(s) for element in vehicle.elements]),
             mass=vehicle.mass,
             forces=vehicle.forces,
             motion=motion_of(self.layout.names, vehicle),
@@ -144,12 +160,30 @@ class FileNumbers(ParameterBlock):
 
     def fitted(self, parameters: Real, structure: Structure) -> Structure:
         """Return the vehicle with the numbers."""
-        return moved(self.draft, self.numbers, parameters).structure()
+        return structure_at_speed(_built(self.draft, self.numbers, parameters.tobytes())[1], self.speed)
 
     def _changes(self, parameters: Real, terms: Terms) -> list[_Change]:
         """Derivatives of the matrices; those of the windows of one evaluation are computed once."""
-        frequencies = np.ascontiguousarray(terms.frequencies).tobytes()
-        return _changes(self.draft, self.numbers, self.layout.names, parameters.tobytes(), frequencies)
+        frequencies = np.round(terms.frequencies, 9).tobytes()  # those of windows differ in their last digits
+        changes = _changes(self.draft, self.numbers, self.layout.names, parameters.tobytes(), frequencies)
+        return [change.at_speed(self.speed, terms.s) for change in changes]
+
+
+def structure_at_speed(vehicle: Structure, speed: float) -> Structure:
+    """Return a vehicle, built at the usual speed, at another one [m/s]."""
+    return replace(vehicle, elements=tuple(_at_speed(element, speed) for element in vehicle.elements))
+
+
+def _at_speed(element: Element, speed: float) -> Element:
+    """Return an element, built at the usual speed, at another one [m/s]."""
+    return replace(element, damping=element.damping * ROLLING.speed / speed) if element.part == "cornering" else element
+
+
+@lru_cache(maxsize=4)
+def _built(draft: Draft, numbers: tuple[VehicleNumber, ...], point: bytes) -> tuple[Draft, Structure]:
+    """Draft and vehicle at the parameters of which `point` holds the bytes."""
+    there = moved(draft, numbers, np.frombuffer(point))
+    return there, there.structure()
 
 
 @lru_cache(maxsize=8)
@@ -157,8 +191,7 @@ def _changes(
     draft: Draft, numbers: tuple[VehicleNumber, ...], channels: tuple[str, ...], point: bytes, grid: bytes
 ) -> list[_Change]:
     """Derivatives of the matrices at the parameters of which `point` holds the bytes."""
-    frequencies, base = np.frombuffer(grid), moved(draft, numbers, np.frombuffer(point))
-    vehicle = base.structure()
+    frequencies, (base, vehicle) = np.frombuffer(grid), _built(draft, numbers, point)
     of_sensors = _sensor_changes(base, draft, numbers, channels, frequencies)
     return [
         of_sensors[number.name]
@@ -232,7 +265,17 @@ def _structural_change(
         _difference(above, below, step=2 * step),
         _difference(drive_above, drive_below, step=2 * step),
         _difference(*readings, step=2 * step),
+        _side_forces(*vehicles, step=2 * step),
     )
+
+
+def _side_forces(above: Structure, below: Structure, *, step: float) -> tuple[tuple[float, Element], ...]:
+    """Return the weighted elements whose sum is the slope of the tyres' side forces; none if it is 0 throughout."""
+    ends = [[element for element in vehicle.elements if element.part == "cornering"] for vehicle in (above, below)]
+    values = [[(*element.elongation.tolist(), element.damping) for element in end] for end in ends]
+    if values[0] == values[1]:
+        return ()
+    return tuple((sign / step, element) for sign, end in zip((1, -1), ends, strict=True) for element in end)
 
 
 def _difference(above: Complex, below: Complex, *, step: float) -> Complex | None:
@@ -243,12 +286,13 @@ def _difference(above: Complex, below: Complex, *, step: float) -> Complex | Non
 
 
 def _dynamics(vehicle: Structure, frequencies: Real) -> tuple[Complex, Complex]:
-    """Dynamic stiffness (grid, n, n) and drive (grid, n, inputs) of a vehicle."""
+    """Dynamic stiffness (grid, n, n) without side forces of tyres, and drive (grid, n, inputs) of a vehicle."""
     squared = ((2 * np.pi * frequencies) ** 2)[:, None, None]
-    s, d = _s(frequencies), vehicle.elongations
-    weighted = np.array([element.dynamic_stiffness(s) for element in vehicle.elements]).T[:, None, :] * d.T
+    upright = [row for row, element in enumerate(vehicle.elements) if element.part != "cornering"]
+    s, d = _s(frequencies), vehicle.elongations[upright]
+    weighted = np.array([vehicle.elements[row].dynamic_stiffness(s) for row in upright]).T[:, None, :] * d.T
     stiffness = weighted @ d - squared * vehicle.mass
-    return np.asarray(stiffness, dtype=np.complex128), np.asarray(weighted @ vehicle.feet + vehicle.forces)
+    return np.asarray(stiffness, dtype=np.complex128), np.asarray(weighted @ vehicle.feet[upright] + vehicle.forces)
 
 
 def _readings(draft: Draft, given: Draft, vehicle: Structure, channels: tuple[str, ...], frequencies: Real) -> Complex:
@@ -551,11 +595,11 @@ def window_model(
     settings
         Further choices.
     """
-    if window.kind != "rig" and draft.vehicle.axle[0].cornering_stiffness is not None:
-        draft = replace(draft, speed=float(np.average(spectra.speeds, weights=spectra.counts)))
-    usual = vehicle_model(spectra, window.layout, draft.vehicle, draft.structure(), settings=settings, kind=window.kind)
+    speed = ROLLING.speed if window.kind == "rig" else float(np.average(spectra.speeds, weights=spectra.counts))
+    vehicle = structure_at_speed(draft.structure(), speed)
+    usual = vehicle_model(spectra, window.layout, draft.vehicle, vehicle, settings=settings, kind=window.kind)
     rest = tuple(block for block in usual.blocks if block.group not in _REPLACED)
-    return Model(usual.structure, window.layout, spectra, (FileNumbers(draft, numbers, window.layout), *rest))
+    return Model(usual.structure, window.layout, spectra, (FileNumbers(draft, numbers, window.layout, speed), *rest))
 
 
 def joint_of(models: Sequence[Model]) -> JointModel:
