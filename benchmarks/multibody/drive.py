@@ -1,10 +1,14 @@
 """Drives of the multibody vehicles on random roads, as recordings with their truth."""
 
+import ctypes
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from benchmarks.multibody.design import Design, Effects, Faults, Rider, model_text, with_faults
+from numba import njit
 from scipy.signal import resample_poly
 from scipy.special import k1
 
@@ -14,6 +18,10 @@ SETTLE = 15.0  # seconds before the recording
 ROUGHNESS = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6}  # at 0.1 cycles per metre [m^3] (ISO 8608)
 SPACING = 0.02  # of the road's profile [m]
 GRAVITY = 9.81
+
+engine = ctypes.CDLL(str(next(Path(mujoco.__file__).parent.glob("libmujoco.*"))))
+mj_step = engine.mj_step
+mj_step.argtypes, mj_step.restype = (ctypes.c_void_p, ctypes.c_void_p), None
 
 
 @dataclass(frozen=True)
@@ -72,17 +80,23 @@ class Car:
         self.data = mujoco.MjData(self.model)
         self._preload(healthy, faults)
         ids = {self.model.actuator(k).name: k for k in range(self.model.nu)}
-        self.tyres, self.sides, self.along, self.valves = (
+        tyres, sides, along, valves = (
             np.array([ids[f"{corner}.{kind}"] for corner in self.corners])
             for kind in ("tyre", "side", "along", "valve")
         )
-        self.dampers = np.array([axle.damper for axle in self.corners.values()])
         self.tyre_ratio = np.array([axle.tyre_damping / axle.tyre for axle in self.corners.values()])
-        self.cornering = np.array([axle.cornering for axle in self.corners.values()])
-        self.steers = np.array([float(axle.steers) for axle in self.corners.values()])
         self.places = np.array([axle.x for axle in self.corners.values()])
         joint = mujoco.mjtTrn.mjTRN_JOINT
-        self.extends = np.where(self.model.actuator_trntype[self.valves] == joint, -1.0, 1.0)
+        self.controls = Controls(
+            tyres,
+            sides,
+            along,
+            valves,
+            dampers=np.array([axle.damper for axle in self.corners.values()]) * effects.valves,
+            extends=np.where(self.model.actuator_trntype[valves] == joint, -1.0, 1.0),
+            cornering=np.array([axle.cornering for axle in self.corners.values()]) * effects.side_forces,
+            steers=np.array([float(axle.steers) for axle in self.corners.values()]),
+        )
         self.mass = float(self.model.body_mass.sum())
         if effects.valves:
             for corner in self.corners:
@@ -114,32 +128,82 @@ class Car:
             now = self.model.actuator_gainprm[tyre, 0]
             self.model.actuator_biasprm[tyre, 0] = now * (hub + loads[k] / stiffness)
 
-    def controls(self, k: int, prepared: "Prepared") -> None:
-        """Set side forces and the dampers' valves for the present state."""
-        data, ctrl = self.data, self.data.ctrl
-        ctrl[self.tyres] = prepared.road[k]
-        ctrl[self.along] = prepared.along[k]
-        velocity = data.actuator_velocity
-        if self.effects.side_forces:
-            speed, yaw = prepared.speed[k], data.qpos[3]
-            steering = prepared.steering[k] - 0.01 * data.qpos[1] - 0.25 * yaw
-            ctrl[self.sides] = self.cornering * (yaw + steering * self.steers - velocity[self.sides] / speed)
-        if self.effects.valves:
-            u = self.extends * velocity[self.valves]
-            ctrl[self.valves] = -self.extends * self.dampers * (law(u) - 0.35 * u)
-
-    def step(self, k: int, prepared: "Prepared") -> None:
-        """Take one step of the engine."""
-        self.controls(k, prepared)
-        self.model.opt.gravity[:2] = prepared.pull[k]
-        mujoco.mj_step(self.model, self.data)
+    def steps(self, prepared: "Prepared", n: int) -> np.ndarray:
+        """Take the first steps of a drive; return what the sensors feel, shape (n, sensor values)."""
+        felt = np.empty((n, self.data.sensordata.size))
+        state = State(
+            self.model._address,
+            self.data._address,
+            self.data.ctrl,
+            self.data.actuator_velocity,
+            self.data.qpos,
+            self.model.opt.gravity,
+            self.data.sensordata,
+        )
+        _take(state, self.controls, prepared, felt)
+        return felt
 
 
-def law(velocity: np.ndarray) -> np.ndarray:
+class Controls(NamedTuple):
+    """Actuators of a vehicle by wheel, and what their forces follow; 0 for what a vehicle lacks."""
+
+    tyres: np.ndarray
+    sides: np.ndarray
+    along: np.ndarray
+    valves: np.ndarray
+    dampers: np.ndarray  # [N s/m]
+    extends: np.ndarray  # sign of the length of a damper
+    cornering: np.ndarray  # [N/rad]
+    steers: np.ndarray  # 1 for a wheel that does
+
+
+class State(NamedTuple):
+    """Addresses of a model and its data in the engine, and views of their values."""
+
+    model: int
+    data: int
+    ctrl: np.ndarray
+    velocity: np.ndarray
+    qpos: np.ndarray
+    gravity: np.ndarray
+    sensors: np.ndarray
+
+
+class Prepared(NamedTuple):
+    """What a drive does to a vehicle at each step of the engine."""
+
+    speed: np.ndarray  # [m/s]
+    road: np.ndarray  # of the tyres' springs and dampers [m]
+    along: np.ndarray  # drive and brake forces [N]
+    steering: np.ndarray  # [rad]
+    pull: np.ndarray  # apparent acceleration along and across [m/s^2]
+
+
+@njit
+def _take(state: State, of: Controls, way: Prepared, felt: np.ndarray) -> None:
+    """Take steps of the engine, each with the side forces and the valves of its dampers for the state before."""
+    ctrl, velocity = state.ctrl, state.velocity
+    for k in range(len(felt)):
+        yaw = state.qpos[3]
+        steering = way.steering[k] - 0.01 * state.qpos[1] - 0.25 * yaw
+        for wheel in range(of.tyres.size):
+            ctrl[of.tyres[wheel]] = way.road[k, wheel]
+            ctrl[of.along[wheel]] = way.along[k, wheel]
+            slip = yaw + steering * of.steers[wheel] - velocity[of.sides[wheel]] / way.speed[k]
+            ctrl[of.sides[wheel]] = of.cornering[wheel] * slip
+            u = of.extends[wheel] * velocity[of.valves[wheel]]
+            ctrl[of.valves[wheel]] = -of.extends[wheel] * of.dampers[wheel] * (law(u) - 0.35 * u)
+        state.gravity[:2] = way.pull[k]
+        mj_step(state.model, state.data)
+        felt[k] = state.sensors
+
+
+@njit
+def law(velocity: float) -> float:
     """Return the force of a damper by its slope: harder in rebound, a knee at 0.15 m/s."""
-    size = np.abs(velocity)
-    bent = np.minimum(size, 0.15) + 0.5 * np.maximum(size - 0.15, 0.0)
-    return np.where(velocity > 0, 1.3, 0.7) * np.sign(velocity) * bent
+    size = abs(velocity)
+    bent = min(size, 0.15) + 0.5 * max(size - 0.15, 0.0)
+    return (1.3 if velocity > 0 else 0.7) * np.sign(velocity) * bent
 
 
 def ratios_at_wheels(
@@ -187,17 +251,6 @@ def wheel_loads(design: Design) -> np.ndarray:
     return np.repeat(0.5 * (sprung + unsprung) * GRAVITY, 2)
 
 
-@dataclass(frozen=True)
-class Prepared:
-    """What a drive does to a vehicle at each step of the engine."""
-
-    speed: np.ndarray  # [m/s]
-    road: np.ndarray  # of the tyres' springs and dampers [m]
-    along: np.ndarray  # drive and brake forces [N]
-    steering: np.ndarray  # [rad]
-    pull: np.ndarray  # apparent acceleration along and across [m/s^2]
-
-
 def prepared(car: Car, drive: Drive, generator: np.random.Generator) -> Prepared:
     """Return road, speed and curves of a drive."""
     n = round((drive.duration + SETTLE) / STEP)
@@ -240,11 +293,7 @@ def driven(
     offsets = effects.offset * mounting.standard_normal(4)
     car = Car(design, effects, drive.riders, drive.faults, tilts)
     way = prepared(car, drive, generator)
-    n = way.speed.size
-    felt = np.empty((n, 3 * 4))
-    for k in range(n):
-        car.step(k, way)
-        felt[k] = car.data.sensordata
+    felt = car.steps(way, way.speed.size)
     down = round(1 / STEP / RATE)
     begin = round(SETTLE / STEP)
     vertical = resample_poly(felt[:, 2::3], 1, down)[begin // down :]

@@ -50,9 +50,8 @@ def modes(
     """
     car = Car(design, replace(effects, valves=False, friction=0.0), riders, faults)
     model, data = car.model, car.data
-    rest = standing(1, speed, len(car.corners))
-    for _ in range(20_000):
-        car.step(0, rest)
+    rest = standing(20_000, speed, len(car.corners))
+    car.steps(rest, 20_000)
     sizes = (model.nq, model.nv, model.na)
     start = np.concatenate([data.qpos, data.qvel, data.act])
 
@@ -60,7 +59,7 @@ def modes(
         mujoco.mj_resetData(model, data)
         data.qpos[:], data.qvel[:], data.act[:] = np.split(state, np.cumsum(sizes)[:2])
         mujoco.mj_forward(model, data)
-        car.step(0, rest)
+        car.steps(rest, 1)
         return np.concatenate([data.qpos, data.qvel, data.act])
 
     steps = 1e-6 * np.eye(start.size)
