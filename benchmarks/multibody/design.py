@@ -96,9 +96,10 @@ QUIET = Effects(
 
 @dataclass(frozen=True)
 class Faults:
-    """Factors on parts, by `corner.part`: spring, rate, damper, tyre, wheel, friction, mount; and `axle.bar`.
+    """Factors on parts, by `corner.part`: spring, rate, damper, tyre, wheel, friction, mount, stop; and `axle.bar`.
 
-    A corner sinks on a weak spring; with another rate it stands as high as before.
+    That of a bump stop is on the travel to it. A corner sinks on a weak spring; with another rate it stands as high as
+    before.
     """
 
     factors: dict[str, float] = field(default_factory=dict)

@@ -120,7 +120,7 @@ class Car:
             free = length - tension[k] / (healthy.tendon_stiffness[spring] * faults(f"{corner}.rate"))
             self.model.tendon_lengthspring[self.model.tendon(f"{corner}.spring").id] = free
             if self.effects.bump_stops:
-                stop = length - 0.06 * abs(ratios[k, k])
+                stop = length - 0.06 * faults(f"{corner}.stop") * abs(ratios[k, k])
                 self.model.tendon_lengthspring[self.model.tendon(f"{corner}.stop").id] = (stop, 10.0)
             tyre = self.model.actuator(f"{corner}.tyre").id
             stiffness = healthy.actuator(f"{corner}.tyre").gainprm[0]
