@@ -87,7 +87,7 @@ def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
     has_map = any(stretch.begin_place for stretch in survey.stretches)
     sides = dict.fromkeys(name for stretch in survey.stretches for name in stretch.lines)
     head = (
-        ("Track", "Standard deviations of level and alignment; bands: 95 % intervals")
+        ("Track", "Standard deviations of level and alignment; bands: 95 % intervals; marks: defects")
         if is_track
         else ("Road", "Bands: 95 % intervals; marks: potholes, bumps, joints")
     )
@@ -108,6 +108,8 @@ def road_figure(survey: RoadSurvey, *, source: str = "") -> Figure:
     for event in survey.events:
         marker = {"pothole": "v", "dip": "v", "bump": "^", "hump": "^", "joint": "|"}[event.kind]
         axes.plot(event.at, axes.get_ylim()[1], marker, color=STYLE.ink, markersize=4, clip_on=False)
+    for other in grid[1:, 0]:
+        other.set_xlim(axes.get_xlim())
     draw.legend(axes)
     for (name, label), panel in zip(measures, grid[:, 1] if has_map else (), strict=has_map):
         places = np.array([stretch.begin_place or (np.nan, np.nan) for stretch in survey.stretches])
