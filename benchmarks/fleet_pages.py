@@ -14,7 +14,7 @@ from collections.abc import Callable
 from statistics import median
 
 from chaos.servers import Database, postgresql
-from httpx import Response
+from httpx2 import Response
 from starlette.testclient import TestClient
 
 from sprung.online.monitor import Site
